@@ -94,10 +94,7 @@ Put = Callable[[Writer, Any], object]
 
 
 def encode(message: Any) -> bytes:
-    """Serialise a message reproducibly as CDR.
-
-    Raise `TypeError` if it contains wide strings.
-    """
+    """Serialise a message reproducibly as CDR; raise `TypeError` if it contains wide strings."""
     writer = Writer()
     put_message(writer, message)
     return writer.message()

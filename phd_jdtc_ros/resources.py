@@ -52,10 +52,7 @@ def find(relative: Path) -> Path:
 
 
 def bag(given: str | Path) -> Path:
-    """Return the path of a bag that is given by its path, or by its name if it is a shipped one.
-
-    Raises `BagError` if no bag has the name.
-    """
+    """Return the path of a bag, given by its path or a shipped name, or raise `BagError`."""
     path = Path(given)
     # os.path answers for names that are too long too, for which pathlib raises.
     if os.path.exists(path) or len(path.parts) != 1:
@@ -68,10 +65,7 @@ def bag(given: str | Path) -> Path:
 
 
 def profile(name: str) -> tuple[Path, str]:
-    """Return the parameter file of a shipped profile, and the name of the bag that shows it.
-
-    Raises `BagError` if there is no profile of this name.
-    """
+    """Return a shipped profile's file and the name of its bag, or raise `BagError`."""
     path = find(Path("config") / f"{name}.yaml")
     if Path(name).name != name or not os.path.exists(path):
         others = find(Path("config") / f"{DEFAULT_BAG}.yaml").parent.glob("*.yaml")

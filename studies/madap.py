@@ -30,7 +30,7 @@ from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 from phd_jdtc_ros.study import turning
 
 from .peers.plot_kalman import follow
-from .runner import Figures, Goal, Study, goal, table
+from .runner import Figures, Goal, Study, goal, table, until
 
 SCENARIO = Path("config/scenarios/madap.yaml")
 PEER = "plot Kalman"
@@ -194,7 +194,7 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
     config = resolve({**given, "seed": seed})
     scenario = scenario_file.resolve(document, polar_radars(config.model.radars))
     if arguments.minutes is not None:
-        scenario = scenario.until(60.0 * arguments.minutes)
+        scenario = until(scenario, 60.0 * arguments.minutes)
     truth = [truth_at(scenario, scan) for scan in range(scenario.scans)]
     stamps = [targets.stamp_ns for targets in truth]
     found, spent_s = turning.estimates_of(scenario, config, seed)

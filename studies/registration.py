@@ -33,7 +33,7 @@ from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 from phd_jdtc_ros.study import turning
 
-from .runner import Figures, Goal, Study, StudyError, goal, table
+from .runner import Figures, Goal, Study, StudyError, goal, table, until
 
 SCENARIO = Path("config/scenarios/three_biased_radars.yaml")
 # The tracker runs on the first seconds only, because it takes much longer than the registration.
@@ -166,13 +166,13 @@ def run(
     whole = scenario_file.resolve(document, polar_radars(config.model.radars))
     begin = time.process_time()
     try:
-        found = registration_of(whole if seconds is None else whole.until(seconds), config, seed)
+        found = registration_of(whole if seconds is None else until(whole, seconds), config, seed)
     except RegistrationError as error:
         raise StudyError(str(error)) from error
     spent_s = time.process_time() - begin
     return {
         "errors": [row._asdict() for row in rows_of(whole, found)],
-        "rms_m": errors_of_tracks(whole.until(tracked_s), parameters, found, seed),
+        "rms_m": errors_of_tracks(until(whole, tracked_s), parameters, found, seed),
         "registration_cpu_s": spent_s,
     }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -19,6 +19,7 @@ from rich.table import Table
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
+from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.tools import command
 
 OUT = Path("out/study")
@@ -195,4 +196,18 @@ def _goals_table(goals: Sequence[Goal]) -> Table:
             )
             for each in goals
         ],
+    )
+
+
+def until(scenario: Scenario, elapsed_s: float) -> Scenario:
+    """Return a scenario cut at a time after scan 0, seconds."""
+    started = [row for row, flight in enumerate(scenario.flights) if flight.start_s <= elapsed_s]
+    number = {row + 1: own for own, row in enumerate(started, start=1)}
+    return replace(
+        scenario,
+        scans=min(scenario.scans, int(elapsed_s / scenario.interval_s) + 1),
+        targets=tuple(scenario.targets[row] for row in started),
+        gaps=tuple(
+            gap._replace(number=number[gap.number]) for gap in scenario.gaps if gap.number in number
+        ),
     )

@@ -66,7 +66,6 @@ def report_of(stamp_ns: int, columns: Columns, config: TrackerConfig, index: int
 
 
 def _rows_of_radars(columns: Columns, radars: Sequence[RadarParameters]) -> Iterator[IntArray]:
-    """Yield the rows of each radar's detections."""
     count = len(columns[TIME])
     if len(radars) == 1 and "radar" not in columns:
         yield np.arange(count)
@@ -84,7 +83,6 @@ def _rows_of_radars(columns: Columns, radars: Sequence[RadarParameters]) -> Iter
 
 
 def _step_ns(radar: RadarParameters) -> int:
-    """Return the duration of a part of a turn, ns."""
     return round((radar.rotation_s / PARTS_OF_A_TURN or USUAL_S) * 1e9)
 
 

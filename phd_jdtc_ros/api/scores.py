@@ -99,7 +99,6 @@ def _class_names(*tables: Columns) -> list[str]:
 
 
 def _by_stamp(table: Columns, class_names: list[str]) -> dict[int, PointSet]:
-    """Return the points of a table by stamp."""
     stamp_ns = stamps_ns(table)
     points = _points(table, class_names)
     return {int(stamp_ns[rows[0]]): points.only(rows) for rows in rows_by_stamp(stamp_ns)}

@@ -217,7 +217,6 @@ class Tracker:
         return found
 
     def _empty(self) -> Tracks:
-        """Return empty tables."""
         names = self._parameters.config(blank=True).values["classes"]
         return Tracks(table_of([], names), table_of([], names))
 

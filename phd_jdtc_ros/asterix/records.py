@@ -148,7 +148,6 @@ def _fault(undetected: bool, monitor: int, test: int, radar: int, position: int)
 
 
 def _monoradar(data: bytes, items: Items) -> Plot | str:
-    """Decode a target report of CAT048."""
     at010, at140, at020, at040, at042, at070, at090, at110, at130, at220, at240 = items
     first, second = _descriptor(data, at020)
     kind = first >> 5

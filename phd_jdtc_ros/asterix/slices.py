@@ -209,7 +209,6 @@ class Slicer:
         return (max(first_ns, self._sent_ns) // width_ns + 1) * width_ns
 
     def _next(self) -> SectorReport:
-        """Return the next slice with its plots."""
         end_ns = self._end_ns() or self._sent_ns
         count = bisect_left(self._pending, end_ns, key=_time_of)
         taken, self._aside = self._pending[:count] + self._aside, []

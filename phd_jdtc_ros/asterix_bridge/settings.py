@@ -238,7 +238,6 @@ def _faults(values: Mapping[str, Any]) -> list[str]:
 
 
 def _address_faults(values: Mapping[str, Any]) -> list[str]:
-    """Return the faults of a node's addresses."""
     faults = []
     given = [("inputs", text) for text in values.get("inputs", [])]
     given += [("output", text) for text in [values.get("output")] if text]

@@ -50,7 +50,6 @@ def unpack(stream: BinaryIO, offset: int, length: int) -> list[Any]:
 
 
 def _plain(data: bytes) -> bytes:
-    """Return the uncompressed records of a chunk."""
     chunk = Chunk.read(ReadDataStream(io.BytesIO(data[RECORD_HEAD:])))
     plain = _decompress(chunk)
     if chunk.uncompressed_crc and zlib.crc32(plain) != chunk.uncompressed_crc:

@@ -81,7 +81,6 @@ def _without_summary(stream: BinaryIO, footer_at: int) -> Index:
 
 
 def _read_summary(summary: bytes) -> tuple[Index, list[ChunkIndex]]:
-    """Return the index and the chunk indexes of a summary."""
     found, parts, statistics = Index(), [], None
     for opcode, content in _records(summary):
         source = ReadDataStream(io.BytesIO(content))

@@ -85,10 +85,7 @@ class BagReader:
         )
 
     def require(self, needed: Mapping[str, str]) -> None:
-        """Check that topics exist and have the required types.
-
-        Raise `BagError` with all missing or mismatched topics, and their actual types or kinds.
-        """
+        """Raise `BagError` if topics are missing or of other types, and name what they are."""
         found = {**dict.fromkeys(needed, "missing"), **self.foreign, **self.types}
         wrong = [
             f"{topic} is {found[topic]}, must be {wanted}"
@@ -201,7 +198,6 @@ def _guard(path: Path) -> Iterator[None]:
 
 
 def _mcap_file(path: Path) -> Path:
-    """Return the MCAP file of a bag."""
     with _guard(path):
         is_file, is_directory = path.is_file(), path.is_dir()
     if is_file:

@@ -81,10 +81,7 @@ class Settings:
 
 
 def resolve(given: Mapping[str, Any]) -> Settings:
-    """Check parameters and build the settings; missing parameters have their defaults.
-
-    Raise `ConfigError` with every fault, the tracker's and the node's.
-    """
+    """Check parameters, or their defaults, together; `ConfigError` lists every fault."""
     of_tracker = {name: value for name, value in given.items() if name not in NAMES}
     node, faults = check(TABLE, {name: value for name, value in given.items() if name in NAMES})
     try:

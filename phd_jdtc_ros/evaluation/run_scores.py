@@ -29,10 +29,7 @@ class ScanScore:
 
 
 class ScanComparer:
-    """Compares a source's scans with the truth, in order.
-
-    The accumulators are new; they keep the state that they need from earlier scans.
-    """
+    """Compares a source's scans with the truth, in order, by new accumulators."""
 
     def __init__(self, classes: int, accumulators: Sequence[Accumulator]) -> None:
         self.names = tuple(name for each in accumulators for name in each.names)

@@ -52,10 +52,7 @@ def is_for(section: str, node: str) -> bool:
 
 
 def read(path: Path) -> ParameterFile:
-    """Return a parameter file.
-
-    Raise `ConfigError` if it cannot be read, or has a parameter twice in a section.
-    """
+    """Return a parameter file; `ConfigError` if it is unreadable or repeats a parameter."""
     found, faults = [], []
     document = yaml_files.load(path)
     if isinstance(document, Mapping) and isinstance(document.get("targets"), Sequence):
@@ -84,10 +81,7 @@ def _scenario_fault(path: Path) -> str:
 
 
 def given_in(argv: Sequence[str]) -> tuple[ParameterFile, ...]:
-    """Return the parameter files among the ROS arguments of a command line.
-
-    Raise `ConfigError` with the faults of all files.
-    """
+    """Return the parameter files among ROS arguments; `ConfigError` has the faults of all."""
 
     def of_nodes(path: Path) -> ParameterFile:
         file = read(path)

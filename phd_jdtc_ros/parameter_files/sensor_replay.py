@@ -96,10 +96,7 @@ TABLE = (*AT_THE_START, SEEK)
 
 
 def rate(given: Any) -> float:
-    """Return the rate given to a program that starts the replay.
-
-    Raise `ConfigError` if it is not allowed.
-    """
+    """Return the rate given to a program that starts the replay, or raise `ConfigError`."""
     value = _rate(given)
     if value is None:
         raise ConfigError([f"rate: {given!r} given, must be {RATE.allowed}"])

@@ -166,7 +166,6 @@ def _table(
 
 
 def _any_known(columns: Columns, summary: dict[str, Any]) -> bool:
-    """Return whether any set has any of the figures."""
     return any(
         figures.get(metric.key) is not None
         for source in (FILTERED, SMOOTHED)

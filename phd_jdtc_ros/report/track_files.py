@@ -88,10 +88,7 @@ def _nowhere(found: Estimates) -> geodetic.Places:
 
 
 def to_csv(rows: Sequence[Fix]) -> str:
-    """Return fixes as comma-separated values with a header; unknown ones are empty.
-
-    Times are stamps in seconds.
-    """
+    """Return fixes as comma-separated values with a header; times are stamps in seconds."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(HEADER)

@@ -167,10 +167,7 @@ def read_by_radar(
     radars: tuple[RadarModel, ...],
     faults: list[str],
 ) -> list[T | None]:
-    """Return what a block declares for each radar; see `read`.
-
-    It is None for a radar without a mapping there, or with faults.
-    """
+    """Return what `read` finds for each radar in a block; None without a mapping."""
     given = by_radar(document, block, radars, faults)
     return [
         read(declared, mapping(given, radar.name, faults), f"{block}.{radar.name}.", faults)

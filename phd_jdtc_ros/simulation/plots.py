@@ -74,7 +74,6 @@ def _detected(
 
 
 def _reflector_plots(radar: TurningRadar, rng: np.random.Generator) -> Iterator[SimulatedPlots]:
-    """Yield a radar's plots of each kind of reflectors."""
     whole = (Leg(max(radar.scenario.duration_s, radar.model.rotation_s)),)
     for kind in radar.scenario.reflectors:
         exact, times = [np.zeros((0, 2))], [np.zeros(0)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
 
@@ -134,10 +134,7 @@ class Scenario:
         )
 
     def height(self, number: int, time_s: FloatArray) -> FloatArray:
-        """Return a target's heights above the world's zero at times after scan 0, metres, (N,).
-
-        `number` is the number of the target, from 1.
-        """
+        """Return the heights of a target, by number from 1, at times after scan 0, metres, (N,)."""
         if self.transponders is not None:
             return self.replies_of[number].height(time_s)[:, 0]
         return np.full(len(time_s), self.flights[number - 1].height)
@@ -168,19 +165,6 @@ class Scenario:
             return found
         rng = np.random.default_rng([*seed, STREAM])
         return self.transponders.with_replies(found, source, time_s, self.replies_of, rng)
-
-    def until(self, elapsed_s: float) -> Scenario:
-        """Return the scenario cut at a time after scan 0, seconds."""
-        started = [row for row, flight in enumerate(self.flights) if flight.start_s <= elapsed_s]
-        number = {row + 1: own for own, row in enumerate(started, start=1)}
-        return replace(
-            self,
-            scans=min(self.scans, int(elapsed_s / self.interval_s) + 1),
-            targets=tuple(self.targets[row] for row in started),
-            gaps=tuple(
-                gap._replace(number=number[gap.number]) for gap in self.gaps if gap.number in number
-            ),
-        )
 
     def stamp_ns(self, scan: int) -> int:
         """Return the stamp of a scan in nanoseconds."""

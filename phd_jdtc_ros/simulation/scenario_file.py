@@ -97,10 +97,7 @@ BLOCKS = (
 
 
 def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
-    """Check a scenario document, with the keys of `Timing` and `BLOCKS`, and build its scenario.
-
-    Raise `ConfigError` with all faults.
-    """
+    """Build the scenario of a document; `ConfigError` has all faults."""
     if not isinstance(document, Mapping):
         raise ConfigError(["scenario: must be a mapping"])
     faults: list[str] = []

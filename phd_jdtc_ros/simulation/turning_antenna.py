@@ -102,7 +102,6 @@ def _generator(seed: int, index: int) -> np.random.Generator:
 
 
 def _add_bias(report: SimulatedReport, scenario: Scenario) -> SimulatedReport:
-    """Return a report with the biases of its radar."""
     stamp_ns, found = scenario.bias(report.radar).apply_to(report.stamp_ns, report.detections)
     return report._replace(stamp_ns=stamp_ns, detections=found)
 
@@ -230,7 +229,6 @@ def _coverage(antenna: Antenna, sector: int, sectors: int) -> Coverage:
 def _staring_reports(
     scenario: Scenario, index: int, layout: RadarParameters, rng: np.random.Generator, seed: int
 ) -> list[SimulatedReport]:
-    """Return the reports of a staring radar, one per scan."""
     reports = []
     for scan in range(scenario.scans):
         truth = truth_at(scenario, scan)

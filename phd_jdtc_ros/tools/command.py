@@ -39,10 +39,7 @@ def run(
     argv: Sequence[str],
     work: Callable[[argparse.Namespace], int],
 ) -> int:
-    """Run `work` with the parsed arguments, and return the exit status.
-
-    Errors that users can cause are reported in a line each.
-    """
+    """Run `work` with the parsed arguments; return the exit status, and print users' errors."""
     arguments, name = parser.parse_args(argv), parser.prog.split()[-1]
     try:
         return work(arguments)

@@ -32,10 +32,7 @@ from . import command
 def join(
     runs: Sequence[Record], regions: Sequence[Region], hysteresis: float, wait_s: float
 ) -> dict[str, list[Estimates]]:
-    """Return the joint estimates of all trackers by source; see `JointPicture`.
-
-    Both sources have the same numbers.
-    """
+    """Return the joint estimates of all trackers by source, with common numbers."""
     picture = JointPicture(regions, hysteresis, wait_s, math.inf)
     received = [
         (tracker, source, own)

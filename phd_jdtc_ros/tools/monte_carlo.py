@@ -113,7 +113,6 @@ def write_results(
 
 
 def _plan(arguments: argparse.Namespace, kinds: Kinds) -> tuple[Study, Plan]:
-    """Return the selected study and its tasks."""
     bounds = (
         ("--runs", arguments.runs, 1),
         ("--first-seed", arguments.first_seed, 0),

@@ -120,7 +120,6 @@ def _clouds(bag: BagReader, topic: str) -> list[Any]:
 
 
 def _frame_of(bag: BagReader, topic: str) -> dict[str, str]:
-    """Return the frame of a topic's first message."""
     for entry in Intact(bag).messages([topic]):
         # The header's stamp takes 8 bytes behind the encapsulation's 4, then comes the string.
         size = int.from_bytes(entry.data[12:16], "little")

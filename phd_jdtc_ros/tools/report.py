@@ -68,12 +68,12 @@ def _write_page(
 ) -> bool:
     """Write the page; return False if plotly is missing, because rosdep has no key for it."""
     try:
-        from phd_jdtc_ros.report.page import charts, html
+        from phd_jdtc_ros.report.page import html
     except ModuleNotFoundError as error:
         if (error.name or "").split(".")[0] != "plotly":
             raise
         return False
-    shown, notes = charts.of_record(run, evaluation), charts.missing(run, evaluation)
+    shown, notes = html.charts_of(run, evaluation), html.notes_of(run, evaluation)
     html.write_report(page, title, summary, run, shown, notes)
     return True
 

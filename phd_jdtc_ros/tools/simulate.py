@@ -69,7 +69,6 @@ def check_platform(run: Scenario, config: TrackerConfig) -> None:
 
 
 def _poses(run: Scenario, config: TrackerConfig) -> Iterator[tuple[int, str, bytes]]:
-    """Yield stamp, topic and data of the poses of the platform."""
     for stamp_ns, pose in run.poses():
         data = platform_poses.to_cdr(
             pose, stamp_ns, config.world_frame, config.pose_message, PLATFORM

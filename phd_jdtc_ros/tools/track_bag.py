@@ -208,7 +208,6 @@ def _outcome(tracker: OfflineTracker, source: Path, out: Path) -> int:
 
 
 def _write_track_files(run: Record, config: TrackerConfig, files: Mapping[str, Path]) -> None:
-    """Write the smoothed tracks in each format, a key of `WRITERS`, to its file."""
     if config.plane and is_assumed_place(config.values["world_origin"]):
         print(
             "track_bag: latitudes and longitudes are wrong, because the position of the radar is "

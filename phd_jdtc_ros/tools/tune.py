@@ -72,7 +72,6 @@ def _work(arguments: argparse.Namespace) -> int:
 def _table(
     radar: str, topic: str, found: Findings, rows: Sequence[Row], recorded: Recorded
 ) -> Table:
-    """Return the findings of a radar as a table."""
     when = found.timing
     turns = "turns" if when.rotation_s else "looks"
     table = Table(

@@ -34,7 +34,7 @@ from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker
 from phd_jdtc_ros.simulation import scenario_file, sending
 from phd_jdtc_ros.tools.asterix import simulated as simulated_asterix
 
-from ..runner import Figures, Study, table
+from ..runner import Figures, Study, table, until
 from . import hour as hours
 from .goals import AS_IS, NO_IDENTITIES, TUNED, goals_of
 from .hour import Hour, Reader, Scores
@@ -63,7 +63,7 @@ def hour_of(name: str, minutes: float | None, seed: int) -> tuple[Hour, TrackerC
     config = tracker_params.config(from_arguments.scenario_parameters(document))
     scene = scenario_file.resolve(document, polar_radars(config.model.radars))
     if minutes is not None:
-        scene = scene.until(60.0 * minutes)
+        scene = until(scene, 60.0 * minutes)
     return Hour(scene, config.inputs[0], seed), config, document
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from records import SCANS, record_of
 
-from phd_jdtc_ros.report.page import charts
+from phd_jdtc_ros.report.page import html
 from phd_jdtc_ros.report.page.html import POLICY, SCRIPTS, write_report
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
@@ -57,7 +57,7 @@ def nothing_known():
 
 def page(tmp_path, summary, title="A run", record=None, notes=()):
     record = record_of() if record is None else record
-    drawn = charts.of_record(record, record.evaluate(1000.0, 2.0))
+    drawn = html.charts_of(record, record.evaluate(1000.0, 2.0))
     path = tmp_path / "deep" / "report.html"
     assert write_report(path, title, summary, record, drawn, notes) == path
     return path.read_text(encoding="utf-8")

@@ -12,7 +12,7 @@ from headless import BROWSER, FLAGS, NAMES
 from records import SCANS, estimates_of, record_of, stamp_ns, truth_of
 
 from phd_jdtc_ros.core.types import UNKNOWN, Attributes
-from phd_jdtc_ros.report.page import charts
+from phd_jdtc_ros.report.page import html
 from phd_jdtc_ros.report.page.html import write_report
 from phd_jdtc_ros.report.record import RadarPlots
 
@@ -51,8 +51,8 @@ class Opener:
             "A run",
             evaluation.summary(),
             record,
-            charts.of_record(record, evaluation),
-            charts.missing(record, evaluation),
+            html.charts_of(record, evaluation),
+            html.notes_of(record, evaluation),
         )
         path.write_text(path.read_text().replace("</body>", f"<script>{then}</script></body>"))
         return path

@@ -19,9 +19,8 @@ from msg_adapters.palette import class_colour
 from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.report.page import frames as frames_module
-from phd_jdtc_ros.report.page import picture_words
-from phd_jdtc_ros.report.page.frames import Frames
+from phd_jdtc_ros.report.page import estimate_rows, picture_words
+from phd_jdtc_ros.report.page.estimate_rows import Frames
 from phd_jdtc_ros.report.page.picture import picture_of
 from phd_jdtc_ros.report.record import RadarPlots
 from phd_jdtc_ros.report.style import RADIUS_95
@@ -63,7 +62,7 @@ def test_frames_without_estimates_are_the_stamps_of_truth_and_detections():
 
 
 def test_frames_of_a_long_run_are_some_of_its_stamps(monkeypatch):
-    monkeypatch.setattr(frames_module, "MOST", 5)
+    monkeypatch.setattr(estimate_rows, "MOST", 5)
 
     assert Frames.of(record_of()).stamp_ns.tolist() == [stamp_ns(k) for k in (0, 3, 6, 9)]
 

@@ -4,7 +4,7 @@ from records import SCANS, estimates_of, record_of, stamp_ns, truth_of
 
 from msg_adapters.palette import class_colour
 from phd_jdtc_ros.core.types import Estimates
-from phd_jdtc_ros.report.page import charts, class_chart, time_charts
+from phd_jdtc_ros.report.page import class_chart, html, time_charts
 
 TIMES = [6.0 * k for k in range(SCANS)]
 NOTHING = tuple(estimates_of(k, 2, 0, 0) for k in range(SCANS))
@@ -158,7 +158,7 @@ def test_filtered_class_probabilities_stand_behind_smoothed_ones_or_for_themselv
 def test_of_record_draws_what_there_is(parts, expected):
     record = record_of(**parts)
 
-    assert [c.name for c in charts.of_record(record, record.evaluate(1000.0, 2.0))] == expected
+    assert [c.name for c in html.charts_of(record, record.evaluate(1000.0, 2.0))] == expected
 
 
 @pytest.mark.parametrize(
@@ -176,7 +176,7 @@ def test_of_record_draws_what_there_is(parts, expected):
 def test_missing_lists_what_the_bag_lacks(parts, notes):
     record = record_of(**parts)
 
-    found = charts.missing(record, record.evaluate(1000.0, 2.0))
+    found = html.notes_of(record, record.evaluate(1000.0, 2.0))
 
     assert len(found) == len(notes)
     for note, part in zip(found, notes, strict=True):

@@ -9,6 +9,7 @@ from rich.console import Console
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS
 from studies import registration
 from studies.registration import BIASED, CORRECTED, RUNS, UNBIASED, Row
+from studies.runner import until
 
 # The tracker runs for so long.
 TRACKED_S = 80.0
@@ -73,7 +74,7 @@ def test_goals_are_of_the_radar_that_is_worst():
 
 def test_a_part_of_a_scenario_has_the_targets_until_then():
     _, scene = biased.scene(biased.document(scans=1201))
-    part = scene.until(60.0)
+    part = until(scene, 60.0)
     assert part.duration_s == 60.0
     starts = [flight.start_s for flight in part.flights]
     assert max(starts) <= 60.0

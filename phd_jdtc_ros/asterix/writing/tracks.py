@@ -104,7 +104,6 @@ def track_record(track: TrackReport, time_ns: int, source: Source) -> bytes:
 
 
 def _aircraft(track: TrackReport) -> bytes:
-    """Encode I062/380: the address and the call sign."""
     address = track.address.to_bytes(3, "big")
     if track.call_sign == NONE:
         return b"\x80" + address

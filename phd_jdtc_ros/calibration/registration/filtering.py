@@ -17,7 +17,7 @@ from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.bias import SensorBias
 
 from ..tuning import kinematics
-from .sequences import Sequences
+from .common import Sequences
 
 # The biases of one radar, in the order of a `SensorBias`, and the unit of each in the equations.
 KINDS = tuple(entry.name for entry in fields(SensorBias))
@@ -135,10 +135,7 @@ def filter_targets(
 def smooth_targets(
     sequences: Sequences, found: Pass, biases: FloatArray, density: float
 ) -> Trajectories:
-    """Return the smoothed trajectories, given the biases in `UNITS`, shape (P,).
-
-    This is the recursion of Rauch, Tung and Striebel for the means alone.
-    """
+    """Return the Rauch-Tung-Striebel means, given the biases in `UNITS`, shape (P,)."""
     mean = found.mean - found.response @ biases
     length, targets = sequences.radar.shape
     state = np.zeros((length, targets, 4))

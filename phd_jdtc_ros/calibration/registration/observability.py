@@ -15,9 +15,8 @@ import numpy as np
 
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
 
-from .common import Target
+from .common import Sequences, Target
 from .filtering import KINDS
-from .sequences import Sequences
 from .tracked_radars import RegistrationError, TrackedRadar
 
 # Targets are on a line if their extent across it is below this share of the extent along it.

@@ -11,7 +11,7 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 
 from ..tuning import kinematics
-from .common import Target, common_targets
+from .common import Sequences, Target, common_targets, sequences
 from .filtering import KINDS, UNITS, Pass, Trajectories, filter_targets, smooth_targets
 from .observability import (
     Observability,
@@ -20,7 +20,6 @@ from .observability import (
     require_common,
     require_observable,
 )
-from .sequences import Sequences, sequences
 from .tracked_radars import TrackedRadar
 
 # Largest number of association rounds, and number of relinearisations in each. A pass before these

@@ -5,5 +5,5 @@
 `plots` holds one radar's detections as columns. `rotation` estimates the antenna's rotation.
 `tracks` links plots to tracks, given the noise; `noise` estimates the noise, given tracks, by the
 likelihood of their innovations; `start` finds an initial guess of both. `rates` estimates the
-detection probability and the clutter rate, and `field` the coverage. `findings` holds the results.
+detection probability, the clutter rate and the coverage. `findings` holds the results.
 """

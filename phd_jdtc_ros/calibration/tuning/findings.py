@@ -8,11 +8,10 @@ import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 
-from .field import Field, elsewhere, field_of
 from .levels import Levels, levels, log_ratio
 from .noise import Noise, fit_noise
 from .plots import Plots
-from .rates import Rate, clutter_rate, detection_probability, looks_of
+from .rates import Field, Rate, clutter_rate, detection_probability, elsewhere, field_of, looks_of
 from .rotation import Timing, timing
 from .start import first_guess
 from .tracks import LinkModel, Tracks, link_plots

@@ -81,7 +81,6 @@ def timing(plots: Plots) -> Timing:
 
 
 def _by_cloud(plots: Plots) -> list[IntArray]:
-    """Return the rows of each non-empty cloud's plots."""
     order = np.argsort(plots.cloud, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(plots.cloud[order])) + 1) if len(plots) else []
 

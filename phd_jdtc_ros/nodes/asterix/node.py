@@ -49,10 +49,7 @@ ESTIMATES = names.estimates("filtered")
 
 
 class AsterixBridge(ManagedNode):
-    """The bridge as a lifecycle node.
-
-    Active it receives and sends. Its parameters are fixed at the start.
-    """
+    """The bridge as a lifecycle node, which receives and sends while it is active."""
 
     def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("asterix_bridge")
@@ -182,7 +179,6 @@ class AsterixBridge(ManagedNode):
             self._finish()
 
     def _finish(self) -> None:
-        """Publish pending sectors."""
         self._received_s = None
         for state, report in self._stream.finish():
             self._publish(state, report)

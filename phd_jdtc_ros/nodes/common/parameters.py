@@ -58,7 +58,6 @@ def _by_launch(path: Path) -> bool:
 
 
 def _values_in(files: Sequence[ParameterFile], node: Node) -> list[dict[str, Any]]:
-    """Return the node's parameters in each file."""
     return read_each(lambda file: file.values(node.get_fully_qualified_name()), files)
 
 

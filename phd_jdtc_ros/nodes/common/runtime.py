@@ -37,18 +37,12 @@ REPORTED = (
 
 
 class RunnableNode(Node):
-    """A node that `run` runs.
-
-    Its exit status is None while it runs, and set once it has ended by itself or failed.
-    """
+    """A node that `run` runs until its exit status, None at first, is set."""
 
     exit_status: int | None = None
 
     def close(self) -> None:
-        """Finish all output; called once, however the node ended.
-
-        May set the exit status if finishing fails.
-        """
+        """Finish all output, once, however the node ended; may set the exit status."""
 
 
 class StopRequest:

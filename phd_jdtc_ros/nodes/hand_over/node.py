@@ -31,10 +31,7 @@ MAX_WAITING = 1200
 
 
 class HandOver(RunnableNode):
-    """Subscribes to the estimates of two trackers or more, and publishes one picture of them.
-
-    Its parameters are fixed at the start.
-    """
+    """Subscribes to the estimates of two trackers or more, and publishes one picture of them."""
 
     def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("hand_over")

@@ -120,7 +120,6 @@ class SensorReplay(RunnableNode):
         self.create_timer(TICK_S, self._tick)
 
     def _output(self, topic: str, message_class: Any) -> Publisher:
-        """Return the publisher of a topic."""
         latched = topic in playable.LATCHED
         qos = topics.latched(DEPTH) if latched else topics.reliable(DEPTH)
         return self.create_publisher(message_class, topic, qos)

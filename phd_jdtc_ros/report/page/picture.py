@@ -21,8 +21,15 @@ from phd_jdtc_ros.evaluation.true_tracks import TrueTracks
 from ..lengths import places_of
 from ..record import RadarPlots, Record, concatenate_rows
 from ..style import RADIUS_95
-from .estimate_rows import AXIS_STEPS, LEAST_AXIS, NO_LEVEL, EstimateRows, Grid, known_heights
-from .frames import Frames
+from .estimate_rows import (
+    AXIS_STEPS,
+    LEAST_AXIS,
+    NO_LEVEL,
+    EstimateRows,
+    Frames,
+    Grid,
+    known_heights,
+)
 from .layers import clutter_levels, earth_grid, graticule, rings, shades_of
 from .packing import Columns
 

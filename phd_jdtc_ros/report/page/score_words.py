@@ -142,7 +142,6 @@ def _score(summary: Mapping[str, Any], source: str, key: str, part: str) -> Any:
 
 
 def _sources(summary: Mapping[str, Any]) -> list[str]:
-    """Return the sources with scores."""
     return [source for source in SOURCES if _score(summary, source, "all", "ospa") is not None]
 
 

@@ -96,10 +96,7 @@ def scenario(record: Record) -> Figure:
 
 
 def measurements(record: Record) -> Figure:
-    """Draw all detections of all radars, high amplitudes on top.
-
-    Without amplitudes all have one colour, and there is no colour scale.
-    """
+    """Draw all detections, high amplitudes on top, or in one colour without amplitudes."""
     scale = MapScale.of(record)
     position, amplitude = scale.of_metres(record.all_plots.position), record.all_plots.amplitude
     known = record.all_plots.known
@@ -295,7 +292,6 @@ def _make_room(figure: Figure, axes: Axes, labels: Sequence[Annotation]) -> None
 
 
 def _ellipses(axes: Axes, estimates: Estimates, scale: MapScale) -> None:
-    """Draw the 95 % ellipse of every estimate's position."""
     for position, covariance, class_id in zip(
         estimates.position,
         estimates.position_covariance,

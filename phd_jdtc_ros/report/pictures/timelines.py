@@ -121,7 +121,6 @@ def _distances(record: Record, panels: Sequence[Panel], label: str) -> Figure:
 
 
 def _rows(record: Record, rows: int, label: str) -> tuple[Figure, list[Axes]]:
-    """Return rows of axes over the time of a run."""
     clock = Clock.of(record)
     span = max(clock.span_s, 1.0) / clock.unit_s
     return rows_over_time(rows, label, f"time from the first scan ({clock.unit})", span)

@@ -200,7 +200,6 @@ def _within(traffic: Traffic, flight: Flight) -> Flight:
 
 
 def _cut(flight: Flight, first_s: float, last_s: float) -> Flight:
-    """Return the part of a flight between two times."""
     ends = flight.start_s + np.cumsum([leg.duration_s for leg in flight.legs])
     begins = np.concatenate([[flight.start_s], ends[:-1]])
     parts = np.minimum(ends, last_s) - np.maximum(begins, first_s)

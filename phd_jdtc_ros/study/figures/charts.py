@@ -139,7 +139,6 @@ def draw_lags(
 
 
 def _shown_lags(result: Result) -> list[tuple[int, str]]:
-    """Return the lags to draw over time, with their names."""
     lags = result.scores.lags
     later = [lag for lag in lags if 0 < lag <= SHOWN_LAG] or [lag for lag in lags if lag > 0]
     names = [(0, "filter")] if 0 in lags else []

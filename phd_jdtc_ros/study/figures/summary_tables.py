@@ -113,7 +113,6 @@ def _of_all(found: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
 
 
 def _consistency_rows(variants: Mapping[str, Any]) -> list[list[str]]:
-    """Return the rows of the variants that state covariances."""
     return [row for row in _figure_rows(variants, CONSISTENCY) if any(c != "-" for c in row[3:])]
 
 

@@ -113,10 +113,7 @@ class Study:
         )
 
     def select(self, cases: Sequence[str], variants: Sequence[str]) -> Study:
-        """Return the study of the named cases and variants; an empty sequence selects all.
-
-        Raise `ConfigError` with all names that are unknown.
-        """
+        """Return the study of the named cases and variants, or of all; or raise `ConfigError`."""
         faults = _unknown("--case", cases, [case.name for case in self.cases])
         faults += _unknown("--variant", variants, [variant.name for variant in self.variants])
         if faults:

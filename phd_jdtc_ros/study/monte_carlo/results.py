@@ -212,7 +212,6 @@ def summarise(
 
 
 def _engine(study: Study, result: Result) -> str | None:
-    """Return the engine of a result of this package's tracker."""
     if not result.variant.kind.ours:
         return None
     of_case = {case.name: case.parameters for case in study.cases}.get(result.case, {})

@@ -79,7 +79,6 @@ def _cell(value: float) -> str:
 
 
 def _scores(rows: Sequence[Sequence[str]]) -> Scores:
-    """Return the scores of rows from `_rows`."""
     lags = tuple(dict.fromkeys(int(row[2]) for row in rows))
     times = list(dict.fromkeys(row[5] for row in rows))
     sets = tuple(dict.fromkeys(row[6] for row in rows))

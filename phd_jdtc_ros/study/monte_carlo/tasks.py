@@ -127,7 +127,6 @@ def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
 
 
 def _in_force(parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """Return all parameters of a tracker, with defaults."""
     values = tracker_config.resolve(parameters).values
     return {name: value for name, value in values.items() if name not in OWN}
 
@@ -158,7 +157,6 @@ def perform(task: Task) -> Outcome:
 
 
 def _track_variants(task: Task, run: SimulatedRun) -> dict[str, Tracked]:
-    """Return the estimates of all variants, by name."""
     lags = sorted({lag for variant in task.variants for lag in variant.lags})
     if task.kind.is_engine:
         extractions = [v.extraction for v in task.variants if v.extraction is not None]

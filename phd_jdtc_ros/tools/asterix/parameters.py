@@ -161,7 +161,6 @@ def write(path: Path, head: str, proposed: Proposal) -> None:
 
 
 def _set_layout(proposed: Proposal, state: RadarState) -> None:
-    """Set the layout of a radar's clouds."""
     radar, seen = state.settings.name, state.statistics
     proposed.values |= {
         f"{radar}.topic": names.detections(radar),

@@ -191,10 +191,7 @@ class _Radar:
         self._noise_dbm = noise_dbm
 
     def blocks(self, bag: BagReader, done: ConversionCounts) -> Iterator[tuple[int, bytes]]:
-        """Yield time and bytes of data blocks, in the order in which the radar would send them.
-
-        Times never decrease, so that several radars' can be merged.
-        """
+        """Yield ascending times, and bytes of data blocks as the radar would send them."""
         latest_ns = 0
         for entry in bag.messages([self._input.topic]):
             try:

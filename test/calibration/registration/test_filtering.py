@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from phd_jdtc_ros.calibration.registration.common import Sequences
 from phd_jdtc_ros.calibration.registration.filtering import (
     ANY_SPEED,
     ANYWHERE,
@@ -13,7 +14,6 @@ from phd_jdtc_ros.calibration.registration.filtering import (
     filter_targets,
     smooth_targets,
 )
-from phd_jdtc_ros.calibration.registration.sequences import Sequences
 
 DENSITY, STEPS, RADARS = 2.0, 12, 2
 STD = np.array([[40.0, 1e-3], [70.0, 2e-3]])

@@ -8,12 +8,11 @@ import pytest
 from scenes import small
 
 from phd_jdtc_ros.calibration.tuning import kinematics, noise, proposal, unspecified
-from phd_jdtc_ros.calibration.tuning.field import elsewhere
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.calibration.tuning.levels import log_ratio
 from phd_jdtc_ros.calibration.tuning.noise import Noise, fit_noise
 from phd_jdtc_ros.calibration.tuning.plots import Plots, limit_plots, plots_of
-from phd_jdtc_ros.calibration.tuning.rates import clutter_rate, detection_probability
+from phd_jdtc_ros.calibration.tuning.rates import clutter_rate, detection_probability, elsewhere
 from phd_jdtc_ros.calibration.tuning.rotation import Timing, timing
 from phd_jdtc_ros.calibration.tuning.tracks import LinkModel, Tracks, link_plots
 from phd_jdtc_ros.configuration.build import resolve
