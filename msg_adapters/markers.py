@@ -37,9 +37,15 @@ ELLIPSE_SIDES = 24
 # The ends of the sides as a circle's cosines and sines, and the weight 1 of its centre.
 _ANGLE = 2.0 * np.pi / ELLIPSE_SIDES * (np.arange(1, 2 * ELLIPSE_SIDES + 1) // 2 % ELLIPSE_SIDES)
 _CIRCLE = np.stack([np.cos(_ANGLE), np.sin(_ANGLE), np.ones_like(_ANGLE)], axis=1)
-# Bytes of a marker's stamp, of the number of its points and of the empty members after them, of its
-# empty text and of the members after it.
-_STAMP, _POINTS, _AFTER_POINTS, _TEXT, _AFTER_TEXT = 8, 4, 73, 8, 21
+# The ends of an arrow's lines as sums of its position, its shaft, its head's length along the shaft
+# and the same across.
+_SIDE = HEAD_WIDTH / HEAD_LENGTH
+_TIP = [1.0, 1.0, 0.0, 0.0]
+_LEFT, _RIGHT = [1.0, 1.0, -1.0, _SIDE], [1.0, 1.0, -1.0, -_SIDE]
+_ARROW = np.array([[1.0, 0.0, 0.0, 0.0], _TIP, _TIP, _LEFT, _TIP, _RIGHT])
+# Bytes of the number of markers or points, of a stamp, and of an empty text; and of the empty
+# members after points and after a text.
+_COUNT, _STAMP, _TEXT, _AFTER_POINTS, _AFTER_TEXT = 4, 8, 8, 73, 21
 # A marker's number, type, action and position, whose doubles are aligned, at an even and at an odd
 # multiple of four bytes.
 _NUMBER_TO_POSITION = struct.Struct("<3i4x3d"), struct.Struct("<3i3d")
@@ -65,19 +71,17 @@ def to_cdr(
     arrows = _arrows(position, np.column_stack([estimates.velocity, up[:, 1]]))
     places = (position + np.array([0.0, 2.0 * LABEL_HEIGHT, 0.0])).tolist()
     texts = _labels(estimates, class_names, datum)
-    header = stamps.header(estimates.stamp_ns, frame)
-    stamp = struct.pack("<iI", header.stamp.sec, header.stamp.nanosec)
+    stamp, end = struct.pack("<iI", *divmod(estimates.stamp_ns, stamps.NS_PER_S)), 0
     writer = cdr.Writer()
     writer.put("I", 1 + 2 * len(present) + len(estimates))
-    cdr.put_message(writer, Marker(header=header, action=Marker.DELETEALL))
-    end = 0
+    writer.data += stamp + _clearing(frame)
     for index, count in zip(present.tolist(), counts.tolist(), strict=True):
         begin, end = end, end + count
         name, mine = class_names[index], slice(begin, end)
         for kind, ends in (("ellipse", ellipses), ("velocity", arrows)):
             names, after = _parts(frame, f"{name}/{kind}", LINES, class_rgb(index))
             _begin(writer, stamp + names, LINES, 0, (0.0, 0.0, 0.0))
-            writer.data += after[: -_POINTS - _AFTER_POINTS]
+            writer.data += after[: -_COUNT - _AFTER_POINTS]
             writer.rows(ends[mine].reshape(-1, 3))
             writer.data += after[-_AFTER_POINTS:]
         names, after = _parts(frame, f"{name}/label", LABEL, LABEL_COLOUR)
@@ -121,16 +125,25 @@ def _ellipses(position: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 def _arrows(position: FloatArray, velocity: FloatArray) -> FloatArray:
-    """Return the end points of the arrows' shafts and head lines, shape (T, 6, 3)."""
-    tip = position + VELOCITY_SECONDS * velocity
-    speed = np.hypot(velocity[:, 0], velocity[:, 1])
-    ahead = velocity[:, :2] / np.maximum(speed, np.finfo(float).tiny)[:, None]
+    """Return the ends of the arrows' shafts and head lines, shape (T, 6, 3)."""
+    shaft = VELOCITY_SECONDS * velocity
+    length = np.hypot(shaft[:, 0], shaft[:, 1])
     # A head is never longer than its shaft.
-    back = np.minimum(HEAD_LENGTH, VELOCITY_SECONDS * speed)[:, None] * ahead
-    aside = HEAD_WIDTH / HEAD_LENGTH * np.column_stack([-back[:, 1], back[:, 0]])
-    sides = np.repeat(tip[:, None], 2, axis=1)
-    sides[..., :2] += np.stack([aside - back, -aside - back], axis=1)
-    return np.stack([position, tip, tip, sides[:, 0], tip, sides[:, 1]], axis=1)
+    share = np.minimum(HEAD_LENGTH, length) / np.maximum(length, np.finfo(float).tiny)
+    frame = np.zeros((len(position), 4, 3))
+    frame[:, 0], frame[:, 1] = position, shaft
+    frame[:, 2, :2] = share[:, None] * shaft[:, :2]
+    frame[:, 3, 0], frame[:, 3, 1] = -frame[:, 2, 1], frame[:, 2, 0]
+    ends: FloatArray = _ARROW @ frame
+    return ends
+
+
+@cache
+def _clearing(frame: str) -> bytes:
+    """Return the marker that comes first and clears the display, without its stamp."""
+    writer = cdr.Writer(bytearray(_COUNT))
+    cdr.put_message(writer, Marker(header=Header(frame_id=frame), action=Marker.DELETEALL))
+    return bytes(writer.data[_COUNT + _STAMP :])
 
 
 @cache
