@@ -13,6 +13,8 @@ from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 WORSE_DETECTION, WORSE_NOISE, SURE = 0.75, 1.5, 3.0
 # The warning ends beyond these bounds, so that it does not come and go with chance.
 MENDED_DETECTION, MENDED_NOISE = 0.85, 1.3
+# Components whose noise is learned, as warnings name them.
+NOISY = {"range": "range", "azimuth": "azimuth", "range_rate": "range rate"}
 
 
 def of(radar: RadarParameters, counts: Mapping[str, int]) -> Iterator[str]:
@@ -77,12 +79,12 @@ def of_learned(radar: str, figures: Mapping[str, float], warned: bool = False) -
         given, std = figures[f"{name}_set"], figures[f"{name}_std"]
         if found < least * given and given - found > sure * std:
             worse.append(f"it detects targets with probability {found:.2f}, set is {given:.2f}")
-    for component in ("range", "azimuth"):
+    for component, name_of in NOISY.items():
         ratio = figures.get(name := f"{radar}.{component}_noise_ratio")
         if ratio is None:
             continue
         if ratio > most and ratio - 1.0 > sure * figures[f"{name}_std"]:
-            worse.append(f"its {component} noise is {ratio:.2g} times the one that is set")
+            worse.append(f"its {name_of} noise is {ratio:.2g} times the one that is set")
     if not worse:
         return None
     return f"worse than set, and tracked as found: {'; '.join(worse)}"
@@ -93,9 +95,9 @@ def of_changes(radar: str, figures: Mapping[str, float]) -> str | None:
     changed = []
     if f"{radar}.fewer_detections" in figures:
         changed.append("it detects fewer targets")
-    for component in ("range", "azimuth"):
+    for component, name_of in NOISY.items():
         if f"{radar}.{component}_noisier" in figures:
-            changed.append(f"its {component} noise is larger")
+            changed.append(f"its {name_of} noise is larger")
     blind = figures.get(f"{radar}.blind_azimuth_deg")
     if blind is not None:
         changed.append(f"it detects next to nothing about {blind:.0f} degrees from its x axis")

@@ -1,23 +1,28 @@
 """How much a tracker loses that is told wrongly what its radars are like, if it may learn it.
 
 The radars of the reference scenario have other noise, other detection probabilities or more or less
-clutter than the tracker is told. A tracker that is told the truth is the reference. The first scans
-do not count, because nothing is learned yet.
+clutter than the tracker is told, and those of the automotive scenario another noise of range rates.
+A tracker that is told the truth is the reference. The first scans do not count, because nothing is
+learned yet.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.table import Table
 
+from phd_jdtc_ros import resources
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.metrics import ospa
+from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
+from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.study.monte_carlo.definition import CUTOFF, ORDER
 from phd_jdtc_ros.study.runs import SimulatedRun, simulated_run
@@ -53,10 +58,20 @@ CASES: Mapping[str, Mapping[str, float]] = {
         "clutter_rate": 3.0,
     },
 }
+# The same for the radar of the automotive scenario, which measures range rates.
+RATE_SCENARIO = Path("config/scenarios/automotive.yaml")
+RATE, RATE_STD = "front.range_rate_std", 0.15
+RATE_CASES: Mapping[str, float] = {
+    "range rates, all right": 1.0,
+    "range rates, noise x 0.5": 0.5,
+    "range rates, noise x 2": 2.0,
+}
 # Lags of the filtered and of the smoothed estimates.
 LAGS = {"filtered": 0, "smoothed": 5}
 # Scans that do not count.
 BEFORE = 20
+# Cut-off of the distances in the automotive scenario, metres.
+RATE_CUTOFF = 20.0
 EXTRACTION = ExtractionVariant("misspecified", "bernoulli", "components")
 # Largest ratio to the errors of a tracker that is told the truth.
 MOST_WRONG, MOST_RIGHT = 1.1, 1.01
@@ -73,7 +88,19 @@ def measure(arguments: argparse.Namespace, seed: int) -> Figures:
             name: _distances(run, {"engine": arguments.engine, **of_radars(given)})
             for name, given in trackers.items()
         }
-    return {"cases": found}
+    rates = {case: _of_rates(arguments.engine, factor, seed) for case, factor in RATE_CASES.items()}
+    return {"cases": found, "rates": rates}
+
+
+def _of_rates(engine: str, factor: float, seed: int) -> Figures:
+    """Return the distances in the automotive scenario, given the factor of its rates' noise."""
+    document = yaml_files.load(resources.find(RATE_SCENARIO))
+    given = {**from_arguments.scenario_parameters(document), "engine": engine}
+    truth = {**given, RATE: factor * RATE_STD}
+    scenario = scenario_file.resolve(document, polar_radars(resolve(truth).model.radars))
+    run = simulated_run(scenario, seed)
+    trackers = {"told": truth, "wrong": given, "learned": {**given, RATE: f"auto {RATE_STD}"}}
+    return {name: _distances(run, own, RATE_CUTOFF) for name, own in trackers.items()}
 
 
 def truth_of(factors: Mapping[str, float]) -> dict[str, float]:
@@ -91,24 +118,27 @@ def of_radars(values: Mapping[str, Any]) -> dict[str, Any]:
     return {f"{radar}.{name}": value for radar in RADARS for name, value in values.items()}
 
 
-def _distances(run: SimulatedRun, parameters: Mapping[str, Any]) -> dict[str, float]:
+def _distances(
+    run: SimulatedRun, parameters: Mapping[str, Any], cutoff: float = CUTOFF
+) -> dict[str, float]:
     """Return the mean OSPA distances of a tracker with these parameters, by source, metres."""
     tracks = track(run, resolve(parameters), [EXTRACTION], tuple(LAGS.values()))[EXTRACTION.label]
-    return {source: _mean(run, tracks[lag]) for source, lag in LAGS.items()}
+    return {source: _mean(run, tracks[lag], cutoff) for source, lag in LAGS.items()}
 
 
-def _mean(run: SimulatedRun, found: Sequence[PointSet]) -> float:
+def _mean(run: SimulatedRun, found: Sequence[PointSet], cutoff: float) -> float:
     pairs = list(zip(run.truth, found, strict=True))[BEFORE:]
-    scores = [ospa(truth.position, points.position, CUTOFF, ORDER) for truth, points in pairs]
+    scores = [ospa(truth.position, points.position, cutoff, ORDER) for truth, points in pairs]
     return float(np.mean([score.distance for score in scores]))
 
 
 def tables(figures: Figures) -> list[Table]:
     """Return the distances of each case, filtered / smoothed."""
     rows = []
-    for case, of_case in figures["cases"].items():
+    for case, of_case in (figures["cases"] | figures["rates"]).items():
+        digits = 2 if case in RATE_CASES else 1
         cells = [
-            f"{each['filtered']:.1f} / {each['smoothed']:.1f}"
+            f"{each['filtered']:.{digits}f} / {each['smoothed']:.{digits}f}"
             for each in (of_case["told"], of_case["wrong"], of_case["learned"])
         ]
         rows.append((case, *cells))
@@ -119,8 +149,9 @@ def tables(figures: Figures) -> list[Table]:
 def goals(figures: Figures) -> list[Goal]:
     """Return the goals: the error of a tracker that learns, relative to one that is told."""
     found = []
-    for case, of_case in figures["cases"].items():
-        bound = MOST_WRONG if CASES[case] else MOST_RIGHT
+    for case, of_case in (figures["cases"] | figures["rates"]).items():
+        right = RATE_CASES.get(case, 1.0) == 1.0 and not CASES.get(case)
+        bound = MOST_RIGHT if right else MOST_WRONG
         for source in LAGS:
             ratio = of_case["learned"][source] / of_case["told"][source]
             found.append(goal(f"misspecified, {case}, learned / told, {source}", ratio, bound))

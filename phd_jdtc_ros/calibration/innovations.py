@@ -130,7 +130,7 @@ class InnovationMonitor:
     def fits(self) -> list[Fit]:
         """Return the comparison of each radar's innovations with its noise."""
         self._fits = [
-            _with_verdict(_fit(radar, innovations), before, radar.noise_factor is not None)
+            _with_verdict(_fit(radar, innovations), before, _learned(radar))
             for radar, innovations, before in zip(
                 self._model.radars, self._innovations, self._fits, strict=True
             )
@@ -164,6 +164,11 @@ def _process_noise(motions: Sequence[MotionModel], dt: float) -> float:
         float(motion.noise_covariance(dt)[axis, axis])
         for motion, axis in zip(motions, axes, strict=True)
     )
+
+
+def _learned(radar: Sensor) -> bool:
+    """Return whether the noise of range or azimuth is learned."""
+    return radar.noise_factor is not None and bool(radar.noise_factor.learned[:2].any())
 
 
 def _fit(radar: Sensor, innovations: Sequence[FloatArray] | deque[FloatArray]) -> Fit:

@@ -179,7 +179,8 @@ def _fields(radar: RadarParameters, parts: Parts) -> Faults:
 
 
 def _range_rates(radar: RadarParameters, parts: Parts) -> Faults:
-    interval, std, rated = radar.range_rate_ambiguity, radar.range_rate_std, radar.fields.range_rate
+    interval, std = radar.range_rate_ambiguity, radar.range_rate_std.start
+    rated = radar.fields.range_rate
     if rated and 0.0 < interval < LEAST_INTERVAL * std:
         yield (
             f"{radar.name}.range_rate_ambiguity: {interval:g} given, must be 0 or at least "

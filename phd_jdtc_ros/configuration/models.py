@@ -208,8 +208,10 @@ def radar_model(radar: RadarParameters) -> RadarModel:
     threshold = amplitude_density.threshold_for(radar.false_alarm_probability)
     range_std, azimuth_std = radar.range_std.start, math.radians(radar.azimuth_std_deg.start)
     rate, detection, fields = radar.clutter_rate, radar.detection_probability, radar.fields
-    # In the order of a measurement's components.
-    learned = radar.range_std.learned, radar.azimuth_std_deg.learned
+    rate_std = radar.range_rate_std
+    # In the order of `Sensor.noise_components`.
+    of_rates = rate_std.learned and bool(fields.range_rate)
+    learned = radar.range_std.learned, radar.azimuth_std_deg.learned, of_rates
     return RadarModel(
         name=radar.name,
         position=radar.site.position if radar.site else (radar.position[0], radar.position[1]),
@@ -231,7 +233,7 @@ def radar_model(radar: RadarParameters) -> RadarModel:
         correlation=Correlation(*detection.correlation) if detection.correlation else None,
         outliers=Outliers() if radar.range_std.outliers else None,
         multipath=Multipath() if rate.multipath else None,
-        range_rate=RangeRateModel(radar.range_rate_std, radar.range_rate_ambiguity, RANGE_RATE_SPAN)
+        range_rate=RangeRateModel(rate_std.start, radar.range_rate_ambiguity, RANGE_RATE_SPAN)
         if fields.range_rate
         else None,
         cluster_distance=radar.cluster_distance,

@@ -215,8 +215,11 @@ class RadarParameters:
         "geodetic. Empty for the antenna's height.",
         form=place_forms.HEIGHT,
     )
-    range_rate_std: float = parameter(
-        0.1, "Standard deviation of range rates, m/s.", (1e-3, 1e3), mutable=True
+    range_rate_std: forms.Learnable = parameter(
+        0.1,
+        "Standard deviation of range rates, m/s, or auto as for range_std.",
+        form=forms.std(0.1, 1e-3, 1e3),
+        mutable=True,
     )
     range_rate_ambiguity: float = parameter(
         0.0,

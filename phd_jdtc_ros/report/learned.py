@@ -8,10 +8,11 @@ from typing import NamedTuple
 from msg_adapters import anomalies
 from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 
-# Components of a measurement, with the parameter and the unit of their noise.
+# Components whose noise is learned, with the parameter and the unit of their noise.
 NOISE = {
     "range": ("range_std", "m"),
     "azimuth": ("azimuth_std_deg", "\N{DEGREE SIGN}"),
+    "range_rate": ("range_rate_std", "m/s"),
 }
 
 

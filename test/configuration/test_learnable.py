@@ -34,7 +34,14 @@ def test_standard_deviation_is_a_number_or_is_learned_and_may_have_outliers(
 
 def test_each_component_is_learned_alone():
     factor = radar_of(azimuth_std_deg="auto 0.08").noise_factor
-    assert factor.learned.tolist() == [False, True]
+    assert factor.learned.tolist() == [False, True, False]
+
+
+def test_noise_of_range_rates_is_learned_if_they_are_used():
+    rates = {"range_rate_std": "auto 0.3", "fields.range_rate": "range_rate"}
+    assert radar_of(**rates).noise_factor.learned.tolist() == [False, False, True]
+    assert radar_of(**rates).range_rate.std == 0.3
+    assert radar_of(range_rate_std="auto").noise_factor is None
 
 
 @pytest.mark.parametrize(
@@ -97,6 +104,8 @@ def test_detection_probability_may_follow_from_the_snr_bands(value):
         ("range_std", "auto many"),
         ("range_std", "learned"),
         ("azimuth_std_deg", "auto 200"),
+        ("range_rate_std", "auto 2e3"),
+        ("range_rate_std", "0.3 outliers"),
         ("detection_probability", "auto 1.5"),
         ("detection_probability", "auto 0 0.9 1e4"),
         ("detection_probability", "auto 1e4 0.9 0 0.7"),

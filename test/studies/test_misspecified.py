@@ -7,11 +7,15 @@ from studies.command import main
 def test_tracker_that_learns_is_compared_with_those_that_are_told(tmp_path, capsys, monkeypatch):
     two = {name: misspecified.CASES[name] for name in ("all right", "noise x 2")}
     monkeypatch.setattr(misspecified, "CASES", two)
+    of_rates = "range rates, noise x 2"
+    monkeypatch.setattr(misspecified, "RATE_CASES", {of_rates: 2.0})
     assert main(["misspecified", "--runs", "1", "--seed", "3", "--out", str(tmp_path)]) == 0
     assert "told wrongly" in capsys.readouterr().out
     found = json.loads((tmp_path / "misspecified.json").read_text())
     right, noise = found["cases"]["all right"], found["cases"]["noise x 2"]
     assert right["told"] == right["wrong"]
     assert noise["told"]["filtered"] < noise["learned"]["filtered"] < noise["wrong"]["filtered"]
+    rates = found["rates"][of_rates]
+    assert 0.0 < rates["learned"]["smoothed"] < rates["learned"]["filtered"] < 3.0
     joined = json.loads((tmp_path / "summary.json").read_text())["goals"]
     assert [each["name"] for each in joined] == [each["name"] for each in found["goals"]]

@@ -12,7 +12,7 @@ import numpy as np
 from ..arrays import BoolArray, FloatArray, ReadOnly, zeros_field
 from ..snapshot import floats
 from .detection_factor import AZIMUTHS, RANGES, DetectionFactor, TrialSums
-from .noise_factor import NoiseEvidence, NoiseFactor
+from .noise_factor import COMPONENTS, NoiseEvidence, NoiseFactor
 
 # Changes to detect: ratios of the detection probability and of a variance to the learned values.
 FEWER, NOISIER = 0.7, 2.0
@@ -41,8 +41,8 @@ class ChangeAlarm(ReadOnly):
     # Evidence of fewer detections by the sensor as a whole, and of almost none in each sector of
     # azimuth, (1 + A,).
     detection: Annotated[FloatArray, floats("A", 0.0, MOST)] = zeros_field(1 + AZIMUTHS)
-    # Evidence of a larger noise in each component of a measurement, (2,).
-    noise: Annotated[FloatArray, floats("Z", 0.0, MOST)] = zeros_field(2)
+    # Evidence of a larger noise in each component; see `NoiseFactor`.
+    noise: Annotated[FloatArray, floats("Z", 0.0, MOST)] = zeros_field(COMPONENTS)
 
     @property
     def fewer_detections(self) -> bool:
@@ -51,7 +51,7 @@ class ChangeAlarm(ReadOnly):
 
     @property
     def noisier(self) -> BoolArray:
-        """Mask of the components whose noise is larger than before, (2,)."""
+        """Mask of the components whose noise is larger than before, (Z,)."""
         return self.noise >= RAISED
 
     @property
@@ -66,7 +66,7 @@ class ChangeAlarm(ReadOnly):
         return (sector + 0.5) * 2.0 * np.pi / AZIMUTHS
 
     def figures(self, components: Sequence[str]) -> dict[str, float]:
-        """Return the changes by name; `components` are those of a measurement.
+        """Return the changes by name; `components` are those whose noise may be learned.
 
         1 for fewer detections or a larger noise, and the middle of a blind sector in degrees.
         """

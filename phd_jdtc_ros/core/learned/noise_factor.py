@@ -12,6 +12,8 @@ from ..arrays import BoolArray, FloatArray, ReadOnly, zeros_field
 from ..snapshot import floats
 from .prior import RatioPrior
 
+# Number of components whose noise may be learned: the two of a position, and the range rate.
+COMPONENTS = 3
 # Weight of the configured variance, as a number of innovations, so that the first innovations do
 # not count alone.
 PRIOR_WEIGHT = 4.0
@@ -27,7 +29,10 @@ MAX_WEIGHT, MAX_RATIO = 1e7, 1e10
 
 
 class NoiseEvidence(NamedTuple):
-    """Evidence on the variance of each component of a measurement, arrays of shape (Z,)."""
+    """Evidence on the variance of each component, arrays of shape (`COMPONENTS`,).
+
+    The components are those of a measurement, and the range rate.
+    """
 
     # Effective number of innovations: that number would show the variance equally well if they had
     # no error but the sensor's noise.
@@ -39,7 +44,7 @@ class NoiseEvidence(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class NoiseFactor(ReadOnly):
-    """Variances of the components of a measurement relative to the configured ones.
+    """Variances of the components of a measurement, and of range rates, relative to the given ones.
 
     Notes
     -----
@@ -47,11 +52,11 @@ class NoiseFactor(ReadOnly):
     """
 
     # Components whose noise is learned, (Z,); the factors of the others are 1.
-    learned: BoolArray = field(default_factory=lambda: np.ones(2, dtype=np.bool_))
+    learned: BoolArray = field(default_factory=lambda: np.ones(COMPONENTS, dtype=np.bool_))
     # Number of remembered innovations, (Z,).
-    weight: Annotated[FloatArray, floats("Z", 0.0, MAX_WEIGHT)] = zeros_field(2)
+    weight: Annotated[FloatArray, floats("Z", 0.0, MAX_WEIGHT)] = zeros_field(COMPONENTS)
     # Sum over them of weight times the ratio of variances that each shows, (Z,).
-    ratio: Annotated[FloatArray, floats("Z", -MAX_RATIO, MAX_RATIO)] = zeros_field(2)
+    ratio: Annotated[FloatArray, floats("Z", -MAX_RATIO, MAX_RATIO)] = zeros_field(COMPONENTS)
 
     @cached_property
     def _posterior(self) -> tuple[FloatArray, FloatArray]:

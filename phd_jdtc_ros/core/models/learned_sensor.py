@@ -180,7 +180,7 @@ class LearnedSensor:
             found["detection_probability_std"] = detection.configured * detection.std
             found["detection_probability_set"] = detection.configured
         if (noise := self.noise) is not None:
-            columns = sensor.components, noise.of_std, noise.error, noise.learned
+            columns = sensor.noise_components, noise.of_std, noise.error, noise.learned
             for component, ratio, error, learned in zip(*columns, strict=True):
                 if learned:
                     found[f"{component}_noise_ratio"] = float(ratio)
@@ -189,4 +189,4 @@ class LearnedSensor:
         if own is not None and own.learned and own.sums[0] > 0.0:
             found["detection_correlation"] = own.value
             found["detection_correlation_std"] = own.std
-        return found if self.alarm is None else found | self.alarm.figures(sensor.components)
+        return found if self.alarm is None else found | self.alarm.figures(sensor.noise_components)

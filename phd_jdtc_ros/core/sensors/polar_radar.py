@@ -42,7 +42,7 @@ class RadarModel(Sensor):
     range_growth: float = 0.0
 
     def _noise_times(self, factor: NoiseFactor) -> dict[str, Any]:
-        in_range, in_azimuth = factor.of_std.tolist()
+        in_range, in_azimuth, _ = factor.of_std.tolist()
         return {
             "range_std": in_range * self.range_std,
             "range_growth": in_range * self.range_growth,

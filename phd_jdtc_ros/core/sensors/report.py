@@ -16,6 +16,10 @@ from .sensor import Sensor
 
 # Smallest probability that earlier sectors have not detected a target.
 LEAST_UNSEEN = 1e-3
+# Smallest distance of folds from which range rates show their noise, in standard deviations of
+# the noise. Innovations that show it have at most twice this deviation, see `evidence_of`, so that
+# all up to three of their own deviations are of the nearest fold.
+LEAST_FOLDS_APART = 12.0
 
 
 @dataclass(frozen=True)
@@ -122,6 +126,20 @@ class Report:
     def range_rates(self) -> Rates | None:
         """Range rates of the detections; None without usable ones."""
         return self.sensor.rates_of(self.detections)
+
+    def sensors_own_rate_std(self, rates: Rates) -> FloatArray:
+        """Return the sensor's standard deviations of the detections' range rates, (M,).
+
+        They are NaN where the range rate is unknown or has a deviation of its own, and where
+        innovations may be of any fold.
+        """
+        model, own = rates.model, self.detections.range_rate_std
+        shows = np.isfinite(rates.rate)
+        if own is not None:
+            shows &= ~np.isfinite(own)
+        if model.ambiguity:
+            shows &= model.ambiguity >= LEAST_FOLDS_APART * rates.std
+        return np.where(shows, rates.std, np.nan)
 
     @cached_property
     def log_clutter(self) -> FloatArray:

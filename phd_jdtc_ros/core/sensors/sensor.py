@@ -118,11 +118,24 @@ class Sensor(ABC):
             noise_factor=noise or self.noise_factor,
             correlation=correlation or self.correlation,
             **({} if noise is None else self._noise_times(noise)),
+            range_rate=self._range_rate_times(noise),
         )
 
     def _noise_times(self, factor: NoiseFactor) -> dict[str, Any]:
-        """Return the fields that describe the noise, times learned factors."""
+        """Return the fields that describe the noise of measurements, times learned factors."""
         return {}
+
+    def _range_rate_times(self, factor: NoiseFactor | None) -> RangeRateModel | None:
+        """Return the model of range rates, whose noise is multiplied by a learned factor."""
+        own = self.range_rate
+        if own is None or factor is None or not factor.learned[-1]:
+            return own
+        return replace(own, std=float(factor.of_std[-1]) * own.std)
+
+    @property
+    def noise_components(self) -> tuple[str, ...]:
+        """Names of the components whose noise may be learned, in the order of `NoiseFactor`."""
+        return (*self.components, "range_rate")
 
     def with_known_targets(self: SensorT, measured: FloatArray, existence: FloatArray) -> SensorT:
         """Return the sensor with the false detections that the known targets cause.
@@ -347,13 +360,27 @@ class Sensor(ABC):
         measured = self.rates_of(detections)
         if measured is None:
             return 0.0
+        error = self.range_rate_error(state, detections, measured, pairs)
+        return measured.model.log_density(error, measured.std[pairs[1]] ** 2)
+
+    def range_rate_error(
+        self,
+        state: FloatArray,
+        detections: Detections,
+        measured: Rates,
+        pairs: tuple[IntArray, IntArray],
+    ) -> FloatArray:
+        """Return the measured less the expected range rates of pairs, (P,); NaN for unknown ones.
+
+        For the parameters see `log_range_rate`.
+        """
         row, column = pairs
         if detections.time_s is None:
             expected = self.range_rate_of(state)[row]
         else:
             expected = self.range_rate_of(state[row], detections.time_s[column])
-        error = measured.rate[column] - expected
-        return measured.model.log_density(error, measured.std[column] ** 2)
+        error: FloatArray = measured.rate[column] - expected
+        return error
 
     @property
     @abstractmethod

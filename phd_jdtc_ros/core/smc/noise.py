@@ -7,7 +7,7 @@ import numpy as np
 from ..arrays import FloatArray, IntArray, contiguous
 from ..compilation import Float1, Float2, Int1, compiled
 from ..learned.evidence import evidence_of
-from ..learned.noise_factor import NoiseEvidence
+from ..learned.noise_factor import COMPONENTS, NoiseEvidence
 from ..models.sensor_memory import KNOWN_EXISTENCE
 from ..sensors.report import Report
 
@@ -16,6 +16,7 @@ def noise_evidence(
     report: Report,
     target: IntArray,
     mass: FloatArray,
+    state: FloatArray,
     measured: FloatArray,
     pairs: tuple[IntArray, IntArray],
     probability: FloatArray,
@@ -23,8 +24,8 @@ def noise_evidence(
     """Return the evidence of the pairs of particles and detections on the sensor's noise.
 
     Given are each particle's target, whose particles are consecutive, its weight before the update,
-    (N,), and its measurement, (N, Z); and the particle, the detection and the association
-    probability of each pair, (P,).
+    (N,), its state, (N, D), and its measurement, (N, Z); and the particle, the detection and the
+    association probability of each pair, (P,).
 
     Notes
     -----
@@ -33,27 +34,38 @@ def noise_evidence(
     and p from the spread of the prior ones. Components are taken one by one.
     """
     row, column = pairs
+    sensor, detections = report.sensor, report.detections
     order = np.lexsort((target.take(row), column))
-    error = report.sensor.wrap(report.detections.measurement[column] - measured[row])
+    first = np.unique(target, return_index=True)[1][target]
+    apart = sensor.wrap(measured - measured[first])
+    error, std = sensor.wrap(detections.measurement[column] - measured[row]), report.sensors_own_std
+    factor, rates = sensor.noise_factor, report.range_rates
+    if rates is not None and factor is not None and factor.learned[-1]:
+        rate, rate_std = sensor.range_rate_of(state), report.sensors_own_rate_std(rates)
+        of_pairs = sensor.range_rate_error(state, detections, rates, pairs)
+        apart = np.column_stack([apart, rate - rate[first]])
+        error = np.column_stack([error, rates.model.wrap(of_pairs)])
+        std = np.column_stack([std, rate_std])
     return NoiseEvidence(
         *_evidence(
             KNOWN_EXISTENCE,
-            *contiguous(target, mass, _spread(report, target, mass, measured)),
+            *contiguous(target, mass, _spread(target, mass, apart)),
             *contiguous(row[order], column[order], probability[order], error[order]),
-            *contiguous(report.sensors_own_std),
+            *contiguous(std),
         )
     )
 
 
-def _spread(report: Report, target: IntArray, mass: FloatArray, measured: FloatArray) -> FloatArray:
-    """Return the variance of each target's measurements before the update, (T, Z)."""
+def _spread(target: IntArray, mass: FloatArray, apart: FloatArray) -> FloatArray:
+    """Return the variance of each target's measurements before the update, (T, Z).
+
+    `apart` are the differences from a measurement of each target, (N, Z).
+    """
     targets = int(target.max(initial=-1)) + 1
-    first = np.unique(target, return_index=True)[1]
-    apart = report.sensor.wrap(measured - measured[first][target])
     total = np.bincount(target, mass, targets)
     weight = mass / np.where(total > 0.0, total, 1.0)[target]
     columns = []
-    for axis in range(measured.shape[1]):
+    for axis in range(apart.shape[1]):
         mean = np.bincount(target, weight * apart[:, axis], targets)
         square = np.bincount(target, weight * apart[:, axis] ** 2, targets)
         columns.append(np.maximum(square - mean**2, 0.0))
@@ -74,7 +86,7 @@ def _evidence(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the columns of `NoiseEvidence`; the pairs are ordered by detection and target."""
     size = spread.shape[1]
-    weight, excess, square = np.zeros(size), np.zeros(size), np.zeros(size)
+    weight, excess, square = np.zeros(COMPONENTS), np.zeros(COMPONENTS), np.zeros(size)
     existence = np.zeros(len(spread))
     for one in range(len(target)):
         existence[target[one]] += mass[one]

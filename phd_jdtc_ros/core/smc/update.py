@@ -238,4 +238,5 @@ class PriorParticles:
             return None
         readings = report.project_as(pairs.projected)
         own = pairs.row, pairs.projected_index
-        return noise_evidence(readings, self.target, self.mass, self._everywhere, own, probability)
+        rows = self.target, self.mass, self.particles.state, self._everywhere
+        return noise_evidence(readings, *rows, own, probability)

@@ -18,7 +18,7 @@ from ..learned.change_alarm import ChangeAlarm
 from ..learned.correlation import SUMS, Correlation
 from ..learned.detection_chains import DetectionChains
 from ..learned.detection_factor import AZIMUTHS, CELLS, DetectionFactor
-from ..learned.noise_factor import NoiseFactor
+from ..learned.noise_factor import COMPONENTS, NoiseFactor
 from ..learned.open_trials import OpenTrials
 from ..models.learned_sensor import LearnedSensor
 from ..models.sensor_memory import SensorMemory
@@ -138,14 +138,14 @@ def _detection(snapshot: Snapshot, name: str, sensor: Sensor) -> DetectionFactor
 def _noise(snapshot: Snapshot, name: str, sensor: Sensor) -> NoiseFactor | None:
     if (own := sensor.noise_factor) is None:
         return None
-    sizes = {"Z": len(own.learned)}
+    sizes = {"Z": COMPONENTS}
     return from_snapshot(NoiseFactor, snapshot, name, sizes, learned=own.learned)
 
 
 def _alarm(snapshot: Snapshot, name: str, sensor: Sensor) -> ChangeAlarm | None:
     if sensor.detection_factor is None and sensor.noise_factor is None:
         return None
-    return from_snapshot(ChangeAlarm, snapshot, name, {"A": 1 + AZIMUTHS, "Z": 2})
+    return from_snapshot(ChangeAlarm, snapshot, name, {"A": 1 + AZIMUTHS, "Z": COMPONENTS})
 
 
 def _chains(snapshot: Snapshot, name: str, sensor: Sensor) -> DetectionChains | None:

@@ -12,10 +12,15 @@ from phd_jdtc_ros.core.learned.detection_factor import (
     DetectionFactor,
     TrialSums,
 )
-from phd_jdtc_ros.core.learned.noise_factor import NoiseEvidence, NoiseFactor
+from phd_jdtc_ros.core.learned.noise_factor import COMPONENTS, NoiseEvidence, NoiseFactor
 from phd_jdtc_ros.core.models.sensor_memory import SensorMemory
 
 LEARNED = 0.8
+
+
+def each(value):
+    """Return a value for each component of the noise."""
+    return np.full(COMPONENTS, value)
 
 
 def settled():
@@ -80,38 +85,40 @@ def test_alarm_ends_when_the_sensor_is_as_before():
 def test_unknown_sensor_raises_nothing():
     sums = looks_of(np.random.default_rng(0), 0.0)
     assert ChangeAlarm().after_trials(DetectionFactor(1e4), sums).detection.max() == 0.0
-    evidence = NoiseEvidence(np.full(2, 100.0), np.full(2, 300.0))
+    evidence = NoiseEvidence(each(100.0), each(300.0))
     assert ChangeAlarm().after_noise(NoiseFactor(), evidence).noise.max() == 0.0
 
 
 @pytest.mark.parametrize(("factor", "raised"), [(1.0, False), (4.0, True)])
 def test_noise_of_twice_the_deviation_is_found(factor, raised):
     rng, alarm = np.random.default_rng(7), ChangeAlarm()
-    known = NoiseFactor().after(NoiseEvidence(np.full(2, 200.0), np.zeros(2)))
+    known = NoiseFactor().after(NoiseEvidence(each(200.0), each(0.0)))
     for _ in range(50):
-        square = factor * rng.standard_normal(2) ** 2
-        alarm = alarm.after_noise(known, NoiseEvidence(np.ones(2), square - 1.0))
-    assert alarm.noisier.tolist() == [raised, raised]
+        square = factor * rng.standard_normal(COMPONENTS) ** 2
+        alarm = alarm.after_noise(known, NoiseEvidence(each(1.0), square - 1.0))
+    assert alarm.noisier.tolist() == [raised] * COMPONENTS
     assert raised == bool((alarm.noise >= RAISED).all())
 
 
 def test_component_that_is_not_learned_raises_nothing():
-    known = NoiseFactor(np.array([True, False]))
-    known = known.after(NoiseEvidence(np.full(2, 200.0), np.zeros(2)))
-    evidence = NoiseEvidence(np.full(2, 50.0), np.full(2, 150.0))
-    assert ChangeAlarm().after_noise(known, evidence).noisier.tolist() == [True, False]
+    known = NoiseFactor(np.array([True, False, False]))
+    known = known.after(NoiseEvidence(each(200.0), each(0.0)))
+    evidence = NoiseEvidence(each(50.0), each(150.0))
+    assert ChangeAlarm().after_noise(known, evidence).noisier.tolist() == [True, False, False]
 
 
 def test_warning_names_every_change():
     figures = {
         "north.fewer_detections": 1.0,
         "north.azimuth_noisier": 1.0,
+        "north.range_rate_noisier": 1.0,
         "north.blind_azimuth_deg": 67.5,
         "south.range_noisier": 1.0,
     }
     text = anomalies.of_changes("north", figures)
     assert text == (
         "not what it was until now: it detects fewer targets; its azimuth noise is larger; "
+        "its range rate noise is larger; "
         "it detects next to nothing about 68 degrees from its x axis"
     )
     assert anomalies.of_changes("west", figures) is None

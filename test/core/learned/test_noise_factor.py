@@ -4,22 +4,33 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.core.learned.evidence import LEAST_NOISE_SHARE, LIMIT, evidence_of
-from phd_jdtc_ros.core.learned.noise_factor import LEAST, MOST, NoiseEvidence, NoiseFactor
+from phd_jdtc_ros.core.learned.noise_factor import (
+    COMPONENTS,
+    LEAST,
+    MOST,
+    NoiseEvidence,
+    NoiseFactor,
+)
+
+
+def each(value):
+    """Return a value for each component."""
+    return np.full(COMPONENTS, value)
 
 
 def learned(rng, count, truth, predicted=0.5, outliers=0.0, steps=50):
-    """Return the factor after innovations whose configured variance is 1 in both components.
+    """Return the factor after innovations whose configured variance is 1 in all components.
 
     `truth` is the true variance, and `predicted` that of the predicted measurement.
     """
     factor = NoiseFactor()
     for _ in range(steps):
         assumed = factor.variance
-        weight, excess = np.zeros(2), np.zeros(2)
+        weight, excess = np.zeros(COMPONENTS), np.zeros(COMPONENTS)
         for _ in range(count // steps):
             far = 100.0 if rng.random() < outliers else 1.0
-            innovation = rng.normal(0.0, np.sqrt(predicted + far * truth), 2)
-            for axis in range(2):
+            innovation = rng.normal(0.0, np.sqrt(predicted + far * truth), COMPONENTS)
+            for axis in range(COMPONENTS):
                 variance = predicted + assumed[axis]
                 square, part = innovation[axis] ** 2 / variance, assumed[axis] / variance
                 more, beyond = evidence_of(square, part)
@@ -33,19 +44,19 @@ def learned(rng, count, truth, predicted=0.5, outliers=0.0, steps=50):
 @pytest.mark.parametrize("predicted", [0.05, 1.0])
 def test_noise_is_found_within_its_deviation(truth, predicted):
     found = [learned(np.random.default_rng(s), 300, truth, predicted) for s in range(16)]
-    normal = [(each.of_std - np.sqrt(truth)) / each.error for each in found]
+    normal = [(one.of_std - np.sqrt(truth)) / one.error for one in found]
     assert np.sqrt(np.mean(np.square(normal))) < 1.6
 
 
 def test_small_differences_are_left_alone_until_they_are_certain():
-    few = NoiseFactor().after(NoiseEvidence(np.full(2, 20.0), np.full(2, 4.0)))
-    many = NoiseFactor().after(NoiseEvidence(np.full(2, 4000.0), np.full(2, 800.0)))
+    few = NoiseFactor().after(NoiseEvidence(each(20.0), each(4.0)))
+    many = NoiseFactor().after(NoiseEvidence(each(4000.0), each(800.0)))
     assert (few.variance < 1.07).all()
     assert (many.variance > 1.15).all()
 
 
 def test_large_differences_are_followed_at_once():
-    few = NoiseFactor().after(NoiseEvidence(np.full(2, 20.0), np.full(2, 60.0)))
+    few = NoiseFactor().after(NoiseEvidence(each(20.0), each(60.0)))
     assert (few.of_std > 1.7).all()
 
 
@@ -64,14 +75,14 @@ def test_innovations_that_do_not_show_the_sensors_noise_do_not_count(part):
 
 
 def test_factor_stays_within_its_bounds():
-    most = NoiseFactor().after(NoiseEvidence(np.full(2, 1e4), np.full(2, 1e6)))
-    least = NoiseFactor().after(NoiseEvidence(np.full(2, 1e4), np.full(2, -1e4)))
+    most = NoiseFactor().after(NoiseEvidence(each(1e4), each(1e6)))
+    least = NoiseFactor().after(NoiseEvidence(each(1e4), each(-1e4)))
     np.testing.assert_allclose(most.of_std, MOST, rtol=0.01)
     np.testing.assert_allclose(least.of_std, LEAST, rtol=0.01)
 
 
 def test_only_the_learned_component_changes():
-    evidence = NoiseEvidence(np.full(2, 100.0), np.full(2, 200.0))
-    found = NoiseFactor(np.array([True, False])).after(evidence).of_std
+    evidence = NoiseEvidence(each(100.0), each(200.0))
+    found = NoiseFactor(np.array([True, False, False])).after(evidence).of_std
     assert found[0] > 1.5
-    assert found[1] == 1.0
+    assert found[1:].tolist() == [1.0, 1.0]

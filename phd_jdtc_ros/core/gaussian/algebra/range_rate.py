@@ -26,6 +26,8 @@ class Rated(NamedTuple):
     covariance: FloatArray  # (N, D, D)
     # Log likelihood of the range rate alone, summed over all folds, (N,); 0 where there is none.
     log_likelihood: FloatArray
+    innovation: FloatArray  # In the nearest fold, metres per second, (N,); 0 where there is none
+    variance: FloatArray  # Variance of the innovation, (N,)
 
     def take(self, rows: IntArray) -> Rated:
         """Return the Gaussians of these rows."""
@@ -136,7 +138,8 @@ def updated(mean: FloatArray, covariance: FloatArray, found: Expected, measured:
     axes = np.arange(mean.shape[1])
     least = kalman.LEAST_VARIANCE * covariance[:, axes, axes]
     spread_after[:, axes, axes] = np.maximum(spread_after[:, axes, axes], least)
-    return Rated(later, spread_after, np.where(known, log_density, 0.0))
+    log_likelihood = np.where(known, log_density, 0.0)
+    return Rated(later, spread_after, log_likelihood, measured.model.wrap(error), total)
 
 
 def folds_of(measured: Rates, rate: FloatArray, reach: float) -> FloatArray:

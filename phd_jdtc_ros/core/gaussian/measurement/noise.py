@@ -9,7 +9,7 @@ import numpy as np
 from ...arrays import FloatArray, contiguous
 from ...compilation import Float1, Float2, Float3, Int1, compiled
 from ...learned.evidence import evidence_of
-from ...learned.noise_factor import NoiseEvidence
+from ...learned.noise_factor import COMPONENTS, NoiseEvidence
 from ...models.sensor_memory import KNOWN_EXISTENCE
 from ..mixture import Mixture
 from .iterated_update import PairUpdate
@@ -29,14 +29,29 @@ def noise_evidence(mixture: Mixture, found: PairUpdate, probability: FloatArray)
         likelihoods.
     """
     innovation = found.innovation
+    rate_square, rate_part = _rates(found, mixture.mode_weight.shape[1])
     return NoiseEvidence(
         *_evidence(
             KNOWN_EXISTENCE,
             *contiguous(mixture.existence, mixture.target, mixture.mode_weight),
             *contiguous(found.row, found.column, probability, found.log_likelihood),
             *contiguous(innovation.weighted, innovation.inverse, found.report.sensors_own_std),
+            *contiguous(rate_square, rate_part),
         )
     )
+
+
+def _rates(found: PairUpdate, modes: int) -> tuple[FloatArray, FloatArray]:
+    """Return the squares and parts of `evidence_of` for range rates, (P R,); none if not learned.
+
+    A range rate updates a Gaussian after the position, so that its innovation has one dimension.
+    """
+    report, rated = found.report, found.rated
+    factor, rates = report.sensor.noise_factor, report.range_rates
+    if rated is None or rates is None or factor is None or not factor.learned[-1]:
+        return np.zeros(0), np.zeros(0)
+    own = report.sensors_own_rate_std(rates)[found.column].repeat(modes)
+    return rated.innovation**2 / rated.variance, own**2 / rated.variance
 
 
 @compiled
@@ -52,10 +67,13 @@ def _evidence(
     weighted: Float2,
     inverse: Float3,
     std: Float2,
+    rate_square: Float1,
+    rate_part: Float1,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the columns of `NoiseEvidence`."""
+    """Return the columns of `NoiseEvidence`; the last two arguments may be empty."""
     modes = mode_weight.shape[1]
-    weight, excess, share = np.zeros(2), np.zeros(2), np.empty(modes)
+    weight, excess = np.zeros(COMPONENTS), np.zeros(COMPONENTS)
+    share = np.empty(modes)
     for pair in range(len(row)):
         one, first = row[pair], pair * modes
         if existence[target[one]] < least_existence:
@@ -79,4 +97,8 @@ def _evidence(
                 more, beyond = evidence_of(square, part)
                 weight[axis] += counts * more
                 excess[axis] += counts * beyond
+            if len(rate_part) > 0:
+                more, beyond = evidence_of(rate_square[first + mode], rate_part[first + mode])
+                weight[COMPONENTS - 1] += counts * more
+                excess[COMPONENTS - 1] += counts * beyond
     return weight, excess
