@@ -33,17 +33,12 @@ SHORTEST_TURN_S, LONGEST_TURN_S = 0.3, 60.0
 
 @dataclass
 class Assembler:
-    """Assembles reports from one radar's messages.
+    """Assembles reports from one radar's messages; `by_sector` and `by_time` count them.
 
-    Attributes
-    ----------
-    counts : Counter
-        ``late_plots``: plots that arrived after the report of their sector or slice, and go with
-        the next. ``turns_lost``: how often the antenna's azimuth was lost, after `TURNS_LOST` turns
-        without a sector crossing. ``overflow``: plots dropped because too many waited.
-        ``sectors_bridged``: sectors whose crossing is missing.
-    by_sector, by_time : int
-        Numbers of reports by sector and by time.
+    `counts` has ``late_plots``, plots that arrived after the report of their sector or slice, and
+    go with the next; ``turns_lost``, how often the antenna's azimuth was lost, after `TURNS_LOST`
+    turns without a sector crossing; ``overflow``, plots dropped because too many waited; and
+    ``sectors_bridged``, sectors whose crossing is missing.
     """
 
     sectors: int = 32  # Number of sectors per turn, for radars with sector crossings

@@ -25,22 +25,13 @@ LARGEST_BLOCK = 2048
 
 
 class BlockReader:
-    """Reads the datagrams of a stream.
+    """Reads the datagrams of a stream; `categories` counts the records of all categories.
 
-    Parameters
-    ----------
-    counts : Counter
-        Gains the skipped data by reason: ``block_truncated`` or ``block_length`` if the rest of a
-        datagram is not a data block; ``other_category`` for data blocks of unsupported categories;
-        and the reasons of `MalformedError` and of `records`.
-
-    Attributes
-    ----------
-    categories : Counter
-        Records by category, of all categories.
-    trailers : Counter
-        Numbers of rests after the data blocks of datagrams, by length in bytes. Once a length has
-        occurred `TRAILERS` times, such rests count as trailers and not as faults.
+    `counts` gains the skipped data by reason: ``block_truncated`` or ``block_length`` if the rest
+    of a datagram is not a data block; ``other_category`` for data blocks of unsupported categories;
+    and the reasons of `MalformedError` and of `records`. `trailers` counts rests after the data
+    blocks of datagrams, by length in bytes. Once a length has occurred `TRAILERS` times, such rests
+    count as trailers and not as faults.
     """
 
     def __init__(self, counts: Counter[str]) -> None:

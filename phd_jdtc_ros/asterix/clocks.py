@@ -48,12 +48,9 @@ class StreamClock:
 class RadarClock:
     """Dates the messages of one radar.
 
-    Attributes
-    ----------
-    counts : Counter
-        ``no_time``: messages with no time or an impossible one, which get the time of their receipt
-        or of the previous message. ``clock_off``: how often the shift has changed.
-        ``time_impossible``: messages whose time fits no stamp.
+    `counts` has ``no_time``, messages with no time or an impossible one, which get the time of
+    their receipt or of the previous message; ``clock_off``, how often the shift has changed; and
+    ``time_impossible``, messages whose time fits no stamp.
     """
 
     stream: StreamClock

@@ -63,14 +63,10 @@ class PlotStatistics:
 class RadarState:
     """Progress and message counts of one radar.
 
-    Attributes
-    ----------
-    counts : Counter
-        Numbers of skipped or bridged messages by reason: the reasons of `Assembler` and
-        `RadarClock`; ``second_source``, messages from another address than the radar's;
-        ``source_changed``; and ``time_off``, messages whose time is far from their receipt. Plots
-        with such a time are kept unchanged, but a message with such a time moves neither the
-        antenna nor the clock.
+    `counts` has skipped or bridged messages by reason: the reasons of `Assembler` and `RadarClock`;
+    ``second_source``, messages from another address than the radar's; ``source_changed``; and
+    ``time_off``, messages whose time is far from their receipt. Plots with such a time are kept
+    unchanged, but a message with such a time moves neither the antenna nor the clock.
     """
 
     settings: RadarSettings
@@ -110,26 +106,15 @@ class RadarState:
 
 
 class PlotStream:
-    """Converts datagrams to the reports of radars.
+    """Converts datagrams to the reports of radars, and collects the call signs of all plots.
 
-    Parameters
-    ----------
-    radars : mapping of number to RadarSettings
-        Configured radars, by SAC in the upper and SIC in the lower eight bits. If it is empty, all
-        radars are accepted under the name ``radar_SAC_SIC``.
-    others : RadarSettings
-        Configuration of the radars that are not in `radars`.
-    finders : callable
-        Creates an estimator of the rotation period of a radar without sector crossings.
+    `radars` are configured, by SAC in the upper and SIC in the lower eight bits, and `others` is
+    the configuration of all others, which are accepted as ``radar_SAC_SIC`` if there are none.
+    `finders` creates an estimator of the rotation period of a radar without sector crossings.
 
-    Attributes
-    ----------
-    counts : Counter
-        Numbers of skipped messages of all radars by reason: the reasons of `blocks`;
-        ``unknown_radar``; ``too_many_radars``; and ``receipt_time``, datagrams whose time of
-        receipt does not fit a stamp and is ignored.
-    call_signs : CallSigns
-        Call signs from all plots.
+    `counts` has the skipped messages of all radars by reason: the reasons of `blocks`;
+    ``unknown_radar``; ``too_many_radars``; and ``receipt_time``, datagrams whose time of receipt
+    does not fit a stamp and is ignored.
     """
 
     def __init__(

@@ -30,19 +30,10 @@ ScoreKey = tuple[str, int]
 class Evaluation:
     """Compares estimates with the truth at their stamps, in any order of arrival, and sums scores.
 
-    Truth is interpolated between samples, see `TrueTracks`; samples must arrive in order.
-
-    Attributes
-    ----------
-    scores : dict
-        The last `keep` scores by source and stamp.
-    scored : dict
-        Number of scores by source.
-    truth_scans : int
-        Number of stamps of the truth.
-    repeated : int
-        Number of sets with a repeated stamp, which are not scored: a stamp is scored once per pass.
-        A jump back of the truth's stamps begins a new pass, as when a bag is replayed in a loop.
+    Truth is interpolated between samples, see `TrueTracks`; samples must arrive in order. `scores`
+    has the last `keep` scores by source and stamp. A stamp is scored once per pass; `repeated` sets
+    of a repeated stamp are not scored. A jump back of the truth's stamps, of which there were
+    `truth_scans`, begins a new pass, as when a bag is replayed in a loop.
     """
 
     classes: int

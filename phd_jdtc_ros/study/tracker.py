@@ -40,14 +40,23 @@ class ExtractionVariant(NamedTuple):
     extraction: str  # One of `EXTRACTIONS`
 
 
+class _Extraction(NamedTuple):
+    """How estimates are extracted from a set."""
+
+    variant: ExtractionVariant
+    stamp_ns: int
+    lag: int
+    threshold: float
+    rng: np.random.Generator
+
+
 class _Parts(NamedTuple):
     """The parts of an engine."""
 
     forward: ForwardFilter[Any, Any]
     # Returns the smoothed sets, newest first, given window and death term.
     backward: Callable[[Window, str], Iterable[Any]]
-    # Extracts estimates, given set, variant, stamp in nanoseconds, lag, threshold and generator.
-    extract: Callable[[Any, ExtractionVariant, int, int, float, np.random.Generator], Estimates]
+    extract: Callable[[Any, _Extraction], Estimates]
     rule: ReportingRule
 
 
@@ -57,16 +66,9 @@ def _of_particles(config: TrackerConfig) -> _Parts:
     def backward(window: Window, death_term: str) -> Iterable[Any]:
         return backward_pass(window, DEATH_TERMS[death_term])
 
-    def extract(
-        stored: Any,
-        variant: ExtractionVariant,
-        stamp_ns: int,
-        lag: int,
-        threshold: float,
-        rng: np.random.Generator,
-    ) -> Estimates:
-        groups = EXTRACTIONS[variant.extraction](stored, modes, threshold, rng)
-        return estimates(stored, modes, stamp_ns, lag, groups)
+    def extract(stored: Any, how: _Extraction) -> Estimates:
+        groups = EXTRACTIONS[how.variant.extraction](stored, modes, how.threshold, how.rng)
+        return estimates(stored, modes, how.stamp_ns, how.lag, groups)
 
     return _Parts(particle_filter(config), backward, extract, config.rule)
 
@@ -77,15 +79,9 @@ def _of_gaussians(config: TrackerConfig) -> _Parts:
     def backward(window: Window, _: str) -> Iterable[Any]:
         return gaussian_smoother.backward_pass(window)
 
-    def extract(
-        stored: Any,
-        _: ExtractionVariant,
-        stamp_ns: int,
-        lag: int,
-        threshold: float,
-        __: np.random.Generator,
-    ) -> Estimates:
-        return gaussian_extraction.extract(stored, forward.dynamics, stamp_ns, lag, threshold)
+    def extract(stored: Any, how: _Extraction) -> Estimates:
+        dynamics = forward.dynamics
+        return gaussian_extraction.extract(stored, dynamics, how.stamp_ns, how.lag, how.threshold)
 
     return _Parts(forward, backward, extract, config.rule)
 
@@ -167,7 +163,7 @@ class _Extractor:
         self, stored: Any, index: int, lag: int, threshold: float, rng: np.random.Generator
     ) -> Estimates:
         stamp_ns = self._run.scans[index].stamp_ns
-        return self._parts.extract(stored, self.variant, stamp_ns, lag, threshold, rng)
+        return self._parts.extract(stored, _Extraction(self.variant, stamp_ns, lag, threshold, rng))
 
     def tracks(self) -> Tracks:
         """Return the estimates by lag, ordered by scan."""

@@ -37,19 +37,10 @@ class Trajectories:
 class Pass:
     """The result of a filter's pass over T targets, with the normal equations of the P biases.
 
-    The biases are in `UNITS`, ordered by radar.
-
-    Attributes
-    ----------
-    information_of : array of shape (T, P, P)
-        Information matrix of the biases from each target.
-    score : array of shape (T, P)
-        Right-hand side of the equations for each target.
-    mean : array of shape (K, T, 4)
-        Filtered x, y, vx, vy.
-    response : array of shape (K, T, 4, P)
-        Derivative of `mean` with respect to each bias.
-    covariance : array of shape (K, T, 4, 4)
+    The biases are in `UNITS`, ordered by radar. `information_of`, (T, P, P), and `score`, (T, P),
+    are the information matrix and the right-hand side from each target. The filtered x, y, vx, vy
+    are `mean`, (K, T, 4), with `covariance`, (K, T, 4, 4), and `response`, (K, T, 4, P), the
+    derivative of the mean with respect to each bias.
     """
 
     def __init__(self, length: int, targets: int, biases: int) -> None:
