@@ -40,7 +40,7 @@ class ExtractionVariant(NamedTuple):
     extraction: str  # One of `EXTRACTIONS`
 
 
-class _Extraction(NamedTuple):
+class Extraction(NamedTuple):
     """How estimates are extracted from a set."""
 
     variant: ExtractionVariant
@@ -56,7 +56,7 @@ class _Parts(NamedTuple):
     forward: ForwardFilter[Any, Any]
     # Returns the smoothed sets, newest first, given window and death term.
     backward: Callable[[Window, str], Iterable[Any]]
-    extract: Callable[[Any, _Extraction], Estimates]
+    extract: Callable[[Any, Extraction], Estimates]
     rule: ReportingRule
 
 
@@ -66,7 +66,7 @@ def _of_particles(config: TrackerConfig) -> _Parts:
     def backward(window: Window, death_term: str) -> Iterable[Any]:
         return backward_pass(window, DEATH_TERMS[death_term])
 
-    def extract(stored: Any, how: _Extraction) -> Estimates:
+    def extract(stored: Any, how: Extraction) -> Estimates:
         groups = EXTRACTIONS[how.variant.extraction](stored, modes, how.threshold, how.rng)
         return estimates(stored, modes, how.stamp_ns, how.lag, groups)
 
@@ -79,7 +79,7 @@ def _of_gaussians(config: TrackerConfig) -> _Parts:
     def backward(window: Window, _: str) -> Iterable[Any]:
         return gaussian_smoother.backward_pass(window)
 
-    def extract(stored: Any, how: _Extraction) -> Estimates:
+    def extract(stored: Any, how: Extraction) -> Estimates:
         dynamics = forward.dynamics
         return gaussian_extraction.extract(stored, dynamics, how.stamp_ns, how.lag, how.threshold)
 
@@ -163,7 +163,7 @@ class _Extractor:
         self, stored: Any, index: int, lag: int, threshold: float, rng: np.random.Generator
     ) -> Estimates:
         stamp_ns = self._run.scans[index].stamp_ns
-        return self._parts.extract(stored, _Extraction(self.variant, stamp_ns, lag, threshold, rng))
+        return self._parts.extract(stored, Extraction(self.variant, stamp_ns, lag, threshold, rng))
 
     def tracks(self) -> Tracks:
         """Return the estimates by lag, ordered by scan."""

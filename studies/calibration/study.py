@@ -23,7 +23,7 @@ from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Scan, Truth
 from phd_jdtc_ros.core.window.entries import Entry
 from phd_jdtc_ros.exit_status import ArgumentParser
-from phd_jdtc_ros.study.tracker import PARTS, ExtractionVariant
+from phd_jdtc_ros.study.tracker import PARTS, Extraction, ExtractionVariant
 
 from ..runner import Figures, Goal, Study, goal, table
 from .diagram import ENOUGH, TOLERANCE, draw
@@ -90,7 +90,8 @@ def posteriors(
         for lag in lags:
             if lag < len(stored):
                 stamp_ns = scans[index - lag].stamp_ns
-                of_lag = parts.extract(stored[lag], variant, stamp_ns, lag, least, rng[lag])
+                how = Extraction(variant, stamp_ns, lag, least, rng[lag])
+                of_lag = parts.extract(stored[lag], how)
                 found[lag].append(of_lag)
     return found
 
