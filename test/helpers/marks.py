@@ -40,9 +40,9 @@ class Marks:
         return np.full(classes, (len(self) if rows is None else len(rows)) / classes)
 
     def extents(self, space):
-        none = np.zeros(len(self))
-        place = PLACES[self.row_label]
-        return Extents(self.row_label, np.arange(len(self)), place, 0.0 * place, none, none)
+        moments = np.zeros((len(self), 6))
+        moments[:, :2] = PLACES[self.row_label]
+        return Extents(self.row_label, np.arange(len(self)), moments)
 
 
 @dataclass

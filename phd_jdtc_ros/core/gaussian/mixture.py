@@ -9,11 +9,10 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, ReadOnly, factorize
-from ..compilation import Float3, Int1, compiled
+from ..compilation import Float1, Float2, Float3, Float4, Int1, compiled
 from ..snapshot import MAX_MASS, MAX_STATE, ROUNDING, covariances, floats, integers
 from ..state_space import StateSpace
 from ..window.entries import Extents
-from .algebra.moments import merge_moments
 
 
 class Sums(NamedTuple):
@@ -36,6 +35,35 @@ def _sums(targets: int, target: Int1, weight: Float3) -> tuple[FloatArray, Float
             mass[row] += mode_weight[row, mode]
         existence[target[row]] += mass[row]
     return mode_weight, mass, existence
+
+
+@compiled
+def _extents(
+    axes: Int1,
+    target: Int1,
+    existence: Float1,
+    mode_weight: Float2,
+    mean: Float3,
+    covariance: Float4,
+) -> FloatArray:
+    """Return `Extents.moments`; `axes` are those of the position, and then of the velocity."""
+    moments, half = np.zeros((len(existence), 6)), len(axes) // 2
+    share = np.zeros(mode_weight.shape)
+    for row in range(len(target)):
+        whole, one = existence[target[row]], moments[target[row]]
+        for mode in range(mode_weight.shape[1]):
+            share[row, mode] = mode_weight[row, mode] / whole if whole > 0.0 else 0.0
+            for i in range(len(axes)):
+                one[i] += share[row, mode] * mean[row, mode, axes[i]]
+    for row in range(len(target)):
+        one = moments[target[row]]
+        for mode in range(mode_weight.shape[1]):
+            for i in range(len(axes)):
+                axis = axes[i]
+                square = (mean[row, mode, axis] - one[i]) ** 2 + covariance[row, mode, axis, axis]
+                one[len(axes) + i // half] += share[row, mode] * square
+    moments[:, len(axes) :] = np.sqrt(moments[:, len(axes) :])
+    return moments
 
 
 @compiled
@@ -141,32 +169,12 @@ class Mixture(ReadOnly):
         mass: FloatArray = weight.sum(axis=(0, 1))
         return mass
 
-    @cached_property
-    def overall(self) -> tuple[FloatArray, FloatArray]:
-        """Mean and covariance of each target over its hypotheses and modes, (T, D), (T, D, D)."""
-        existence = np.where(self.existence > 0.0, self.existence, 1.0)
-        return self.moments(self.mode_weight / existence[self.target][:, None])
-
-    def moments(self, share: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return each target's mean and covariance for given shares of its Gaussians, (H, R)."""
-        modes, size = self.mean.shape[1:]
-        mean, covariance = self.mean.reshape(-1, size), self.covariance.reshape(-1, size, size)
-        of = self.target.repeat(modes)
-        return merge_moments(len(self.label), share.reshape(-1), mean, covariance, of)
-
     def extents(self, space: StateSpace) -> Extents:
         """Return the position and extent of each target; see `Rows`."""
-        mean, covariance = self.overall
-        variance = np.diagonal(covariance, axis1=1, axis2=2)
-        place, speed = list(space.position), list(space.velocity)
-        return Extents(
-            self.label,
-            self.target,
-            mean[:, place],
-            mean[:, speed],
-            np.sqrt(variance[:, place].sum(axis=1)),
-            np.sqrt(variance[:, speed].sum(axis=1)),
-        )
+        axes = np.array([*space.position, *space.velocity])
+        columns = self.mode_weight, self.mean, self.covariance
+        moments = _extents(axes, self.target, self.existence, *columns)
+        return Extents(self.label, self.target, moments)
 
     @staticmethod
     def empty(modes: int, classes: int, cells: int, size: int) -> Mixture:

@@ -153,7 +153,8 @@ class ParticleSet(ReadOnly):
 
         position, position_std = moments(space.position)
         velocity, velocity_std = moments(space.velocity)
-        return Extents(label, target, position, velocity, position_std, velocity_std)
+        deviations = position_std, velocity_std
+        return Extents(label, target, np.column_stack([position, velocity, *deviations]))
 
     @staticmethod
     def unassigned(

@@ -25,8 +25,6 @@ from .motion import MotionModel
 # Tolerance for rounding errors in a generator; its inverse is the largest condition number of the
 # eigenvectors.
 GENERATOR_TOLERANCE = 1e-9
-# Number of intervals that are kept: antennas turn evenly, so that the same ones recur.
-MOST_INTERVALS = 1024
 
 
 @dataclass(frozen=True)
@@ -187,20 +185,16 @@ class ModeSpace:
         """The probability to survive a nominal interval, per class, shape (C,)."""
         return np.array([model.survival_probability for model in self.classes])
 
-    def noise(self, dt: float) -> FloatArray:
-        """Return the process noise of each flat mode after `dt` seconds, shape (O, D, D).
-
-        The noise of the latest intervals is kept.
-        """
-        known, size = self._noise_after, len(self.space)
-        if dt not in known:
-            if len(known) == MOST_INTERVALS:
-                known.clear()
-            known[dt] = np.zeros((len(self.motions), size, size))
-            for own, motion in zip(known[dt], self.motions, strict=True):
-                own[np.ix_(motion.support, motion.support)] = motion.noise_covariance(dt)
-        return known[dt]
+    def noise(self, dt: FloatArray | float) -> FloatArray:
+        """Return the process noise of each flat mode after `dt` seconds, (..., O, D, D)."""
+        size = len(self.space)
+        noise = np.zeros((*np.shape(dt), len(self.motions), size, size))
+        for index, motion in zip(self._supports, self.motions, strict=True):
+            noise[index] = motion.noise_covariance(dt)
+        return noise
 
     @cached_property
-    def _noise_after(self) -> dict[float, FloatArray]:
-        return {}
+    def _supports(self) -> list[tuple[Any, ...]]:
+        """The index of the rows and columns of each flat mode's support in `noise`."""
+        supports = [motion.support for motion in self.motions]
+        return [(..., mode, *np.ix_(axes, axes)) for mode, axes in enumerate(supports)]

@@ -47,21 +47,20 @@ class MotionModel(Hashable, Protocol):
     def jacobian(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
         """Return the derivatives of `mean` at each row's state; (N, D) to (N, D, D)."""
 
-    def noise_covariance(self, dt: float) -> FloatArray:
-        """Return Q(dt) on the support, shape (K, K)."""
+    def noise_covariance(self, dt: FloatArray | float) -> FloatArray:
+        """Return Q(dt) on the support, (K, K), or one for each of several intervals, (I, K, K)."""
 
 
-def _white_acceleration(dt: float, spectral_density: float) -> FloatArray:
+def _white_acceleration(dt: FloatArray | float, spectral_density: float) -> FloatArray:
     """Return the covariance of (position, velocity) after `dt` seconds of white acceleration."""
-    covariance: FloatArray = spectral_density * np.array(
-        [[dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]]
-    )
+    rows = [dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]
+    covariance: FloatArray = spectral_density * np.array(rows).transpose()
     return covariance
 
 
-def _planar_noise(dt: float, spectral_density: float) -> FloatArray:
-    covariance = np.zeros((4, 4))
-    covariance[:2, :2] = covariance[2:, 2:] = _white_acceleration(dt, spectral_density)
+def _planar_noise(dt: FloatArray | float, spectral_density: float) -> FloatArray:
+    covariance = np.zeros((*np.shape(dt), 4, 4))
+    covariance[..., :2, :2] = covariance[..., 2:, 2:] = _white_acceleration(dt, spectral_density)
     return covariance
 
 
@@ -95,8 +94,8 @@ class ConstantVelocity:
         matrix[:, X, VX] = matrix[:, Y, VY] = dt
         return matrix
 
-    def noise_covariance(self, dt: float) -> FloatArray:
-        """Return Q(dt) over (x, vx, y, vy), shape (4, 4)."""
+    def noise_covariance(self, dt: FloatArray | float) -> FloatArray:
+        """Return Q(dt) over (x, vx, y, vy), shape (..., 4, 4)."""
         return _planar_noise(dt, self.noise_density)
 
 
@@ -169,11 +168,11 @@ class CoordinatedTurn:
         matrix[:, VY, OMEGA] = dt * (cos * vx - sin * vy)
         return matrix
 
-    def noise_covariance(self, dt: float) -> FloatArray:
-        """Return Q(dt) over the whole state, shape (5, 5)."""
-        covariance = np.zeros((5, 5))
-        covariance[:4, :4] = _planar_noise(dt, self.noise_density)
-        covariance[4, 4] = dt * self.turn_noise_density
+    def noise_covariance(self, dt: FloatArray | float) -> FloatArray:
+        """Return Q(dt) over the whole state, shape (..., 5, 5)."""
+        covariance = np.zeros((*np.shape(dt), 5, 5))
+        covariance[..., :4, :4] = _planar_noise(dt, self.noise_density)
+        covariance[..., 4, 4] = dt * self.turn_noise_density
         return covariance
 
 
@@ -200,9 +199,9 @@ class Stationary:
             matrix[:, axis, axis] = 1.0
         return matrix
 
-    def noise_covariance(self, dt: float) -> FloatArray:
-        """Return Q(dt) over (x, y), shape (2, 2)."""
-        return dt * self.noise_density * np.eye(2)
+    def noise_covariance(self, dt: FloatArray | float) -> FloatArray:
+        """Return Q(dt) over (x, y), shape (..., 2, 2)."""
+        return np.multiply.outer(dt * self.noise_density, np.eye(2))
 
 
 # Motion models by the name in configurations. Configurable fields of a motion are its parameters.

@@ -73,7 +73,7 @@ def predict(estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeS
     moved = moved.reshape(shifted.shape)
     difference = moved[1 : size + 1] - moved[size + 1 :]
     jacobian = (difference / (2.0 * step)[:, None, None]).transpose(1, 2, 0)
-    by_mode = np.array([modes.noise(length) for length in every.tolist()])
+    by_mode = modes.noise(every)
     noise = np.zeros((len(every), len(modes.classes), size, size))
     for mode, class_id in enumerate(modes.class_of.tolist()):
         noise[:, class_id] += by_mode[:, mode] / len(modes.classes[class_id].motions)

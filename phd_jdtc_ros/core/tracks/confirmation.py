@@ -251,11 +251,10 @@ class TrackStates:
         order = np.argsort(estimates.track_id, kind="stable")
         labelled = order[estimates.track_id[order] > 0]
         records = self._next(estimates, labelled, scan, model)
-        gone = contains(swept, self._records.label - 1)
-        gone |= ~contains(np.array(sorted(unswept_ns), dtype=np.int64), self._records.stamp_ns)
+        before, held = self._records, np.array(sorted(unswept_ns), dtype=np.int64)
+        kept = contains(held, before.stamp_ns) & ~contains(swept, before.label - 1)
         # A scan of a whole turn leaves none of the earlier records.
-        before = self._records.take(np.flatnonzero(~gone)) if not gone.all() else None
-        self._records = records if before is None else before.merge(records)
+        self._records = before.then(records, kept) if kept.any() else records
         state = np.where(estimates.weight > self.rule.delete.min(), CONFIRMED, TENTATIVE)
         state[labelled] = records.state
         known = (state != TENTATIVE) & self.rule.reported[estimates.class_id]

@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
+from ..arrays import BoolArray, FloatArray, IntArray
 from ..snapshot import MAX_MASS, MAX_STAMP_NS, floats, integers
 from ..types import COASTING, CONFIRMED, TENTATIVE, Estimates
 
@@ -38,26 +38,15 @@ class ConfirmationRecords(NamedTuple):
     @staticmethod
     def of_none() -> ConfirmationRecords:
         """Return a table without tracks."""
-        return ConfirmationRecords.new(np.zeros(0, dtype=np.int64), 0, np.zeros(0))
+        none, nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
+        return ConfirmationRecords(none, none, none, nothing, none, nothing, nothing, nothing)
 
-    @staticmethod
-    def new(label: IntArray, stamp_ns: int, existence: FloatArray) -> ConfirmationRecords:
-        """Return the records of new tracks."""
-        size = len(label)
-        stamps = np.full(size, stamp_ns, dtype=np.int64)
-        tentative, none = np.full(size, TENTATIVE), np.zeros(size)
-        return ConfirmationRecords(
-            label, stamps, stamps, existence, tentative, none, none, np.ones(size)
-        )
-
-    def take(self, rows: IntArray) -> ConfirmationRecords:
-        """Return the records of these rows."""
-        return ConfirmationRecords._make(column[rows] for column in self)
-
-    def merge(self, other: ConfirmationRecords) -> ConfirmationRecords:
-        """Return the records of both, by ascending label."""
-        every = ConfirmationRecords._make(map(np.concatenate, zip(self, other, strict=True)))
-        return every.take(np.argsort(every.label, kind="stable"))
+    def then(self, later: ConfirmationRecords, kept: BoolArray) -> ConfirmationRecords:
+        """Return those of these records that are kept, and later ones, by ascending label."""
+        order = np.argsort(np.concatenate([self.label, later.label]), kind="stable")
+        order = order[np.concatenate([kept, np.ones(len(later.label), dtype=np.bool_)])[order]]
+        columns = zip(self, later, strict=True)
+        return ConfirmationRecords._make([np.concatenate(pair)[order] for pair in columns])
 
 
 class NotedStates(NamedTuple):

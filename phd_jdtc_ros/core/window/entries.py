@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sized
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -19,23 +19,14 @@ from ..arrays import BoolArray, FloatArray, IntArray
 from ..state_space import StateSpace
 
 
-@dataclass(frozen=True)
-class Extents:
+class Extents(NamedTuple):
     """Position and velocity of the target of each label, with their spread."""
 
     label: IntArray  # Ascending, (T,)
     target: IntArray  # Index of each row's label in `label`, (N,)
-    position: FloatArray  # Mean position, metres, (T, 2)
-    velocity: FloatArray  # Mean velocity, metres per second, (T, 2)
-    position_std: FloatArray  # Root mean square distance from the mean position, metres, (T,)
-    # Root mean square difference from the mean velocity, metres per second, (T,).
-    velocity_std: FloatArray
-
-    @cached_property
-    def moments(self) -> FloatArray:
-        """Position, velocity and their deviations, a row for each target, (T, 6)."""
-        deviations = self.position_std, self.velocity_std
-        return np.column_stack([self.position, self.velocity, *deviations])
+    # Mean position and velocity, and the root mean square distances from them, metres and metres
+    # per second, (T, 6).
+    moments: FloatArray
 
 
 class Rows(Sized, Protocol):

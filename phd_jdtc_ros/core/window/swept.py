@@ -42,12 +42,11 @@ def partition_swept(
     turns_s = (radar.rotation_s for radar in model.radars)
     longest_s = MAX_UNSWEPT_TURNS * max(turns_s, default=model.modes.interval_s)
     extents = [rows.entry.extents(model.modes.space) for rows in unswept]
-    age_s = [(scan.stamp_ns - rows.entry.stamp_ns) * 1e-9 for rows in unswept]
     sizes = [len(extent.label) for extent in extents]
+    age_s = (scan.stamp_ns - np.array([rows.entry.stamp_ns for rows in unswept])) * 1e-9
     x = model.modes.space.position[0]
-    noise = np.array([model.modes.noise(age)[:, x, x] for age in age_s])
     # The deviation that any motion adds, both axes.
-    noise_std = np.sqrt(2.0 * noise.max(axis=1))
+    noise_std = np.sqrt(2.0 * model.modes.noise(age_s)[:, :, x, x].max(axis=1))
     dt, spread = np.array([age_s, noise_std]).repeat(sizes, axis=1)
     moments = np.concatenate([extent.moments for extent in extents])
     position = moments[:, :2] + dt[:, None] * moments[:, 2:4]

@@ -320,10 +320,9 @@ def test_forged_states_are_refused(name, value, said):
 
 
 def test_records_are_of_the_tracks_in_the_order_of_their_labels():
-    first = ConfirmationRecords.new(np.array([2, 9]), SECOND, np.array([0.1, 0.2]))
-    second = ConfirmationRecords.new(np.array([5]), SECOND, np.array([0.3]))
-    assert first.merge(second).label.tolist() == [2, 5, 9]
-    assert first.merge(second).existence.tolist() == [0.1, 0.3, 0.2]
+    first, second = (ConfirmationRecords(*[np.array(labels)] * 8) for labels in ([2, 4, 9], [5]))
+    whole = first.then(second, np.array([True, False, True]))
+    assert whole.label.tolist() == whole.existence.tolist() == [2, 5, 9]
 
 
 def test_missed_by_all_counts_the_radars_that_reported_and_the_azimuths_they_passed():

@@ -47,7 +47,10 @@ def test_extents_are_those_of_each_origin_and_computed_once():
     extents = held.extents(PLANAR)
     np.testing.assert_array_equal(extents.label, [3, 5, 9])
     np.testing.assert_array_equal(extents.label[extents.target], ORIGIN)
-    np.testing.assert_allclose(extents.position, [[1.5, 0.0], [0.0, 0.0], [6.0, 0.0]])
-    np.testing.assert_allclose(extents.velocity, [[0.0, 5.0], [0.0, 7.0], [0.0, 0.0]])
-    np.testing.assert_allclose(extents.position_std, [np.sqrt(0.75), 0.0, np.sqrt(8.0)])
+    expected = [
+        [1.5, 0.0, 0.0, 5.0, np.sqrt(0.75), 0.0],
+        [0.0, 0.0, 0.0, 7.0, 0.0, 0.0],
+        [6.0, 0.0, 0.0, 0.0, np.sqrt(8.0), 0.0],
+    ]
+    np.testing.assert_allclose(extents.moments, expected)
     assert held.extents(PLANAR) is extents
