@@ -20,25 +20,25 @@ from ..sensors.sensor import Sensor
 from ..targets.motion import MotionModel
 from .mixture import Mixture
 
-# Number of intervals that are kept: antennas turn evenly, so that the same ones recur.
+# Number of sets of intervals that are kept: the reports of whole turns have the same ones.
 MOST_INTERVALS = 256
 # Number of thresholds whose detection probabilities are kept: one for each sensor, and those that
 # `detection_limit` has raised.
 MOST_THRESHOLDS = 256
 
 
-class Interval(NamedTuple):
-    """Survival and motion of targets over an interval; the first axis is that of intervals."""
+class Intervals(NamedTuple):
+    """Survival and motion of targets over I intervals."""
 
-    survival: FloatArray  # Probability to survive, by motion mode before, (1, R)
-    # Probability to survive and to change from the first mode of a pair to the second, (1, K).
+    survival: FloatArray  # Probability to survive, by motion mode before, (I, R)
+    # Probability to survive and to change from the first mode of a pair to the second, (I, K).
     change: FloatArray
-    noise: FloatArray  # Process noise, by motion mode after, (1, R, D, D)
-    # Matrix of each motion mode, (1, R, D, D); for a coordinated turn, that of the turn rate 0.
+    noise: FloatArray  # Process noise, by motion mode after, (I, R, D, D)
+    # Matrix of each motion mode, (I, R, D, D); for a coordinated turn, that of the turn rate 0.
     transition: FloatArray
-    # Transition matrix between each class's cells of SNR, [from, to], (C, S, S); None if targets
-    # stay in their cells.
-    snr: FloatArray | None
+    # For each interval, the transition matrix between each class's cells of SNR, [from, to],
+    # (C, S, S); None if targets stay in their cells.
+    snr: list[FloatArray | None]
 
 
 @dataclass(frozen=True)
@@ -170,37 +170,26 @@ class Dynamics:
         return known[threshold]
 
     @cached_property
-    def _intervals(self) -> dict[float, Interval]:
+    def _intervals(self) -> dict[bytes, Intervals]:
         return {}
 
-    def over(self, dt: float) -> Interval:
-        """Return the interval of `dt` seconds; the latest ones are kept."""
-        known = self._intervals
-        if dt not in known:
+    def over(self, dt: FloatArray) -> Intervals:
+        """Return survival and motion over intervals in seconds, (I,); the latest ones are kept."""
+        known, key = self._intervals, dt.tobytes()
+        if key not in known:
             if len(known) == MOST_INTERVALS:
                 known.clear()
-            of, to = self.pairs
-            survival = self.survival(dt)
-            change = self.transition(dt)[of, to] * survival[of]
-            noise, matrices = self.noise(dt)[None], self._matrices(dt)[None]
-            snr = self.cells.transition(dt)
-            known[dt] = Interval(survival[None], change[None], noise, matrices, snr)
-        return known[dt]
+            modes, flat, (of, to) = self.model.modes, self.flat_of, self.pairs
+            lengths = dt.tolist()
+            survival = np.array([modes.survival(one)[flat] for one in lengths])
+            change = np.array([modes.transition(one)[flat[of], flat[to]] for one in lengths])
+            snr = [self.cells.transition(one) for one in lengths]
+            change *= survival[:, of]
+            noise = np.array([modes.noise(one)[flat] for one in lengths])
+            known[key] = Intervals(survival, change, noise, self._matrices(dt), snr)
+        return known[key]
 
-    def _matrices(self, dt: float) -> FloatArray:
-        """Return the matrix of each motion mode over `dt` seconds at rest, shape (R, D, D)."""
-        rest = np.zeros((1, len(self.model.modes.space)))
-        return np.concatenate([motion.jacobian(rest, dt) for motion in self.motions])
-
-    def transition(self, dt: float) -> FloatArray:
-        """Return the (R, R) matrix of the motion modes over `dt` seconds, [from, to]."""
-        matrix: FloatArray = self.model.modes.transition(dt)[np.ix_(self.flat_of, self.flat_of)]
-        return matrix
-
-    def survival(self, dt: float) -> FloatArray:
-        """Return each motion mode's probability of survival over `dt` seconds, shape (R,)."""
-        return self.model.modes.survival(dt)[self.flat_of]
-
-    def noise(self, dt: float) -> FloatArray:
-        """Return the process noise over `dt` seconds by motion mode, shape (R, D, D)."""
-        return self.model.modes.noise(dt)[self.flat_of]
+    def _matrices(self, dt: FloatArray) -> FloatArray:
+        """Return the matrix of each motion mode over intervals at rest, (I, R, D, D)."""
+        rest = np.zeros((len(dt), len(self.model.modes.space)))
+        return np.stack([motion.jacobian(rest, dt) for motion in self.motions], axis=1)

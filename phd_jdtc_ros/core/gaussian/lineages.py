@@ -166,6 +166,14 @@ def _hypotheses(updates: Int1, row: Int2) -> tuple[IntArray, IntArray]:
     return of, rows
 
 
+def _count_until(window: Sequence[Entry[Mixture, Link]], stamp_ns: int) -> int:
+    """Return the number of entries of a window up to a stamp; most are."""
+    count = len(window)
+    while count and window[count - 1].stamp_ns > stamp_ns:
+        count -= 1
+    return count
+
+
 class Lineages:
     """The updates of the entries of a window, oldest first."""
 
@@ -190,23 +198,25 @@ class Lineages:
             self._done = 0
             for table in self._tables:
                 table.clear()
-        for entry in window:
-            if entry.stamp_ns not in self._places:
-                self._append(entry)
+        latest_ns = next(reversed(self._places), -1)
+        for entry in window[_count_until(window, latest_ns) :]:
+            self._append(entry)
 
     def _continued_by(self, window: Sequence[Entry[Mixture, Link]]) -> bool:
-        """Return whether a window has these entries, except dropped ones, and then later ones."""
-        places, latest = self._places, next(reversed(self._places), -1)
-        known = [entry for entry in window if entry.stamp_ns <= latest]
-        kept = sum(len(entry.stored) for entry in known)
+        """Return whether a window has these entries, except dropped ones, and then later ones.
+
+        An entry depends on all before it, so that the latest one shows whether any has changed. If
+        most rows of the tables are of dropped entries, the answer is no.
+        """
+        if not self._places:
+            return False
+        latest_ns, latest = next(reversed(self._places.items()))
+        known = _count_until(window, latest_ns)
+        first = self._places.get(window[0].stamp_ns) if known else None
         return (
-            bool(known)
-            and known[-1].stamp_ns == latest
-            and self._filtered.size <= 2 * kept + MOST_DROPPED
-            and all(
-                entry.stamp_ns in places and places[entry.stamp_ns].stored is entry.stored
-                for entry in known
-            )
+            first is not None
+            and window[known - 1].stored is latest.stored
+            and 2 * first.rows.start <= self._filtered.size + MOST_DROPPED
         )
 
     def smooth(self, since_ns: int = -1) -> Around:

@@ -146,32 +146,23 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
     """
     before = Mixture.concatenate([part.mixture for part in earlier])
     source = np.arange(len(earlier)).repeat([len(part.mixture) for part in earlier])
-    dt_of = np.array([dt for _, dt in earlier])
-    intervals = [dynamics.over(dt) for _, dt in earlier]
-    by_mode = zip(*(interval[:-1] for interval in intervals), strict=True)
-    survival, change, noise, transition = map(_joined, by_mode)
+    dt = np.array([part.dt for part in earlier])
+    survival, change, noise, transition, snr = dynamics.over(dt)
     weight, mean, covariance, *of_pairs = _predicted(
-        *(*before.gaussians, before.mode_weight, source, *dynamics.pairs, dynamics.turns, dt_of),
+        *(*before.gaussians, before.mode_weight, source, *dynamics.pairs, dynamics.turns, dt),
         *(change, noise, transition),
     )
-    diffused = [
-        _diffused(part.mixture.snr, interval.snr)
-        for part, interval in zip(earlier, intervals, strict=True)
-    ]
+    diffused = [_diffused(part.mixture.snr, one) for part, one in zip(earlier, snr, strict=True)]
+    snr_later = diffused[0] if len(diffused) == 1 else np.concatenate(diffused)
     of_row = change.take(source, axis=0), survival.take(source, axis=0)
     return (
-        Mixture(before.row_label, weight, mean, covariance, _joined(diffused)),
+        Mixture(before.row_label, weight, mean, covariance, snr_later),
         Moves(dynamics.pairs, *of_row, *of_pairs),
     )
 
 
-def _joined(parts: Sequence[FloatArray]) -> FloatArray:
-    """Return arrays concatenated into one."""
-    return parts[0] if len(parts) == 1 else np.concatenate(parts)
-
-
 def _diffused(snr: FloatArray, transition: FloatArray | None) -> FloatArray:
-    """Return the later probabilities of the cells of SNR, (H, C, S); see `Interval.snr`."""
+    """Return the later probabilities of the cells of SNR, (H, C, S); see `Intervals.snr`."""
     return snr if transition is None else (snr.swapaxes(0, 1) @ transition).swapaxes(0, 1)
 
 
@@ -211,7 +202,7 @@ def spawn(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: f
         rate = min(model.spawn.rate * dt / model.modes.interval_s, 1.0)
         columns = _spawned(
             *(rate, least, dt, mixture.target, mixture.existence, *mixture.gaussians),
-            *(*dynamics.spawned, dynamics.over(dt).transition[0], dynamics.turns),
+            *(*dynamics.spawned, dynamics.over(np.array([dt])).transition[0], dynamics.turns),
         )
         count = len(columns[0])
         if count:

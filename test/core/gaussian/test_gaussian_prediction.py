@@ -21,7 +21,10 @@ def test_dynamics_share_the_motions_of_classes_that_move_alike():
     assert shared.mode_of.tolist() == [0, 1, 0, 1]
     assert apart.mode_of.tolist() == [0, 1, 2, 3]
     for dynamics in (shared, apart):
-        np.testing.assert_allclose(dynamics.transition(17.0).sum(axis=1), 1.0)
+        intervals = dynamics.over(np.array([6.0, 17.0]))
+        for survival, change in zip(intervals.survival, intervals.change, strict=True):
+            left = np.bincount(dynamics.pairs[0], weights=change)
+            np.testing.assert_allclose(left, survival)
         np.testing.assert_allclose(dynamics.spread.sum(axis=(1, 2)), 1.0)
         np.testing.assert_allclose(dynamics.birth_weight.sum(axis=(1, 2)), 1.0)
         for mode, motion in enumerate(dynamics.motions):

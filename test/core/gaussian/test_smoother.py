@@ -181,8 +181,9 @@ def test_lineages_of_another_window_are_not_continued():
     assert own._continued_by(entries[9:])
     assert not own._continued_by(entries[:-2])  # it went back
     assert not own._continued_by(entries[-1:])  # it has none of them
-    copied = replace(entries[20], stored=replace(entries[20].stored))
-    assert not own._continued_by([*entries[:20], copied, *entries[21:]])
+    # A changed entry changes all later ones, the latest of them included.
+    copied = replace(entries[-2], stored=replace(entries[-2].stored))
+    assert not own._continued_by([*entries[:-2], copied, entries[-1]])
 
 
 def test_lineages_begin_again_with_a_window_that_went_back():
