@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import field, fields
 from functools import cache
 from typing import Any, get_args, get_type_hints
@@ -48,26 +49,30 @@ _ELEMENTS = (
 
 
 @cache
-def _array_fields(kind: Any) -> list[tuple[str, np.dtype[Any]]]:
-    """Return the names of a dataclass's fields that are arrays, or None, and their elements."""
+def _array_fields(kind: Any) -> dict[str, np.dtype[Any]]:
+    """Return the elements of a dataclass's fields that are arrays, or None, by name."""
     hints = get_type_hints(kind)
-    return [
-        (each.name, element)
+    return {
+        each.name: element
         for each in fields(kind)
         for array, element in _ELEMENTS
         if array in (hints[each.name], *get_args(hints[each.name]))
-    ]
+    }
 
 
 class ReadOnly:
     """Base of frozen dataclasses, whose arrays become read-only and get their declared type."""
 
     def __post_init__(self) -> None:
+        self._protect(self.__dict__)
+
+    def _protect(self, names: Iterable[str]) -> None:
+        """Make the arrays among these fields read-only, and of their declared type."""
         kind: Any = type(self)
-        own = self.__dict__
-        for name, element in _array_fields(kind):
-            if own[name] is not None:
-                own[name] = read_only(own[name], element)
+        own, elements = self.__dict__, _array_fields(kind)
+        for name in names:
+            if name in elements and own[name] is not None:
+                own[name] = read_only(own[name], elements[name])
 
 
 def zeros_field(*shape: int, dtype: type = np.float64) -> Any:

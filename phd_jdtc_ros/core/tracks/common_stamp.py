@@ -202,5 +202,4 @@ def between(
         ends = estimates.take(before), estimates.take(after)
         parts.append(interpolate(*ends, (time_ns[before], time_ns[after]), stamp_ns))
     whole, _ = Estimates.concatenate(parts, estimates.lag)
-    probable = whole.weight > threshold
-    return whole if probable.all() else whole.take(np.flatnonzero(probable))
+    return whole.select(whole.weight > threshold)

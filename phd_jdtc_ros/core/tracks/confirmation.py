@@ -258,11 +258,10 @@ class TrackStates:
         state = np.where(estimates.weight > self.rule.delete.min(), CONFIRMED, TENTATIVE)
         state[labelled] = records.state
         known = (state != TENTATIVE) & self.rule.reported[estimates.class_id]
-        return estimates.changed(track_state=state).take(np.flatnonzero(known))
+        return estimates.changed(track_state=state).select(known)
 
     def _of_reported_classes(self, estimates: Estimates) -> Estimates:
-        reported = self.rule.reported[estimates.class_id]
-        return estimates if reported.all() else estimates.take(np.flatnonzero(reported))
+        return estimates.select(self.rule.reported[estimates.class_id])
 
     def _next(
         self, estimates: Estimates, rows: IntArray, scan: Scan, model: TrackerModel
@@ -317,7 +316,7 @@ class TrackStates:
         noted = self._noted.labels_since(estimates.stamp_ns)
         kept = contains(confirmed, track) | contains(noted, track) | (track == 0)
         kept &= estimates.weight >= self.rule.delete[estimates.class_id]
-        estimates = estimates.take(np.flatnonzero(kept))
+        estimates = estimates.select(kept)
         return estimates.changed(track_state=self._noted.states(estimates))
 
     def to_snapshot(self, snapshot: Snapshot) -> None:

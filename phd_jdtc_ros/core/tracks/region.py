@@ -59,8 +59,7 @@ class Region:
 
     def select_estimates(self, estimates: Estimates) -> Estimates:
         """Return the estimates in the core region or its margin."""
-        inside = self.covers(estimates.position)
-        return estimates if inside.all() else estimates.take(np.flatnonzero(inside))
+        return estimates.select(self.covers(estimates.position))
 
 
 @dataclass(frozen=True)

@@ -130,9 +130,9 @@ def continue_numbers(
         if birth_scan(np.array(label - 1)) < first
     }
     given = np.array([label for label in latest if label not in numbers], dtype=np.int64)
-    old = before.take(np.flatnonzero(np.isin(before.track_id, given)))
+    old = before.select(np.isin(before.track_id, given))
     young = birth_scan(after.track_id - 1) >= first
-    new = after.take(np.flatnonzero(young & (after.track_id > 0)))
+    new = after.select(young & (after.track_id > 0))
     for row, column in zip(*match(old, new), strict=True):
         numbers[int(new.track_id[column])] = latest[int(old.track_id[row])]
     return numbers

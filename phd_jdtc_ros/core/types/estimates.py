@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, ReadOnly
+from ..arrays import BoolArray, FloatArray, IntArray, ReadOnly
 from ..snapshot import MAX_MASS, MAX_STATE, covariances, floats, integers
 from ..state_space import PLANAR, StateSpace
 from .detections import SENSORS, UNKNOWN
@@ -138,8 +138,12 @@ class Estimates(_Targets):
         """Return these estimates with some fields changed; faster than `dataclasses.replace`."""
         other = object.__new__(Estimates)
         other.__dict__.update(self.__dict__, **fields)
-        other.__post_init__()
+        other._protect(fields)
         return other
+
+    def select(self, mask: BoolArray) -> Estimates:
+        """Return the estimates of a mask's rows; all of them are returned as they are."""
+        return self if mask.all() else self.take(np.flatnonzero(mask))
 
     @staticmethod
     def concatenate(parts: Sequence[Estimates], lag: int) -> tuple[Estimates, IntArray]:

@@ -273,7 +273,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             at, targets = rows.entry.stamp_ns, self._filtered[rows.entry.stamp_ns]
             alive = contains(rows.label, targets.track_id - 1)
             if not alive.all():
-                self._filtered = {**self._filtered, at: targets.take(np.flatnonzero(alive))}
+                self._filtered = {**self._filtered, at: targets.select(alive)}
         parts = [self._filtered[rows.entry.stamp_ns] for rows in self.forward.unswept]
         estimates, time_ns = Estimates.concatenate(parts, 0)
         return predict(estimates, time_ns, stamp_ns, self.forward.model.modes)

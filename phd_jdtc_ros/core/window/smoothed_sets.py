@@ -43,7 +43,7 @@ class SetSmoother(FixedLagEngine[RowsT, LinkT]):
             estimates = self._extract(stored, each, lag, 0.0)
             if rows is not None:
                 kept = np.isin(estimates.track_id - 1, stored.row_label[rows])
-                estimates = estimates.take(np.flatnonzero(kept))
+                estimates = estimates.select(kept)
             every.append(estimates)
         modes = self.forward.model.modes
         return at_stamp(*Estimates.concatenate(every, lag), stamp_ns, threshold, modes)
