@@ -68,7 +68,7 @@ class InnovationMonitor:
 
     def retune(self, model: TrackerModel) -> None:
         """Use another model of the same structure from the next scan on."""
-        self._model = model
+        self._model, self._motions = model, tuple(dict.fromkeys(model.modes.motions))
         turns_s = (radar.rotation_s for radar in model.radars)
         self._max_age_s = MAX_AGE_SCANS * max(model.modes.interval_s, *turns_s)
 
@@ -104,8 +104,7 @@ class InnovationMonitor:
         )
         innovation = found.measurement[column] - expected
         innovation[:, 1] = wrap_angle(innovation[:, 1])
-        noise = radar.noise_std_of(found)[column]
-        variance = np.broadcast_to(noise**2, innovation.shape)
+        variance = radar.noise_std_of(found)[column] ** 2
         predicted = slope @ self._predict_covariance(tracks, row, after_s) @ slope.swapaxes(-1, -2)
         innovation_covariance = predicted + variance[:, :, None] * np.eye(2)
         normal = np.linalg.solve(innovation_covariance, innovation[:, :, None])[:, :, 0]
@@ -116,15 +115,13 @@ class InnovationMonitor:
         self, tracks: Estimates, row: IntArray, after_s: FloatArray
     ) -> FloatArray:
         """Return the covariances of tracks' positions, predicted by `after_s`, (P, 2, 2)."""
-        place, speed = list(tracks.space.position), list(tracks.space.velocity)
-        covariance = tracks.covariance[row]
-        ahead = after_s[:, None, None]
-        cross = covariance[:, place][:, :, speed]
-        moved = covariance[:, place][:, :, place] + ahead * (cross + cross.swapaxes(-1, -2))
-        moved = moved + ahead**2 * covariance[:, speed][:, :, speed]
-        motions = tuple(dict.fromkeys(self._model.modes.motions))
+        space = tracks.space
+        motion = np.zeros((len(row), 2, len(space)))
+        motion[:, (0, 1), space.position] = 1.0
+        motion[:, (0, 1), space.velocity] = after_s[:, None]
         # The tracks of a scan are predicted over about the same time.
-        added = _process_noise(motions, float(after_s.mean()) if len(row) else 0.0)
+        added = _process_noise(self._motions, float(after_s.mean()) if len(row) else 0.0)
+        moved = motion @ tracks.covariance[row] @ motion.swapaxes(-1, -2)
         return np.asarray(moved + added * np.eye(2))
 
     def fits(self) -> list[Fit]:
