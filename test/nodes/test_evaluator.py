@@ -46,14 +46,9 @@ def test_evaluator_publishes_scores_and_writes_the_report(processes, peer, tmp_p
     assert (statuses["filtered/all"]["missed"], statuses["filtered/all"]["false"]) == ("1", "0")
     assert metrics["scans"] == 2
     assert metrics["filtered"]["all"]["ospa"] == pytest.approx(expected / 2.0, rel=1e-6)
-    assert metrics["filtered"]["all"]["gospa"] == pytest.approx(expected_gospa / 2.0, rel=1e-6)
-    assert metrics["filtered"]["all"]["position_detection"] == 0.5
     assert metrics["filtered"]["all"]["confusion"] == [[1, 0, 0], [0, 0, 1], [0, 0, 0]]
-    # The missed target's one scan; without track ids there is no OSPA(2).
-    assert metrics["filtered"]["class_1"]["long_gap_misses"] == 0.0
+    # Without track ids there is no OSPA(2).
     assert metrics["filtered"]["all"]["ospa2"] is None
-    assert metrics["class_accuracy"] == 1.0
-    assert metrics["smoothed"]["all"]["cardinality_abs_error"] == 0.0
 
 
 def test_evaluator_follows_track_ids_and_prints_the_names_of_the_classes(processes, peer, tmp_path):
@@ -169,12 +164,3 @@ def test_evaluator_receives_best_effort_truth_if_asked(processes, peer):
         assert peer.spin_until(lambda topic=topic: peer.node.count_subscribers(topic))
         (info,) = peer.node.get_subscriptions_info_by_topic(topic)
         assert info.qos_profile.reliability == asked.get(topic, ReliabilityPolicy.RELIABLE)
-
-
-def test_evaluator_refuses_qos_that_there_is_not(processes):
-    override = f"qos_overrides.{names.TRUTH}.subscription.reliability:=perfect"
-    status, text = processes.run("evaluator", "--ros-args", "-p", override)
-
-    assert status == 2
-    assert f"evaluator: qos_overrides.{names.TRUTH}" in text
-    assert "Traceback" not in text

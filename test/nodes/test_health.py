@@ -230,20 +230,6 @@ def test_publisher_of_incompatible_qos_is_an_error_before_any_message():
     assert found.message == "incompatible QoS on /north/plots: best effort and reliable"
 
 
-def test_gaps_are_counted_exactly():
-    health = radar()
-    for sequence in (4, 5, 9, 10, 13):
-        health.arrived(0.0, sequence, 0.0)
-    assert health.gaps == 3 + 2
-
-
-def test_gaps_are_not_counted_without_sequence_numbers():
-    health = radar()
-    for _ in range(3):
-        health.arrived(0.0, None, 0.0)
-    assert (health.gaps, health.received) == (0, 3)
-
-
 @pytest.mark.parametrize(
     ("worked_s", "why"),
     [(0.9, "the tracker is too slow, see its step time"), (0.1, "on the way to the tracker")],

@@ -5,7 +5,6 @@ azimuths from north. Everything an operator does happens on the way.
 """
 
 import numpy as np
-import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
 from live_radars import Health, change, options, reliable, state_of
@@ -15,9 +14,7 @@ from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import detections, estimates, point_cloud, stamps
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.schema import flatten
-from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.state_space import PLANAR, VX, VY, X, Y
 from phd_jdtc_ros.core.types import Truth
 from phd_jdtc_ros.evaluation.metrics import ospa
@@ -127,31 +124,6 @@ def second_half_ospa(found):
             scores.append(ospa(true, guess, CUTOFF_M, 2.0).distance)
     assert len(scores) > 20
     return np.mean(scores)
-
-
-def offline(changes):
-    """Return the filtered estimates of the scene under changed parameters, without a node."""
-    config = resolve({**GIVEN, "engine": "particles", **changes})
-    grouper, engine, found = config.grouper(), new_engine(config), []
-    for index, cloud in SCENE:
-        report = detections.from_msg(cloud, config.inputs[index])
-        events = grouper.add(index, report.stamp_ns, report.detections)
-        assert not isinstance(events, Rejection)
-        found += [estimates for scan in events for estimates in engine.step(scan).filtered]
-    return found
-
-
-@pytest.mark.parametrize(
-    "misread",
-    [
-        {"south.azimuth_convention": "enu_ccw"},
-        {"south.amplitude_unit": "linear"},
-        {"north.position": [0.0, -9e3]},
-        {"east.yaw_deg": 0.0},
-    ],
-)
-def test_bound_fails_if_a_radar_is_misread(misread):
-    assert second_half_ospa(offline(misread)) > 2.0 * OSPA_BOUND_M
 
 
 class Operator:

@@ -3,7 +3,6 @@ import json
 import os
 import resource
 import signal
-import subprocess
 
 import pytest
 from live_radars import options
@@ -107,29 +106,6 @@ def test_recorder_stops_at_the_largest_file_and_the_node_goes_on(processes, peer
 
     check_stopped_cleanly(outcome, directory, os.strerror(errno.EFBIG))
     assert json.loads((tmp_path / "report.json").read_text())["scans"] == 0
-
-
-@pytest.fixture
-def small_disk(tmp_path):
-    """Return a directory on a file system of little room."""
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", f"size={TOO_LITTLE}", "tmpfs", disk],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if mounted.returncode:
-        pytest.skip(f"no file system can be mounted here: {mounted.stderr.strip()}")
-    yield disk
-    subprocess.run(["umount", disk], check=True)
-
-
-def test_recorder_stops_on_a_full_disk_and_the_node_goes_on(processes, peer, small_disk):
-    outcome = record(processes, peer, small_disk / "bag", lambda _: None)
-
-    check_stopped_cleanly(outcome, small_disk / "bag", os.strerror(errno.ENOSPC))
 
 
 def test_recording_has_the_topics_that_are_on_and_the_parameters(processes, peer, tmp_path):

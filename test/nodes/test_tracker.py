@@ -93,31 +93,6 @@ def test_tracker_begins_again_when_stamps_jump(processes, peer):
     assert not set.union(*found[:4]) & set.union(*found[4:])
 
 
-def test_tracker_takes_radars_in_any_order_and_goes_on_with_one(radars):
-    radars.send(0, radars=(1,))
-    assert radars.health.values("radar_2")["received"] == "1"
-    assert not radars.filtered
-    radars.track(0, radars=(0,))
-    assert len(radars.filtered) == 1
-    for index in range(1, 4):
-        radars.send(index, radars=(0,))
-    # Twice the silent radar is waited for until a later stamp comes, then no longer.
-    assert radars.peer.spin_until(lambda: len(radars.filtered) == 4)
-
-
-def test_tracker_warns_of_azimuths_that_probably_are_degrees(radars):
-    found = SCANS[0].detections[0]
-    turned = Detections(found.measurement + np.array([0.0, 300.0]), found.amplitude)
-    radars.outputs[0].publish(cloud(0, 0, turned))
-    radars.track(0, radars=(1,))
-    status = radars.health.fresh("radar_1")
-
-    assert "azimuths beyond 2 pi rad; probably degrees" in status.message
-    values = diagnostics.values_of(status)
-    assert values["azimuths_beyond_a_turn"] == str(len(found))
-    assert not [name for name in values if name.startswith("dropped_")]
-
-
 def test_tracker_takes_an_empty_scan_as_a_scan_and_counts_duplicate_and_late_ones(radars):
     for radar, output in enumerate(radars.outputs):
         output.publish(cloud(0, radar, Detections(np.zeros((0, 2)), np.zeros(0))))
