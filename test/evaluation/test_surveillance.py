@@ -61,27 +61,11 @@ track_sets = track_lists.map(gathered)
 
 
 @settings(deadline=None, max_examples=60)
-@given(points=point_sets, order=orders, seed=st.integers(0, 100))
-def test_gospa_of_a_set_with_itself_is_zero(points, order, seed):
-    shuffled = points[np.random.default_rng(seed).permutation(len(points))]
-    found = gospa(points, shuffled, CUTOFF, order)
-    assert found.distance == pytest.approx(0.0, abs=1e-9)
-    assert (found.missed, found.false) == (0, 0)
-
-
-@settings(deadline=None, max_examples=60)
 @given(a=point_sets, b=point_sets, order=orders)
 def test_gospa_is_symmetric_and_swaps_missed_and_false(a, b, order):
     forward, backward = gospa(a, b, CUTOFF, order), gospa(b, a, CUTOFF, order)
     assert forward.distance == pytest.approx(backward.distance, abs=1e-9)
     assert forward.missed - forward.false == backward.false - backward.missed == len(a) - len(b)
-
-
-@settings(deadline=None, max_examples=150)
-@given(a=point_sets, b=point_sets, c=point_sets, order=orders)
-def test_gospa_obeys_the_triangle_inequality(a, b, c, order):
-    ab, bc, ac = (gospa(p, q, CUTOFF, order).distance for p, q in ((a, b), (b, c), (a, c)))
-    assert ac <= ab + bc + 1e-9
 
 
 @settings(deadline=None, max_examples=60)

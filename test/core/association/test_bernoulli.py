@@ -50,30 +50,6 @@ def test_row_may_be_split_into_equal_ones():
     np.testing.assert_allclose(whole[2], halves[2], rtol=1e-9)
 
 
-@pytest.mark.parametrize("excess", [1.5, 3.0])
-def test_target_with_a_mass_above_one_is_taken_as_certain(excess):
-    target, weight, claims = scene()
-    certain = weight / np.bincount(target, weight)[target]
-    scale = certain / weight
-    exact = Claims(
-        claims.row,
-        claims.column,
-        claims.mass * scale[claims.row],
-        claims.other,
-        claims.detection_probability,
-    )
-    more = Claims(
-        claims.row,
-        claims.column,
-        exact.mass * excess,
-        claims.other,
-        claims.detection_probability,
-    )
-    expected = posterior(target, certain, exact)
-    for one, other in zip(expected, posterior(target, certain * excess, more), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-9)
-
-
 def test_mass_above_one_is_scaled_down_for_that_target_alone():
     # Far from each other, with a detection each: the first of mass 1.5, in two rows.
     weight, target = np.array([0.75, 0.75, 0.4]), np.array([0, 0, 1])

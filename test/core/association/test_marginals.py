@@ -80,14 +80,6 @@ def test_marginals_of_pairs_that_are_forced_are_one():
     np.testing.assert_allclose(none, 0.0, atol=1e-10)
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (1, 6), (6, 1)])
-def test_marginals_of_one_target_or_one_detection_are_shares_of_the_odds(shape):
-    odds = np.random.default_rng(1).exponential(3.0, shape)
-    edge, none = dense_marginals(odds, np.ones(shape[1]))
-    np.testing.assert_allclose(edge, odds / (1.0 + odds.sum()), rtol=1e-12)
-    np.testing.assert_allclose(none, 1.0 - edge.sum(axis=1), rtol=1e-12)
-
-
 def chain(rng, targets):
     """Return odds of targets that share a detection with the one before and the one after."""
     odds = np.zeros((targets, targets + 1))
@@ -179,6 +171,7 @@ def complete(*blocks):
 def test_marginals_count_the_clusters_that_take_too_much():
     assert marginals(*complete((30, 30), (4, 4), (1, 40), (30, 30))).approximate == 2
     assert marginals(*complete((4, 4), (1, 40), (30, 30))).approximate == 1
+    assert marginals(*complete(*[(10, 10)] * 40)).approximate == 0
 
 
 @pytest.mark.parametrize("shape", [(12, 12), (100, 7), (7, 100), (2, 5000), (5000, 2), (1, 5000)])
@@ -186,10 +179,6 @@ def test_marginals_of_clusters_of_this_size_are_exact(shape):
     found = marginals(*complete(shape))
     assert found.approximate == 0
     np.testing.assert_allclose(found.edge, found.edge[0], rtol=1e-9)
-
-
-def test_marginals_are_as_exact_in_a_large_scene_as_in_a_small_one():
-    assert marginals(*complete(*[(10, 10)] * 40)).approximate == 0
 
 
 def test_marginals_of_just_the_bound_are_exact(monkeypatch):
@@ -207,10 +196,14 @@ def test_marginals_of_extreme_odds_are_finite(shape, clutter):
     rng = np.random.default_rng(8)
     target, detection = np.divmod(np.arange(shape[0] * shape[1]), shape[1])
     odds = np.where(rng.random(len(target)) < 0.3, 0.0, 1e12 * rng.exponential(1.0, len(target)))
-    edge, none, _ = marginals(target, detection, odds, shape[0], np.full(shape[1], clutter))
+    clutter = np.full(shape[1], clutter)
+    edge, none, approximate = marginals(target, detection, odds, shape[0], clutter)
     assert np.isfinite(edge).all()
+    assert (edge >= 0.0).all()
     assert (edge[odds == 0.0] == 0.0).all()
     np.testing.assert_allclose(np.bincount(target, edge) + none, 1.0, rtol=1e-12)
+    # Exact sums use no detection twice either.
+    assert approximate or np.bincount(detection, edge).max() <= 1.0 + 1e-12
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -231,35 +224,6 @@ def test_marginals_of_two_loud_targets_are_not_taken_for_certain(monkeypatch):
     np.testing.assert_allclose(edge, [[2 / 3, 1 / 3], [1 / 3, 2 / 3]], rtol=1e-6)
     monkeypatch.setattr(module, "MOST_WORK", 0)
     assert dense_marginals(odds, np.full(2, 1e-9))[0].max() > 0.99
-
-
-def test_marginals_of_one_cluster_do_not_depend_on_another():
-    rng = np.random.default_rng(9)
-    odds = np.zeros((5, 5))
-    odds[:3, :3], odds[3:, 3:] = rng.exponential(3.0, (3, 3)), rng.exponential(3.0, (2, 2))
-    both, none = dense_marginals(odds, np.ones(5))
-    first, none_first = dense_marginals(odds[:3, :3], np.ones(3))
-    second, none_second = dense_marginals(odds[3:, 3:], np.ones(2))
-    np.testing.assert_allclose(both[:3, :3], first, rtol=1e-12)
-    np.testing.assert_allclose(both[3:, 3:], second, rtol=1e-12)
-    np.testing.assert_allclose(none, np.concatenate([none_first, none_second]), rtol=1e-12)
-
-
-def test_marginals_of_a_detection_that_two_targets_want_alike_are_even():
-    edge, _ = dense_marginals(np.full((2, 1), 1e6), np.ones(1))
-    np.testing.assert_allclose(edge, 0.5, atol=1e-3)
-
-
-@pytest.mark.parametrize("scale", [1.0, 1e6])
-@pytest.mark.parametrize("clutter", [1.0, 1e-12, 0.0])
-def test_marginals_never_use_a_target_or_a_detection_twice(scale, clutter):
-    rng = np.random.default_rng(3)
-    odds = scale * rng.exponential(1.0, (6, 5))
-    edge, none = dense_marginals(odds, np.full(5, clutter))
-    assert np.isfinite(edge).all()
-    assert (edge >= 0.0).all()
-    np.testing.assert_allclose(edge.sum(axis=1) + none, 1.0, rtol=1e-12)
-    assert (edge.sum(axis=0) <= 1.0 + 1e-12).all()
 
 
 def test_marginals_do_not_depend_on_the_order_of_the_edges():

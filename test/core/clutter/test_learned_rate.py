@@ -67,14 +67,6 @@ def test_learned_rate_tracks_as_well_as_the_right_one(rate):
     assert distances(engine_of("gaussian", **given), run) == pytest.approx(right, rel=0.03)
 
 
-def test_many_false_detections_are_no_targets_once_the_rate_is_learned():
-    """Births are at detections, with five times the configured clutter."""
-    anywhere = {"births": [], "detection_births.rates": [0.05, 0.05], "amplitude": "none"}
-    run = run_of(RATES[1], 40)
-    wrong = distances(engine_of("gaussian", **anywhere, **rates(START_RATE)), run)
-    assert wrong > 3.0 * distances(engine_of("gaussian", **anywhere), run)
-
-
 def test_a_given_rate_is_not_learned():
     tracker = engine_of("gaussian", **rates(START_RATE))
     for _, scan in run_of(4.0, 3):
@@ -194,13 +186,6 @@ def test_a_rate_may_be_learned_or_given_from_a_scan_on():
     tracker.retune(auto.model, tracker.rule)
     tracker.step(run[1])
     assert set(learned(tracker)) == {"radar_1", "radar_2"}
-
-
-def test_words_other_than_auto_are_refused():
-    with pytest.raises(
-        ConfigError, match=r"clutter_rate: 'often' given, .* at most 1e\+06 or auto"
-    ):
-        resolve({"radar_1.clutter_rate": "often"})
 
 
 def test_what_is_simulated_needs_a_number():

@@ -57,9 +57,3 @@ def test_classes_are_right_as_often_as_said_by_default(least):
     assert sure.sum() > 100
     spread = np.sqrt((said[sure] * (1.0 - said[sure])).sum()) / sure.sum()
     assert right[sure].mean() == pytest.approx(said[sure].mean(), abs=3.0 * spread + 0.005)
-
-
-def test_classes_of_bands_are_surer_than_right():
-    said, right, _ = told({"amplitude": "band"})
-    sure = said >= 0.95
-    assert right[sure].mean() < said[sure].mean() - 0.05

@@ -147,13 +147,37 @@ def test_target_that_flies_over_the_radar():
     assert np.hypot(*(last.position - truth).T).min() < 600.0
 
 
-def test_detections_at_range_zero_and_at_the_largest_range():
+# Reports by a radar and what it would measure.
+REPORTS = {
+    "range zero and the largest": lambda radar, _: Detections(
+        np.array(
+            [
+                *([0.0, 0.0], [0.0, np.pi], [1e-300, 1.0]),
+                *([radar.max_range, -np.pi], [radar.max_range, 2.0]),
+            ]
+        ),
+        None,
+    ),
+    "equal detections": lambda _, true: Detections(np.repeat(true, 40, axis=0), None),
+    **{
+        f"noise {std}": lambda _, true, std=std: Detections(true, None, noise_std=np.array([std]))
+        for std in ([1e-9, 1e-12], [1e7, 10.0], [np.nan, 0.01])
+    },
+    **{
+        f"time {time_s}": lambda _, true, time_s=time_s: Detections(true, None, np.array([time_s]))
+        for time_s in (-1e3, 1e3, 1e-12)
+    },
+}
+
+
+@pytest.mark.parametrize("made", REPORTS.values(), ids=REPORTS)
+def test_reports_of_extreme_numbers(made):
     config = lone(CLUTTER)
     (radar,) = config.model.radars
-    edge = np.array(
-        [[0.0, 0.0], [0.0, np.pi], [1e-300, 1.0], [radar.max_range, -np.pi], [radar.max_range, 2.0]]
-    )
-    scans = [scan_at(second, edge) for second in 6.0 * np.arange(1, 8)]
+    scans = [
+        Scan(START_NS + round(second * 1e9), (made(radar, radar.measure(path([second]))),))
+        for second in 6.0 * np.arange(1, 8)
+    ]
     track(started(config), scans)
 
 
@@ -172,16 +196,6 @@ def test_scan_of_a_hundred_thousand_false_detections(given):
     track(started(config), scans)
 
 
-def test_many_equal_detections():
-    config = lone(CLUTTER)
-    (radar,) = config.model.radars
-    scans = [
-        scan_at(second, np.repeat(radar.measure(MEAN[None]), 40, axis=0))
-        for second in 6.0 * np.arange(1, 6)
-    ]
-    track(started(config), scans)
-
-
 def test_many_equal_targets():
     config = lone(CLUTTER)
     (radar,) = config.model.radars
@@ -189,31 +203,6 @@ def test_many_equal_targets():
     scans = [scan_at(second, radar.measure(path([second]))) for second in 6.0 * np.arange(1, 6)]
     filtered = track(engine, scans)
     assert filtered[-1].weight.sum() < 3.0
-
-
-@pytest.mark.parametrize(
-    "noise_std", [[1e-9, 1e-12], [1e7, 10.0], [np.nan, 0.01]], ids=["least", "most", "unknown"]
-)
-def test_noise_of_each_detection(noise_std):
-    config = lone(CLUTTER)
-    (radar,) = config.model.radars
-    scans = []
-    for second in 6.0 * np.arange(1, 8):
-        measured = radar.measure(path([second]))
-        detections = Detections(measured, None, noise_std=np.array([noise_std]))
-        scans.append(Scan(START_NS + round(second * 1e9), (detections,)))
-    track(started(config), scans)
-
-
-@pytest.mark.parametrize("time_s", [-1e3, 1e3, 1e-12])
-def test_plots_at_times_far_from_the_stamp(time_s):
-    config = lone(CLUTTER)
-    (radar,) = config.model.radars
-    scans = [
-        scan_at(second, radar.measure(path([second])), time_s=np.array([time_s]))
-        for second in 6.0 * np.arange(1, 8)
-    ]
-    track(started(config), scans)
 
 
 def test_no_detections_at_all_and_no_report():

@@ -109,28 +109,6 @@ def test_one_motion_is_the_kalman_filter_and_the_rauch_tung_striebel_smoother(se
     assert [found.lag for found in smoothed] == [LAG] * (len(seconds) - LAG) + [4, 3, 2, 1, 0]
 
 
-def test_one_motion_far_away_is_linear_and_needs_no_more_iterations():
-    # From 200 000 km away the radar sees the target's surroundings as flat.
-    far = 2e8
-    config = lone(
-        {
-            "lag": LAG,
-            "radar.position": [-far, 0.0],
-            "radar.max_range": 4e8,
-            "radar.range_std": 150.0,
-            "radar.azimuth_std_deg": float(np.degrees(100.0 / far)),
-        }
-    )
-    measured = plots(config, UNEVEN, 0.0 * UNEVEN)
-    filtered, smoothed = run(started(config), UNEVEN, measured, 0.0 * UNEVEN)
-    expected, expected_smoothed = textbook_run(
-        config, UNEVEN, measured, 0.0 * UNEVEN, iterations=20
-    )
-    # Doubles have 3e-8 m left of such a range.
-    for found, right in zip([*filtered, *smoothed], [*expected, *expected_smoothed], strict=True):
-        close(found, right, atol=1e-6)
-
-
 def test_updates_that_stop_early_are_as_near_to_the_most_probable_state_as_they_say():
     config = lone({"lag": LAG})
     (radar,) = config.model.radars

@@ -119,19 +119,6 @@ def test_a_late_report_changes_nothing_that_is_still_to_come(engine, taken):
 
 
 @ENGINES
-def test_without_the_rework_the_estimates_are_others(engine):
-    given = {"late_reports": "drop"}
-    run = Run(config(engine, given)).feed(late(REPORTS, [13], 5)).finished()
-    whole = Run(config(engine, given)).feed(REPORTS).finished()
-    assert run.refused == [Rejection.LATE]
-    (ours,), (theirs,) = (
-        [found for found in each.smoothed if found.stamp_ns == SCANS[7].stamp_ns]
-        for each in (run, whole)
-    )
-    assert not same(ours, theirs)
-
-
-@ENGINES
 def test_two_late_reports_are_worked_in_as_well_as_one(engine):
     order = late(late(REPORTS, [10], 6), [19], 4)
     run = Run(config(engine)).feed(order).finished()

@@ -22,17 +22,10 @@ from phd_jdtc_ros.core.intake.turns import Turns
 from phd_jdtc_ros.core.types import Detections
 
 
-@pytest.mark.parametrize("rotation_s", [0.0, 4.0])
-def test_a_report_without_times_or_sectors_stays_as_it_is(rotation_s):
-    sent = TurningRadar(timed=False).reports(1)[0]
+@pytest.mark.parametrize(("rotation_s", "timed"), [(0.0, False), (4.0, False), (0.0, True)])
+def test_a_report_without_times_or_of_a_radar_that_does_not_turn_stays_as_it_is(rotation_s, timed):
+    sent = TurningRadar(timed=timed).reports(1)[0]
     ((stamp_ns, piece),) = Turns(rotation_s).split(sent.stamp_ns, sent.detections)
-    assert stamp_ns == sent.stamp_ns
-    assert piece is sent.detections
-
-
-def test_a_radar_that_does_not_turn_keeps_its_reports_and_their_times():
-    sent = TurningRadar().reports(1)[0]
-    ((stamp_ns, piece),) = Turns().split(sent.stamp_ns, sent.detections)
     assert stamp_ns == sent.stamp_ns
     assert piece is sent.detections
 
@@ -276,14 +269,6 @@ def test_an_antenna_that_turns_the_other_way_is_found_again():
     for pieces in fed(turns, back)[2:]:
         assert len(pieces) == SLICES
         assert (np.abs(covered(pieces) - 1.0) > 0.0).mean() < 0.02
-
-
-def test_a_hundred_thousand_detections_are_cut_in_time():
-    radar = TurningRadar(plots=100_000)
-    turns = turns_of(radar)
-    for pieces in fed(turns, radar.reports(2)):
-        assert sum(len(piece) for _, piece in pieces) > 99_000
-        assert (np.abs(covered(pieces) - 1.0) > 0.0).mean() < 0.01
 
 
 def still(kind, rng):

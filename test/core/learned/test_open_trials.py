@@ -51,13 +51,6 @@ def test_counted_trials_are_detections_with_the_true_probability(probability, af
     assert abs(detected[0] / count[0] - probability) < 4.0 * std
 
 
-def test_counting_all_looks_until_the_end_would_be_wrong():
-    """The bias that open trials avoid is there: targets are looked for after their end."""
-    every = list(lives(np.random.default_rng(4), 0.5, 3000, 8))
-    share = sum(step.detected.sum() for step in every) / sum(len(step.label) for step in every)
-    assert share < 0.4
-
-
 def test_misses_count_with_the_next_detection_and_the_detection_with_the_one_after_it():
     seen = [1.0, 0.0, 0.0, 1.0]
     _, sums = after([trials([7], [d]) for d in seen])

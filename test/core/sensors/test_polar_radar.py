@@ -4,17 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from scenes import intensity, small
+from scenes import small
 
 from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.sensors.polar_radar import DETECTION_GATE_SIGMA, RadarModel
-from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.sensors.visibility import Visibility
-from phd_jdtc_ros.core.smc.correction import BERNOULLI
-from phd_jdtc_ros.core.smc.update import ParticleSteps
 from phd_jdtc_ros.core.targets import amplitude_density
 from phd_jdtc_ros.core.types import Coverage, Detections
-from phd_jdtc_ros.core.window.update import update
 
 RADAR = RadarModel(
     name="radar",
@@ -99,27 +95,6 @@ def test_gated_pairs_equal_brute_force(seed, particles, reports, azimuth_std, ce
     )
 
 
-@pytest.mark.parametrize("turns", [-2, -1, 1, 3])
-def test_gated_pairs_ignore_whole_turns_of_a_detection(turns):
-    model = small().model
-    radar = model.radars[0]
-    rng = np.random.default_rng(3)
-    state = np.zeros((200, 5))
-    state[:, [0, 2]] = rng.normal([-9e3, 0.0], 300.0, (200, 2))  # on the cut
-    measurement = radar.measure(state[:5]).copy()
-    turned = measurement + np.array([0.0, turns * 2.0 * np.pi])
-    phd = intensity(state, np.full(200, 0.004), mode=rng.integers(0, 4, 200))
-    amplitudes = np.full(5, 20.0)
-    none = Detections(np.zeros((0, 2)), np.zeros(0))
-    steps = ParticleSteps(model, BERNOULLI, rng)
-    missed, plain, shifted = (
-        update(phd, Report(radar, found), steps, 6.0).rows
-        for found in (none, *(Detections(place, amplitudes) for place in (measurement, turned)))
-    )
-    assert plain.weight.sum() > missed.weight.sum() + 0.1
-    np.testing.assert_allclose(shifted.weight, plain.weight, rtol=1e-9)
-
-
 def test_log_clutter_intensity_integrates_to_the_rate():
     # Uniform over 2 pi x 15 km, times an amplitude density that integrates to one above tau.
     detections = Detections(np.array([[5e3, 1.0]]), None)
@@ -155,11 +130,6 @@ def test_log_class_likelihood_without_amplitudes_is_the_detection_probability():
     p_d = RADAR.class_detection_probability(classes)
     assert likelihood.shape == (2, 3)
     np.testing.assert_allclose(np.exp(likelihood), np.repeat(p_d[:, None], 3, axis=1))
-
-
-def test_class_detection_probability_is_lower_for_the_weaker_class():
-    strong, weak = RADAR.class_detection_probability(small().model.modes.classes)
-    assert 0.5 < weak < strong < 1.0
 
 
 # --- Detections with a time, a deviation and an amplitude of their own ----------------------------

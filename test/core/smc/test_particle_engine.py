@@ -12,7 +12,6 @@ from phd_jdtc_ros.core.types import Scan
 from phd_jdtc_ros.simulation.simulate import simulate
 from phd_jdtc_ros.simulation.traffic.targets import TargetScript
 
-START_NS = 1_700_000_000_000_000_000
 SCANS = [scan for _, scan in simulate(short_scenario(8), 3)]
 
 
@@ -25,11 +24,6 @@ def run(engine, scans=SCANS):
 def test_engine_gives_the_same_run_for_the_same_seed(extraction):
     config = small({"lag": 2, "seed": 7, "recursion.extraction": extraction})
     assert equal(run(new_engine(config)), run(new_engine(config)))
-
-
-def test_engine_gives_another_run_for_another_seed():
-    first, second = (run(new_engine(small({"seed": seed}))) for seed in (1, 2))
-    assert not equal(first, second)
 
 
 @pytest.mark.parametrize("forget", [["reset"], ["flush"], ["interrupt", "flush"]])
@@ -78,20 +72,6 @@ def test_engine_interrupted_gives_out_the_rest_and_new_numbers():
         np.testing.assert_array_equal(shifted, second.track_id)
 
 
-def test_engine_finds_the_targets_of_the_scene():
-    engine = new_engine(small({"particles_per_target": 500, "particles_per_birth": 512}))
-    filtered, smoothed, flushed = run(engine)
-    for scan, (truth, _) in enumerate(simulate(short_scenario(8), 3)):
-        if scan < 2:
-            continue
-        for found in (filtered[scan], [*smoothed, *flushed][scan]):
-            assert len(found) == 3
-            distance = np.hypot(
-                *(found.state[:, None, [0, 2]] - truth.state[None, :, [0, 2]]).transpose(2, 0, 1)
-            )
-            assert distance.min(axis=0).max() < 1000.0
-
-
 @pytest.mark.parametrize("lag", [0, 1])
 def test_engine_filters_alike_whatever_the_lag(lag):
     filtered = run(new_engine(small({"lag": lag})))[0]
@@ -129,15 +109,6 @@ def test_engine_does_not_update_with_a_radar_that_did_not_report():
     assert unseen < 0.3 * unheard
 
 
-def test_engine_step_reports_what_it_holds():
-    step = new_engine(small()).step(SCANS[0])
-    assert step.class_mass.shape == (2,)
-    assert 2.0 < step.class_mass.sum() < 4.0
-    most = 200 * 4 * YOUNG_FACTOR + 8 * 20
-    assert 0 < step.figures["effective_sample_size"] <= step.figures["particles"] <= most
-    assert step.figures["orphans"] == 0
-
-
 def test_engine_figures_include_the_particles_per_target():
     def figures(noise):
         """Return those of scans of radars whose noise is `noise` times the usual one."""
@@ -154,6 +125,8 @@ def test_engine_figures_include_the_particles_per_target():
         return [engine.step(scan).figures for _, scan in simulate(scene, 3)]
 
     usual, sharp = figures(1.0), figures(0.3)
+    assert usual[0]["orphans"] == 0
+    assert usual[0]["particles"] <= 200 * 4 * YOUNG_FACTOR + 8 * 20
     for found in (*usual, *sharp):
         assert 0 < found["effective_sample_size"] <= found["particles"]
         assert 0.0 < found["effective_share"] <= 1.0

@@ -213,14 +213,6 @@ def toy_masses(snr_db, seen, death_term, engine="phd"):
 SNR_OF_P_D = {0.98: 25.33, 0.88: 17.24}
 
 
-@pytest.mark.parametrize("p_d", [0.98, 0.88])
-def test_toy_model_has_the_detection_probability(p_d):
-    snr = SNR_OF_P_D[p_d]
-    model, _ = single_target_model({"target.snr_band_db": [snr - 0.01, snr + 0.01]})
-    found = model.radars[0].class_detection_probability(model.modes.classes)
-    assert found[0] == pytest.approx(p_d, abs=2e-3)
-
-
 @pytest.mark.parametrize(("p_d", "bias"), [(0.98, 0.02), (0.88, 0.135)])
 def test_bernoulli_term_keeps_the_existence_before_a_death(p_d, bias):
     # The mass of a PHD filter for one target is at most 1 + (1 - p_D)/p_D; smoothing may keep this
@@ -249,23 +241,10 @@ def test_bernoulli_corrector_and_term_have_no_bias_before_a_death(p_d):
     assert all(np.diff(smoothed[2:]) < 0.0)
 
 
-@pytest.mark.parametrize("p_d", [0.98, 0.88])
-def test_paper_term_loses_the_existence_before_a_death(p_d):
-    _, smoothed = toy_masses(SNR_OF_P_D[p_d], [1, 1, 1, 0, 0, 0], "paper")
-    # One, two and three times 1 - P_s, and what the filter still holds at the end.
-    assert all(0.01 < mass < 0.04 for mass in smoothed[:3])
-    assert smoothed[0] > smoothed[1] > smoothed[2]
-
-
 def test_bernoulli_term_does_not_grow_a_living_target_with_the_lag():
     filtered, smoothed = toy_masses(SNR_OF_P_D[0.98], [1] * 6, "bernoulli")
     # Only the Poisson mass (1 - p_D = 0.02) grows, by 1 - P_s = 0.01 of itself per lag.
     assert np.abs(np.array(smoothed) - filtered[-1]).max() < 5 * 0.02 * 0.01 * 1.2
-
-
-def test_paper_term_grows_a_living_target_by_its_death_probability_a_lag():
-    _, smoothed = toy_masses(SNR_OF_P_D[0.98], [1] * 6, "paper")
-    np.testing.assert_allclose(-np.diff(smoothed), 0.01 * 1.02, rtol=0.02)
 
 
 # --- One target that lives: the Rauch-Tung-Striebel smoother -----------------------------------

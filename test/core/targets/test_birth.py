@@ -21,6 +21,7 @@ def test_sample_has_the_moments_of_the_term():
     assert (np.abs(scaled[:, :4].mean(axis=0)) < 3.0 / np.sqrt(count)).all()
     np.testing.assert_allclose(scaled[:, :4].std(axis=0), 1.0, atol=3.0 / np.sqrt(2 * count))
     np.testing.assert_allclose(scaled[turning, OMEGA].std(), 1.0, atol=3.0 / np.sqrt(count))
+    np.testing.assert_array_equal(state[~turning, OMEGA], 0.0)
 
 
 def test_sample_shares_modes_by_their_rates():
@@ -28,13 +29,6 @@ def test_sample_shares_modes_by_their_rates():
     _, mode = birth.sample(term, MODEL.modes, 1024, np.random.default_rng(0))
     # One coordinate of a Sobol set of 1024 points is stratified to a point.
     np.testing.assert_allclose(np.bincount(mode, minlength=4), [128, 0, 256, 640], atol=1)
-
-
-def test_sample_of_constant_velocity_has_no_turn_rate():
-    state, mode = birth.sample(TERM, MODEL.modes, 256, np.random.default_rng(0))
-    straight = mode % 2 == 0
-    np.testing.assert_array_equal(state[straight, OMEGA], 0.0)
-    assert (state[~straight, OMEGA] != 0.0).all()
 
 
 def test_sample_is_unbiased_over_its_random_shift():
@@ -72,11 +66,6 @@ def test_intensity_vanishes_far_from_every_term(dimension):
     state = TERM.mean[None].copy()
     state[0, dimension] += 9.0 * TERM.std[dimension]
     assert birth.intensity((TERM,), MODEL.modes, state, np.array([1]))[0] == 0.0
-
-
-def test_intensity_without_terms_is_zero():
-    found = birth.intensity((), MODEL.modes, np.zeros((3, 5)), np.zeros(3, dtype=int))
-    np.testing.assert_array_equal(found, np.zeros(3))
 
 
 def test_intensity_is_zero_for_a_mode_that_is_not_born():

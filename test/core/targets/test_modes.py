@@ -49,11 +49,6 @@ def test_transition_over_the_nominal_interval_is_the_given_matrix():
     np.testing.assert_array_equal(TWO_CLASSES.transition(6.0)[:2, :2], [[0.8, 0.2], [0.2, 0.8]])
 
 
-def test_transition_over_half_the_interval_is_the_square_root():
-    half = TWO_CLASSES.transition(3.0)
-    np.testing.assert_allclose(half @ half, TWO_CLASSES.transition(6.0), rtol=0, atol=1e-12)
-
-
 def test_transition_is_continuous_at_the_nominal_interval():
     near = TWO_CLASSES.transition(6.0 * (1.0 + 1e-5))
     np.testing.assert_allclose(near, TWO_CLASSES.transition(6.0), atol=1e-5)

@@ -42,13 +42,6 @@ def test_coordinated_turn_mean_tends_to_constant_velocity(omega):
     np.testing.assert_allclose(CT.mean(state, 6.0)[:, :4], expected[:, :4], rtol=1e-12, atol=1e-8)
 
 
-def test_coordinated_turn_mean_keeps_speed_and_turn_rate():
-    moved = CT.mean(STATES, 6.0)
-    speed = np.hypot(STATES[:, 1], STATES[:, 3])
-    np.testing.assert_allclose(np.hypot(moved[:, 1], moved[:, 3]), speed, rtol=1e-12)
-    np.testing.assert_array_equal(moved[:, OMEGA], STATES[:, OMEGA])
-
-
 def test_constant_velocity_mean_moves_straight_without_turn_rate():
     moved = CV.mean(STATES, 6.0)
     np.testing.assert_allclose(moved[:, [0, 2]], STATES[:, [0, 2]] + 6.0 * STATES[:, [1, 3]])

@@ -9,7 +9,6 @@ from scenes import seen_with
 from track_inputs import MODEL, estimates_of, scan_of
 
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.tracks.confirmation import TrackStates, missed_by_all
 from phd_jdtc_ros.core.tracks.confirmation_records import ConfirmationRecords
@@ -346,11 +345,6 @@ def replace_report(index, report):
     reports = list(scan.detections)
     reports[index] = report
     return Scan(0, tuple(reports))
-
-
-def test_parameter_of_earlier_versions_is_refused_with_those_that_replaced_it():
-    with pytest.raises(ConfigError, match="use confirm_probability and delete_probability"):
-        resolve({"existence_threshold": 0.6})
 
 
 @pytest.mark.parametrize("engine", ["particles", "gaussian"])

@@ -105,13 +105,6 @@ def test_build_peak_memory_is_some_columns_a_row(targets, corrector):
     assert peak <= 1100 * len(case[1]) + 80 * candidates.CHUNK_PAIRS
 
 
-def test_build_keeps_at_most_200_bytes_a_row():
-    case = tracked(8, 300)
-    ratio = backward_kernel.build(*case).ratio
-    kept = ratio.data.nbytes + ratio.indices.nbytes + ratio.indptr.nbytes
-    assert kept <= 200 * len(case[1])
-
-
 @pytest.mark.parametrize("reports", [10, 300])
 def test_gating_lists_little_more_than_it_keeps(reports):
     # Against both gates, 3.6 km of 15 km and 12 of 360 degrees, at every particle.
