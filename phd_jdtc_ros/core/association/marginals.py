@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..compilation import Float1, Int1, compiled, inner
+from ..compilation import inner
 from .belief_propagation import propagate, rounds
 from .clusters import graph_of
 from .frontier import matching_probabilities, node_prices
@@ -65,9 +65,15 @@ def _contested(
     return probability, none, approximate
 
 
-@compiled
+# It is compiled as a part of its only caller: compiled on its own, it would be optimised twice.
+@inner
 def edge_probabilities(
-    most_work: int, targets: int, target: Int1, detection: Int1, odds: Float1, clutter: Float1
+    most_work: int,
+    targets: int,
+    target: IntArray,
+    detection: IntArray,
+    odds: FloatArray,
+    clutter: FloatArray,
 ) -> tuple[FloatArray, FloatArray, int]:
     """Return the marginal probabilities of single-source, single-detection associations.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -52,7 +52,7 @@ class GaussianSteps:
 
     def prior(self, rows: Branched, report: Report) -> PriorMixture:
         """Return the hypotheses as the prior of a report's update."""
-        return PriorMixture(rows, report, self)
+        return PriorMixture(rows.mixture, rows.parent, report, self)
 
     def with_newborn(
         self, rows: Branched, newborn: Newborn, label: int
@@ -69,14 +69,10 @@ class GaussianSteps:
 class PriorMixture:
     """Hypotheses before a report; see `window.update_steps.Prior`."""
 
-    branched: Branched
+    mixture: Mixture
+    parent: IntArray  # See `Branched`
     report: Report
     steps: GaussianSteps
-
-    @property
-    def mixture(self) -> Mixture:
-        """The hypotheses without their parents."""
-        return self.branched.mixture
 
     @property
     def label(self) -> IntArray:
@@ -182,7 +178,8 @@ class PriorMixture:
 
     def with_reacquired(self, out_of_gate: OutOfGate) -> PriorMixture:
         """Return the prior with hypotheses of lost targets; see `strays.with_reacquired`."""
-        return replace(self, branched=with_reacquired(self.branched, out_of_gate, self.steps.model))
+        rows = Branched(self.mixture, self.parent)
+        return self.steps.prior(with_reacquired(rows, out_of_gate, self.steps.model), self.report)
 
     def posterior(
         self, pairs: Paired, evidence: Evidence | None, log_other: FloatArray
@@ -274,6 +271,6 @@ class PriorMixture:
             pair,
             pairs.column,
         )
-        row_label, parent = mixture.row_label.take(source), self.branched.parent.take(source)
+        row_label, parent = mixture.row_label.take(source), self.parent.take(source)
         updated = Mixture(row_label, association.weight, *gaussians, snr)
         return Branched(updated, parent)

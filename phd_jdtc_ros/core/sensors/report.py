@@ -72,7 +72,7 @@ class Report:
     look_prediction: LookPrediction | None = None
 
     def __len__(self) -> int:
-        return len(self.detections)
+        return len(self.detections.measurement)
 
     def take(self, rows: IntArray) -> Report:
         """Return the report of these detections alone."""
@@ -94,7 +94,7 @@ class Report:
         sector = self.detections.coverage
         return 0.0 if sector is None or not sector.turns else 1e9 * self.sensor.rotation_s
 
-    @cached_property
+    @property
     def informative_prediction(self) -> LookPrediction | None:
         """The prediction of the last looks; None if no detection depends on them."""
         own = self.look_prediction

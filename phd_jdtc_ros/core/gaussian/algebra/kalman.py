@@ -24,6 +24,8 @@ LEAST_EIGENVALUE = 1e-10
 # Smallest ratio of updated to prior variance that doubles resolve.
 LEAST_VARIANCE = 1e-15
 TINY = float(np.finfo(np.float64).tiny)
+# Times of measurements that are all made at the stamp.
+NO_TIMES = np.zeros(0)
 
 
 def predicted_covariance(
@@ -46,6 +48,21 @@ class Innovation(NamedTuple):
     weighted: FloatArray  # Inverse of the innovation's covariance times the innovation, (N, 2)
     inverse: FloatArray  # Inverse of the innovation's covariance, (N, 2, 2)
     log_likelihood: FloatArray  # log N(z; h, S) of the measurement alone, (N,)
+
+
+@inner
+def _position_covariance(
+    covariance: FloatArray, gaussian: int, axes: IntArray, time: float
+) -> tuple[float, float, float]:
+    """Return the covariance of a position some seconds after the stamp: xx, xy and yy."""
+    x, y, vx, vy = axes[0], axes[1], axes[2], axes[3]
+    p, q, r = covariance[gaussian, x, x], covariance[gaussian, x, y], covariance[gaussian, y, y]
+    if time != 0.0:
+        crossed = covariance[gaussian, x, vy] + covariance[gaussian, vx, y]
+        p += time * (2.0 * covariance[gaussian, x, vx] + time * covariance[gaussian, vx, vx])
+        q += time * (crossed + time * covariance[gaussian, vx, vy])
+        r += time * (2.0 * covariance[gaussian, y, vy] + time * covariance[gaussian, vy, vy])
+    return p, q, r
 
 
 @compiled
@@ -80,14 +97,12 @@ def _innovations(
         gaussian, one = of[pair] * modes + row % modes, column[pair]
         if gaussian < 0 or not weight[gaussian] > 0.0:
             continue
-        time, z, noise = time_s[one], measurement[one], noise_std[one]
-        state, spread = mean[gaussian], covariance[gaussian]
-        prior_x, prior_y = state[x] + time * state[vx], state[y] + time * state[vy]
-        p = spread[x, x] + time * (2.0 * spread[x, vx] + time * spread[vx, vx])
-        q = spread[x, y] + time * (spread[x, vy] + spread[vx, y] + time * spread[vx, vy])
-        r = spread[y, y] + time * (2.0 * spread[y, vy] + time * spread[vy, vy])
-        noise_range, noise_azimuth = noise[0] ** 2, noise[1] ** 2
-        limit = converged * noise[0]
+        time = time_s[one] if len(time_s) else 0.0
+        prior_x = mean[gaussian, x] + time * mean[gaussian, vx]
+        prior_y = mean[gaussian, y] + time * mean[gaussian, vy]
+        p, q, r = _position_covariance(covariance, gaussian, axes, time)
+        noise_range, noise_azimuth = noise_std[one, 0] ** 2, noise_std[one, 1] ** 2
+        limit = converged * noise_std[one, 0]
         east, north = prior_x, prior_y
         j, k, a, b, d, determinant = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         along, across, weight_along, weight_across = 0.0, 0.0, 0.0, 0.0
@@ -108,8 +123,8 @@ def _innovations(
             b = j * turned_x + k * turned_y
             d = n * turned_x + m * turned_y + noise_azimuth
             moved_x, moved_y = east - prior_x, north - prior_y
-            along = z[0] - distance + (j * moved_x + k * moved_y)
-            across = wrapped(z[1] - azimuth)
+            along = measurement[one, 0] - distance + (j * moved_x + k * moved_y)
+            across = wrapped(measurement[one, 1] - azimuth)
             across += n * moved_x + m * moved_y
             determinant = max(a * d - b * b, TINY)
             weight_along = (d * along - b * across) / determinant
@@ -180,15 +195,17 @@ def iterated_update(
     Bell and Cathey, "The iterated Kalman filter update as a Gauss-Newton method", IEEE
     Transactions on Automatic Control 38(2), 1993.
     """
-    count = len(measurement)
-    gaussian, column = (np.arange(count), np.arange(count)) if pairs is None else pairs
+    if pairs is None:
+        pairs = (np.arange(len(measurement)),) * 2
+    gaussian, column = pairs
     noise = noise_std if noise_std.ndim == 2 else np.broadcast_to(noise_std, measurement.shape)
     weight = np.ones(len(mean)) if weight is None else weight
     if not sensor.polar:
         gaussian, column = of_groups(gaussian, modes), column.repeat(modes)
         gaussian = np.where(weight[gaussian] > 0.0, gaussian, -1)
         row, each = np.maximum(gaussian, 0), (measurement[column], noise[column])
-        of_pairs = mean[row], covariance[row], sensor, *each, _times(time_s, count)[column]
+        times = np.zeros(len(row)) if time_s is None else time_s[column]
+        of_pairs = mean[row], covariance[row], sensor, *each, times
         found = Innovation(*linearised.innovations(*of_pairs, iterations, converged))
         likely = np.where(gaussian >= 0, found.log_likelihood, -np.inf)
         return found._replace(log_likelihood=likely)
@@ -198,7 +215,7 @@ def iterated_update(
         *_innovations(
             *(iterations, converged, modes, sensor.axes, sensor.frame),
             *contiguous(mean, covariance, weight, expected, gaussian, column),
-            *contiguous(measurement, noise, _times(time_s, count)),
+            *contiguous(measurement, noise, NO_TIMES if time_s is None else time_s),
         )
     )
 
@@ -213,10 +230,10 @@ def of_groups(group: IntArray, modes: int) -> IntArray:
 
 @compiled
 def _updated(
+    modes: int,
+    axes: Int1,
     mean: Float2,
     covariance: Float3,
-    axes: Int1,
-    modes: int,
     group: Int1,
     pair: Int1,
     jacobian: Float3,
@@ -235,7 +252,7 @@ def _updated(
         copy_gaussian(mean[gaussian], spread, later_mean[row], later[row])
         if pair[row // modes] < 0:
             continue
-        time, seen = time_s[at], jacobian[at]
+        time, seen = time_s[at] if len(time_s) else 0.0, jacobian[at]
         a, b, d = inverse[at, 0, 0], inverse[at, 0, 1], inverse[at, 1, 1]
         for i in range(SIZE):
             with_x = spread[i, x] + time * spread[i, vx]
@@ -278,11 +295,11 @@ def updated(
     modes : int
         See `iterated_update`.
     """
-    group, pair = (np.arange(len(mean)),) * 2 if pairs is None else pairs
+    if pairs is None:
+        pairs = (np.arange(len(mean)),) * 2
+    times = NO_TIMES if time_s is None else time_s
     return _updated(
-        *(*contiguous(mean, covariance, sensor.axes), modes, *contiguous(group, pair)),
-        *contiguous(innovation.jacobian, innovation.weighted, innovation.inverse),
-        *contiguous(_times(time_s, len(innovation.weighted))),
+        modes, *contiguous(sensor.axes, mean, covariance, *pairs, *innovation[:3], times)
     )
 
 
@@ -357,7 +374,3 @@ def symmetric(matrix: FloatArray) -> FloatArray:
 def _turned(matrix: FloatArray) -> FloatArray:
     turned: FloatArray = matrix.swapaxes(-1, -2)
     return turned
-
-
-def _times(time_s: FloatArray | None, count: int) -> FloatArray:
-    return np.zeros(count) if time_s is None else time_s
