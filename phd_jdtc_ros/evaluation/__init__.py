@@ -9,7 +9,7 @@
     Comparison
       |  values of a scan                          accumulators
     ScanScore                                      run_scores
-      |  totals over the run                       run_scores, totals
+      |  totals over the run                       run_scores, accumulator
     figures per run                                accumulators, metric_table
 
 An `accumulator` computes values of scans and defines the metrics derived from them, each with its

@@ -8,12 +8,11 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from .accumulator import Accumulator, Metric
+from .accumulator import Accumulator, Metric, Totals
 from .accumulators import ACCUMULATORS, consistency
 from .accumulators.pairs import confusion_matrix
 from .comparison import ALL, Comparison, PairedScan, set_names
 from .metric_table import BY_KEY, GLOBAL_METRICS, SET_METRICS
-from .totals import Totals
 
 # Values of a scan by set and name; None for a missing value.
 ScanValues: TypeAlias = "dict[str, dict[str, float | None]]"

@@ -28,8 +28,7 @@ from phd_jdtc_ros.core.intake.posed_reports import PosedReport, PosedReports
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 
-from . import learned
-from .record import RadarPlots, RadarSite, Record
+from .record import RadarPlots, RadarSite, Record, learned_values, sensor_changes
 
 
 def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> Record:
@@ -92,8 +91,8 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
         class_names=tuple(kind.name for kind in config.model.modes.classes),
         plane=config.plane,
         least_speed=config.least_speed,
-        learned=tuple(learned.values(config.inputs, numbers)),
-        changes=learned.changes(config.inputs, numbers),
+        learned=tuple(learned_values(config.inputs, numbers)),
+        changes=sensor_changes(config.inputs, numbers),
     )
 
 

@@ -1,16 +1,18 @@
-"""The record of one run: truth, detections and estimates as values."""
+"""The record of one run: truth, detections, estimates, and what was learned of the sensors."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from msg_adapters import anomalies
 from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
 from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.core.sensors.site import Plane
@@ -18,8 +20,51 @@ from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates, Trut
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 
-from .learned import LearnedValue
 from .sets import Sets
+
+# Components whose noise is learned, with the parameter and the unit of their noise.
+NOISE = {
+    "range": ("range_std", "m"),
+    "azimuth": ("azimuth_std_deg", "\N{DEGREE SIGN}"),
+    "range_rate": ("range_rate_std", "m/s"),
+}
+
+
+class LearnedValue(NamedTuple):
+    """One learned value of a sensor."""
+
+    sensor: str
+    quantity: str  # Name of the parameter
+    given: float  # The configured value
+    found: float  # The learned value
+    std: float  # Standard deviation of the learned value
+    unit: str  # Unit of the three numbers; empty for a probability
+
+
+def sensor_changes(
+    inputs: Iterable[RadarParameters], figures: Mapping[str, float]
+) -> dict[str, str]:
+    """Return the warnings about sensors that have changed, by sensor."""
+    texts = {radar.name: anomalies.of_changes(radar.name, figures) for radar in inputs}
+    return {name: text for name, text in texts.items() if text is not None}
+
+
+def learned_values(
+    inputs: Iterable[RadarParameters], figures: Mapping[str, float]
+) -> Iterator[LearnedValue]:
+    """Yield the values that are learned of each sensor, by a step's `SensorMemory.figures`."""
+    for radar in inputs:
+        quantity = "detection_probability"
+        name = f"{radar.name}.{quantity}"
+        if name in figures:
+            given, std = figures[f"{name}_set"], figures[f"{name}_std"]
+            yield LearnedValue(radar.name, quantity, given, figures[name], std, "")
+        for component, (quantity, unit) in NOISE.items():
+            name = f"{radar.name}.{component}_noise_ratio"
+            if name in figures:
+                given = getattr(radar, quantity).start
+                found, std = given * figures[name], given * figures[f"{name}_std"]
+                yield LearnedValue(radar.name, quantity, given, found, std, unit)
 
 
 @dataclass(frozen=True)

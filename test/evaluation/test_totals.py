@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.evaluation.totals import Totals, ratio
+from phd_jdtc_ros.evaluation.accumulator import Totals, ratio
 
 NAMES = ("a", "b")
 # Two runs of three scans; b is missing in one scan of the first run.

@@ -17,10 +17,10 @@ from records import (
 )
 
 from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
-from phd_jdtc_ros.report.clock import Clock
 from phd_jdtc_ros.report.pictures import figures
 from phd_jdtc_ros.report.pictures.figures import write_all
 from phd_jdtc_ros.report.record import RadarPlots
+from phd_jdtc_ros.report.units import Clock
 
 SCORED = {"number_error", "ospa", "ospa_parts"}
 EVERYTHING = {"scenario", "measurements", "trajectories"} | SCORED

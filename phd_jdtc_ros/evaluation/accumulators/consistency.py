@@ -16,9 +16,8 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 
 from ..accumulator import NEES as NEES_TABLE
 from ..accumulator import OUTSIDE as OUTSIDE_TABLE
-from ..accumulator import Accumulator, Group, Metric, Values, share
+from ..accumulator import Accumulator, Group, Metric, Totals, Values, share
 from ..comparison import Comparison, PairedScan
-from ..totals import Totals
 
 # Marks an unknown age.
 NO_AGE = -1

@@ -9,10 +9,9 @@ import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
 
-from ..accumulator import TRACKS, LabelAccumulator, Metric, Values, if_any
+from ..accumulator import TRACKS, LabelAccumulator, Metric, Values, if_any, ratio
 from ..comparison import LabelledPoints, PairedScan
 from ..metrics import ospa_of_distances
-from ..totals import ratio
 
 # Scans of an OSPA(2) window: one minute of a radar with a turn of 6 s.
 OSPA2_WINDOW = 10

@@ -15,8 +15,8 @@ from plotly.subplots import make_subplots
 
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 
-from ..clock import Clock
 from ..record import Record
+from ..units import Clock
 
 # Value of `meta` for traces whose line or text is drawn in the page's text colour.
 INK = "ink"

@@ -13,10 +13,10 @@ from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Truth
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.evaluation.metrics import assign
 
-from ..clock import Clock
 from ..record import Record
 from ..sets import Sets
 from ..style import class_colour
+from ..units import Clock
 from .chart import NEUTRAL, SOURCE_ORDER, Chart, class_symbol, rows_over_time, times
 
 CAPTION = (

@@ -20,8 +20,8 @@ from phd_jdtc_ros import output_files
 from phd_jdtc_ros.core.types import SOURCES
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 
-from ..clock import Clock
 from ..record import Record
+from ..units import Clock
 from . import class_chart, picture_words, score_words, time_charts
 from .chart import Chart, times
 from .layers import AMPLITUDE_SCALES

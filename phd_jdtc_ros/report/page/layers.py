@@ -16,9 +16,9 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.core.sensors.site import Plane
 
-from ..lengths import MapScale
 from ..record import AllPlots, RadarSite
 from ..style import CLUTTER, purples
+from ..units import MapScale
 from .packing import Columns
 
 # Steps of the colour scale of amplitudes, which is logarithmic.

@@ -18,9 +18,9 @@ from phd_jdtc_ros.core.types import SOURCES
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.true_tracks import TrueTracks
 
-from ..lengths import places_of
 from ..record import RadarPlots, Record, concatenate_rows
 from ..style import RADIUS_95
+from ..units import places_of
 from .estimate_rows import (
     AXIS_STEPS,
     LEAST_AXIS,

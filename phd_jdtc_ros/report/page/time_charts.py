@@ -14,11 +14,10 @@ from phd_jdtc_ros.core.types import SMOOTHED, SOURCES, Truth
 from phd_jdtc_ros.evaluation.comparison import ALL
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 
-from ..clock import Clock
-from ..lengths import metres_text
 from ..record import Record
 from ..sets import class_of
 from ..style import class_colour
+from ..units import Clock, metres_text
 from .chart import INK, NEUTRAL, Chart, rows_over_time, times
 
 BAND = "rgba(133,133,133,0.22)"

@@ -18,8 +18,6 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullFo
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import Estimates
 
-from ..clock import Clock
-from ..lengths import MapScale
 from ..record import Record, concatenate_rows
 from ..style import (
     DETECTION,
@@ -33,6 +31,7 @@ from ..style import (
     plain_axes,
     purples,
 )
+from ..units import Clock, MapScale
 
 # Approximate number of ellipses and time dots per track.
 MARKS_PER_TRACK = 10

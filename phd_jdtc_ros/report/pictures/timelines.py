@@ -16,11 +16,10 @@ from phd_jdtc_ros.evaluation.comparison import ALL
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.evaluation.run_scores import ScanScore
 
-from ..clock import Clock
-from ..lengths import metres_text
 from ..record import Record
 from ..sets import class_of
 from ..style import GREY, INK, class_colour, row_header, rows_over_time
+from ..units import Clock, metres_text
 
 # Number of scans above which lines are drawn thin.
 CROWDED = 400

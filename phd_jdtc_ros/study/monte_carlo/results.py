@@ -17,8 +17,8 @@ from scipy import stats
 
 from phd_jdtc_ros.configuration import build as tracker_config
 from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.evaluation.accumulator import Totals, ratio
 from phd_jdtc_ros.evaluation.comparison import ALL
-from phd_jdtc_ros.evaluation.totals import Totals, ratio
 
 from .definition import METRICS, ORDER, REDUCTION, Goal, Study, Variant, merge_layers
 from .metrics import VALUES

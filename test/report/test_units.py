@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from records import SHORT, record_of, shrunk
 
-from phd_jdtc_ros.report.lengths import MapScale, metres_text, places_of
+from phd_jdtc_ros.report.units import MapScale, metres_text, places_of
 
 
 @pytest.mark.parametrize(
