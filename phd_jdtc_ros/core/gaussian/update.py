@@ -258,19 +258,10 @@ class PriorMixture:
         moved = after_miss(mixture, self.expected, self.report.sensor, self.detectable)
         if moved is not None:
             missed = pair < 0
-            for own, later in zip(gaussians, moved, strict=True):
-                own[missed] = later[source[missed]]
-        snr = snr_after(
-            mixture.snr,
-            mixture.weight,
-            self.detectable,
-            self._probability.cell,
-            self._probability.mean,
-            self.amplitudes.relative,
-            source,
-            pair,
-            pairs.column,
-        )
+            for updated, later in zip(gaussians, moved, strict=True):
+                updated[missed] = later[source[missed]]
+        own, relative = self._probability, self.amplitudes.relative
+        columns = mixture.snr, mixture.weight, self.detectable, own.cell, own.mean
+        snr = snr_after(*columns, relative, source, pair, pairs.column)
         row_label, parent = mixture.row_label.take(source), self.parent.take(source)
-        updated = Mixture(row_label, association.weight, *gaussians, snr)
-        return Branched(updated, parent)
+        return Branched(Mixture(row_label, association.weight, *gaussians, snr), parent)

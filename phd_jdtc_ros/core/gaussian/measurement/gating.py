@@ -227,16 +227,6 @@ def gate_pairs(
         spread = expected.measured, expected.covariance
         return linearised.gate_pairs(mixture.mode_weight, mixture.mean, *spread, report, GATE_SIGMA)
     order = (measurement[:, 1] % FULL_TURN).argsort(kind="stable")
-    return _gate_pairs(
-        sensor.max_range,
-        sensor.axes,
-        sensor.frame,
-        mixture.mean,
-        expected.measured,
-        expected.covariance,
-        mixture.mode_weight,
-        measurement,
-        order,
-        report.detection_std,
-        report.time_s,
-    )
+    columns = mixture.mean, expected.measured, expected.covariance, mixture.mode_weight
+    of_report = measurement, order, report.detection_std, report.time_s
+    return _gate_pairs(sensor.max_range, sensor.axes, sensor.frame, *columns, *of_report)

@@ -211,16 +211,8 @@ def likely(
     relative : array of shape (M, C, S)
         See `amplitude.Amplitudes`.
     """
-    return _likely(
-        LEAST_SHARE,
-        mixture.target,
-        mixture.existence,
-        mixture.weight,
-        detectable,
-        mixture.snr,
-        relative,
-        *pairs,
-    )
+    columns = mixture.existence, mixture.weight, detectable, mixture.snr, relative, *pairs
+    return _likely(LEAST_SHARE, mixture.target, *columns)
 
 
 @compiled
@@ -307,16 +299,7 @@ def associate(
     amplitude : array of shape (P, C)
         See `likely`.
     """
-    associated = _associate(
-        marginals.MOST_WORK,
-        bounds.hypotheses,
-        bounds.least_share,
-        len(mixture.label),
-        mixture.target,
-        mixture.weight,
-        detectable,
-        amplitude,
-        *pairs,
-    )
+    columns = len(mixture.label), mixture.target, mixture.weight, detectable, amplitude, *pairs
+    associated = _associate(marginals.MOST_WORK, bounds.hypotheses, bounds.least_share, *columns)
     claims, sources = Claims(pairs.row, pairs.column, *associated[:3]), associated[3:5]
     return Association(claims, CompetingSources(*sources), *associated[5:])
