@@ -61,12 +61,9 @@ class Engine(Protocol):
     """A filter with a smoother."""
 
     def step(self, scan: Scan) -> Step:
-        """Predict to the scan, update with it, and smooth; stamps must increase.
+        """Predict to the scan, update with it, and smooth.
 
-        Raises
-        ------
-        ValueError
-            If the stamp is not later than the previous one.
+        Raise `ValueError` if the stamp is not later than the previous one.
         """
 
     def flush(self) -> tuple[Estimates, ...]:
@@ -106,10 +103,7 @@ class Engine(Protocol):
     def restore(self, snapshot: Snapshot) -> None:
         """Continue from a snapshot of an engine of this configuration as if it had never stopped.
 
-        Raises
-        ------
-        ValueError
-            If the snapshot does not fit; the engine is then reset.
+        Raise `ValueError` if the snapshot does not fit; the engine is then reset.
         """
 
 

@@ -64,23 +64,12 @@ class Pipeline:
     estimates can be published before the next scan is stepped. Every iterator must be exhausted
     before the next call.
 
-    Parameters
-    ----------
-    begin : callable
-        Called with the engine and the stamp of a run's first scan before that scan is stepped; it
-        may restore the engine.
-    turns, watches, platforms : sequences
-        Slicer of the turns, input checks, and platform of each radar, in the configured order; the
-        platform of a fixed radar is None.
-    out_of_sequence : OutOfSequence
-        Steps the same engine.
-    histories : mapping of int to TurnHistory
-        Histories, by radar index, of the turning radars whose out-of-sequence reports are recut;
-        they share their `turns`.
-    region : Region or Everywhere
-        Region in which detections are used and targets reported.
-    tuned : tuple of (TrackerModel, ReportingRule)
-        The engine's model and rule, which the pipeline adapts to the estimated antenna rotation.
+    `begin` is called with the engine and the stamp of a run's first scan before that scan is
+    stepped; it may restore the engine. `turns`, `watches` and `platforms` are in the configured
+    order of the radars; the platform of a fixed radar is None. `out_of_sequence` steps the same
+    engine. `histories` are, by index, those of the turning radars whose out-of-sequence reports are
+    recut; they share their `turns`. `tuned` are the engine's model and rule, which the pipeline
+    adapts to the estimated antenna rotation.
     """
 
     def __init__(

@@ -45,13 +45,7 @@ class Snapshot:
     json_values: dict[str, Any] = field(default_factory=dict)
 
     def array(self, name: str) -> AnyArray:
-        """Return a stored array.
-
-        Raises
-        ------
-        ValueError
-            If there is no array of this name.
-        """
+        """Return a stored array; raise `ValueError` if there is none of this name."""
         if name not in self.arrays:
             raise ValueError(f"{name}: missing")
         return self.arrays[name]
@@ -225,12 +219,8 @@ def from_snapshot(
     """Return a stored value of a dataclass or named tuple with declared fields.
 
     `sizes` has sizes of axes by letter; other letters may have any size that is the same in all
-    fields. The fields that are not stored are given as further arguments.
-
-    Raises
-    ------
-    ValueError
-        If an array is missing, or the tracker could not have stored it.
+    fields. The fields that are not stored are given as further arguments. Raise `ValueError` if an
+    array is missing, or the tracker could not have stored it.
     """
     known, values = dict(sizes), others
     for part, (stored, optional) in _fields(cast(Any, kind)).items():

@@ -149,8 +149,6 @@ def update(
 ) -> tuple[Heights, BoolArray]:
     """Return the heights after an association, see `identity.update`, and a mask of restarts.
 
-    Notes
-    -----
     Each target's height mixture is moment-matched: the prior continued, or restarted at a
     measurement if that is more probable. The weight of the other part becomes unknown, so that a
     garbled height does not change the estimate.

@@ -128,15 +128,9 @@ def compare(
 ) -> ReplyLikelihood:
     """Return the likelihoods of the replies of edges.
 
-    Parameters
-    ----------
-    target : int array of shape (E,)
-        Row of each edge's target in `belief`.
-    reply : int array of shape (E,)
-        The identity that each edge's detection shows; `UNKNOWN` for no reply, `NOT_REPORTED` if the
-        sensor does not report this identity.
-    conflict : array of shape (E,) or float
-        Probability that another target has the identity shown, which excludes the edge's target.
+    Each edge has a target, a row of `belief`, and the identity that its detection shows, both (E,):
+    `UNKNOWN` for no reply, `NOT_REPORTED` if the sensor does not report this identity. `conflict`
+    is the probability that another target has the identity shown, which excludes the edge's target.
     """
     prior = _add_candidates(belief, target, reply, model)
     has_reply = (reply >= 0)[:, None]
@@ -187,12 +181,9 @@ def update(
     """Return the belief after an association.
 
     Given are the row of each edge's target in the belief, the probability of each edge, given that
-    its target exists, (E,), and the probability that a target has none of its edges, (T,).
-
-    Notes
-    -----
-    Given its detection, a target's identity is independent of the other targets' associations. The
-    update is therefore exact, except for the candidates that are dropped.
+    its target exists, (E,), and the probability that a target has none of its edges, (T,). Given
+    its detection, a target's identity is independent of the other targets' associations. The update
+    is therefore exact, except for the candidates that are dropped.
     """
     prior = found.prior.weight
     joint = prior[target] * found.likelihood

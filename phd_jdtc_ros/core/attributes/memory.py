@@ -108,10 +108,7 @@ class AttributeMemory:
     def from_snapshot(snapshot: Snapshot, model: AttributeModel) -> AttributeMemory:
         """Return the stored memory; an empty one if the snapshot has none.
 
-        Raises
-        ------
-        ValueError
-            If the tracker cannot have stored these values.
+        Raise `ValueError` if the tracker cannot have stored these values.
         """
         memory = AttributeMemory(model)
         if not snapshot.names_below(NAME):

@@ -143,8 +143,6 @@ class Learned(ReadOnly):
 
         `weight` has the probability that no target is the source of each detection.
 
-        Notes
-        -----
         Earlier detections fade by the weights of later ones. The memory is therefore independent
         of the division of a turn into scans, and lasts longer for a radar with little clutter.
         """

@@ -76,14 +76,9 @@ class ClutterMap(ReadOnly):
     ) -> FloatArray:
         """Return the log density of all clutter relative to the uniform one, (M,); at least 0.
 
-        Parameters
-        ----------
-        measurement, world : arrays of shape (M, 2)
-            Range and azimuth, metres and radians, and the same in the world frame, metres.
-        rate : float
-            Expected false detections per turn, uniform in azimuth and up to `max_range`; above 0.
-        max_range : float
-            Largest range of uniform clutter, metres.
+        Measurements are range and azimuth, metres and radians, (M, 2); `world` has the same places
+        in the world frame, metres. `rate` is the number of expected false detections per turn,
+        above 0, which are uniform in azimuth and in range up to `max_range`, metres.
         """
         cell, share = corners(self.grid, self.grid.places(measurement, world))
         excess = self.neighbourhood_excess(measurement, world, rate, max_range)

@@ -25,8 +25,6 @@ MIN_TURNS = 0.5
 class ClutterCount:
     """Clutter rate estimate: remembered false detections and turns.
 
-    Notes
-    -----
     The number of detections in a turn is Poisson, and the rate has a Gamma distribution. Prior and
     data fade alike: after T turns both have the factor exp(-T / MEMORY_TURNS).
     """

@@ -102,15 +102,10 @@ def _cells(azimuth: FloatArray) -> IntArray:
 
 @dataclass
 class ResultWatch:
-    """Checks whether detections lead to targets.
-
-    Attributes
-    ----------
-    scans : int
-        Number of scans with detections since the last one with a target.
-    """
+    """Checks whether detections lead to targets."""
 
     interval_s: float  # The nominal interval, seconds
+    # Number of scans with detections since the last one with a target.
     scans: int = field(init=False, default=0)
     _since_ns: int | None = field(init=False, default=None)
 

@@ -37,14 +37,8 @@ class OutOfSequence:
     """Steps the engine, and reprocesses reports while smoothed estimates of their time are pending.
 
     Every scan earns `EARNED`, up to `MAX_SAVED` windows. An out-of-sequence report costs one, plus
-    one for each scan that must be stepped again and for each report that must be cut again.
-
-    Parameters
-    ----------
-    radars : int
-        Number of configured radars.
-    reprocesses : bool
-        False to keep no scans, so that `since_ns` is None and out-of-sequence reports are dropped.
+    one for each scan that must be stepped again and for each report that must be cut again. Unless
+    it `reprocesses`, it keeps no scans: `since_ns` is None and out-of-sequence reports are dropped.
     """
 
     def __init__(self, engine: Engine, radars: int, reprocesses: bool) -> None:

@@ -38,10 +38,7 @@ class PosedReport(NamedTuple):
 class PosedReports:
     """Queue of the reports that wait for poses, in their order of arrival.
 
-    Parameters
-    ----------
-    platforms : sequence of (Platform or None)
-        The platform of each radar, in the configured order; None for a fixed radar.
+    Platforms are in the configured order of the radars; None for a fixed radar.
     """
 
     def __init__(self, platforms: Sequence[Platform | None]) -> None:

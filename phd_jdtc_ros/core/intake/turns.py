@@ -69,11 +69,8 @@ class State(NamedTuple):
 class Turns:
     """Cuts the reports of one radar.
 
-    Attributes
-    ----------
-    anomalies : Counter
-        Counts of irregular reports and detections: ``clouds_missing``, ``sectors_repeated``,
-        ``sector_numbers_wrong``, ``antenna_unclear``, ``times_disagree`` and ``detections_late``.
+    `anomalies` counts irregular reports and detections: ``clouds_missing``, ``sectors_repeated``,
+    ``sector_numbers_wrong``, ``antenna_unclear``, ``times_disagree`` and ``detections_late``.
     """
 
     # Configured rotation period, seconds; 0 to find out whether the antenna turns.

@@ -31,8 +31,6 @@ SETTLED, SETTLED_SECTOR = 50.0, 20.0
 class ChangeAlarm(ReadOnly):
     """Evidence of changes of a sensor, as cumulative sums (CUSUM).
 
-    Notes
-    -----
     E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954: each sum is of the log
     likelihood ratios of the changed and the learned value, and is kept at zero or above. The
     learned value follows a change more slowly than the sum; the alarm ends when it has followed.

@@ -46,8 +46,6 @@ class NoiseEvidence(NamedTuple):
 class NoiseFactor(ReadOnly):
     """Variances of the components of a measurement, and of range rates, relative to the given ones.
 
-    Notes
-    -----
     The log of a variance that n innovations show has the precision n / 2; see `RatioPrior`.
     """
 

@@ -71,13 +71,9 @@ class OpenTrials(ReadOnly):
     def after(self, trials: ReportTrials, cells: int) -> tuple[OpenTrials, TrialSums]:
         """Return the open trials after a report, and sums over those that count now.
 
-        `cells` is the number of all sensors' cells, K.
-
-        Notes
-        -----
-        If a target is detected with probability d, given that it exists, the share d of its open
-        trials counts, times its existence probability. The share 1 - d stays open, and so does the
-        report's own trial for it.
+        `cells` is the number of all sensors' cells, K. If a target is detected with probability d,
+        given that it exists, the share d of its open trials counts, times its existence
+        probability. The share 1 - d stays open, and so does the report's own trial for it.
         """
         label, cell, expected, detected, still, *counted = _after(
             *(LEAST_OPEN, cells, self.label, self.cell, self.expected, self.detected, self.still),

@@ -12,8 +12,6 @@ from ..arrays import FloatArray
 class RatioPrior(NamedTuple):
     """Prior of the log ratio of a learned value to the configured one.
 
-    Notes
-    -----
     The prior is a mixture of two normal distributions. The posterior stays at the configured value
     if chance explains the difference, and otherwise follows the data at once. The likelihood of the
     data is normal, so that the posterior is such a mixture too.

@@ -113,8 +113,6 @@ class Ignored(AmplitudeModel):
 class Memory(AmplitudeModel):
     """Every hypothesis has a state ln(1 + d), for its target's mean signal-to-noise ratio d.
 
-    Notes
-    -----
     Deviation: the paper has no such state. The backward step ignores log_snr: it smooths the
     marginal intensity over state and mode.
     """
@@ -131,8 +129,6 @@ class Memory(AmplitudeModel):
     ) -> FloatArray:
         """Return ln(1 + d) drawn from the band of each mode's class, or given an amplitude.
 
-        Notes
-        -----
         The prior is uniform over the band. Given an amplitude a, a^2 / 2(1 + d) has an exponential
         distribution that is truncated to its values at the edges of the band.
         """

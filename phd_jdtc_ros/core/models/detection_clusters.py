@@ -30,8 +30,6 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
     with the most neighbours, and their range rates agree with its own. With a distance of 0 the
     detections are returned unchanged.
 
-    Notes
-    -----
     A merged detection has the largest amplitude of the group, the first known identity, and the
     type with the most sensors. It has the standard deviations of one detection, because the
     centre of reflection moves within the target.

@@ -112,13 +112,9 @@ class LearnedSensor:
     ) -> LearnedSensor:
         """Return the values after the clutter of a report, whose sensor has the learned values.
 
-        Parameters
-        ----------
-        claimed : array of shape (M,)
-            Probability that a known target is the source of each detection.
-        stationary : array of shape (M,)
-            Share of that probability for targets slower than `clutter_map_speed`; one half if their
-            velocities are unknown, see `stationary`.
+        `claimed` is the probability that a known target is the source of each detection, (M,), and
+        `stationary` the share of it for targets slower than `clutter_map_speed`, (M,); one half if
+        their velocities are unknown, see `stationary`.
         """
         sensor, detections = report.sensor, report.detections
         law, places, count = sensor.clutter_amplitude, sensor.clutter_map, sensor.clutter_count

@@ -36,8 +36,6 @@ class Manoeuvre(NamedTuple):
 def manoeuvre(since_s: FloatArray, model: TrackerModel) -> Manoeuvre:
     """Return the covariance of deviations `since_s` seconds after the last detection, shape (L,).
 
-    Notes
-    -----
     The acceleration a is constant: the velocity changes by a t and the position by a t^2 / 2. The
     standard deviation of the velocity is at most that of a new target.
     """

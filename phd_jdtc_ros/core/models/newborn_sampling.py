@@ -26,14 +26,8 @@ def sample(
 ) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
     """Draw the newborn targets of one radar, `count` particles, a power of two, for each detection.
 
-    Returns
-    -------
-    state : array of shape (N, D)
-    mode : int array of shape (N,)
-    weight : array of shape (N,)
-        Expected targets per particle.
-    detection : int array of shape (N,)
-        The row of `newborn` that each particle comes from.
+    Return states, (N, D), modes, (N,), weights in expected targets per particle, (N,), and the row
+    of `newborn` that each particle comes from, (N,).
     """
     modes, births = model.modes, model.detection_births
     space = modes.space
@@ -80,9 +74,6 @@ def intensity(
     """Return the intensity that `sample` draws from, over each mode's own support; shape (N,).
 
     Rows are processed in chunks: all pairs of a scan with many detections would exceed the memory.
-
-    Notes
-    -----
     The measurement has a density over range and azimuth; its quotient by the range is the density
     over the plane.
     """

@@ -148,23 +148,13 @@ class SensorMemory:
         detected: FloatArray,
         after: FloatArray,
     ) -> None:
-        """Learn from the detections and misses of T targets in one report.
+        """Learn from the detections and misses of T targets, of ascending labels, in one report.
 
-        The report is as `prepare` returns it.
-
-        Parameters
-        ----------
-        label : int array of shape (T,)
-            Ascending.
-        measured : array of shape (T, Z)
-            Expected measurement of each target.
-        before, after : arrays of shape (T,)
-            Probability that each target exists and is no clutter, before the report, and its
-            existence probability after it.
-        probability : array of shape (T,)
-            Detection probability of each target, if it exists.
-        detected : array of shape (T,)
-            Probability that each target exists and was detected.
+        The report is as `prepare` returns it. `measured` is the expected measurement of each
+        target, (T, Z), `probability` its detection probability if it exists, and `detected` the
+        probability that it exists and was detected, (T,). `before` is the probability that it
+        exists and is no clutter before the report, and `after` its existence probability after it,
+        (T,).
         """
         sensor, factor = report.sensor, report.sensor.detection_factor
         cell = np.zeros(len(label), dtype=np.int64)

@@ -25,8 +25,6 @@ MIN_SPEED_STD_SHARE = 0.05
 def probability_slower(mean: FloatArray, covariance: FloatArray, bound: float) -> FloatArray:
     """Return the probability that velocities, (..., 2), are slower than a bound above 0, in m/s.
 
-    Notes
-    -----
     The covariance ellipse of a velocity, (..., 2, 2), is replaced by a circle of the same area.
     """
     area = np.sqrt(np.maximum(np.linalg.det(covariance), 0.0))
@@ -53,12 +51,8 @@ def among_reflectors(probability: FloatArray, reflectors: FloatArray) -> FloatAr
     """Return probabilities of being stationary beside fixed clutter, elementwise.
 
     Given are the probability of being stationary in a place without clutter, and the probability,
-    below 1, that a target's neighbourhood is fixed clutter.
-
-    Notes
-    -----
-    The odds are divided by the probability that the neighbourhood is not fixed clutter. A
-    probability of zero stays zero.
+    below 1, that a target's neighbourhood is fixed clutter. The odds are divided by the probability
+    that the neighbourhood is not fixed clutter. A probability of zero stays zero.
     """
     motion = (1.0 - probability) * (1.0 - reflectors)
     return probability / (probability + motion)

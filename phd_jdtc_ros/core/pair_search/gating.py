@@ -98,14 +98,9 @@ def _gates(measured: FloatArray, range_gate: float, azimuth_gate: float) -> tupl
 
 
 def cell_lists(measured: FloatArray, range_gate: float, azimuth_gate: float) -> CellLists:
-    """List detections by cell.
+    """List detections, (range, azimuth in (-pi, pi]), (M, 2), by cell.
 
-    Parameters
-    ----------
-    measured : array of shape (M, 2)
-        (range, azimuth in (-pi, pi]).
-    range_gate, azimuth_gate : float
-        Half widths of the gate, metres and radians; the latter at most pi.
+    The half widths of the gate are in metres and radians, the latter at most pi.
     """
     cells, gates = _gates(measured, range_gate, azimuth_gate)
     azimuths, ranges = cells.shape
@@ -143,25 +138,11 @@ def count_near(
 def near_detections(
     lists: CellLists, predicted: FloatArray, std: FloatArray, sigmas: float, azimuth_gate: float
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return the pairs within the gate.
+    """Return particle, ascending, and detection of each pair within the gate, (P,), and its square.
 
-    Parameters
-    ----------
-    predicted : array of shape (N, 2)
-        (range, azimuth in (-pi, pi]).
-    std : array of shape (2,)
-        Standard deviations of range and azimuth, metres and radians.
-    sigmas : float
-        Radius of the gate in standard deviations.
-    azimuth_gate : float
-        Half width of the gate in azimuth, radians; at most pi.
-
-    Returns
-    -------
-    particle, detection : int arrays of shape (P,)
-        Particles ascend.
-    square : array of shape (P,)
-        Square distance in standard deviations.
+    The square is that of the distance in standard deviations, `std`, metres and radians. The gate
+    is `sigmas` of these, with a half width in azimuth of at most pi. Predictions are (range,
+    azimuth in (-pi, pi]), (N, 2).
     """
     cell = lists.cells.of(predicted)
     count = np.diff(lists.start).take(cell)

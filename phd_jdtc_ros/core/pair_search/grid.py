@@ -31,16 +31,8 @@ def within_groups(
 ) -> Iterator[Pairs]:
     """Yield in chunks every (query, point) pair of one group at most `radius` apart.
 
-    Parameters
-    ----------
-    query : array of shape (Q, K)
-        K at least 2; neither queries nor points may be empty.
-    query_group : int array of shape (Q,)
-        From 0.
-    point : array of shape (P, K)
-    point_group : int array of shape (P,)
-    radius : float
-        In the units of the coordinates; standard deviations if they are whitened.
+    Queries are of shape (Q, K) and points (P, K), K at least 2; neither may be empty. Groups begin
+    at 0. The radius is in the units of the coordinates: standard deviations if they are whitened.
     """
     yield from near_chunks(grid_candidates(query, query_group, point, point_group, radius))
 
@@ -128,20 +120,10 @@ def _rows_of_cells(
 ) -> tuple[IntArray, IntArray]:
     """Return each query's candidates: an interval of points in each of three rows of cells.
 
-    Parameters
-    ----------
-    place : array of shape (2, Q)
-        Position in the grid, in units of cells.
-    grid : tuple of int arrays of shape (Q,)
-        First cell, cells per row, and number of rows of the query's grid.
-    begin : int array of shape (cells + 1,)
-        Index at which the points of each cell begin.
-    reach : array of shape (Q,)
-        The radius in units of a cell's height, at most one.
-
-    Returns
-    -------
-    start, count : int arrays of shape (Q, 3)
+    Positions in the grid, (2, Q), are in units of cells. The grid of each query has its first cell,
+    cells per row, and number of rows, (Q,). `begin` is the index at which the points of each cell
+    begin, (cells + 1,), and `reach` the radius in units of a cell's height, at most one, (Q,). The
+    intervals are starts and counts, (Q, 3).
     """
     (along, height), (first, across, down) = place, grid
     start, count = (np.empty((len(along), 3), dtype=np.int64) for _ in range(2))

@@ -29,11 +29,8 @@ def chunks(count: IntArray, most: int) -> Iterator[slice]:
 def expand(owner: IntArray, start: IntArray, count: IntArray) -> tuple[IntArray, IntArray]:
     """Return the owner and the index of every candidate.
 
-    Parameters
-    ----------
-    owner, start, count : int arrays of shape (I,)
-        Interval i of query ``owner[i]`` has the indices from ``start[i]`` to
-        ``start[i] + count[i]``, the last excluded.
+    Interval i of query ``owner[i]`` has the indices from ``start[i]`` to ``start[i] + count[i]``,
+    the last excluded.
     """
     place = np.arange(count.sum())
     place += (start - np.cumsum(count) + count).repeat(count)

@@ -32,18 +32,9 @@ def candidates(
 ) -> Candidates:
     """Return the candidates for all (query, point) pairs of one block within a radius.
 
-    The number of candidates, ``count.sum()``, determines the cost of a search.
-
-    Parameters
-    ----------
-    query : array of shape (Q, K)
-        K at least 2.
-    query_block : int array of shape (Q,)
-        From 0; only pairs with equal block are compared.
-    point : array of shape (P, K)
-    point_block : int array of shape (P,)
-    radius : float or array of shape (Q,)
-        Positive.
+    The number of candidates, ``count.sum()``, determines the cost of a search. Queries are of shape
+    (Q, K) and points (P, K), K at least 2. Blocks begin at 0; only pairs with equal block are
+    compared. The radius, one number or one for each query, is positive.
     """
     reach = np.full(len(query), radius)
     if len(query) == 0 or len(point) == 0:
@@ -104,22 +95,11 @@ def _look_up(
 ) -> IntArray:
     """Return each query's interval of candidates in each strip that it may reach.
 
-    Parameters
-    ----------
-    key : array of shape (P,)
-        Positions of the points on the line of all strips, ascending.
-    centre, above, radius : arrays of shape (M,)
-        Positions of the queries on that line, their offsets within their strips and their radii;
-        the latter two in units of a strip's width.
-    width, span : float
-        Width of a strip, and its length on the line.
-    beyond : int
-        Number of strips reached to either side.
-
-    Returns
-    -------
-    int array of shape (2, 2 beyond + 1, M)
-        Start and length.
+    `key` has the positions of the points on the line of all strips, ascending, (P,), and `centre`
+    those of the queries, (M,). Their offsets `above` the beginning of their strips, and their
+    radii, are in units of a strip's width. `span` is a strip's length on the line, and `beyond` the
+    number of strips reached to either side. The intervals are starts and lengths, (2, 2 beyond + 1,
+    M).
     """
     found = np.empty((2, 2 * beyond + 1, len(centre)), dtype=np.int64)
     rounding = 4.0 * np.spacing(key[-1] + span)
@@ -136,18 +116,7 @@ def _look_up(
 
 
 def _columns(value: FloatArray, row: IntArray, block: IntArray, axes: IntArray) -> FloatArray:
-    """Return some rows' coordinates on the axes of their block.
-
-    Parameters
-    ----------
-    value : array of shape (N, K)
-    row, block : int arrays of shape (M,)
-    axes : int array of shape (blocks, A)
-
-    Returns
-    -------
-    array of shape (A, M)
-    """
+    """Return some rows' coordinates on the axes of their block, (A, M); `axes` is (blocks, A)."""
     flat = np.ascontiguousarray(value).ravel()
     begin = row * value.shape[1]
     columns = np.empty((axes.shape[1], len(row)))

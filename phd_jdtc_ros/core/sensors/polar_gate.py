@@ -24,21 +24,11 @@ def gated_pairs(
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return the (particle, detection) pairs within the gate and their log likelihood, (P,).
 
-    It is log N(z; predicted, R), azimuth wrapped, at the time of the detection.
+    It is log N(z; predicted, R), azimuth wrapped, at the time of the detection. Predictions, (N,
+    2), are at the scan's stamp; `rate`, (N, 2), is their time derivative, required for detections
+    with their own times. `noise_std` are the standard deviations of the radar, and `own_std` those
+    of each detection, (M, 2); None for the radar's.
 
-    Parameters
-    ----------
-    predicted : array of shape (N, 2)
-        Measurements of the particles at the scan's stamp.
-    noise_std : array of shape (2,)
-        Standard deviations of the radar.
-    own_std : array of shape (M, 2) or None
-        Standard deviations of each detection; None for the radar's.
-    rate : array of shape (N, 2) or None
-        Time derivatives of `predicted`; required for detections with their own times.
-
-    Notes
-    -----
     The cost grows with the number of pairs found and not with N x M; see `pair_search.gating`. A
     particle's measurement is extrapolated to the time of a detection by its rate, to first order.
     At 250 m/s and 5 km the error is 0.1 m after 0.125 s.

@@ -25,8 +25,6 @@ from .visibility import Visibility, sector_probability
 class RadarModel(Sensor):
     """A radar that measures range and azimuth; see `Sensor` for the common parameters.
 
-    Notes
-    -----
     Sec. V, observation equation. Deviation: the arctangent has four quadrants, and innovations are
     wrapped.
     """
@@ -215,10 +213,7 @@ class RadarModel(Sensor):
 def polar_radars(sensors: Iterable[Sensor]) -> tuple[RadarModel, ...]:
     """Return the sensors as polar radars, for functions that support only these.
 
-    Raises
-    ------
-    TypeError
-        If a sensor is not a polar radar.
+    Raise `TypeError` if a sensor is not a polar radar.
     """
     radars = []
     for sensor in sensors:

@@ -60,8 +60,6 @@ class RangeRateModel:
         without ambiguity. The first two results are the mean and the variance of the folds of the
         error, weighted by their densities; the third is the log of the sum of these densities.
 
-        Notes
-        -----
         If one fold is much more probable than the others, the innovation is that fold and the
         spread is zero. In general, an update with the innovation and with a covariance reduction
         that is smaller by the spread has the mean and the covariance of the mixture of all folds.

@@ -289,8 +289,6 @@ class Sensor(ABC):
     ) -> FloatArray:
         """Return log p_D,c g_c^tau(a) for every class and detection, shape (C, M).
 
-        Notes
-        -----
         If p_D follows from the classes' signal-to-noise ratios, the product p_D g^tau is g_c
         itself; see `log_detected`.
         """

@@ -57,8 +57,6 @@ class Plane(Protocol):
 class Site:
     """Position and orientation of a radar on the earth, and in the plane.
 
-    Notes
-    -----
     All heights are above the ellipsoid. Heights above the sea, or of the standard atmosphere,
     differ by at most some hundred metres; if site and targets use the same ones, positions are
     wrong by a ten-thousandth of the difference.
@@ -90,8 +88,6 @@ class Site:
         counter-clockwise from the sensor's x axis. The result is beyond -1 or 1 if the difference
         of heights exceeds the slant range.
 
-        Notes
-        -----
         Newton's method with the derivative on the sphere with the site's radius of curvature; the
         first value is the elevation on this sphere.
         """

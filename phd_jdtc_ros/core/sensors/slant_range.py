@@ -42,18 +42,10 @@ def over_ground(
 ) -> Ground:
     """Return the positions of plots in the plane.
 
-    Parameters
-    ----------
-    assumed : float or None
-        See `supposed_height`.
-    distance : array of shape (M,)
-        Slant ranges, metres; negative ones give negative ground ranges.
-    azimuth : array of shape (M,)
-        Radians counter-clockwise from the sensor's x axis.
-    height : array of shape (M,) or None
-        Metres above the same surface as the site's height; NaN if unknown.
-    elevation : array of shape (M,) or None
-        Radians; used for plots without a height.
+    Plots have slant ranges, metres, (M,), of which negative ones give negative ground ranges;
+    azimuths, radians counter-clockwise from the sensor's x axis, (M,); and may have heights, metres
+    above the same surface as the site's, NaN if unknown, or else elevations, radians, (M,). For
+    `assumed` see `supposed_height`.
     """
     near = np.abs(distance) <= MAX_SLANT_RANGE
     slant = np.where(near, np.maximum(np.abs(distance), MIN_SLANT_RANGE), MIN_SLANT_RANGE)

@@ -93,12 +93,8 @@ class Visibility:
         """Return the probability that targets are in the field of view, (N,).
 
         Given are expected ranges and azimuths, (N, 2), and their standard deviations; without these
-        the result is 1 or 0.
-
-        Notes
-        -----
-        The range and the azimuth count as independent, which matters only where a limit of the
-        range and one of the azimuth are both within the density.
+        the result is 1 or 0. The range and the azimuth count as independent, which matters only
+        where a limit of the range and one of the azimuth are both within the density.
         """
         distance, azimuth = measured[:, 0], measured[:, 1]
         if std is None:

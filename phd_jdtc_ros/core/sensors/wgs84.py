@@ -53,8 +53,6 @@ def to_geodetic(place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
     The places, (..., 3), are Cartesian, and not near the centre of the earth.
 
-    Notes
-    -----
     B. R. Bowring, "Transformation from spatial to geographical coordinates", Survey Review 23(181),
     1976.
     """

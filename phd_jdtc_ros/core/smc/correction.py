@@ -41,11 +41,7 @@ class Corrector(NamedTuple):
 def _poisson(particles: ParticleSet, claims: Claims) -> Corrected:
     """Correct as the PHD filter does, with a component for every detection.
 
-    Earlier components are multiplied by 1 - p_D, and M new components are added.
-
-    Notes
-    -----
-    Sec. IV-C, Step 2.
+    Earlier components are multiplied by 1 - p_D, and M new components are added. Sec. IV-C, Step 2.
     """
     size = len(claims.other)
     claimed = sum_by(claims.column, claims.mass, size)
@@ -69,8 +65,6 @@ def _poisson(particles: ParticleSet, claims: Claims) -> Corrected:
 def _bernoulli(particles: ParticleSet, claims: Claims) -> Corrected:
     """Correct each label as at most one target, with a component for every label.
 
-    Notes
-    -----
     Deviation from Sec. IV-C, Step 2; see `association.bernoulli`. The posterior is a labelled
     multi-Bernoulli density.
     """

@@ -27,11 +27,8 @@ EXTRACTION_STREAM = 1
 class ParticleEngine(SetSmoother[ParticleSet, Transition]):
     """Sequential Monte Carlo filter with a fixed-lag backward smoother over the general mode.
 
-    The corrector of `forward` makes it a labelled multi-Bernoulli filter or a PHD filter.
-
-    Notes
-    -----
-    Sec. IV-C: Steps 1 to 3 in `forward`, Step 4 in `smoother`, Steps 5 and 6 in `extraction`.
+    The corrector of `forward` makes it a labelled multi-Bernoulli filter or a PHD filter. Sec.
+    IV-C: Steps 1 to 3 in `forward`, Step 4 in `smoother`, Steps 5 and 6 in `extraction`.
     """
 
     STATE: ClassVar[tuple[str, ...]] = (*SetSmoother.STATE, "_rng")

@@ -43,8 +43,6 @@ def components(
     and its state and covariance are the moments of that class. A mass above 1.5 stands for two
     unresolved targets, which are reported as one.
 
-    Notes
-    -----
     Deviation from Sec. IV-C, Step 6, which rounds the total mass and clusters: the mass of the
     PHD filter is biased, and components already group the particles of each target.
     """
@@ -75,8 +73,6 @@ def estimates(
 ) -> Estimates:
     """Return the moments of each group's majority class; `track_id` is the label plus one.
 
-    Notes
-    -----
     Later scans leave weight on few particles of a young target, so that their sample covariance is
     too small, and zero for a single one. The covariance is therefore the mean of an inverse Wishart
     posterior: the sample covariance counts as the effective number of particles, and a prior counts
@@ -157,8 +153,6 @@ def clusters(
 ) -> Groups:
     """Round each class's mass to a number of targets and cluster its particles by k-means.
 
-    Notes
-    -----
     Sec. IV-C, Steps 5 and 6: resample within each class, then cluster within each class.
     """
     # This is imported here to shorten a node's start: the default extraction does not need it.

@@ -55,9 +55,6 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         """Predict, update with every radar and resample; if `linked`, build the backward kernel.
 
         Velocities of newborn targets in the earlier sets may be redrawn, see `detected_newborns`.
-
-        Notes
-        -----
         Sec. IV-C, Steps 1 to 3, and the kernel of Step 4.
         """
         model, corrector, index, rng = self.model, self.corrector, self._scan_index, self._rng

@@ -38,8 +38,6 @@ def predict(
     weight is in the Poisson part, and parents are rows of the concatenated stored sets. The scan's
     index determines the labels of births and spawned targets.
 
-    Notes
-    -----
     Sec. IV-C, Step 1. Deviation: the steps of survival and birth, which the paper omits, are added,
     and the spawn weight includes the parent's weight, rate and mode.
     """

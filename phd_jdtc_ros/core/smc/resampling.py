@@ -75,16 +75,9 @@ def systematic(
 def comb(weight: FloatArray, group: IntArray, count: IntArray, offset: FloatArray) -> IntArray:
     """Return the number of copies of each particle, by combs that begin at `offset`.
 
-    Parameters
-    ----------
-    weight : array of shape (N,)
-        Non-negative; not empty.
-    group : int array of shape (N,)
-        Ascending, 0 to G - 1.
-    count : int array of shape (G,)
-        Copies to draw in each group; the result sums to it.
-    offset : array of shape (G,)
-        At least 0 and below 1; a uniform draw gives unbiased numbers of copies.
+    Weights, (N,), are non-negative and not empty; groups ascend, 0 to G - 1. `count` is the number
+    of copies to draw in each group, to which the result sums. Offsets, (G,), are at least 0 and
+    below 1; a uniform draw gives unbiased numbers of copies.
     """
     mass = sum_by(group, weight, len(count))
     expected = weight * (count / np.where(mass > 0.0, mass, 1.0)).take(group)

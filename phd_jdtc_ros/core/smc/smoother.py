@@ -24,8 +24,6 @@ def paper_death_term(
 ) -> FloatArray:
     """Return phi = 1: the term as printed.
 
-    Notes
-    -----
     Sec. II-B, backward equation. It is correct only for targets with a small existence probability.
     A target that was certain and then died loses its mass in the whole lag window.
     """

@@ -32,12 +32,8 @@ def entry_from_snapshot(
     """Return the stored entry of one scan.
 
     If a source is not among the entries stored before it, it has left the window, and the link is
-    dropped. `most` is the largest number of particles allowed.
-
-    Raises
-    ------
-    ValueError
-        If the entry does not fit the tracker or the earlier entries.
+    dropped. `most` is the largest number of particles allowed. Raise `ValueError` if the entry does
+    not fit the tracker or the earlier entries.
     """
     stamp_ns, sources = sources_from_snapshot(snapshot, name, SLACK * most)
     stored = from_snapshot(ParticleSet, snapshot, name, {"D": len(modes.space), "O": len(modes)})

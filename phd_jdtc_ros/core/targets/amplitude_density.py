@@ -25,8 +25,6 @@ SMALLEST_AMPLITUDE = 1e-6
 def log_clutter_density(amplitude: FloatArray) -> FloatArray:
     """Return log g_0(a) = log a - a^2/2 of noise envelopes; elementwise.
 
-    Notes
-    -----
     Sec. V, first amplitude equation.
     """
     a = np.maximum(amplitude, SMALLEST_AMPLITUDE)

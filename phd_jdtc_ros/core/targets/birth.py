@@ -19,8 +19,6 @@ BIRTH_GATE_SIGMA = 8.0
 class BirthTerm(ReadOnly):
     """One Gaussian term of the birth intensity.
 
-    Notes
-    -----
     Sec. V, gamma_{k,c}. A term has births of all classes, so that its position does not imply the
     class.
     """

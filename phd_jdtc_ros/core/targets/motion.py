@@ -68,8 +68,6 @@ def _planar_noise(dt: FloatArray | float, spectral_density: float) -> FloatArray
 class ConstantVelocity:
     """Nearly constant velocity, turn rate zero.
 
-    Notes
-    -----
     Sec. V, F_{k,CV} and Q_{k,CV}. Deviation: the printed variance of omega is zero, a point mass,
     so the densities of this mode are four-dimensional here.
     """

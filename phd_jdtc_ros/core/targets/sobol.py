@@ -13,12 +13,8 @@ BITS = 30
 def sobol_points(dimension: int, count: int) -> FloatArray:
     """Return the first points of the sequence, (count, dimension), in the order of the Gray code.
 
-    They are unscrambled, so that the first is the origin, and in [0, 1).
-
-    Raises
-    ------
-    ValueError
-        If the count is not a power of two, at most 2^30.
+    They are unscrambled, so that the first is the origin, and in [0, 1). Raise `ValueError` if the
+    count is not a power of two, at most 2^30.
     """
     if count < 1 or count & (count - 1) or count > 2**BITS:
         raise ValueError(f"count: {count} given, must be a power of two, at most 2^{BITS}")

@@ -11,8 +11,6 @@ from ..arrays import FloatArray, ReadOnly
 class SpawnModel(ReadOnly):
     """The spawn intensity beta.
 
-    Notes
-    -----
     Sec. V, beta_{k|k-1}. Deviation: the printed kernel is centred on x_{k-1}, one interval behind
     the parent (340 m for the scenario's targets). Here it is centred on the parent's predicted
     mean.

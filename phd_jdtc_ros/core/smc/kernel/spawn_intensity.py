@@ -31,8 +31,6 @@ def spawn_intensity(
     Given are the intensity `mu` of survivors and births at these rows, the noise-free successors of
     the earlier rows, and the largest search radius, in standard deviations of the spawned state.
 
-    Notes
-    -----
     The search radius r of a row is chosen so that the spawned intensity beyond it is a small share
     of `mu`. That intensity is bounded as if all mass within the gate were at the distance r.
     """
