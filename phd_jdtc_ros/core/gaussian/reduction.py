@@ -10,7 +10,7 @@ from typing import Annotated
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray, run_starts
+from ..arrays import BoolArray, FloatArray, IntArray
 from ..compilation import Bool1, Float3, Float4, Int1, Int2, compiled, inner
 from ..snapshot import floats, integers
 from .algebra import kalman
@@ -78,14 +78,15 @@ def _clusters(
     weight: Float3,
     mean: Float3,
     covariance: Float4,
-) -> tuple[IntArray, IntArray]:
-    """Return the rows of the clusters, and the cluster of each, ascending, (E,).
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Return the rows of the clusters, the cluster of each, ascending, (E,), and the first rows.
 
     The rows of a target come one after the other, the most probable first; so do those of a
     cluster. Only targets that are `kept`, (T,), have clusters.
     """
     count, edges, clusters = len(target), 0, 0
     row_of, child = np.empty(count, np.int64), np.empty(count, np.int64)
+    leader = np.empty(count, np.int64)
     centre, spread = np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE))
     factor, apart, merged = np.empty((SIZE, SIZE)), np.empty(SIZE), np.zeros(count, np.bool_)
     begin = end = 0
@@ -98,6 +99,7 @@ def _clusters(
         for first in range(begin, end):
             if merged[first]:
                 continue
+            leader[clusters] = first
             if first + 1 < end:
                 factorise(spread[first], factor)
             for row in range(first, end):
@@ -110,7 +112,7 @@ def _clusters(
                 edges += 1
             clusters += 1
         begin = end
-    return row_of[:edges], child[:edges]
+    return row_of[:edges], child[:edges], leader[:clusters]
 
 
 @inner
@@ -266,10 +268,11 @@ def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ance
     1305, 1990, the clustering algorithm.
     """
     mixture, kept = branched.mixture, _kept(branched.mixture, bounds)
-    row_of, child = _clusters(bounds.merge_distance, kept, mixture.target, *mixture.gaussians)
+    clustered = _clusters(bounds.merge_distance, kept, mixture.target, *mixture.gaussians)
+    row_of, child, leader = clustered
     weight, mean, covariance, snr, share = _merged(row_of, child, *mixture.gaussians, mixture.snr)
     covariance, floored = kalman.floor_eigenvalues(covariance)
-    row_label, parent = mixture.row_label[row_of[run_starts(child)]], branched.parent[row_of]
+    row_label, parent = mixture.row_label[leader], branched.parent[row_of]
     # If the number of hypotheses would leave too little room for the next scan, none is split:
     # modes are mixed, as with a `least_mode` of 1.
     row, mode, stays_with = _modes_apart(bounds.least_mode, weight)

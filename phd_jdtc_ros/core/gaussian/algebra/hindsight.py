@@ -224,8 +224,12 @@ def _earlier(
     for i in range(SIZE):
         mean[i] = own[i] + dot(gain[i], half)
     for i in range(SIZE):
+        # Along the rows of the symmetric covariance the compiler computes several entries at once.
         for k in range(SIZE):
-            half[k] = dot(gain[i], later_covariance[k])
+            half[k] = gain[i, 0] * later_covariance[0, k]
+        for n in range(1, SIZE):
+            for k in range(SIZE):
+                half[k] += gain[i, n] * later_covariance[n, k]
         for k in range(i + 1):
             covariance[i, k] = covariance[k, i] = base[i, k] + dot(half, gain[k])
 
