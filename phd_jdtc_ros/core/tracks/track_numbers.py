@@ -63,11 +63,9 @@ class TrackNumbers:
         reach : Reach or None
             Reach of aircraft whose tracks have ended; None if no radar reports identities.
         """
-        label = estimates.track_id.tolist()
         if reach is None or estimates.attributes is None:
-            numbers = [self._track(one) if one else 0 for one in label]
-            return estimates.changed(track_id=np.array(numbers, dtype=np.int64))
-        address = estimates.attributes.address.tolist()
+            return self._with_numbers(estimates)
+        address, label = estimates.attributes.address.tolist(), estimates.track_id.tolist()
         for row in [row for row, one in enumerate(label) if one and one not in self._number]:
             if address[row] != UNKNOWN:
                 place = estimates.position[row].tolist(), estimates.stamp_ns
@@ -76,8 +74,7 @@ class TrackNumbers:
                     self._number[label[row]] = again
         self._join(estimates)
         self._separate(estimates)
-        numbers = [self._track(one) if one else 0 for one in label]
-        numbered = estimates.changed(track_id=np.array(numbers, dtype=np.int64))
+        numbered = self._with_numbers(estimates)
         numbered = numbered.take(_best(numbered))
         self.aircraft.note(numbered, reach)
         return numbered
@@ -104,11 +101,15 @@ class TrackNumbers:
             if _distance(estimates, one, other) > MARGIN:
                 self._number.pop(int(estimates.track_id[[one, other]].max()), None)
 
-    def _track(self, label: int) -> int:
-        if label not in self._number:
-            self.count += 1
-            self._number[label] = self.count
-        return self._number[label]
+    def _with_numbers(self, estimates: Estimates) -> Estimates:
+        """Return the estimates with the numbers of their labels; new labels get the next ones."""
+        known, label = self._number, estimates.track_id.tolist()
+        for one in label:
+            if one and one not in known:
+                self.count += 1
+                known[one] = self.count
+        numbers = [known.get(one, 0) for one in label]
+        return estimates.changed(track_id=np.array(numbers, dtype=np.int64))
 
     @property
     def in_use(self) -> dict[int, int]:
