@@ -60,8 +60,8 @@ def predict(estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeS
         estimates = estimates.changed(stamp_ns=stamp_ns)
     if not len(to_predict):
         return estimates
-    every, which = np.unique((stamp_ns - time_ns[to_predict]) * 1e-9, return_inverse=True)
-    dt, kind = every[which.ravel()], estimates.class_id[to_predict]
+    dt = (stamp_ns - time_ns[to_predict]).astype(np.float64) * 1e-9
+    kind = estimates.class_id[to_predict]
     state, covariance = estimates.state[to_predict], estimates.covariance[to_predict]
     size = state.shape[1]
     step = np.full(size, STEP)
@@ -73,17 +73,16 @@ def predict(estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeS
     moved = moved.reshape(shifted.shape)
     difference = moved[1 : size + 1] - moved[size + 1 :]
     jacobian = (difference / (2.0 * step)[:, None, None]).transpose(1, 2, 0)
-    by_mode = modes.noise(every)
-    noise = np.zeros((len(every), len(modes.classes), size, size))
+    by_mode, noise = modes.noise(dt), np.zeros((len(dt), size, size))
     for mode, class_id in enumerate(modes.class_of.tolist()):
-        noise[:, class_id] += by_mode[:, mode] / len(modes.classes[class_id].motions)
-    survival = modes.nominal_survival ** (every / modes.interval_s)[:, None]
-    rows = which.ravel(), kind
-    covariance = jacobian @ covariance @ jacobian.transpose(0, 2, 1) + noise[rows]
+        own = np.flatnonzero(kind == class_id)
+        noise[own] += by_mode[own, mode] / len(modes.classes[class_id].motions)
+    survival = modes.nominal_survival[kind] ** (dt / modes.interval_s)
+    covariance = jacobian @ covariance @ jacobian.transpose(0, 2, 1) + noise
     return estimates.changed(
         state=_with(estimates.state, to_predict, moved[0]),
         covariance=_with(estimates.covariance, to_predict, covariance),
-        weight=_with(estimates.weight, to_predict, estimates.weight[to_predict] * survival[rows]),
+        weight=_with(estimates.weight, to_predict, estimates.weight[to_predict] * survival),
     )
 
 

@@ -62,15 +62,9 @@ def trimmed(
 ) -> list[Entry[RowsT, LinkT]]:
     """Return the entries that the filter or a pending stamp, from `following` on, needs."""
     needed = {rows.entry.stamp_ns for rows in unswept}
-    for entry in window:
-        if entry.stamp_ns >= following:
-            needed.add(entry.stamp_ns)
-        if entry.stamp_ns > following:
-            needed |= entry.source_stamps
-    if all(entry.stamp_ns in needed for entry in window):
+    needed.update(*(entry.source_stamps for entry in window if entry.stamp_ns > following))
+    kept = [entry for entry in window if entry.stamp_ns >= following or entry.stamp_ns in needed]
+    if len(kept) == len(window):
         return window
-    return [
-        entry.unlinked if needed.isdisjoint(entry.source_stamps) else entry
-        for entry in window
-        if entry.stamp_ns in needed
-    ]
+    stamps = {entry.stamp_ns for entry in kept}
+    return [entry.unlinked if stamps.isdisjoint(entry.source_stamps) else entry for entry in kept]
