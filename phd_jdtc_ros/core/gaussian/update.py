@@ -52,7 +52,8 @@ class GaussianSteps:
 
     def prior(self, rows: Branched, report: Report) -> PriorMixture:
         """Return the hypotheses as the prior of a report's update."""
-        return PriorMixture(rows.mixture, rows.parent, report, self)
+        expected = Expected.of(rows.mixture, report.sensor)
+        return PriorMixture(rows.mixture, rows.parent, expected, report, self)
 
     def with_newborn(
         self, rows: Branched, newborn: Newborn, label: int
@@ -71,6 +72,7 @@ class PriorMixture:
 
     mixture: Mixture
     parent: IntArray  # See `Branched`
+    expected: Expected  # Measurements expected of the Gaussians
     report: Report
     steps: GaussianSteps
 
@@ -93,11 +95,6 @@ class PriorMixture:
     def missed_mass(self) -> FloatArray:
         """Weight of each hypothesis without a detection, shape (H,)."""
         return sum_modes(self.mixture.weight * (1.0 - self.detectable))
-
-    @cached_property
-    def expected(self) -> Expected:
-        """Measurements expected of the Gaussians."""
-        return Expected.of(self.mixture, self.report.sensor)
 
     @property
     def measured(self) -> FloatArray:
@@ -163,11 +160,6 @@ class PriorMixture:
         measured = self._measured_in(earlier.coverage)
         return earlier.factor(self.mixture.row_label, self._in_turn, measured)
 
-    @cached_property
-    def amplitudes(self) -> Amplitudes:
-        """Likelihoods of the amplitudes."""
-        return Amplitudes.of(self.report, self.steps.dynamics)
-
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the gated pairs; see `gating.gate_pairs`."""
         return gate_pairs(self.mixture, self.expected, self.report.project_as(detections))
@@ -196,9 +188,11 @@ class PriorMixture:
         p(z) / psi(z).
         """
         readings = self.report.project_as(pairs.projected)
-        factor = self._log_factor(pairs, evidence)
-        coarse = self._likelihoods(pairs, self._coarse(pairs, readings), factor, log_other)
-        counted, amplitude = likely(self.mixture, self.detectable, coarse, self.amplitudes.relative)
+        amplitudes = Amplitudes.of(self.report, self.steps.dynamics)
+        coarse, factor = self._coarse(pairs, readings), self._log_factor(pairs, evidence)
+        others = amplitudes.largest, factor, log_other
+        gated = PairLikelihoods(pairs.row, pairs.column, coarse, *others)
+        counted, amplitude = likely(self.mixture, self.detectable, gated, amplitudes.relative)
         if len(counted) < len(factor):
             pairs, factor = pairs.take(counted), factor.take(counted)
             evidence = None if evidence is None else evidence.take(counted)
@@ -206,11 +200,14 @@ class PriorMixture:
         found = iterated_update(
             self.mixture, pairs.row, pairs.projected_index, readings, self.measured
         )
-        measured = found.log_likelihood.reshape(-1, self.mixture.mean.shape[1])
-        exact = self._likelihoods(pairs, measured, factor, log_other)
-        association = associate(self.mixture, self.detectable, amplitude, exact, self.steps.bounds)
+        exact = found.log_likelihood.reshape(-1, self.mixture.mean.shape[1])
+        others = amplitudes.largest, factor, log_other
+        located = PairLikelihoods(pairs.row, pairs.column, exact, *others)
+        association = associate(
+            self.mixture, self.detectable, amplitude, located, self.steps.bounds
+        )
         return Posterior(
-            rows=self._branch(association, pairs, found),
+            rows=self._branch(association, found, amplitudes),
             claims=association.claims,
             sources=association.sources,
             claimed_probability=association.claimed,
@@ -222,12 +219,6 @@ class PriorMixture:
             else noise_evidence(self.mixture, found, association.pair),
             approximate=association.approximate,
         )
-
-    def _likelihoods(
-        self, pairs: Paired, measurement: FloatArray, evidence: FloatArray, other: FloatArray
-    ) -> PairLikelihoods:
-        largest = self.amplitudes.largest
-        return PairLikelihoods(pairs.row, pairs.column, measurement, largest, evidence, other)
 
     def _coarse(self, pairs: Paired, readings: Report) -> FloatArray:
         """Return the log likelihoods of pairs, linearised at the predicted means, (P, R)."""
@@ -248,7 +239,9 @@ class PriorMixture:
             factor = factor + np.log(ratio).take(pairs.row)
         return factor
 
-    def _branch(self, association: Association, pairs: Paired, found: PairUpdate) -> Branched:
+    def _branch(
+        self, association: Association, found: PairUpdate, amplitudes: Amplitudes
+    ) -> Branched:
         """Return the kept hypotheses: those without a detection, and those of the pairs.
 
         Only the Gaussians of kept hypotheses are updated.
@@ -260,8 +253,8 @@ class PriorMixture:
             missed = pair < 0
             for updated, later in zip(gaussians, moved, strict=True):
                 updated[missed] = later[source[missed]]
-        own, relative = self._probability, self.amplitudes.relative
+        own = self._probability
         columns = mixture.snr, mixture.weight, self.detectable, own.cell, own.mean
-        snr = snr_after(*columns, relative, source, pair, pairs.column)
+        snr = snr_after(*columns, amplitudes.relative, source, pair, association.claims.column)
         row_label, parent = mixture.row_label.take(source), self.parent.take(source)
         return Branched(Mixture(row_label, association.weight, *gaussians, snr), parent)
