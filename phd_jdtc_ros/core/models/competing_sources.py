@@ -11,7 +11,7 @@ from ..arrays import FloatArray, IntArray
 from ..attributes.evidence import Evidence
 from ..sensors.report import Report
 from . import detection_birth
-from .detection_birth import Newborn
+from .detection_birth import EarlierLooks, Newborn
 from .tracker_model import TrackerModel
 
 
@@ -51,16 +51,19 @@ def log_intensities(
     dt: float,
     earlier: Sequence[Newborn] = (),
     evidence: Evidence | None = None,
+    looks: EarlierLooks | None = None,
 ) -> FloatArray:
     """Return the log intensities of the other sources of a report's detections, (1 + C, M).
 
     `dt` are the seconds since the previous scan; `earlier` has the targets born at the detections
-    of the scan's earlier reports. The detections' identities and heights multiply both intensities.
+    of the scan's earlier reports, and `looks` the reports of earlier scans. The detections'
+    identities and heights multiply both intensities.
     """
     log_clutter = 0.0 if evidence is None else evidence.log_clutter
     log_other: FloatArray = report.log_clutter[None] + log_clutter
     if model.detection_births.enabled:
-        log_birth = model.detection_births.log_intensity(report, model.modes, dt, earlier)
+        births = model.detection_births
+        log_birth = births.log_intensity(report, model.modes, dt, earlier, looks)
         log_unknown = 0.0 if evidence is None else evidence.log_unknown
         log_other = np.concatenate([log_other, log_birth + log_unknown])
     return log_other

@@ -4,8 +4,8 @@ Unknown targets have a uniform intensity in every sensor's own coordinates. In t
 compete with clutter and with the known targets for each detection. The probability that an unknown
 target is the source is the detection's newborn mass. A new target of this mass is added at the
 detection's position, with the radar's noise and a broad distribution of velocity. A range rate
-determines the radial velocity up to its ambiguity. Where earlier radars of the scan have coverage,
-only the unknown targets that they missed remain for the next one.
+determines the radial velocity up to its ambiguity. Where other radars have looked since a radar's
+previous report, only the unknown targets that they missed remain for it.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +28,13 @@ from . import stationary
 # Smallest number of particles that represent a newborn target; with less capacity, detections are
 # left out.
 MIN_PARTICLES = 16
+
+
+class EarlierLooks(NamedTuple):
+    """The looks since a sensor's previous report."""
+
+    first_ns: int  # Stamp of the previous report
+    others: Sequence[Report]  # Later reports of other sensors, in the order of their stamps
 
 
 @dataclass(frozen=True)
@@ -52,30 +60,55 @@ class DetectionBirthModel(ReadOnly):
         modes: ModeSpace,
         dt: float,
         earlier: Sequence[Newborn] = (),
+        looks: EarlierLooks | None = None,
     ) -> FloatArray:
         """Return log of the unknown targets' intensity at each detection, shape (C, M).
 
-        These targets appeared in the last `dt` seconds, or since the antenna's previous pass if the
-        report covers a sector. The intensity is the product of the birth rate over the field of
-        view, of p_D g^tau of each class, of the density of the range rate, and of the probability
-        that the scan's earlier reports missed the target. `earlier` has the newborn targets of
-        these reports.
+        These targets appeared since the sensor's previous report and were missed by the looks of
+        others in between, see `EarlierLooks`; in the last `dt` seconds if the previous report is
+        unknown, or since the antenna's previous pass if the report covers a sector. The intensity
+        is the product of the birth rate over the field of view, of p_D g^tau of each class, of the
+        density of the range rate, and of the probability that the scan's earlier reports missed the
+        target. `earlier` has the newborn targets of these reports.
         """
         sensor, detections = report.sensor, report.detections
-        since = dt if detections.coverage is None else sensor.rotation_s or dt
-        appeared = self.rate * since / modes.interval_s
         place = sensor.to_world(detections.measurement)
-        left = missed_by(earlier, place, modes)
+        since = self._unseen_s(report, place, modes, dt, looks)
+        appeared = self.rate[:, None] * since / modes.interval_s
+        left = missed_by([newborn.report for newborn in earlier], place, modes)
         # The intensity is zero for classes without births, and where an earlier radar has p_D = 1.
         with np.errstate(divide="ignore"):
             log_rate = np.log(appeared / sensor.field_size)
             log_left = np.log(left)
         likelihood = sensor.log_class_likelihood(detections, modes.classes)
-        intensity: FloatArray = log_rate[:, None] + likelihood + log_left
+        intensity: FloatArray = log_rate + likelihood + log_left
         if (measured := report.range_rates) is not None:
             toward = sensor.line_of_sight(place)
             intensity = intensity + self.log_range_rate(toward, measured, sensor)
         return intensity
+
+    @staticmethod
+    def _unseen_s(
+        report: Report,
+        place: FloatArray,
+        modes: ModeSpace,
+        dt: float,
+        looks: EarlierLooks | None,
+    ) -> FloatArray | float:
+        """Return the seconds in which unknown targets appeared at places, (C, M) or one for all.
+
+        The seconds before each look count with the probability that the look missed a target.
+        """
+        if report.detections.coverage is not None:
+            return report.sensor.rotation_s or dt
+        if looks is None:
+            return dt
+        end_ns, since, left = report.stamp_ns, np.zeros((1, 1)), np.ones((1, 1))
+        for look in reversed(looks.others):
+            since = since + 1e-9 * (end_ns - look.stamp_ns) * left
+            left = left * missed_by([look], place, modes)
+            end_ns = look.stamp_ns
+        return since + (end_ns - looks.first_ns) * 1e-9 * left
 
     def stationary(self, slower: FloatArray, bound: float) -> FloatArray:
         """Return the probability of being stationary at even prior odds, given that of being slow.
@@ -115,14 +148,14 @@ def newborn_of(report: Report, mass: FloatArray, model: DetectionBirthModel) -> 
     return Newborn(report, mass).take(kept)
 
 
-def missed_by(earlier: Sequence[Newborn], position: FloatArray, modes: ModeSpace) -> FloatArray:
-    """Return the probability that sensors miss a target at each position, (M, 2) to (C, M).
+def missed_by(reports: Sequence[Report], position: FloatArray, modes: ModeSpace) -> FloatArray:
+    """Return the probability that reports miss a target at each position, (M, 2) to (C, M).
 
     A sensor's probability is its mean over the SNR band of the class.
     """
     missed = np.ones((len(modes.classes), len(position)))
-    for newborn in earlier:
-        report, sensor = newborn.report, newborn.report.sensor
+    for report in reports:
+        sensor = report.sensor
         measured, _ = sensor.linearise(position)
         seen = sensor.coverage_probability(measured, report.detections.coverage) * report.share
         log_p_d = sensor.log_class_likelihood(Detections(measured, None), modes.classes)

@@ -17,7 +17,9 @@ from ..learned.noise_factor import NoiseEvidence
 from ..learned.open_trials import OpenTrials, ReportTrials
 from ..sensors.report import Report
 from ..sensors.sensor import Sensor
+from .detection_birth import EarlierLooks
 from .learned_sensor import LearnedSensor
+from .recent_looks import RecentLooks
 from .tracker_model import TrackerModel
 
 # Existence probability from which the looks at a target are used for learning.
@@ -41,6 +43,8 @@ class SensorMemory:
     # By sensor, after its first report.
     sensors: dict[str, LearnedSensor] = field(default_factory=dict)
     trials: OpenTrials = field(default_factory=OpenTrials)  # Trials that do not count yet
+    # Those of several sensors, by which births at detections know what others have missed.
+    looks: RecentLooks = field(default_factory=RecentLooks.of_none)
     # Number of open trials and chains when those of ended targets were last dropped.
     settled: int = 0
     # A configured sensor, its learned values, and the sensor with these, by name.
@@ -114,6 +118,24 @@ class SensorMemory:
             for name, figure in self._of(sensor).figures(sensor).items()
         }
 
+    def earlier_looks(self, report: Report, model: TrackerModel) -> EarlierLooks | None:
+        """Return the looks since the previous report of a report's sensor; None if unknown."""
+        looks = self.looks
+        found = looks.since_last(report, self._index(report))
+        if found is None:
+            return None
+        last, later = found
+        others = [looks.report(row, self.learned(model.radars[looks.sensor[row]])) for row in later]
+        return EarlierLooks(int(looks.stamp_ns[last]), others)
+
+    def remember_look(self, report: Report) -> None:
+        """Remember where a sensor has looked, if there are others."""
+        if len(self.names) > 1:
+            self.looks = self.looks.after(report, self._index(report))
+
+    def _index(self, report: Report) -> int:
+        return self.names.index(report.sensor.name)
+
     def with_surplus(self, report: Report) -> Report:
         """Return a report with the clutter of a burst; see `LearnedSensor.with_surplus`."""
         return self._of(report.sensor).with_surplus(report)
@@ -165,7 +187,7 @@ class SensorMemory:
             own = factor.cell(measured)
             known = (before >= KNOWN_EXISTENCE) & (probability > LEAST_EXPECTED)
             expected = np.where(known, probability / factor.by_cell[own], 0.0)
-            cell = own + self.names.index(sensor.name) * CELLS
+            cell = own + self._index(report) * CELLS
         share = np.minimum(detected / np.maximum(after, np.finfo(float).tiny), 1.0)
         trials = ReportTrials(label, cell, expected, share, np.minimum(after, 1.0))
         self.trials, sums = self.trials.after(trials, CELLS * len(self.names))

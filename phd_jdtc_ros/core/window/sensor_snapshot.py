@@ -21,11 +21,12 @@ from ..learned.detection_factor import AZIMUTHS, CELLS, DetectionFactor
 from ..learned.noise_factor import COMPONENTS, NoiseFactor
 from ..learned.open_trials import OpenTrials
 from ..models.learned_sensor import LearnedSensor
+from ..models.recent_looks import RecentLooks
 from ..models.sensor_memory import SensorMemory
 from ..sensors.sensor import Sensor
 from ..snapshot import MAX_STATE, Snapshot, floats, from_snapshot, to_snapshot
 
-TRIALS = "open_looks"
+TRIALS, LOOKS = "open_looks", "recent_looks"
 
 
 class Place(NamedTuple):
@@ -51,6 +52,8 @@ def sensors_to_snapshot(
             to_snapshot(_place_of(sensor), snapshot, name)
     if len(memory.trials):
         to_snapshot(memory.trials, snapshot, TRIALS)
+    if len(memory.looks.stamp_ns):
+        to_snapshot(memory.looks, snapshot, LOOKS)
 
 
 def sensors_from_snapshot(
@@ -80,7 +83,12 @@ def sensors_from_snapshot(
     trials, learns = OpenTrials(), [n for n, own in known.items() if own.detection_factor]
     if snapshot.names_below(TRIALS) and all("detection" in found[name] for name in learns):
         trials = from_snapshot(OpenTrials, snapshot, TRIALS, {"K": CELLS * len(known)})
-    return SensorMemory(tuple(known), labelled, learned, trials)
+    looks = RecentLooks.of_none()
+    if snapshot.names_below(LOOKS):
+        looks = from_snapshot(RecentLooks, snapshot, LOOKS, {"P": 3, "C": 2})
+        if looks.sensor.max(initial=0) >= len(known):
+            raise ValueError(f"{LOOKS}.sensor: must be below the number of sensors, {len(known)}")
+    return SensorMemory(tuple(known), labelled, learned, trials, looks)
 
 
 def _place_of(sensor: Sensor) -> Place:

@@ -244,7 +244,7 @@ def test_missed_by_is_the_product_of_the_radars_that_looked_of_what_they_took_in
     first = Newborn(Report(model.radars[0], nothing, share=0.5), none)
     second = Newborn(Report(model.radars[1], ahead), none)
     p_d = model.radars[1].class_detection_probability(MODES.classes)
-    missed = detection_birth.missed_by((first, second), place, MODES)
+    missed = detection_birth.missed_by((first.report, second.report), place, MODES)
     np.testing.assert_allclose(missed[:, 0], 0.65 * (1.0 - p_d), rtol=1e-12)
     np.testing.assert_allclose(missed[:, 1], 0.65, rtol=1e-12)
     np.testing.assert_array_equal(detection_birth.missed_by((), place, MODES), 1.0)
