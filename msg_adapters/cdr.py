@@ -126,7 +126,7 @@ def _put_of(kind: str) -> Put:
         return _put_octet
     if kind.startswith("wstring"):
         raise TypeError(f"{kind}: wide strings cannot be written")
-    return _put_string if kind.startswith("string") else put_message
+    return Writer.string if kind.startswith("string") else put_message
 
 
 def _put_entries_of(kind: str) -> Put:
@@ -145,10 +145,6 @@ def _put_octet(writer: Writer, value: bytes) -> None:
 
 def _put_none(writer: Writer, _: object) -> None:
     writer.put("B", 0)
-
-
-def _put_string(writer: Writer, text: str) -> None:
-    writer.string(text)
 
 
 def _put_sequence(put_entries: Put, writer: Writer, values: Any) -> None:

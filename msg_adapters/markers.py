@@ -39,10 +39,8 @@ _ANGLE = 2.0 * np.pi / ELLIPSE_SIDES * (np.arange(1, 2 * ELLIPSE_SIDES + 1) // 2
 _CIRCLE = np.stack([np.cos(_ANGLE), np.sin(_ANGLE), np.ones_like(_ANGLE)], axis=1)
 # The ends of an arrow's lines as sums of its position, its shaft, its head's length along the shaft
 # and the same across.
-_SIDE = HEAD_WIDTH / HEAD_LENGTH
-_TIP = [1.0, 1.0, 0.0, 0.0]
-_LEFT, _RIGHT = [1.0, 1.0, -1.0, _SIDE], [1.0, 1.0, -1.0, -_SIDE]
-_ARROW = np.array([[1.0, 0.0, 0.0, 0.0], _TIP, _TIP, _LEFT, _TIP, _RIGHT])
+_TIP, _ASIDE = (1, 1, 0, 0), HEAD_WIDTH / HEAD_LENGTH
+_ARROW = np.array([(1, 0, 0, 0), _TIP, _TIP, (1, 1, -1, _ASIDE), _TIP, (1, 1, -1, -_ASIDE)])
 # Bytes of the number of markers or points, of a stamp, and of an empty text; and of the empty
 # members after points and after a text.
 _COUNT, _STAMP, _TEXT, _AFTER_POINTS, _AFTER_TEXT = 4, 8, 8, 73, 21
@@ -149,9 +147,8 @@ def _clearing(frame: str) -> bytes:
 @cache
 def _parts(frame: str, ns: str, kind: int, rgb: tuple[float, float, float]) -> tuple[bytes, bytes]:
     """Return a marker's bytes between its stamp and its number, and those after its position."""
-    red, green, blue = rgb
     marker = Marker(header=Header(frame_id=frame), ns=ns, type=kind)
-    marker.color = ColorRGBA(r=red, g=green, b=blue, a=1.0)
+    marker.color = ColorRGBA(r=rgb[0], g=rgb[1], b=rgb[2], a=1.0)
     if kind == LINES:
         marker.scale.x = LINE_WIDTH
     else:

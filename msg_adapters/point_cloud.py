@@ -44,8 +44,8 @@ def encode(
     `columns` are arrays of shape (M,) by field name, in order: float arrays become FLOAT32, or
     FLOAT64 if they are named in `wide`, integer arrays UINT32, and byte arrays UINT8.
     """
-    codes = [_code(array, name in wide) for name, array in columns.items()]
-    layout, fields = _layout(tuple(columns), tuple(codes))
+    codes = ((name, _code(array, name in wide)) for name, array in columns.items())
+    layout, fields = _layout(tuple(codes))
     width = len(next(iter(columns.values())))
     points = np.zeros(width, dtype=layout)
     for name, array in columns.items():
@@ -73,14 +73,14 @@ def _code(array: npt.NDArray[Any], wide: bool) -> str:
 
 @cache
 def _layout(
-    names: tuple[str, ...], codes: tuple[str, ...]
+    codes: tuple[tuple[str, str], ...],
 ) -> tuple[np.dtype[np.void], tuple[PointField, ...]]:
     """Return the layout of a point, and its fields, which all clouds of the layout share."""
-    layout = np.dtype([(name, "<" + code) for name, code in zip(names, codes, strict=True)])
-    places = (layout.fields or {}).items()
+    layout = np.dtype([(name, "<" + code) for name, code in codes])
+    places: Any = layout.fields
     return layout, tuple(
-        PointField(name=name, offset=offset, datatype=_DATATYPES[code], count=1)
-        for code, (name, (_, offset, *_)) in zip(codes, places, strict=True)
+        PointField(name=name, offset=places[name][1], datatype=_DATATYPES[code], count=1)
+        for name, code in codes
     )
 
 

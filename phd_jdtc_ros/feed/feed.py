@@ -131,12 +131,9 @@ class Feed:
             monitor.forget_tracks()
 
     def _monitor(self, events: Iterable[Event]) -> Iterator[Event]:
-        """Yield events, and pass each to the monitors then; at the end give notice of lost reports.
-
-        The monitors come second, because estimates must not wait for them.
-        """
+        """Yield events before the monitors take them; then give notice of lost reports."""
         for event in events:
-            yield event
+            yield event  # first, because estimates must not wait for the monitors
             for monitor in self._monitors:
                 if isinstance(event, RunEnded):
                     monitor.forget_tracks()

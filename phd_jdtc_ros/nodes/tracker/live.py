@@ -59,7 +59,9 @@ class LiveTracker:
         self._active = False
         self._step_clock = StepClock()
         self._outputs = Outputs(node, settings, self._output_health)
-        self._max_wait_timer = self._make_max_wait_timer(settings.node["max_wait_s"])
+        self._max_wait_timer: Timer | None = None
+        if wait_s := settings.node["max_wait_s"]:
+            self._max_wait_timer = steady_timer(node, wait_s, self._on_max_wait, autostart=False)
         try:
             self._checkpoints = self._make_checkpoints()
             # Publishers discover these while the engine loads its compiled loops.
@@ -72,12 +74,6 @@ class LiveTracker:
         except Exception:
             self.destroy()
             raise
-
-    def _make_max_wait_timer(self, seconds: float) -> Timer | None:
-        """Return a stopped timer for `max_wait_s`, or None if that is zero."""
-        if not seconds:
-            return None
-        return steady_timer(self._node, seconds, self._on_max_wait, autostart=False)
 
     def _make_checkpoints(self) -> Checkpoints | None:
         values = self._settings.node
