@@ -119,7 +119,12 @@ class SensorMemory:
         }
 
     def earlier_looks(self, report: Report, model: TrackerModel) -> EarlierLooks | None:
-        """Return the looks since the previous report of a report's sensor; None if unknown."""
+        """Return the looks since the previous report of a report's sensor.
+
+        None if that is unknown, and for a sector, whose births are those of a turn.
+        """
+        if report.detections.coverage is not None:
+            return None
         looks = self.looks
         found = looks.since_last(report, self._index(report))
         if found is None:
