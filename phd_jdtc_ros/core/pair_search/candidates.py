@@ -1,10 +1,13 @@
 """Candidate pairs of a search, and the exact test.
 
-Searches use two coordinates of the points; only the test uses all of them.
+Searches use two coordinates of the points; only the test uses all of them. A search gives every
+query intervals of a sorted list. Expanding all of them at once would need temporary arrays of many
+megabytes, which do not fit the cache and cause page faults.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -12,8 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from .intervals import CHUNK_PAIRS, chunks, expand
 
+# Number of candidates per chunk: temporary arrays of 256 kB fit the second-level cache.
+CHUNK_PAIRS = 1 << 15
 # Bound on the rounding error of a position, in cells or strips. It may add candidates, but never
 # removes one.
 ROUNDING = 1e-6
@@ -39,6 +43,36 @@ class Pairs(NamedTuple):
     query: IntArray  # Ascending, (pairs,)
     point: IntArray  # (pairs,)
     square: FloatArray  # Square distance, (pairs,)
+
+
+def chunks(count: IntArray, most: int) -> Iterator[slice]:
+    """Yield slices of the intervals, with about `most` candidates each, given their lengths."""
+    running = np.cumsum(count)
+    total = int(running[-1]) if len(running) else 0
+    bounds = np.searchsorted(running, np.arange(0, total, most), side="right")
+    for first, last in itertools.pairwise(np.append(np.unique(bounds), len(count))):
+        yield slice(first, last)
+
+
+def expand(owner: IntArray, start: IntArray, count: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the owner and the index of every candidate.
+
+    Interval i of query ``owner[i]`` has the indices from ``start[i]`` to ``start[i] + count[i]``,
+    the last excluded.
+    """
+    place = np.arange(count.sum())
+    place += (start - np.cumsum(count) + count).repeat(count)
+    return owner.repeat(count), place
+
+
+def block_columns(value: FloatArray, row: IntArray, block: IntArray, axes: IntArray) -> FloatArray:
+    """Return some rows' coordinates on the axes of their block, (A, M); `axes` is (blocks, A)."""
+    flat = np.ascontiguousarray(value).ravel()
+    begin = row * value.shape[1]
+    columns = np.empty((axes.shape[1], len(row)))
+    for index, axis in enumerate(axes.T):
+        columns[index] = flat.take(begin + axis.take(block))
+    return columns
 
 
 def near_chunks(found: Candidates) -> Iterator[Pairs]:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from .intervals import CHUNK_PAIRS, chunks, expand
+from .candidates import CHUNK_PAIRS, chunks, expand
 
 FULL_TURN = 2.0 * np.pi
 MOST_RANGE_CELLS = 64
@@ -64,12 +64,6 @@ class CellLists(NamedTuple):
     # Azimuth of each, radians, (L,). It is shifted by a full turn if this puts it next to its cell,
     # so that differences need no wrapping.
     azimuth: FloatArray
-
-    def in_sigmas(
-        self, std: FloatArray, azimuth_gate: float
-    ) -> tuple[FloatArray, FloatArray, float]:
-        """Return ranges, azimuths and the azimuth gate, in standard deviations."""
-        return self.range / std[0], self.azimuth / std[1], azimuth_gate / float(std[1])
 
 
 def _gates(measured: FloatArray, range_gate: float, azimuth_gate: float) -> tuple[Cells, _Gates]:
@@ -149,7 +143,8 @@ def near_detections(
     owner = np.flatnonzero(count)
     count, begin = count.take(owner), lists.start.take(cell.take(owner))
     distance, azimuth = np.ascontiguousarray((predicted / std).T)
-    listed_range, listed_azimuth, scaled_gate = lists.in_sigmas(std, azimuth_gate)
+    listed_range, listed_azimuth = lists.range / std[0], lists.azimuth / std[1]
+    scaled_gate = azimuth_gate / float(std[1])
     found = [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))]
     for part in chunks(count, CHUNK_PAIRS):
         particle, slot = expand(owner[part], begin[part], count[part])

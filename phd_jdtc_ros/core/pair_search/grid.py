@@ -7,34 +7,17 @@ candidates of a query are looked up in a table of cells, without sorting or sear
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from scipy import sparse
 
 from ..arrays import FloatArray, IntArray, run_starts
-from .candidates import ROUNDING, Candidates, Pairs, near_chunks
+from .candidates import ROUNDING, Candidates, block_columns
 
 # Ratio of a cell's height, which is the radius, to its width. Narrow cells leave few points of a
 # row of cells outside the circle.
 ASPECT = 3
 # Largest number of cells per point; widely spread groups get larger cells.
 MAX_CELLS_PER_POINT = 8
-
-
-def within_groups(
-    query: FloatArray,
-    query_group: IntArray,
-    point: FloatArray,
-    point_group: IntArray,
-    radius: float,
-) -> Iterator[Pairs]:
-    """Yield in chunks every (query, point) pair of one group at most `radius` apart.
-
-    Queries are of shape (Q, K) and points (P, K), K at least 2; neither may be empty. Groups begin
-    at 0. The radius is in the units of the coordinates: standard deviations if they are whitened.
-    """
-    yield from near_chunks(grid_candidates(query, query_group, point, point_group, radius))
 
 
 def grid_candidates(
@@ -44,7 +27,11 @@ def grid_candidates(
     point_group: IntArray,
     radius: float,
 ) -> Candidates:
-    """Return the candidates; for the parameters see `within_groups`."""
+    """Return the candidates for all (query, point) pairs of one group at most `radius` apart.
+
+    Queries are of shape (Q, K) and points (P, K), K at least 2; neither may be empty. Groups begin
+    at 0. The radius is in the units of the coordinates: standard deviations if they are whitened.
+    """
     groups = 1 + int(max(query_group.max(), point_group.max()))
     by_axis = np.ascontiguousarray(point.T)
     low, extent = _extents(by_axis, point_group, groups)
@@ -103,12 +90,9 @@ def _places(
     value: FloatArray, group: IntArray, axes: IntArray, corner: FloatArray, width: FloatArray
 ) -> FloatArray:
     """Return the position of each row in its group's grid, in units of cells, shape (2, N)."""
-    flat, begin = np.ascontiguousarray(value).ravel(), np.arange(len(value)) * value.shape[1]
-    place = np.empty((2, len(value)))
-    for axis in range(2):
-        place[axis] = flat.take(begin + axes[:, axis].take(group))
-        place[axis] -= corner[axis].take(group)
-        place[axis] /= width[axis].take(group)
+    place = block_columns(value, np.arange(len(value)), group, axes)
+    place -= corner.take(group, axis=1)
+    place /= width.take(group, axis=1)
     return place
 
 

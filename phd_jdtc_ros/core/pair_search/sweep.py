@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from .candidates import ROUNDING, Candidates
+from .candidates import ROUNDING, Candidates, block_columns
 
 # Size of the sample of queries and of points from which axes are selected: `SAMPLE`, and one more
 # for every `SPARSE` rows.
@@ -43,7 +43,7 @@ def candidates(
     blocks = int(max(query_block.max(), point_block.max())) + 1
     widest = float(reach.max())
     order = _selective_axes(query, query_block, point, point_block, widest, blocks)
-    first, second = _columns(point, np.arange(len(point)), point_block, order[:, :2])
+    first, second = block_columns(point, np.arange(len(point)), point_block, order[:, :2])
     low = float(first.min()) - 2.0 * widest, float(second.min())
     # Strips are as wide as the mean radius; larger radii reach beyond the neighbouring strips.
     width = max(float(reach.mean()), widest / 3.0) * (1.0 + ROUNDING)
@@ -56,7 +56,7 @@ def candidates(
     key = (point_block * strips + strip) * span + (first - low[0])
     rank = np.argsort(key)
 
-    columns = _columns(query, np.arange(len(query)), query_block, order)
+    columns = block_columns(query, np.arange(len(query)), query_block, order)
     along, height = columns[0] - low[0], (columns[1] - low[1]) / width + beyond + 1.0
     inside = (height >= 0.0) & (height < strips) & (along >= 0.0) & (along <= span - widest)
     owner = np.flatnonzero(inside)
@@ -75,7 +75,7 @@ def candidates(
     kept = np.flatnonzero(count)
     return Candidates(
         query=columns,
-        point=_columns(point, rank, point_block[rank], order),
+        point=block_columns(point, rank, point_block[rank], order),
         limit=reach**2,
         rank=rank,
         owner=kept // (2 * beyond + 1),
@@ -113,16 +113,6 @@ def _look_up(
         found[0, shift + beyond] = start
         found[1, shift + beyond] = key.searchsorted(middle + half, side="right") - start
     return found
-
-
-def _columns(value: FloatArray, row: IntArray, block: IntArray, axes: IntArray) -> FloatArray:
-    """Return some rows' coordinates on the axes of their block, (A, M); `axes` is (blocks, A)."""
-    flat = np.ascontiguousarray(value).ravel()
-    begin = row * value.shape[1]
-    columns = np.empty((axes.shape[1], len(row)))
-    for index, axis in enumerate(axes.T):
-        columns[index] = flat.take(begin + axis.take(block))
-    return columns
 
 
 def _selective_axes(

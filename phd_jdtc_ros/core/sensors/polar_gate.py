@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, wrap_angle
-from ..pair_search.gating import CellLists, cell_lists, count_near, near_detections
+from ..pair_search.gating import cell_lists, count_near, near_detections
 from ..types import Detections
 
 # Radius of the gates in standard deviations; there the likelihood is 1e-8 of its peak.
@@ -35,11 +35,8 @@ def gated_pairs(
     """
     std, shift = own_std, detections.time_s if len(predicted) else None
     if std is None and shift is None:
-        lists, gate = _lists(detections, noise_std)
         log_norm = -np.log(2.0 * np.pi * noise_std[0] * noise_std[1])
-        particle, detection, square = near_detections(
-            lists, predicted, noise_std, DETECTION_GATE_SIGMA, gate
-        )
+        particle, detection, square = _near(predicted, detections, noise_std)
         return particle, detection, log_norm - 0.5 * square
     if std is None:
         std = np.tile(noise_std, (len(detections), 1))
@@ -48,8 +45,7 @@ def gated_pairs(
         fastest = np.abs(rate).max(axis=0) * np.abs(shift).max()
         # An ellipse larger by this margin contains every shifted gate.
         widest = widest + 1.5 * fastest / DETECTION_GATE_SIGMA
-    lists, gate = _lists(detections, widest)
-    particle, detection, _ = near_detections(lists, predicted, widest, DETECTION_GATE_SIGMA, gate)
+    particle, detection, _ = _near(predicted, detections, widest)
     error = detections.measurement[detection] - predicted[particle]
     if shift is not None and rate is not None:
         error -= rate[particle] * shift[detection, None]
@@ -63,19 +59,21 @@ def gated_pairs(
 
 def candidate_count(predicted: FloatArray, detections: Detections, noise_std: FloatArray) -> int:
     """Return the number of candidate pairs of `gated_pairs`; about twice the pairs in the gate."""
-    gates = DETECTION_GATE_SIGMA * float(noise_std[0]), _azimuth_gate(noise_std)
-    return count_near(_wrapped(detections), *gates, predicted)
+    return count_near(_wrapped(detections), *_gates(noise_std), predicted)
 
 
-def _lists(detections: Detections, std: FloatArray) -> tuple[CellLists, float]:
-    """Return the detections by cell, and the half width of the gate in azimuth."""
-    gate = _azimuth_gate(std)
-    return cell_lists(_wrapped(detections), DETECTION_GATE_SIGMA * float(std[0]), gate), gate
+def _near(
+    predicted: FloatArray, detections: Detections, std: FloatArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return the pairs within the gate of these deviations; see `gating.near_detections`."""
+    gates = _gates(std)
+    lists = cell_lists(_wrapped(detections), *gates)
+    return near_detections(lists, predicted, std, DETECTION_GATE_SIGMA, gates[1])
 
 
-def _azimuth_gate(std: FloatArray) -> float:
-    """Return the half width of the gate in azimuth."""
-    return min(DETECTION_GATE_SIGMA * float(std[1]), np.pi)
+def _gates(std: FloatArray) -> tuple[float, float]:
+    """Return the half widths of the gate, metres and radians."""
+    return DETECTION_GATE_SIGMA * float(std[0]), min(DETECTION_GATE_SIGMA * float(std[1]), np.pi)
 
 
 def _wrapped(detections: Detections) -> FloatArray:

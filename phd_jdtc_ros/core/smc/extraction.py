@@ -166,10 +166,7 @@ def clusters(
         targets = round(float(weight.sum()))
         if targets == 0:
             continue
-        copies = resampling.systematic(
-            weight, np.zeros(len(member), dtype=np.int64), np.array([CLUSTER_SAMPLES]), rng
-        )
-        drawn = np.repeat(member, copies)
+        drawn = member[resampling.draw(weight, CLUSTER_SAMPLES, rng)]
         scale = particles.state[drawn].std(axis=0)
         whitened = particles.state[drawn] / np.where(scale > 0.0, scale, 1.0)
         # The seed is an integer because scipy renamed the argument that takes a generator.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Annotated, NamedTuple
 
@@ -17,11 +17,6 @@ from ..window.entries import Extents
 
 # Bound, in a snapshot, on the logarithm of a signal-to-noise ratio.
 MAX_LOG_SNR = 100.0
-# All columns but the components.
-_COLUMNS = (
-    *("state", "mode", "row_label", "parent", "multiplicity"),
-    *("poisson", "label", "log_snr"),
-)
 
 
 @dataclass(frozen=True)
@@ -190,7 +185,9 @@ class ParticleSet(ReadOnly):
     def concatenate(parts: Sequence[ParticleSet]) -> ParticleSet:
         """Return the particles and the components of all parts, at least one."""
         columns = {
-            name: np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS
+            each.name: np.concatenate([getattr(part, each.name) for part in parts])
+            for each in fields(ParticleSet)
+            if each.name != "components"
         }
         components = sparse.block_diag([part.components for part in parts], format="csr")
         return ParticleSet(components=components, **columns)

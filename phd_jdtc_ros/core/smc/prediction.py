@@ -116,9 +116,7 @@ def _spawn(
     mass = float(particles.weight.sum())
     wanted = int(np.ceil(spawn.particles_per_target * mass))
     count = min(wanted, budget.most)
-    group = np.zeros(len(particles), dtype=np.int64)
-    copies = resampling.systematic(particles.weight, group, np.array([count]), rng)
-    parent = np.repeat(np.arange(len(particles)), copies)
+    parent = resampling.draw(particles.weight, count, rng)
     mode = _draw_mode(spawn.transition, particles.mode[parent], rng)
     state = np.empty((len(parent), particles.state.shape[1]))
     for index, motion_model in enumerate(model.modes.motions):

@@ -9,13 +9,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, factorize
+from ..arrays import FloatArray, factorize
 from ..attributes.uniqueness import OutOfGate
 from ..models.manoeuvre import PROBABILITY, Manoeuvre, manoeuvre
 from ..models.tracker_model import TrackerModel
 from ..sensors.report import Report
 from .particle_set import ParticleSet
 from .proposals.detections_in_plane import Places, places_of
+from .resampling import draw
 
 
 def with_reacquired(
@@ -32,7 +33,8 @@ def with_reacquired(
     """
     target = factorize(particles.row_label)[1]
     count = model.detection_births.particles
-    row = np.concatenate([_draw(particles, target, own, count, rng) for own in out_of_gate.target])
+    members = [np.flatnonzero(target == own) for own in out_of_gate.target]
+    row = np.concatenate([rows[draw(particles.weight[rows], count, rng)] for rows in members])
     column, since_s = out_of_gate.column.repeat(count), out_of_gate.since_s.repeat(count)
     seen = places_of(report).take(column)
     space = model.modes.space
@@ -57,17 +59,6 @@ def with_reacquired(
         multiplicity=np.concatenate([particles.multiplicity, np.ones(len(row), dtype=np.int64)]),
         poisson=weight,
     )
-
-
-def _draw(
-    particles: ParticleSet, target: IntArray, own: int, count: int, rng: np.random.Generator
-) -> IntArray:
-    """Draw rows of a target in proportion to their weights, shape (count,)."""
-    rows = np.flatnonzero(target == own)
-    share = np.cumsum(particles.weight[rows])
-    place = np.searchsorted(share, share[-1] * (np.arange(count) + rng.random()) / count)
-    drawn: IntArray = rows[np.minimum(place, len(rows) - 1)]
-    return drawn
 
 
 def _positions(seen: Places, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:

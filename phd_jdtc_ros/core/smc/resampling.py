@@ -72,6 +72,12 @@ def systematic(
     return comb(weight, group, count, rng.random(len(count)))
 
 
+def draw(weight: FloatArray, count: int, rng: np.random.Generator) -> IntArray:
+    """Return `count` rows, ascending, drawn in proportion to their weights by one comb."""
+    group = np.zeros(len(weight), dtype=np.int64)
+    return np.arange(len(weight)).repeat(systematic(weight, group, np.array([count]), rng))
+
+
 def comb(weight: FloatArray, group: IntArray, count: IntArray, offset: FloatArray) -> IntArray:
     """Return the number of copies of each particle, by combs that begin at `offset`.
 

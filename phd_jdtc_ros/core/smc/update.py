@@ -23,7 +23,7 @@ from ..models.competing_sources import competing_sources
 from ..models.detection_birth import Newborn
 from ..models.tracker_model import TrackerModel
 from ..sensors.report import LEAST_UNSEEN, Report
-from ..types import Coverage, Detections
+from ..types import Detections
 from ..window.update_steps import Posterior
 from .correction import Corrector
 from .noise import noise_evidence
@@ -126,7 +126,8 @@ class PriorParticles:
         """Probability that each particle is detected, shape (N,)."""
         detectable, sector = self._in_turn, self.report.detections.coverage
         if sector is not None:
-            detectable = detectable * self._measured_in(sector)
+            measured = self.report.sensor.sector_probability(self._everywhere, sector)
+            detectable = detectable * measured
         return detectable if self._unseen is None else detectable * self._unseen
 
     @cached_property
@@ -156,16 +157,12 @@ class PriorParticles:
         mean: FloatArray = whole / np.where(mass > 0.0, mass, 1.0)
         return mean
 
-    def _measured_in(self, sector: Coverage) -> FloatArray:
-        """Return the probability that a target is measured in a sector, shape (N,)."""
-        return self.report.sensor.sector_probability(self._everywhere, sector)
-
     @cached_property
     def _unseen(self) -> FloatArray | None:
         """Factor of earlier sectors, shape (N,); None if they saw none of the targets."""
         if (earlier := self.report.earlier) is None:
             return None
-        measured = self._measured_in(earlier.coverage)
+        measured = self.report.sensor.sector_probability(self._everywhere, earlier.coverage)
         return earlier.factor(self.particles.row_label, self._in_turn, measured)
 
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:

@@ -4,11 +4,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
-from phd_jdtc_ros.core.pair_search import grid
+from phd_jdtc_ros.core.pair_search import candidates, grid
 
 
 def check(query, query_group, point, point_group, radius):
-    found = list(grid.within_groups(query, query_group, point, point_group, radius))
+    tested = grid.grid_candidates(query, query_group, point, point_group, radius)
+    found = list(candidates.near_chunks(tested))
     empty = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)
     row, column, square = (np.concatenate(part) for part in zip(empty, *found, strict=True))
     limit = (cdist(query, point) <= radius) & (query_group[:, None] == point_group)
@@ -83,6 +84,6 @@ def test_within_groups_of_far_spread_clouds_need_few_cells():
     rng = np.random.default_rng(0)
     point, group = clouds(rng, 20, 2000, 4, 1e6)
     found = grid.grid_candidates(point, group, point, group, 7.5)
-    near = sum(len(part.query) for part in grid.within_groups(point, group, point, group, 7.5))
+    near = sum(len(part.query) for part in candidates.near_chunks(found))
     assert len(found.rank) == 2000
     assert found.count.sum() <= 12 * near

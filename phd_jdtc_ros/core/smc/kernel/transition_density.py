@@ -9,7 +9,7 @@ import numpy as np
 
 from ...arrays import FloatArray, IntArray
 from ...pair_search.candidates import near_chunks
-from ...pair_search.grid import within_groups
+from ...pair_search.grid import grid_candidates
 from ...pair_search.sweep import candidates
 from ...targets.modes import ModeSpace
 from ...targets.motion import MotionModel, whitener
@@ -97,12 +97,12 @@ class TransitionDensity(NamedTuple):
         if len(query) == 0 or len(point) == 0:
             return
         if groups is None:
-            near = near_chunks(candidates(query, block, point, point_block, radius))
+            found = candidates(query, block, point, point_block, radius)
         else:
             query_group = groups[0][rows] * len(points) + block
             point_group = groups[1][source] * len(points) + point_block
-            near = within_groups(query, query_group, point, point_group, float(radius))
-        for row, point_row, square in near:
+            found = grid_candidates(query, query_group, point, point_group, float(radius))
+        for row, point_row, square in near_chunks(found):
             column = source.take(point_row)
             value = np.exp(-0.5 * square)
             value *= density.take(mode_row.take(row) + column)

@@ -55,8 +55,9 @@ def sample(
     sharp = seen.sharper_than(SHARP * float(np.sqrt(noise[place[0], place[0]])))
     if not 0 < len(sharp.position) * len(state) <= MAX_PAIRS:
         return moved, np.ones(len(state))
-    seen_noise = _seen_noise(sharp, model, noise)
-    innovation = sharp.covariance + _position_covariance(sharp, model, seen_noise)
+    # Covariance of the noise and the position, (M, K, 2), and of the innovation, (M, 2, 2).
+    seen_noise = _as_seen(noise, sharp, model)
+    innovation = sharp.covariance + _as_seen(seen_noise.swapaxes(1, 2), sharp, model)
     predictive = _densities(sharp, model.mean(state, dt), model, innovation)
     total = predictive.sum(axis=0)
     guided = np.flatnonzero((total > 0.0) & (rng.random(len(state)) >= BLIND_SHARE))
@@ -70,18 +71,15 @@ def sample(
     return moved, 1.0 / (BLIND_SHARE + (1.0 - BLIND_SHARE) * ratio)
 
 
-def _seen_noise(seen: Places, model: MotionModel, noise: FloatArray) -> FloatArray:
-    """Return the covariance of the noise and the position at each detection's time, (M, K, 2)."""
+def _as_seen(covariance: FloatArray, seen: Places, model: MotionModel) -> FloatArray:
+    """Return covariances with the position at each detection's time, for those with the state.
+
+    The last axis of the argument, (..., K), has the motion's support; that of the result,
+    (M, ..., 2), has the position.
+    """
     place = [model.support.index(axis) for axis in model.space.position]
     speed = [model.support.index(axis) for axis in model.space.velocity]
-    return noise[:, place] + seen.time_s[:, None, None] * noise[:, speed]
-
-
-def _position_covariance(seen: Places, model: MotionModel, seen_noise: FloatArray) -> FloatArray:
-    """Return the covariance of the position at each detection's time by noise, (M, 2, 2)."""
-    place = [model.support.index(axis) for axis in model.space.position]
-    speed = [model.support.index(axis) for axis in model.space.velocity]
-    return seen_noise[:, place] + seen.time_s[:, None, None] * seen_noise[:, speed]
+    return covariance[..., place] + seen.time_s[:, None, None] * covariance[..., speed]
 
 
 def _densities(

@@ -56,7 +56,7 @@ def candidates_of_a_build(monkeypatch, *scene):
 
     with monkeypatch.context() as patch:
         patch.setattr(transition_density, "candidates", counted(sweep.candidates))
-        patch.setattr(grid, "grid_candidates", counted(grid.grid_candidates))
+        patch.setattr(transition_density, "grid_candidates", counted(grid.grid_candidates))
         link = backward_kernel.build(*case)
     rows = len(case[1])
     return np.array(tested) / rows, link.ratio.nnz / rows
