@@ -93,9 +93,8 @@ class SensorMemory:
 
     def with_learned_sensors(self, model: TrackerModel) -> TrackerModel:
         """Return a tracker's model whose sensors have their learned values."""
-        if not self.sensors:
-            return model
-        return replace(model, radars=tuple(map(self.learned, model.radars)))
+        radars = tuple(map(self.learned, model.radars))
+        return model if all(map(is_, radars, model.radars)) else replace(model, radars=radars)
 
     @property
     def clutter_maps(self) -> Mapping[str, ClutterMap]:
