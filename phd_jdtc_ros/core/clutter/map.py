@@ -11,7 +11,7 @@ from typing import Annotated
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, ReadOnly, zeros_field
+from ..arrays import FloatArray, IntArray, ReadOnly, contains, zeros_field
 from ..snapshot import floats, integers
 from . import neighbourhood
 from .grid import Grid, corners
@@ -128,8 +128,7 @@ class ClutterMap(ReadOnly):
         new, place = np.unique(corner.ravel(), return_inverse=True)
         more = np.bincount(place.ravel(), weights=(share * weight).ravel(), minlength=len(new))
         at = np.searchsorted(self.cell, new)
-        known = np.zeros(len(new), dtype=bool)
-        known[at < len(self.cell)] = self.cell[at[at < len(self.cell)]] == new[at < len(self.cell)]
+        known = contains(self.cell, new)
         count, recent = kept * self.count, fading * self.recent
         count[at[known]] += more[known]
         recent[at[known]] += more[known]

@@ -75,11 +75,11 @@ class OpenTrials(ReadOnly):
         given that it exists, the share d of its open trials counts, times its existence
         probability. The share 1 - d stays open, and so does the report's own trial for it.
         """
-        label, cell, expected, detected, still, *counted = _after(
+        label, cell, shares, counted = _after(
             *(LEAST_OPEN, cells, self.label, self.cell, self.expected, self.detected, self.still),
             *contiguous(*trials),
         )
-        return OpenTrials(label, cell, expected, detected, still), TrialSums(*counted)
+        return OpenTrials(label, cell, *shares), TrialSums(*counted)
 
 
 @compiled
@@ -96,12 +96,11 @@ def _after(
     own_expected: Float1,
     own_detected: Float1,
     existence: Float1,
-) -> tuple[
-    IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray
-]:
+) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
     """Return the columns of `OpenTrials` and of `TrialSums` after a report.
 
-    The last arguments, from `own_label` on, are the columns of the report's `ReportTrials`.
+    The last three columns of `OpenTrials` are one array, (3, E), and those of the sums another,
+    (3, K). The last arguments, from `own_label` on, are the columns of the report's `ReportTrials`.
     """
     size, targets, room = len(label), len(own_label), 0
     counts, most = np.zeros((3, cells)), size + targets
@@ -119,28 +118,13 @@ def _after(
         left = (1.0 - now) * still[trial]
         if left > least:
             labels[room], places[room] = label[trial], cell[trial]
-            values[0, room], values[1, room], values[2, room] = (
-                expected[trial],
-                detected[trial],
-                left,
-            )
+            values[0, room], values[1, room] = expected[trial], detected[trial]
+            values[2, room] = left
             room += 1
     for one in range(targets):
         if own_expected[one] > 0.0:
             labels[room], places[room] = own_label[one], own_cell[one]
-            values[0, room], values[1, room], values[2, room] = (
-                own_expected[one],
-                own_detected[one],
-                1.0,
-            )
+            values[0, room], values[1, room] = own_expected[one], own_detected[one]
+            values[2, room] = 1.0
             room += 1
-    return (
-        labels[:room].copy(),
-        places[:room].copy(),
-        values[0, :room].copy(),
-        values[1, :room].copy(),
-        values[2, :room].copy(),
-        counts[0],
-        counts[1],
-        counts[2],
-    )
+    return labels[:room].copy(), places[:room].copy(), values[:, :room].copy(), counts

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -52,16 +53,21 @@ class LearnedSensor:
         law = self.clutter_law if isinstance(sensor.clutter_amplitude, Learned) else None
         if law is not None and law.threshold != sensor.threshold:
             law = Learned(sensor.threshold, law.count)
-        places = None if sensor.clutter_map is None else self.clutter_map
         count = sensor.clutter_count and (self.clutter_count or sensor.clutter_count)
-        if not (law is None and places is None and count is None):
-            sensor = sensor.with_clutter(law, places, count)
-        detection = sensor.detection_factor and self.detection
         noise = sensor.noise_factor and self.noise
-        correlation = sensor.correlation and self.correlation
-        if detection is None and noise is None and correlation is None:
-            return sensor
-        return sensor.with_learned(detection, noise, correlation)
+        learned: dict[str, Any] = {
+            "clutter_amplitude": law,
+            "clutter_map": sensor.clutter_map and self.clutter_map,
+            "clutter_count": count,
+            "clutter_rate": count and count.rate,
+            "detection_factor": sensor.detection_factor and self.detection,
+            "noise_factor": noise,
+            "correlation": sensor.correlation and self.correlation,
+        }
+        changed = {name: value for name, value in learned.items() if value is not None}
+        if noise is not None:
+            changed |= sensor.noise_times(noise)
+        return replace(sensor, **changed) if changed else sensor
 
     def earlier_sectors(self, report: Report) -> EarlierSectors | None:
         """Return the sectors before a report in the same pass of the antenna; None without any."""

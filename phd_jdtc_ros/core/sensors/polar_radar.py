@@ -39,12 +39,14 @@ class RadarModel(Sensor):
     # Additional standard deviation of ranges, metres per metre of range.
     range_growth: float = 0.0
 
-    def _noise_times(self, factor: NoiseFactor) -> dict[str, Any]:
+    def noise_times(self, factor: NoiseFactor) -> dict[str, Any]:
+        """Return the fields that describe its noise, with deviations times learned factors."""
         in_range, in_azimuth, _ = factor.of_std.tolist()
         return {
             "range_std": in_range * self.range_std,
             "range_growth": in_range * self.range_growth,
             "azimuth_std": in_azimuth * self.azimuth_std,
+            **super().noise_times(factor),
         }
 
     @property

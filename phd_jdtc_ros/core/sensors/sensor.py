@@ -90,47 +90,12 @@ class Sensor(ABC):
             return self
         return replace(self, position=pose.position, yaw=pose.yaw, velocity=pose.velocity)
 
-    def with_clutter(
-        self: SensorT,
-        amplitude: ClutterAmplitude | None = None,
-        places: ClutterMap | None = None,
-        count: ClutterCount | None = None,
-    ) -> SensorT:
-        """Return the sensor with learned clutter; None keeps a model."""
-        return replace(
-            self,
-            clutter_amplitude=self.clutter_amplitude if amplitude is None else amplitude,
-            clutter_map=self.clutter_map if places is None else places,
-            clutter_count=self.clutter_count if count is None else count,
-            clutter_rate=self.clutter_rate if count is None else count.rate,
-        )
-
-    def with_learned(
-        self: SensorT,
-        detection: DetectionFactor | None,
-        noise: NoiseFactor | None,
-        correlation: Correlation | None = None,
-    ) -> SensorT:
-        """Return the configured sensor with its learned values; None keeps a model."""
-        return replace(
-            self,
-            detection_factor=detection or self.detection_factor,
-            noise_factor=noise or self.noise_factor,
-            correlation=correlation or self.correlation,
-            **({} if noise is None else self._noise_times(noise)),
-            range_rate=self._range_rate_times(noise),
-        )
-
-    def _noise_times(self, factor: NoiseFactor) -> dict[str, Any]:
-        """Return the fields that describe the noise of measurements, times learned factors."""
-        return {}
-
-    def _range_rate_times(self, factor: NoiseFactor | None) -> RangeRateModel | None:
-        """Return the model of range rates, whose noise is multiplied by a learned factor."""
+    def noise_times(self, factor: NoiseFactor) -> dict[str, Any]:
+        """Return the fields that describe its noise, with deviations times learned factors."""
         own = self.range_rate
-        if own is None or factor is None or not factor.learned[-1]:
-            return own
-        return replace(own, std=float(factor.of_std[-1]) * own.std)
+        if own is None or not factor.learned[-1]:
+            return {}
+        return {"range_rate": replace(own, std=float(factor.of_std[-1]) * own.std)}
 
     @property
     def noise_components(self) -> tuple[str, ...]:

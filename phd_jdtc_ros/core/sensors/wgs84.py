@@ -33,10 +33,8 @@ def to_cartesian(
     Latitudes and longitudes are in degrees, heights in metres above the ellipsoid, (...,).
     """
     north, east = np.radians(latitude), np.radians(longitude)
-    across, above = (
-        normal_radius(np.asarray(latitude, dtype=float)),
-        np.asarray(height, dtype=float),
-    )
+    across = normal_radius(np.asarray(latitude, dtype=float))
+    above = np.asarray(height, dtype=float)
     from_axis = (across + above) * np.cos(north)
     return np.stack(
         np.broadcast_arrays(
