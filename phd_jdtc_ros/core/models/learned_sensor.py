@@ -8,8 +8,8 @@ otherwise never be learned.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,8 +33,7 @@ USUAL_TURNS = 5.0
 USUAL_SIGMA = 5.0
 
 
-@dataclass(frozen=True)
-class LearnedSensor:
+class LearnedSensor(NamedTuple):
     """Learned values of a sensor; None before the first report from which each is learned."""
 
     clutter_law: Learned | None = None  # Law of the amplitudes of false detections
@@ -111,7 +110,7 @@ class LearnedSensor:
         if not report.part_of_turn:
             return self
         usual = self.usual_count or ClutterCount()
-        return replace(self, usual_count=usual.after(len(report), report.part_of_turn))
+        return self._replace(usual_count=usual.after(len(report), report.part_of_turn))
 
     def after_clutter(
         self, report: Report, claimed: FloatArray, stationary: FloatArray
@@ -127,16 +126,16 @@ class LearnedSensor:
         learned, turns = self, report.part_of_turn
         if isinstance(law, Learned) and detections.amplitude is not None:
             law = law.after(detections.amplitude, 1.0 - claimed)
-            learned = replace(learned, clutter_law=law)
+            learned = learned._replace(clutter_law=law)
         if turns and count is not None:
             # Unclaimed detections that the clutter map does not explain.
             uniform = np.exp(-sensor.log_clutter_factor(detections.measurement))
             unclaimed = float(((1.0 - claimed) * uniform).sum())
-            learned = replace(learned, clutter_count=count.after(unclaimed, turns))
+            learned = learned._replace(clutter_count=count.after(unclaimed, turns))
         if turns and places is not None:
             weight, seen = 1.0 - claimed * (1.0 - stationary), detections.measurement
             places = places.after(seen, sensor.to_world(seen), weight, turns)
-            learned = replace(learned, clutter_map=places)
+            learned = learned._replace(clutter_map=places)
         return learned
 
     def after_trials(self, sums: TrialSums) -> LearnedSensor:
@@ -144,12 +143,12 @@ class LearnedSensor:
         if self.detection is None:
             return self
         alarm = (self.alarm or ChangeAlarm()).after_trials(self.detection, sums)
-        return replace(self, alarm=alarm, detection=self.detection.after(sums))
+        return self._replace(alarm=alarm, detection=self.detection.after(sums))
 
     def after_noise(self, factor: NoiseFactor, evidence: NoiseEvidence) -> LearnedSensor:
         """Return the values after the innovations of a report, given the factor used for it."""
         alarm = (self.alarm or ChangeAlarm()).after_noise(factor, evidence)
-        return replace(self, alarm=alarm, noise=factor.after(evidence))
+        return self._replace(alarm=alarm, noise=factor.after(evidence))
 
     def after_any_look(self, look: Look) -> LearnedSensor:
         """Return the values after any sensor's look, whose detections let pairs of looks count."""
@@ -157,21 +156,21 @@ class LearnedSensor:
             return self
         chains, sums = self.chains.count_pairs(look)
         correlation = self.correlation.after(sums) if sums[0] > 0.0 else self.correlation
-        return replace(self, chains=chains, correlation=correlation)
+        return self._replace(chains=chains, correlation=correlation)
 
     def after_look(self, report: Report, look: Look) -> LearnedSensor:
         """Return the values after the sensor's own look; the report is as it was prepared."""
         learned, sector, sensor = self, report.detections.coverage, report.sensor
         if sector is not None and report.turn_ns and sector.width <= WIDEST:
             latest = self._continued(report) or AntennaPass.of(sector, report.stamp_ns)
-            learned = replace(learned, antenna_pass=latest.detecting(look.label, look.detected))
+            learned = learned._replace(antenna_pass=latest.detecting(look.label, look.detected))
         prediction, correlation = report.look_prediction, sensor.correlation
         if prediction is not None and correlation is not None:
             chains = DetectionChains() if self.chains is None else self.chains
             chains = chains.after(look, prediction, report.stamp_ns, report.turn_ns)
-            learned = replace(learned, chains=chains)
+            learned = learned._replace(chains=chains)
             if correlation.learned and self.correlation is None:
-                learned = replace(learned, correlation=correlation)
+                learned = learned._replace(correlation=correlation)
         return learned
 
     def figures(self, sensor: Sensor) -> dict[str, float]:

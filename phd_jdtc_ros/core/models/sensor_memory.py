@@ -186,7 +186,7 @@ class SensorMemory:
         cell = np.zeros(len(label), dtype=np.int64)
         expected = np.zeros(len(label))
         if factor is not None:
-            self._set(sensor, replace(self._of(sensor), detection=factor))
+            self._set(sensor, self._of(sensor)._replace(detection=factor))
         if factor is not None and report.complete:
             own = factor.cell(measured)
             known = (before >= KNOWN_EXISTENCE) & (probability > LEAST_EXPECTED)
@@ -233,7 +233,7 @@ class SensorMemory:
             living = np.unique(np.concatenate(list(labels)))
             self.trials = self.trials.of(living)
             self.sensors = {
-                name: own if own.chains is None else replace(own, chains=own.chains.of(living))
+                name: own if own.chains is None else own._replace(chains=own.chains.of(living))
                 for name, own in self.sensors.items()
             }
             self.settled = self._entries
