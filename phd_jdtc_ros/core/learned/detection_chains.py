@@ -20,10 +20,7 @@ SAME_LOOK = 0.5
 # Looks that cover a target with a smaller probability show nothing about the correlation.
 WHOLE = 0.99
 # Columns of `DetectionChains` of floating-point numbers.
-_NUMBERS = (
-    *("covered", "detected", "before_covered", "before_detected"),
-    *("expected", "pairs"),
-)
+_NUMBERS = ("covered", "detected", "before_covered", "before_detected", "expected", "pairs")
 
 
 class Look(NamedTuple):

@@ -143,10 +143,7 @@ def _known_velocity(
 
 
 def _log_rate_factor(
-    report: Report,
-    births: DetectionBirthModel,
-    state: FloatArray,
-    pairs: tuple[IntArray, IntArray],
+    report: Report, births: DetectionBirthModel, state: FloatArray, pairs: tuple[IntArray, IntArray]
 ) -> FloatArray | float:
     """Return the log factor of range rates on the density of velocities, shape (P,).
 

@@ -97,10 +97,7 @@ def _places(
 
 
 def _rows_of_cells(
-    place: FloatArray,
-    grid: tuple[IntArray, IntArray, IntArray],
-    begin: IntArray,
-    reach: FloatArray,
+    place: FloatArray, grid: tuple[IntArray, IntArray, IntArray], begin: IntArray, reach: FloatArray
 ) -> tuple[IntArray, IntArray]:
     """Return each query's candidates: an interval of points in each of three rows of cells.
 

@@ -84,9 +84,14 @@ class RadarModel(Sensor):
 
     def in_plane(self, detections: Detections) -> PlanePlots:
         """Return detections as positions with covariances, at their own times."""
-        measured = detections.measurement
-        sides = polar_geometry.error_axes(measured, self.noise_std_of(detections), self.yaw)
-        return PlanePlots(self.to_world(measured), *sides)
+        measured, std = detections.measurement, self.noise_std_of(detections)
+        bearing = measured[:, 1] + self.yaw
+        # The errors are along the line of sight and across it.
+        along = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
+        across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        distance = np.maximum(measured[:, 0], MIN_RANGE)
+        sides = np.stack([std[:, 0], distance * std[:, 1]], axis=1)
+        return PlanePlots(self.to_world(measured), np.stack([along, across], axis=2), sides)
 
     def drawn_in_plane(self, detections: Detections, normal: FloatArray) -> FloatArray:
         """Return positions drawn from detections' noise, given (M, K, 2) normals; (M, K, 2)."""
@@ -127,10 +132,7 @@ class RadarModel(Sensor):
         return super().miss_probability(log_snr)
 
     def coverage_probability(
-        self,
-        predicted: FloatArray,
-        coverage: Coverage | None,
-        std: FloatArray | None = None,
+        self, predicted: FloatArray, coverage: Coverage | None, std: FloatArray | None = None
     ) -> FloatArray:
         """Return the probability that a report covers each target, (N,); see `Sensor`."""
         seen = self.visibility.sees(predicted, std)
@@ -189,8 +191,12 @@ class RadarModel(Sensor):
 
     def measurement_rate(self, state: FloatArray) -> FloatArray:
         """Return the rates of (range, azimuth) of each state, m/s and rad/s; (N, D) to (N, 2)."""
-        position, velocity = list(self.space.position), list(self.space.velocity)
-        return polar_geometry.rates(state[:, position], state[:, velocity], self.position)
+        velocity = state[:, list(self.space.velocity)]
+        position = state[:, list(self.space.position)]
+        along, distance = polar_geometry.line_of_sight(position, self.position)
+        radial = (along * velocity).sum(axis=1)
+        tangential = along[:, 0] * velocity[:, 1] - along[:, 1] * velocity[:, 0]
+        return np.stack([radial, tangential / distance], axis=1)
 
     def gated_pairs(
         self, predicted: FloatArray, detections: Detections, rate: FloatArray | None = None
@@ -207,9 +213,24 @@ class RadarModel(Sensor):
     def may_have_swept(
         self, position: FloatArray, radius: FloatArray, detections: Detections
     ) -> BoolArray:
-        """Return a mask of the circles that the antenna may have swept for a report, (T,)."""
-        gate, pose = DETECTION_GATE_SIGMA * self.azimuth_std, (self.position, self.yaw)
-        return polar_geometry.may_have_swept(position, radius, *pose, gate, detections)
+        """Return a mask of the circles that the antenna may have swept for a report, (T,).
+
+        It swept the coverage of the detections, and the azimuths of the detections themselves.
+        """
+        line = position - np.asarray(self.position)
+        distance = np.maximum(np.hypot(line[:, 0], line[:, 1]), MIN_RANGE)
+        margin = np.arcsin(np.minimum(radius / distance, 1.0))
+        margin += DETECTION_GATE_SIGMA * self.azimuth_std
+        azimuth = np.arctan2(line[:, 1], line[:, 0]) - self.yaw
+        near: BoolArray = radius >= distance
+        if (coverage := detections.coverage) is not None:
+            offset = np.mod(azimuth + margin - coverage.start, FULL_TURN)
+            near |= offset <= coverage.width + 2.0 * margin
+        if len(detections):
+            seen, first = np.sort(np.mod(detections.measurement[:, 1], FULL_TURN)), azimuth - margin
+            following = seen[np.searchsorted(seen, np.mod(first, FULL_TURN)) % len(seen)]
+            near |= np.mod(following - first, FULL_TURN) <= 2.0 * margin
+        return near
 
 
 def polar_radars(sensors: Iterable[Sensor]) -> tuple[RadarModel, ...]:

@@ -194,10 +194,7 @@ class Sensor(ABC):
         """Size of the field of view, in which unknown targets are uniform, in measurement units."""
 
     def coverage_probability(
-        self,
-        predicted: FloatArray,
-        coverage: Coverage | None,
-        std: FloatArray | None = None,
+        self, predicted: FloatArray, coverage: Coverage | None, std: FloatArray | None = None
     ) -> FloatArray:
         """Return the probability that a report covers each target, (N,).
 

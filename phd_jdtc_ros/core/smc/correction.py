@@ -48,10 +48,7 @@ def _poisson(particles: ParticleSet, claims: Claims) -> Corrected:
     total = claims.other + claimed
     total = np.where(total > 0.0, total, 1.0)
     pair = claims.mass / total.take(claims.column)
-    part = sparse.csr_array(
-        (pair, (claims.row, claims.column)),
-        shape=(len(particles), size),
-    )
+    part = sparse.csr_array((pair, (claims.row, claims.column)), shape=(len(particles), size))
     missed = 1.0 - claims.detection_probability
     corrected = replace(
         particles,

@@ -71,11 +71,7 @@ def _draw_mode(transition: FloatArray, mode: IntArray, rng: np.random.Generator)
 
 
 def _survivors(
-    particles: ParticleSet,
-    model: TrackerModel,
-    dt: float,
-    seen: Places,
-    rng: np.random.Generator,
+    particles: ParticleSet, model: TrackerModel, dt: float, seen: Places, rng: np.random.Generator
 ) -> ParticleSet:
     modes = model.modes
     copy = np.repeat(np.arange(len(particles)), particles.multiplicity)

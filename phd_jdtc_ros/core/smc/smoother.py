@@ -62,10 +62,7 @@ class _Message(NamedTuple):
     backward: FloatArray  # B of `backward_step`, (N,)
 
 
-DEATH_TERMS: dict[str, DeathTerm] = {
-    "bernoulli": bernoulli_death_term,
-    "paper": paper_death_term,
-}
+DEATH_TERMS: dict[str, DeathTerm] = {"bernoulli": bernoulli_death_term, "paper": paper_death_term}
 
 
 def backward_step(

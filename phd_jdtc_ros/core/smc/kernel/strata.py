@@ -77,11 +77,7 @@ def _assign_strata(group: IntArray, weight: FloatArray, strata: IntArray) -> Int
 
 
 def _near_share(
-    kernel: TransitionDensity,
-    later: ParticleSet,
-    row: IntArray,
-    source: IntArray,
-    radius: float,
+    kernel: TransitionDensity, later: ParticleSet, row: IntArray, source: IntArray, radius: float
 ) -> FloatArray:
     """Return the share of the sampled pairs within the radius, by group, (G,)."""
     state, mode = later.state[row.ravel()], later.mode[row.ravel()]
