@@ -100,7 +100,10 @@ def estimates(
         offset[axis] -= state[:, axis].take(group)
     left = 1.0 / sum_by(group, share**2, count)
     prior = PRIOR_PARTICLES / (left + PRIOR_PARTICLES)
-    counted = _covariance_weights(particles.multiplicity.take(row), group, share, prior)
+    # The weights in the covariance sum to one in every group.
+    drawn = particles.multiplicity.take(row).astype(np.float64)
+    drawn /= sum_by(group, drawn, count).take(group)
+    counted = share + prior.take(group) * (drawn - share)
     covariance = np.empty((count, dimension, dimension))
     for i in range(dimension):
         spread = counted * offset[i]
@@ -134,18 +137,6 @@ def _noise(
         axes = np.ix_(np.arange(count), support, support)
         covariance[axes] += of_mode * motion.noise_covariance(modes.interval_s)
     return covariance
-
-
-def _covariance_weights(
-    copies: IntArray, group: IntArray, share: FloatArray, prior: FloatArray
-) -> FloatArray:
-    """Return the weight of each particle in its group's covariance; sums to one in every group.
-
-    `prior` is the share of the covariance of the particles as they were drawn, shape (G,).
-    """
-    drawn = copies.astype(np.float64)
-    drawn /= sum_by(group, drawn, len(prior)).take(group)
-    return share + prior.take(group) * (drawn - share)
 
 
 def clusters(

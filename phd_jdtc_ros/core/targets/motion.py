@@ -51,16 +51,12 @@ class MotionModel(Hashable, Protocol):
         """Return Q(dt) on the support, (K, K), or one for each of several intervals, (I, K, K)."""
 
 
-def _white_acceleration(dt: FloatArray | float, spectral_density: float) -> FloatArray:
-    """Return the covariance of (position, velocity) after `dt` seconds of white acceleration."""
-    rows = [dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]
-    covariance: FloatArray = spectral_density * np.array(rows).transpose()
-    return covariance
-
-
 def _planar_noise(dt: FloatArray | float, spectral_density: float) -> FloatArray:
+    """Return the covariance of (x, vx, y, vy) after `dt` seconds of white acceleration."""
+    rows = [dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]
     covariance = np.zeros((*np.shape(dt), 4, 4))
-    covariance[..., :2, :2] = covariance[..., 2:, 2:] = _white_acceleration(dt, spectral_density)
+    covariance[..., :2, :2] = spectral_density * np.array(rows).transpose()
+    covariance[..., 2:, 2:] = covariance[..., :2, :2]
     return covariance
 
 

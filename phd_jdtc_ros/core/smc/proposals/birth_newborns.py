@@ -13,7 +13,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...arrays import FloatArray, IntArray
 from ...models.tracker_model import TrackerModel
 from ...tracks import labels
 from ...types import Scan
@@ -39,7 +38,14 @@ def redraw_velocities(
     share = 1.0 / copies[row]
     term = stored.row_label[row[again]] - labels.first_predicted(scan_index)
     state = stored.state[row]
-    _draw_velocities(state, again, stored.mode[row], term, model, rng)
+    mean, std = (
+        np.array([getattr(birth, name) for birth in model.births])[term] for name in ("mean", "std")
+    )
+    drawn = mean + std * rng.standard_normal(mean.shape)
+    for index, motion in enumerate(model.modes.motions):
+        chosen = np.flatnonzero(stored.mode[row[again]] == index)
+        for axis in set(motion.support) - set(model.modes.space.position):
+            state[again[chosen], axis] = drawn[chosen, axis]
     multiplicity = np.where(newborn, 1, stored.multiplicity)[row]
     return replace(stored.scale(row, share), state=state, multiplicity=multiplicity)
 
@@ -54,22 +60,3 @@ def _tells_velocities(scan: Scan) -> bool:
         and (each.range_rate is not None or (each.time_s is not None and each.time_s.any()))
         for each in scan.detections
     )
-
-
-def _draw_velocities(
-    state: FloatArray,
-    again: IntArray,
-    mode: IntArray,
-    term: IntArray,
-    model: TrackerModel,
-    rng: np.random.Generator,
-) -> None:
-    """Draw, in place, the velocities and turn rates of some rows from their birth terms."""
-    mean, std = (
-        np.array([getattr(birth, name) for birth in model.births])[term] for name in ("mean", "std")
-    )
-    drawn = mean + std * rng.standard_normal(mean.shape)
-    for index, motion in enumerate(model.modes.motions):
-        chosen = np.flatnonzero(mode[again] == index)
-        for axis in set(motion.support) - set(model.modes.space.position):
-            state[again[chosen], axis] = drawn[chosen, axis]
