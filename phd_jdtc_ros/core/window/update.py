@@ -87,8 +87,10 @@ def update(
         pairs = _gate_pairs(prior, report, attributes)
     evidence = None if attributes is None else _evidence(prior, pairs, report, attributes)
     report = _with_known_targets(report, prior)
-    looks = memory.earlier_looks(report, steps.model)
-    memory.remember_look(report)
+    looks = None
+    if steps.model.detection_births.enabled:  # nothing else depends on earlier looks
+        looks = memory.earlier_looks(report, steps.model)
+        memory.remember_look(report)
     log_other = log_intensities(report, steps.model, dt, earlier, evidence, looks)
     posterior = prior.posterior(pairs, evidence, log_other)
 
