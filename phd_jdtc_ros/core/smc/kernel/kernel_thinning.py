@@ -32,12 +32,6 @@ MAX_PAIRS_PER_ROW = 128
 Triples = tuple[IntArray, IntArray, FloatArray]
 
 
-def offsets(row: IntArray) -> FloatArray:
-    """Return the offset of each row's comb, at least 0 and below 1; the same in every run."""
-    # The combs of consecutive rows begin at different offsets.
-    return np.asarray(row * GOLDEN_RATIO % 1.0)
-
-
 def complete_rows(pairs: Iterable[Triples]) -> Iterator[Triples]:
     """Yield (row, column, value) of ascending rows in chunks that end between rows."""
     none = np.zeros(0, dtype=np.int64)
@@ -61,9 +55,7 @@ def thin(
     kernel, and the weight of the earlier row. At most `MAX_PAIRS_PER_ROW` pairs per row are kept;
     each row keeps its sum of value times weight.
     """
-    if not (
-        row[MAX_PAIRS_PER_ROW:] == row[:-MAX_PAIRS_PER_ROW]
-    ).any():  # the usual case: no row is long
+    if not (row[MAX_PAIRS_PER_ROW:] == row[:-MAX_PAIRS_PER_ROW]).any():  # mostly no row is long
         return row, column, value
     first = run_starts(row)
     count = np.diff(np.append(first, len(row)))
@@ -75,7 +67,9 @@ def thin(
     group = np.arange(len(long_row)).repeat(count[count > MAX_PAIRS_PER_ROW])
     share = value[pair] * weight[pair]
     mu = np.bincount(group, share)
-    copies = comb(share, group, np.full(len(long_row), MAX_PAIRS_PER_ROW), offsets(long_row))
+    # The combs of consecutive rows begin at different offsets, the same in every run.
+    offset: FloatArray = long_row * GOLDEN_RATIO % 1.0
+    copies = comb(share, group, np.full(len(long_row), MAX_PAIRS_PER_ROW), offset)
     kept = np.logical_not(in_long_row)
     hit = copies > 0
     pair, group = pair[hit], group[hit]

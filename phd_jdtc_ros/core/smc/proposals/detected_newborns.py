@@ -15,13 +15,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...arrays import FloatArray, IntArray
+from ...arrays import FloatArray
 from ...models.detection_birth import DetectionBirthModel
 from ...models.tracker_model import TrackerModel
 from ...tracks.labels import born_at_detection
 from ...window.entries import UnsweptRows
 from ..kernel.backward_kernel import UnsweptParticles
-from ..particle_set import ParticleSet, scale_rows
+from ..particle_set import scale_rows
 from .detections_in_plane import Places
 
 # Velocities are redrawn if they spread the target's position over more than this many standard
@@ -74,33 +74,13 @@ def _redraw_velocities(
     chosen = np.flatnonzero(newborn)
     if not len(chosen) or not len(detections.position):
         return rows
-    state, factor = _redraw(stored, chosen, dt, detections, model, rng)
-    redrawn = replace(
-        stored,
-        state=state,
-        poisson=stored.poisson * factor,
-        components=scale_rows(stored.components, factor),
-    )
-    return UnsweptRows(replace(rows.entry, stored=redrawn), rows.rows)
-
-
-def _redraw(
-    stored: ParticleSet,
-    chosen: IntArray,
-    dt: float,
-    detections: Places,
-    model: TrackerModel,
-    rng: np.random.Generator,
-) -> tuple[FloatArray, FloatArray]:
-    """Return all states with the velocities of some rows redrawn, and the weights' factors."""
-    space, births = model.modes.space, model.detection_births
-    place, speed = list(space.position), list(space.velocity)
+    place, speed = list(model.modes.space.position), list(model.modes.space.velocity)
     state, factor = stored.state.copy(), np.ones(len(stored))
     spread = [INFLATION * np.linalg.cholesky(matrix) / dt for matrix in detections.covariance]
+    reach = REACH_SIGMA * births.velocity_std * dt
     for label in np.unique(stored.row_label[chosen]):
         row = chosen[stored.row_label[chosen] == label]
         centre = state[row][:, place].mean(axis=0)
-        reach = REACH_SIGMA * births.velocity_std * dt
         near = np.flatnonzero(np.hypot(*(detections.position - centre).T) <= reach)
         if len(near):
             leads = (detections.position[near][:, None] - state[row][:, place]) / dt
@@ -108,7 +88,13 @@ def _redraw(
             state[np.ix_(row, speed)] = velocity
             weight = stored.weight[row]
             factor[row] = ratio * weight.sum() / (ratio * weight).sum()
-    return state, factor
+    redrawn = replace(
+        stored,
+        state=state,
+        poisson=stored.poisson * factor,
+        components=scale_rows(stored.components, factor),
+    )
+    return UnsweptRows(replace(rows.entry, stored=redrawn), rows.rows)
 
 
 def _draw(
