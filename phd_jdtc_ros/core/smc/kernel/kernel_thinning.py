@@ -68,7 +68,7 @@ def thin(
     share = value[pair] * weight[pair]
     mu = np.bincount(group, share)
     # The combs of consecutive rows begin at different offsets, the same in every run.
-    offset: FloatArray = long_row * GOLDEN_RATIO % 1.0
+    offset = np.asarray(long_row * GOLDEN_RATIO % 1.0)
     copies = comb(share, group, np.full(len(long_row), MAX_PAIRS_PER_ROW), offset)
     kept = np.logical_not(in_long_row)
     hit = copies > 0
