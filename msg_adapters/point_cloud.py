@@ -45,7 +45,7 @@ def encode(
     FLOAT64 if they are named in `wide`, integer arrays UINT32, and byte arrays UINT8.
     """
     codes = ((name, _code(array, name in wide)) for name, array in columns.items())
-    layout, fields = _layout(tuple(codes))
+    layout = _layout(tuple(codes))
     width = len(next(iter(columns.values())))
     points = np.zeros(width, dtype=layout)
     for name, array in columns.items():
@@ -54,7 +54,7 @@ def encode(
         header=stamps.header(stamp_ns, frame),
         height=1,
         width=width,
-        fields=list(fields),
+        fields=_fields(layout),
         is_bigendian=False,
         point_step=layout.itemsize,
         row_step=layout.itemsize * width,
@@ -72,16 +72,18 @@ def _code(array: npt.NDArray[Any], wide: bool) -> str:
 
 
 @cache
-def _layout(
-    codes: tuple[tuple[str, str], ...],
-) -> tuple[np.dtype[np.void], tuple[PointField, ...]]:
-    """Return the layout of a point, and its fields, which all clouds of the layout share."""
-    layout = np.dtype([(name, "<" + code) for name, code in codes])
+def _layout(codes: tuple[tuple[str, str], ...]) -> np.dtype[np.void]:
+    """Return the layout of a point."""
+    return np.dtype([(name, "<" + code) for name, code in codes])
+
+
+def _fields(layout: np.dtype[np.void]) -> list[PointField]:
+    """Return the fields of a cloud, which belong to its message alone."""
     places: Any = layout.fields
-    return layout, tuple(
-        PointField(name=name, offset=places[name][1], datatype=_DATATYPES[code], count=1)
-        for name, code in codes
-    )
+    return [
+        PointField(name=name, offset=offset, datatype=_DATATYPES[dtype.str[1:]], count=1)
+        for name, (dtype, offset) in places.items()
+    ]
 
 
 def finite(column: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:

@@ -307,7 +307,7 @@ def _to_asterix(cloud: PointCloud2) -> None:
     for plane in (None, SystemPlane([50.0, 8.0, 100.0])):
         output = TrackOutput(Source(1, 2), plane, 30.0, CallSigns())
         for each in (cloud, estimates.to_msg(_estimates(START_NS + NS), "map")):
-            output.take(each)
+            output.update(each)
             for ahead_s in (0, 1):
                 output.datagrams(output.stamp_ns + ahead_s * NS)
 

@@ -6,6 +6,7 @@ from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.traffic import gaps
 from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
 from phd_jdtc_ros.simulation.traffic.gaps import Gap
+from studies.runner import until
 
 
 def flight(speed, length_s, start_s=100.0):
@@ -74,6 +75,6 @@ def test_gaps_stay_with_their_targets_in_a_part_of_the_run():
     targets = (flight(200.0, 900.0, 700.0), flight(150.0, 900.0, 10.0), flight(100.0, 900.0))
     known = (Gap(1, 800.0, 850.0), Gap(2, 80.0, 90.0), Gap(3, 200.0, 220.0))
     radars = resolve({}).model.radars
-    part = Scenario(1, 1.0, 3601, targets, radars, gaps=known).until(500.0)
+    part = until(Scenario(1, 1.0, 3601, targets, radars, gaps=known), 500.0)
     assert part.targets == targets[1:]
     assert part.gaps == (Gap(1, 80.0, 90.0), Gap(2, 200.0, 220.0))
