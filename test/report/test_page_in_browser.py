@@ -230,8 +230,8 @@ def test_picture_is_moved_and_zoomed_by_keys(results):
     assert results["keys"] == "true,true,true"
 
 
-# What is shown at first, once all has been played, and after a click on a time; then a page from
-# elsewhere is asked for.
+# This script reads what is shown at first, once all has been played, and after a click on a time;
+# then it asks for a page from elsewhere.
 PLAYED = """{
     const told = [], text = () => shown.textContent;
     const clicked = () => {

@@ -38,12 +38,12 @@ class SensorMemory:
     """The learned values of all sensors, which their reports use and update."""
 
     names: tuple[str, ...]  # Names of all sensors, in the configured order
-    # Whether detections are associated with labelled targets; otherwise only clutter is learned.
+    # True if detections are associated with labelled targets; otherwise only clutter is learned.
     labelled: bool = True
     # By sensor, after its first report.
     sensors: dict[str, LearnedSensor] = field(default_factory=dict)
     trials: OpenTrials = field(default_factory=OpenTrials)  # Trials that do not count yet
-    # Those of several sensors, by which births at detections know what others have missed.
+    # Recent looks of all sensors; births at detections depend on what others have missed.
     looks: RecentLooks = field(default_factory=RecentLooks.of_none)
     # Number of open trials and chains when those of ended targets were last dropped.
     settled: int = 0
