@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import field, fields
 from functools import cache
-from typing import Any, get_args, get_type_hints
+from typing import Any, TypeVar, get_args, get_type_hints
 
 import numpy as np
 import numpy.typing as npt
@@ -31,12 +30,10 @@ def read_only(array: npt.ArrayLike, dtype: npt.DTypeLike = np.float64) -> Any:
 
     A contiguous array of this type is not copied: the result is a read-only view of it.
     """
-    # Arguments are passed by position, because names would take a quarter of the time of this
-    # function, which a step of the tracker calls a hundred times.
     view: Any = np.ascontiguousarray(array, dtype)
     if view.flags.writeable:
-        view = view.view()
-        view.setflags(False)
+        view = view[...]
+        view.flags.writeable = False
     return view
 
 
@@ -60,19 +57,35 @@ def _array_fields(kind: Any) -> dict[str, np.dtype[Any]]:
     }
 
 
+ValueT = TypeVar("ValueT", bound="ReadOnly")
+
+
 class ReadOnly:
     """Base of frozen dataclasses, whose arrays become read-only and get their declared type."""
 
     def __post_init__(self) -> None:
-        self._protect(self.__dict__)
-
-    def _protect(self, names: Iterable[str]) -> None:
-        """Make the arrays among these fields read-only, and of their declared type."""
         kind: Any = type(self)
         own, elements = self.__dict__, _array_fields(kind)
-        for name in names:
-            if name in elements and own[name] is not None:
+        for name in elements:
+            if own[name] is not None:
                 own[name] = read_only(own[name], elements[name])
+
+    def changed(self: ValueT, **values: Any) -> ValueT:
+        """Return this value with some fields changed; faster than `dataclasses.replace`.
+
+        It is for values that are valid by construction: they are not checked, and the given arrays
+        themselves become read-only.
+        """
+        kind: Any = type(self)
+        other: ValueT = object.__new__(kind)
+        before, after = self.__dict__, other.__dict__
+        for name in kind.__dataclass_fields__:
+            after[name] = values[name] if name in values else before[name]
+        elements = _array_fields(kind)
+        for name in values:
+            if name in elements and values[name] is not None:
+                values[name].flags.writeable = False
+        return other
 
 
 def zeros_field(*shape: int, dtype: type = np.float64) -> Any:

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -168,7 +168,7 @@ class Turns:
             return Rejection.LATE
         # Without times it keeps its stamp, and its scan may still be open.
         known = UNKNOWN_COVERAGE if sector is None else self._coverage(sector)
-        return [(stamp_ns, replace(detections, coverage=known))]
+        return [(stamp_ns, detections.changed(coverage=known))]
 
     def _follow(self, report: TimedReport) -> None:
         """Update the antenna's track by a report's detections."""
@@ -305,5 +305,5 @@ class Turns:
             time_s = detections.time_s
             if time_s is not None:
                 time_s = time_s + (report.stamp_ns - stamp_ns) * 1e-9
-            slices.append((stamp_ns, replace(detections, time_s=time_s, coverage=coverage)))
+            slices.append((stamp_ns, detections.changed(time_s=time_s, coverage=coverage)))
         return slices

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +17,8 @@ _PER_DETECTION = (
     *("amplitude", "time_s", "range_rate", "range_rate_std"),
     *("height", "code", "address", "kind"),
 )
+# The columns with one row per detection.
+_COLUMNS = ("measurement", "noise_std", *_PER_DETECTION)
 # Sensor types of detections: primary radar, secondary radar, Mode S.
 SENSORS = ("psr", "ssr", "mds")
 
@@ -99,12 +101,11 @@ class Detections(ReadOnly):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        shape = self.measurement.shape
-        if len(shape) != 2:
+        own, shape = self.__dict__, self.measurement.shape
+        if self.measurement.ndim != 2:
             raise ValueError(f"measurement: expected shape (M, Z), got {shape}")
-        expected = {**dict.fromkeys(_PER_DETECTION, shape[:1]), "noise_std": shape}
-        for name, wanted in expected.items():
-            column = getattr(self, name)
+        for name in _COLUMNS:
+            column, wanted = own[name], shape[:1] if name in _PER_DETECTION else shape
             if column is not None and column.shape != wanted:
                 raise ValueError(f"{name}: expected shape {wanted}, got {column.shape}")
 
@@ -114,16 +115,13 @@ class Detections(ReadOnly):
     @cached_property
     def without_amplitude(self) -> Detections:
         """The detections without their amplitudes."""
-        return replace(self, amplitude=None)
+        return self.changed(amplitude=None)
 
     def take(self, rows: IntArray) -> Detections:
         """Return the detections of these rows, in this order; coverage and pose stay the same."""
-        columns = {
-            name: getattr(self, name)[rows]
-            for name in ("measurement", "noise_std", *_PER_DETECTION)
-            if getattr(self, name) is not None
-        }
-        return replace(self, **columns)
+        own = self.__dict__
+        columns = {name: own[name][rows] for name in _COLUMNS if own[name] is not None}
+        return self.changed(**columns)
 
 
 @dataclass(frozen=True)
