@@ -9,16 +9,13 @@ from phd_jdtc_ros import evaluate
 TRUTH = crossing.truth()
 
 
-def test_evaluate_of_the_truth_itself_finds_no_error():
+def test_evaluate_of_the_truth_finds_no_error_and_of_no_tracks_the_cutoff():
     found = evaluate(TRUTH, TRUTH, cutoff=100.0)
 
     assert found["scans"] == crossing.LAST
     assert found["ospa"] == found["missed"] == found["false"] == 0.0
     assert found["identity_switches"] == 0
     assert found["class_accuracy"] == 1.0
-
-
-def test_evaluate_of_no_tracks_is_the_cutoff():
     none = {name: column[:0] for name, column in TRUTH.items()}
 
     found = evaluate(TRUTH, none, cutoff=100.0)
@@ -27,14 +24,11 @@ def test_evaluate_of_no_tracks_is_the_cutoff():
     assert found["missed"] == 2.0
 
 
-def test_evaluate_counts_tracks_that_swap_their_targets():
+def test_evaluate_counts_swaps_and_wrong_classes():
     late = TRUTH["time"] >= 30.0
     swapped = {**TRUTH, "label": np.where(late, 3 - TRUTH["label"], TRUTH["label"])}
 
     assert evaluate(TRUTH, swapped, cutoff=50.0)["identity_switches"] == 2
-
-
-def test_evaluate_counts_wrong_classes():
     true = {**TRUTH, "class": np.where(TRUTH["label"] == 1, "ship", "boat")}
     found = {**TRUTH, "class": np.full(len(TRUTH["time"]), "boat")}
 

@@ -41,11 +41,15 @@ def crossings(begin, end, step=11.25):
     return [(begin + k * step, crossing(begin + k * step)) for k in range(count)]
 
 
-def test_every_sector_is_reported_once_and_empty_ones_too():
+def test_sectors_follow_crossings_and_north_marks():
     found = fed(Assembler(32), *crossings(0.0, 720.0))
     assert [report.sector for report in found] == [*range(32), *range(32)]
     assert [report.stamp_ns for report in found] == [at(11.25 * k) for k in range(1, 65)]
     assert not any(report.plots for report in found)
+    events = crossings(0.0, 720.0)
+    marks = [(turned, crossing(0.0, NORTH)) for turned in (0.0, 360.0, 720.0)]
+    both = sorted([*events, *marks], key=lambda event: event[0])
+    assert fed(Assembler(32), *both) == fed(Assembler(32), *events)
 
 
 def test_plots_are_in_the_sector_of_their_azimuth():
@@ -74,13 +78,6 @@ def test_sectors_need_not_be_those_of_the_radar(own, radars):
         sectors = [int(p.azimuth / (2.0 * math.pi) * own) for p in report.plots]
         assert set(sectors) <= {report.sector}
     assert sum(len(report.plots) for report in found) == 72
-
-
-def test_north_mark_and_crossing_of_north_are_one():
-    events = crossings(0.0, 720.0)
-    marks = [(turned, crossing(0.0, NORTH)) for turned in (0.0, 360.0, 720.0)]
-    both = sorted([*events, *marks], key=lambda event: event[0])
-    assert fed(Assembler(32), *both) == fed(Assembler(32), *events)
 
 
 def test_north_marks_alone_make_slices_of_time():
@@ -125,13 +122,10 @@ def test_after_a_long_gap_the_turns_are_not_invented():
     assert [r.sector for r in fed(assembler, (3701.25, crossing(101.25)))] == [8]
 
 
-def test_turn_follows_the_crossings():
+def test_turn_is_the_reported_one_until_crossings_have_shown_half_of_one():
     assembler = Assembler(32, rotation_s=3.9)
     fed(assembler, *crossings(0.0, 360.0))
     assert assembler.turn_s == pytest.approx(4.0)
-
-
-def test_turn_is_the_reported_one_until_half_of_one_was_seen():
     assembler = Assembler(32)
     fed(assembler, (0.0, crossing(0.0, NORTH, rotation_s=4.1)), *crossings(11.25, 90.0))
     assert assembler.turn_s == 4.1

@@ -28,14 +28,11 @@ def seconds(clock, time_s, received_s=None, check_clock=True, midnight=0):
     return (found - midnight) / NS
 
 
-def test_times_of_a_recording_go_on_over_days():
+def test_times_go_on_over_days_and_do_not_jump_around_midnight():
     clock = clock_of(MIDNIGHT)
     true = [3600.0 * hour for hour in range(0, 100, 5)]
     found = [seconds(clock, time_s, midnight=MIDNIGHT) for time_s in true]
     assert found == true
-
-
-def test_times_do_not_jump_where_messages_around_midnight_are_out_of_order():
     clock = clock_of(MIDNIGHT)
     true = [86_399.0, 86_400.5, 86_399.5, 86_401.0, 86_398.0, 86_402.0]
     assert [seconds(clock, time_s, midnight=MIDNIGHT) for time_s in true] == true

@@ -183,15 +183,12 @@ def test_blocks_before_a_wrong_length_are_used():
         assert counts == {reason: 1}
 
 
-def test_records_before_a_malformed_one_and_other_blocks_are_used():
+def test_records_before_a_malformed_one_are_used_and_empty_ones_refused():
     good = made.plots(made.plot(10.0, 5.0))
     broken = good[3:] + b"\xff\xff\xff\xff\xff"
     data = good + b"\x30" + (len(broken) + 3).to_bytes(2, "big") + broken + good
     found, counts = read(data)
     assert len(found) == 3
     assert sum(counts.values()) == 1
-
-
-def test_a_block_of_empty_records_is_refused_at_once():
     found, counts = read(b"\x30\xff\xff" + bytes(65_532))
     assert (found, counts) == ([], {"empty_record": 1})

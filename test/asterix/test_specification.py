@@ -61,29 +61,23 @@ def test_walk_refuses_what_libasterix_refuses(number, name):
     assert refused > 10
 
 
-def test_walk_does_not_read_beyond_its_limit():
+def test_walk_is_bounded_in_length_and_plans():
     data = block(48, [plot(10.0, 5.0)])[3:]
     layout = layouts(48)[""]
     for limit in range(len(data)):
         with pytest.raises(MalformedError):
             layout.walk(data, 0, limit)
-
-
-def test_walk_keeps_a_bounded_number_of_plans():
     layout = specification.Layout(("a", "b"), (Fixed(1),) * 2)
     layout._plans.update({bytes([k % 256, k // 256, 1]): None for k in range(5000)})
     assert layout.walk(b"\xc0\x01\x02", 0, 3) == ([1, 2], 3)
     assert len(layout._plans) == 1
 
 
-def test_endless_extension_is_refused():
+def test_endless_extension_and_unknown_category_are_refused():
     layout = layouts(48)[""]
     for data in (b"\xff" * 65_000, b"\x20" + b"\xff" * 65_000):
         with pytest.raises(MalformedError) as caught:
             layout.walk(data, 0, len(data))
         assert caught.value.reason in ("fspec", "extension", "truncated")
-
-
-def test_category_that_is_not_known_is_an_error():
     with pytest.raises(KeyError):
         layouts(255)

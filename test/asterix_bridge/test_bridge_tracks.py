@@ -43,12 +43,22 @@ def output(plane=None, max_prediction_s=10.0):
     return TrackOutput(Source(1, 2), plane, max_prediction_s, CallSigns())
 
 
-def test_tracks_are_predicted_to_the_time_of_output():
+def test_tracks_and_heights_are_predicted_to_the_output_and_not_for_long():
     made = output()
     made.update(cloud([{"x": 1000.0, "y": -500.0, "vx": 100.0, "vy": -50.0}]))
     (track,) = made.reports(T0 + 2 * NS)
     assert track.position == pytest.approx((1200.0, -600.0))
     assert track.velocity == pytest.approx((100.0, -50.0))
+    made = output()
+    made.update(cloud([{"cov_zz": 900.0, "cov_zvz": -10.0, "cov_vzvz": 4.0}], heights=True))
+    (track,) = made.reports(T0 + 5 * NS)
+    assert track.height_std**2 == pytest.approx(900.0 - 100.0 + 100.0)
+    assert track.climb_std == pytest.approx(2.0)
+    made = output(max_prediction_s=5.0)
+    made.update(cloud([{"track_id": 9}]))
+    assert [track.last for track in made.reports(T0 + 5 * NS)] == [False]
+    assert [track.last for track in made.reports(T0 + 6 * NS)] == [True]
+    assert made.reports(T0 + 7 * NS) == []
 
 
 @pytest.mark.parametrize("omega", [0.05, -0.08])
@@ -95,14 +105,6 @@ def test_deviations_are_predicted_with_the_position(omega):
     assert track.position_std[0] > 30.0
 
 
-def test_deviations_of_heights_are_predicted_with_the_height():
-    made = output()
-    made.update(cloud([{"cov_zz": 900.0, "cov_zvz": -10.0, "cov_vzvz": 4.0}], heights=True))
-    (track,) = made.reports(T0 + 5 * NS)
-    assert track.height_std**2 == pytest.approx(900.0 - 100.0 + 100.0)
-    assert track.climb_std == pytest.approx(2.0)
-
-
 def test_course_is_straight_or_unknown_where_it_does_not_turn_for_sure():
     made = output()
     made.update(
@@ -141,14 +143,11 @@ def test_heights_codes_and_addresses_are_those_of_the_estimates():
     assert (second.code, second.address, second.vertical) == (-1, -1, 3)
 
 
-def test_heights_are_counted_from_where_those_of_the_origin_are():
+def test_heights_are_counted_from_the_origin_where_known():
     made = output(SystemPlane([52.0, 4.5, 250.0]))
     made.update(cloud([{"z": 3048.0, "cov_zz": 900.0}], heights=True))
     (record, *_) = decoded(b"".join(made.datagrams(T0)))
     assert 0.3048 * value(record, "I136", "MFL") == pytest.approx(3048.0 + 250.0, abs=3.9)
-
-
-def test_estimates_without_heights_have_none():
     made = output()
     made.update(cloud([{"z": 0.0, "vz": 0.0}]))
     (track,) = made.reports(T0)
@@ -190,14 +189,6 @@ def test_ages_of_sensors_grow_until_the_output_and_those_of_none_are_left_out():
     assert record["I290"].keys() == {"TRK", "PSR", "SSR"}
     assert value(record, "I290", "PSR", "PSR") == 2.5
     assert value(record, "I290", "SSR", "SSR") == 10.5
-
-
-def test_old_estimates_are_not_predicted_any_more():
-    made = output(max_prediction_s=5.0)
-    made.update(cloud([{"track_id": 9}]))
-    assert [track.last for track in made.reports(T0 + 5 * NS)] == [False]
-    assert [track.last for track in made.reports(T0 + 6 * NS)] == [True]
-    assert made.reports(T0 + 7 * NS) == []
 
 
 def test_unlabelled_estimates_are_no_tracks_and_large_numbers_fit():
@@ -252,12 +243,9 @@ def test_an_identity_that_is_none_is_unknown(field):
     assert getattr(track, field) == NONE
 
 
-def test_more_tracks_than_can_be_sent_are_refused():
+def test_what_cannot_be_sent_is_refused():
     with pytest.raises(RejectedMessageError, match="at most 10000 are allowed"):
         output().update(cloud([{}] * 10_001))
-
-
-def test_a_stamp_that_is_none_is_refused():
     made = cloud([{}])
     made.header.stamp.nanosec = 2**32 - 1
     with pytest.raises(RejectedMessageError, match="must be from 0 s"):

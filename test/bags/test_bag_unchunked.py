@@ -77,15 +77,12 @@ def flipped(data, offset, mask):
     return bytes(changed)
 
 
-def test_reader_reads_a_file_without_chunks_as_one_with(file, messages, tmp_path):
+def test_reader_reads_files_without_chunks_by_topic(file, messages, tmp_path):
     with_chunks = BagReader(write(tmp_path / "bag", made()))
     reader = BagReader(file)
     assert list(reader.messages()) == list(with_chunks.messages()) == messages
     assert (reader.types, reader.counts) == (with_chunks.types, with_chunks.counts)
     assert (reader.start_ns, reader.end_ns) == (with_chunks.start_ns, with_chunks.end_ns)
-
-
-def test_reader_without_chunks_yields_only_the_topics_asked_for(file, messages):
     found = list(BagReader(file).messages([RADAR]))
     assert found == [message for message in messages if message.topic == RADAR]
 

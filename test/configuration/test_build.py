@@ -14,11 +14,14 @@ def faults_of(given):
     return list(caught.value.faults)
 
 
-def test_resolve_keeps_every_value_in_force():
+def test_resolve_keeps_values_and_what_it_was_given():
     values = build.resolve({"lag": 3, "radar_1.range_std": 100}).values
     assert values["lag"] == "3"
     assert values["radar_1.range_std"] == 100.0
     assert values["radar_2.range_std"] == 300.0
+    given = {"lag": 2, "start_1.position": [1, 2]}
+    build.resolve(given)
+    assert given == {"lag": 2, "start_1.position": [1, 2]}
 
 
 def test_resolve_names_the_inputs():
@@ -192,22 +195,13 @@ def test_accuracy_sets_hypotheses_and_particles(accuracy, hypotheses, particles)
     assert build.resolve({"accuracy": accuracy, "particles_per_target": 77}).budget.per_target == 77
 
 
-def test_grouper_goes_by_the_configuration():
+def test_grouper_and_engine_carry_the_configuration():
     given = {"interval_s": 4.0, "max_gap_scans": 10, "reorder_s": 1.5, "sensors": ["a", "b", "c"]}
     grouper = build.resolve(given).grouper()
     assert (grouper.radars, grouper.reset_threshold_s) == (3, 12.0)
     assert (grouper.max_gap_s, grouper.reorder_s) == (40.0, 1.5)
     usual = build.resolve({}).grouper()
     assert (usual.max_gap_s, usual.reorder_s) == (90.0, 0.0)
-
-
-def test_resolve_does_not_change_what_it_was_given():
-    given = {"lag": 2, "start_1.position": [1, 2]}
-    build.resolve(given)
-    assert given == {"lag": 2, "start_1.position": [1, 2]}
-
-
-def test_engine_carries_the_configured_choices():
     resolved = build.resolve({"engine": "phd_as_printed", "seed": 9})
     engine = new_engine(resolved)
     assert engine.death_term.__name__ == "paper_death_term"

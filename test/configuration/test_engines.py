@@ -11,9 +11,6 @@ def test_engines_are_what_the_parameter_may_be():
     (parameter,) = [parameter for parameter in TOP if parameter.name == "engine"]
     families = {engine_of({"engine": choice}) for choice in parameter.choices}
     assert families == {*ENGINES}
-
-
-def test_an_unknown_engine_is_an_error():
     with pytest.raises(ConfigError, match="engine: 'steam' given, must be one of gaussian"):
         small({"engine": "steam"})
 

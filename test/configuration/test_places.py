@@ -48,10 +48,13 @@ def test_a_radar_in_the_plane_of_an_origin_measures_over_the_plane():
     assert config.inputs[0].datum == 5.0
 
 
-def test_resolved_values_resolve_again():
+def test_resolved_places_resolve_again_and_may_be_below_the_ellipsoid():
     given = {**ONE, "sensors": ["north", "radar_1"], "radar_1.geodetic": [52.0, 4.0, 10.0]}
     values = resolve(given, SystemPlane).values
     assert resolve(values, SystemPlane).values == values
+    place = [31.5, 35.5, -300.0]
+    config = resolve({**ONE, "world_origin": place, "north.geodetic": place}, SystemPlane)
+    assert config.inputs[0].height == 0.0
 
 
 @pytest.mark.parametrize(
@@ -106,12 +109,6 @@ def test_resolve_reports_what_is_wrong_with_places(changes, expected):
     faults = faults_of({**ONE, **changes})
     assert len(faults) == 1
     assert faults[0].startswith(expected)
-
-
-def test_heights_below_the_ellipsoid_are_allowed():
-    place = [31.5, 35.5, -300.0]
-    config = resolve({**ONE, "world_origin": place, "north.geodetic": place}, SystemPlane)
-    assert config.inputs[0].height == 0.0
 
 
 def test_what_computes_in_the_plane_only_refuses_an_origin():

@@ -47,14 +47,11 @@ def test_the_tracker_refuses_the_names_of_before():
         assert faults_of(resolve, given) == refused(of_radar, "radar_2.")
 
 
-def test_the_bridge_refuses_the_names_of_before():
+def test_bridge_and_hand_over_refuse_the_names_of_before():
     given = {"radars": ["a"], **dict.fromkeys(replaced.BRIDGE, 1)}
     assert faults_of(bridge.resolve, given) == refused(replaced.BRIDGE)
     given = {"radars": ["a"], **{f"a.{name}": 1 for name in replaced.BRIDGE_RADAR}}
     assert faults_of(bridge.resolve, given) == refused(replaced.BRIDGE_RADAR, "a.")
-
-
-def test_the_hand_over_refuses_the_names_of_before():
     given = {**REGIONS, **dict.fromkeys(replaced.HAND_OVER, 1)}
     assert faults_of(hand_over.resolve, given) == refused(replaced.HAND_OVER)
     given = {**REGIONS, **{f"west.{name}": 1 for name in replaced.HAND_OVER_TRACKER}}

@@ -6,9 +6,19 @@ from phd_jdtc_ros.configuration.scene import differences, other_places
 REFERENCE = resolve({}).values
 
 
-def test_differences_of_equal_scenes_are_none_whatever_else_differs():
+def test_differences_are_of_given_parts_that_both_scenes_have():
     other = resolve({"lag": 2, "seed": 9, "particles_per_target": 50, "start_1.rates": [0.1, 0.1]})
     assert differences(REFERENCE, other.values) == []
+    given = resolve({"sensors": ["radar_2"], "radar_2.range_std": 9.0}).values
+    assert differences(REFERENCE, given) == [
+        "sensors: [radar_1, radar_2] recorded, [radar_2] given",
+        "radar_2.range_std: 300.0 recorded, 9.0 given",
+    ]
+    assert differences(REFERENCE, {}) == []
+    recorded = resolve({"radar_1.range_std": 100.0}).values
+    learned = {"radar_1.range_std": "auto 300", "radar_1.detection_probability": "auto 0.5"}
+    assert differences(recorded, resolve(learned).values) == []
+    assert differences(recorded, resolve({"radar_1.range_std": 300.0}).values) != []
 
 
 def test_differences_names_every_parameter_with_both_values():
@@ -28,14 +38,6 @@ def test_differences_names_every_parameter_with_both_values():
     ]
 
 
-def test_differences_compares_the_parts_that_both_have():
-    given = resolve({"sensors": ["radar_2"], "radar_2.range_std": 9.0}).values
-    assert differences(REFERENCE, given) == [
-        "sensors: [radar_1, radar_2] recorded, [radar_2] given",
-        "radar_2.range_std: 300.0 recorded, 9.0 given",
-    ]
-
-
 @pytest.mark.parametrize("name", ["topic", "frame"])
 def test_differences_takes_an_empty_name_for_the_default_it_stands_for(name):
     full = {"topic": "/radar_1/detections", "frame": "radar_1"}[name]
@@ -49,10 +51,6 @@ def test_differences_leaves_birth_places_out_where_targets_are_born_at_detection
     assert differences(REFERENCE, resolve({"births": []}).values) != []
 
 
-def test_differences_ignores_what_is_not_given():
-    assert differences(REFERENCE, {}) == []
-
-
 def test_other_places_are_those_recorded_of_radars_that_both_have():
     recorded = resolve({"sensors": ["a", "b"], "a.position": [1.0, 2.0], "a.pose": "/ship"}).values
     given = resolve({"sensors": ["a"], "a.yaw_deg": 3.0, "a.range_std": 5.0}).values
@@ -63,10 +61,3 @@ def test_other_places_are_those_recorded_of_radars_that_both_have():
         "a.pose": "/ship",
     }
     assert other_places(recorded, recorded) == {}
-
-
-def test_value_that_the_tracker_learns_is_no_difference():
-    recorded = resolve({"radar_1.range_std": 100.0}).values
-    learned = {"radar_1.range_std": "auto 300", "radar_1.detection_probability": "auto 0.5"}
-    assert differences(recorded, resolve(learned).values) == []
-    assert differences(recorded, resolve({"radar_1.range_std": 300.0}).values) != []

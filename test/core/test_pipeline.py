@@ -40,10 +40,15 @@ def test_add_steps_the_engine_through_complete_scans():
         )
 
 
-def test_add_refuses_a_report_that_came_before():
+def test_add_refuses_a_report_that_came_before_even_if_cut():
     pipeline = new_pipeline(CONFIG)
     fed(pipeline, SCANS[:2])
     again = pipeline.add(0, SCANS[1].stamp_ns, SCANS[1].detections[0])
+    assert again is Rejection.DUPLICATE
+    pipeline = new_pipeline(small(AT_ONCE))
+    reports = TURNING.reports(2)
+    turned(pipeline, reports)
+    again = pipeline.add(0, reports[1].stamp_ns, reports[1].detections)
     assert again is Rejection.DUPLICATE
 
 
@@ -95,7 +100,7 @@ def test_a_jump_of_the_stamps_ends_the_run_before_the_scan_behind_it(intervals, 
     assert bool(numbers[0] & numbers[1]) is not ahead
 
 
-def test_a_run_begins_with_a_call_before_its_first_scan():
+def test_a_run_begins_with_its_first_scan_or_a_snapshot():
     begun = []
     pipeline = new_pipeline(CONFIG, lambda engine, stamp_ns: begun.append((engine, stamp_ns)))
     fed(pipeline, SCANS[:3])
@@ -104,9 +109,6 @@ def test_a_run_begins_with_a_call_before_its_first_scan():
     fed(pipeline, SCANS[:3])
     stamps = [0, 100 * INTERVAL_NS, 0]
     assert begun == [(pipeline.engine, SCANS[0].stamp_ns + moved) for moved in stamps]
-
-
-def test_a_run_may_begin_where_a_snapshot_ends():
     whole, engine = new_pipeline(CONFIG), new_engine(CONFIG)
     expected = fed(whole, SCANS)
     stepped(engine, SCANS[:4])
@@ -135,14 +137,6 @@ def test_a_turn_is_stepped_in_slices():
     stamps = turned(pipeline, TURNING.reports(3))
     assert len(stamps) == 3 * SLICES
     np.testing.assert_allclose(np.diff(stamps), 4.0 / SLICES, atol=0.05)
-
-
-def test_a_report_that_came_before_is_refused_although_it_was_cut():
-    pipeline = new_pipeline(small(AT_ONCE))
-    reports = TURNING.reports(2)
-    turned(pipeline, reports)
-    again = pipeline.add(0, reports[1].stamp_ns, reports[1].detections)
-    assert again is Rejection.DUPLICATE
 
 
 def test_slices_of_a_run_behind_a_jump_back_are_those_of_the_first():

@@ -21,12 +21,9 @@ def test_read_only_refuses_assignment_and_leaves_the_original_writable():
     assert view[0] == 1.0  # no copy
 
 
-def test_sum_by_adds_equal_indices_and_fills_up():
+def test_sum_by_adds_equal_indices():
     found = sum_by(np.array([0, 2, 0]), np.array([1.0, 2.0, 4.0]), 4)
     np.testing.assert_array_equal(found, [5.0, 0.0, 2.0, 0.0])
-
-
-def test_sum_by_of_nothing_is_zero():
     np.testing.assert_array_equal(sum_by(np.zeros(0, dtype=int), np.zeros(0), 2), [0.0, 0.0])
 
 
@@ -50,12 +47,19 @@ def test_detections_are_read_only():
             array[0] = 1.0
 
 
-def test_particle_phd_weight_adds_unexplained_and_explained():
+def test_particle_masses_sum_over_modes_and_parts():
     phd = intensity(np.zeros((2, 5)), [0.1, 0.2], components=[[0.5, 0.0], [0.25, 1.0]])
     np.testing.assert_allclose(phd.weight, [0.6, 1.45])
     for name in ("state", "mode", "poisson", "weight"):
         with pytest.raises(ValueError, match="read-only"):
             getattr(phd, name)[0] = 0
+    empty = ParticleSet.empty(5)
+    assert (len(empty), empty.state.shape, empty.components.shape) == (0, (0, 5), (0, 0))
+    assert empty.weight.shape == (0,)
+    assert empty.effective_sample_size == 0.0
+    assert empty.effective_share == 0.0
+    phd = intensity(np.zeros((3, 5)), [0.1, 0.2, 0.4], mode=np.array([0, 3, 1]))
+    np.testing.assert_allclose(phd.class_mass(np.array([0, 0, 1, 1]), 2), [0.5, 0.2])
 
 
 @pytest.mark.parametrize(
@@ -90,19 +94,6 @@ def test_particle_phd_effective_sample_size_is_never_above_the_particles(
 def test_particle_phd_effective_share_is_that_of_the_targets(weight, row_label, expected):
     phd = intensity(np.zeros((len(weight), 5)), weight, row_label=np.array(row_label))
     assert phd.effective_share == pytest.approx(expected)
-
-
-def test_particle_phd_empty_has_no_mass():
-    empty = ParticleSet.empty(5)
-    assert (len(empty), empty.state.shape, empty.components.shape) == (0, (0, 5), (0, 0))
-    assert empty.weight.shape == (0,)
-    assert empty.effective_sample_size == 0.0
-    assert empty.effective_share == 0.0
-
-
-def test_particle_phd_class_mass_sums_over_modes():
-    phd = intensity(np.zeros((3, 5)), [0.1, 0.2, 0.4], mode=np.array([0, 3, 1]))
-    np.testing.assert_allclose(phd.class_mass(np.array([0, 0, 1, 1]), 2), [0.5, 0.2])
 
 
 def test_estimates_count_those_that_hold_two_targets():

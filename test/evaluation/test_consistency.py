@@ -92,12 +92,16 @@ def test_covariances_of_young_tracks_alone_are_seen_by_age():
     assert figures["outside_3_sigma_age_10_up"] == pytest.approx(ages["10+"]["outside_3_sigma"])
 
 
-def test_estimates_without_covariances_have_no_consistency():
+def test_estimates_without_covariances_or_labels_have_no_consistency_or_age():
     found = evaluated(lambda scan: None)["consistency"][FILTERED]
     expected = {"pairs": 0, "nees": None, "nees_band_95": None, "outside_3_sigma": None}
     by_age = found.pop("by_age")
     assert found == expected
     assert all(part == expected for part in by_age.values())
+    found = evaluated(same(RIGHT), lambda scan: 0 * LABELS)["consistency"][SMOOTHED]
+    assert found["pairs"] == TARGETS * SCANS
+    assert all(part["pairs"] == 0 for part in found["by_age"].values())
+    assert evaluated(same(RIGHT), lambda scan: None)["consistency"][SMOOTHED] == found
 
 
 @pytest.mark.parametrize(
@@ -115,13 +119,6 @@ def test_covariances_that_state_nothing_are_left_out(unusable):
     json.dumps(summary, allow_nan=False)
 
 
-def test_unlabelled_estimates_count_but_have_no_age():
-    found = evaluated(same(RIGHT), lambda scan: 0 * LABELS)["consistency"][SMOOTHED]
-    assert found["pairs"] == TARGETS * SCANS
-    assert all(part["pairs"] == 0 for part in found["by_age"].values())
-    assert evaluated(same(RIGHT), lambda scan: None)["consistency"][SMOOTHED] == found
-
-
 def test_mahalanobis2_is_that_of_the_inverse():
     error = np.array([[30.0, -7.0], [0.0, 0.0]])
     expected = error[0] @ np.linalg.inv(RIGHT) @ error[0]
@@ -137,23 +134,17 @@ def test_band_holds_the_mean_of_right_covariances_in_95_per_cent():
     assert band(0) is None
 
 
-def test_ages_count_from_the_first_report_of_a_number():
+def test_ages_count_from_the_first_report_and_begin_again():
     ages = TrackAges()
     assert ages.add(0, np.array([7, 0]), 2).tolist() == [0, NO_AGE]
     assert ages.add(1, np.array([7, 8]), 2).tolist() == [1, 0]
     assert ages.add(2, np.array([8]), 1).tolist() == [1]
     assert ages.add(3, np.array([8, 7]), 2).tolist() == [2, 3]
     assert ages.add(4, None, 2).tolist() == [NO_AGE] * 2
-
-
-def test_ages_begin_again_when_stamps_jump_back():
     ages = TrackAges()
     for stamp in range(5):
         ages.add(stamp, np.array([1]), 1)
     assert ages.add(0, np.array([1]), 1).tolist() == [0]
-
-
-def test_ages_forget_numbers_that_are_no_longer_reported():
     ages = TrackAges()
     for number in range(1, 1000):
         ages.add(number, np.array([number]), 1)

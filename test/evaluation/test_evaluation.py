@@ -120,16 +120,13 @@ def test_summary_holds_gospa_and_its_parts():
     assert (found["missed"], found["false"]) == (0.0, 0.5)
 
 
-def test_summary_counts_detected_positions_whatever_their_class():
+def test_summary_counts_positions_found_and_missed():
     found = evaluated(True)[0].summary()[FILTERED]
     assert [found[key]["position_detection"] for key in ("all", "class_0", "class_1")] == [1.0] * 3
     # The root mean square of 30, 40 and 0, and of those of each class.
     assert found["all"]["position_rms"] == pytest.approx(np.sqrt(2500.0 / 3.0))
     assert found["class_0"]["position_rms"] == pytest.approx(np.sqrt(900.0 / 2.0))
     assert found["class_1"]["position_rms"] == pytest.approx(40.0)
-
-
-def test_summary_counts_missed_positions():
     here, there = (0, 0, 0), (1000, 0, 1)
     found = run_of((points(here, there), points(here)), (points(there), points(there)))
     summary = found.summary()[FILTERED]
@@ -179,7 +176,7 @@ def test_summary_without_labels_of_the_targets_has_no_gaps(truth):
         assert found[key] is None
 
 
-def test_summary_holds_ospa2_of_labelled_estimates():
+def test_summary_holds_ospa2_of_labelled_estimates_since_time_went_back():
     one, renamed = labelled((0, 0, 0, 1)), labelled((0, 0, 0, 9))
     swapped = run_of((one, one), (one, renamed)).summary()
     # First exact; then half of a track is left over, the other half far in one scan of two.
@@ -187,6 +184,9 @@ def test_summary_holds_ospa2_of_labelled_estimates():
     assert swapped[FILTERED]["all"]["ospa2"] == pytest.approx(expected)
     assert swapped[SMOOTHED]["all"]["ospa2"] is None
     assert swapped["ospa2_window"] == OSPA2_WINDOW
+    one, renamed = labelled((0, 0, 0, 1)), labelled((0, 0, 0, 9))
+    found = run_of((one, one), (one, renamed), stamps=[6, 0]).summary()
+    assert found[FILTERED]["all"]["ospa2"] == 0.0
 
 
 ONE = labelled((0, 0, 0, 1))
@@ -208,7 +208,7 @@ def test_evaluation_takes_classes_that_it_does_not_know():
     assert found["all"]["confusion"] == [[0] * 3] * 3
 
 
-def test_evaluation_keeps_no_more_than_asked():
+def test_evaluation_keeps_the_newest_and_no_more_than_asked():
     one = labelled((0, 0, 0, 1))
     evaluation = run_of(*[(one, one)] * 50, keep=5)
     for index in range(50):
@@ -217,6 +217,10 @@ def test_evaluation_keeps_no_more_than_asked():
     assert [len(store) for store in kept] == [5] * 4
     assert list(evaluation.scores[FILTERED]) == [6_000_000_000 * scan for scan in range(45, 50)]
     assert evaluation.scored == {FILTERED: 50, SMOOTHED: 0}
+    stamps = [0, 6, 12, 18, 24, 0, 30]
+    evaluation = run_of(*[(points(), points())] * 7, keep=5, stamps=stamps)
+    expected = [12_000_000_000, 18_000_000_000, 24_000_000_000, 0, 30_000_000_000]
+    assert list(evaluation.scores[FILTERED]) == expected
 
 
 def test_summary_does_not_depend_on_how_much_is_kept():
@@ -263,19 +267,6 @@ def test_evaluation_scores_every_pass_of_a_loop_and_what_a_pass_leaves_to_the_ne
     assert evaluation.truth_scans == passes * last
     assert evaluation.scored == {FILTERED: passes * last, SMOOTHED: passes * last - 2}
     assert evaluation.repeated == 2 * passes * last
-
-
-def test_summary_starts_ospa2_again_when_time_goes_back():
-    one, renamed = labelled((0, 0, 0, 1)), labelled((0, 0, 0, 9))
-    found = run_of((one, one), (one, renamed), stamps=[6, 0]).summary()
-    assert found[FILTERED]["all"]["ospa2"] == 0.0
-
-
-def test_evaluation_keeps_a_stamp_that_comes_again_as_the_newest():
-    stamps = [0, 6, 12, 18, 24, 0, 30]
-    evaluation = run_of(*[(points(), points())] * 7, keep=5, stamps=stamps)
-    expected = [12_000_000_000, 18_000_000_000, 24_000_000_000, 0, 30_000_000_000]
-    assert list(evaluation.scores[FILTERED]) == expected
 
 
 def test_summary_holds_the_number_of_scans_of_the_truth():

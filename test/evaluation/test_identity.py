@@ -23,32 +23,20 @@ def switches(*scans):
 BOTH = {"t1": 0.0, "t2": 500.0}
 
 
-def test_tracks_that_keep_their_targets_do_not_switch():
+def test_tracks_that_keep_or_return_to_their_targets_do_not_switch():
     assert switches(*[(BOTH, {"n7": 5.0, "n8": 510.0})] * 5) == [0] * 5
-
-
-def test_a_broken_track_counts_once():
-    assert switches((BOTH, {"n7": 0.0}), (BOTH, {}), *[(BOTH, {"n9": 0.0})] * 3) == [0, 0, 1, 0, 0]
-
-
-def test_a_track_that_returns_with_its_number_counts_nothing():
     assert switches((BOTH, {"n7": 0.0}), (BOTH, {}), (BOTH, {"n7": 0.0})) == [0, 0, 0]
+    assert switches(({"t1": 0.0}, {"n7": 0.0}), ({}, {}), ({"t2": 0.0}, {"n7": 0.0})) == [0] * 3
 
 
-def test_swapped_tracks_count_two():
+def test_broken_swapped_and_passed_on_numbers_count():
+    assert switches((BOTH, {"n7": 0.0}), (BOTH, {}), *[(BOTH, {"n9": 0.0})] * 3) == [0, 0, 1, 0, 0]
     kept, swapped = {"n7": 0.0, "n8": 500.0}, {"n7": 500.0, "n8": 0.0}
 
     assert switches((BOTH, kept), (BOTH, swapped), (BOTH, swapped)) == [0, 2, 0]
-
-
-def test_a_number_that_passes_to_another_target_counts_once():
     assert switches((BOTH, {"n7": 0.0}), (BOTH, {"n7": 500.0})) == [0, 1]
     # Also where its first target no longer exists.
     assert switches(({"t1": 0.0}, {"n7": 0.0}), ({"t2": 0.0}, {"n7": 0.0})) == [0, 1]
-
-
-def test_a_number_that_is_used_again_after_its_track_has_ended_counts_nothing():
-    assert switches(({"t1": 0.0}, {"n7": 0.0}), ({}, {}), ({"t2": 0.0}, {"n7": 0.0})) == [0] * 3
 
 
 def seen(*scans):
@@ -62,7 +50,7 @@ def seen(*scans):
     ]
 
 
-def test_a_track_that_coasts_is_not_of_a_target_that_appears_beside_it():
+def test_coasting_tracks_keep_their_targets():
     landed, departs = {"t5": 0.0}, {"t6": 60.0}
     scans = [(landed, {"n7": 0.0}), (departs, {"n7": 5.0}), (departs, {"n8": 60.0})]
 
@@ -70,9 +58,6 @@ def test_a_track_that_coasts_is_not_of_a_target_that_appears_beside_it():
     assert seen(*[(*scan, ["n7"] if scan is scans[1] else []) for scan in scans]) == [0, 0, 0]
     # If it takes the other one's detections it does not coast, and has changed its target.
     assert seen(*[(*scan, []) for scan in scans]) == [0, 1, 1]
-
-
-def test_a_track_that_coasts_keeps_its_target():
     kept, swapped = {"n7": 0.0, "n8": 500.0}, {"n7": 500.0, "n8": 0.0}
 
     assert seen((BOTH, kept, []), (BOTH, kept, ["n7"]), (BOTH, kept, [])) == [0, 0, 0]

@@ -96,21 +96,15 @@ def test_ospa_counts_a_pair_beyond_the_cutoff_as_localization():
     assert (found.localization, found.cardinality) == (pytest.approx(CUTOFF), 0.0)
 
 
-def test_assign_pairs_by_the_least_total_distance():
+def test_assign_pairs_by_the_least_total_distance_below_the_cutoff():
     # Greedy would take (0, 0) at 4 and leave a pair at 14; the best total is 6 + 5.
     truth = np.array([[0.0, 0.0], [10.0, 0.0]])
     estimate = np.array([[5.0, 0.0], [-6.0, 0.0]])
     target, found = assign(truth, estimate, CUTOFF)
     assert sorted(zip(target.tolist(), found.tolist(), strict=True)) == [(0, 1), (1, 0)]
-
-
-def test_assign_leaves_out_pairs_at_the_cutoff_or_farther():
     truth = np.array([[0.0, 0.0], [1000.0, 0.0]])
     estimate = np.array([[100.0, 0.0], [1001.0, 0.0]])
     target, found = assign(truth, estimate, CUTOFF)
     assert (target.tolist(), found.tolist()) == ([1], [1])
-
-
-def test_assign_of_an_empty_set_is_empty():
     target, found = assign(np.zeros((0, 2)), np.zeros((2, 2)), CUTOFF)
     assert len(target) == len(found) == 0

@@ -29,13 +29,10 @@ def test_slow_targets_are_left_out_with_the_estimates_of_them():
     assert estimate.track_id.tolist() == [7]
 
 
-def test_estimates_of_nothing_are_still_there():
+def test_other_estimates_than_those_of_slow_targets_are_still_there():
     _, estimate = without_slow(TRUTH, found(10.0, 3000.0), 2.5, NEAR)
 
     assert estimate.track_id.tolist() == [7, 8]
-
-
-def test_a_second_estimate_of_a_slow_target_is_still_there():
     _, estimate = without_slow(TRUTH, found(990.0, 1100.0), 2.5, NEAR)
 
     assert estimate.track_id.tolist() == [8]

@@ -94,7 +94,7 @@ def test_gospa_is_the_best_of_all_partial_assignments(a, b, order):
         assert distance**order <= best * (1.0 + 1e-9)
 
 
-def test_gospa_of_a_worked_example():
+def test_gospa_of_worked_examples():
     # One pair 30 apart; the pair at 500 counts as missed and false; one more false one.
     truth = np.array([[0.0, 0.0], [1000.0, 0.0]])
     estimate = np.array([[1000.0, 500.0], [0.0, 30.0], [-900.0, 0.0]])
@@ -102,9 +102,6 @@ def test_gospa_of_a_worked_example():
     assert (found.missed, found.false) == (1, 2)
     assert found.localization == pytest.approx(30.0)
     assert found.distance == pytest.approx(np.sqrt(900.0 + 5000.0 * 3))
-
-
-def test_gospa_of_empty_sets_counts_the_other():
     assert gospa(NONE, NONE, CUTOFF, 2.0).distance == 0.0
     found = gospa(NONE, np.zeros((2, 2)), CUTOFF, 2.0)
     assert (found.distance, found.missed, found.false) == (pytest.approx(CUTOFF), 0, 2)
@@ -150,7 +147,7 @@ def test_ospa2_of_one_scan_is_ospa(a, b, order):
     assert found == pytest.approx(expected, abs=1e-9)
 
 
-def test_ospa2_counts_a_broken_track():
+def test_ospa2_counts_broken_and_swapped_labels():
     # Each half of the broken track is far from the whole one in two of four scans: one is
     # matched at c/2, the other is left over.
     whole = gathered([[(0, 0)] * 4])
@@ -158,9 +155,6 @@ def test_ospa2_counts_a_broken_track():
     found = ospa2(whole, broken, 1.0)
     assert found.distance == pytest.approx(75.0)
     assert (found.localization, found.cardinality) == (pytest.approx(25.0), pytest.approx(50.0))
-
-
-def test_ospa2_counts_swapped_labels():
     truth = gathered([[(0, 0)] * 4, [(500, 0)] * 4])
     swapped = gathered([[(0, 0), (0, 0), (500, 0), (500, 0)], [(500, 0), (500, 0), (0, 0), (0, 0)]])
     assert ospa2(truth, swapped, 2.0).distance == pytest.approx(50.0)
@@ -244,38 +238,29 @@ def test_gap_finder_finds_the_time_between_estimates(pattern, expected):
     assert [(gap.duration_s, gap.missed) for gap in found_like(pattern)] == expected
 
 
-def test_gap_finder_goes_by_stamps():
+def test_gap_finder_follows_each_target_by_its_stamps():
     finder = GapFinder()
     gaps_of(finder, 0.0, (1, 0, True))
     gaps_of(finder, 6.0, (1, 0, False))
     assert gaps_of(finder, 100.0, (1, 0, True)) == [Gap(0, 100.0, 1)]
-
-
-def test_gap_finder_follows_each_target_by_its_label():
     finder = GapFinder()
     gaps_of(finder, 0.0, (1, 0, True), (2, 1, False))
     assert gaps_of(finder, 6.0, (2, 1, True), (1, 0, False)) == [Gap(1, 6.0, 1)]
     assert finder.under_way() == [Gap(0, 6.0, 1)]
 
 
-def test_gap_finder_ends_the_gap_of_a_target_that_has_gone():
+def test_gap_finder_ends_gaps_of_what_has_gone():
     finder = GapFinder()
     gaps_of(finder, 0.0, (1, 0, True))
     gaps_of(finder, 6.0, (1, 0, False))
     assert gaps_of(finder, 12.0) == [Gap(0, 6.0, 1)]
     # After its return it counts as another target.
     assert gaps_of(finder, 18.0, (1, 0, True)) == []
-
-
-def test_gap_finder_ends_all_targets_when_time_goes_back():
     finder = GapFinder()
     gaps_of(finder, 60.0, (1, 0, True))
     gaps_of(finder, 66.0, (1, 0, False))
     assert gaps_of(finder, 0.0, (1, 0, True)) == [Gap(0, 6.0, 1)]
     assert finder.under_way() == []
-
-
-def test_gap_finder_keeps_nothing_of_targets_that_have_gone():
     finder = GapFinder()
     for scan in range(100):
         gaps_of(finder, 6.0 * scan, (scan + 1, 0, scan % 2))

@@ -13,17 +13,11 @@ def totals():
     return Totals.of(NAMES, VALUES)
 
 
-def test_totals_are_of_each_run(totals):
+def test_totals_are_of_each_run_with_means_of_the_scans_that_have_the_value(totals):
     np.testing.assert_array_equal(totals.sum("a"), [9.0, 6.0])
     np.testing.assert_array_equal(totals.mean("a"), [3.0, 2.0])
     np.testing.assert_array_equal(totals.maximum("a"), [5.0, 4.0])
-
-
-def test_totals_mean_is_over_the_scans_that_have_the_value(totals):
     np.testing.assert_array_equal(totals.mean("b"), [-1.0, 0.0])
-
-
-def test_totals_sum_and_maximum_are_not_known_unless_every_scan_is(totals):
     np.testing.assert_array_equal(totals.sum("b"), [np.nan, 0.0])
     np.testing.assert_array_equal(totals.maximum("b"), [np.nan, 8.0])
 
@@ -37,12 +31,9 @@ def test_totals_add_up(totals):
             np.testing.assert_array_equal(figure(together, name), figure(totals, name))
 
 
-def test_totals_of_no_scan_have_a_sum_alone():
+def test_totals_of_no_scan_and_ratios_to_nothing_are_not_known():
     none = Totals.of(NAMES, np.zeros((0, 2)))
     assert none.sum("a") == 0.0
     assert np.isnan(none.mean("a"))
     assert np.isnan(none.maximum("a"))
-
-
-def test_ratio_to_nothing_is_not_known():
     np.testing.assert_array_equal(ratio(np.array([1.0, 0.0]), np.array([4, 0])), [0.25, np.nan])

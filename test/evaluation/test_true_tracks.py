@@ -28,12 +28,16 @@ def tracks_of(times, *flights, **options):
     return tracks
 
 
-def test_the_truth_at_a_sample_is_that_sample():
+def test_the_truth_is_known_at_and_between_its_samples():
     tracks, given = TrueTracks(), sample(1.0, CURVED)
     tracks.add(SECOND, sample(0.5, CURVED))
     tracks.add(SECOND, given)
     assert tracks.at(SECOND) is given
     assert len(tracks) == 1
+    tracks = tracks_of([1.0, 2.0], CURVED)
+    assert tracks.at(SECOND - 1) is None
+    assert tracks.at(2 * SECOND + 1) is None
+    assert TrueTracks().at(0) is None
 
 
 @pytest.mark.parametrize("interval_s", [1.0, 2.0, 4.0])
@@ -65,20 +69,10 @@ def test_a_target_is_there_from_its_first_to_its_last_sample():
     np.testing.assert_allclose(tracks.at(round(1.5 * SECOND)).position[0], [0.0, 0.0])
 
 
-def test_outside_of_the_samples_nothing_is_known():
-    tracks = tracks_of([1.0, 2.0], CURVED)
-    assert tracks.at(SECOND - 1) is None
-    assert tracks.at(2 * SECOND + 1) is None
-    assert TrueTracks().at(0) is None
-
-
-def test_samples_far_apart_are_not_interpolated():
+def test_the_truth_is_not_interpolated_far_apart_or_without_labels():
     near, far = LONGEST_INTERPOLATION_S, LONGEST_INTERPOLATION_S + 0.1
     assert tracks_of([0.0, near], CURVED).at(SECOND) is not None
     assert tracks_of([0.0, far], CURVED).at(SECOND) is None
-
-
-def test_targets_without_labels_are_not_interpolated():
     assert tracks_of([0.0, 1.0], CURVED, labels=[0]).at(SECOND // 2) is None
 
 

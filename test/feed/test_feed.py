@@ -32,10 +32,11 @@ def test_feed_counts_a_pose_that_comes_twice_once_for_all_its_radars():
     assert tally.dropped.total() == 1
 
 
-def test_half_is_enough():
+def test_half_of_the_detections_or_none_is_no_fault():
     used = UsedDetections()
     used.read(5, {"range": 5})
     assert used.fault() is None
+    assert UsedDetections().fault() is None
 
 
 def test_less_than_half_is_reported_with_the_main_reasons_and_their_parameters():
@@ -55,10 +56,6 @@ def test_report_that_waited_for_a_pose_in_vain_counts_with_its_detections():
         used.read(10, {})
     used.lose_reports({"pose_missing": 3})
     assert used.lost == {"pose_missing": 30}
-
-
-def test_nothing_at_all_is_no_fault():
-    assert UsedDetections().fault() is None
 
 
 def test_feed_yields_a_scan_before_its_monitors_take_it():

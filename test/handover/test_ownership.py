@@ -150,11 +150,16 @@ def test_heights_and_identities_stay_with_their_targets():
     assert found.attributes.height[order, 0].tolist() == [11.0, 22.0, 22.0]
 
 
-def test_a_number_is_not_used_for_another_target():
+def test_numbers_of_ended_tracks_are_not_used_again_and_forgotten():
     handover = Handover(REGIONS, HYSTERESIS)
     assert list(joined(handover, 0, {3: (-50e3, 0.0)}, {})) == [1]
     assert joined(handover, 1, {}, {}) == {}
     assert list(joined(handover, 2, {4: (-50e3, 0.0)}, {})) == [2]
+    numbers = Numbers(0)
+    numbers.add(0, {(WEST, 3): 1})
+    assert numbers.at(0) == {(WEST, 3): 1}
+    numbers.add(round(FORGOTTEN_S + 1.0) * NS, {})
+    assert numbers.at(0) == {}
 
 
 @pytest.mark.parametrize("spread", [9e3, 300.0, 0.0])
@@ -206,14 +211,6 @@ def test_matched_pairs_are_those_of_least_total_distance():
 
 NS = 10**9
 WEST = 0
-
-
-def test_numbers_of_tracks_that_are_no_more_are_forgotten():
-    numbers = Numbers(0)
-    numbers.add(0, {(WEST, 3): 1})
-    assert numbers.at(0) == {(WEST, 3): 1}
-    numbers.add(round(FORGOTTEN_S + 1.0) * NS, {})
-    assert numbers.at(0) == {}
 
 
 def test_number_at_a_stamp_is_that_of_its_time():

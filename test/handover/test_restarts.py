@@ -23,19 +23,16 @@ def followed(*said):
     return found, series
 
 
-def test_tracks_that_go_on_or_follow_each_other_are_of_one_series():
+def test_tracks_that_go_on_or_come_back_are_of_one_series():
     found, _ = followed(
         (0, {1: 0.0, 2: 9e3}), (4, {1: 800.0, 3: 50e3}), (8, {}), (12, {4: 0.0}), (16, {4: 800.0})
     )
     assert found == [[1, 2], [1, 3], [], [4], [4]]
-
-
-def test_one_that_comes_back_beside_others_is_of_the_same_series():
     found, _ = followed((0, {1: 0.0, 2: 9e3}), (4, {2: 9.8e3}), (8, {1: 1.6e3, 2: 10.6e3}))
     assert found == [[1, 2], [2], [1, 2]]
 
 
-def test_numbers_that_begin_again_are_of_another_series():
+def test_numbers_found_elsewhere_are_of_another_series():
     found, series = followed(
         (0, {1: 0.0, 2: 9e3}), (4, {}), (8, {1: -40e3}), (12, {1: -39e3, 2: 0.0})
     )
@@ -43,24 +40,15 @@ def test_numbers_that_begin_again_are_of_another_series():
     # Smoothed estimates are distinguished by their stamp.
     assert series.renumber(estimates(0, {2: 9e3})).track_id.tolist() == [2]
     assert series.renumber(estimates(4, {1: -41e3})).track_id.tolist() == [SERIES + 1]
-
-
-def test_a_number_that_is_elsewhere_at_the_next_stamp_is_of_another_series():
     found, _ = followed((0, {1: 0.0}), (4, {1: -40e3}), (8, {1: -39e3}))
     assert found == [[1], [SERIES + 1], [SERIES + 1]]
 
 
-def test_one_target_that_gets_its_number_again_is_not_the_earlier_series():
+def test_single_tracks_that_leap_or_are_fast_begin_no_series():
     found, _ = followed((0, {1: 0.0, 3: 20e3, 4: 40e3}), (4, {1: 0.8e3, 2: 20.8e3, 3: 40.8e3}))
     assert found == [[1, 3, 4], [SERIES + 1, SERIES + 2, SERIES + 3]]
-
-
-def test_one_track_that_leaps_begins_no_series():
     found, _ = followed((0, {1: 0.0, 2: 20e3, 3: 40e3}), (4, {1: 0.8e3, 2: 20.8e3, 3: 80e3}))
     assert found == [[1, 2, 3], [1, 2, 3]]
-
-
-def test_a_fast_target_is_not_elsewhere():
     found, _ = followed((0, {1: 0.0}), (60, {1: 12e3}))
     assert found == [[1], [1]]
 

@@ -37,12 +37,9 @@ def test_two_trackers_of_one_name_are_one_fault():
     ]
 
 
-def test_target_changes_over_a_fifth_of_the_margin_behind_the_seam_by_default():
+def test_defaults_follow_from_the_margin_and_the_names():
     assert settings.resolve(given()).hysteresis == pytest.approx(0.2 * MARGIN)
     assert settings.resolve(given(hysteresis=100.0)).hysteresis == 100.0
-
-
-def test_trackers_are_in_namespaces_of_their_names_by_default():
     found = settings.resolve(given(**{"east.node": "/site_b/fusion"}))
     assert found.topic(0, FILTERED) == "/west/tracker/filtered/estimates"
     assert found.topic(1, SMOOTHED) == "/site_b/fusion/smoothed/estimates"

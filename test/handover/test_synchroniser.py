@@ -134,16 +134,13 @@ def test_what_comes_twice_is_refused_and_a_jump_back_is_known():
     assert not gathering.jumps_back(0, 8 * 10**9)
 
 
-def test_stamps_that_wait_are_bounded_in_number():
+def test_stamps_and_targets_that_wait_are_bounded():
     gathering = Gathering(2, 1e6, most_waiting=5)
     closed = [add(gathering, 0, stamp) for stamp in range(1, 21)]
     assert closed == [{}] * 5 + [{stamp: [0]} for stamp in range(1, 16)]
     assert gathering.overflow == 15
     assert add(gathering, 1, 3) is Refused.LATE
     assert add(gathering, 1, 18) == {16: [0], 17: [0], 18: [0, 1]}
-
-
-def test_targets_that_wait_are_bounded_in_number():
     few, many = [at(1)], [at(1), at(2)]
     crowded = of_tracks(dict.fromkeys(range(3 * TARGETS_OF_A_STAMP), (0.0, 0.0)))
     assert not too_many([{0: own} for own in many], 2)

@@ -25,18 +25,12 @@ def test_to_msg_keeps_the_contract_of_the_topic():
     names = ["x", "y", "z", "range", "azimuth", "elevation", "amplitude"]
     assert [(f.name, f.datatype) for f in message.fields] == [(name, F4) for name in names]
     assert message.header == stamps.header(STAMP_NS, FRAME)
-
-
-def test_to_msg_places_points_in_the_frame_of_the_sensor():
     given = Detections(np.array([[100.0, np.pi / 2], [200.0, -np.pi / 4]]), np.array([3.0, 4.0]))
     points = np.frombuffer(bytes(adapter.to_msg(given, 0, FRAME).data), dtype="<f4").reshape(2, 7)
     side = 200.0 / np.sqrt(2.0)
     assert_allclose(points[:, :3], [[0.0, 100.0, 0.0], [side, -side, 0.0]], atol=1e-4)
     assert_allclose(points[:, 3:5], given.measurement, rtol=1e-7)
     assert_array_equal(points[:, 5:], [[0.0, 3.0], [0.0, 4.0]])
-
-
-def test_to_msg_refuses_detections_without_amplitudes():
     with pytest.raises(ValueError, match="amplitude: None given"):
         adapter.to_msg(Detections(np.zeros((1, 2)), None), 0, FRAME)
 
@@ -245,29 +239,25 @@ def test_from_msg_reads_levels_in_whole_decibels(datatype):
     assert_allclose(report.detections.amplitude, [np.sqrt(200.0)], rtol=1e-12)
 
 
-def test_from_msg_rejects_coordinates_in_whole_numbers():
+def test_from_msg_rejects_wrong_types_and_missing_elevations():
     message = cloud([("range", PointField.INT32), ("azimuth", F4)], [(1000, 0.0)])
     with pytest.raises(RejectedMessageError, match="'range' has type i4"):
         adapter.from_msg(message, radar(amplitude_field=""))
+    with pytest.raises(RejectedMessageError, match="field 'elevation' is missing"):
+        adapter.from_msg(polar(GOOD), radar(elevation_field="elevation"))
 
 
 def spherical(points):
     return cloud([(name, F8) for name in ("range", "azimuth", "elevation")], points)
 
 
-def test_from_msg_takes_slant_ranges_to_the_ground():
+def test_from_msg_takes_slant_ranges_to_the_ground_where_asked():
     message = spherical([(1000.0, 0.5, np.radians(60.0)), (1000.0, 0.5, np.radians(-60.0))])
     report = adapter.from_msg(message, radar(amplitude_field="", elevation_field="elevation"))
     assert_allclose(report.detections.measurement, [[500.0, 0.5], [500.0, 0.5]], rtol=1e-12)
-
-
-def test_from_msg_ignores_elevations_by_default():
     message = spherical([(1000.0, 0.5, np.radians(60.0))])
     report = adapter.from_msg(message, radar(amplitude_field=""))
     assert_array_equal(report.detections.measurement, [[1000.0, 0.5]])
-
-
-def test_from_msg_limits_the_range_over_ground():
     far = 17000.0 / np.cos(np.radians(10.0))
     message = spherical(
         [(0.999 * far, 0.0, np.radians(10.0)), (1.001 * far, 0.0, np.radians(10.0))]
@@ -292,11 +282,6 @@ def test_from_msg_drops_an_impossible_elevation(bad, reason):
         spherical([bad]), radar(amplitude_field="", elevation_field="elevation")
     )
     assert report.dropped == {reason: 1}
-
-
-def test_from_msg_rejects_a_cloud_without_the_elevation_it_needs():
-    with pytest.raises(RejectedMessageError, match="field 'elevation' is missing"):
-        adapter.from_msg(polar(GOOD), radar(elevation_field="elevation"))
 
 
 @pytest.mark.parametrize(("sec", "nanosec"), [(-1, 0), (-(2**31), 5), (5, 10**9), (5, 2**32 - 1)])

@@ -41,13 +41,10 @@ def test_courses_are_from_true_north(place, bearing):
     assert found.speed[0] == pytest.approx(200.0, rel=1.5e-3)
 
 
-def test_what_is_not_known_of_a_target_is_nan():
+def test_unknown_places_are_nan_and_none_of_nothing():
     found = geodetic.of(at((1e3, 0.0, 2e3, 0.0)), PLANE)
     assert np.isnan([found.course[0], found.height[0]]).all()
     assert found.speed[0] == 0.0
-
-
-def test_of_nothing_there_are_no_places():
     assert all(column.shape == (0,) for column in geodetic.of(nothing(), PLANE))
     assert navsat.to_msgs(nothing(), PLANE) == []
     assert geo_json.of_scan(nothing(), PLANE, NAMES, {})["features"] == []

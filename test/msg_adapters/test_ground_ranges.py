@@ -113,7 +113,7 @@ def test_an_elevation_beyond_the_zenith_is_out_of_range():
     assert len(report.detections) == 1
 
 
-def test_a_height_that_is_not_known_is_the_antennas():
+def test_an_unknown_height_is_the_antennas_or_the_assumed_one():
     latitude, longitude, slant, compass, _ = around(80e3, PLACE[2])
     report = read([(*plot, NAN) for plot in zip(slant, compass, strict=True)])
     expected = np.stack(PLANE.to_plane(latitude, longitude), axis=1)
@@ -121,9 +121,6 @@ def test_a_height_that_is_not_known_is_the_antennas():
     assert report.anomalies == {"heights_unknown": 24}
     (text,) = anomalies.of(sited(), report.anomalies)
     assert "the antenna's height is assumed, set radar_1.assumed_height" in text
-
-
-def test_a_height_that_is_not_known_is_the_assumed_one():
     latitude, longitude, slant, compass, _ = around(80e3, 6000.0)
     plots = list(zip(slant, compass, strict=True))
     report = read(plots, ("range", "azimuth"), height_field="", assumed_height=6000.0)
@@ -159,10 +156,12 @@ def test_a_plot_with_a_false_height_is_read_again_as_with_the_true_one():
     assert_allclose(again, true.measurement, rtol=0.0, atol=1e-3)
 
 
-def test_an_assumed_height_is_below_30_degrees_near_the_radar():
+def test_an_assumed_height_near_the_radar_is_below_30_degrees():
     found = read([(5e3, 90.0)], ("range", "azimuth"), height_field="", assumed_height=6000.0)
     ((ground, _),) = found.detections.measurement
     assert ground == pytest.approx(5e3 * math.cos(math.radians(30.0)), rel=1e-3)
+    report = read([(0.0, 10.0, NAN)])
+    assert_allclose(report.detections.measurement[:, 0], 0.0, atol=0.01)
 
 
 def test_impossible_points_are_dropped_by_reason():
@@ -181,11 +180,6 @@ def test_impossible_points_are_dropped_by_reason():
     )
     assert report.dropped == {"height": 3, "range": 3, "not_finite": 2}
     assert len(report.detections) == 1
-
-
-def test_a_plot_at_the_radar_itself_is_kept():
-    report = read([(0.0, 10.0, NAN)])
-    assert_allclose(report.detections.measurement[:, 0], 0.0, atol=0.01)
 
 
 @pytest.mark.parametrize(

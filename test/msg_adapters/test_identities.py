@@ -55,25 +55,16 @@ def test_invalid_identity_is_unknown_and_counted_unless_flagged(kind, value, unu
     assert least == (0 if kind is CODES else UNKNOWN)
 
 
-def test_detections_that_were_left_out_have_no_identity():
+def test_identities_are_of_each_detection_that_is_left():
     code, unusable = read(np.array([5.0, -3.0, 6.0]), np.array([True, False, True]), CODES)
 
     assert_array_equal(code, [5, 6])
     assert unusable == 0
-
-
-def test_a_column_of_unknown_ones_is_sent_where_there_are_none():
-    assert_array_equal(encode(None, 2), [NONE, NONE])
-
-
-def test_rows_are_taken_with_all_that_they_have():
     given = found(height=np.array([1.0, 2.0]), code=np.array([3, 4]), address=np.array([5, 6]))
     part = given.take(np.array([1]))
 
     assert (part.height[0], part.code[0], part.address[0]) == (2.0, 4, 6)
     assert part.code.dtype == np.int64
-
-
-def test_identities_have_one_number_for_each_detection():
     with pytest.raises(ValueError, match=r"code: expected shape \(2,\), got \(3,\)"):
         found(code=np.zeros(3, dtype=int))
+    assert_array_equal(encode(None, 2), [NONE, NONE])

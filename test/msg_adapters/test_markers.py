@@ -40,18 +40,17 @@ def floats(marker):
     return [*np.ravel(points).tolist(), q.x, q.y, q.z, q.w, c.r, c.g, c.b, c.a]
 
 
-def test_to_cdr_names_no_marker_twice():
+def test_arrows_and_markers_are_distinct_and_finite():
     names = [(marker.ns, marker.id) for marker in made()[1:]]
     assert len(set(names)) == len(names)
-
-
-def test_to_cdr_stays_finite_for_a_covariance_that_is_not_definite():
     given = estimates()
     bad = given.covariance.copy()
     bad[:, 0, 0] = -1.0
     broken = type(given)(**{**vars(given), "covariance": bad})
     for marker in made(broken)[1:]:
         assert np.isfinite(floats(marker)).all()
+    still = replace(estimates(count=1), state=np.array([[7.0, 0.0, 9.0, 0.0, 0.0]]))
+    assert_allclose(lines("velocity", still)[0, :, :2], [[7.0, 9.0]] * 6)
 
 
 def test_ellipses_are_the_closed_outlines_of_the_covariances():
@@ -76,11 +75,6 @@ def test_velocities_point_where_the_targets_will_be():
         assert_allclose(ends[[2, 4], :2], [ahead, ahead])
         assert (back @ (ahead - here) < 0.0).all()
         assert_allclose(back.sum(axis=0) @ [-state[3], state[1]], 0.0, atol=1e-6)
-
-
-def test_the_arrow_of_a_target_at_rest_is_a_point():
-    still = replace(estimates(count=1), state=np.array([[7.0, 0.0, 9.0, 0.0, 0.0]]))
-    assert_allclose(lines("velocity", still)[0, :, :2], [[7.0, 9.0]] * 6)
 
 
 @pytest.mark.parametrize(

@@ -20,25 +20,16 @@ def scan(*rows, frame=FRAME):
     return RadarScan(header=stamps.header(STAMP_NS, frame), returns=returns)
 
 
-def test_from_msg_reads_decibels_with_the_offset_whatever_the_unit_of_clouds():
+def test_from_msg_reads_amplitudes_azimuths_and_slant_ranges():
     for in_db in (False, True):
         setting = radar(amplitude_in_db=in_db, amplitude_offset_db=-7.0)
         report = radar_scan.from_msg(scan((1000.0, 0.5, 0.0, 27.0)), setting)
         assert_allclose(report.detections.amplitude, [np.sqrt(200.0)], rtol=1e-12)
         assert report.stamp_ns == STAMP_NS
-
-
-def test_from_msg_takes_the_azimuth_as_the_message_defines_it():
     report = radar_scan.from_msg(scan((1000.0, 0.5, 0.0, 20.0)), radar(compass=True))
     assert report.detections.measurement.tolist() == [[1000.0, 0.5]]
-
-
-def test_from_msg_takes_slant_ranges_to_the_ground():
     report = radar_scan.from_msg(scan((1000.0, 0.5, math.radians(60.0), 20.0)), radar())
     assert_allclose(report.detections.measurement, [[500.0, 0.5]], rtol=1e-12)
-
-
-def test_from_msg_without_an_amplitude_field_has_no_amplitudes():
     report = radar_scan.from_msg(scan((1e3, 0.5, 0.0, 20.0)), radar(amplitude_field=""))
     assert report.detections.amplitude is None
 
@@ -87,15 +78,12 @@ def test_an_empty_scan_is_an_empty_scan():
         assert report.detections.amplitude is not None
 
 
-def test_from_cdr_rejects_bytes_that_end_early_wherever_they_end():
+def test_from_cdr_rejects_early_ends_and_counts_that_lie():
     data = radar_scans.cdr(STAMP_NS, FRAME, ROWS)
     for length in range(len(data)):
         with pytest.raises(RejectedMessageError) as caught:
             radar_scan.from_cdr(data[:length], radar())
         assert caught.value.reason in ("schema", "frame")
-
-
-def test_from_cdr_rejects_a_count_that_lies_before_it_reads():
     data = bytearray(radar_scans.cdr(STAMP_NS, FRAME, ROWS))
     place = data.index((len(ROWS)).to_bytes(4, "little"), 16)
     data[place : place + 4] = b"\xff" * 4

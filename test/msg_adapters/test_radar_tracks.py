@@ -44,15 +44,12 @@ def identifiers(given, run=RUN):
     return [bytes(track.uuid.uuid) for track in tracks]
 
 
-def test_to_msg_keeps_a_targets_identifier_within_a_run_only():
+def test_to_msg_gives_identifiers_within_a_run():
     given = replace(estimates(), track_id=np.array([7, 8, 9]))
     later = replace(given, stamp_ns=STAMP_NS + 1, track_id=np.array([9, 8, 7]))
 
     assert identifiers(later) == identifiers(given)[::-1]
     assert not set(identifiers(given, uuid.UUID(int=2))) & set(identifiers(given))
-
-
-def test_to_msg_gives_unlabelled_targets_identifiers_of_their_own():
     given = replace(estimates(), track_id=np.zeros(3, dtype=int))
     later = replace(given, stamp_ns=STAMP_NS + 1)
 

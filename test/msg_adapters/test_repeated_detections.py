@@ -23,20 +23,14 @@ def columns(count, **more):
     return given | {name: value * ones for name, value in more.items()}
 
 
-def test_select_counts_identical_detections_once():
+def test_select_counts_identical_detections_once_and_reports_them():
     report = select(STAMP_NS, radar(), columns(500))
     assert len(report.detections) == 1
     assert report.anomalies == {"detections_repeated": 499}
     assert not report.dropped
-
-
-def test_select_reports_a_repeating_driver():
     report = select(STAMP_NS, radar(), columns(3))
     (text,) = anomalies.of(radar(), report.anomalies)
     assert text.startswith("2 detections that repeat another one")
-
-
-def test_select_counts_unknown_amplitudes_as_alike():
     assert len(select(STAMP_NS, radar(), columns(2, level=np.nan)).detections) == 1
 
 

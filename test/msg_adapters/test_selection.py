@@ -179,10 +179,15 @@ def test_an_impossible_slant_range_is_no_matter_of_the_height(bad):
 STDS = {"range_std_field": "dr", "azimuth_std_field": "da"}
 
 
-def test_deviations_of_each_detection_are_read_in_their_units():
+def test_deviations_of_each_detection_are_read_where_known():
     points = [(1000.0, 10.0, 6.0, 0.02), (2000.0, 20.0, 7.0, 0.03)]
     report = read(["dr", "da"], points, azimuth_in_degrees=True, **STDS)
     assert_allclose(report.detections.noise_std, [[6.0, np.radians(0.02)], [7.0, np.radians(0.03)]])
+    report = read(["dr"], [(1000.0, 0.1, NAN), (1000.0, 0.1, 5.0)], range_std_field="dr")
+    assert_array_equal(report.detections.noise_std, [[NAN, NAN], [5.0, NAN]])
+    assert not report.anomalies
+    all_unknown = read(["dr"], [(1000.0, 0.1, NAN)], range_std_field="dr")
+    assert all_unknown.detections.noise_std is None
 
 
 @pytest.mark.filterwarnings("error")
@@ -192,14 +197,6 @@ def test_an_unusable_deviation_is_left_to_the_radar_and_a_doubt(bad):
     assert_array_equal(report.detections.noise_std, [[NAN, NAN], [5.0, 0.01]])
     assert report.anomalies == {"deviations_unusable": 2}
     assert not report.dropped
-
-
-def test_an_unknown_deviation_is_the_radars_and_no_doubt():
-    report = read(["dr"], [(1000.0, 0.1, NAN), (1000.0, 0.1, 5.0)], range_std_field="dr")
-    assert_array_equal(report.detections.noise_std, [[NAN, NAN], [5.0, NAN]])
-    assert not report.anomalies
-    all_unknown = read(["dr"], [(1000.0, 0.1, NAN)], range_std_field="dr")
-    assert all_unknown.detections.noise_std is None
 
 
 LAYOUTS = {
@@ -253,13 +250,18 @@ def test_to_msg_refuses_detections_without_a_sector():
 RATES = {"range_rate_field": "rr", "range_rate_std_field": "sd"}
 
 
-def test_range_rates_and_their_deviations_are_read():
+def test_range_rates_are_read_and_doubted_beyond_the_ambiguity():
     points = [(1000.0, 0.1, -7.5, 0.2), (2000.0, 0.2, NAN, NAN)]
     report = read(["rr", "sd"], points, **RATES)
     assert_array_equal(report.detections.range_rate, [-7.5, NAN])
     assert_array_equal(report.detections.range_rate_std, [0.2, NAN])
     assert not report.anomalies
     assert not report.dropped
+    points = [(1000.0, 0.1, value) for value in (29.9, -15.0, 30.0, 30.1, -45.0, NAN)]
+    settings = {"range_rate_field": "rr", "range_rate_ambiguity": 30.0}
+    report = read(["rr"], points, **settings)
+    assert_array_equal(report.detections.range_rate, [29.9, -15.0, 30.0, 30.1, -45.0, NAN])
+    assert report.anomalies == {"range_rates_beyond_ambiguity": 2}
 
 
 @pytest.mark.filterwarnings("error")
@@ -276,11 +278,3 @@ def test_an_unusable_deviation_of_a_range_rate_is_a_doubt(bad):
     report = read(["rr", "sd"], [(1000.0, 0.1, 1.0, bad)], **RATES)
     assert_array_equal(report.detections.range_rate_std, [NAN])
     assert report.anomalies == {"deviations_unusable": 1}
-
-
-def test_range_rates_beyond_the_ambiguity_are_used_and_a_doubt():
-    points = [(1000.0, 0.1, value) for value in (29.9, -15.0, 30.0, 30.1, -45.0, NAN)]
-    settings = {"range_rate_field": "rr", "range_rate_ambiguity": 30.0}
-    report = read(["rr"], points, **settings)
-    assert_array_equal(report.detections.range_rate, [29.9, -15.0, 30.0, 30.1, -45.0, NAN])
-    assert report.anomalies == {"range_rates_beyond_ambiguity": 2}

@@ -27,24 +27,21 @@ def shape(trails):
     return [[(point.stamp_ns, point.state[0]) for point in trail] for trail in trails.values()]
 
 
-def test_of_returns_the_trails_of_the_scan_by_ascending_track():
+def test_of_returns_the_latest_places_of_tracks():
     trails = Trails(5)
     assert shape(trails.of(found(1, t9=90.0, t3=30.0))) == [[(1, 30.0)], [(1, 90.0)]]
     assert shape(trails.of(found(2, t9=91.0))) == [[(1, 90.0), (2, 91.0)]]
-
-
-def test_of_leaves_out_what_has_no_track():
     assert Trails(5).of(found(1, t0=1.0)) == {}
-
-
-def test_of_keeps_the_latest_places_only():
     trails = Trails(2)
     for scan in range(4):
         latest = trails.of(found(scan, t1=float(scan)))
     assert shape(latest) == [[(2, 2.0), (3, 3.0)]]
+    trails, scan = Trails(5), found(1, t1=1.0)
+    trails.of(scan)
+    assert shape(trails.of(scan)) == [[(1, 1.0)]]
 
 
-def test_of_goes_on_after_a_gap_and_forgets_after_a_long_one():
+def test_of_forgets_after_a_long_gap_and_clear():
     trails = Trails(100)
     trails.of(found(0, t1=0.0))
     for scan in range(UNSEEN_SCANS):
@@ -53,16 +50,7 @@ def test_of_goes_on_after_a_gap_and_forgets_after_a_long_one():
     for scan in range(UNSEEN_SCANS + 1):
         trails.of(found(51 + scan))
     assert len(trails.of(found(99, t1=1.0))[1]) == 1
-
-
-def test_clear_forgets_everything():
     trails = Trails(5)
     trails.of(found(1, t1=1.0))
     trails.clear()
     assert shape(trails.of(replace(found(2, t1=2.0), stamp_ns=7))) == [[(7, 2.0)]]
-
-
-def test_of_adds_a_scan_once():
-    trails, scan = Trails(5), found(1, t1=1.0)
-    trails.of(scan)
-    assert shape(trails.of(scan)) == [[(1, 1.0)]]

@@ -19,22 +19,16 @@ def known(height, code, address):
     return replace(sample, attributes=Attributes(heights, spread, codes, addresses))
 
 
-def test_words_are_flight_level_and_code_or_address():
+def test_words_are_flight_level_and_identity():
     assert vertical.words(known(3048.0, 0o7700, 0x3C6444))[:2] == ["FL100 7700", ""]
     assert vertical.words(known(3048.0, UNKNOWN, 0x3C6444))[0] == "FL100 3C6444"
     assert vertical.words(known(3048.0, UNKNOWN, UNKNOWN), 304.8)[0] == "FL110"
     assert vertical.words(known(-304.8, 0, UNKNOWN))[0] == "FL-10 0000"
     assert vertical.words(known(np.nan, 0o0021, UNKNOWN))[0] == "0021"
     assert vertical.words(estimates(2)) == [""] * len(estimates(2))
-
-
-def test_flight_levels_are_counted_from_where_those_of_the_worlds_zero_are():
     found = known(3048.0, 0o7700, UNKNOWN)
     assert vertical.words(found, 152.4)[0] == "FL105 7700"
     assert b" FL105 7700" in markers.to_cdr(found, "map", ("one", "two"), 152.4)
-
-
-def test_unknown_heights_are_zero():
     found = vertical.of(known(3048.0, UNKNOWN, UNKNOWN))
     assert found.known.tolist()[:2] == [True, False]
     assert found.state[:2].tolist() == [[3048.0, 0.0], [0.0, 0.0]]

@@ -16,7 +16,7 @@ CLASS = {
 CLASSES = ("small", "large")
 
 
-def test_to_msg_gives_every_class_a_hypothesis_the_likelier_first():
+def test_to_msg_has_hypotheses_covariances_and_names():
     given = replace(estimates(2), class_probability=np.array([[0.25, 0.75], [0.5, 0.5]]))
     message = vision.to_msg(given, "map", CLASSES, CLASS)
 
@@ -25,6 +25,16 @@ def test_to_msg_gives_every_class_a_hypothesis_the_likelier_first():
         for detection in message.detections
     ]
     assert found == [[("large", 0.75), ("small", 0.25)], [("small", 0.5), ("large", 0.5)]]
+    given = estimates(1)
+    (detection,) = vision.to_msg(given, "map", CLASSES, CLASS).detections
+    matrix = np.reshape(detection.results[0].pose.covariance, (6, 6))
+
+    assert_allclose(matrix[:2, :2], given.covariance[0][np.ix_([0, 2], [0, 2])])
+    assert np.count_nonzero(matrix[2:]) == np.count_nonzero(matrix[:, 2:]) == 0
+    given = replace(estimates(), track_id=np.array([0, 5, 12]))
+    message = vision.to_msg(given, "map", CLASSES, CLASS)
+
+    assert [detection.id for detection in message.detections] == ["", "5", "12"]
 
 
 def test_to_msg_places_targets_facing_where_they_move():
@@ -37,22 +47,6 @@ def test_to_msg_places_targets_facing_where_they_move():
     half = np.sqrt(0.5)
     assert_allclose([pose.orientation.z, pose.orientation.w], [half, half])
     assert detection.results[0].pose.pose == pose
-
-
-def test_to_msg_sets_the_positions_covariance():
-    given = estimates(1)
-    (detection,) = vision.to_msg(given, "map", CLASSES, CLASS).detections
-    matrix = np.reshape(detection.results[0].pose.covariance, (6, 6))
-
-    assert_allclose(matrix[:2, :2], given.covariance[0][np.ix_([0, 2], [0, 2])])
-    assert np.count_nonzero(matrix[2:]) == np.count_nonzero(matrix[:, 2:]) == 0
-
-
-def test_to_msg_names_labelled_targets_only():
-    given = replace(estimates(), track_id=np.array([0, 5, 12]))
-    message = vision.to_msg(given, "map", CLASSES, CLASS)
-
-    assert [detection.id for detection in message.detections] == ["", "5", "12"]
 
 
 @pytest.mark.parametrize("given", [estimates(), nothing()])

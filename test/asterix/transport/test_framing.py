@@ -21,13 +21,10 @@ def read(data, midnight_ns=None):
     return [*framing.datagrams(data, midnight_ns, counts)], +counts
 
 
-def test_raw_recording_is_its_blocks(blocks):
+def test_raw_recording_is_its_blocks_and_goes_on_behind_damage(blocks):
     found, counts = read(b"".join(blocks))
     assert found == [Datagram(block) for block in blocks]
     assert not counts
-
-
-def test_raw_recording_goes_on_behind_damage(blocks):
     damaged = b"".join([*blocks[:3], b"\x00\xff\x30" * 20, *blocks[3:], blocks[0][:4]])
     found, counts = read(damaged)
     assert [each.data for each in found] == blocks
@@ -45,15 +42,12 @@ def test_final_envelopes_have_the_times_of_their_receipt(blocks):
     assert {each.source for each in found} == {"board 0 line 3"}
 
 
-def test_final_envelopes_go_on_after_midnight(blocks):
+def test_final_envelopes_go_on_after_midnight_and_behind_damage(blocks):
     times = (86_399.5, 86_399.99, 0.25, 1.0)
     data = b"".join(made.final(blocks[0], time_s) for time_s in times)
     found, _ = read(data, MIDNIGHT)
     expected = [86_399.5, 86_399.99, 86_400.25, 86_401.0]
     assert [(each.received_ns - MIDNIGHT) / NS for each in found] == expected
-
-
-def test_final_envelopes_go_on_behind_damage(blocks):
     first, second, third = (made.final(block, 5.0) for block in blocks[:3])
     found, counts = read(first + b"\x00\x40" + second[2:] + third + third[:9])
     assert [each.data for each in found] == [blocks[0], blocks[2]]
@@ -72,12 +66,9 @@ def test_capture_has_payloads_times_and_sources(blocks, kind, order):
     assert found == [Datagram(b, t, source) for b, t in zip(blocks, times, strict=True)]
 
 
-def test_capture_in_nanoseconds(blocks):
+def test_capture_has_nanoseconds_and_may_be_moved_to_a_day(blocks):
     found, _ = read(made.pcap([(MIDNIGHT + 123_456_789, made.packet(blocks[0]))], nanoseconds=True))
     assert found[0].received_ns == MIDNIGHT + 123_456_789
-
-
-def test_capture_is_moved_to_the_given_day_and_goes_on_from_there(blocks):
     times = [MIDNIGHT + NS_PER_DAY - NS, MIDNIGHT + NS_PER_DAY + NS]
     data = made.pcap([(time_ns, made.packet(blocks[0])) for time_ns in times])
     found, _ = read(data, MIDNIGHT + 5 * NS_PER_DAY)

@@ -108,11 +108,13 @@ def test_another_decoder_reads_every_item_to_its_resolution(geometric):
         assert {name: value(record, "I080", name) or 0 for name in ends} == ends
 
 
-def test_what_is_not_known_is_left_out():
+def test_unknown_items_are_left_out_and_wrong_ones_refused():
     record = one(PLAIN)
     assert not {"I060", "I105", "I130", "I135", "I136", "I220", "I380"} & record.keys()
     assert not {"AGA", "ABA", "ARC"} & record["I500"].keys()
     assert record["I290"].keys() == {"TRK", "PSR"}
+    with pytest.raises(ValueError, match="I062/040: 3 bytes, must be 2"):
+        encoding.record(62, {"040": b"abc"})
 
 
 @pytest.mark.parametrize(
@@ -180,8 +182,3 @@ def test_state_of_the_tracker_and_the_end_of_a_batch():
     assert (value(status, "I000", "Typ"), value(status, "I040", "OVL")) == (1, 1)
     assert value(status, "I040", "NOGO") == 0
     assert (value(end, "I000", "Typ"), value(end, "I020", "BTN")) == (2, 44)
-
-
-def test_item_of_a_wrong_length_is_refused():
-    with pytest.raises(ValueError, match="I062/040: 3 bytes, must be 2"):
-        encoding.record(62, {"040": b"abc"})

@@ -85,12 +85,9 @@ def test_residuals_are_those_of_the_predicted_track():
     np.testing.assert_allclose(first.mean, 0.0, atol=1e-9)
 
 
-def test_a_radar_alone_is_not_compared_with_itself():
+def test_only_unambiguous_tracks_of_several_radars_are_compared():
     assert [found.residuals for found in seen((1,))] == [0, 0]
     assert np.isnan(seen((1,))[0].mean).all()
-
-
-def test_a_track_with_two_detections_near_it_is_not_used():
     near = RADARS[0].measure(CALM.state) + np.array([100.0, 0.0])
     assert [found.residuals for found in seen((0, 1), near)] == [0, 0]
 

@@ -23,16 +23,13 @@ def both(kind):
     return direction
 
 
-def test_the_reference_has_no_time_offset_even_if_all_else_is_told():
+def test_the_reference_has_only_errors_that_are_observable():
     found = analyse(information(both("time_offset_s")), np.ones(2 * COUNT), 1)
     assert found.common == ("time_offset_s",)
     assert not found.hidden
     assert found.free.tolist() == [True] * 7 + [False]
     assert np.isfinite(found.covariance).all()
     assert found.covariance[7].tolist() == [0.0] * 8
-
-
-def test_the_reference_is_unbiased_where_only_differences_are_observable():
     lacking = information(both("time_offset_s"), both("azimuth"))
     found = analyse(lacking, np.ones(2 * COUNT), 0)
     assert found.common == ("time_offset_s", "azimuth")
@@ -40,15 +37,12 @@ def test_the_reference_is_unbiased_where_only_differences_are_observable():
     assert np.flatnonzero(~found.free).tolist() == [2, 3]
 
 
-def test_an_unobservable_error_of_one_radar_is_hidden():
+def test_uncertain_biases_are_not_observable():
     alone = np.zeros(2 * COUNT)
     alone[COUNT + KINDS.index("range_gain")] = 1.0
     found = analyse(information(both("time_offset_s"), alone), np.ones(2 * COUNT), 0)
     assert found.common == ("time_offset_s",)
     assert found.hidden == (COUNT + 1,)
-
-
-def test_a_bias_less_certain_than_one_plot_is_not_observable():
     weak = 0.5 * np.eye(2 * COUNT)
     found = analyse(weak, np.ones(2 * COUNT), 0)
     assert not found.free.any()

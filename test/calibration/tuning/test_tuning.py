@@ -328,9 +328,12 @@ def test_rows_list_proposed_and_current_values(estimated):
     assert rows_of(estimated, max_range=900e3)["max_range"].proposed
 
 
-def test_a_rate_that_is_learned_stays_so(estimated):
+def test_what_is_learned_stays_so_with_what_was_found(estimated):
     row = rows_of(estimated, clutter_rate="auto")["clutter_rate"]
     assert (row.now, row.proposed) == ("auto", False)
+    row = rows_of(estimated, range_std="auto 70")["range_std"]
+    assert row.proposed
+    assert isinstance(row.value, float)
 
 
 FOUND, TABLE = pytest.approx(0.85, abs=0.06), [0.0, 0.9, 8e4, 0.8]
@@ -350,12 +353,6 @@ FOUND, TABLE = pytest.approx(0.85, abs=0.06), [0.0, 0.9, 8e4, 0.8]
 def test_a_detection_probability_is_proposed_unless_it_agrees(estimated, given, proposed, value):
     row = rows_of(estimated, detection_probability=given)["detection_probability"]
     assert (row.proposed, row.value) == (proposed, value)
-
-
-def test_learned_noise_becomes_what_was_found(estimated):
-    row = rows_of(estimated, range_std="auto 70")["range_std"]
-    assert row.proposed
-    assert isinstance(row.value, float)
 
 
 def test_unspecified_tracker_is_one_that_the_configuration_takes(estimated):

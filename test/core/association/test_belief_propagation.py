@@ -38,11 +38,13 @@ def test_propagation_is_exact_where_the_target_or_the_detection_is_alone():
     np.testing.assert_allclose(none[0], 1.0 / (1.0 + odds[0].sum()), rtol=1e-14)
 
 
-def test_propagation_of_no_edges_leaves_every_target_undetected():
+def test_propagation_without_edges_or_iterations_ends_at_once():
     none = np.zeros(0, dtype=np.int64)
     edge, missed = propagate(3, 2, none, none, np.zeros(0), 200)
     assert len(edge) == 0
     np.testing.assert_array_equal(missed, 1.0)
+    odds = np.random.default_rng(5).exponential(5.0, (9, 9))
+    assert np.abs(dense(odds, 6)[0] - dense(odds)[0]).max() > 1e-4
 
 
 @pytest.mark.parametrize("scale", [1e12, 1e80])
@@ -52,11 +54,6 @@ def test_propagation_of_extreme_odds_is_finite(scale):
     edge, none = dense(odds)
     assert np.isfinite(edge).all()
     np.testing.assert_allclose(edge.sum(axis=1) + none, 1.0, rtol=1e-12)
-
-
-def test_propagation_stops_after_the_iterations():
-    odds = np.random.default_rng(5).exponential(5.0, (9, 9))
-    assert np.abs(dense(odds, 6)[0] - dense(odds)[0]).max() > 1e-4
 
 
 def test_rounds_are_fewer_for_many_edges():

@@ -26,19 +26,16 @@ def test_clusters_are_the_connected_components(edges):
     np.testing.assert_array_equal(found, first_nodes(target, detection, 80, 120))
 
 
-def test_clusters_of_a_long_chain_in_any_order_are_one():
+def test_clusters_are_chains_and_lone_targets():
     rng = np.random.default_rng(0)
     link = np.arange(2000)
     target, detection = rng.permutation(1001)[(link + 1) // 2], rng.permutation(1000)[link // 2]
     np.testing.assert_array_equal(clusters_of(1001, 1000, target, detection), 0)
-
-
-def test_clusters_without_detections_are_the_targets():
     none = np.zeros(0, dtype=np.int64)
     np.testing.assert_array_equal(clusters_of(3, 0, none, none), [0, 1, 2])
 
 
-def test_graph_has_the_nodes_with_edges_cluster_by_cluster_targets_first():
+def test_graph_lists_nodes_by_cluster_with_their_edges():
     # Targets 0 and 3 share detection 2, and target 2 has detections 0 and 3.
     target, detection = np.array([3, 2, 0, 2]), np.array([2, 3, 2, 0])
     order, graph = graph_of(4, 5, target, detection)
@@ -47,9 +44,6 @@ def test_graph_has_the_nodes_with_edges_cluster_by_cluster_targets_first():
     np.testing.assert_array_equal(graph.middle, [2, 4])
     np.testing.assert_array_equal(order[graph.target], target)
     np.testing.assert_array_equal(order[graph.detection], 4 + detection)
-
-
-def test_graph_lists_the_edges_of_every_node():
     rng = np.random.default_rng(1)
     target, detection = contiguous(*np.nonzero(rng.random((9, 7)) < 0.3))
     order, graph = graph_of(9, 7, target, detection)

@@ -129,13 +129,10 @@ def test_node_prices_are_near_the_heaviest_matching(seed):
     assert heaviest - 1e-6 <= price.sum() <= heaviest + count * SLACK
 
 
-def test_node_prices_of_a_contest_are_found_in_few_bids():
+def test_node_prices_are_found_in_few_bids_and_are_nothing_for_weak_pairs():
     # Two hundred targets want one detection less, and bid against each other.
     clusters = graph(np.ones((200, 199)))[0]
     price = node_prices(clusters, np.full(len(clusters.target), 20.0))
     assert 199 * 20.0 - 1e-6 <= price.sum() <= 199 * 20.0 + 200 * LEAST_RISE
-
-
-def test_node_prices_of_pairs_that_weigh_less_than_none_are_nothing():
     clusters = graph(np.ones((3, 3)))[0]
     np.testing.assert_array_equal(node_prices(clusters, np.full(9, -5.0)), 0.0)

@@ -72,12 +72,16 @@ def test_marginals_of_equal_odds_are_equal(scale):
     np.testing.assert_allclose(none, exact_none, rtol=1e-10)
 
 
-def test_marginals_of_pairs_that_are_forced_are_one():
+def test_marginals_of_forced_pairs_and_of_no_edges_are_certain():
     # Each target but the first shares its only other detection with the one before.
     odds = np.diag(np.full(6, 1e200)) + np.diag(np.full(5, 1e199), -1)
     edge, none = dense_marginals(odds, np.ones(6))
     np.testing.assert_allclose(edge, np.eye(6), atol=1e-10)
     np.testing.assert_allclose(none, 0.0, atol=1e-10)
+    index = np.zeros(0, dtype=np.int64)
+    edge, none, _ = marginals(index, index, np.zeros(0), 3, np.ones(2))
+    assert len(edge) == 0
+    np.testing.assert_array_equal(none, 1.0)
 
 
 def chain(rng, targets):
@@ -236,10 +240,3 @@ def test_marginals_do_not_depend_on_the_order_of_the_edges():
     other, same, _ = marginals(target[order], detection[order], value[order], 4, np.ones(4))
     np.testing.assert_allclose(other, edge[order], rtol=1e-9)
     np.testing.assert_allclose(same, none, rtol=1e-9)
-
-
-def test_marginals_without_an_edge_leave_every_target_undetected():
-    index = np.zeros(0, dtype=np.int64)
-    edge, none, _ = marginals(index, index, np.zeros(0), 3, np.ones(2))
-    assert len(edge) == 0
-    np.testing.assert_array_equal(none, 1.0)

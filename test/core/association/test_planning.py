@@ -66,12 +66,13 @@ def test_plan_takes_one_cluster_after_the_other():
     np.testing.assert_array_equal(found.table_before[found.first[:-1]], 1)
 
 
-def test_plan_leaves_out_what_takes_too_much_and_goes_on():
+def test_plan_leaves_out_clusters_that_take_too_much():
     odds = np.zeros((9, 9))
     odds[:2, :2] = odds[2:7, 2:7] = odds[7:, 7:] = 1.0
     found = plan(graph(odds)[0], 40)
     np.testing.assert_array_equal(np.diff(found.first), [2, 0, 2])
     assert found.edge_start[-1] == 8
+    assert not len(plan(graph(np.ones((200, 200)))[0], AMPLE).table_size)
 
 
 def test_plan_has_no_more_entries_than_there_is_memory_for(monkeypatch):
@@ -83,7 +84,3 @@ def test_plan_has_no_more_entries_than_there_is_memory_for(monkeypatch):
     assert len(interpreted(clusters, AMPLE).table_size)
     monkeypatch.setattr(planning, "MOST_ENTRIES", entries - 1)
     assert not len(interpreted(clusters, AMPLE).table_size)
-
-
-def test_plan_of_a_cluster_beyond_all_bounds_is_empty():
-    assert not len(plan(graph(np.ones((200, 200)))[0], AMPLE).table_size)

@@ -147,7 +147,7 @@ def test_soft_association_matches_the_mixture_of_what_may_be_so():
     np.testing.assert_allclose(found.covariance[0], covariance, rtol=1e-9)
 
 
-def test_garbled_height_does_not_move_a_target_and_costs_a_factor_of_its_probability():
+def test_garbled_height_moves_no_target_and_costs_its_probability():
     model = HeightModel(garbled=0.01)
     heights = Heights(np.ones(1), np.array([[3000.0, 0.0]]), np.diag([30.0, 1.0])[None])
     told = height.compare(heights, FIRST, np.array([9000.0]), np.zeros(1), model)
@@ -155,9 +155,6 @@ def test_garbled_height_does_not_move_a_target_and_costs_a_factor_of_its_probabi
     found, _ = height.update(told, FIRST, np.ones(1), np.zeros(1))
     np.testing.assert_allclose(found.mean, heights.mean)
     np.testing.assert_allclose(found.covariance, heights.covariance)
-
-
-def test_garbled_height_does_not_move_a_height_that_may_be_wrong():
     model = HeightModel()
     heights = Heights(np.full(1, 0.995), np.array([[3000.0, 0.0]]), np.diag([30.0, 1.0])[None])
     told = height.compare(heights, FIRST, np.array([9000.0]), np.zeros(1), model)

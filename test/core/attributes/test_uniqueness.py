@@ -96,7 +96,7 @@ def test_sources_of_a_detection_have_the_weight_of_all_events():
         assert found[source] == pytest.approx(weight, rel=1e-12), source
 
 
-def test_taken_leaves_unknown_targets_what_is_garbled():
+def test_taken_is_of_unique_identities_and_leaves_what_is_garbled():
     model = IdentityModel(1 << 24, garbled=0.01, unique=True)
     belief = Belief(np.full((1, 4), SHOWN), np.array([[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]]))
     one = np.zeros(1, dtype=np.int64)
@@ -104,9 +104,6 @@ def test_taken_leaves_unknown_targets_what_is_garbled():
     garbled = 1.0 - model.genuine_probability(np.array([SHOWN]))[0]
     assert 0.01 < garbled < 0.012
     assert np.exp(found.log_unknown[0]) == pytest.approx(garbled, rel=1e-9)
-
-
-def test_taken_is_of_unique_identities_alone():
     model = IdentityModel(SIZE, unique=False)
     one = np.zeros(2, dtype=np.int64)
     found = uniqueness.identity_conflicts(
@@ -130,9 +127,6 @@ def test_lost_targets_are_those_shown_away_from_them():
     assert found.target.tolist() == [2, 3]
     assert found.column.tolist() == [3, 0]
     assert found.since_s.tolist() == [11.0, 1.0]
-
-
-def test_lost_targets_are_none_where_all_are_near_or_just_seen():
     has, seen_ns, shown = np.array([7, 8]), np.array([5, 9]), np.array([7, 8])
     near = np.array([0]), np.array([0])
     assert uniqueness.find_out_of_gate(has, seen_ns, shown, np.array([9, 9]), near) is None

@@ -106,16 +106,13 @@ def test_a_few_high_detections_end_the_evidence_of_height():
     assert target - law.log_density(high) < np.log(4.0)
 
 
-def test_what_is_remembered_is_bounded_and_fades():
+def test_memory_is_bounded_and_taught_by_unclaimed_known_detections_alone():
     law = taught([9.0] * 5000)
     assert law.count.sum() == pytest.approx(MEMORY, rel=1e-6)
     before = law.log_density(envelope([15.0]))[0]
     law = taught([15.0] * int(3 * MEMORY), law)
     assert law.log_density(envelope([15.0]))[0] > before + 5.0
     assert law.count[: CELLS // 3].sum() < 0.06 * MEMORY
-
-
-def test_claimed_and_unknown_detections_teach_nothing():
     law = Learned(TAU)
     amplitude = np.array([10.0, np.nan, 20.0, np.inf])
     assert law.after(amplitude, np.array([0.0, 1.0, 0.0, 1.0])) is law

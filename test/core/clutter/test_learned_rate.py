@@ -67,12 +67,14 @@ def test_learned_rate_tracks_as_well_as_the_right_one(rate):
     assert distances(engine_of("gaussian", **given), run) == pytest.approx(right, rel=0.03)
 
 
-def test_a_given_rate_is_not_learned():
+def test_a_given_rate_is_not_learned_and_needed_to_simulate():
     tracker = engine_of("gaussian", **rates(START_RATE))
     for _, scan in run_of(4.0, 3):
         tracker.step(scan)
     assert learned(tracker) == {}
     assert not [name for name in tracker.snapshot().arrays if name.startswith("clutter")]
+    with pytest.raises(ConfigError, match=r"radar_1.clutter_rate: auto given, must be a number"):
+        paper_scenario(resolve({"radar_1.clutter_rate": "auto"}).model.radars)
 
 
 def test_count_forgets_what_was_before():
@@ -186,8 +188,3 @@ def test_a_rate_may_be_learned_or_given_from_a_scan_on():
     tracker.retune(auto.model, tracker.rule)
     tracker.step(run[1])
     assert set(learned(tracker)) == {"radar_1", "radar_2"}
-
-
-def test_what_is_simulated_needs_a_number():
-    with pytest.raises(ConfigError, match=r"radar_1.clutter_rate: auto given, must be a number"):
-        paper_scenario(resolve({"radar_1.clutter_rate": "auto"}).model.radars)

@@ -58,12 +58,17 @@ def test_an_empty_map_is_uniform():
     )
 
 
-def test_a_place_that_answers_has_more_clutter_and_others_what_they_had():
+def test_a_place_that_answers_has_more_clutter_of_its_own_density():
     places = answered(20)
     assert factor(places, PLACE)[0] > 1e4
     assert factor(places, [4e3, -1.0])[0] == 1.0
     assert factor(places, [4e3 + 200.0, 1.0])[0] == 1.0
     assert factor(places, [4e3, 1.0 + np.radians(4.0)])[0] == 1.0
+    # Whatever rate is configured, a cell's own rate is what was counted in it.
+    places = answered(50)
+    few = log_factor(places, PLACE, 0.1) + np.log(0.1)
+    many = log_factor(places, PLACE, 100.0) + np.log(100.0)
+    np.testing.assert_allclose(few, many, atol=1e-2)
 
 
 @pytest.mark.parametrize("rate", [20.0, 2000.0])
@@ -78,34 +83,34 @@ def test_uniform_clutter_makes_no_places(rate):
     assert 1.0 <= np.exp(log_factor(places, anywhere, rate)).mean() < 1.5
 
 
-def test_the_density_is_that_of_the_place_and_not_of_the_uniform_rate():
-    """Whatever rate is configured, a cell's own rate is what was counted in it."""
-    places = answered(50)
-    few = log_factor(places, PLACE, 0.1) + np.log(0.1)
-    many = log_factor(places, PLACE, 100.0) + np.log(100.0)
-    np.testing.assert_allclose(few, many, atol=1e-2)
-
-
-def test_one_detection_is_less_than_a_quay():
+def test_few_detections_make_no_place():
     once, often = answered(1), answered(20)
     assert factor(once, PLACE)[0] < 0.1 * factor(often, PLACE)[0]
+    # A ship that moves leaves them, and has left the place before they do.
+    passed = answered(4)
+    later = passed
+    for _ in range(12):
+        later = after(later, np.zeros((0, 2)), np.zeros(0), 1.0)
+    assert factor(passed, PLACE)[0] < 0.5 * factor(later, PLACE)[0]
+    seldom = answered(4)
+    for turn in range(76):
+        seen = PLACE if turn % 20 == 19 else np.zeros((0, 2))
+        seldom = after(seldom, seen, np.ones(len(seen)), 1.0)
+    assert factor(seldom, PLACE)[0] < 0.05 * factor(answered(80), PLACE)[0]
 
 
 # Six reflectors a cell apart, 42 m, three on each side of the place.
 QUAY = np.stack([np.full(6, 4e3), 1.0 + np.radians(0.6) * np.array([-6, -5, -4, 4, 5, 6])], axis=1)
 
 
-def test_among_reflectors_a_place_is_likely_to_answer_before_it_has():
+def test_reflectors_nearby_make_a_place_likely_to_answer():
     quay = answered(2, QUAY)
     assert factor(quay, PLACE)[0] > 300.0
     assert factor(quay, [4e3 + 1000.0, 1.0])[0] == 1.0
     # One reflector makes no quay.
     single = answered(2, QUAY[:1])
     assert factor(single, PLACE)[0] == 1.0
-
-
-def test_a_place_that_answers_alone_is_clutter_later_than_one_among_reflectors():
-    """A slow ship answers from the same place for some turns."""
+    # A slow ship answers from the same place for some turns.
     alone, among = answered(4), answered(4, np.concatenate([PLACE, QUAY]))
     assert factor(alone, PLACE)[0] < 0.2 * factor(among, PLACE)[0]
     assert factor(answered(30), PLACE)[0] > 10.0 * factor(alone, PLACE)[0]
@@ -115,23 +120,6 @@ def test_reports_of_neighbours_are_of_the_neighbourhood_per_turn():
     quay = answered(30, QUAY)
     (about,) = quay.neighbourhood_excess(PLACE, world(PLACE), RATE, MAX_RANGE)
     assert about == pytest.approx(6.0 - 1.0, rel=0.05)
-
-
-def test_the_last_detections_of_a_place_hardly_count():
-    """A ship that moves leaves them, and has left the place before they do."""
-    passed = answered(4)
-    later = passed
-    for _ in range(12):
-        later = after(later, np.zeros((0, 2)), np.zeros(0), 1.0)
-    assert factor(passed, PLACE)[0] < 0.5 * factor(later, PLACE)[0]
-
-
-def test_what_answers_seldom_is_hardly_a_place():
-    seldom = answered(4)
-    for turn in range(76):
-        seen = PLACE if turn % 20 == 19 else np.zeros((0, 2))
-        seldom = after(seldom, seen, np.ones(len(seen)), 1.0)
-    assert factor(seldom, PLACE)[0] < 0.05 * factor(answered(80), PLACE)[0]
 
 
 def test_a_place_that_no_longer_answers_is_forgotten():
@@ -214,16 +202,13 @@ def test_both_kinds_of_cells_have_their_share_of_uniform_clutter(seen):
     )
 
 
-def test_neighbouring_squares_are_told_apart_anywhere():
+def test_squares_are_possible_and_distinguished_anywhere():
     """Their numbers are beyond what floats hold exactly."""
     grid = GroundGrid(50.0)
     for east in (-5e3, 5e3):
         column = np.array([[east, 50.0 * k] for k in range(6)])
         cell, share = corners(grid, grid.places(column, column))
         assert len(np.unique(cell[share > 0.5])) == 6
-
-
-def test_squares_are_possible_anywhere():
     places = ClutterMap(GroundGrid.of_noise(1e-9, 1e-12, MAX_RANGE))
     seen, far = np.array([[0.0, 0.0], [17e3, 1.0]]), np.array([[0.0, 0.0], [1e9, -1e9]])
     places = places.after(seen, far, np.ones(2), 1.0)

@@ -51,14 +51,11 @@ def test_the_number_of_cells_is_that_of_the_square_without_the_place_itself():
     assert found == neighbourhood.CELLS
 
 
-def test_an_empty_map_has_nothing_about():
+def test_a_neighbourhood_answers_the_more_the_more_of_it_does():
     places = ClutterMap(PolarGrid(30.0, 50))
     np.testing.assert_array_equal(
         places.neighbourhood_excess(np.array([[1e3, 0.5]]), np.zeros((1, 2)), 10.0, 2e4), 0.0
     )
-
-
-def test_a_neighbourhood_is_the_more_one_of_reflectors_the_more_it_answers():
     np.testing.assert_allclose(
         probability_among_reflectors(np.array([0.0, neighbourhood.EVEN_EXCESS, 1e9])),
         [0.0, 0.5, 1.0],

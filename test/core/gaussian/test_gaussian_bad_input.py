@@ -205,16 +205,13 @@ def test_many_equal_targets():
     assert filtered[-1].weight.sum() < 3.0
 
 
-def test_no_detections_at_all_and_no_report():
+def test_no_targets_and_no_detections_are_no_fault():
     config = lone(CLUTTER)
     engine = started(config)
     scans = [scan_at(6.0 * k, []) for k in range(1, 5)]
     scans += [Scan(START_NS + 6_000_000_000 * k, (None,)) for k in range(5, 12)]
     track(engine, scans)
     assert len(Dynamics(config.model).motions) == 2
-
-
-def test_engine_that_knows_no_target_at_all():
     config = lone({**CLUTTER, "detection_births.rates": [0.0]})
     engine = new_engine(config)
     filtered = track(engine, [scan_at(6.0 * k, [[5e3, 1.0]]) for k in range(1, 9)])

@@ -19,15 +19,12 @@ def mixture(row_label, modes=2, classes=3):
     )
 
 
-def test_weights_of_hypotheses_sum_to_the_existence_of_their_target():
+def test_masses_are_those_of_the_weights():
     found = mixture([7, 7, 9, 12, 12, 12])
     assert found.label.tolist() == [7, 9, 12]
     expected = [found.weight[rows].sum() for rows in ([0, 1], [2], [3, 4, 5])]
     np.testing.assert_allclose(found.existence, expected)
     np.testing.assert_allclose(found.mode_weight.sum(axis=1), found.mass)
-
-
-def test_class_mass_sums_the_modes_and_hypotheses_of_each_class():
     found = mixture([7, 7, 9], classes=2)
     expected = [found.weight[..., 0].sum(), found.weight[..., 1].sum()]
     np.testing.assert_allclose(found.class_mass(np.array([0, 0, 1, 1]), 2), expected)
@@ -59,12 +56,9 @@ def test_joined_and_taken_rows_are_the_same_hypotheses():
     np.testing.assert_array_equal(whole.take(np.array([2])).mean, other.mean)
 
 
-def test_mixture_is_read_only():
+def test_empty_and_read_only_mixtures():
     with pytest.raises(ValueError, match="read-only"):
         mixture([1]).weight[0] = 1.0
-
-
-def test_empty_mixture_has_no_targets():
     found = Mixture.empty(2, 1, 4, 5)
     assert len(found) == len(found.label) == len(found.existence) == 0
     assert found.class_mass(np.array([0, 0, 0]), 1).tolist() == [0.0]

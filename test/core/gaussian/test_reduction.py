@@ -131,21 +131,21 @@ def test_targets_are_never_merged_with_each_other():
     assert after.row_label.tolist() == [0, 10]
 
 
-def test_targets_that_hardly_exist_are_dropped():
+def test_improbable_targets_are_dropped():
     part = branched(np.random.default_rng(0), [2, 2]).mixture
     weight = part.weight * np.array([1e-6, 1e-6, 1.0, 1.0])[:, None, None]
     faint = replace(part, weight=weight)
     after, _, _ = reduce_hypotheses(Branched(faint, np.arange(4)), BOUNDS)
     assert after.label.tolist() == [10]
-
-
-def test_least_probable_targets_are_dropped_beyond_the_most_hypotheses():
     before = branched(np.random.default_rng(1), [5] * 30, spread=1e4)
     after, _, _ = reduce_hypotheses(before, bounds(most=40))
     assert 30 <= len(after) <= 40
     existence = before.mixture.existence
     dropped = np.setdiff1d(before.mixture.label, after.label) // 10
     assert existence[dropped].max() <= after.existence.min()
+    none = Mixture.empty(2, 2, 3, 5)
+    after, ancestry, floored = reduce_hypotheses(Branched(none, np.zeros(0, dtype=int)), BOUNDS)
+    assert (len(after), len(ancestry.child), floored) == (0, 0, 0)
 
 
 @pytest.mark.parametrize(("most", "apart"), [(500, True), (300, False)])
@@ -156,12 +156,6 @@ def test_modes_that_go_on_apart_cost_no_target(most, apart):
     after, _, _ = reduce_hypotheses(before, bounds(most=most, least_mode=0.0))
     assert len(np.unique(after.label)) == 30
     assert len(after) == (2 * len(whole) if apart else len(whole))
-
-
-def test_nothing_is_reduced_to_nothing():
-    none = Mixture.empty(2, 2, 3, 5)
-    after, ancestry, floored = reduce_hypotheses(Branched(none, np.zeros(0, dtype=int)), BOUNDS)
-    assert (len(after), len(ancestry.child), floored) == (0, 0, 0)
 
 
 def test_merged_hypotheses_have_the_mean_snr_of_each_class():

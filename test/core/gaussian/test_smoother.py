@@ -91,17 +91,17 @@ def test_targets_of_all_sectors_are_smoothed_as_each_alone(turns, wide_turns, ex
     check_as_each_alone(entries)
 
 
-def test_scans_whose_sources_have_left_are_smoothed_as_the_others():
+def test_scans_whose_sources_have_left_are_smoothed_or_filtered_as_the_others():
     entries = window(5, wide_turns=3)
     for first in range(1, len(entries)):
         check_as_each_alone(entries[first:])
-
-
-def test_window_without_links_is_what_was_filtered():
     entries = [entry.unlinked for entry in window(4)]
     for found, entry in zip(smoother.backward_pass(entries)[::-1], entries, strict=True):
         np.testing.assert_array_equal(found.weight, entry.stored.weight)
         np.testing.assert_array_equal(found.mean, entry.stored.mean)
+    last = window(5)[-1:]
+    (alone,) = smoother.backward_pass(last)
+    np.testing.assert_array_equal(alone.weight, last[0].stored.weight)
 
 
 def test_window_of_no_targets_has_none():
@@ -112,12 +112,6 @@ def test_window_of_no_targets_has_none():
     entries = engine._window
     found = smoother.backward_pass([entries[0], *entries[2:]])
     assert [len(mixture) for mixture in found] == [0] * (len(entries) - 1)
-
-
-def test_window_whose_sources_have_left_is_what_was_filtered():
-    last = window(5)[-1:]
-    (alone,) = smoother.backward_pass(last)
-    np.testing.assert_array_equal(alone.weight, last[0].stored.weight)
 
 
 def test_window_that_grows_is_smoothed_as_one_that_was_always_whole():

@@ -203,7 +203,7 @@ def pairs_of(config, detections, known=None):
     return len(updated(config, mixture, detections, attributes=known)[0].mixture) - 1
 
 
-def test_pairs_with_improbable_range_rates_are_left_out():
+def test_pairs_that_rates_or_replies_make_improbable_are_left_out():
     config = lone({**GIVEN, **RATED})
     (radar,) = config.model.radars
     place = radar.measure(np.stack([MEAN, MEAN]))
@@ -211,9 +211,6 @@ def test_pairs_with_improbable_range_rates_are_left_out():
     assert pairs_of(config, Detections(place, None)) == 2
     assert pairs_of(config, Detections(place, None, range_rate=rate)) == 1
     assert pairs_of(config, Detections(place, None, range_rate=rate[::-1])) == 1
-
-
-def test_pairs_that_replies_make_improbable_are_left_out():
     config = lone(GIVEN)
     place = config.model.radars[0].measure(MEAN[None])
     for factor, clutter, count in ((1.0, 1.0, 1), (1e-7, 1.0, 0), (1.0, 1e7, 0), (1e-7, 1e-7, 1)):

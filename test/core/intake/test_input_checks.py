@@ -51,8 +51,10 @@ def test_clutter_all_around_is_not_taken_for_sectors(size):
     assert not noticed(watch_of(), uniform(500, size))
 
 
-def test_targets_in_one_direction_are_not_taken_for_sectors():
+def test_the_field_of_view_is_judged_by_many_directions():
     assert not noticed(ReportWatch(by_sectors=False), uniform(100, 20, 0.0, 1.0))
+    reports = uniform(FIELD_DETECTIONS - 1, 1, -1.0, 1.0)
+    assert not noticed(watch_of(), reports)
 
 
 def test_a_field_of_view_that_is_not_configured_is_noticed_once():
@@ -62,11 +64,6 @@ def test_a_field_of_view_that_is_not_configured_is_noticed_once():
     assert noticed(watch, reports[few:]) == {"fov_not_configured": 1}
     assert not noticed(watch_of(fov_deg=[-60.0, 60.0]), reports)
     assert not noticed(watch_of(rotation_s=4.0), reports)
-
-
-def test_few_detections_do_not_determine_the_field_of_view():
-    reports = uniform(FIELD_DETECTIONS - 1, 1, -1.0, 1.0)
-    assert not noticed(watch_of(), reports)
 
 
 FAR = {"rotation_s": 4.0, "max_range": 110e3, "clutter_max_range": 110e3}
@@ -101,27 +98,18 @@ def scans(count, size, interval_s=4.0, first=0):
     return [Scan(round((first + k) * interval_s * S), (at(np.zeros(size)),)) for k in range(count)]
 
 
-def test_targets_are_overdue_after_scans_with_detections_and_again():
+def test_targets_are_overdue_after_scans_with_detections_alone():
     watch = ResultWatch(4.0)
     overdue = [watch.stepped(scan, step(0)) for scan in scans(2 * PATIENCE, 5)]
     assert np.flatnonzero(overdue).tolist() == [PATIENCE - 1, 2 * (PATIENCE - 1)]
     assert watch.scans == 2 * PATIENCE
-
-
-def test_targets_are_not_overdue_without_detections_or_after_a_target():
     watch = ResultWatch(4.0)
     assert not any(watch.stepped(scan, step(0)) for scan in scans(3 * PATIENCE, 0))
     overdue = [watch.stepped(scan, step(k == PATIENCE - 1)) for k, scan in enumerate(scans(50, 5))]
     assert not any(overdue[:PATIENCE])
     assert watch.scans == 50 - PATIENCE
-
-
-def test_slices_of_a_turn_are_not_counted_as_scans_of_a_turn():
     watch = ResultWatch(4.0)
     overdue = [watch.stepped(scan, step(0)) for scan in scans(PATIENCE * 16, 5, 0.25)]
     assert sum(overdue) == 1
-
-
-def test_scans_without_due_estimates_give_no_figures_of_targets():
     watch = ResultWatch(4.0)
     assert not any(watch.stepped(scan, step(0, due=False)) for scan in scans(3 * PATIENCE, 5))

@@ -149,9 +149,11 @@ def test_what_comes_too_late_or_twice_is_refused():
     assert twice.reworked == 1
 
 
-def test_a_report_before_the_first_scan_is_no_part_of_the_run():
+def test_rework_needs_a_lag_and_a_run():
     run = Run(config("gaussian")).feed([*REPORTS[2:6], *REPORTS[:2]])
     assert run.refused == [Rejection.LATE, Rejection.LATE]
+    with pytest.raises(ConfigError, match="late_reports: 'rework' given with lag 0"):
+        config("gaussian", {"lag": 0})
 
 
 def test_a_burst_is_limited_and_counted():
@@ -283,11 +285,6 @@ def test_codes_and_heights_are_those_of_the_timely_run(engine):
         for pair in zip(mine.track_id.tolist(), theirs.track_id.tolist(), strict=True)
     }
     assert len(pairs) == len({mine for mine, _ in pairs}) == len({theirs for _, theirs in pairs})
-
-
-def test_rework_needs_a_lag():
-    with pytest.raises(ConfigError, match="late_reports: 'rework' given with lag 0"):
-        config("gaussian", {"lag": 0})
 
 
 TURNS = 6

@@ -18,28 +18,25 @@ def track(*poses, **settings):
     return found
 
 
-def test_a_pose_between_two_messages_is_interpolated():
+def test_poses_are_interpolated_between_messages():
     found, extrapolated = track((10, 0, 0, 0.1), (11, 4, -2, 0.3)).at(round(10.25 * S))
     assert found.position == pytest.approx((1.0, -0.5))
     assert found.yaw == pytest.approx(0.15)
     assert not extrapolated
-
-
-def test_a_pose_at_the_stamp_of_a_message_is_that_message():
     poses = track((10, 1.1, 2.3, 0.1), (11, 4, -2, 0.3))
     assert poses.at(10 * S) == (Pose((1.1, 2.3), 0.1), False)
     assert poses.at(11 * S) == (Pose((4, -2), 0.3), False)
-
-
-def test_a_yaw_is_interpolated_the_short_way_around():
     found, _ = track((0, 0, 0, 3.1), (1, 0, 0, -3.1)).at(S // 2)
     assert abs(found.yaw) == pytest.approx(math.pi)
 
 
-def test_a_time_in_a_long_gap_between_messages_has_no_pose():
+def test_there_is_no_pose_in_long_gaps_and_beside_one_message():
     poses = track((0, 0, 0, 0), (10, 10, 0, 0), max_age_s=1.0)
     assert poses.at(S) == (Pose((1.0, 0.0), 0.0), False)
     assert poses.at(5 * S)[0] is None
+    poses = track((1, 0, 0, 0))
+    assert poses.at(round(1.1 * S))[0] is None
+    assert poses.at(round(0.9 * S))[0] is None
 
 
 def test_after_the_last_message_the_pose_is_extrapolated_for_a_bounded_time():
@@ -58,20 +55,11 @@ def test_close_messages_do_not_make_their_noise_the_velocity():
     assert found.position[0] == pytest.approx(24.9, abs=0.1)
 
 
-def test_one_message_gives_no_pose_after_it_or_before():
-    poses = track((1, 0, 0, 0))
-    assert poses.at(round(1.1 * S))[0] is None
-    assert poses.at(round(0.9 * S))[0] is None
-
-
-def test_a_jump_is_left_out_and_what_follows_is_used():
+def test_jumps_are_left_out():
     poses = track((0, 0, 0, 0), (1, 5, 0, 0))
     assert poses.add(2 * S, Pose((5000.0, 0.0), 0.0)) is PoseFault.JUMP
     assert poses.add(3 * S, Pose((15.0, 0.0), 0.0)) is None
     assert poses.at(2 * S)[0].position == pytest.approx((10.0, 0.0))
-
-
-def test_a_turned_compass_is_a_jump():
     poses = track((0, 0, 0, 0), (0.1, 0, 0, 0))
     assert poses.add(round(0.2 * S), Pose((0.0, 0.0), math.pi)) is PoseFault.JUMP
 
@@ -85,13 +73,10 @@ def test_a_relocated_platform_is_followed_and_not_interpolated_across_its_jump()
     assert poses.at(round(1.5 * S))[0] is None
 
 
-def test_old_and_repeated_messages_are_left_out():
+def test_old_messages_are_left_out_and_jumps_back_begin_a_new_run():
     poses = track((0, 0, 0, 0), (1, 5, 0, 0), reset_threshold_s=10.0)
     assert poses.add(S, Pose((6.0, 0.0), 0.0)) is PoseFault.DUPLICATE
     assert poses.add(S // 2, Pose((2.0, 0.0), 0.0)) is PoseFault.LATE
-
-
-def test_stamps_that_jump_back_begin_a_new_run():
     poses = track((100, 900, 0, 0), (101, 905, 0, 0), reset_threshold_s=10.0)
     assert poses.add(0, Pose((0.0, 0.0), 0.0)) is None
     assert not poses.reaches(1)
@@ -140,7 +125,7 @@ def rated(rate, time_s=None):
     return Detections(measured, None, time_s, range_rate=np.array(rate))
 
 
-def test_detections_with_range_rates_get_the_velocity_of_the_radar():
+def test_range_rates_need_the_velocity_of_the_radar():
     # 10 m/s ahead and a turn of 0.2 rad/s about the platform; the radar is 3 m to its left.
     mount = Mount((0.0, 3.0), 0.3)
     poses = track(*((0.05 * k, 0.5 * k, 0.0, 0.01 * k) for k in range(9)))
@@ -148,6 +133,15 @@ def test_detections_with_range_rates_get_the_velocity_of_the_radar():
     # By the turn, the velocity to the right of a place to the left is backwards.
     assert found.pose.velocity == pytest.approx((10.0 - 0.2 * 3.0, -0.2 * 3.0 * 0.03), abs=0.02)
     assert found.range_rate.tolist() == [1.0]
+    poses = track(*((0.05 * k, 0.5 * k, 0.0, 0.0) for k in range(9)))
+    found, _ = Platform(poses, Mount((0.0, 0.0), 0.0)).with_pose(
+        round(0.2 * S), Detections(np.array([[50.0, 0.5]]), None)
+    )
+    assert found.pose.velocity == (0.0, 0.0)
+    alone = Platform(track((0, 0, 0, 0)), Mount((0.0, 0.0), 0.0))
+    found, _ = alone.with_pose(0, rated([1.0]))
+    assert found.range_rate is None
+    assert len(found) == 1
 
 
 def test_the_velocity_does_not_depend_on_poses_that_come_later():
@@ -157,21 +151,6 @@ def test_the_velocity_does_not_depend_on_poses_that_come_later():
         for count in (6, 7, 9)
     ]
     assert known[0] == known[1] == known[2]
-
-
-def test_detections_without_range_rates_need_no_velocity():
-    poses = track(*((0.05 * k, 0.5 * k, 0.0, 0.0) for k in range(9)))
-    found, _ = Platform(poses, Mount((0.0, 0.0), 0.0)).with_pose(
-        round(0.2 * S), Detections(np.array([[50.0, 0.5]]), None)
-    )
-    assert found.pose.velocity == (0.0, 0.0)
-
-
-def test_range_rates_are_left_out_where_the_velocity_is_not_known():
-    alone = Platform(track((0, 0, 0, 0)), Mount((0.0, 0.0), 0.0))
-    found, _ = alone.with_pose(0, rated([1.0]))
-    assert found.range_rate is None
-    assert len(found) == 1
 
 
 def test_range_rates_at_times_of_their_own_become_those_from_the_velocity_at_the_stamp():

@@ -163,14 +163,11 @@ def test_add_closes_resets_and_rejects_where_it_should(options, text):
     assert played(group, steps) == steps.strip()
 
 
-def test_add_keeps_the_reports_with_their_radar():
+def test_add_keeps_reports_and_the_first_of_duplicates():
     group = grouper()
     group.add(1, START, report(11.0))
     (scan,) = group.add(0, START, report(10.0))
     assert [d.measurement[0, 0] for d in scan.detections] == [10.0, 11.0]
-
-
-def test_add_keeps_the_first_of_duplicates():
     group = grouper()
     group.add(0, START, report(1.0))
     group.add(0, START, report(2.0))
@@ -211,10 +208,16 @@ def test_reset_forgets_the_stamp_that_a_gap_begins_with():
     assert shape(feed(group, (0, 100))) == [(100, (0,))]
 
 
-def test_close_all_resets_behind_a_gap_too():
+def test_close_all_closes_what_waits_and_resets_behind_a_gap():
     group = grouper(max_gap_s=30.0)
     feed(group, (0, 0), (1, 0), (0, 100))
     assert shape(group.close_all()) == [Reset, (100, (0,))]
+    group = grouper()
+    feed(group, (0, 0))
+    assert shape(group.close_all()) == [(0, (0,))]
+    assert not group.waiting
+    assert group.close_all() == []
+    assert shape(feed(group, (1, 0))) == [Rejection.LATE]
 
 
 @pytest.mark.parametrize(("back_s", "reset"), [(10.0, False), (10.001, True)])
@@ -223,15 +226,6 @@ def test_add_resets_only_beyond_the_threshold(back_s, reset):
     feed(group, (0, 100), (1, 100))
     events = shape(feed(group, (0, 100 - back_s)))
     assert events == ([Reset] if reset else [Rejection.LATE])
-
-
-def test_close_all_closes_what_waits():
-    group = grouper()
-    feed(group, (0, 0))
-    assert shape(group.close_all()) == [(0, (0,))]
-    assert not group.waiting
-    assert group.close_all() == []
-    assert shape(feed(group, (1, 0))) == [Rejection.LATE]
 
 
 @pytest.mark.parametrize("slow_first", list(itertools.product([False, True], repeat=3)))

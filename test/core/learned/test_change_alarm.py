@@ -55,14 +55,11 @@ def test_sums_are_those_of_single_looks():
     np.testing.assert_allclose(found[1:], np.clip(of_sector.sum(axis=0), 0.0, MOST))
 
 
-def test_sensor_as_before_raises_nothing():
+def test_no_alarm_without_a_blind_sector():
     for seed in range(20):
         alarm = after(LEARNED, reports=20, seed=seed)
         assert not alarm.fewer_detections
         assert np.isnan(alarm.blind_azimuth)
-
-
-def test_fewer_detections_of_the_whole_sensor_are_no_blind_sector():
     alarm = after(0.5 * LEARNED)
     assert alarm.fewer_detections
     assert np.isnan(alarm.blind_azimuth)
@@ -82,11 +79,15 @@ def test_alarm_ends_when_the_sensor_is_as_before():
     assert not alarm.fewer_detections
 
 
-def test_unknown_sensor_raises_nothing():
+def test_unknown_sensors_and_components_raise_nothing():
     sums = looks_of(np.random.default_rng(0), 0.0)
     assert ChangeAlarm().after_trials(DetectionFactor(1e4), sums).detection.max() == 0.0
     evidence = NoiseEvidence(each(100.0), each(300.0))
     assert ChangeAlarm().after_noise(NoiseFactor(), evidence).noise.max() == 0.0
+    known = NoiseFactor(np.array([True, False, False]))
+    known = known.after(NoiseEvidence(each(200.0), each(0.0)))
+    evidence = NoiseEvidence(each(50.0), each(150.0))
+    assert ChangeAlarm().after_noise(known, evidence).noisier.tolist() == [True, False, False]
 
 
 @pytest.mark.parametrize(("factor", "raised"), [(1.0, False), (4.0, True)])
@@ -98,13 +99,6 @@ def test_noise_of_twice_the_deviation_is_found(factor, raised):
         alarm = alarm.after_noise(known, NoiseEvidence(each(1.0), square - 1.0))
     assert alarm.noisier.tolist() == [raised] * COMPONENTS
     assert raised == bool((alarm.noise >= RAISED).all())
-
-
-def test_component_that_is_not_learned_raises_nothing():
-    known = NoiseFactor(np.array([True, False, False]))
-    known = known.after(NoiseEvidence(each(200.0), each(0.0)))
-    evidence = NoiseEvidence(each(50.0), each(150.0))
-    assert ChangeAlarm().after_noise(known, evidence).noisier.tolist() == [True, False, False]
 
 
 def test_warning_names_every_change():

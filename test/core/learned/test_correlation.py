@@ -36,9 +36,11 @@ def test_correlation_is_found_within_its_deviation(true, expected):
     assert abs(np.mean(normal)) < 0.5
 
 
-def test_independent_looks_show_no_correlation():
+def test_correlation_is_little_where_looks_show_none():
     found = [learned(chain(np.random.default_rng(s), 300, 0.0), MEAN).value for s in range(40)]
     assert np.mean(found) < 0.02
+    assert learned(np.ones(500), MEAN).value == 0.0
+    assert learned(np.ones(500), MEAN, start=0.5).value == 0.5
 
 
 def test_a_probability_that_falls_with_the_range_is_no_correlation():
@@ -55,17 +57,9 @@ def test_a_probability_that_falls_with_the_range_is_no_correlation():
     assert np.mean(flat) > 0.1
 
 
-def test_detections_without_a_miss_show_little():
-    assert learned(np.ones(500), MEAN).value == 0.0
-    assert learned(np.ones(500), MEAN, start=0.5).value == 0.5
-
-
-def test_a_given_correlation_is_not_learned():
+def test_correlation_is_never_certain_and_not_learned_where_given():
     found = Correlation(0.4, learned=False)
     sums = sums_of(np.ones(3), np.zeros(3), np.full(3, 0.5), np.full(3, 0.5))
     assert found.after(sums.sum(axis=0)).value == 0.4
-
-
-def test_correlation_is_never_certain():
     blocks = np.repeat([1.0, 0.0, 1.0, 0.0], 500)
     assert learned(blocks, 0.5).value <= MOST

@@ -44,9 +44,13 @@ def test_probability_is_that_of_the_chain_after_the_last_look(detected, expected
     np.testing.assert_allclose(found, [mixed if expected is None else expected])
 
 
-def test_unknown_targets_are_detected_as_usual():
+def test_usual_probability_is_that_of_unknown_targets_and_recovered():
     found = next_probability(after([look(1.0)]), label=np.array([1, 3, 5]))
     np.testing.assert_allclose(found, [USUAL, HIT, USUAL])
+    chains = after([look(0.3)])
+    prediction = chains.predict(9, 0.0, CORRELATION)
+    usual = np.array([0.45])
+    np.testing.assert_allclose(prediction.usual(prediction.probability(usual, LABEL), LABEL), usual)
 
 
 def test_looks_that_do_not_cover_the_target_are_looks_of_the_chain():
@@ -61,13 +65,6 @@ def test_looks_that_do_not_cover_the_target_are_looks_of_the_chain():
         expected += probability
     found = next_probability(after([look(1.0), *[look(0.0, covered=0.0)] * 3]))
     np.testing.assert_allclose(found, [expected])
-
-
-def test_usual_probability_is_recovered():
-    chains = after([look(0.3)])
-    prediction = chains.predict(9, 0.0, CORRELATION)
-    usual = np.array([0.45])
-    np.testing.assert_allclose(prediction.usual(prediction.probability(usual, LABEL), LABEL), usual)
 
 
 def test_sectors_of_a_turn_are_one_look():
@@ -96,19 +93,13 @@ def test_pairs_count_when_the_target_is_detected_again():
     np.testing.assert_allclose(open_pairs.pairs[0, 0], 1.0)
 
 
-def test_looks_that_do_not_cover_a_target_are_no_pair():
+def test_looks_count_where_they_cover_a_target():
     expected = {"expected": USUAL}
     chains = after([look(1.0, **expected), look(0.0, 0.5, **expected), look(1.0, **expected)])
     np.testing.assert_allclose(chains.pairs, 0.0)
-
-
-def test_looks_at_a_target_count_although_misses_make_it_uncertain():
     parts = [look(one, existence=r, expected=USUAL) for one, r in ((1, 1.0), (0, 0.5), (0, 0.2))]
     assert after(parts).pairs[0, 0] == 2.0
     assert after(parts[1:]).pairs[0, 0] == 0.0
-
-
-def test_looks_of_ended_targets_are_forgotten():
     label = np.array([2, 4, 6])
     kept = after([look(1.0, label=label)]).of(np.array([1, 4, 6, 7]))
     assert kept.label.tolist() == [4, 6]

@@ -36,16 +36,10 @@ def centres():
     return np.stack([distance, np.where(azimuth > np.pi, azimuth - 2.0 * np.pi, azimuth)], axis=1)
 
 
-def test_cells_are_in_order_of_range_and_azimuth():
+def test_cells_go_by_range_and_azimuth():
     assert DetectionFactor(MAX_RANGE).cell(centres()).tolist() == list(range(CELLS))
-
-
-def test_targets_beyond_the_largest_range_are_in_the_last_ring():
     cell = DetectionFactor(MAX_RANGE).cell(np.array([[np.inf, 0.1], [MAX_RANGE, 0.1]]))
     assert cell.tolist() == [CELLS - AZIMUTHS] * 2
-
-
-def test_a_new_factor_keeps_the_configured_probability():
     given = np.full(CELLS, CONFIGURED)
     np.testing.assert_allclose(DetectionFactor(MAX_RANGE).probability(given, centres()), given)
 

@@ -60,12 +60,9 @@ def test_large_differences_are_followed_at_once():
     assert (few.of_std > 1.7).all()
 
 
-def test_rare_outliers_raise_the_noise_by_little():
+def test_outliers_and_far_innovations_raise_the_noise_by_little():
     found = learned(np.random.default_rng(1), 1000, 1.0, 0.05, outliers=0.05)
     assert (found.of_std < 1.3).all()
-
-
-def test_innovations_beyond_the_limit_count_as_those_at_it():
     assert evidence_of(100.0 * LIMIT, 0.8) == evidence_of(LIMIT, 0.8)
 
 
@@ -74,14 +71,11 @@ def test_innovations_that_do_not_show_the_sensors_noise_do_not_count(part):
     assert evidence_of(4.0, part) == (0.0, 0.0)
 
 
-def test_factor_stays_within_its_bounds():
+def test_factor_is_bounded_and_of_the_learned_component():
     most = NoiseFactor().after(NoiseEvidence(each(1e4), each(1e6)))
     least = NoiseFactor().after(NoiseEvidence(each(1e4), each(-1e4)))
     np.testing.assert_allclose(most.of_std, MOST, rtol=0.01)
     np.testing.assert_allclose(least.of_std, LEAST, rtol=0.01)
-
-
-def test_only_the_learned_component_changes():
     evidence = NoiseEvidence(each(100.0), each(200.0))
     found = NoiseFactor(np.array([True, False, False])).after(evidence).of_std
     assert found[0] > 1.5

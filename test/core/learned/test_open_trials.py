@@ -59,39 +59,24 @@ def test_misses_count_with_the_next_detection_and_the_detection_with_the_one_aft
     np.testing.assert_allclose(sums[:, 0], [4.0, 4.0, 2.0])
 
 
-def test_misses_of_a_target_that_is_never_detected_again_do_not_count():
-    left, sums = after([trials([7], [1.0]), *(trials([7], [0.0]) for _ in range(5))])
-    assert not sums.any()
-    assert len(left) == 6
-
-
-def test_probable_detection_lets_its_share_of_the_looks_count():
+def test_shares_of_looks_follow_detection_and_existence():
     left, sums = after([trials([7], [0.0]), trials([7], [0.4])])
     np.testing.assert_allclose(sums[:, 0], [0.4, 0.4, 0.0])
     np.testing.assert_allclose(left.still, [0.6, 1.0])
-
-
-def test_doubtful_target_counts_with_its_existence_probability():
     _, sums = after([trials([7], [0.0]), trials([7], [1.0], existence=0.25)])
     np.testing.assert_allclose(sums[:, 0], [0.25, 0.25, 0.0])
-
-
-def test_look_counts_in_its_own_cell_with_its_own_probability():
     _, sums = after([trials([7], [0.0], cell=2, expected=0.8), trials([7], [1.0], cell=1)])
     np.testing.assert_allclose(sums, [[0, 0, 1, 0], [0, 0, 0.8, 0], [0, 0, 0, 0]])
 
 
-def test_detection_by_a_sensor_that_does_not_learn_lets_looks_count():
+def test_looks_wait_for_their_own_target():
     _, sums = after([trials([7], [0.0]), trials([7], [1.0], expected=0.0)])
     np.testing.assert_allclose(sums[:, 0], [1.0, 1.0, 0.0])
-
-
-def test_other_targets_looks_stay_open():
     left, sums = after([trials([3, 7], [0.0, 0.0]), trials([7], [1.0])])
     np.testing.assert_allclose(sums[0, 0], 1.0)
     assert left.label.tolist() == [3, 7]
-
-
-def test_looks_at_ended_targets_are_dropped():
     left, _ = after([trials([3, 5, 7], [0.0, 0.0, 0.0])])
     assert left.of(np.array([3, 7])).label.tolist() == [3, 7]
+    left, sums = after([trials([7], [1.0]), *(trials([7], [0.0]) for _ in range(5))])
+    assert not sums.any()
+    assert len(left) == 6

@@ -24,16 +24,13 @@ def every_pair(phd, detections):
     return row, column
 
 
-def test_band_remembers_and_draws_nothing():
+def test_band_and_ignored_amplitudes_remember_nothing():
     rng = np.random.default_rng(0)
     before = rng.bit_generator.state
     mode = np.array([0, 3])
 
     assert Band().draw(mode, MODES, rng).tolist() == [0.0, 0.0]
     assert rng.bit_generator.state == before
-
-
-def test_ignored_takes_the_amplitudes_away():
     report = Detections(np.ones((2, 2)), np.array([5.0, 9.0]))
 
     assert Ignored().select(report).amplitude is None

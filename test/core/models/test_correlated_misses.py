@@ -211,14 +211,11 @@ def test_particles_learn_as_gaussians_do():
     assert len(sure[0]) == len(sure[1]) > 0
 
 
-def test_nothing_is_learned_of_independent_misses():
+def test_last_looks_are_bounded_and_independent_misses_teach_nothing():
     engine = two_radars("gaussian", "auto")
     figures = [engine.step(scan) for scan in scans_of_two(5, 60)][-1].figures
     for radar in RADARS:
         assert figures[f"{radar}.detection_correlation"] < 0.1
-
-
-def test_last_looks_at_ended_targets_do_not_pile_up():
     engine = two_radars("gaussian", "auto")
     stepped(engine, scans_of_two(7, 60))
     living = sum(len(rows.label) for rows in engine.forward.unswept)

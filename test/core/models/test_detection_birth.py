@@ -40,13 +40,20 @@ def one_detection(mass=(0.3, 0.6), place=(6000.0, 0.5)):
     return Newborn(Report(RADAR, Detections(np.array([place]), None)), np.array([mass]))
 
 
-def test_sample_carries_the_newborn_mass():
+def test_newborn_mass_follows_the_interval_and_is_carried_by_samples():
     _, mode, weight, _ = newborn_sampling.sample(
         one_detection(), BORN, BIRTHS.particles, np.random.default_rng(0)
     )
     by_class = np.bincount(MODES.class_of[mode], weights=weight)
 
     np.testing.assert_allclose(by_class, [0.3, 0.6], rtol=2e-3)
+    report = Detections(np.array([[6000.0, 0.5]]), np.array([4.5]))
+    masses = [
+        update(EMPTY, Report(RADAR, report), steps_of(unknown()), dt).newborns[0].mass.sum()
+        for dt in (3.0, 6.0)
+    ]
+
+    assert masses[1] == pytest.approx(2.0 * masses[0], rel=0.02)
 
 
 def test_affordable_gives_fewer_particles_first_and_then_leaves_out_the_least_mass():
@@ -137,16 +144,6 @@ def test_update_scan_finds_a_target_of_two_radars_once(corrector):
 
     assert [one.mass.sum() for one in found] == pytest.approx([1.0, 0.0], abs=0.05)
     assert phd.weight.sum() == pytest.approx(1.0, abs=0.05)
-
-
-def test_newborn_mass_follows_the_interval():
-    report = Detections(np.array([[6000.0, 0.5]]), np.array([4.5]))
-    masses = [
-        update(EMPTY, Report(RADAR, report), steps_of(unknown()), dt).newborns[0].mass.sum()
-        for dt in (3.0, 6.0)
-    ]
-
-    assert masses[1] == pytest.approx(2.0 * masses[0], rel=0.02)
 
 
 def test_update_without_such_births_leaves_nothing():

@@ -36,14 +36,11 @@ def test_detections_of_one_vehicle_become_one_at_their_centre():
     np.testing.assert_array_equal(found.amplitude, [9.0, 6.0])
 
 
-def test_detections_with_other_range_rates_stay_apart():
+def test_detections_with_other_range_rates_stay_apart_but_for_folds():
     rate = np.array([5.0, 5.2, -8.0, np.nan])
     report = Detections(at((50, 0), (51, 0), (50.5, 1), (90, 0)), None, range_rate=rate)
     found = merge_clusters(report, RADAR)
     np.testing.assert_allclose(found.range_rate, [5.1, -8.0, np.nan])
-
-
-def test_range_rates_of_different_folds_agree():
     radar = replace(RADAR, range_rate=RangeRateModel(0.1, 20.0))
     report = Detections(at((50, 0), (51, 0)), None, range_rate=np.array([9.9, -9.9]))
     found = merge_clusters(report, radar)
@@ -51,10 +48,12 @@ def test_range_rates_of_different_folds_agree():
     assert abs(found.range_rate[0]) == pytest.approx(10.0)
 
 
-def test_a_row_of_vehicles_is_not_one():
+def test_without_a_distance_detections_stay_as_they_are():
     # Each is near the next one; none is as long as the row.
     report = Detections(at(*((40 + 2.5 * k, 0) for k in range(9))), None)
     assert len(merge_clusters(report, RADAR)) >= 3
+    report = Detections(at((50, 0), (50, 0.1)), None)
+    assert merge_clusters(report, replace(RADAR, cluster_distance=0.0)) is report
 
 
 def test_noise_may_be_what_sets_detections_of_one_vehicle_apart():
@@ -63,11 +62,6 @@ def test_noise_may_be_what_sets_detections_of_one_vehicle_apart():
     across, along = at((150, -2.5), (150, 2.5)), at((147.5, 0), (152.5, 0))
     assert len(merge_clusters(Detections(across, None), radar)) == 1
     assert len(merge_clusters(Detections(along, None), radar)) == 2
-
-
-def test_without_a_distance_detections_stay_as_they_are():
-    report = Detections(at((50, 0), (50, 0.1)), None)
-    assert merge_clusters(report, replace(RADAR, cluster_distance=0.0)) is report
 
 
 def test_deviations_and_times_of_a_group_are_their_means():

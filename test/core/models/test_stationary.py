@@ -15,23 +15,17 @@ def velocities(mean, std):
     return np.atleast_2d(mean).astype(float), np.eye(2)[None] * std**2
 
 
-def test_the_probability_of_being_slower_is_that_of_drawn_velocities():
+def test_slower_velocities_are_as_probable_as_drawn():
     mean, covariance = velocities([2.0, -1.0], 1.5)
     drawn = mean + 1.5 * np.random.default_rng(0).standard_normal((200_000, 2))
     share = (np.hypot(*drawn.T) < BOUND).mean()
     assert stationary.probability_slower(mean, covariance, BOUND)[0] == pytest.approx(
         share, abs=0.005
     )
-
-
-def test_velocities_known_well_are_slower_or_faster():
     mean, covariance = velocities([[1.0, 0.0], [4.0, 0.0], [1e4, 0.0]], 1e-9)
     np.testing.assert_allclose(
         stationary.probability_slower(mean, covariance, BOUND), [1.0, 0.0, 0.0], atol=1e-9
     )
-
-
-def test_nothing_is_slower_than_zero():
     assert stationary.probability_slower(*velocities([0.0, 0.0], 1.0), 0.0) == 0.0
 
 

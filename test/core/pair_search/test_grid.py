@@ -45,12 +45,9 @@ def test_within_groups_equal_brute_force(seed, groups, sizes, dimension, spread,
     check(parts[0][0], parts[1][0], parts[0][1], parts[1][1], radius)
 
 
-def test_within_groups_find_all_pairs_of_equal_points():
+def test_within_groups_find_all_pairs_up_to_the_radius():
     point, group = np.zeros((300, 4)), np.repeat([0, 1, 2], 100)
     assert check(point, group, point, group, 1.0) == 3 * 100**2
-
-
-def test_within_groups_include_those_exactly_as_far_as_the_radius():
     axis = np.arange(-30.0, 31.0)
     point = np.stack([axis, np.zeros(61), np.zeros(61)], axis=1)
     group = np.zeros(61, dtype=np.int64)

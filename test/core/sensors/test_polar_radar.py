@@ -95,22 +95,16 @@ def test_gated_pairs_equal_brute_force(seed, particles, reports, azimuth_std, ce
     )
 
 
-def test_log_clutter_intensity_integrates_to_the_rate():
+def test_log_clutter_intensity_integrates_to_the_rate_and_its_amplitudes():
     # Uniform over 2 pi x 15 km, times an amplitude density that integrates to one above tau.
     detections = Detections(np.array([[5e3, 1.0]]), None)
     area = 2.0 * np.pi * RADAR.clutter_max_range
     assert np.exp(RADAR.log_clutter_intensity(detections))[0] * area == pytest.approx(20.0)
-
-
-def test_log_clutter_intensity_carries_the_truncated_amplitude_density():
     measurement = np.full((3, 2), 1.0)
     a = np.array([4.0, 5.0, 6.0])
     plain = RADAR.log_clutter_intensity(Detections(measurement, None))
     full = RADAR.log_clutter_intensity(Detections(measurement, a))
     np.testing.assert_allclose(np.exp(full - plain), a * np.exp(-(a**2) / 2.0) / 1e-3, rtol=1e-9)
-
-
-def test_log_clutter_intensity_of_no_clutter_is_finite():
     radar = replace(RADAR, clutter_rate=0.0)
     detections = Detections(np.ones((1, 2)), np.array([250.0]))
     assert np.isfinite(radar.log_clutter_intensity(detections)).all()
@@ -122,9 +116,6 @@ def test_log_class_likelihood_is_the_untruncated_density():
     likelihood = RADAR.log_class_likelihood(Detections(np.ones((3, 2)), a), classes)
     expected = [amplitude_density.log_target_density(a, c.snr_band) for c in classes]
     np.testing.assert_array_equal(likelihood, expected)
-
-
-def test_log_class_likelihood_without_amplitudes_is_the_detection_probability():
     classes = small().model.modes.classes
     likelihood = RADAR.log_class_likelihood(Detections(np.ones((3, 2)), None), classes)
     p_d = RADAR.class_detection_probability(classes)
@@ -235,15 +226,12 @@ def test_linearised_is_the_measurement_and_its_derivative():
         np.testing.assert_allclose(jacobian[..., axis], apart / 0.2, rtol=1e-5, atol=1e-9)
 
 
-def test_linearised_keeps_leading_axes():
+def test_linearised_is_finite_and_keeps_leading_axes():
     position = np.random.default_rng(1).uniform(-9e3, 9e3, (3, 4, 2))
     measured, jacobian = RADAR.linearise(position)
     flat, matrix = RADAR.linearise(position.reshape(-1, 2))
     np.testing.assert_array_equal(measured, flat.reshape(3, 4, 2))
     np.testing.assert_array_equal(jacobian, matrix.reshape(3, 4, 2, 2))
-
-
-def test_linearised_at_the_radar_is_finite():
     measured, jacobian = RADAR.linearise(np.array([RADAR.position]))
     assert np.isfinite(measured).all()
     assert np.isfinite(jacobian).all()

@@ -25,10 +25,12 @@ BORN = replace(CONFIG.model, detection_births=BIRTHS)
 AMBIGUOUS = replace(RADAR, range_rate=RangeRateModel(0.2, 30.0), velocity=(4.0, -3.0))
 
 
-def test_wrapped_is_the_fold_nearest_to_zero():
+def test_range_rates_wrap_and_unknown_ones_say_nothing():
     model = RangeRateModel(0.1, 20.0)
     np.testing.assert_allclose(model.wrap(np.array([-33.0, -9.0, 9.0, 29.0])), [7, -9, 9, 9])
     np.testing.assert_array_equal(RangeRateModel(0.1).wrap(np.array([-3e3])), [-3e3])
+    found = RangeRateModel(0.1, 20.0).log_density(np.array([np.nan, 0.0]), 0.01)
+    np.testing.assert_allclose(found, [0.0, norm.logpdf(0.0, 0.0, 0.1)])
 
 
 @pytest.mark.parametrize("std", [0.3, 6.0, 25.0])
@@ -43,11 +45,6 @@ def test_folded_has_the_moments_of_all_folds(std):
     np.testing.assert_allclose(log_density, np.log(density.sum(axis=0)), atol=1e-3)
     np.testing.assert_allclose(innovation, mean, atol=1e-2 * std)
     np.testing.assert_allclose(spread, (share * (each - mean) ** 2).sum(axis=0), atol=0.02 * std**2)
-
-
-def test_log_density_of_an_unknown_range_rate_is_zero():
-    found = RangeRateModel(0.1, 20.0).log_density(np.array([np.nan, 0.0]), 0.01)
-    np.testing.assert_allclose(found, [0.0, norm.logpdf(0.0, 0.0, 0.1)])
 
 
 @pytest.mark.parametrize("velocity", [(0.0, 0.0), (15.0, -4.0)])

@@ -16,9 +16,16 @@ DETECTIONS = Detections(
 )
 
 
-def test_deviations_are_the_detections_own_or_the_sensors():
+def test_deviations_and_shares_are_the_detections_own():
     std = Report(RADAR, DETECTIONS).detection_std
     np.testing.assert_array_equal(std, [[50.0, 0.02], RADAR.noise_std, [20.0, 0.02]])
+    taken = Report(RADAR, DETECTIONS, share=0.5, complete=False).take(np.array([2, 0]))
+    np.testing.assert_array_equal(taken.detection_std[:, 0], [20.0, 50.0])
+    assert (taken.share, taken.complete) == (0.5, False)
+    report = Report(RADAR, DETECTIONS)
+    assert report.project_as(DETECTIONS).detection_std is report.detection_std
+    again = report.project_as(DETECTIONS.take(np.array([0])))
+    assert len(again.detection_std) == 1
 
 
 def test_covariances_in_the_plane_are_those_of_their_roots():
@@ -27,19 +34,6 @@ def test_covariances_in_the_plane_are_those_of_their_roots():
     np.testing.assert_allclose(
         np.linalg.eigvalsh(plots.covariance[0]), np.array([50.0, 5e3 * 0.02]) ** 2, rtol=1e-9
     )
-
-
-def test_taken_detections_keep_the_share_of_their_report():
-    taken = Report(RADAR, DETECTIONS, share=0.5, complete=False).take(np.array([2, 0]))
-    np.testing.assert_array_equal(taken.detection_std[:, 0], [20.0, 50.0])
-    assert (taken.share, taken.complete) == (0.5, False)
-
-
-def test_columns_of_the_same_detections_are_computed_once():
-    report = Report(RADAR, DETECTIONS)
-    assert report.project_as(DETECTIONS).detection_std is report.detection_std
-    again = report.project_as(DETECTIONS.take(np.array([0])))
-    assert len(again.detection_std) == 1
 
 
 def test_polar_radars_refuse_a_sensor_of_another_kind():

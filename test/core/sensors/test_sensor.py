@@ -19,23 +19,17 @@ DETECTIONS = Detections(
 )
 
 
-def test_measurements_and_their_rates_follow_from_the_linearised_measurement():
+def test_measurements_and_noise_follow_from_the_linearised_measurement():
     np.testing.assert_array_equal(SENSOR.measure(STATE), [[90.0, 180.0], [-10.0, 30.0]])
     np.testing.assert_array_equal(SENSOR.measurement_rate(STATE), [[3.0, -4.0], [0.0, 1.0]])
-
-
-def test_noise_of_detections_is_their_own_or_the_sensors():
     np.testing.assert_array_equal(SENSOR.noise_std_of(DETECTIONS), [[1.0, 2.0], [5.0, 5.0]])
 
 
-def test_sensor_without_coverage_sees_and_sweeps_everything():
+def test_sensor_without_coverage_or_map_sees_everything_in_uniform_clutter():
     measured = SENSOR.measure(STATE)
     assert SENSOR.coverage_probability(measured, UNKNOWN_COVERAGE).tolist() == [1.0, 1.0]
     assert SENSOR.may_have_swept(STATE[:, :2], np.ones(2), DETECTIONS).all()
     assert SENSOR.given_detection_probability(measured) is None
-
-
-def test_clutter_without_a_map_is_uniform():
     np.testing.assert_allclose(SENSOR.log_clutter_intensity(DETECTIONS), np.log(2e-6))
     assert not SENSOR.neighbourhood_density(DETECTIONS.measurement, STATE[:, :2]).any()
 

@@ -21,18 +21,12 @@ def test_within_without_noise_is_inside_or_outside(start, width):
         ).tolist() == [0, 0]
 
 
-def test_within_of_a_turn_of_sectors_counts_every_azimuth_once():
+def test_within_counts_every_azimuth_once():
     sectors = [Coverage(0.3 + k * FULL_TURN / 16, FULL_TURN / 16) for k in range(16)]
     total = sum(sector_probability(TURN, sector, STD) for sector in sectors)
     np.testing.assert_allclose(total, 1.0, atol=1e-12)
-
-
-def test_within_at_the_edge_is_a_half():
     share = sector_probability(np.array([0.0, 1.0]), Coverage(0.0, 1.0), STD)
     np.testing.assert_allclose(share, 0.5, atol=1e-9)
-
-
-def test_within_a_whole_turn_has_no_edge():
     assert (sector_probability(TURN, Coverage(1.0, FULL_TURN), STD) == 1.0).all()
 
 
@@ -42,11 +36,13 @@ def test_coverage_must_be_a_part_of_a_turn(width):
         Coverage(0.0, width)
 
 
-def test_probability_is_linear_between_the_ranges_of_the_table():
+def test_probability_is_linear_and_bounded():
     seen = Visibility(100e3, ranges=(10e3, 50e3, 100e3), probabilities=(0.95, 0.9, 0.5))
     expected = [0.95, 0.95, 0.925, 0.7, 0.5]
     distance = np.array([0.0, 10e3, 30e3, 75e3, 120e3])
     np.testing.assert_allclose(seen.probability(distance), expected)
+    found = LIMITED.probability(np.array([90e3]), np.array([100.0]))
+    np.testing.assert_allclose(found, LIMITED.probability(np.array([90e3])))
 
 
 def test_sees_what_is_in_range_in_the_field_and_not_hidden():
@@ -89,11 +85,6 @@ def test_probability_of_a_density_is_the_mean_over_its_ranges_within_the_limits(
     inside = distance[(distance >= LIMITED.min_range) & (distance <= LIMITED.max_range)]
     found = LIMITED.probability(PLACES[[row], 0], SPREAD[[row], 0])[0]
     assert found == pytest.approx(LIMITED.probability(inside).mean(), abs=3e-4)
-
-
-def test_probability_far_outside_the_limits_is_that_of_the_mean():
-    found = LIMITED.probability(np.array([90e3]), np.array([100.0]))
-    np.testing.assert_allclose(found, LIMITED.probability(np.array([90e3])))
 
 
 @pytest.mark.parametrize("std", [0.1, 1.0, 2.5])

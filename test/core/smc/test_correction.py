@@ -74,12 +74,14 @@ def test_bernoulli_targets_have_the_posterior_of_all_association_events(targets,
     np.testing.assert_allclose(pairs, detected, rtol=1e-9)
 
 
-def test_bernoulli_target_between_two_detections_is_one_and_poisson_makes_it_two():
+def test_bernoulli_keeps_one_target_where_poisson_makes_more():
     likelihood, weight, other = np.full((4, 2), 50.0), np.full(4, 0.2475), [0.01, 0.01]
     single, _ = corrected(likelihood, weight, other)
     double, _ = corrected(likelihood, weight, other, corrector=POISSON)
     assert single.weight.sum() <= 1.0
     assert double.weight.sum() > 1.9
+    phd, _ = corrected(np.zeros((2, 0)), [0.6, 0.6], [], p_d=0.5)
+    assert phd.weight.sum() == pytest.approx(1.0)
 
 
 def test_bernoulli_of_small_masses_is_the_poisson_correction():
@@ -102,11 +104,6 @@ def test_bernoulli_components_are_the_origins_and_hold_all_mass():
     dense = phd.components.toarray()
     np.testing.assert_array_equal(np.nonzero(dense)[1], [2, 0, 2, 1])
     np.testing.assert_allclose(dense.sum(axis=1), phd.weight)
-
-
-def test_bernoulli_mass_above_one_is_one_target():
-    phd, _ = corrected(np.zeros((2, 0)), [0.6, 0.6], [], p_d=0.5)
-    assert phd.weight.sum() == pytest.approx(1.0)
 
 
 def test_poisson_keeps_a_component_for_every_detection():

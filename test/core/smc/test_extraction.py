@@ -63,9 +63,12 @@ def test_components_carry_their_label_into_the_track():
     np.testing.assert_array_equal(found.track_id, [7, 0, 0])
 
 
-def test_components_do_not_add_explained_to_unexplained_mass():
+def test_components_report_masses_beyond_one_once():
     phd = intensity(np.zeros((1, 5)), [0.4], components=[[0.4]])
     assert len(extract(phd)) == 0
+    found = extract(two_clouds(weight=(1.7, 0.9)))
+    np.testing.assert_allclose(found.weight, [1.7, 0.9])
+    assert found.unresolved == 1
 
 
 def test_components_take_class_and_state_from_the_majority():
@@ -131,12 +134,6 @@ def test_covariance_of_copies_of_one_particle_is_not_singular():
     found = extract(phd)
     own = found.covariance[0][np.ix_(motion.support, motion.support)]
     assert np.linalg.eigvalsh(own).min() > 0.0
-
-
-def test_components_report_a_mass_above_one_and_a_half_once_and_count_it():
-    found = extract(two_clouds(weight=(1.7, 0.9)))
-    np.testing.assert_allclose(found.weight, [1.7, 0.9])
-    assert found.unresolved == 1
 
 
 @pytest.mark.parametrize("method", list(EXTRACTIONS.values()), ids=list(EXTRACTIONS))

@@ -164,12 +164,15 @@ def test_engine_runs_a_filter_of_one_mode(death_term, extraction):
         assert np.hypot(*error) < 700.0  # twice the radar's own error
 
 
-def test_engine_runs_three_classes_of_different_motions():
+def test_engine_runs_three_classes_and_no_births():
     config = small(THREE_CLASSES)
     filtered, smoothed, flushed = run(new_engine(config))
     assert filtered[-1].class_probability.shape[1] == 3
     assert len(filtered[-1]) == 3
     assert len(smoothed) + len(flushed) == len(SCANS)
+    engine = new_engine(small({"births": [], "lag": 1}))
+    filtered, smoothed, flushed = run(engine)
+    assert all(len(e) == 0 for e in [*filtered, *smoothed, *flushed])
 
 
 THREE_CLASSES = {
@@ -183,9 +186,3 @@ THREE_CLASSES = {
     "turning.mode_transition": [1.0],
     **{f"start_{n}.rates": [0.005, 0.003, 0.002] for n in range(1, 5)},
 }
-
-
-def test_engine_runs_without_births_and_stays_empty():
-    engine = new_engine(small({"births": [], "lag": 1}))
-    filtered, smoothed, flushed = run(engine)
-    assert all(len(e) == 0 for e in [*filtered, *smoothed, *flushed])

@@ -47,13 +47,20 @@ def test_systematic_is_unbiased():
     assert (np.abs(copies.mean(axis=0) - expected) <= error).all()
 
 
-def test_systematic_gives_nothing_to_a_weightless_particle():
+def test_nothing_is_drawn_of_nothing():
     weight = np.array([1.0, 0.0, 2.0, 0.0])
     group = np.array([0, 0, 1, 1])
     rng = np.random.default_rng(1)
     for _ in range(200):
         copies = resampling.systematic(weight, group, np.array([3, 7]), rng)
         np.testing.assert_array_equal(copies, [3, 0, 7, 0])
+    none = np.zeros(0)
+    copies = resampling.systematic(
+        none, none.astype(int), np.zeros(0, dtype=int), np.random.default_rng(0)
+    )
+    assert copies.shape == (0,)
+    count, _ = resampling.allocate(np.array([0.0, 1.0]), 100, 20, np.random.default_rng(0))
+    np.testing.assert_array_equal(count, [0, 100])
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.5, np.nextafter(1.0, 0.0)])
@@ -65,14 +72,6 @@ def test_comb_loses_no_copy_by_rounding(offset, size):
     copies = resampling.comb(weight, group, np.array([size, 1, 20]), np.full(3, offset))
     np.testing.assert_array_equal(np.bincount(group, copies), [size, 1, 20])
     assert (copies >= 0).all()
-
-
-def test_systematic_of_no_particles_is_empty():
-    none = np.zeros(0)
-    copies = resampling.systematic(
-        none, none.astype(int), np.zeros(0, dtype=int), np.random.default_rng(0)
-    )
-    assert copies.shape == (0,)
 
 
 @settings(deadline=None, max_examples=100)
@@ -128,11 +127,6 @@ def test_allocate_keeps_the_mass_of_smaller_groups_in_expectation():
     # One particle of weight 1/100 with that probability.
     error = 4.5 * np.sqrt(chance * (1.0 - chance) / trials) / 100
     assert (np.abs(kept.mean(axis=0) - mass) < error).all()
-
-
-def test_allocate_gives_nothing_to_an_empty_group():
-    count, _ = resampling.allocate(np.array([0.0, 1.0]), 100, 20, np.random.default_rng(0))
-    np.testing.assert_array_equal(count, [0, 100])
 
 
 def test_young_origins_have_more_particles():

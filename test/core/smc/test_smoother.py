@@ -159,19 +159,19 @@ def test_backward_step_leaves_the_filtered_set_alone(term):
     np.testing.assert_array_equal(phd.poisson, FREE)
 
 
-def test_bernoulli_term_gives_a_vanished_component_its_existence_back():
+def test_bernoulli_term_gives_only_vanished_components_their_existence_back():
     # No target exists at t + 1, but the component was certain, so it did not survive.
     certain = PARTS / PARTS.sum(axis=0)
     _, smoothed = one_step(bernoulli_death_term, later=np.zeros(5), parts=certain)
     np.testing.assert_allclose(smoothed.components.toarray().sum(axis=0), [1.0, 1.0], rtol=1e-12)
-
-
-def test_bernoulli_term_adds_no_death_to_a_component_that_lives_on():
     _, smoothed = one_step(bernoulli_death_term, later=LATER * 100.0)
     phd, _ = one_step(bernoulli_death_term)
     b = RATIO @ (LATER * 100.0)
     expected = phd.components.toarray() * b[:, None]
     np.testing.assert_allclose(smoothed.components.toarray(), expected, rtol=1e-12)
+    filtered, smoothed = toy_masses(SNR_OF_P_D[0.98], [1] * 6, "bernoulli")
+    # Only the Poisson mass (1 - p_D = 0.02) grows, by 1 - P_s = 0.01 of itself per lag.
+    assert np.abs(np.array(smoothed) - filtered[-1]).max() < 5 * 0.02 * 0.01 * 1.2
 
 
 @pytest.mark.parametrize("excess", [1.0, 1.0 + 1e-9, 1.05])
@@ -239,12 +239,6 @@ def test_bernoulli_corrector_and_term_have_no_bias_before_a_death(p_d):
     np.testing.assert_allclose(filtered[3:], alive[1:], rtol=0.1, atol=1e-3)
     np.testing.assert_allclose(smoothed[:3], 1.0, atol=1e-3)
     assert all(np.diff(smoothed[2:]) < 0.0)
-
-
-def test_bernoulli_term_does_not_grow_a_living_target_with_the_lag():
-    filtered, smoothed = toy_masses(SNR_OF_P_D[0.98], [1] * 6, "bernoulli")
-    # Only the Poisson mass (1 - p_D = 0.02) grows, by 1 - P_s = 0.01 of itself per lag.
-    assert np.abs(np.array(smoothed) - filtered[-1]).max() < 5 * 0.02 * 0.01 * 1.2
 
 
 # --- One target that lives: the Rauch-Tung-Striebel smoother -----------------------------------

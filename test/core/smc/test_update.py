@@ -137,9 +137,11 @@ def test_update_without_clutter_explains_a_detection_wholly():
     np.testing.assert_allclose(mass, [1.0, 1.0, 1.0, 0.0], rtol=1e-12)
 
 
-def test_update_of_nothing_is_nothing():
+def test_update_and_resample_of_nothing_are_nothing():
     updated = update(ParticleSet.empty(5), reports(), RADAR, MODES)
     assert (len(updated), updated.components.shape) == (0, (0, 4))
+    kept = resample(ParticleSet.empty(5), MODES, FILTER.budget, np.random.default_rng(0))
+    assert len(kept) == 0
 
 
 def test_update_scan_applies_the_radars_in_order_and_skips_the_silent():
@@ -215,8 +217,3 @@ def test_resample_is_unbiased_in_every_component():
     trials = np.array([component_mass(resample(phd, MODES, budget, rng)) for _ in range(400)])
     error = 4.5 * trials.std(axis=0) / np.sqrt(len(trials)) + 1e-12
     assert (np.abs(trials.mean(axis=0) - before) <= error).all()
-
-
-def test_resample_of_nothing_is_nothing():
-    kept = resample(ParticleSet.empty(5), MODES, FILTER.budget, np.random.default_rng(0))
-    assert len(kept) == 0

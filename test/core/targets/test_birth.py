@@ -51,7 +51,7 @@ def dense_intensity(terms, modes, state, mode):
     return total
 
 
-def test_intensity_is_a_sum_of_gaussians_over_each_support():
+def test_intensity_is_a_sum_of_gaussians_over_each_born_mode():
     rng = np.random.default_rng(1)
     samples = [birth.sample(term, MODEL.modes, 32, rng) for term in MODEL.births]
     state, mode = (np.concatenate(part) for part in zip(*samples, strict=True))
@@ -59,6 +59,10 @@ def test_intensity_is_a_sum_of_gaussians_over_each_support():
     # Starts 2 and 3 are 2.5 sigma apart, so that terms add; the gate at 8 sigma costs 1e-14.
     expected = dense_intensity(MODEL.births, MODEL.modes, state, mode)
     np.testing.assert_allclose(found, expected, rtol=1e-6)
+    term = replace(TERM, rate=np.array([0.0, 0.0, 0.1, 0.1]))
+    state = np.repeat(TERM.mean[None], 4, axis=0)
+    found = birth.intensity((term,), MODEL.modes, state, np.arange(4))
+    np.testing.assert_array_equal(found > 0.0, [False, False, True, True])
 
 
 @pytest.mark.parametrize("dimension", range(5))
@@ -66,10 +70,3 @@ def test_intensity_vanishes_far_from_every_term(dimension):
     state = TERM.mean[None].copy()
     state[0, dimension] += 9.0 * TERM.std[dimension]
     assert birth.intensity((TERM,), MODEL.modes, state, np.array([1]))[0] == 0.0
-
-
-def test_intensity_is_zero_for_a_mode_that_is_not_born():
-    term = replace(TERM, rate=np.array([0.0, 0.0, 0.1, 0.1]))
-    state = np.repeat(TERM.mean[None], 4, axis=0)
-    found = birth.intensity((term,), MODEL.modes, state, np.arange(4))
-    np.testing.assert_array_equal(found > 0.0, [False, False, True, True])

@@ -45,11 +45,8 @@ def test_transition_rows_are_distributions_and_never_leave_the_class(dt):
     np.testing.assert_array_equal(matrix[other_class], 0.0)
 
 
-def test_transition_over_the_nominal_interval_is_the_given_matrix():
+def test_transition_is_the_given_matrix_at_the_nominal_interval():
     np.testing.assert_array_equal(TWO_CLASSES.transition(6.0)[:2, :2], [[0.8, 0.2], [0.2, 0.8]])
-
-
-def test_transition_is_continuous_at_the_nominal_interval():
     near = TWO_CLASSES.transition(6.0 * (1.0 + 1e-5))
     np.testing.assert_allclose(near, TWO_CLASSES.transition(6.0), atol=1e-5)
 
@@ -133,7 +130,4 @@ def test_motion_share_is_that_of_a_long_run():
     modes = space([[0.95, 0.05], [0.1, 0.9]], [[1.0]])
     after = np.linalg.matrix_power(modes.transition(modes.interval_s), 2000)
     np.testing.assert_allclose(modes.motion_share, [*after[0, :2], 1.0], rtol=1e-9)
-
-
-def test_motion_share_is_uniform_if_no_motion_ever_changes():
     np.testing.assert_allclose(space([[1.0, 0.0], [0.0, 1.0]]).motion_share, 0.5)

@@ -42,17 +42,16 @@ def test_coordinated_turn_mean_tends_to_constant_velocity(omega):
     np.testing.assert_allclose(CT.mean(state, 6.0)[:, :4], expected[:, :4], rtol=1e-12, atol=1e-8)
 
 
-def test_constant_velocity_mean_moves_straight_without_turn_rate():
+def test_linear_motions_keep_position_or_direction():
     moved = CV.mean(STATES, 6.0)
     np.testing.assert_allclose(moved[:, [0, 2]], STATES[:, [0, 2]] + 6.0 * STATES[:, [1, 3]])
     np.testing.assert_array_equal(moved[:, [1, 3]], STATES[:, [1, 3]])
     np.testing.assert_array_equal(moved[:, OMEGA], 0.0)
-
-
-def test_stationary_mean_keeps_the_position_alone():
     moved = REST.mean(STATES, 6.0)
     np.testing.assert_array_equal(moved[:, [0, 2]], STATES[:, [0, 2]])
     np.testing.assert_array_equal(moved[:, [1, 3, 4]], 0.0)
+    drawn = motion.sample(CV, STATES, 6.0, np.random.default_rng(1))
+    np.testing.assert_array_equal(drawn[:, OMEGA], 0.0)
 
 
 @pytest.mark.parametrize("model", [CV, CT, REST])
@@ -104,11 +103,6 @@ def test_sample_has_the_model_moments(model):
     assert np.all(np.abs(noise.mean(axis=0)) < 4.5 * std / np.sqrt(count))
     error = np.abs(np.cov(noise.T) - covariance)
     assert np.all(error < 4.5 * np.sqrt(2.0 / count) * np.outer(std, std))
-
-
-def test_sample_of_constant_velocity_has_no_turn_rate():
-    drawn = motion.sample(CV, STATES, 6.0, np.random.default_rng(1))
-    np.testing.assert_array_equal(drawn[:, OMEGA], 0.0)
 
 
 def central_differences(model, state, dt):

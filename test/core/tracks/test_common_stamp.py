@@ -107,7 +107,7 @@ def test_interpolated_at_either_end_is_that_end():
         np.testing.assert_allclose(found.weight, end.weight)
 
 
-def test_at_stamp_takes_the_update_before_and_the_one_after_it():
+def test_at_stamp_takes_updates_around_it_and_unlabelled_targets():
     first, second = estimates(10.0, [3, 5]), moved(estimates(10.0, [5]), 4.0)
     found = at_stamp(*Estimates.concatenate([first, second], 2), 12 * SECOND, 0.5, MODES)
     assert found.track_id.tolist() == [3, 5]
@@ -115,16 +115,10 @@ def test_at_stamp_takes_the_update_before_and_the_one_after_it():
     assert (found.stamp_ns, found.lag) == (12 * SECOND, 2)
     # predicted, the covariance grows; interpolated, it does not
     assert found.covariance[0, 0, 0] > found.covariance[1, 0, 0]
-
-
-def test_at_stamp_leaves_out_who_came_later_or_is_unlikely():
     parts = [estimates(10.0, [1]), estimates(10.0, [2], weight=0.3), estimates(14.0, [7])]
     assert at_stamp(
         *Estimates.concatenate(parts, 0), 12 * SECOND, 0.5, MODES
     ).track_id.tolist() == [1]
-
-
-def test_at_stamp_takes_unlabelled_targets_from_the_last_scan():
     parts = [estimates(9.0, [0, 0, 0]), estimates(10.0, [0, 0]), estimates(14.0, [0])]
     assert at_stamp(
         *Estimates.concatenate(parts, 0), 12 * SECOND, 0.5, MODES

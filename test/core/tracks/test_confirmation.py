@@ -70,13 +70,10 @@ MISSED = float(missed_by_all(estimates_of(0, {1: 1.0}), scan_of(0), MODEL)[0])
 KEPT = after_a_miss(0.9999, MISSED)
 
 
-def test_a_track_is_reported_from_its_confirmation_until_its_deletion():
+def test_hysteresis_reports_each_track_until_its_deletion():
     tracks = Tracks(confirm=0.8, delete=0.3)
     found = [tracks.add(t1=weight) for weight in (0.7, 0.79, 0.81, 0.9, 0.4, 0.31, 0.29, 0.5, 0.85)]
     assert [list(states) for states in found] == [[], [], [1], [1], [1], [1], [], [], [1]]
-
-
-def test_hysteresis_is_of_each_track_by_itself():
     tracks = Tracks(confirm=0.8, delete=0.3)
     tracks.add(t1=0.9, t2=0.5)
     assert tracks.add(t1=0.5, t2=0.5) == {1: COASTING}

@@ -53,13 +53,10 @@ def test_address_out_of_reach_is_of_another_aircraft(seconds, place):
     assert numbers(tracks, seconds, (30, 77, place, CONFIRMED)) == [2]
 
 
-def test_number_is_not_given_again_without_an_address():
+def test_only_an_address_gives_a_number_again():
     tracks = TrackNumbers()
     numbers(tracks, 0, (5, UNKNOWN, 0.0, CONFIRMED))
     assert numbers(tracks, 4, (30, UNKNOWN, 0.0, CONFIRMED)) == [2]
-
-
-def test_place_of_a_coasting_track_is_not_noted():
     tracks = TrackNumbers()
     numbers(tracks, 0, (5, 77, 0.0, CONFIRMED))
     numbers(tracks, 10, (5, 77, 9e4, COASTING))

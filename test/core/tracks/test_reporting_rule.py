@@ -23,9 +23,11 @@ def test_derived_thresholds_follow_from_the_detection_probability():
     assert rare.delete == pytest.approx(1.0 / (3.0 - 0.95**2))
 
 
-def test_one_given_threshold_bounds_the_derived_one():
+def test_thresholds_bound_each_other():
     assert rule_of(MODEL, True, confirm=0.2).delete == pytest.approx([0.2, 0.2])
     assert rule_of(MODEL, True, delete=0.9).confirm == pytest.approx([0.9, 0.9])
+    with pytest.raises(ConfigError, match=r"delete_probability: 0\.9 given, must be at most"):
+        resolve({"confirm_probability": 0.5, "delete_probability": 0.9})
 
 
 def test_weight_of_the_record_is_what_the_band_leaves_open():
@@ -42,8 +44,3 @@ def test_weight_of_the_record_is_what_the_band_leaves_open():
 def test_memory_of_amplitudes_needs_no_record():
     model = resolve({"amplitude": "memory"}).model
     assert np.isinf(rule_of(model, True).record_weight).all()
-
-
-def test_deletion_above_confirmation_is_refused():
-    with pytest.raises(ConfigError, match=r"delete_probability: 0\.9 given, must be at most"):
-        resolve({"confirm_probability": 0.5, "delete_probability": 0.9})

@@ -136,15 +136,12 @@ def test_restore_refuses_sets_that_do_not_increase(later):
         of.restore(held)
 
 
-def test_restore_refuses_stamps_of_an_engine_that_has_had_no_scan():
+def test_engines_without_scans_are_stored_and_restored():
     of = engine()
     held = stored_and_read(of.snapshot())
     put("window.stamps_ns", [1])(held)
     with pytest.raises(ValueError, match=r"stamps_ns: the last stamp is 1, must be at most None$"):
         of.restore(held)
-
-
-def test_engine_that_has_had_no_scan_is_restored():
     of, fresh = engine(), engine()
     of.restore(stored_and_read(engine().snapshot()))
     assert (

@@ -279,15 +279,12 @@ def test_build_within_origins_pairs_rows_of_one_label_only(spread):
     np.testing.assert_array_equal(earlier.row_label[row], later.row_label[column])
 
 
-def test_build_from_an_empty_set_has_no_rows():
+def test_build_to_or_from_an_empty_set_has_no_pairs():
     model = small().model
     later = intensity(np.zeros((3, 5)), [0.1, 0.1, 0.1])
     link = backward_kernel.build(ParticleSet.empty(5), later, model, BERNOULLI, 6.0)
     assert link.ratio.shape == (0, 3)
     assert len(link.ratio @ later.weight) == 0
-
-
-def test_build_to_an_empty_set_leaves_nothing_alive():
     model = small().model
     earlier = intensity(np.zeros((3, 5)), [0.1, 0.1, 0.1])
     link = backward_kernel.build(earlier, ParticleSet.empty(5), model, BERNOULLI, 6.0)

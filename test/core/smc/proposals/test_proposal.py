@@ -85,12 +85,9 @@ def test_sample_without_precise_detections_is_that_of_the_motion(places):
     assert (factor == 1.0).all()
 
 
-def test_sample_is_not_guided_by_detections_far_away():
+def test_weights_have_a_bound_and_far_detections_no_effect():
     state, factor = drawn(CV, seen([9e3, 9e3]), 50)
     assert (factor == 1.0).all()
     assert np.abs(state[:, 0] - 800.0).max() < 5.0 * SPREAD
-
-
-def test_weights_have_a_bound():
     _, factor = drawn(CV, seen([[850.0, 1030.0], [800.0, 1000.0]], 1.0))
     assert factor.max() <= 1.0 / proposal.BLIND_SHARE
