@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, ReadOnly, factorize
+from ..arrays import FloatArray, IntArray, ReadOnly
 from ..compilation import Float1, Float2, Float3, Float4, Int1, compiled
 from ..snapshot import MAX_MASS, MAX_STATE, ROUNDING, covariances, floats, integers
 from ..state_space import StateSpace
@@ -16,25 +16,35 @@ from ..window.entries import Extents
 
 
 class Sums(NamedTuple):
-    """Sums of the weights of H hypotheses of T targets."""
+    """The targets of H hypotheses, and sums of the weights."""
 
+    label: IntArray  # The distinct labels, ascending, (T,)
+    target: IntArray  # Index of each hypothesis's target in `label`, (H,)
     mode_weight: FloatArray  # Weight of each Gaussian, (H, R)
     mass: FloatArray  # Weight of each hypothesis, (H,)
     existence: FloatArray  # Existence probability of each target, (T,)
 
 
 @compiled
-def _sums(targets: int, target: Int1, weight: Float3) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the columns of `Sums`."""
+def _sums(
+    row_label: Int1, order: Int1, weight: Float3
+) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
+    """Return the columns of `Sums`; `order` is that of the hypotheses by label."""
     count, modes, classes = weight.shape
-    mode_weight, mass, existence = np.zeros((count, modes)), np.zeros(count), np.zeros(targets)
+    label, target, found = np.empty(count, np.int64), np.empty(count, np.int64), 0
+    for row in order:
+        if found == 0 or row_label[row] != label[found - 1]:
+            label[found] = row_label[row]
+            found += 1
+        target[row] = found - 1
+    mode_weight, mass, existence = np.zeros((count, modes)), np.zeros(count), np.zeros(found)
     for row in range(count):
         for mode in range(modes):
             for class_id in range(classes):
                 mode_weight[row, mode] += weight[row, mode, class_id]
             mass[row] += mode_weight[row, mode]
         existence[target[row]] += mass[row]
-    return mode_weight, mass, existence
+    return label[:found], target, mode_weight, mass, existence
 
 
 @compiled
@@ -64,20 +74,6 @@ def _extents(
                 one[len(axes) + i // half] += share[row, mode] * square
     moments[:, len(axes) :] = np.sqrt(moments[:, len(axes) :])
     return moments
-
-
-@compiled
-def _runs(row_label: Int1) -> tuple[IntArray, IntArray, bool]:
-    """Return the label of each run of equal labels, the run of each row, and if labels ascend."""
-    label, run = np.empty(len(row_label), np.int64), np.empty(len(row_label), np.int64)
-    found, ascending = 0, True
-    for row in range(len(row_label)):
-        if row == 0 or row_label[row] != row_label[row - 1]:
-            ascending = ascending and (row == 0 or row_label[row] > row_label[row - 1])
-            label[found] = row_label[row]
-            found += 1
-        run[row] = found - 1
-    return label[:found], run, ascending
 
 
 @dataclass(frozen=True)
@@ -110,35 +106,31 @@ class Mixture(ReadOnly):
         return len(self.row_label)
 
     @cached_property
-    def _targets(self) -> tuple[IntArray, IntArray]:
-        label, target, ascending = _runs(self.row_label)
-        return (label, target) if ascending else factorize(self.row_label)
-
-    @property
-    def label(self) -> IntArray:
-        """The distinct labels, ascending, shape (T,)."""
-        return self._targets[0]
-
-    @property
-    def target(self) -> IntArray:
-        """Index of each hypothesis's target in `label`, shape (H,)."""
-        return self._targets[1]
+    def _sums(self) -> Sums:
+        order = self.row_label.argsort(kind="stable")
+        return Sums(*_sums(self.row_label, order, self.weight))
 
     @cached_property
-    def _sums(self) -> Sums:
-        return Sums(*_sums(len(self.label), self.target, self.weight))
+    def label(self) -> IntArray:
+        """The distinct labels, ascending, shape (T,)."""
+        return self._sums.label
 
-    @property
+    @cached_property
+    def target(self) -> IntArray:
+        """Index of each hypothesis's target in `label`, shape (H,)."""
+        return self._sums.target
+
+    @cached_property
     def mode_weight(self) -> FloatArray:
         """Weight of each Gaussian, shape (H, R)."""
         return self._sums.mode_weight
 
-    @property
+    @cached_property
     def mass(self) -> FloatArray:
         """Weight of each hypothesis, shape (H,)."""
         return self._sums.mass
 
-    @property
+    @cached_property
     def existence(self) -> FloatArray:
         """Existence probability of each target, shape (T,)."""
         return self._sums.existence
@@ -157,9 +149,7 @@ class Mixture(ReadOnly):
         self, weight: FloatArray, mean: FloatArray, covariance: FloatArray
     ) -> Mixture:
         """Return these hypotheses with their weights and Gaussians replaced."""
-        other = Mixture(self.row_label, weight, mean, covariance, self.snr)
-        other.__dict__["_targets"] = self._targets  # the targets do not change
-        return other
+        return Mixture(self.row_label, weight, mean, covariance, self.snr)
 
     def class_mass(
         self, class_of: IntArray, classes: int, rows: IntArray | None = None
