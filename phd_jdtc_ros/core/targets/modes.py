@@ -20,7 +20,7 @@ from scipy import linalg
 
 from ..arrays import BoolArray, FloatArray, IntArray, read_only
 from ..state_space import StateSpace
-from .motion import MotionModel
+from .motion import MotionModel, noise_after
 
 # Tolerance for rounding errors in a generator; its inverse is the largest condition number of the
 # eigenvectors.
@@ -185,14 +185,14 @@ class ModeSpace:
 
     def noise(self, dt: FloatArray | float) -> FloatArray:
         """Return the process noise of each flat mode after `dt` seconds, (..., O, D, D)."""
-        size = len(self.space)
-        noise = np.zeros((*np.shape(dt), len(self.motions), size, size))
-        for index, motion in zip(self._supports, self.motions, strict=True):
-            noise[index] = motion.noise_covariance(dt)
-        return noise
+        return noise_after(dt, self._noise_factors)
 
     @cached_property
-    def _supports(self) -> list[tuple[Any, ...]]:
-        """The index of the rows and columns of each flat mode's support in `noise`."""
-        supports = [motion.support for motion in self.motions]
-        return [(..., mode, *np.ix_(axes, axes)) for mode, axes in enumerate(supports)]
+    def _noise_factors(self) -> FloatArray:
+        """The motions' `noise_factors` by flat mode, (3, O, D, D)."""
+        size = len(self.space)
+        factors = np.zeros((3, len(self.motions), size, size))
+        for by_mode, motion in zip(factors.swapaxes(0, 1), self.motions, strict=True):
+            index = (slice(None), *np.ix_(motion.support, motion.support))
+            by_mode[index] = motion.noise_factors
+        return factors

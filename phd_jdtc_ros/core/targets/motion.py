@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -47,17 +47,31 @@ class MotionModel(Hashable, Protocol):
     def jacobian(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
         """Return the derivatives of `mean` at each row's state; (N, D) to (N, D, D)."""
 
+    @property
+    def noise_factors(self) -> FloatArray:
+        """Factors of dt, dt^2 / 2 and dt^3 / 3 in Q(dt) on the support, (3, K, K)."""
+
     def noise_covariance(self, dt: FloatArray | float) -> FloatArray:
         """Return Q(dt) on the support, (K, K), or one for each of several intervals, (I, K, K)."""
 
 
-def _planar_noise(dt: FloatArray | float, spectral_density: float) -> FloatArray:
-    """Return the covariance of (x, vx, y, vy) after `dt` seconds of white acceleration."""
-    rows = [dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]
-    covariance = np.zeros((*np.shape(dt), 4, 4))
-    covariance[..., :2, :2] = spectral_density * np.array(rows).transpose()
-    covariance[..., 2:, 2:] = covariance[..., :2, :2]
-    return covariance
+def noise_after(dt: FloatArray | float, factors: FloatArray) -> FloatArray:
+    """Return noise covariances after `dt` seconds, (..., K, K), given `noise_factors`."""
+    linear, square, cube = factors
+    noise: FloatArray = np.multiply.outer(dt, linear)
+    noise += np.multiply.outer(dt**2 / 2.0, square)
+    noise += np.multiply.outer(dt**3 / 3.0, cube)
+    return noise
+
+
+def _planar_factors(spectral_density: float) -> FloatArray:
+    """Return the `noise_factors` of (x, vx, y, vy) with white acceleration."""
+    factors = np.zeros((3, 4, 4))
+    for place, speed in ((0, 1), (2, 3)):
+        factors[0, speed, speed] = spectral_density
+        factors[1, place, speed] = factors[1, speed, place] = spectral_density
+        factors[2, place, place] = spectral_density
+    return factors
 
 
 @dataclass(frozen=True)
@@ -88,9 +102,14 @@ class ConstantVelocity:
         matrix[:, X, VX] = matrix[:, Y, VY] = dt
         return matrix
 
+    @cached_property
+    def noise_factors(self) -> FloatArray:
+        """See `MotionModel`, (3, 4, 4)."""
+        return _planar_factors(self.noise_density)
+
     def noise_covariance(self, dt: FloatArray | float) -> FloatArray:
         """Return Q(dt) over (x, vx, y, vy), shape (..., 4, 4)."""
-        return _planar_noise(dt, self.noise_density)
+        return noise_after(dt, self.noise_factors)
 
 
 @dataclass(frozen=True)
@@ -162,12 +181,17 @@ class CoordinatedTurn:
         matrix[:, VY, OMEGA] = dt * (cos * vx - sin * vy)
         return matrix
 
+    @cached_property
+    def noise_factors(self) -> FloatArray:
+        """See `MotionModel`, (3, 5, 5)."""
+        factors = np.zeros((3, 5, 5))
+        factors[:, :4, :4] = _planar_factors(self.noise_density)
+        factors[0, 4, 4] = self.turn_noise_density
+        return factors
+
     def noise_covariance(self, dt: FloatArray | float) -> FloatArray:
         """Return Q(dt) over the whole state, shape (..., 5, 5)."""
-        covariance = np.zeros((*np.shape(dt), 5, 5))
-        covariance[..., :4, :4] = _planar_noise(dt, self.noise_density)
-        covariance[..., 4, 4] = dt * self.turn_noise_density
-        return covariance
+        return noise_after(dt, self.noise_factors)
 
 
 @dataclass(frozen=True)
@@ -193,9 +217,16 @@ class Stationary:
             matrix[:, axis, axis] = 1.0
         return matrix
 
+    @cached_property
+    def noise_factors(self) -> FloatArray:
+        """See `MotionModel`, (3, 2, 2)."""
+        factors = np.zeros((3, 2, 2))
+        factors[0] = self.noise_density * np.eye(2)
+        return factors
+
     def noise_covariance(self, dt: FloatArray | float) -> FloatArray:
         """Return Q(dt) over (x, y), shape (..., 2, 2)."""
-        return np.multiply.outer(dt * self.noise_density, np.eye(2))
+        return noise_after(dt, self.noise_factors)
 
 
 # Motion models by the name in configurations. Configurable fields of a motion are its parameters.
