@@ -57,7 +57,7 @@ class AmplitudeModel:
     ) -> FloatArray:
         """Return log p_D g^tau(a) of every (hypothesis, detection) pair, shape (P,)."""
         row, column = pairs
-        per_class = report.sensor.log_class_likelihood(report.detections, modes.classes)
+        per_class = report.log_class_likelihood(modes.classes)
         place = (modes.class_of * len(report)).take(mode).take(row) + column
         return per_class.take(place)
 
@@ -65,7 +65,7 @@ class AmplitudeModel:
         self, log_snr: FloatArray, report: Report, modes: ModeSpace
     ) -> FloatArray:
         """Return log p_D g^tau(a) of every cell, (C, S), and detection; broadcasts to (C, S, M)."""
-        return report.sensor.log_class_likelihood(report.detections, modes.classes)[:, None]
+        return report.log_class_likelihood(modes.classes)[:, None]
 
     def cells(self, modes: ModeSpace) -> SnrCells:
         """Return the cells of the classes' SNR bands, for weighted hypotheses: one per class."""

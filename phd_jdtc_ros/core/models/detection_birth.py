@@ -71,8 +71,8 @@ class DetectionBirthModel(ReadOnly):
         density of the range rate, and of the probability that the scan's earlier reports missed the
         target. `earlier` has the newborn targets of these reports.
         """
-        sensor, detections = report.sensor, report.detections
-        place = sensor.to_world(detections.measurement)
+        sensor = report.sensor
+        place = sensor.to_world(report.detections.measurement)
         since = self._unseen_s(report, place, modes, dt, looks)
         appeared = self.rate[:, None] * since / modes.interval_s
         left = missed_by([newborn.report for newborn in earlier], place, modes)
@@ -80,7 +80,7 @@ class DetectionBirthModel(ReadOnly):
         with np.errstate(divide="ignore"):
             log_rate = np.log(appeared / sensor.field_size)
             log_left = np.log(left)
-        likelihood = sensor.log_class_likelihood(detections, modes.classes)
+        likelihood = report.log_class_likelihood(modes.classes)
         intensity: FloatArray = log_rate + likelihood + log_left
         if (measured := report.range_rates) is not None:
             toward = sensor.line_of_sight(place)
@@ -144,8 +144,8 @@ class Newborn:
 
 def newborn_of(report: Report, mass: FloatArray, model: DetectionBirthModel) -> Newborn:
     """Return the detections with at least the model's `least_mass`, given masses (M, C)."""
-    kept = np.flatnonzero(mass.sum(axis=1) >= model.least_mass)
-    return Newborn(report, mass).take(kept)
+    born, kept = Newborn(report, mass), mass.sum(axis=1) >= model.least_mass
+    return born if kept.all() else born.take(np.flatnonzero(kept))
 
 
 def missed_by(reports: Sequence[Report], position: FloatArray, modes: ModeSpace) -> FloatArray:

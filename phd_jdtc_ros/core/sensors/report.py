@@ -9,6 +9,7 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray, matches
 from ..learned.detection_chains import LookPrediction
+from ..targets.modes import ClassModel
 from ..types import Coverage, Detections
 from .gaussians import PlanePlots
 from .range_rate import Rates
@@ -140,6 +141,20 @@ class Report:
         if model.ambiguity:
             shows &= model.ambiguity >= LEAST_FOLDS_APART * rates.std
         return np.where(shows, rates.std, np.nan)
+
+    @cached_property
+    def _by_class(self) -> list[FloatArray]:
+        return []
+
+    def log_class_likelihood(self, classes: tuple[ClassModel, ...]) -> FloatArray:
+        """Return the log likelihood of each class and detection, (C, M); computed once.
+
+        See `Sensor.log_class_likelihood`. `classes` are the same for every call.
+        """
+        if not self._by_class:
+            found = self.sensor.log_class_likelihood(self.detections, classes)
+            self._by_class.append(found)
+        return self._by_class[0]
 
     @cached_property
     def log_clutter(self) -> FloatArray:

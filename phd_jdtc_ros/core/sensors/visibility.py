@@ -23,22 +23,22 @@ LEAST_INSIDE = 1e-9
 
 
 def sector_probability(
-    azimuth: FloatArray, sector: Coverage, azimuth_std: FloatArray | float = 0.0
+    azimuth: FloatArray, sector: Coverage, azimuth_std: FloatArray | float | None = None
 ) -> FloatArray:
     """Return the probability that an azimuth of normal density is inside a sector, elementwise.
 
-    The standard deviation is 0 for all, or positive. A target near the edge of a sector is reported
-    in it or in the next one by chance.
+    The standard deviations are positive; None if the azimuths are certain. A target near the edge
+    of a sector is reported in it or in the next one by chance.
     """
     if sector.width > FULL_TURN - TURN_TOLERANCE:
         return np.ones_like(azimuth)
-    if np.ndim(azimuth_std) == 0 and azimuth_std == 0.0:
+    if azimuth_std is None:
         offset = np.mod(azimuth - sector.start, FULL_TURN)
         return (offset <= sector.width).astype(np.float64)
     half, std = 0.5 * sector.width, np.minimum(azimuth_std, WIDEST_STD)
     offset = wrap_angle(azimuth - sector.start - half)
     share: FloatArray = ndtr((offset + half) / std) - ndtr((offset - half) / std)
-    if half + FARTHEST * np.max(std, initial=0.0) > np.pi:
+    if half + FARTHEST * std.max(initial=0.0) > np.pi:
         for turned in (offset - FULL_TURN, offset + FULL_TURN):
             share += ndtr((turned + half) / std) - ndtr((turned - half) / std)
     return share
@@ -70,24 +70,29 @@ class Visibility:
         """
         if std is None or len(self.probabilities) == 1:
             return np.interp(distance, self.ranges, self.probabilities)
-        edges = np.array(self.ranges)
-        edges = edges[(edges > self.min_range) & (edges < self.max_range)]
-        edges = np.concatenate([[self.min_range], edges, [self.max_range]])
-        level = np.interp(edges, self.ranges, self.probabilities)
-        slope = np.diff(level) / np.diff(edges)
+        edges, level, slope = self._parts
         # The normal distribution and density at the edges; over a part, the mean of the deviation
         # is minus the variance times the difference of the density.
         offset = distance[:, None] - edges
         normal = -offset / std[:, None]
-        share = np.diff(ndtr(normal), axis=1)
-        density = np.exp(-0.5 * normal**2) / np.sqrt(2.0 * np.pi)
+        below, density = ndtr(normal), np.exp(-0.5 * normal**2) / np.sqrt(2.0 * np.pi)
+        share = below[:, 1:] - below[:, :-1]
         mean = (level[:-1] + slope * offset[:, :-1]) * share
-        mean -= slope * std[:, None] * np.diff(density, axis=1)
+        mean -= slope * std[:, None] * (density[:, 1:] - density[:, :-1])
         inside = share.sum(axis=1)
         nearest = np.interp(distance, self.ranges, self.probabilities)
         some = inside > LEAST_INSIDE
         expected: FloatArray = mean.sum(axis=1) / np.where(some, inside, 1.0)
         return np.where(some, expected, nearest)
+
+    @cached_property
+    def _parts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Edges of the ranges with a linear probability, its value at each edge, and its slopes."""
+        edges = np.array(self.ranges)
+        edges = edges[(edges > self.min_range) & (edges < self.max_range)]
+        edges = np.concatenate([[self.min_range], edges, [self.max_range]])
+        level = np.interp(edges, self.ranges, self.probabilities)
+        return edges, level, np.diff(level) / np.diff(edges)
 
     def sees(self, measured: FloatArray, std: FloatArray | None = None) -> FloatArray:
         """Return the probability that targets are in the field of view, (N,).
@@ -99,8 +104,8 @@ class Visibility:
         distance, azimuth = measured[:, 0], measured[:, 1]
         if std is None:
             inside = (distance >= self.min_range) & (distance <= self.max_range)
-            certain: FloatArray = inside * self._clear(azimuth)
-            return certain
+            certain = inside.astype(np.float64)
+            return certain if self._arcs is None else certain * self._clear(azimuth)
         seen: FloatArray = ndtr((self.max_range - distance) / std[:, 0])
         if self.min_range > 0.0:
             seen -= ndtr((self.min_range - distance) / std[:, 0])
