@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -25,6 +25,18 @@ RAISED, MOST = 12.0, 24.0
 # Number of expected detections, of the sensor and of a sector, from which later detections are
 # compared with the learned value; the first is also the number of innovations.
 SETTLED, SETTLED_SECTOR = 50.0, 20.0
+
+
+def _of_both(of_sensor: float, of_sector: float) -> FloatArray:
+    """Return the value of the sensor as a whole, and then that of each sector, (1 + A,)."""
+    return np.array([of_sensor, *[of_sector] * AZIMUTHS])
+
+
+# Ratios of the detection probability to the learned one with and without a change, the log
+# likelihood ratio of a detection, and the number of expected detections from which they count.
+CHANGED, UNCHANGED = _of_both(FEWER, BLIND), _of_both(1.0, SHARED)
+OF_DETECTION = _of_both(math.log(FEWER), math.log(BLIND / SHARED))
+KNOWN = _of_both(SETTLED, SETTLED_SECTOR)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,32 +89,23 @@ class ChangeAlarm(ReadOnly):
     def after_trials(self, factor: DetectionFactor, sums: TrialSums) -> ChangeAlarm:
         """Return the alarm after trials that count, given the factor learned before them."""
         usual = factor.by_cell * sums.expected
-        by_cell = np.stack([sums.trials, sums.detected, usual, factor.expected])
-        trials, detected, usual, known = by_cell.reshape(4, RANGES, AZIMUTHS).sum(axis=1)
-        whole = _evidence(trials.sum(), detected.sum(), usual.sum(), FEWER, 1.0)
-        whole = np.where(factor.all_expected >= SETTLED, whole, 0.0)
-        sectors = _evidence(trials, detected, usual, BLIND, SHARED)
-        sectors = np.where(known >= SETTLED_SECTOR, sectors, 0.0)
-        evidence = np.concatenate([[whole], sectors])
-        return replace(self, detection=np.clip(self.detection + evidence, 0.0, MOST))
+        by_cell = np.concatenate([sums.trials, sums.detected, usual, factor.expected])
+        by_sector = by_cell.reshape(4, RANGES, AZIMUTHS).sum(axis=1)
+        both = np.empty((4, 1 + AZIMUTHS))
+        both[:, 0], both[:, 1:] = by_sector.sum(axis=1), by_sector
+        both[3, 0] = factor.all_expected
+        trials, detected, usual, known = both
+        learned = usual / np.where(trials > 0.0, trials, 1.0)
+        learned = np.minimum(np.maximum(learned, 0.01), 0.99)
+        of_miss = np.log((1.0 - CHANGED * learned) / (1.0 - UNCHANGED * learned))
+        evidence = detected * OF_DETECTION + (trials - detected) * of_miss
+        detection = self.detection + np.where(known >= KNOWN, evidence, 0.0)
+        return ChangeAlarm(np.minimum(np.maximum(detection, 0.0), MOST), self.noise)
 
     def after_noise(self, factor: NoiseFactor, evidence: NoiseEvidence) -> ChangeAlarm:
         """Return the alarm after innovations, given the noise that was learned before them."""
         square = evidence.weight + evidence.excess
         ratio = 0.5 * (square * (1.0 - 1.0 / NOISIER) - evidence.weight * math.log(NOISIER))
         ratio = np.where(factor.learned & (factor.weight >= SETTLED), ratio, 0.0)
-        return replace(self, noise=np.clip(self.noise + ratio, 0.0, MOST))
-
-
-def _evidence(
-    trials: FloatArray, detected: FloatArray, usual: FloatArray, ratio: float, against: float
-) -> FloatArray:
-    """Return the log likelihood of `ratio` against that of another one, elementwise.
-
-    Both are ratios to the learned probability. Given are the numbers of trials, of detections, and
-    of detections that the learned probability predicts.
-    """
-    learned = np.clip(usual / np.where(trials > 0.0, trials, 1.0), 0.01, 0.99)
-    of_miss = np.log((1.0 - ratio * learned) / (1.0 - against * learned))
-    evidence: FloatArray = detected * math.log(ratio / against) + (trials - detected) * of_miss
-    return evidence
+        noise = np.minimum(np.maximum(self.noise + ratio, 0.0), MOST)
+        return ChangeAlarm(self.detection, noise)

@@ -36,6 +36,8 @@ class Look(NamedTuple):
 
     def with_born(self, label: IntArray) -> Look:
         """Return the look with targets of larger labels, born at its detections."""
+        if not len(label):
+            return self
         one, nothing = np.ones(len(label)), np.zeros(len(label))
         return Look(
             np.concatenate([self.label, label]),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, NamedTuple
@@ -39,9 +40,10 @@ class TrialSums(NamedTuple):
     expected: FloatArray  # Number of detections expected with the configured probability
     detected: FloatArray  # Number of detections
 
-    def part(self, cells: slice) -> TrialSums:
-        """Return the sums of these cells."""
-        return TrialSums(*(column[cells] for column in self))
+    @property
+    def by_sensor(self) -> Iterator[TrialSums]:
+        """The sums of the cells of each sensor."""
+        return map(TrialSums, *(column.reshape(-1, CELLS) for column in self))
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,16 +28,20 @@ class RatioPrior(NamedTuple):
 
         Given are the log ratio that the data show, and the inverse of its variance; 0 without data.
         """
-        means, variances, log_weights = [], [], []
-        for share, std in ((self.right, self.scale), (1.0 - self.right, self.wide)):
-            # Variance of the shown log ratio relative to that of its error.
-            spread = 1.0 + precision * std**2
-            log_weights.append(
-                np.log(share) - 0.5 * np.log(spread) - 0.5 * precision * log_ratio**2 / spread
-            )
-            means.append(log_ratio * (1.0 - 1.0 / spread))
-            variances.append(std**2 / spread)
-        wrong = 1.0 / (1.0 + np.exp(np.minimum(log_weights[0] - log_weights[1], 500.0)))
-        mean = means[0] + wrong * (means[1] - means[0])
-        apart = wrong * (1.0 - wrong) * (means[1] - means[0]) ** 2
-        return mean, variances[0] + wrong * (variances[1] - variances[0]) + apart
+        evidence = log_ratio, precision
+        of_right, right, of_scale = _given(self.right, self.scale, *evidence)
+        of_wrong, wrong, of_wide = _given(1.0 - self.right, self.wide, *evidence)
+        share = 1.0 / (1.0 + np.exp(np.minimum(of_right - of_wrong, 500.0)))
+        mean = right + share * (wrong - right)
+        apart = share * (1.0 - share) * (wrong - right) ** 2
+        return mean, of_scale + share * (of_wide - of_scale) + apart
+
+
+def _given(
+    share: float, std: float, log_ratio: FloatArray, precision: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the log weight, the mean and the variance of one of the normal distributions."""
+    # Variance of the shown log ratio relative to that of its error.
+    spread = 1.0 + precision * std**2
+    weight = np.log(share) - 0.5 * np.log(spread) - 0.5 * precision * log_ratio**2 / spread
+    return weight, log_ratio * (1.0 - 1.0 / spread), std**2 / spread

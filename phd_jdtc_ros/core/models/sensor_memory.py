@@ -71,15 +71,14 @@ class SensorMemory:
         target if misses are correlated.
         """
         own, sensor = self._of(report.sensor), self.learned(report.sensor)
-        if sensor is not report.sensor:
-            report = replace(report, sensor=sensor)
-        if not self.labelled:
+        earlier = prediction = None
+        if self.labelled:
+            earlier = own.earlier_sectors(report)
+            if (correlation := sensor.correlation) is not None:
+                prediction = own.look_prediction(report, correlation)
+        if sensor is report.sensor and earlier is None and prediction is None:
             return report
-        if (earlier := own.earlier_sectors(report)) is not None:
-            report = replace(report, earlier=earlier)
-        if (correlation := sensor.correlation) is not None:
-            report = replace(report, look_prediction=own.look_prediction(report, correlation))
-        return report
+        return replace(report, sensor=sensor, earlier=earlier, look_prediction=prediction)
 
     def learned(self, sensor: Sensor) -> Sensor:
         """Return a configured sensor with its learned values."""
@@ -182,23 +181,22 @@ class SensorMemory:
         exists and is no clutter before the report, and `after` its existence probability after it,
         (T,).
         """
-        sensor, factor = report.sensor, report.sensor.detection_factor
+        factor, own = report.sensor.detection_factor, self._of(report.sensor)
         cell = np.zeros(len(label), dtype=np.int64)
         expected = np.zeros(len(label))
-        if factor is not None:
-            self._set(sensor, self._of(sensor)._replace(detection=factor))
+        if factor is not None and factor is not own.detection:
+            self._set(report.sensor, own._replace(detection=factor))
         if factor is not None and report.complete:
-            own = factor.cell(measured)
+            cell = factor.cell(measured)
             known = (before >= KNOWN_EXISTENCE) & (probability > LEAST_EXPECTED)
-            expected = np.where(known, probability / factor.by_cell[own], 0.0)
-            cell = own + self._index(report) * CELLS
+            expected = np.where(known, probability / factor.by_cell[cell], 0.0)
+            cell += self._index(report) * CELLS
         share = np.minimum(detected / np.maximum(after, np.finfo(float).tiny), 1.0)
         trials = ReportTrials(label, cell, expected, share, np.minimum(after, 1.0))
         self.trials, sums = self.trials.after(trials, CELLS * len(self.names))
-        for index in np.flatnonzero(sums.trials.reshape(-1, CELLS).any(axis=1)).tolist():
-            name, first = self.names[index], index * CELLS
-            part = sums.part(slice(first, first + CELLS))
-            self.sensors = {**self.sensors, name: self.sensors[name].after_trials(part)}
+        for name, part in zip(self.names, sums.by_sensor, strict=True):
+            if part.trials.any():
+                self.sensors = {**self.sensors, name: self.sensors[name].after_trials(part)}
 
     def learn_noise(self, report: Report, evidence: NoiseEvidence) -> None:
         """Learn from the innovations of one report; see `evidence.evidence_of`."""

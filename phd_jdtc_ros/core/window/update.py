@@ -25,7 +25,7 @@ from ..models.sensor_memory import SensorMemory
 from ..sensors.report import Report
 from ..tracks import labels
 from ..types import Scan
-from .learning import learn, look_at
+from .learning import learn
 from .update_steps import Prior, RowsT, UpdateSteps, existence_and_missed
 
 
@@ -94,12 +94,11 @@ def update(
     log_other = log_intensities(report, steps.model, dt, earlier, evidence, looks)
     posterior = prior.posterior(pairs, evidence, log_other)
 
-    learn(memory, report, steps.model, prior, posterior)
+    look = learn(memory, report, steps.model, prior, posterior)
     if attributes is not None and posterior.evidence is not None:
         attributes.learn(posterior.evidence, posterior.pair_probability, posterior.existence)
     newborn = posterior.sources.newborn(posterior.claimed_probability, report, steps.model)
     newborns = () if newborn is None else (newborn,)
-    look = look_at(report, prior, posterior) if memory.needs_look(given) else None
     return Updated(posterior.rows, newborns, posterior.approximate, given, look)
 
 
