@@ -51,12 +51,10 @@ def particle_filter(config: TrackerConfig) -> ParticleFilter:
     """Return a new forward filter of the particle engine."""
     from phd_jdtc_ros.core.smc.correction import CORRECTORS
     from phd_jdtc_ros.core.smc.filter import ParticleFilter
-    from phd_jdtc_ros.core.targets.sobol import sobol_points
 
     corrector = CORRECTORS[config.recursion.corrector]
-    # Compiled functions and Sobol points are loaded now and not during the first scan.
+    # Compiled functions are loaded now and not during the first scan.
     importlib.import_module("phd_jdtc_ros.core.association.marginals")
-    sobol_points(1, 1)
     return ParticleFilter(config.model, corrector, config.budget, config.seed)
 
 

@@ -9,10 +9,9 @@ import sys
 from phd_jdtc_ros.__main__ import EXECUTABLES, NODES, run
 
 OFTEN = (*(EXECUTABLES[name][0] for name in ("tracker", "sensor_replay", "evaluator")),)
-# Slow imports that nodes make on demand: compiled engines, Sobol points, and the support of
-# message types.
+# Slow imports that nodes make on demand: compiled engines, and the support of message types.
 ON_DEMAND = (
-    *("phd_jdtc_ros.core.gaussian.engine", "phd_jdtc_ros.core.smc.engine", "scipy.stats"),
+    *("phd_jdtc_ros.core.gaussian.engine", "phd_jdtc_ros.core.smc.engine"),
     "rosidl_generator_py",
 )
 

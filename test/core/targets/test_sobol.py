@@ -3,11 +3,22 @@ from subprocess import run
 
 import numpy as np
 import pytest
+from scipy.stats import qmc
 
-from phd_jdtc_ros.core.targets.sobol import BITS, sobol_points
+from phd_jdtc_ros.configuration.engines import ENGINES
+from phd_jdtc_ros.core.targets.sobol import AXES, BITS, sobol_points
+
+DIMENSIONS = range(1, len(AXES) + 1)
 
 
-@pytest.mark.parametrize("dimension", range(1, 8))
+@pytest.mark.parametrize("dimension", DIMENSIONS)
+@pytest.mark.parametrize("count", [1, 2, 64, 1 << 14])
+def test_sobol_points_are_those_of_scipy(dimension, count):
+    expected = qmc.Sobol(dimension, scramble=False, bits=BITS).random(count)
+    np.testing.assert_array_equal(sobol_points(dimension, count), expected)
+
+
+@pytest.mark.parametrize("dimension", DIMENSIONS)
 @pytest.mark.parametrize("log_count", [0, 1, 5, 13])
 def test_sobol_points_have_one_in_every_interval_of_each_axis(dimension, log_count):
     count = 2**log_count
@@ -31,10 +42,17 @@ def test_sobol_points_are_kept_and_cannot_be_changed():
         points[0] = np.nan
 
 
-def test_tracker_of_gaussians_starts_without_the_module_of_sobol_points():
+@pytest.mark.parametrize("dimension", [0, len(AXES) + 1])
+def test_sobol_points_refuse_a_dimension_without_directions(dimension):
+    with pytest.raises(ValueError, match=f"dimension: {dimension} given, must be from 1"):
+        sobol_points(dimension, 2)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_engine_starts_without_the_statistics_of_scipy(engine):
     code = (
         "import sys; from phd_jdtc_ros.configuration import build, engines;"
-        "engines.new_engine(build.resolve({'engine': 'gaussian'}));"
+        f"engines.new_engine(build.resolve({{'engine': '{engine}'}}));"
         "sys.exit('scipy.stats' in sys.modules)"
     )
     assert run([sys.executable, "-c", code], check=False).returncode == 0
