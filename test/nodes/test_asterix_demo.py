@@ -4,12 +4,15 @@ import errno
 import json
 from pathlib import Path
 
+import layouts
 import numpy as np
 import pytest
 from asterix_reference import decoded, value
 from bag_content import messages
+from layout_panels import panels
+from message_paths import values
 
-from msg_adapters import names
+from msg_adapters import interfaces, names, stamps
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.__main__ import run
@@ -26,6 +29,8 @@ SHIPPED = ROOT / "bags" / "two_approach_radars"
 SCENARIO = ROOT / "config" / "scenarios" / "two_approach_radars.yaml"
 # Enough for confirmed tracks of a few aircraft.
 SECONDS, AIRCRAFT = 32, 5
+# Topics of layouts that are shown where there are messages.
+OPTIONAL = {names.clutter_map()}
 
 
 @pytest.fixture(scope="module")
@@ -110,6 +115,9 @@ def test_tracks_that_the_bridge_sent_are_those_of_the_files(live, offline):
 def test_demo_of_a_recording_leaves_what_every_demo_leaves(live):
     metrics = json.loads((live / "metrics.json").read_text())
     assert metrics["engine"] == "gaussian"
+    recorded = BagReader(live / "estimates").types
+    assert names.plot("hypotheses") in recorded
+    assert names.plot("particles") not in recorded
     # The first tracks are confirmed in the third turn.
     assert metrics["scans"] >= SECONDS // 4 - 1
     assert metrics["smoothed"]["all"]["ospa"] < 700.0
@@ -211,3 +219,65 @@ def test_radars_send_to_one_address_where_there_are_no_groups(monkeypatch):
 def test_bag_without_a_recording_has_none():
     assert asterix_demo.recording(resources.bag("terminal_radar")) is None
     assert asterix_demo.recording(SHIPPED) == SHIPPED / asterix_demo.SHIPPED
+
+
+@pytest.fixture(scope="module")
+def tracked(recorded, tmp_path_factory):
+    """Return what tracking the simulated bag wrote, without a detour by ASTERIX."""
+    out = tmp_path_factory.mktemp("tracked") / "bag"
+    assert run("track_bag", [str(recorded), "--out", str(out)]) == 0
+    return out
+
+
+@pytest.fixture(params=["layout", "earth", "offline", "offline_earth"])
+def shown(request, live, tracked):
+    """Return the name of a layout, and a recording with all that it may show."""
+    of_nodes = request.param not in layouts.VIEWS or layouts.VIEWS[request.param].live
+    return request.param, BagReader(live / "estimates" if of_nodes else tracked)
+
+
+def drawn(bag, series):
+    """Return the points of a series that a viewer draws: those within the recording's time."""
+    topic, _, path = series["value"].partition(".")
+    entries = list(bag.messages([topic]))
+    times = [entry.log_time_ns for entry in bag.messages([*bag.types])]
+    points = []
+    for entry in entries:
+        message = interfaces.decode(entry.data, bag.types[topic])
+        if series["timestampMethod"] == "headerStamp":
+            time_ns = stamps.to_ns(message.header.stamp)
+        else:
+            time_ns = entry.log_time_ns
+        if min(times) <= time_ns <= max(times):
+            points += [float(value) for value in values(message, f".{path}")]
+    return points
+
+
+@pytest.mark.live
+def test_layout_draws_every_plot_of_its_recording(shown):
+    name, bag = shown
+    plotted = [series for panel in panels(name, "Plot") for series in panel["paths"]]
+    assert plotted
+    for series in plotted:
+        assert drawn(bag, series), series["value"]
+
+
+@pytest.mark.live
+def test_layout_shows_topics_that_its_recording_has(shown):
+    name, bag = shown
+    (scene,) = panels(name, "3D")
+    for topic in scene["topics"].keys() - OPTIONAL:
+        assert bag.types[topic] in {names.CLOUD, names.MARKERS}
+        assert bag.counts[topic], topic
+    for panel in panels(name, "DiagnosticSummary"):
+        assert bag.counts[panel["topicToRender"]]
+    for earth in panels(name, "map"):
+        fixes = {topic for topic, kind in bag.types.items() if kind == names.FIX}
+        places = [
+            interfaces.decode(entry.data, names.FIX)
+            for entry in bag.messages([*fixes - {*earth["disabledTopics"]}])
+        ]
+        assert places
+        assert all(abs(fix.latitude - 50.0) < 2.0 for fix in places)
+        # Viewers leave out what has no fix.
+        assert all(fix.status.status >= 0 for fix in places)

@@ -114,3 +114,10 @@ def test_targets_that_a_profile_takes_for_clutter_are_not_scored(
 
     scored = processes.reporting(bag("coastal"), config, tmp_path, cutoff)["least_speed"]
     assert scored == config.least_speed == least_speed
+
+
+def test_poses_of_a_radar_that_moves_are_recorded_with_its_detections(given, tmp_path):
+    config, cutoff = given("--bag", "autoferry_2")
+    found = processes.reporting(bag("autoferry_2"), config, tmp_path, cutoff)
+    (radar,) = config.inputs
+    assert found["record_topics"] == f"[{radar.topic}, /own_ship/odometry odometry]"
