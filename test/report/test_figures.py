@@ -17,7 +17,8 @@ from records import (
 )
 
 from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
-from phd_jdtc_ros.report.pictures import figures
+from phd_jdtc_ros.report import style
+from phd_jdtc_ros.report.pictures import figures, maps
 from phd_jdtc_ros.report.pictures.figures import write_all
 from phd_jdtc_ros.report.record import RadarPlots
 from phd_jdtc_ros.report.units import Clock
@@ -35,6 +36,13 @@ def png_size(path: Path):
     data = path.read_bytes()
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
     return struct.unpack(">II", data[16:24])
+
+
+@pytest.fixture
+def few_pixels(monkeypatch):
+    """Draw pictures whose size is not looked at with fewer pixels, which take less time."""
+    for module in (style, maps):
+        monkeypatch.setattr(module, "DPI", 20)
 
 
 def without_pixels(record):
@@ -75,6 +83,7 @@ def plots_of(position, amplitude):
 UNKNOWN_AMPLITUDE = plots_of([[0.0, 0.0], [1e3, 1e3]], [np.nan, 0.0])
 
 
+@pytest.mark.usefixtures("few_pixels")
 @pytest.mark.parametrize(
     ("parts", "pictures"),
     [
@@ -97,6 +106,7 @@ def test_write_all_draws_what_the_record_has(tmp_path, parts, pictures):
     assert set(written(record_of(**parts), tmp_path)) == pictures
 
 
+@pytest.mark.usefixtures("few_pixels")
 def test_write_all_leaves_global_settings_alone(tmp_path):
     before = dict(matplotlib.rcParams)
 
@@ -169,6 +179,7 @@ def test_single_class_is_drawn_once_by_its_name():
 LEARNED = ClutterRaster((-3000.0, 1000.0), 50.0, np.where(np.eye(20, 40, 7) > 0.0, 200.0, 0.0))
 
 
+@pytest.mark.usefixtures("few_pixels")
 def test_learned_clutter_is_a_picture_of_its_own_where_it_lies(tmp_path):
     record = replace(record_of(2), clutter=LEARNED)
     assert set(written(record, tmp_path)) == {*EVERYTHING, "clutter"}
@@ -181,6 +192,6 @@ def test_learned_clutter_is_a_picture_of_its_own_where_it_lies(tmp_path):
     assert np.ma.is_masked(shown[3, 11]) or np.isnan(shown[3, 11])
 
 
-def test_a_picture_of_no_clutter_is_left_out(tmp_path):
+def test_a_picture_of_no_clutter_is_left_out():
     nothing = replace(LEARNED, density=np.zeros((4, 4)))
-    assert "clutter" not in written(replace(record_of(2), clutter=nothing), tmp_path)
+    assert "clutter" not in without_pixels(replace(record_of(2), clutter=nothing))

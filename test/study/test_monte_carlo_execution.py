@@ -29,9 +29,10 @@ def seeds(outcomes):
     return sorted(outcome.task.seed for outcome in outcomes)
 
 
-def test_workers_do_what_perform_does(run, tasks):
+def test_dask_workers_do_what_perform_does(cluster, tasks):
+    """Those of a pool do too: see `test_main_gives_the_same_bytes_however_it_is_run`."""
     found = []
-    run(tasks, found.append)
+    monte_carlo.run_on_dask(tasks, cluster, found.append)
 
     assert seeds(found) == [0, 1]
     for each in found:

@@ -59,6 +59,7 @@ def rows_of(out):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.usefixtures("in_process")
 def test_main_writes_everything(start, study):
     status, out = start()
 

@@ -182,7 +182,8 @@ def test_the_peer_has_no_estimates_without_plots():
 SCENARIO = {
     "interval_s": 1.0,
     "scans": 61,
-    "parameters": PARAMETERS,
+    # Targets of the other engine are followed above.
+    "parameters": {**PARAMETERS, "engine": "gaussian"},
     "traffic": {"aircraft": 4, "taxiing": 1, "radius": 4e4},
 }
 STUDY = {

@@ -33,6 +33,8 @@ HARBOUR = {
     "rest.noise_density": 0.01,
     "detection_births.rates": [0.05, 0.05],
     "detection_births.velocity_std": 5.0,
+    "particles_per_target": 300,
+    "particles_per_birth": 512,
     "radar.range_std": 5.0,
     "radar.azimuth_std_deg": 1.0,
     "radar.max_range": 500.0,
