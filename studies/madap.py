@@ -20,7 +20,7 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.arrays import FloatArray, wrap_angle
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import SOURCES, Truth
-from phd_jdtc_ros.evaluation.comparison import PointSet
+from phd_jdtc_ros.evaluation.comparison import PointSet, expected_speed
 from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
@@ -132,7 +132,8 @@ def errors_of(truth: Sequence[Truth], found: Sequence[PointSet]) -> Errors:
     Notes
     -----
     Assumptions: tracks are assigned to flights by distance, within `CUTOFF_NM`; the first
-    `SETTLING_S` are left out; a flight is in a turn exactly where its true turn rate is not zero.
+    `SETTLING_S` are left out; a flight is in a turn exactly where its true turn rate is not zero;
+    a track's ground speed is the expected one, `expected_speed`.
     """
     rows: list[FloatArray] = [np.zeros((0, 4))]
     expected = 0
@@ -141,18 +142,22 @@ def errors_of(truth: Sequence[Truth], found: Sequence[PointSet]) -> Errors:
             continue
         expected += len(targets.state)
         i, j = assign(targets.position, points.position, CUTOFF_NM * METRES_PER_NM)
-        if points.velocity is None or not len(i):
+        paired, velocity = points.only(j), targets.velocity[i]
+        if paired.velocity is None or not len(i):
             continue
-        away = np.hypot(*(points.position[j] - targets.position[i]).T) / METRES_PER_NM
-        (speed, course), (true_speed, true_course) = (
-            (np.hypot(*velocity.T), np.arctan2(velocity[:, 1], velocity[:, 0]))
-            for velocity in (points.velocity[j], targets.velocity[i])
-        )
-        heading = np.degrees(wrap_angle(true_course - course))
+        away = np.hypot(*(paired.position - targets.position[i]).T) / METRES_PER_NM
+        speed = expected_speed(paired.velocity, paired.velocity_covariance)
+        faster = (speed - np.hypot(*velocity.T)) / MPS_PER_KT
+        heading = np.degrees(wrap_angle(_course(velocity) - _course(paired.velocity)))
         turning = targets.state[i, targets.space.turn_rate] != 0.0
-        rows.append(np.column_stack([away, (speed - true_speed) / MPS_PER_KT, heading, turning]))
+        rows.append(np.column_stack([away, faster, heading, turning]))
     position, speed, heading, turning = np.concatenate(rows).T
     return Errors(position, speed, heading, turning > 0.0, expected)
+
+
+def _course(velocity: FloatArray) -> FloatArray:
+    """Return directions from the x axis, radians, anticlockwise."""
+    return np.arctan2(velocity[:, 1], velocity[:, 0])
 
 
 def figures_of(errors: Errors) -> dict[str, float | None]:
@@ -210,17 +215,27 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
 
 def _tables(found: Figures) -> list[Table | str]:
     figures: Mapping[str, Mapping[str, Any]] = found["figures"]
+    widths = found.get("half_width", {}).get("figures", {})
     rows = []
     for figure in FIGURES:
-        values = [figure.multi_radar, figure.single_radar]
-        values += [of_one[figure.name] for of_one in figures.values()]
-        cells = ["-" if v is None else f"{v:{figure.form}} {figure.unit}".rstrip() for v in values]
-        rows.append((figure.name, *cells))
+        values = [(figure.multi_radar, None), (figure.single_radar, None)]
+        values += [
+            (of_one[figure.name], widths.get(name, {}).get(figure.name))
+            for name, of_one in figures.items()
+        ]
+        rows.append((figure.name, *(_cell(figure, *value) for value in values)))
     heading = "MADAP benchmark, manoeuvring flights"
     return [
         table(heading, "figure", "published", "one radar", *figures, rows=rows),
         f"CPU per update of all tracks: {found['cpu_per_update_ms']:.0f} ms",
     ]
+
+
+def _cell(figure: Figure, value: float | None, half_width: float | None) -> str:
+    if value is None:
+        return "-"
+    interval = "" if half_width is None else f" ± {half_width:{figure.form}}"
+    return f"{value:{figure.form}}{interval} {figure.unit}".rstrip()
 
 
 STUDY = Study(

@@ -20,6 +20,7 @@ from phd_jdtc_ros import output_files
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 from phd_jdtc_ros.simulation.scenario import Scenario
+from phd_jdtc_ros.study.monte_carlo.results import Mean
 from phd_jdtc_ros.tools import command
 
 OUT = Path("out/study")
@@ -59,7 +60,8 @@ class Study:
     # Adds the study's own arguments.
     add_arguments: Callable[[ArgumentParser], None] = lambda _: None
     # Combines the figures of all seeds, for tables and for goals that single seeds cannot have.
-    # None for means of figures and of the seeds' goals.
+    # None for means of figures and of the seeds' goals; the figures of several seeds then have
+    # half the widths of their 95 % intervals, in the same form, in `half_width`.
     combined: Callable[[Sequence[Figures]], Figures] | None = None
     # Returns pictures by file name.
     pictures: Callable[[Figures], Mapping[str, Figure]] = lambda _: {}
@@ -118,6 +120,8 @@ def _work(study: Study, arguments: argparse.Namespace) -> int:
         return FAILED
     if study.combined is None:
         figures, goals = mean(found), _mean_goals([study.goals(each) for each in found])
+        if len(found) > 1:
+            figures["half_width"] = half_width(found)
     else:
         figures = study.combined(found)
         goals = study.goals(figures)
@@ -136,16 +140,23 @@ def _work(study: Study, arguments: argparse.Namespace) -> int:
 
 def mean(found: Sequence[Any]) -> Any:
     """Return the means of figures over seeds; entries other than numbers are the first seed's."""
+    return found[0] if len(found) == 1 else _over_seeds(found, lambda runs: float(np.mean(runs)))
+
+
+def half_width(found: Sequence[Any]) -> Any:
+    """Return half the widths of the 95 % intervals of the figures' means over several seeds."""
+    return _over_seeds(found, lambda runs: Mean.of(np.array(runs, dtype=float)).half_width)
+
+
+def _over_seeds(found: Sequence[Any], value: Callable[[Sequence[float]], float]) -> Any:
     first = found[0]
-    if len(found) == 1:
-        return first
     if any(each is None for each in found):
         return None
     if isinstance(first, Mapping):
-        return {key: mean([each.get(key) for each in found]) for key in first}
+        return {key: _over_seeds([each.get(key) for each in found], value) for key in first}
     if isinstance(first, list):
-        return [mean(each) for each in zip(*found, strict=True)]
-    return float(np.mean(found)) if isinstance(first, (int, float)) else first
+        return [_over_seeds(each, value) for each in zip(*found, strict=True)]
+    return value(found) if isinstance(first, (int, float)) else first
 
 
 def _mean_goals(found: Sequence[list[Goal]]) -> list[Goal]:

@@ -47,6 +47,8 @@ class PointSet:
     height: FloatArray | None = None  # Metres, (T,); NaN where unknown, None if all are unknown
     # True if each track had no detection in its last scan or turn, (T,); None if unknown.
     coasting: BoolArray | None = None
+    # Covariance of the velocities, (m/s)^2, (T, 2, 2); None if unknown.
+    velocity_covariance: FloatArray | None = None
 
     @staticmethod
     def of(targets: Truth | Estimates) -> PointSet:
@@ -89,6 +91,21 @@ class PointSet:
         if not label.all() or len(np.unique(label)) < len(label):
             return None
         return LabelledPoints(label, self.position)
+
+
+def expected_speed(velocity: FloatArray, covariance: FloatArray | None) -> FloatArray:
+    """Return the expected ground speeds, metres per second, (T,), of uncertain velocities, (T, 2).
+
+    The mean of velocities of different courses is shorter than they are. The variance across the
+    course, if the covariance is known, makes up for that to second order.
+    """
+    length: FloatArray = np.hypot(*velocity.T)
+    if covariance is None:
+        return length
+    course = velocity / np.maximum(length, np.finfo(float).tiny)[:, None]
+    across = np.column_stack([-course[:, 1], course[:, 0]])
+    variance = np.einsum("ti,tij,tj->t", across, covariance, across)
+    return np.asarray(np.sqrt(length**2 + variance))
 
 
 @dataclass(frozen=True)

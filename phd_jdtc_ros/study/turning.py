@@ -159,6 +159,7 @@ def at_stamps(
                 newest.class_id,
                 track_id=newest.track_id,
                 velocity=newest.velocity,
+                velocity_covariance=newest.velocity_covariance,
                 height=_heights_after(newest, (stamp_ns - known_ns[last]) * 1e-9),
                 coasting=newest.track_state == COASTING,
             )

@@ -111,13 +111,14 @@ class Tracker:
         """Return the confirmed tracks at a time."""
         self._end_tracks(time)
         rows = np.flatnonzero(self.hits >= self.settings.hits)
-        mean, _ = self._predict(rows, np.full(len(rows), time))
+        mean, covariance = self._predict(rows, np.full(len(rows), time))
         class_id = np.zeros(len(rows), dtype=np.int64)
         return PointSet(
             mean[:, POSITION],
             class_id,
             track_id=self.number[rows],
             velocity=mean[:, VELOCITY],
+            velocity_covariance=covariance[:, VELOCITY][:, :, VELOCITY],
             coasting=time - self.time[rows] > SEEN_TURNS * self.rotations.min(),
         )
 

@@ -119,7 +119,14 @@ class Estimates(_Targets):
     @property
     def position_covariance(self) -> FloatArray:
         """Covariances of the positions, square metres, shape (T, 2, 2)."""
-        axes = list(self.space.position)
+        return self._covariance_of(self.space.position)
+
+    @property
+    def velocity_covariance(self) -> FloatArray:
+        """Covariances of the velocities, (m/s)^2, shape (T, 2, 2)."""
+        return self._covariance_of(self.space.velocity)
+
+    def _covariance_of(self, axes: tuple[int, ...]) -> FloatArray:
         return self.covariance[:, axes][:, :, axes]
 
     def __post_init__(self) -> None:
