@@ -58,11 +58,11 @@ def measure(quick: bool) -> dict[str, Any]:
     config = traffic.configuration(CHANGES)
     new_engine(config)  # compiles what no earlier run has stored, which takes longer than a start
     scene = traffic.scene(traffic.SETTLING + turns, config, 0, AIRCRAFT)
-    reports = simulate_reports(scene, config.inputs, seed=0)
+    reports = simulate_reports(scene, config.radars, seed=0)
     settling = traffic.SETTLING * traffic.SECTORS
     with tempfile.TemporaryDirectory() as name, contextlib.ExitStack() as stack:
         directory = Path(name)
-        site = stack.enter_context(contextlib.closing(_Site(reports, config.inputs[0].rotation_s)))
+        site = stack.enter_context(contextlib.closing(_Site(reports, config.radars[0].rotation_s)))
         log = directory / "bridge.log"
         stack.enter_context(live.node("tracker", directory / "tracker.log", *_tracker(directory)))
         stack.enter_context(live.node("asterix_bridge", log, *_bridge(site)))

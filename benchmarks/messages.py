@@ -91,7 +91,7 @@ def _whole(node: Any) -> Callable[[], None]:
     subscriptions = {subscription.topic_name: subscription for subscription in node.subscriptions}
     inputs = [
         (subscriptions[radar.topic].callback, detections.to_msg(report, 0, radar.frame))
-        for report, radar in zip(_reports(len(config.inputs)), config.inputs, strict=True)
+        for report, radar in zip(_reports(len(config.radars)), config.radars, strict=True)
     ]
     stamp_s = STAMP_S
 
@@ -117,7 +117,7 @@ def _parts(node: Any) -> dict[str, Callable[[], None]]:
     names = tuple(model.name for model in config.model.modes.classes)
     clouds = [
         (detections.to_msg(report, STAMP_S * 10**9, radar.frame), radar)
-        for report, radar in zip(_reports(len(config.inputs)), config.inputs, strict=True)
+        for report, radar in zip(_reports(len(config.radars)), config.radars, strict=True)
     ]
     found = _estimates(len(names))
     outputs = {

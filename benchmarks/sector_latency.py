@@ -53,13 +53,13 @@ def of_turns(turns: int, engine: str) -> dict[str, Any]:
     config = traffic.configuration({**traffic.AT_EVERY_SECTOR, "engine": engine})
     new_engine(config)  # compiles what no earlier run has stored, which takes longer than a start
     scene = traffic.scene(traffic.SETTLING + turns, config, seed=0)
-    reports = simulate_reports(scene, config.inputs, seed=0)
+    reports = simulate_reports(scene, config.radars, seed=0)
     settling = traffic.SETTLING * traffic.SECTORS
-    sector_ns = round(1e9 * config.inputs[0].rotation_s / traffic.SECTORS)
+    sector_ns = round(1e9 * config.radars[0].rotation_s / traffic.SECTORS)
     with tempfile.TemporaryDirectory() as directory, contextlib.ExitStack() as stack:
         log = Path(directory) / "tracker.log"
         stack.enter_context(live.node("tracker", log, *_arguments(engine)))
-        radars = stack.enter_context(contextlib.closing(Radars(config.inputs)))
+        radars = stack.enter_context(contextlib.closing(Radars(config.radars)))
         if not radars.connected(live.START_S):
             return {"value": None, "reason": f"no tracker was found: {log.read_text()[-500:]}"}
         if not _settle(radars, reports[:settling], sector_ns):

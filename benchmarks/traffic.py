@@ -56,7 +56,7 @@ def scene(turns: int, config: TrackerConfig, seed: int, aircraft: int = AIRCRAFT
         Of the speeds and the headings.
     """
     rng = np.random.default_rng(seed)
-    rotation_s = config.inputs[0].rotation_s
+    rotation_s = config.radars[0].rotation_s
     half_s = 0.5 * turns * rotation_s
     return Scenario(
         start_ns=START_NS,

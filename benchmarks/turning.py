@@ -67,9 +67,9 @@ def cost(turns: int, settling: int = traffic.SETTLING) -> dict[str, Any]:
 def _by_turn(config: TrackerConfig, turns: int) -> Iterator[Sequence[SimulatedReport]]:
     """Yield the reports of one turn after the other."""
     scene = traffic.scene(turns, config, seed=0)
-    reports = iter(simulate_reports(scene, config.inputs, seed=0))
+    reports = iter(simulate_reports(scene, config.radars, seed=0))
     for _ in range(turns):
-        yield list(itertools.islice(reports, max(config.inputs[0].sectors, 1)))
+        yield list(itertools.islice(reports, max(config.radars[0].sectors, 1)))
 
 
 def _take(pipeline: Pipeline, reports: Sequence[SimulatedReport]) -> float:

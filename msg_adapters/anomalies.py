@@ -3,27 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
 
 from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
+from phd_jdtc_ros.configuration.sensor_parameters import SensorParameters
 
 # A radar is worse than configured if it detects targets with less than this share of the configured
 # probability, or if its noise is larger by this factor, each with this many standard deviations.
 WORSE_DETECTION, WORSE_NOISE, SURE = 0.75, 1.5, 3.0
 # The warning ends beyond these bounds, so that it does not come and go with chance.
 MENDED_DETECTION, MENDED_NOISE = 0.85, 1.3
-# Components whose noise is learned, as warnings name them.
-NOISY = {"range": "range", "azimuth": "azimuth", "range_rate": "range rate"}
+# Parameters of the noise of components, if their names are not COMPONENT_std.
+DEVIATIONS = {"azimuth": "azimuth_std_deg"}
 
 
-def of(radar: RadarParameters, counts: Mapping[str, int]) -> Iterator[str]:
-    """Yield a warning for each kind of anomaly in a radar's reports."""
+def of(sensor: SensorParameters, counts: Mapping[str, int]) -> Iterator[str]:
+    """Yield a warning for each kind of anomaly in a sensor's reports."""
     for what, count in counts.items():
-        yield _TEXTS[what](radar, count)
+        yield _TEXTS[what](sensor, count)
 
 
-def no_amplitude(radar: RadarParameters) -> str:
+def no_amplitude(radar: SensorParameters) -> str:
     """Return the warning about a radar whose messages have no amplitudes."""
     return (
         f"{radar.topic}: no field {radar.fields.amplitude!r}; "
@@ -31,7 +33,7 @@ def no_amplitude(radar: RadarParameters) -> str:
     )
 
 
-def turn_found(radar: RadarParameters, turn_s: float) -> str:
+def turn_found(radar: SensorParameters, turn_s: float) -> str:
     """Return the warning about a radar whose time of a turn, s, is estimated and not configured."""
     return (
         f"{radar.topic}: the estimated time of a turn is {turn_s:.3f} s; set "
@@ -56,11 +58,13 @@ def of_noise(fit: Fit) -> str | None:
         factor, wrong = 1.0 / math.sqrt(fit.ratio_to_expected), "smaller"
     else:
         return None
-    ranges, azimuths = fit.axes
+    axes = zip(fit.components, fit.axes, strict=True)
+    parameters = (DEVIATIONS.get(each, f"{each}_std") for each in fit.components)
+    deviations = " and ".join(f"{component}s {ratio:.2g}" for component, ratio in axes)
     return (
-        f"innovations are {factor:.2g} times {wrong} than the noise predicts (ranges {ranges:.2g} "
-        f"and azimuths {azimuths:.2g} of its standard deviations); check {fit.radar}.range_std and "
-        "azimuth_std_deg, or the fields of standard deviations; tune finds them in a recording"
+        f"innovations are {factor:.2g} times {wrong} than the noise predicts ({deviations} of its "
+        f"standard deviations); check {fit.radar}.{' and '.join(parameters)}, or the fields of "
+        "standard deviations; tune finds them in a recording"
     )
 
 
@@ -79,12 +83,10 @@ def of_learned(radar: str, figures: Mapping[str, float], warned: bool = False) -
         given, std = figures[f"{name}_set"], figures[f"{name}_std"]
         if found < least * given and given - found > sure * std:
             worse.append(f"it detects targets with probability {found:.2f}, set is {given:.2f}")
-    for component, name_of in NOISY.items():
-        ratio = figures.get(name := f"{radar}.{component}_noise_ratio")
-        if ratio is None:
-            continue
+    for component in _components(radar, "_noise_ratio", figures):
+        ratio = figures[name := f"{radar}.{component}_noise_ratio"]
         if ratio > most and ratio - 1.0 > sure * figures[f"{name}_std"]:
-            worse.append(f"its {name_of} noise is {ratio:.2g} times the one that is set")
+            worse.append(f"its {_words(component)} noise is {ratio:.2g} times the one that is set")
     if not worse:
         return None
     return f"worse than set, and tracked as found: {'; '.join(worse)}"
@@ -95,13 +97,23 @@ def of_changes(radar: str, figures: Mapping[str, float]) -> str | None:
     changed = []
     if f"{radar}.fewer_detections" in figures:
         changed.append("it detects fewer targets")
-    for component, name_of in NOISY.items():
-        if f"{radar}.{component}_noisier" in figures:
-            changed.append(f"its {name_of} noise is larger")
+    for component in _components(radar, "_noisier", figures):
+        changed.append(f"its {_words(component)} noise is larger")
     blind = figures.get(f"{radar}.blind_azimuth_deg")
     if blind is not None:
         changed.append(f"it detects next to nothing about {blind:.0f} degrees from its x axis")
     return f"not what it was until now: {'; '.join(changed)}" if changed else None
+
+
+def _components(sensor: str, ending: str, figures: Iterable[str]) -> Iterator[str]:
+    """Yield the components of which there is a figure with this ending."""
+    for name in figures:
+        if name.startswith(f"{sensor}.") and name.endswith(ending):
+            yield name.removeprefix(f"{sensor}.").removesuffix(ending)
+
+
+def _words(component: str) -> str:
+    return component.replace("_", " ")
 
 
 def _beyond_a_turn(radar: RadarParameters, count: int) -> str:
@@ -140,7 +152,8 @@ def _without_height(radar: RadarParameters) -> str:
     return f"{radar.name}.assumed_height, {radar.assumed_height:g} m, is assumed"
 
 
-_TEXTS: Mapping[str, Callable[[RadarParameters, int], str]] = {
+# The warnings by anomaly, each of the parameters of a sensor of the kind that has it.
+_TEXTS: Mapping[str, Callable[[Any, int], str]] = {
     "azimuths_beyond_a_turn": _beyond_a_turn,
     "detections_repeated": lambda radar, count: (
         f"{count} detections that repeat another one of their report in every field; each is used "

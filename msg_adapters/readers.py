@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
+from phd_jdtc_ros.configuration.sensor_parameters import SensorParameters
 from phd_jdtc_ros.core.types import Detections
 
 from . import detections, interfaces, names, radar_scan
@@ -15,15 +16,15 @@ from .selection import Report
 
 @dataclass(frozen=True)
 class Reader:
-    """Decoder and encoder of one message type."""
+    """Decoder and encoder of one message of a kind of sensor."""
 
     type_name: str  # Such as ``sensor_msgs/msg/PointCloud2``
-    # Decodes a message to a `Report`, given the radar's input; raises `RejectedMessageError`.
-    from_msg: Callable[[Any, RadarParameters], Report]
+    # Decodes a message to a `Report`, given the sensor's parameters; raises `RejectedMessageError`.
+    from_msg: Callable[[Any, Any], Report]
     # Decodes a recorded message's bytes likewise; the message's package need not be installed.
-    from_cdr: Callable[[bytes, RadarParameters], Report]
-    # Encodes detections, given a stamp and the radar's input.
-    to_cdr: Callable[[Detections, int, RadarParameters], bytes]
+    from_cdr: Callable[[bytes, Any], Report]
+    # Encodes detections, given a stamp and the sensor's parameters.
+    to_cdr: Callable[[Detections, int, Any], bytes]
     # Definition and hash of the type, for bags; empty if they come from the installed package.
     definition: str = ""
     type_hash: str = ""
@@ -54,6 +55,6 @@ READERS = {
 }
 
 
-def reader_of(radar: RadarParameters) -> Reader:
-    """Return the decoder and encoder of a radar's messages."""
-    return READERS[radar.message]
+def reader_of(sensor: SensorParameters) -> Reader:
+    """Return the decoder and encoder of a sensor's messages."""
+    return READERS[sensor.message]

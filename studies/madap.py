@@ -207,7 +207,7 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
         source: turning.at_stamps(found[source], stamps, 2.0 * scenario.interval_s)
         for source in SOURCES
     }
-    reports = simulate_reports(scenario, config.inputs, seed)
+    reports = simulate_reports(scenario, config.radars, seed)
     points[PEER] = follow(reports, scenario.radars, stamps)
     figures = {name: figures_of(errors_of(truth, of_one)) for name, of_one in points.items()}
     return {"figures": figures, "cpu_per_update_ms": 1e3 * spent_s / scenario.scans}

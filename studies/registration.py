@@ -73,7 +73,7 @@ def registration_of(scenario: Scenario, config: TrackerConfig, seed: int) -> Reg
     RegistrationError
         If no bias is observable.
     """
-    reports = simulate_reports(scenario, config.inputs, seed)
+    reports = simulate_reports(scenario, config.radars, seed)
     sensors = []
     for index, radar in enumerate(scenario.radars):
         own = [(each.stamp_ns, each.detections) for each in reports if each.radar == index]
@@ -100,7 +100,7 @@ def errors_of_tracks(
     given = {**parameters, "seed": seed}
     plain = resolve(given)
     corrections: dict[str, Any] = {}
-    for layout, each in zip(plain.inputs, found.radars, strict=True):
+    for layout, each in zip(plain.radars, found.radars, strict=True):
         corrections |= layout.bias_parameters(each.bias)
     runs = (
         (replace(scenario, biases=()), plain),

@@ -11,9 +11,10 @@ from pathlib import Path
 from msg_adapters import names, outputs, plots
 from phd_jdtc_ros.asterix_bridge import settings as bridge
 from phd_jdtc_ros.configuration import replaced, tracker_node
-from phd_jdtc_ros.configuration.parameters import GROUPS as PARTS
-from phd_jdtc_ros.configuration.parameters import TOP, schema
 from phd_jdtc_ros.configuration.schema import Parameter
+from phd_jdtc_ros.configuration.sensor_kinds import TABLES
+from phd_jdtc_ros.configuration.tables import GROUPS as PARTS
+from phd_jdtc_ros.configuration.tables import TOP, schema
 from phd_jdtc_ros.evaluation.metric_table import GROUPS, PLOTTED, PUBLISHED, TERMS
 from phd_jdtc_ros.handover import settings as hand_over
 from phd_jdtc_ros.parameter_files import evaluator, proposed_file, sensor_replay
@@ -38,10 +39,13 @@ _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
         "and `qos_overrides.TOPIC.subscription.{reliability,history,depth,deadline}` (ns).",
         TOP,
     ),
-    (
-        "tracker, for every name in `sensors`",
-        "Names are prefixed: `radar_1.position`.",
-        PARTS["sensors"],
+    *(
+        (
+            f"tracker, for every {kind} in `sensors`",
+            f"`kind` is {kind}. Names are prefixed: `radar_1.position`.",
+            own,
+        )
+        for kind, own in TABLES.items()
     ),
     *((f"tracker, for every name in `{name}`", "", PARTS[name]) for name in list(PARTS)[1:]),
     ("tracker, as a node", "The offline executables do not have these.", tracker_node.TABLE),

@@ -42,10 +42,10 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[RadarReport]:
     """
     time_ns = stamps_ns(columns)
     found = []
-    for index, rows in enumerate(_rows_of_radars(columns, config.inputs)):
+    for index, rows in enumerate(_rows_of_radars(columns, config.radars)):
         if not len(rows):
             continue
-        radar = config.inputs[index]
+        radar = config.radars[index]
         sent = _sent({name: column[rows] for name, column in columns.items()}, config, index)
         timed = radar.fields.time == TIME
         stamp_ns = _ends_ns(time_ns[rows], radar) if timed else time_ns[rows]
@@ -62,7 +62,7 @@ def report_of(stamp_ns: int, columns: Columns, config: TrackerConfig, index: int
     count = len(next(iter(columns.values()), ()))
     none: FloatArray = np.zeros(0)
     sent = _sent(columns, config, index) if count else {"range": none, "azimuth": none}
-    return _report(stamp_ns, sent, np.arange(count), config.inputs[index])
+    return _report(stamp_ns, sent, np.arange(count), config.radars[index])
 
 
 def _rows_of_radars(columns: Columns, radars: Sequence[RadarParameters]) -> Iterator[IntArray]:
@@ -103,7 +103,7 @@ def _quiet_ns(ends_ns: Sequence[int], step_ns: int) -> list[int]:
 
 def _sent(columns: Columns, config: TrackerConfig, index: int) -> selection.Columns:
     """Return the columns of one radar by quantity, in the radar's convention."""
-    radar = config.inputs[index]
+    radar = config.radars[index]
     names = sent_columns.names_of(radar)
     if radar.fields.time == TIME:
         # Reports are split by time here, and not by the radar's sectors.
@@ -155,5 +155,5 @@ def _report(
 
 def beyond_any_range(config: TrackerConfig) -> TrackerConfig:
     """Return a configuration that also reads detections beyond the radars' maximum ranges."""
-    inputs = tuple(replace(radar, max_range=math.inf) for radar in config.inputs)
+    inputs = tuple(replace(radar, max_range=math.inf) for radar in config.radars)
     return replace(config, inputs=inputs)

@@ -64,13 +64,13 @@ def simulate(
     run = paper_scenario(radars) if document is None else scenario_file.resolve(document, radars)
     if run.platform is not None:
         raise ConfigError(["platform: given, must be absent, because tables have no poses"])
-    check_sites(config.inputs)
+    check_sites(config.radars)
     names = [kind.name for kind in config.model.modes.classes]
     if run.turning:
         truths = [truth_at(run, scan) for scan in range(run.scans)]
         reports = [
             (each.stamp_ns, each.radar, each.detections)
-            for each in simulate_reports(run, config.inputs, seed)
+            for each in simulate_reports(run, config.radars, seed)
         ]
     else:
         seen = scans_of(run, seed)
@@ -82,7 +82,7 @@ def simulate(
             if found is not None
         ]
     return Simulated(
-        _detections(reports, config.inputs), _truth(truths, run, names), dict(config.values)
+        _detections(reports, config.radars), _truth(truths, run, names), dict(config.values)
     )
 
 
@@ -98,7 +98,7 @@ def _config(parameters: Mapping[str, Any]) -> TrackerConfig:
     """Return a configuration with absolute detection times, as in tables."""
     config = resolve(parameters, SystemPlane)
     given = {"fields.time": TIME, "time_reference": "epoch", "time_unit": "s", "fields.sector": ""}
-    timed = [radar.name for radar in config.inputs if radar.fields.time]
+    timed = [radar.name for radar in config.radars if radar.fields.time]
     changes = {f"{name}.{key}": value for name in timed for key, value in given.items()}
     return resolve({**config.values, **changes}, SystemPlane)
 

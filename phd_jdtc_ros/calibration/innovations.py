@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray, wrap_angle
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.targets.motion import MotionModel
@@ -50,8 +50,9 @@ class Fit(NamedTuple):
     # Ratio of the median squared innovation to the expected one; NaN without any.
     ratio_to_expected: float
     ratio_to_noise: float  # Ratio of the median squared innovation to that of the noise alone
-    # Ratio of the innovations of range and azimuth to the noise, as standard deviations, (2,).
+    # Ratio of the innovations of each component to the noise, as standard deviations, (2,).
     axes: FloatArray
+    components: tuple[str, ...]  # Names of the components
     # True if the innovations show that the configured noise is too small or too large.
     noise_too_small: bool = False
     noise_too_large: bool = False
@@ -102,8 +103,7 @@ class InnovationMonitor:
         expected, slope = radar.linearise(
             tracks.position[row] + after_s[:, None] * tracks.velocity[row]
         )
-        innovation = found.measurement[column] - expected
-        innovation[:, 1] = wrap_angle(innovation[:, 1])
+        innovation = radar.wrap(found.measurement[column] - expected)
         variance = radar.noise_std_of(found)[column] ** 2
         predicted = slope @ self._predict_covariance(tracks, row, after_s) @ slope.swapaxes(-1, -2)
         innovation_covariance = predicted + variance[:, :, None] * np.eye(2)
@@ -164,17 +164,18 @@ def _process_noise(motions: Sequence[MotionModel], dt: float) -> float:
 
 
 def _learned(radar: Sensor) -> bool:
-    """Return whether the noise of range or azimuth is learned."""
+    """Return whether the noise of a component is learned."""
     return radar.noise_factor is not None and bool(radar.noise_factor.learned[:2].any())
 
 
 def _fit(radar: Sensor, innovations: Sequence[FloatArray] | deque[FloatArray]) -> Fit:
     if not innovations:
-        return Fit(radar.name, 0, np.nan, np.nan, np.full(2, np.nan))
+        return Fit(radar.name, 0, np.nan, np.nan, np.full(2, np.nan), radar.components)
     squares = np.array(innovations)
     to_noise = float(np.median(squares[:, 1:].sum(axis=1))) / TWO
     axes = np.sqrt(np.median(squares[:, 1:], axis=0) / ONE)
-    return Fit(radar.name, len(squares), float(np.median(squares[:, 0])) / TWO, to_noise, axes)
+    to_expected = float(np.median(squares[:, 0])) / TWO
+    return Fit(radar.name, len(squares), to_expected, to_noise, axes, radar.components)
 
 
 def _with_verdict(fit: Fit, before: Fit, learned: bool) -> Fit:

@@ -4,9 +4,10 @@
 
     dotted names and values
       |  type and bounds of each             schema (a parameter), forms (its notation)
-      |  dataclasses that declare them       parameters, radar_parameters
-      |  consistency with each other         checks
-      |  units, matrices, models             models
+      |  dataclasses that declare them       parameters, sensor_parameters, radar_parameters
+      |  kinds of sensors, names in lists    sensor_kinds, tables
+      |  consistency with each other         checks, radar_checks
+      |  units, matrices, models             models, radar_models
     TrackerConfig                            build
       |                                      engines
     engine, pipeline

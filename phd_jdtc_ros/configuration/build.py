@@ -19,11 +19,14 @@ from phd_jdtc_ros.core.smc.resampling import ParticleBudget
 from phd_jdtc_ros.core.tracks.reporting_rule import ReportingRule, rule_of
 
 from . import checks, replaced
-from .models import on_earth, platform_of, tracker_model, watch_of
-from .parameters import LABELLED, Parts, Tracking, engine_of, entries, parts_of, schema
-from .radar_parameters import RadarParameters
+from .models import platform_of, tracker_model
+from .parameters import LABELLED, Parts, Tracking, engine_of
+from .radar_parameters import RadarParameters, only_radars
 from .schema import ConfigError, build, check
 from .schema import name_faults as schema_faults
+from .sensor_kinds import KINDS
+from .sensor_parameters import SensorParameters
+from .tables import entries, parts_of, schema
 
 # Former parameters with their replacements: without a prefix, and of each sensor.
 _FORMER = ({**replaced.TRACKER, **replaced.NODE}, replaced.RADAR)
@@ -84,7 +87,7 @@ class TrackerConfig(Tracking):
 
     # Value of every parameter, given or default, by dotted name in the order of the table.
     values: dict[str, Any]
-    inputs: tuple[RadarParameters, ...]  # In the configured order
+    inputs: tuple[SensorParameters, ...]  # In the configured order
     model: TrackerModel
     recursion: Recursion  # Filter of the particle engine
     bounds: Bounds  # Bounds of the Gaussian engine's mixtures
@@ -92,6 +95,11 @@ class TrackerConfig(Tracking):
     rule: ReportingRule  # Confirmation and deletion of tracks
     # The map projection of the world frame; None for a world without a place on the earth.
     plane: Plane | None = None
+
+    @property
+    def radars(self) -> tuple[RadarParameters, ...]:
+        """The inputs as radars; raises `ConfigError` if a sensor is of another kind."""
+        return only_radars(self.inputs)
 
     @property
     def _slowest_s(self) -> float:
@@ -173,8 +181,8 @@ class TrackerConfig(Tracking):
         )
 
     def watches(self) -> tuple[ReportWatch, ...]:
-        """Return new checks of each radar's reports, in the configured order."""
-        return tuple(map(watch_of, self.inputs, self.model.radars))
+        """Return new checks of each sensor's reports, in the configured order."""
+        return tuple(KINDS[sensor.kind].watch(sensor) for sensor in self.inputs)
 
 
 def resolve(
@@ -206,7 +214,9 @@ def name_faults(given: Mapping[str, Any], table: Collection[str]) -> list[str]:
 
 def _config(values: dict[str, Any], parts: Parts, plane: Plane | None) -> TrackerConfig:
     top = parts.tracking
-    inputs = tuple(on_earth(radar, plane) for radar in parts.radars.values())
+    inputs = tuple(
+        sensor if plane is None else sensor.on_earth(plane) for sensor in parts.sensors.values()
+    )
     level = ACCURACY[top.accuracy]
     per_detection = top.particles_per_birth or level.per_detection
     model = tracker_model(parts, inputs, per_detection, MOST_PARTICLES)

@@ -17,8 +17,8 @@ from phd_jdtc_ros.core.targets.motion import MOTIONS
 from phd_jdtc_ros.core.tracks.region import Region
 
 from . import forms, place_forms
-from .radar_parameters import RadarParameters
-from .schema import INFINITY, POSITIVE, SMALL, Parameter, build, expand, parameter, table
+from .schema import INFINITY, POSITIVE, SMALL, parameter
+from .sensor_parameters import SensorParameters
 
 # Largest numbers of names: every class needs a matrix logarithm and every name has parameters, so
 # that more names would delay the start by seconds.
@@ -276,19 +276,12 @@ class Parts(NamedTuple):
     """The parameters of the tracker and of its parts, by name."""
 
     tracking: Tracking
-    radars: dict[str, RadarParameters]
+    sensors: dict[str, SensorParameters]
     classes: dict[str, TargetClass]
     motions: dict[str, Motion]
     births: dict[str, Birth]
 
 
-TOP = table(Tracking)
-GROUPS = {
-    "sensors": table(RadarParameters),
-    "classes": table(TargetClass),
-    "motions": table(Motion),
-    "births": table(Birth),
-}
 # Values of the reference scenario that differ from the defaults of their group.
 REFERENCE: dict[str, Any] = {
     "radar_1.position": [1000.0, 0.0],
@@ -304,43 +297,6 @@ REFERENCE: dict[str, Any] = {
     "start_3.position": [-10e3, -10.5e3],
     "start_4.position": [1.4e3, 8e3],
 }
-
-
-def schema(given: Mapping[str, Any]) -> dict[str, Parameter]:
-    """Return all parameters for the lists of names in `given`, by dotted name.
-
-    Faulty lists are replaced by their defaults; `resolve` reports them.
-    """
-    return expand(TOP, GROUPS, given, lambda name, member: REFERENCE.get(name, member.default))
-
-
-def parts_of(values: Mapping[str, Any]) -> Parts:
-    """Return checked values as the dataclasses that declare them."""
-    return Parts(
-        build(Tracking, values),
-        {name: _radar(values, name) for name in values["sensors"]},
-        {name: build(TargetClass, values, f"{name}.") for name in values["classes"]},
-        {name: build(Motion, values, f"{name}.") for name in values["motions"]},
-        {name: build(Birth, values, f"{name}.") for name in values["births"]},
-    )
-
-
-def _radar(values: Mapping[str, Any], name: str) -> RadarParameters:
-    addresses = {key: name_or(values, name, key) for key in ("topic", "frame")}
-    return build(RadarParameters, values, f"{name}.", name=name, **addresses)
-
-
-def name_or(values: Mapping[str, Any], radar: str, key: str) -> str:
-    """Return a radar's topic or frame, or its default if it is empty."""
-    return str(values[f"{radar}.{key}"] or {"topic": f"/{radar}/detections", "frame": radar}[key])
-
-
-def entries(given: Mapping[str, Any]) -> set[str]:
-    """Return the names of all entries that the sensors' mappings may have."""
-    listed = next(own for own in TOP if own.name == "sensors")
-    names = listed.coerce(given.get("sensors", listed.default)) or ()
-    mappings = [member for member in GROUPS["sensors"] if member.keys]
-    return {f"{name}.{own.name}.{key}" for name in names for own in mappings for key in own.keys}
 
 
 def engine_of(values: Mapping[str, Any]) -> str:

@@ -26,6 +26,9 @@ class PoseSource(NamedTuple):
     yaw: bool  # Whether the platform's orientation turns the radar
 
 
+NO_POSE = PoseSource("", POSE_MESSAGES[0], True)
+
+
 def _pose(text: str) -> PoseSource:
     topic, *words = text.split() or [""]
     message = next((word for word in words if word in POSE_MESSAGES), POSE_MESSAGES[0])

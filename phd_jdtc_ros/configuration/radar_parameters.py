@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import ClassVar
 
 from phd_jdtc_ros.core.clutter.rate import START_RATE
 from phd_jdtc_ros.core.sensors.bias import SensorBias
-from phd_jdtc_ros.core.sensors.site import Site
+from phd_jdtc_ros.core.sensors.site import Plane, Site
 
-from . import forms, place_forms
-from .schema import NOT_NEGATIVE, POSITIVE, SMALL, parameter
+from . import forms, place_forms, sensor_parameters
+from .schema import NOT_NEGATIVE, POSITIVE, SMALL, ConfigError, parameter
+from .sensor_parameters import SensorParameters
 
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
 @dataclass(frozen=True)
-class Fields:
-    """Names of a cloud's fields by quantity; empty for a quantity that is not used."""
+class Fields(sensor_parameters.Fields):
+    """Names of a radar's fields."""
 
     range: str = "range"  # Metres; slant ranges if there are elevations or heights
     azimuth: str = "azimuth"
@@ -40,18 +43,22 @@ QUANTITIES = tuple(entry.name for entry in fields(Fields))
 
 
 @dataclass(frozen=True)
-class RadarParameters:
-    """The parameters of a radar, with its name and its place on the earth."""
+class RadarParameters(SensorParameters):
+    """The parameters of a radar, with its place on the earth."""
 
-    kind: str = parameter("radar", "Kind of the sensor.", choices=("radar",))
+    noise_parameters: ClassVar[Mapping[str, tuple[str, str]]] = {
+        "range": ("range_std", "m"),
+        "azimuth": ("azimuth_std_deg", "\N{DEGREE SIGN}"),
+        "range_rate": ("range_rate_std", "m/s"),
+    }
+    measures_amplitude: ClassVar[bool] = True
+
     message: str = parameter(
         "point_cloud",
         "Type of the messages: sensor_msgs/PointCloud2, or radar_msgs/RadarScan, whose definition "
         "fixes fields, units and conventions.",
         choices=("point_cloud", "radar_scan"),
     )
-    topic: str = parameter("", "Topic of the detections; empty for /NAME/detections.")
-    frame: str = parameter("", "frame_id of the messages; empty for the radar's name.")
     position: tuple[float, ...] = parameter(
         [0.0, 0.0],
         "Position of the radar in the world frame, x and y, and optionally the height of its "
@@ -257,10 +264,15 @@ class RadarParameters:
         "radar's direction) and time (s; positive for late stamps). register estimates them.",
         form=place_forms.BIASES,
     )
-    name: str = ""
     # Site on the round earth; None for a radar that measures over a plane.
     site: Site | None = None
     datum: float = 0.0  # Height of the world's zero as messages count heights, metres
+
+    def on_earth(self, plane: Plane) -> RadarParameters:
+        """Return the radar with its site and the datum of its heights."""
+        place, yaw = self.geodetic, math.radians(self.yaw_deg)
+        site = Site((place[0], place[1], place[2]), plane, yaw) if place else None
+        return replace(self, site=site, datum=plane.origin[2])
 
     @property
     def height(self) -> float:
@@ -287,3 +299,16 @@ class RadarParameters:
         azimuth_deg = math.degrees(bias.azimuth) * self.sense
         found = [bias.range_bias, bias.range_gain, azimuth_deg, bias.time_offset_s]
         return {f"{self.name}.biases": found}
+
+
+def only_radars(sensors: Iterable[SensorParameters]) -> tuple[RadarParameters, ...]:
+    """Return the sensors as radars, for what supports only these.
+
+    Raise `ConfigError` if a sensor is of another kind.
+    """
+    radars = list[RadarParameters]()
+    for sensor in sensors:
+        if not isinstance(sensor, RadarParameters):
+            raise ConfigError([f"{sensor.name}.kind: {sensor.kind} given, must be radar here"])
+        radars.append(sensor)
+    return tuple(radars)

@@ -10,18 +10,23 @@ from collections.abc import Mapping
 from typing import Any
 
 from .forms import AUTO
-from .parameters import GROUPS, name_or
-from .radar_parameters import QUANTITIES, Fields
+from .tables import GROUPS, name_or
 
 # Scene parameters of the whole tracker, and the parameters that place a radar.
 OF_ALL = ("world_origin",)
 PLACE = ("position", "geodetic", "yaw_deg", "pose")
+# The entries of a sensor's mappings, with their usual values.
+_ENTRIES = {
+    f"{each.name}.{key}": getattr(each.default, key)
+    for each in GROUPS["sensors"]
+    for key in each.keys
+}
 # The lists that name the scene's parts, and the scene parameters of each part. The biases of a
 # radar are estimated from a recording and are not part of its scene.
 PARTS: dict[str, tuple[str, ...]] = {
     "sensors": (
         *(each.name for each in GROUPS["sensors"] if not each.keys and each.name != "biases"),
-        *(f"fields.{quantity}" for quantity in QUANTITIES),
+        *_ENTRIES,
     ),
     "classes": ("snr_band_db",),
     "births": ("position",),
@@ -58,12 +63,13 @@ def other_places(recorded: Mapping[str, Any], given: Mapping[str, Any]) -> dict[
     """Return the recorded places of common radars whose given places differ from them."""
     radars = [radar for radar in recorded["sensors"] if radar in given["sensors"]]
     names = (*OF_ALL, *(f"{radar}.{member}" for radar in radars for member in PLACE))
-    return {name: recorded[name] for name in names if recorded[name] != given[name]}
+    known = (name for name in names if name in recorded and name in given)
+    return {name: recorded[name] for name in known if recorded[name] != given[name]}
 
 
 def _has_value(values: Mapping[str, Any], part: str, member: str) -> bool:
     """Return whether a parameter has a value; a field that is not given has its usual name."""
-    whole = member.startswith("fields.") and f"{part}.topic" in values
+    whole = member in _ENTRIES and f"{part}.topic" in values
     return whole or f"{part}.{member}" in values
 
 
@@ -71,8 +77,7 @@ def _value(values: Mapping[str, Any], part: str, member: str) -> Any:
     """Return a parameter's value; an empty topic or frame equals its default."""
     if member in ("topic", "frame"):
         return name_or(values, part, member)
-    default = getattr(Fields(), member.removeprefix("fields."), "")
-    return values.get(f"{part}.{member}", default)
+    return values.get(f"{part}.{member}", _ENTRIES.get(member, ""))
 
 
 def _is_learned(value: Any) -> bool:

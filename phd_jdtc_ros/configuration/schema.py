@@ -201,22 +201,23 @@ def build(declared: type[T], values: Mapping[str, Any], prefix: str = "", /, **o
 
 def expand(
     top: Iterable[Parameter],
-    groups: Mapping[str, Iterable[Parameter]],
+    groups: Iterable[str],
+    members: Callable[[str, str], Iterable[Parameter]],
     given: Mapping[str, Any],
     usual: Callable[[str, Parameter], Any],
 ) -> dict[str, Parameter]:
     """Return a table with the parameters of every name in its lists.
 
-    The parameters of `top` have no prefix and include the lists in `groups`, which gives, by the
-    list's name, the parameters ``NAME.PARAMETER`` of each name in it; a faulty list is replaced by
-    its default. `usual` returns the default of a member's parameter, given its full name.
+    The parameters of `top` have no prefix and include the lists in `groups`. `members` returns the
+    parameters ``NAME.PARAMETER`` of a name, given the list and the name; a faulty list is replaced
+    by its default. `usual` returns the default of a member's parameter, given its full name.
     """
     found = {parameter.name: parameter for parameter in top}
-    for group, members in groups.items():
+    for group in groups:
         listed = found[group]
         names = listed.coerce(given.get(group, listed.default))
         for name in listed.default if names is None else names:
-            for member in members:
+            for member in members(group, name):
                 full = f"{name}.{member.name}"
                 if not member.keys:
                     found[full] = replace(member, name=full, default=usual(full, member))
@@ -244,7 +245,7 @@ def with_members(
         found = of_all.coerce(given.get(member.name, of_all.default))
         return of_all.default if found is None else found
 
-    return expand(by_name.values(), {group: members}, given, usual)
+    return expand(by_name.values(), [group], lambda *_: members, given, usual)
 
 
 def flatten(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

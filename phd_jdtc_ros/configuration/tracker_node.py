@@ -14,8 +14,8 @@ from phd_jdtc_ros.earth import SystemPlane
 
 from . import build
 from .build import TrackerConfig
-from .parameters import schema
 from .schema import ConfigError, Parameter, check, parameter, table
+from .tables import schema
 
 OUTPUTS = (
     *("detections", "frames", "markers", "plots", "paths", "odometry", "radar_tracks"),
@@ -91,6 +91,9 @@ def resolve(given: Mapping[str, Any]) -> Settings:
     if tracker.plane is None and node["outputs"]:
         wanted = [name for name in ON_THE_EARTH if name in node["outputs"]]
         faults += [f"outputs: {name} given, needs world_origin" for name in wanted]
+    if "registration" in node["outputs"]:
+        others = [sensor.name for sensor in tracker.model.radars if not sensor.polar]
+        faults += [f"outputs: registration given, {name} is no radar" for name in others]
     if faults:
         raise ConfigError(faults)
     return Settings(_table(of_tracker), tracker, node)
@@ -106,13 +109,19 @@ def edit(
     """Return the table and the values after a change while the tracker is not configured.
 
     Every value is checked by itself and not in combination, because changes may come one by one.
-    A new name in a list such as ``sensors`` adds its parameters, and a missing name removes them.
+    A new name in a list such as ``sensors`` adds its parameters, and a missing name removes them;
+    so does another kind of a sensor.
 
     Raise `ConfigError` with every fault: unknown parameters, and values that are not allowed.
     """
     wanted = {**values, **changes}
     every = _table(wanted)
-    known = {name: value for name, value in wanted.items() if name in every}
+    # What another kind of sensor does not allow has its default there.
+    known = {
+        name: value
+        for name, value in wanted.items()
+        if name in every and (name in changes or every[name].coerce(value) is not None)
+    }
     checked, faults = check(every.values(), known)
     faults += build.name_faults(changes, every)
     if faults:

@@ -100,7 +100,7 @@ class Tally:
         """Count a report's detections, used and dropped."""
         self.dropped.update(report.dropped)
         self.used.read(len(report.detections), report.dropped)
-        if report.detections.amplitude is None:
+        if report.detections.amplitude is None and self._config.inputs[radar].measures_amplitude:
             self._without_amplitude.add(radar)
 
     def on_rejection(self, radar: int, reason: str, report: Report) -> None:

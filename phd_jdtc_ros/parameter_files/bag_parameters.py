@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from phd_jdtc_ros.bags.errors import BagError
-from phd_jdtc_ros.configuration.parameters import GROUPS, schema
+from phd_jdtc_ros.configuration.tables import GROUPS, schema
 
 from . import proposed_file, sections
 

@@ -10,8 +10,8 @@ from typing import Any
 import yaml
 
 from phd_jdtc_ros import output_files
-from phd_jdtc_ros.configuration.parameters import schema
 from phd_jdtc_ros.configuration.schema import ConfigError, flatten
+from phd_jdtc_ros.configuration.tables import schema
 
 from . import yaml_files
 

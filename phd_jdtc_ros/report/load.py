@@ -24,8 +24,9 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
+from phd_jdtc_ros.configuration.sensor_parameters import SensorParameters
 from phd_jdtc_ros.core.intake.posed_reports import PosedReport, PosedReports
-from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
+from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 
 from .record import RadarPlots, RadarSite, Record, learned_values, sensor_changes
@@ -50,7 +51,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
     wanted[clutter] = names.GRID
     bag.require({topic: kind for topic, kind in wanted.items() if topic in present})
     intact = Intact(bag)
-    radars = polar_radars(config.model.radars)
+    radars = config.model.radars
     parts: dict[str, list[Any]] = defaultdict(list)
     latest: dict[str, str] = {}
     classes = 0
@@ -84,7 +85,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
         radars=tuple(
             RadarSite(radar.name, radar.position, source.height)
             for radar, source in zip(radars, config.inputs, strict=True)
-            if not source.pose.topic
+            if isinstance(source, RadarParameters) and not source.pose.topic
         ),
         damage=intact.damage,
         clutter=next(iter(parts["clutter"]), None),
@@ -127,7 +128,7 @@ def input_types(config: TrackerConfig) -> dict[str, str]:
 def posed_reports(
     intact: Intact,
     config: TrackerConfig,
-    inputs: Sequence[RadarParameters],
+    inputs: Sequence[SensorParameters],
     dropped: Sequence[Counter[str]],
     until_ns: int | None = None,
 ) -> Iterator[PosedReport]:
@@ -157,7 +158,7 @@ def posed_reports(
     yield from pending.released(everything=True)
 
 
-def _plots(report: PosedReport, model: RadarModel) -> Iterator[RadarPlots]:
+def _plots(report: PosedReport, model: Sensor) -> Iterator[RadarPlots]:
     """Yield the detections of a report in the world frame; none if the pose is unknown."""
     found = report.detections
     if found is None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from msg_adapters import anomalies
 from phd_jdtc_ros.bags.errors import BagError
-from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
+from phd_jdtc_ros.configuration.sensor_parameters import SensorParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
 from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.core.sensors.site import Plane
@@ -21,13 +21,6 @@ from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 
 from .sets import Sets
-
-# Components whose noise is learned, with the parameter and the unit of their noise.
-NOISE = {
-    "range": ("range_std", "m"),
-    "azimuth": ("azimuth_std_deg", "\N{DEGREE SIGN}"),
-    "range_rate": ("range_rate_std", "m/s"),
-}
 
 
 class LearnedValue(NamedTuple):
@@ -42,7 +35,7 @@ class LearnedValue(NamedTuple):
 
 
 def sensor_changes(
-    inputs: Iterable[RadarParameters], figures: Mapping[str, float]
+    inputs: Iterable[SensorParameters], figures: Mapping[str, float]
 ) -> dict[str, str]:
     """Return the warnings about sensors that have changed, by sensor."""
     texts = {radar.name: anomalies.of_changes(radar.name, figures) for radar in inputs}
@@ -50,7 +43,7 @@ def sensor_changes(
 
 
 def learned_values(
-    inputs: Iterable[RadarParameters], figures: Mapping[str, float]
+    inputs: Iterable[SensorParameters], figures: Mapping[str, float]
 ) -> Iterator[LearnedValue]:
     """Yield the values that are learned of each sensor, by a step's `SensorMemory.figures`."""
     for radar in inputs:
@@ -59,7 +52,7 @@ def learned_values(
         if name in figures:
             given, std = figures[f"{name}_set"], figures[f"{name}_std"]
             yield LearnedValue(radar.name, quantity, given, figures[name], std, "")
-        for component, (quantity, unit) in NOISE.items():
+        for component, (quantity, unit) in radar.noise_parameters.items():
             name = f"{radar.name}.{component}_noise_ratio"
             if name in figures:
                 given = getattr(radar, quantity).start

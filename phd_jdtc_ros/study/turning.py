@@ -110,7 +110,7 @@ def estimates_of(
     scenario: Scenario, config: TrackerConfig, seed: int
 ) -> tuple[dict[str, list[Estimates]], float]:
     """Return the estimates of a seeded run by source, and the CPU time in seconds."""
-    reports = simulate_reports(scenario, config.inputs, seed)
+    reports = simulate_reports(scenario, config.radars, seed)
     found: dict[str, list[Estimates]] = {source: [] for source in SOURCES}
     begin = time.process_time()
     for event in _events(config, scenario, reports):
@@ -133,7 +133,7 @@ def _events(
             posed_ns = known[0]
             for topic in config.carried:
                 yield from feed.pose(topic, lambda: known) or ()
-        bias = config.inputs[report.radar].bias
+        bias = config.radars[report.radar].bias
         stamp_ns, detections = bias.remove_from(report.stamp_ns, report.detections)
         yield from feed.report(report.radar, Received(stamp_ns, detections, Counter())) or ()
     yield from feed.flush()

@@ -40,7 +40,7 @@ def read(bag: BagReader, config: TrackerConfig, seconds: float, most: int = MOST
 
     Raises `BagError` if the bag lacks a topic of the configuration.
     """
-    inputs = [replace(radar, max_range=math.inf) for radar in config.inputs]
+    inputs = [replace(radar, max_range=math.inf) for radar in config.radars]
     bag.require(input_types(config))
     reports: list[list[tuple[int, Detections]]] = [[] for _ in inputs]
     dropped: list[Counter[str]] = [Counter() for _ in inputs]

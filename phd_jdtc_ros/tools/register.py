@@ -102,14 +102,14 @@ def outcome_of(
     `ConfigError` if the parameters, or the reference, are wrong.
     """
     config = tracker_params.config(given)
-    names = [radar.name for radar in config.inputs]
+    names = [radar.name for radar in config.radars]
     if reference is not None and reference not in names:
         raise ConfigError([f"--reference: {reference} given, must be one of {', '.join(names)}"])
     if len(names) < 2:
         raise BagError(f"{source}: radars: {names[0]} alone given, must be at least two to compare")
     found, recorded = _found(source, config, reference or names[0], seconds)
     parameters = _parameters(config, found)
-    if any(r.fields.elevation or r.fields.height or r.site is not None for r in config.inputs):
+    if any(r.fields.elevation or r.fields.height or r.site is not None for r in config.radars):
         # Errors are of slant ranges, so the residuals over ground need a second reading.
         config, first = tracker_params.config({**given, **parameters}), found
         found, recorded = _found(source, config, reference or names[0], seconds)
@@ -125,7 +125,7 @@ def _found(
     recorded = recorded_plots.read(bag, config, seconds, MOST_PLOTS)
     try:
         sensors = []
-        for radar, layout in zip(polar_radars(config.model.radars), config.inputs, strict=True):
+        for radar, layout in zip(polar_radars(config.model.radars), config.radars, strict=True):
             plots = recorded.plots[radar.name]
             if plots is None or not len(plots):
                 dropped = recorded.dropped[radar.name]
@@ -152,7 +152,7 @@ def _join(first: Registration, second: Registration) -> Registration:
 def _parameters(config: TrackerConfig, found: Registration) -> dict[str, list[float]]:
     """Return the corrections of radars with observable biases, with those that are set already."""
     parameters: dict[str, list[float]] = {}
-    for layout, each in zip(config.inputs, found.radars, strict=True):
+    for layout, each in zip(config.radars, found.radars, strict=True):
         bias: SensorBias = layout.bias.followed_by(each.bias)
         for name, biases in layout.bias_parameters(bias).items():
             chosen = registered_table.corrections(each, biases, config.values[name])

@@ -39,7 +39,7 @@ def write_bag(directory: Path, run: Scenario, config: TrackerConfig, seed: int) 
     Equal arguments give equal bytes. The layout of each radar's messages is that of `config`.
     """
     with BagWriter(directory) as bag:
-        for radar in config.inputs:
+        for radar in config.radars:
             kind = reader_of(radar)
             layout = Topic(radar.topic, kind.type_name, DEPTH)
             bag.add_topic(replace(layout, definition=kind.definition, type_hash=kind.type_hash))
@@ -56,7 +56,7 @@ def write_bag(directory: Path, run: Scenario, config: TrackerConfig, seed: int) 
 def check_platform(run: Scenario, config: TrackerConfig) -> None:
     """Raise `ConfigError` if radars move only in the scenario or only in the configuration."""
     faults = []
-    for index, radar in enumerate(config.inputs):
+    for index, radar in enumerate(config.radars):
         carried = run.carrier(index) is not None
         if carried and not radar.pose.topic:
             faults.append(f"{radar.name}.pose: fixed given, must be a topic, with a platform")
@@ -85,12 +85,12 @@ def _scans(run: Scenario, config: TrackerConfig, seed: int) -> Iterator[tuple[in
         return targets.stamp_ns, names.TRUTH, data
 
     def of_radar(index: int, stamp_ns: int, found: Detections) -> tuple[int, str, bytes]:
-        radar = config.inputs[index]
+        radar = config.radars[index]
         return stamp_ns, radar.topic, reader_of(radar).to_cdr(found, stamp_ns, radar)
 
     if run.turning:
         true = map(of_truth, (scenario.truth_at(run, scan) for scan in range(run.scans)))
-        reports = simulate_reports(run, config.inputs, seed)
+        reports = simulate_reports(run, config.radars, seed)
         seen = (of_radar(each.radar, each.stamp_ns, each.detections) for each in reports)
         yield from heapq.merge(true, seen, key=lambda message: message[0])
         return
@@ -126,7 +126,7 @@ def main(argv: Sequence[str]) -> int:
         radars = polar_radars(config.model.radars)
         run = scenario_file.resolve(document, radars)
         check_platform(run, config)
-        check_sites(config.inputs)
+        check_sites(config.radars)
         if arguments.asterix is not None:
             simulated_asterix.check(run)
         faults: list[str] = []

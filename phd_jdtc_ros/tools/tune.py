@@ -20,7 +20,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning import proposal, unspecified
 from phd_jdtc_ros.calibration.tuning.findings import Findings
 from phd_jdtc_ros.calibration.tuning.proposal import Row
-from phd_jdtc_ros.configuration.parameters import schema
+from phd_jdtc_ros.configuration.tables import schema
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
 from phd_jdtc_ros.parameter_files import tracker_params
 

@@ -64,7 +64,7 @@ def hour_of(name: str, minutes: float | None, seed: int) -> tuple[Hour, TrackerC
     scene = scenario_file.resolve(document, polar_radars(config.model.radars))
     if minutes is not None:
         scene = until(scene, 60.0 * minutes)
-    return Hour(scene, config.inputs[0], seed), config, document
+    return Hour(scene, config.radars[0], seed), config, document
 
 
 def record(hour: Hour, config: TrackerConfig, document: Mapping[str, Any], path: Path) -> None:
@@ -126,9 +126,9 @@ def score_bag(hour: Hour, tracked: Path) -> tuple[dict[str, Scores], Scores]:
         If the bag is not an output of `track_bag` with one radar.
     """
     config = tracker_params.config(bag_parameters.read(tracked) or {})
-    if len(config.inputs) != 1:
-        raise BagError(f"{tracked}: {len(config.inputs)} radars, must be 1")
-    reader = Reader(config.inputs[0], polar_radars(config.model.radars)[0], ground_ranges.read)
+    if len(config.radars) != 1:
+        raise BagError(f"{tracked}: {len(config.radars)} radars, must be 1")
+    reader = Reader(config.radars[0], polar_radars(config.model.radars)[0], ground_ranges.read)
     bag = BagReader(tracked)
     own_s, _ = hour.plots
     recorded_s = _detection_times(bag, config)
@@ -148,7 +148,7 @@ def score_bag(hour: Hour, tracked: Path) -> tuple[dict[str, Scores], Scores]:
 
 def _detection_times(bag: BagReader, config: TrackerConfig) -> FloatArray:
     """Return the times of the detections in a bag, seconds since the epoch."""
-    (radar,) = config.inputs
+    (radar,) = config.radars
     times = [np.zeros(0)]
     for entry in bag.messages([radar.topic]):
         report = reader_of(radar).from_cdr(entry.data, radar)

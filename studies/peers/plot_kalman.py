@@ -257,7 +257,7 @@ def plot_kalman(run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence
     lags : sequence of int
         Lags; all get the filtered estimates, since the tracker has no smoother.
     """
-    reports = simulate_reports(run.scenario, resolve(parameters).inputs, run.seed)
+    reports = simulate_reports(run.scenario, resolve(parameters).radars, run.seed)
     begin = time.process_time()
     found = follow(reports, run.scenario.radars, [truth.stamp_ns for truth in run.truth])
     spent = time.process_time() - begin

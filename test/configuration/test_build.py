@@ -4,8 +4,9 @@ import pytest
 
 from phd_jdtc_ros.configuration import build, replaced
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.configuration.parameters import GROUPS, MOST_CLASSES, schema
+from phd_jdtc_ros.configuration.parameters import MOST_CLASSES
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.configuration.tables import GROUPS, schema
 
 
 def faults_of(given):

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.configuration.parameters import GROUPS, TOP, schema
 from phd_jdtc_ros.configuration.schema import Parameter
+from phd_jdtc_ros.configuration.tables import GROUPS, TOP, schema
 
 WHOLE = Parameter("n", 5, "", 0, 10)
 REAL = Parameter("x", 1.0, "", 0.0, 2.0)

@@ -3,7 +3,7 @@
 import pytest
 
 from phd_jdtc_ros.asterix_bridge import settings as bridge
-from phd_jdtc_ros.configuration import build, models, replaced, tracker_node
+from phd_jdtc_ros.configuration import build, models, radar_models, replaced, tracker_node
 from phd_jdtc_ros.configuration.schema import ConfigError, check
 from phd_jdtc_ros.core.attributes.height import HeightModel
 from phd_jdtc_ros.handover import settings as hand_over
@@ -88,8 +88,8 @@ def test_changes_of_a_running_tracker_are_refused_alike():
         ("spawn.turn_rate_std", models.SPAWN_STD[2]),
         ("spawn.particles_per_target", models.SPAWN_PARTICLES),
         ("pose_max_speed", models.POSE_MAX_SPEED),
-        ("clutter_std_db", models.CLUTTER_STD_DB),
-        ("range_rate_span", models.RANGE_RATE_SPAN),
+        ("clutter_std_db", radar_models.CLUTTER_STD_DB),
+        ("range_rate_span", radar_models.RANGE_RATE_SPAN),
         ("checkpoint.max_age_s", live.CHECKPOINT_MAX_AGE_S),
         ("path_length", live_outputs.PATH_LENGTH),
         ("silent_after_scans", input_health.SILENT_AFTER_SCANS),

@@ -2,7 +2,7 @@ import pytest
 
 from msg_adapters import names
 from msg_adapters.readers import READERS
-from phd_jdtc_ros.configuration.parameters import GROUPS
+from phd_jdtc_ros.configuration.tables import GROUPS
 
 
 def test_readers_are_what_radars_may_be_configured_to_send():

@@ -9,12 +9,13 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from msg_adapters import diagnostics
 from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.configuration.engines import ENGINES
-from phd_jdtc_ros.configuration.parameters import TOP
+from phd_jdtc_ros.configuration.tables import TOP
 from phd_jdtc_ros.nodes.common.health import WARNING_MEMORY_S, Rhythm, Rises, ThrottledWarnings
 from phd_jdtc_ros.nodes.tracker.health import OutputHealth, StepHealth
 from phd_jdtc_ros.nodes.tracker.input_health import LEASE_S, InputHealth, Publishers
 
 ALONE = Publishers(frozenset({"driver"}))
+PAIR = ("range", "azimuth")
 TWO = Publishers(frozenset({"driver", "other"}))
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 ERROR, STALE = DiagnosticStatus.ERROR, DiagnosticStatus.STALE
@@ -146,7 +147,7 @@ def test_what_was_learned_is_shown_and_a_warning_if_it_is_worse_than_set():
 
 def test_noise_that_detections_contradict_is_a_warning_as_long_as_they_do():
     health = radar(60.0)
-    health.fit = Fit("north", 99, 1.5, 900.0, np.array([40.0, 1.5]), noise_too_small=True)
+    health.fit = Fit("north", 99, 1.5, 900.0, np.array([40.0, 1.5]), PAIR, noise_too_small=True)
     found = status(health)
     assert found.level == WARN
     assert found.message.startswith(
@@ -154,7 +155,7 @@ def test_noise_that_detections_contradict_is_a_warning_as_long_as_they_do():
     )
     values = diagnostics.values_of(found)
     assert (values["range_innovation"], values["azimuth_innovation"]) == ("40.0", "1.5")
-    health.fit = Fit("north", 99, 0.04, 0.09, np.array([0.3, 0.3]), noise_too_large=True)
+    health.fit = Fit("north", 99, 0.04, 0.09, np.array([0.3, 0.3]), PAIR, noise_too_large=True)
     assert status(health).message.startswith("innovations are 5 times smaller than")
     health.fit = health.fit._replace(noise_too_large=False)
     assert status(health).level == OK

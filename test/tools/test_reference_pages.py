@@ -8,7 +8,7 @@ from reference_pages import LISTS, PAGES, main, parameters, policies, topics
 from reference_pages import declared as declared_in_all
 
 from msg_adapters import names, outputs
-from phd_jdtc_ros.configuration.parameters import GROUPS, TOP
+from phd_jdtc_ros.configuration.tables import GROUPS, TOP
 from phd_jdtc_ros.nodes.asterix.node import AsterixBridge
 from phd_jdtc_ros.nodes.evaluator.node import Evaluator
 from phd_jdtc_ros.nodes.hand_over.node import HandOver

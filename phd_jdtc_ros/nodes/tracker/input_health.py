@@ -138,8 +138,8 @@ class InputHealth:
         if self.turn_found_s:
             values["turn_found_ms"] = round(1e3 * self.turn_found_s)
         if self.fit is not None and self.fit.innovations:
-            ranges, azimuths = map(float, self.fit.axes)
-            values |= {"range_innovation": ranges, "azimuth_innovation": azimuths}
+            axes = zip(self.fit.components, self.fit.axes.tolist(), strict=True)
+            values |= {f"{component}_innovation": ratio for component, ratio in axes}
         values |= self.learned
         condition = self._condition(now_s, self.silent(checked_s), publishers)
         return diagnostics.status(

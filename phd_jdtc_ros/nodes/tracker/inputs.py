@@ -16,8 +16,8 @@ from msg_adapters import anomalies, interfaces, platform_poses
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import Reader, reader_of
 from msg_adapters.selection import Report
-from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.configuration.sensor_parameters import SensorParameters
 from phd_jdtc_ros.configuration.tracker_node import Settings
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.pipeline import POSE_MISSING
@@ -150,7 +150,8 @@ class Inputs:
             self._drop(self.radars[radar], reason, f"{count} points dropped: {reason}", count)
         source = self._settings.config.inputs[radar]
         several = len(self._settings.config.model.modes.classes) > 1
-        if report.detections.amplitude is None and several and source.name not in self._warned:
+        missing = source.measures_amplitude and report.detections.amplitude is None
+        if missing and several and source.name not in self._warned:
             self._warned.add(source.name)
             self._node.get_logger().warning(anomalies.no_amplitude(source))
 
@@ -247,13 +248,13 @@ class Inputs:
         return (*self.radars, *self.platforms.values())
 
 
-def clouds_of_a_second(radar: RadarParameters) -> int:
+def clouds_of_a_second(radar: SensorParameters) -> int:
     """Return the depth of a radar's queue: the messages of a second, or more."""
     clouds = radar.sectors / radar.rotation_s if radar.rotation_s else 0.0
     return max(math.ceil(clouds), endpoints.INPUT_DEPTH)
 
 
-def _message_class(radar: RadarParameters, reader: Reader) -> Any:
+def _message_class(radar: SensorParameters, reader: Reader) -> Any:
     message_class = reader.message_class()
     if message_class is None:
         package = reader.type_name.split("/")[0]

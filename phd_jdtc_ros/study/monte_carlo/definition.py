@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from phd_jdtc_ros.configuration.parameters import GROUPS, TOP
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.configuration.tables import GROUPS, TOP
 from phd_jdtc_ros.simulation.scenario import Scenario
 
 from ..runs import TAXIING, Ignored

@@ -54,7 +54,7 @@ def write(
     sent = []
     for index, own in enumerate(sending):
         line = pcap_out.Line(sender=(10, 0, 0, index + 1))
-        blocks = _blocks(run, index, config.inputs[index], own, seed)
+        blocks = _blocks(run, index, config.radars[index], own, seed)
         sent += [(time_ns, block, line) for time_ns, block in blocks]
     sent.sort(key=lambda entry: entry[0])
     with path.open("wb") as stream:

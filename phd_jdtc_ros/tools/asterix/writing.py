@@ -58,8 +58,8 @@ def bridge_parameters(config: TrackerConfig) -> dict[str, Any]:
     The radars have the identifiers that `asterix_bridge BAG --plots` gives them. Tracks are sent
     with each cloud of estimates, at its stamp, so that they do not depend on the demo's speed.
     """
-    values: dict[str, Any] = {"radars": [radar.name for radar in config.inputs]}
-    for number, radar in enumerate(config.inputs, start=1):
+    values: dict[str, Any] = {"radars": [radar.name for radar in config.radars]}
+    for number, radar in enumerate(config.radars, start=1):
         values[f"{radar.name}.source"] = [OWN_SAC, number]
         if radar.sectors:
             values[f"{radar.name}.sectors"] = radar.sectors
@@ -157,7 +157,7 @@ def write_plots(
     bag: BagReader, out: Path, config: TrackerConfig, bridge: Bridge
 ) -> ConversionCounts:
     """Write the detections of a bag as CAT048, and the antennas' rotation as CAT034."""
-    bag.require({radar.topic: reader_of(radar).type_name for radar in config.inputs})
+    bag.require({radar.topic: reader_of(radar).type_name for radar in config.radars})
     done = ConversionCounts("plots")
     numbers = {radar.name: number for number, radar in bridge.radars.items()}
     radars = [
@@ -167,7 +167,7 @@ def write_plots(
             numbers.get(radar.name, OWN_SAC << 8 | index + 1),
             bridge.amplitudes(radar.name if radar.name in numbers else "").noise_dbm,
         )
-        for index, radar in enumerate(config.inputs)
+        for index, radar in enumerate(config.radars)
     ]
     with out.open("wb") as stream:
         parts = [radar.blocks(bag, done) for radar in radars]
@@ -181,7 +181,7 @@ class _Radar:
     """The detections of a radar as data blocks."""
 
     def __init__(self, config: TrackerConfig, index: int, number: int, noise_dbm: float) -> None:
-        self._input = config.inputs[index]
+        self._input = config.radars[index]
         self._site = self._input.site
         # On the earth, azimuths are from true north, and not from the map's.
         site = self._site

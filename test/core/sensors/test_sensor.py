@@ -2,10 +2,7 @@
 
 import numpy as np
 from position_sensor import PositionSensor
-from scenes import small
 
-from phd_jdtc_ros.configuration.models import watch_of
-from phd_jdtc_ros.core.intake.input_checks import ReportWatch
 from phd_jdtc_ros.core.types import UNKNOWN_COVERAGE, Detections, Pose
 
 STATE = np.array([[100.0, 3.0, 200.0, -4.0, 0.0], [0.0, 0.0, 50.0, 1.0, 0.0]])
@@ -38,9 +35,3 @@ def test_pose_moves_the_sensor_and_keeps_the_rest():
     moved = SENSOR.at(Pose((1.0, 2.0), 0.5, (3.0, 4.0)))
     assert (moved.position, moved.yaw, moved.velocity) == ((1.0, 2.0), 0.5, (3.0, 4.0))
     assert (moved.std, moved.name, moved.polar) == (5.0, "mast", False)
-
-
-def test_input_checks_of_azimuths_are_only_for_polar_radars():
-    ours, none = watch_of(small().inputs[0], SENSOR), ReportWatch()
-    names = ("by_sectors", "whole_turn", "slant_ranges")
-    assert [getattr(ours, name) for name in names] == [getattr(none, name) for name in names]

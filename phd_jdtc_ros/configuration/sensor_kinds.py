@@ -1,0 +1,64 @@
+"""The table of the kinds of sensors: the parameters of each, and the model that they describe.
+
+A further kind is a subclass of `SensorParameters` and a row here; CONTRIBUTING lists what else it
+needs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Generic, TypeVar
+
+from phd_jdtc_ros.core.intake.input_checks import ReportWatch
+from phd_jdtc_ros.core.sensors.sensor import Sensor
+
+from . import radar_checks
+from .parameters import Parts
+from .radar_models import radar_model, radar_watch
+from .radar_parameters import RadarParameters
+from .schema import Parameter, table
+from .sensor_parameters import SensorParameters
+
+S = TypeVar("S", bound=SensorParameters)
+
+
+@dataclass(frozen=True)
+class SensorKind(Generic[S]):
+    """A kind of sensor."""
+
+    parameters: type[S]
+    model: Callable[[S], Sensor]
+    # Checks of its parameters, each with a line per fault.
+    checks: tuple[Callable[[S, Parts], Iterator[str]], ...] = ()
+    # Returns the checks of its reports against its configuration.
+    watch: Callable[[S], ReportWatch] = lambda _: ReportWatch()
+
+
+# By the value of ``kind``. The first one is the default.
+KINDS: Mapping[str, SensorKind[Any]] = {
+    "radar": SensorKind(RadarParameters, radar_model, radar_checks.CHECKS, radar_watch),
+}
+
+
+def _table(declared: type) -> tuple[Parameter, ...]:
+    """Return the parameters of a kind, `kind` with the values that it may have."""
+    return tuple(
+        replace(each, choices=tuple(KINDS)) if each.name == "kind" else each
+        for each in table(declared)
+    )
+
+
+TABLES: Mapping[str, tuple[Parameter, ...]] = {
+    name: _table(kind.parameters) for name, kind in KINDS.items()
+}
+# The parameters of all kinds, by name; the first kind's where several have one of the same name.
+ALL: Mapping[str, Parameter] = {
+    each.name: each for own in reversed(list(TABLES.values())) for each in own
+}
+
+
+def parameters_of(kind: Any) -> tuple[Parameter, ...]:
+    """Return the parameters of a sensor with this `kind`, those of all kinds if there is none."""
+    known = isinstance(kind, str) and kind in TABLES
+    return TABLES[kind] if known else tuple(ALL.values())

@@ -1,0 +1,66 @@
+"""The parameters of a sensor of any kind; `sensor_kinds` lists the kinds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar, TypeVar
+
+from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
+from phd_jdtc_ros.core.sensors.site import Plane
+
+from . import place_forms
+from .schema import parameter
+
+S = TypeVar("S", bound="SensorParameters")
+
+
+class Fields:
+    """Names of a message's fields by quantity; empty for a quantity that is not used.
+
+    A kind of sensor declares the quantities that its messages may have.
+    """
+
+    amplitude = ""
+    time = ""
+    height = ""
+    code = ""
+    address = ""
+    kind = ""
+
+
+@dataclass(frozen=True)
+class SensorParameters:
+    """The parameters that every sensor has, with its name.
+
+    A kind of sensor is a subclass with further parameters. Those of them that the tracker uses for
+    any sensor are listed here without annotation, with the values of a sensor that lacks them.
+    """
+
+    # Parameter and unit of the noise of each component of a measurement that may be learned.
+    noise_parameters: ClassVar[Mapping[str, tuple[str, str]]] = {}
+    # Whether a message without amplitudes deserves a warning, as classes are inferred from them.
+    measures_amplitude: ClassVar[bool] = False
+
+    kind: str = parameter("radar", "Kind of the sensor.")
+    message: str = parameter("", "Type of the messages.")
+    topic: str = parameter("", "Topic of the detections; empty for /NAME/detections.")
+    frame: str = parameter("", "frame_id of the messages; empty for the radar's name.")
+    name: str = ""
+
+    fields = Fields()
+    pose = place_forms.NO_POSE
+    pose_max_age_s = 0.0
+    rotation_s = 0.0
+    sectors = 0
+    compass = False
+
+    @cached_property
+    def bias(self) -> SensorBias:
+        """Biases that are removed from its measurements."""
+        return NO_BIAS
+
+    def on_earth(self: S, plane: Plane) -> S:
+        """Return the sensor with its place on the earth, given the world's map projection."""
+        return self

@@ -1,0 +1,67 @@
+"""The tables of all parameters, for the names in a configuration's lists."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from .parameters import REFERENCE, Birth, Motion, Parts, TargetClass, Tracking
+from .schema import Parameter, build, expand, table
+from .sensor_kinds import ALL, KINDS, parameters_of
+from .sensor_parameters import SensorParameters
+
+TOP = table(Tracking)
+# The parameters of each name in a list; a sensor has those of its kind.
+GROUPS = {
+    "sensors": tuple(ALL.values()),
+    "classes": table(TargetClass),
+    "motions": table(Motion),
+    "births": table(Birth),
+}
+
+
+def schema(given: Mapping[str, Any]) -> dict[str, Parameter]:
+    """Return all parameters for the lists of names in `given`, by dotted name.
+
+    Faulty lists are replaced by their defaults; `resolve` reports them.
+    """
+
+    def members(group: str, name: str) -> tuple[Parameter, ...]:
+        if group == "sensors":
+            return parameters_of(given.get(f"{name}.kind", next(iter(KINDS))))
+        return GROUPS[group]
+
+    return expand(
+        TOP, GROUPS, members, given, lambda name, member: REFERENCE.get(name, member.default)
+    )
+
+
+def parts_of(values: Mapping[str, Any]) -> Parts:
+    """Return checked values as the dataclasses that declare them."""
+    return Parts(
+        build(Tracking, values),
+        {name: _sensor(values, name) for name in values["sensors"]},
+        {name: build(TargetClass, values, f"{name}.") for name in values["classes"]},
+        {name: build(Motion, values, f"{name}.") for name in values["motions"]},
+        {name: build(Birth, values, f"{name}.") for name in values["births"]},
+    )
+
+
+def _sensor(values: Mapping[str, Any], name: str) -> SensorParameters:
+    addresses = {key: name_or(values, name, key) for key in ("topic", "frame")}
+    declared: type[SensorParameters] = KINDS[values[f"{name}.kind"]].parameters
+    return build(declared, values, f"{name}.", name=name, **addresses)
+
+
+def name_or(values: Mapping[str, Any], sensor: str, key: str) -> str:
+    """Return a sensor's topic or frame, or its default if it is empty."""
+    usual = {"topic": f"/{sensor}/detections", "frame": sensor}
+    return str(values[f"{sensor}.{key}"] or usual[key])
+
+
+def entries(given: Mapping[str, Any]) -> set[str]:
+    """Return the names of all entries that the sensors' mappings may have."""
+    listed = next(own for own in TOP if own.name == "sensors")
+    names = listed.coerce(given.get("sensors", listed.default)) or ()
+    mappings = [member for member in GROUPS["sensors"] if member.keys]
+    return {f"{name}.{own.name}.{key}" for name in names for own in mappings for key in own.keys}
