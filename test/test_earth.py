@@ -68,16 +68,13 @@ def test_angles_stay_right_at_400_km(origin):
         np.testing.assert_allclose(apart, 0.0, rtol=0.0, atol=1e-6)
 
 
-def test_convergence_is_to_the_west_in_the_east_of_the_north():
+def test_convergence_is_the_lean_of_meridians():
     # There the meridians lean to the left: those of places in the east meet that of the origin.
     assert plane_about(52.0, 4.0).convergence(52.0, 6.0) == pytest.approx(
         math.radians(2.0) * math.sin(math.radians(52.0)), rel=1e-3
     )
     assert plane_about(-52.0, 4.0).convergence(-52.0, 6.0) < 0.0
     assert plane_about(52.0, 4.0).convergence(52.5, 4.0) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_convergence_at_the_poles_is_the_longitude():
     assert plane_about(90.0, 0.0).convergence(90.0, 30.0) == pytest.approx(math.radians(30.0))
     assert plane_about(-90.0, 0.0).convergence(-90.0, 30.0) == pytest.approx(math.radians(-30.0))
 
@@ -103,16 +100,13 @@ def test_the_antimeridian_is_no_border():
     assert 0.0 < x[0] < 25e3
 
 
-def test_arrays_keep_their_shape():
+def test_arrays_keep_their_shape_and_nan():
     plane = plane_about(52.0, 4.0)
     x, y = plane.to_plane(np.full((2, 3), 52.5), 4.5)
     assert x.shape == y.shape == (2, 3)
     assert all(found.shape == (0,) for found in plane.to_plane([], []))
     assert plane.convergence([], []).shape == (0,)
     assert all(found.shape == () for found in plane.to_geodetic(1.0, 2.0))
-
-
-def test_nan_stays_nan():
     plane = plane_about(52.0, 4.0)
     x, y = plane.to_plane([math.nan, 52.5], [4.0, 4.5])
     north, east = plane.to_geodetic([math.nan, 1.0], [0.0, 1.0])

@@ -29,12 +29,9 @@ def test_listed_equivalents_are_separated_from_survivors(tmp_path):
     assert result.share == pytest.approx(2 / 3)
 
 
-def test_equivalent_mutants_are_of_modules_that_are_mutated():
+def test_equivalent_mutants_are_of_mutated_modules_and_their_lines():
     modules = {module for part in MUTANTS["PARTS"].values() for module in part.modules}
     assert {module for module, _ in MUTANTS["known_equivalents"]()} <= modules
-
-
-def test_equivalent_mutants_are_of_lines_that_the_modules_have():
     for module, change in MUTANTS["known_equivalents"]():
         source = ast.unparse(ast.parse((ROOT / MUTANTS["CORE"] / module).read_text()))
         line = change.removeprefix("- ").partition("\n+ ")[0]

@@ -5,19 +5,13 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.quoting import LONGEST, LONGEST_WORD, short
 
 
-def test_short_leaves_what_people_write():
+def test_short_leaves_words_and_keeps_both_ends_of_long_ones():
     text = f"/{'a' * (LONGEST_WORD - 2)}: has no section for this node,\n  it has none"
 
     assert short(text) == text
-
-
-def test_short_keeps_both_ends_of_a_long_word_and_all_others():
     assert short(f"lag: {'1' * 2500}{'2' * 2500} given, must be a whole number") == (
         f"lag: {'1' * 60} ... {'2' * 60} given, must be a whole number"
     )
-
-
-def test_short_bounds_many_words():
     found = short("a " * 100_000 + "z")
 
     assert len(found) <= LONGEST + len(" ... ")

@@ -94,14 +94,11 @@ def test_every_metric_has_figures_of_several_runs_and_none_of_no_scan(metric):
     assert np.isnan(metric.of_run(Totals.of(VALUES, np.zeros((0, len(VALUES))))))
 
 
-def test_every_metric_has_a_key_of_its_own_and_a_definition():
+def test_metrics_have_keys_definitions_and_units():
     assert len({metric.key for metric in METRICS}) == len(METRICS)
     for metric in METRICS:
         assert metric.heading
         assert metric.definition.endswith(".")
-
-
-def test_metric_text_has_its_unit():
     with_unit, *_, without = GROUPS[OSPA]
     assert (with_unit.text(103.26), without.text(0.0125)) == ("103.3 m", "0.013")
 

@@ -64,10 +64,20 @@ def test_ospa_equals_the_best_of_all_assignments(a, b, order):
     assert ospa(a, b, CUTOFF, order).distance == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
-def test_ospa_of_two_empty_sets_is_zero():
+def test_ospa_of_worked_examples():
     none = np.zeros((0, 2))
     found = ospa(none, none, CUTOFF, 2.0)
     assert (found.distance, found.localization, found.cardinality) == (0.0, 0.0, 0.0)
+    # Distances 30 and 40 for the pairs, one target missed, c = 100, p = 2:
+    # sqrt((900 + 1600 + 10000) / 3).
+    truth = np.array([[0.0, 0.0], [1000.0, 0.0], [0.0, 1000.0]])
+    estimate = np.array([[1000.0, 40.0], [30.0, 0.0]])
+    found = ospa(truth, estimate, CUTOFF, 2.0)
+    assert found.distance == pytest.approx(np.sqrt(12500.0 / 3.0))
+    assert found.localization == pytest.approx(np.sqrt(2500.0 / 3.0))
+    assert found.cardinality == pytest.approx(np.sqrt(10000.0 / 3.0))
+    found = ospa(np.zeros((1, 2)), np.array([[500.0, 0.0]]), CUTOFF, 1.0)
+    assert (found.localization, found.cardinality) == (pytest.approx(CUTOFF), 0.0)
 
 
 @pytest.mark.parametrize("order", [1.0, 2.0])
@@ -78,22 +88,6 @@ def test_ospa_with_one_empty_set_is_the_cutoff(order, swap):
     assert found.distance == pytest.approx(CUTOFF)
     assert found.localization == 0.0
     assert found.cardinality == pytest.approx(CUTOFF)
-
-
-def test_ospa_of_a_worked_example():
-    # Distances 30 and 40 for the pairs, one target missed, c = 100, p = 2:
-    # sqrt((900 + 1600 + 10000) / 3).
-    truth = np.array([[0.0, 0.0], [1000.0, 0.0], [0.0, 1000.0]])
-    estimate = np.array([[1000.0, 40.0], [30.0, 0.0]])
-    found = ospa(truth, estimate, CUTOFF, 2.0)
-    assert found.distance == pytest.approx(np.sqrt(12500.0 / 3.0))
-    assert found.localization == pytest.approx(np.sqrt(2500.0 / 3.0))
-    assert found.cardinality == pytest.approx(np.sqrt(10000.0 / 3.0))
-
-
-def test_ospa_counts_a_pair_beyond_the_cutoff_as_localization():
-    found = ospa(np.zeros((1, 2)), np.array([[500.0, 0.0]]), CUTOFF, 1.0)
-    assert (found.localization, found.cardinality) == (pytest.approx(CUTOFF), 0.0)
 
 
 def test_assign_pairs_by_the_least_total_distance_below_the_cutoff():

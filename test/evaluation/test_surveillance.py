@@ -161,15 +161,12 @@ def test_ospa2_counts_broken_and_swapped_labels():
     assert ospa2(truth, truth, 2.0).distance == 0.0
 
 
-def test_ospa2_is_of_the_scans_in_the_window():
+def test_ospa2_is_of_the_scans_in_the_window_or_the_cutoff():
     whole = [[(0, 0)] * 4]
     broken = [[(0, 0), None, None, None], [None, (0, 0), (0, 0), (0, 0)]]
     assert over_time(whole, broken, 2, 1.0) == pytest.approx([0.0, 75.0, 0.0, 0.0])
     expected = ospa2(gathered(whole), gathered(broken), 2.0).distance
     assert over_time(whole, broken, 4, 2.0)[-1] == pytest.approx(expected)
-
-
-def test_ospa2_of_no_tracks_is_zero_and_of_one_side_the_cutoff():
     empty = gathered([])
     assert ospa2(empty, empty, 2.0).distance == 0.0
     assert ospa2(empty, gathered([[(0, 0)] * SCANS]), 2.0).distance == CUTOFF
@@ -180,14 +177,11 @@ def confusion(truth, true_class, estimate, estimated_class, classes):
     return confusion_matrix(pairs, np.array(true_class), np.array(estimated_class), classes)
 
 
-def test_confusion_matrix_counts_pairs_misses_and_false_ones():
+def test_confusion_matrix_counts_pairs_of_its_classes():
     truth = np.array([[0.0, 0.0], [1000.0, 0.0], [2000.0, 0.0], [3000.0, 0.0]])
     estimate = np.array([[1010.0, 0.0], [0.0, 20.0], [9000.0, 0.0], [3000.0, 5.0]])
     found = confusion(truth, [0, 1, 1, 0], estimate, [0, 0, 1, 0], 2)
     assert found.tolist() == [[2, 0, 0], [1, 0, 1], [0, 1, 0]]
-
-
-def test_confusion_matrix_leaves_out_classes_that_it_does_not_have():
     truth = np.array([[0.0, 0.0], [1000.0, 0.0], [2000.0, 0.0]])
     found = confusion(truth, [0, 5, 0], truth, [0, 0, 7], 2)
     assert found.tolist() == [[1, 0, 0], [0, 0, 0], [0, 0, 0]]

@@ -37,13 +37,10 @@ def test_to_msg_has_all_radars_detections_in_the_world_frame():
     np.testing.assert_array_equal(found["radar_index"], [0, 0, 1])
 
 
-def test_to_msg_of_a_radar_without_amplitudes_has_zeros():
+def test_to_msg_has_zeros_for_unknown_amplitudes_and_known_heights():
     found = columns(cloud_of(HITS, Detections(np.array([[10.0, 0.0]]), None)))
 
     np.testing.assert_array_equal(found["amplitude"], [4.0, 30.0, 0.0])
-
-
-def test_to_msg_has_the_heights_that_are_known():
     high = replace(HITS, height=np.array([3048.0, np.nan]))
 
     assert columns(cloud_of(high, HITS))["z"].tolist() == [3048.0, 0.0, 0.0, 0.0]

@@ -70,9 +70,6 @@ def test_malformed_input_is_reported_while_it_comes():
     found = input_status(stream, rises)
     assert found.level == DiagnosticStatus.WARN
     assert found.message == "malformed: block_truncated 1"
-
-
-def test_a_bridge_that_begins_again_has_nothing_to_warn_of():
     rises, stream = Rises(), PlotStream({})
     stream.feed(b"no block")
     input_status(stream, rises)

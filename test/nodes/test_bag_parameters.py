@@ -56,11 +56,8 @@ def test_a_node_takes_the_file_as_it_is(processes, peer, tmp_path):
     assert "tracking 2 classes (y, 1e5) " in tracker.log.read_text()
 
 
-def test_bag_without_parameters_has_none(tmp_path):
+def test_bags_without_parameters_have_none_and_unwritable_ones_one_fault(tmp_path):
     assert bag_parameters.read(tmp_path) is None
     assert bag_parameters.read(tmp_path / "none.mcap") is None
-
-
-def test_parameters_that_cannot_be_written_are_one_fault(tmp_path):
     with pytest.raises(BagError, match="cannot be written: No such file"):
         bag_parameters.write(tmp_path / "none" / "p.yaml", resolve({}).values)

@@ -56,11 +56,6 @@ def test_another_configuration_is_refused_by_name(path):
         checkpoint.read(path, {**CONFIGURATION, "lag": 4, "seed": 1})
 
 
-def test_no_checkpoint_is_logged(tmp_path):
-    with pytest.raises(CheckpointError, match="No such file"):
-        checkpoint.read(tmp_path / "none", CONFIGURATION)
-
-
 def test_code_in_a_checkpoint_is_not_executed(tmp_path):
     ran = tmp_path / "ran"
 
@@ -165,14 +160,13 @@ def test_a_checkpoint_that_cannot_be_deleted_is_a_warning_and_no_failure(path):
     assert f"{path}: " in log.lines[0]
 
 
-def test_a_checkpoint_that_cannot_be_looked_for_is_a_cold_start(tmp_path):
+def test_other_configurations_and_missing_files_are_cold_starts(tmp_path):
     log = Log()
     checkpoint.Checkpoints(tmp_path / ("x" * 300), 1, 60.0, CONFIGURATION, log)
     assert len(log.lines) == 1
     assert "File name too long" in log.lines[0]
-
-
-def test_the_first_start_logs_nothing(tmp_path):
     log = Log()
     checkpoint.Checkpoints(tmp_path / "none", 1, 60.0, CONFIGURATION, log)
     assert log.lines == []
+    with pytest.raises(CheckpointError, match="No such file"):
+        checkpoint.read(tmp_path / "none", CONFIGURATION)

@@ -98,12 +98,9 @@ def test_demo_records_everything_published(demo):
     assert reader.counts[names.OSPA] == 160
 
 
-def test_demo_refuses_a_missing_bag(tmp_path, capsys):
+def test_demo_refuses_a_missing_bag_and_one_without_truth(tmp_path, capsys):
     assert run("demo", ["--bag", str(tmp_path / "none"), "--out", str(tmp_path / "out")]) == 2
     assert "none: no such bag" in capsys.readouterr().err
-
-
-def test_demo_refuses_a_bag_without_truth(tmp_path, capsys):
     blind = rewrite(BAG, tmp_path / "blind", drop=[names.TRUTH])
     assert run("demo", ["--bag", str(blind), "--out", str(tmp_path / "out")]) == 2
     assert names.TRUTH in capsys.readouterr().err

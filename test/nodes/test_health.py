@@ -51,22 +51,16 @@ def stepping(step_ms, interval_s=2, wall_s=None):
     return pace
 
 
-def test_rhythm_is_the_median_of_the_latest():
+def test_rhythm_is_the_median_of_intervals_without_pauses():
     rhythm = Rhythm(6.0)
     assert rhythm.interval_s == 6.0
     for now in (0.0, 1.0, 2.0, 3.0, 50.0, 51.0, 52.0):
         rhythm.beat(now)
     assert rhythm.interval_s == 1.0
-
-
-def test_rhythm_takes_no_rate_from_two_that_arrive_together():
     rhythm = Rhythm(6.0)
     rhythm.beat(10.0)
     rhythm.beat(10.001)
     assert rhythm.interval_s > 3.0
-
-
-def test_rhythm_measures_no_interval_across_a_pause():
     rhythm = Rhythm(6.0)
     rhythm.beat(0.0)
     rhythm.begin_series()
@@ -161,14 +155,11 @@ def test_noise_that_detections_contradict_is_a_warning_as_long_as_they_do():
     assert status(health).level == OK
 
 
-def test_second_publisher_in_the_graph_is_a_warning_for_it_may_be_a_killed_one():
+def test_second_publisher_is_a_warning_that_silence_does_not_hide():
     found = status(radar(1.0), heard=TWO)
     assert found.level == WARN
     assert found.message.startswith("2 publishers listed on /north/plots, must be one")
     assert diagnostics.values_of(found)["publishers"] == "2"
-
-
-def test_silence_does_not_hide_that_there_are_several_publishers():
     found = status(radar(1.0), 110.0, heard=TWO)
     assert found.level == STALE
     assert found.message.startswith("silent for 10.0 s; 2 publishers listed on /north/plots, must")
@@ -266,8 +257,16 @@ def test_step_time_is_judged_by_the_scans_true_interval(step_ms, level):
     assert diagnostics.values_of(found)["scan_interval_ms"] == "2000.0"
 
 
-def test_step_time_before_any_scan_is_stale():
+def test_step_times_and_approximations_are_counted_once_there_are_scans():
     assert step_status(StepHealth(Rhythm(6.0), Rhythm(6.0))).level == STALE
+    pace = StepHealth(Rhythm(2.0), Rhythm(2.0))
+    for index, count in enumerate((0, 2, 0, 1)):
+        figures = {"approximate_clusters": count, "floored_covariances": 1, "origins": 9}
+        pace.stepped(index * 10**9, float(index), 1.0, 1, figures)
+    values = diagnostics.values_of(step_status(pace))
+    assert (values["approximate_clusters"], values["floored_covariances"]) == ("3", "4")
+    assert "origins" not in values
+    assert "approximate_clusters" not in diagnostics.values_of(step_status(stepping(1.0)))
 
 
 def test_overload_is_a_warning_with_advice_though_each_step_is_in_time():
@@ -291,17 +290,6 @@ def test_advice_on_slow_steps_names_parameters_of_the_engine(engine):
     assert set(advised) <= {parameter.name for parameter in TOP}
 
 
-def test_approximations_are_counted_where_the_engine_has_them():
-    pace = StepHealth(Rhythm(2.0), Rhythm(2.0))
-    for index, count in enumerate((0, 2, 0, 1)):
-        figures = {"approximate_clusters": count, "floored_covariances": 1, "origins": 9}
-        pace.stepped(index * 10**9, float(index), 1.0, 1, figures)
-    values = diagnostics.values_of(step_status(pace))
-    assert (values["approximate_clusters"], values["floored_covariances"]) == ("3", "4")
-    assert "origins" not in values
-    assert "approximate_clusters" not in diagnostics.values_of(step_status(stepping(1.0)))
-
-
 @pytest.mark.parametrize(("wall_s", "level"), [(2.0, WARN), (0.02, OK)])
 def test_tracker_that_is_always_busy_warns_unless_a_replay_waits_for_it(wall_s, level):
     """Where the middleware does not number messages, losses cannot be counted."""
@@ -320,19 +308,13 @@ def test_refused_subscription_is_a_warning_for_a_while():
     assert outputs.status("/tracker", 51.0 + WARNING_MEMORY_S).level == OK
 
 
-def test_rises_sums_the_recent_ones():
+def test_rises_are_of_recent_counts_since_they_began_again():
     rises = Rises()
     assert [rises.recent("lost", count, 100.0 + count) for count in (0, 3, 5)] == [0, 3, 5]
     assert rises.recent("lost", 5, 104.0 + WARNING_MEMORY_S) == 2
     assert rises.recent("other", 0, 104.0) == 0
-
-
-def test_rises_takes_a_count_that_falls_for_one_that_has_begun_again():
     rises = Rises()
     assert [rises.recent("plots", count, 100.0) for count in (5, 0, 2)] == [5, 0, 2]
-
-
-def test_rises_measures_the_time_since_a_count_last_rose():
     rises = Rises()
     found = [rises.unchanged_s("plots", count, now) for count, now in ((0, 9), (4, 10), (4, 13))]
     assert found == [math.inf, 0.0, 3.0]

@@ -10,23 +10,17 @@ def awaiting(*stamps_s):
     return step
 
 
-def test_the_next_may_follow_once_the_estimate_is_back():
+def test_an_estimate_answers_its_stamp_and_those_before():
     step = awaiting(6)
     assert not step.may_follow(0.1)
     step.receive(6 * S, 0.2)
     assert step.may_follow(0.2)
     assert step.is_settled(0.2)
-
-
-def test_an_estimate_answers_the_stamps_before_it_too():
     step = awaiting(6, 12, 18)
     step.receive(12 * S, 0.1)
     assert not step.may_follow(0.2)
     step.receive(18 * S, 0.3)
     assert step.may_follow(0.3)
-
-
-def test_an_estimate_of_a_stamp_before_those_awaited_answers_nothing():
     step = awaiting(12)
     step.receive(6 * S, 0.1)
     assert not step.may_follow(0.2)
@@ -57,16 +51,13 @@ def test_the_end_is_settled_after_patience_where_the_last_estimate_is_held_back(
     assert step.is_settled(PATIENCE_S + 0.1)
 
 
-def test_it_is_hopeless_after_long_without_an_answer():
+def test_it_is_hopeless_after_long_without_an_answer_or_a_pause():
     step = awaiting(6, 12)
     step.receive(6 * S, 5.0)
     assert not step.hopeless(GIVE_UP_S + 5.0)
     assert step.hopeless(GIVE_UP_S + 5.1)
     step.receive(12 * S, GIVE_UP_S + 5.2)
     assert not step.hopeless(1000.0)
-
-
-def test_a_pause_does_not_count_until_it_is_hopeless():
     step = awaiting(6)
     resumed_s = 10.0 * GIVE_UP_S
     assert step.hopeless(resumed_s)

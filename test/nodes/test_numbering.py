@@ -72,16 +72,13 @@ def test_losses_of_two_publishers_are_counted_exactly(offset):
     assert received(both).lost == 6
 
 
-def test_second_publisher_that_comes_with_higher_numbers_is_no_loss_once_the_first_goes_on():
+def test_second_publisher_is_no_loss_and_forgotten_once_it_has_gone():
     numbering = received([1000, 5000, 5001])
     assert numbering.lost == 3999
     numbering.add(1001)
     assert numbering.lost == 0
     numbering.add(1003)
     assert numbering.lost == 1
-
-
-def test_second_publisher_is_forgotten_once_it_has_gone():
     numbering = received(in_turns(range(100, 110), range(1, 11)))
     assert numbering.several
     for number in range(110, 110 + WINDOW):

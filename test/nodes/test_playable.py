@@ -35,11 +35,14 @@ def test_choose_leaves_out_what_live_nodes_publish_unless_it_is_wanted(tmp_path,
     assert set(choose(tmp_path, types, [topic]).classes) == {topic}
 
 
-def test_choose_leaves_out_a_recorded_tracker_in_another_namespace(tmp_path):
+def test_choose_leaves_out_other_trackers_and_names_that_are_no_topics(tmp_path):
     recorded = [*outputs.default_topics(2, "/site/t2"), RADAR]
     found = choose(tmp_path, dict.fromkeys(recorded, names.CLOUD))
 
     assert (set(found.classes), found.detections) == ({RADAR}, (RADAR,))
+    found = choose(tmp_path, {RADAR: names.CLOUD, "no topic": "std_msgs/msg/String"})
+
+    assert found.skipped == ("no topic: is not a valid topic name, not played",)
 
 
 @pytest.mark.parametrize(
@@ -102,9 +105,3 @@ def test_choose_refuses_what_cannot_be_played(tmp_path, wanted, text):
     types = {"/note": "other/msg/Note", "/thing": "other/msg/Thing"}
     with pytest.raises(BagError, match=text):
         choose(tmp_path, types, wanted)
-
-
-def test_choose_skips_a_name_that_is_no_topic(tmp_path):
-    found = choose(tmp_path, {RADAR: names.CLOUD, "no topic": "std_msgs/msg/String"})
-
-    assert found.skipped == ("no topic: is not a valid topic name, not played",)

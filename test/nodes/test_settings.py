@@ -54,9 +54,12 @@ def test_changed_gives_what_a_start_with_it_gives():
     assert USUAL.values["radar_2.clutter_rate"] == 20.0
 
 
-def test_changed_outputs_are_refused_but_for_markers():
+def test_changes_are_refused_by_the_whole_configuration():
     (fault,) = faults_of(change, USUAL, {"outputs": ["markers", "paths"]})
     assert fault == "outputs: only markers may come and go while the tracker is configured"
+    # Each number is allowed; one target a scan at the most is what they add up to.
+    (fault,) = faults_of(change, USUAL, {"start_1.rates": [0.7, 0.7]})
+    assert fault.startswith("start_1.rates: [0.7, 0.7] given, must sum to at most 1")
 
 
 def test_outputs_by_latitude_and_longitude_need_an_origin():
@@ -94,12 +97,6 @@ def test_changed_lists_every_fault_in_the_words_of_the_start():
         "survival: unknown parameter",
         *faults_of(resolve, {"radar_1.clutter_rate": -1.0, "confirm_probability": 2.0}),
     ]
-
-
-def test_changed_checks_the_changed_whole():
-    # Each number is allowed; one target a scan at the most is what they add up to.
-    (fault,) = faults_of(change, USUAL, {"start_1.rates": [0.7, 0.7]})
-    assert fault.startswith("start_1.rates: [0.7, 0.7] given, must sum to at most 1")
 
 
 @pytest.mark.parametrize("name", sorted(USUAL.mutable - NAMES))

@@ -30,20 +30,14 @@ def said(*looks):
     return logger.said
 
 
-def test_a_cause_is_logged_once_when_it_has_lasted_and_so_is_its_end():
+def test_every_lasting_cause_is_logged_once_and_what_goes_by_is_not():
     silent = [(t, STALE, f"silent for {t:.1f} s") for t in range(20)]
     well = [(t, OK, "receiving") for t in range(20, 40)]
     assert said((-9, OK, "receiving"), *silent, *well) == [
         ("warning", f"north: silent for {LASTING_S:.1f} s"),
         ("info", "north: receiving again"),
     ]
-
-
-def test_another_cause_is_logged_too():
     quiet = [(t, STALE, "silent") for t in range(9)]
     shared = [(t, ERROR, "several publishers") for t in range(9, 20)]
     assert [level for level, _ in said(*quiet, *shared)] == ["warning", "error"]
-
-
-def test_what_goes_by_is_not_logged():
     assert not said(*((t, (OK, WARN)[t % 2], "xy"[t % 2]) for t in range(50)))

@@ -160,12 +160,14 @@ def test_every_number_for_plots_is_published_and_is_that_of_the_diagnostics(live
         assert heard[0].data in said, topic
 
 
-def test_rviz_shows_every_topic_over_the_world_frame():
+def test_rviz_and_foxglove_show_every_topic():
     options = RVIZ["Visualization Manager"]["Global Options"]
 
     assert set(rviz_displays()) == SHOWN
     assert options["Fixed Frame"] == "map"
     assert all(display["Enabled"] for display in rviz_displays().values())
+    assert set(MAP["topics"]) == SHOWN
+    assert MAP["followTf"] == "map"
 
 
 def test_colours_are_those_of_the_report():
@@ -202,11 +204,6 @@ def test_detections_stand_out_from_the_background_in_foxglove(end):
     colours = (MAP["topics"][DETECTIONS]["gradient"][end], MAP["scene"]["backgroundColor"])
 
     assert contrast(*([*bytes.fromhex(colour[1:])] for colour in colours)) >= VISIBLE
-
-
-def test_foxglove_shows_every_topic():
-    assert set(MAP["topics"]) == SHOWN
-    assert MAP["followTf"] == "map"
 
 
 @pytest.mark.parametrize("pattern", ["rviz/*.rviz", "foxglove/*.json"])

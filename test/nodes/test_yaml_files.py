@@ -51,23 +51,17 @@ def test_scalars_are_those_of_ros(text, value):
     assert type(found) is type(value)
 
 
-def test_keys_are_names_and_merges_are_kept():
+def test_keys_are_names_given_once_and_lists_may_be_tuples():
     text = "{a: &a {x: 1e-6, y: 2}, b: {<<: *a, 1: z}}"
     assert yaml_files.parse(text, "it")["b"] == {"x": 1e-6, "y": 2, "1": "z"}
+    assert yaml_files.parse("topics: !!python/tuple\n- a\n- b\n", "it") == {"topics": ["a", "b"]}
+    text = "tracker:\n  ros__parameters:\n    lag: 3\n    seed: 1\n    lag: 4\n"
+    assert fault(text) == "it: line 5: lag is given twice, first in line 3"
 
 
 @pytest.mark.parametrize("text", ["!!int x", "!!bool x", "!!float x", "!!timestamp x", "!!set {a}"])
 def test_tags_that_do_not_fit_are_refused(text):
     assert fault(text).startswith("it: ")
-
-
-def test_list_is_read_as_launch_files_write_it():
-    assert yaml_files.parse("topics: !!python/tuple\n- a\n- b\n", "it") == {"topics": ["a", "b"]}
-
-
-def test_key_given_twice_is_named_with_its_line():
-    text = "tracker:\n  ros__parameters:\n    lag: 3\n    seed: 1\n    lag: 4\n"
-    assert fault(text) == "it: line 5: lag is given twice, first in line 3"
 
 
 def test_parameter_given_twice_in_both_notations_is_named(tmp_path):

@@ -114,11 +114,14 @@ def test_load_refuses_what_is_no_yaml(tmp_path, content):
     assert fault.startswith(f"{path}: is not YAML: ")
 
 
-def test_from_arguments_lets_the_last_one_win(tmp_path):
+def test_from_arguments_lets_the_last_one_win_and_explains_quotes(tmp_path):
     one = write(tmp_path / "1.yaml", "tracker: {ros__parameters: {lag: 1, seed: 1}}\n")
     two = write(tmp_path / "2.yaml", "tracker: {ros__parameters: {lag: 2, interval_s: 2.5}}\n")
     found = from_arguments.from_arguments([one, two], ["seed:=3", "seed:=4"])
     assert found == {"lag": 2, "seed": 4, "interval_s": 2.5}
+    (fault,) = faults_of(from_arguments.from_arguments, [], ["radar_1.fields.amplitude:="])
+    assert fault.startswith("-p radar_1.fields.amplitude:=: must be NAME:=VALUE; ")
+    assert fault.endswith("""an empty string is -p "NAME:=''\"""")
 
 
 @pytest.mark.parametrize(
@@ -145,12 +148,6 @@ def test_from_arguments_reads_values_as_yaml(assignment, expected):
 def test_from_arguments_refuses_what_is_no_assignment(assignment):
     found = faults_of(from_arguments.from_arguments, [], [assignment])
     assert found == [f"-p {assignment}: must be NAME:=VALUE"]
-
-
-def test_from_arguments_explains_how_an_empty_string_is_quoted():
-    (fault,) = faults_of(from_arguments.from_arguments, [], ["radar_1.fields.amplitude:="])
-    assert fault.startswith("-p radar_1.fields.amplitude:=: must be NAME:=VALUE; ")
-    assert fault.endswith("""an empty string is -p "NAME:=''\"""")
 
 
 @pytest.mark.parametrize("assignment", ["lag:=[1,", "lag:={", "lag:=a: b: c", "lag:=\t"])

@@ -71,15 +71,12 @@ def test_places_between_the_nodes_of_the_grid_are_read_to_some_metres(origin):
         assert abs(apart) < 4e-5
 
 
-def test_rings_are_round_numbers_of_the_unit_about_each_radar():
+def test_rings_are_round_numbers_about_each_radar():
     radars = (RadarSite("a", (0.0, 0.0)), RadarSite("b", (30e3, -20e3)))
     found = rings(radars, CORNER, FAR)
     assert [text for *_, text in found] == ["50 km", "100 km", "150 km"] * 2
     assert [radius for _, _, radius, _ in found] == [50e3, 100e3, 150e3] * 2
     assert [(x, y) for x, y, _, _ in found] == [(0.0, 0.0)] * 3 + [(30e3, -20e3)] * 3
-
-
-def test_without_radars_there_are_no_rings():
     assert rings((), CORNER, FAR) == []
 
 

@@ -123,15 +123,12 @@ def test_number_error_shows_estimated_minus_true():
     assert [set(axes.lines[-1].get_ydata()) for axes in rows] == [{0.0}, {-1.0}]
 
 
-def test_clock_counts_from_the_first_stamp_of_any_part():
+def test_clock_counts_from_the_first_stamp_in_minutes_where_long():
     late_truth = tuple(truth_of(k, 2) for k in range(3, SCANS))
 
     clock = Clock.of(record_of(truth=late_truth))
 
     assert clock.seconds([stamp_ns(0), stamp_ns(2)]).tolist() == [0.0, 12.0]
-
-
-def test_clock_gives_long_runs_in_minutes():
     assert Clock(0, 7200.0).text(90.0) == "1.5 min"
 
 
@@ -147,16 +144,13 @@ def test_maps_have_equal_scales_in_metres_where_they_are_short(record, unit):
     assert high - low == pytest.approx(2.04 if unit == "km" else 20.4, rel=0.05)
 
 
-def test_detections_are_purple_and_darker_with_their_amplitude():
+def test_detections_are_purple_with_a_scale_of_known_amplitudes():
     (dots,) = without_pixels(record_of(2))["measurements"].axes[0].collections
     low, high = dots.cmap([0.0, 1.0])[:, :3]
 
     for red, green, blue in (low, high):
         assert blue > red > green
     assert low.sum() > high.sum()
-
-
-def test_measurements_without_amplitudes_have_no_scale_of_them():
     figure = without_pixels(without_amplitudes(record_of(2)))["measurements"]
     ((red, green, blue, _),) = figure.axes[0].collections[0].get_facecolor()
 

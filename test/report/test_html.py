@@ -158,10 +158,14 @@ def test_write_report_shows_which_class_was_taken_for_which(tmp_path):
     ]
 
 
-def test_write_report_orders_more_than_ten_classes_by_number(tmp_path):
+def test_write_report_escapes_the_title_and_orders_classes(tmp_path):
     names = [row[0] for row in Reader(without_library(page(tmp_path, summary_of(12)))).rows[1:27:2]]
 
     assert names == ["all classes", *(f"class {k}" for k in range(12))]
+    text = page(tmp_path, summary_of(), title='<script>"$lead" & more')
+
+    assert "&lt;script&gt;&quot;$lead&quot; &amp; more" in text
+    assert '<script>"' not in text
 
 
 @pytest.mark.parametrize(
@@ -225,13 +229,6 @@ def test_write_report_gives_the_script_every_scan_and_chart(tmp_path):
     assert run["unit"] == "s"
     assert [chart["name"] for chart in run["charts"]] == ["ospa", "numbers", "classes"]
     assert run["picture"]["sources"] == ["filtered", "smoothed"]
-
-
-def test_write_report_escapes_the_title(tmp_path):
-    text = page(tmp_path, summary_of(), title='<script>"$lead" & more')
-
-    assert "&lt;script&gt;&quot;$lead&quot; &amp; more" in text
-    assert '<script>"' not in text
 
 
 @pytest.mark.parametrize("name", ["</script><b>", "<!--<script>", "<!--", "]]>&lt;"])

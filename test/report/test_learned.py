@@ -28,30 +28,21 @@ FIGURES = {
 }
 
 
-def test_values_are_in_the_units_of_the_parameters():
+def test_values_are_those_learned_in_the_units_of_parameters():
     found = {each.quantity: each for each in learned_values(INPUTS, FIGURES)}
     assert found["detection_probability"][2:] == (0.9, 0.6, 0.02, "")
     assert found["range_std"][2:] == (50.0, 100.0, 5.0, "m")
     assert found["azimuth_std_deg"][2:5] == pytest.approx((0.2, 0.1, 0.01))
-
-
-def test_values_that_are_not_learned_are_left_out():
     assert not list(learned_values(INPUTS, {"other.range_noise_ratio": 2.0}))
 
 
-def test_page_shows_what_was_set_and_found():
+def test_page_shows_what_was_set_and_found_of_which_sensor():
     record = replace(record_of(), learned=tuple(learned_values(INPUTS, FIGURES)))
     text = score_words.sensors(record.learned, {})
     cells = ("mast", "range_std", "50 m", "100 m", "5 m")
     assert "".join(f"<td>{cell}</td>" for cell in cells[1:]) in text
-
-
-def test_page_says_which_sensor_has_changed():
     changes = sensor_changes(INPUTS, {**FIGURES, "mast.fewer_detections": 1.0})
     text = score_words.sensors(tuple(learned_values(INPUTS, FIGURES)), changes)
     assert "<strong>mast</strong>: not what it was until now: it detects fewer targets." in text
     assert sensor_changes(INPUTS, FIGURES) == {}
-
-
-def test_page_has_no_table_if_nothing_is_learned():
     assert score_words.sensors((), {}) == ""

@@ -45,7 +45,7 @@ def flying(scan=0, **changes):
     return tracked(scan, attributes=attributes, **changes)
 
 
-def test_frames_are_the_stamps_of_estimates_in_order():
+def test_frames_are_stamps_of_estimates_or_of_what_there_is():
     record = record_of(
         truth=(truth_of(5, 2), truth_of(0, 2)),
         filtered=(estimates_of(3, 2, 0),),
@@ -53,12 +53,12 @@ def test_frames_are_the_stamps_of_estimates_in_order():
     )
 
     assert Frames.of(record).stamp_ns.tolist() == [stamp_ns(2), stamp_ns(3)]
-
-
-def test_frames_without_estimates_are_the_stamps_of_truth_and_detections():
     record = record_of(filtered=(), smoothed=(), truth=(truth_of(SCANS, 2),))
 
     assert Frames.of(record).stamp_ns.tolist() == [stamp_ns(k) for k in range(SCANS + 1)]
+    frames = Frames(np.array([10, 20, 30]))
+
+    assert frames.at([5, 10, 11, 30, 99]).tolist() == [0, 0, 1, 2, 2]
 
 
 def test_frames_of_a_long_run_are_some_of_its_stamps(monkeypatch):
@@ -67,20 +67,10 @@ def test_frames_of_a_long_run_are_some_of_its_stamps(monkeypatch):
     assert Frames.of(record_of()).stamp_ns.tolist() == [stamp_ns(k) for k in (0, 3, 6, 9)]
 
 
-def test_frames_of_what_is_between_are_the_next_ones():
-    frames = Frames(np.array([10, 20, 30]))
-
-    assert frames.at([5, 10, 11, 30, 99]).tolist() == [0, 0, 1, 2, 2]
-
-
 def test_the_last_frame_with_most_targets_is_shown_first():
     record = record_of(2, truth=tuple(truth_of(k, 2 if 3 <= k <= 6 else 1) for k in range(SCANS)))
 
     assert picture_of(record).header["first"] == 6
-
-
-def test_picture_of_nothing_is_none():
-    assert picture_of(record_of(truth=(), plots=(), filtered=(), smoothed=())) is None
 
 
 @pytest.mark.parametrize("source", ["filtered", "smoothed"])
@@ -117,7 +107,7 @@ def test_estimates_list_velocity_course_state_and_probability():
     assert CONFIRMED != COASTING
 
 
-def test_ellipses_hold_95_per_cent():
+def test_ellipses_and_radii_hold_95_per_cent():
     picture = picture_of(record_of(2))
     rows = rows_of(picture, "smoothed")
     steps, least = picture.header["axis"]
@@ -126,6 +116,9 @@ def test_ellipses_hold_95_per_cent():
     assert least * 2.0 ** (rows["major"][0] / steps) == pytest.approx(30.0 * RADIUS_95, rel=0.03)
     assert least * 2.0 ** (rows["minor"][0] / steps) == pytest.approx(20.0 * RADIUS_95, rel=0.03)
     assert rows["angle"][0] % 180 == 0
+    points = np.random.default_rng(0).standard_normal((200_000, 2))
+    inside = np.hypot(*points.T) < RADIUS_95
+    assert inside.mean() == pytest.approx(0.95, abs=0.002)
 
 
 @pytest.mark.parametrize(("plane", "level"), [(None, 100), (PLANE, 100)])
@@ -208,19 +201,17 @@ def test_radars_that_move_are_where_they_were():
     assert rows["place"] == pytest.approx(np.array([[0, 7], [100, 7], [200, 7]]), abs=0.1)
 
 
-def test_the_picture_holds_all_targets():
+def test_picture_holds_all_targets_or_detections():
     header = picture_of(record_of(3)).header
     low, high = np.array(header["corner"]), np.array(header["corner"]) + header["extent"]
 
     assert (low < 0.0).all()
     assert (high > [3340.0, 4040.0]).all()
-
-
-def test_a_picture_of_detections_alone_holds_them():
     header = picture_of(record_of(truth=(), filtered=(), smoothed=())).header
 
     assert header["corner"][0] < -5e3
     assert header["corner"][1] + header["extent"][1] > 4e3
+    assert picture_of(record_of(truth=(), plots=(), filtered=(), smoothed=())) is None
 
 
 def test_classes_have_their_names_and_colours():
@@ -302,9 +293,3 @@ def test_an_hour_of_fifty_aircraft_is_less_than_two_megabytes():
 
     # The charts' library takes two of the five that a page of an hour may have.
     assert len(picture_of(record).columns.text()) < 2e6
-
-
-def test_radius_95_holds_95_per_cent():
-    points = np.random.default_rng(0).standard_normal((200_000, 2))
-    inside = np.hypot(*points.T) < RADIUS_95
-    assert inside.mean() == pytest.approx(0.95, abs=0.002)

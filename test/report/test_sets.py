@@ -3,27 +3,21 @@ import pytest
 from phd_jdtc_ros.report.sets import Sets
 
 
-def test_sets_of_several_classes_are_all_and_each():
+def test_sets_are_all_and_each_of_several_classes():
     sets = Sets.of(2, ("car", "van_2"))
 
     assert sets.keys == ["all", "class_0", "class_1"]
     assert [sets.title(key) for key in sets.keys] == ["all classes", "car", "van_2"]
-
-
-def test_sets_of_one_class_are_one_with_its_name():
     sets = Sets.of(1, ("car",))
 
     assert sets.one_class
     assert (sets.keys, sets.title("all")) == (["all"], "car")
+    assert Sets.of(2, ("car", "van")).class_title(7) == "class 7"
 
 
 @pytest.mark.parametrize("names", [(), ("car",), ("class_0", "class_1")])
 def test_sets_without_fitting_names_are_numbered(names):
     assert [Sets.of(2, names).class_title(k) for k in range(2)] == ["class 0", "class 1"]
-
-
-def test_class_title_of_a_class_that_is_not_configured_is_its_number():
-    assert Sets.of(2, ("car", "van")).class_title(7) == "class 7"
 
 
 def test_sets_of_a_summary_are_those_of_its_figures():

@@ -205,12 +205,17 @@ def test_score_tables_shows_the_consistency_of_stated_covariances(stated):
     ]
 
 
-def test_score_tables_has_the_configured_names(evaluation):
+def test_score_tables_have_configured_names_and_what_was_measured(evaluation):
     named = {**metrics(evaluation, np.zeros(0)), "class_names": ["car", "[red]van_2"]}
     (_, rows, _), *_, (_, matrix, _) = tables(named)
 
     assert [row[0] for row in rows if row[0]] == ["all", "car", "[red]van_2"]
     assert [row[0] for row in matrix] == ["car", "[red]van_2", "none (false)"]
+    (title, _, caption), *_ = tables(metrics(evaluation, np.array([1.25, 1.25])))
+    assert title == "means over 2 scans (OSPA: p = 2, c = 1000 m)"
+    assert caption == ["right class: 100.0%", "CPU per scan: median 1.2 ms, p99 1.2 ms"]
+    (_, _, caption), *_ = tables(metrics(evaluation, np.zeros(0)))
+    assert caption == ["right class: 100.0%"]
 
 
 def test_score_tables_shows_a_single_class_once():
@@ -254,17 +259,6 @@ def test_score_tables_fits_80_columns():
     text = "\n".join(printed(metrics(found, np.ones(50))))
     assert max(len(line.rstrip().lstrip()) for line in lines) <= 80
     assert "…" not in text
-
-
-def test_score_tables_name_their_source(evaluation):
-    (title, _, caption), *_ = tables(metrics(evaluation, np.array([1.25, 1.25])))
-    assert title == "means over 2 scans (OSPA: p = 2, c = 1000 m)"
-    assert caption == ["right class: 100.0%", "CPU per scan: median 1.2 ms, p99 1.2 ms"]
-
-
-def test_score_tables_leaves_out_what_was_not_measured(evaluation):
-    (_, _, caption), *_ = tables(metrics(evaluation, np.zeros(0)))
-    assert caption == ["right class: 100.0%"]
 
 
 def test_score_tables_of_nothing_shows_dashes():

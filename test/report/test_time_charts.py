@@ -68,6 +68,10 @@ def test_numbers_count_truth_and_estimates():
     assert list(line(figure, "filtered", 1).y) == [2, 1] * 6
     assert list(line(figure, "filtered", 2).y) == [1] * 12
     assert list(line(figure, "smoothed", 3).y) == [1] * 12
+    drawn = time_charts.numbers(record_of(truth=()))
+
+    assert {trace.name for trace in drawn.figure.data} == {"filtered", "smoothed"}
+    assert "true number" not in drawn.caption
 
 
 @pytest.mark.parametrize(
@@ -78,13 +82,6 @@ def test_numbers_have_round_ticks(highest, step):
     figure = time_charts.numbers(record_of(1, truth=(), filtered=(found,), smoothed=())).figure
 
     assert figure.layout.yaxis.dtick == step
-
-
-def test_numbers_without_truth_draw_none():
-    drawn = time_charts.numbers(record_of(truth=()))
-
-    assert {trace.name for trace in drawn.figure.data} == {"filtered", "smoothed"}
-    assert "true number" not in drawn.caption
 
 
 def unsure(scan, first, track_id=(0, 0)):
@@ -118,14 +115,11 @@ def test_class_probabilities_separate_estimates_near_no_target():
     assert false.mode == "markers"
 
 
-def test_class_probabilities_without_truth_are_coloured_by_the_estimated_class():
+def test_class_probabilities_are_shown_without_truth():
     figure = chart(class_chart.class_probabilities, record_of(2, truth=())).figure
 
     assert line(figure, "smoothed, class 1", 2).marker.color == class_colour(1)
     assert line(figure, "smoothed, class 1", 2).mode == "markers"
-
-
-def test_class_probabilities_without_truth_follow_labelled_tracks():
     record = record_of(2, truth=(), smoothed=tuple(unsure(k, 0.9, (7, 9)) for k in range(SCANS)))
     figure = chart(class_chart.class_probabilities, record).figure
 

@@ -163,11 +163,15 @@ def test_figure_states_what_was_measured(measure, reached):
     assert figures.all_reached([figure]) is reached
 
 
-def test_goal_can_depend_on_the_arguments():
+def test_figures_have_goals_of_their_arguments_or_reasons():
     figure = figures.measures("name", lambda count=2: f"{count} scans")(
         lambda count: ("", True, {})
     )
     assert figure(count=3).goal == "3 scans"
+    error = figures.NotMeasurableError("no root")
+    figure = figures.measures("name", "goal")(raising(error))()
+    assert (figure.measured, figure.reached, figure.reason) == (None, None, "no root")
+    assert figures.all_reached([figure])
 
 
 def raising(error):
@@ -175,13 +179,6 @@ def raising(error):
         raise error
 
     return measure
-
-
-def test_figure_that_cannot_be_measured_has_a_reason_and_is_no_failure():
-    error = figures.NotMeasurableError("no root")
-    figure = figures.measures("name", "goal")(raising(error))()
-    assert (figure.measured, figure.reached, figure.reason) == (None, None, "no root")
-    assert figures.all_reached([figure])
 
 
 @pytest.mark.parametrize("kind", [RuntimeError, IndexError, ValueError, OSError])

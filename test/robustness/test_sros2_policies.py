@@ -166,15 +166,12 @@ def test_page_of_the_tracker_lists_every_parameter_of_the_node(name):
     assert f"`{name}`" in PAGE.partition("## Parameters")[2]
 
 
-def test_policies_let_no_node_write_parameters_of_another():
+def test_policies_have_enclaves_and_let_no_node_write_parameters():
     for name, rights in allowed().items():
         if name != "operator":
             assert not {
                 entry for entry in rights["services", "request"] if "set_parameters" in entry
             }
-
-
-def test_policies_have_an_enclave_for_every_node():
     document = ElementTree.parse(POLICIES)
     paths = {enclave.get("path") for enclave in document.iter("enclave")}
     assert document.getroot().get("version") == "0.2.0"

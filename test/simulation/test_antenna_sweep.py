@@ -81,7 +81,7 @@ def test_a_detection_is_where_the_target_is_at_its_own_time():
     assert seen == pytest.approx(3 * 14, abs=3)
 
 
-def test_a_turn_is_reported_at_its_end():
+def test_turns_and_sectors_without_plots_are_reported_at_their_end():
     found, inputs = scene(CROSSING_NORTH, antenna=Antenna(math.pi / 2.0), duration_s=20.0)
     reports = simulate_reports(found, inputs, 0)
     # A quarter of a turn was over at scan 0, and that turn is left out.
@@ -89,6 +89,10 @@ def test_a_turn_is_reported_at_its_end():
     for report in reports:
         assert report.detections.coverage is None
         assert ((report.detections.time_s <= 0.0) & (report.detections.time_s > -4.0)).all()
+    found, inputs = scene(CROSSING_NORTH, sectors=32, duration_s=8.0)
+    reports = simulate_reports(found, inputs, 0)
+    assert len(reports) == 64
+    assert sum(len(report.detections) == 0 for report in reports) >= 60
 
 
 @pytest.mark.parametrize("clockwise", [True, False])
@@ -110,13 +114,6 @@ def test_sectors_cover_the_turn_in_the_order_in_which_the_antenna_turns(clockwis
         time = report.detections.time_s
         assert ((time <= 1e-9) & (time >= -0.25 - 1e-9)).all()
     assert sum(len(r.detections) for r in reports) == pytest.approx(300 * 15, rel=0.1)
-
-
-def test_sectors_without_plots_are_reported_too():
-    found, inputs = scene(CROSSING_NORTH, sectors=32, duration_s=8.0)
-    reports = simulate_reports(found, inputs, 0)
-    assert len(reports) == 64
-    assert sum(len(report.detections) == 0 for report in reports) >= 60
 
 
 def test_plots_do_not_depend_on_how_they_are_reported():

@@ -18,15 +18,12 @@ def resolve(**document):
     return scenario_file.resolve(document, RADARS)
 
 
-def test_resolve_of_nothing_is_the_reference_timing_without_targets():
+def test_resolve_reads_the_timing_or_takes_the_reference():
     found, reference = resolve(), scenario.paper_scenario(RADARS)
     assert found.targets == ()
     assert found.radars == RADARS
     for name in ("start_ns", "interval_s", "scans"):
         assert getattr(found, name) == getattr(reference, name)
-
-
-def test_resolve_reads_the_timing():
     found = resolve(start_s=12.5, interval_s=0.25, scans=3)
     assert (found.start_ns, found.interval_s, found.scans) == (12_500_000_000, 0.25, 3)
     assert [found.stamp_ns(scan) for scan in range(3)] == [
@@ -73,11 +70,7 @@ def test_a_target_without_turns_flies_exactly_straight(interval_s):
         assert state.tolist() == expected
 
 
-def test_a_turn_of_no_rate_is_no_turn():
-    np.testing.assert_allclose(flown(Turn(5, 11, 0.0)), flown(), rtol=1e-14)
-
-
-def test_a_turn_rotates_the_velocity_and_keeps_the_speed():
+def test_turns_are_arcs_that_keep_the_speed():
     rate = math.radians(3.0)
     states = flown(Turn(7, 12, rate))
     scan = np.arange(2, 31)
@@ -85,15 +78,13 @@ def test_a_turn_rotates_the_velocity_and_keeps_the_speed():
     np.testing.assert_allclose(states[:, 1], 30.0 * np.cos(heading), atol=1e-12)
     np.testing.assert_allclose(states[:, 3], 30.0 * np.sin(heading), atol=1e-12)
     np.testing.assert_array_equal(states[:, 4], np.where((scan >= 7) & (scan < 12), rate, 0.0))
-
-
-def test_a_turn_is_an_arc_of_a_circle():
     rate = math.radians(2.0)
     states = flown(Turn(2, 30, rate))
     # Counter-clockwise: the centre is to the left of the first velocity.
     radius = 30.0 / rate
     apart = np.hypot(states[:, 0] - 100.0, states[:, 2] - (-50.0 + radius))
     np.testing.assert_allclose(apart, radius, rtol=1e-12)
+    np.testing.assert_allclose(flown(Turn(5, 11, 0.0)), flown(), rtol=1e-14)
 
 
 def test_resolve_reads_targets_with_legs_in_seconds():

@@ -38,20 +38,14 @@ def test_truth_follows_the_script(scan, tracks, positions):
     np.testing.assert_allclose(truth.state[:, [0, 2]], positions, rtol=1e-12)
 
 
-def test_truth_carries_class_and_velocity():
+def test_truth_carries_class_and_velocity_at_exact_stamps():
     truth = truth_at(SCENE, 20)
     np.testing.assert_array_equal(truth.class_id, [0, 1, 0, 1])
     expected = [(36.0, -44.0), (36.0, 44.0), (36.0, 44.0), (0.0, -20.7)]
     np.testing.assert_array_equal(truth.state[:, [1, 3]], expected)
     np.testing.assert_array_equal(truth.state[:, 4], 0.0)
-
-
-def test_truth_without_targets_is_empty():
     truth = truth_at(replace(SCENE, targets=SCENE.targets[:3]), 70)
     assert truth.state.shape == (0, len(PLANAR))
-
-
-def test_stamps_are_exact_and_not_zero_at_the_first_scan():
     assert SCENE.stamp_ns(0) > 0
     assert SCENE.stamp_ns(79) == SCENE.stamp_ns(0) + 79 * 6_000_000_000
     third = replace(SCENE, interval_s=1.0 / 3.0)
@@ -79,7 +73,7 @@ def test_detect_reports_a_target_with_its_rayleigh_probability():
     assert found.amplitude.min() > radar.threshold
 
 
-def test_detect_clutter_has_the_noise_tail():
+def test_detect_clutter_is_poisson_noise_uniform_in_range_and_azimuth():
     radar = replace(RADAR, clutter_rate=20_000.0)
     found = detect(standing(0), np.zeros(0), radar, np.random.default_rng(0))[0]
     # Above the threshold a^2 = tau^2 + an exponential of mean 2.
@@ -87,18 +81,12 @@ def test_detect_clutter_has_the_noise_tail():
     assert excess.min() >= 0.0
     assert excess.mean() == pytest.approx(2.0, rel=4.5 / np.sqrt(len(found)))
     assert np.mean(excess > 4.0) == pytest.approx(np.exp(-2.0), abs=4.5 * 0.35 / 140.0)
-
-
-def test_detect_clutter_is_uniform_in_range_and_azimuth():
     radar = replace(RADAR, clutter_rate=20_000.0)
     found = detect(standing(0), np.zeros(0), radar, np.random.default_rng(1))[0].measurement
     for column, low, width in ((0, 0.0, 15e3), (1, -np.pi, 2.0 * np.pi)):
         share = np.histogram((found[:, column] - low) / width, bins=10, range=(0.0, 1.0))[0]
         assert share.sum() == len(found)
         assert np.abs(share / len(found) - 0.1).max() < 4.5 * np.sqrt(0.09 / len(found))
-
-
-def test_detect_clutter_count_is_poisson():
     rng = np.random.default_rng(2)
     trials = 2000
     count = np.array([len(detect(standing(0), np.zeros(0), RADAR, rng)[0]) for _ in range(trials)])

@@ -100,11 +100,15 @@ def test_truth_has_heights_that_change_at_its_climb_rates():
     assert not first.height[slow].any()
 
 
-def test_shares_are_those_of_the_document():
+def test_shares_and_faults_of_the_document_are_named():
     run, _ = terminal({"share": 0.5, "shared_code_share": 0.3, "seed": 4})
     code = np.array([content.code for content in run.replies_of.values()])
     assert np.mean(code == UNKNOWN) == pytest.approx(0.5, abs=0.15)
     assert np.mean(code[code != UNKNOWN] == 0o7000) == pytest.approx(0.3, abs=0.2)
+    with pytest.raises(ConfigError) as refused:
+        terminal({"share": 1.5, "code": 3})
+    assert "transponders.share" in str(refused.value)
+    assert "transponders.code: unknown key" in str(refused.value)
 
 
 def test_garbled_answers_are_as_frequent_as_asked_for():
@@ -128,13 +132,6 @@ def test_radars_that_do_not_turn_see_answers_too():
     for (_, scan), (_, other) in zip(simulate(still, 2), plain, strict=True):
         one, two = scan.detections[0], other.detections[0]
         np.testing.assert_array_equal(one.measurement, two.measurement)
-
-
-def test_faults_of_the_block_are_all_named():
-    with pytest.raises(ConfigError) as refused:
-        terminal({"share": 1.5, "code": 3})
-    assert "transponders.share" in str(refused.value)
-    assert "transponders.code: unknown key" in str(refused.value)
 
 
 def answers_of(given):

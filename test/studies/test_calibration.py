@@ -95,14 +95,11 @@ def test_drawn_targets_start_with_the_spread_of_their_births(drawn):
     assert scaled.std() == pytest.approx(1.0, abs=4.0 / np.sqrt(2 * scaled.size))
 
 
-def test_matched_gives_a_target_to_the_more_probable_of_two_estimates():
+def test_matched_gives_targets_to_the_nearer_within_the_gate():
     found = estimates([[10.0, 0.0], [0.0, 0.0]], [0.9, 0.1], [[1.0, 0.0]] * 2)
     target, estimate, square = matched(targets([[5.0, 0.0]], [0]), found)
     assert (target.tolist(), estimate.tolist()) == ([0], [0])
     np.testing.assert_allclose(square, 0.05**2)
-
-
-def test_matched_leaves_out_what_is_farther_than_its_gate():
     found = estimates([[601.0, 0.0]], [0.9], [[1.0, 0.0]])
     assert len(matched(targets([[0.0, 0.0]], [0]), found)[0]) == 0
 

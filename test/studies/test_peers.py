@@ -143,12 +143,9 @@ def test_raised_threshold_drops_weak_detections_and_their_clutter():
     assert abs(false - expected) < 4.0 * np.sqrt(expected) + 1.0
 
 
-def test_raised_threshold_refuses_a_lower_one():
+def test_raised_threshold_refuses_lower_ones_and_no_amplitudes():
     with pytest.raises(ValueError, match=r"threshold: 1\.0 given"):
         raised_threshold(short_run(), 1.0)
-
-
-def test_raised_threshold_refuses_reports_without_amplitudes():
     run = short_run()
     first, *others = run.scans
     silent = replace(first, detections=(None, *first.detections[1:]))

@@ -48,12 +48,9 @@ def test_runs_give_the_means_of_figures_and_of_goals(tmp_path):
     assert (only["value"], only["at_most"], only["reached"]) == (1.0, True, False)
 
 
-def test_a_mean_is_unknown_where_a_run_has_none():
+def test_means_and_goals_without_values_are_unknown():
     found = runner.mean([{"a": 1.0, "b": None}, {"a": 2.0, "b": 4.0}])
     assert found == {"a": 1.5, "b": None}
-
-
-def test_goals_without_a_value_are_neither_reached_nor_missed():
     assert goal("unknown", None, 1.0)["reached"] is None
     assert goal("high", 2.0, 1.0, at_most=False)["reached"] is True
 

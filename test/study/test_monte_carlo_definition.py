@@ -182,13 +182,14 @@ def test_resolve_merges_scenario_case_variant_and_command_line(study_file):
     assert corrected["spawn.rate"] == fewer["spawn.rate"] == 0.02
 
 
-def test_merged_forgets_the_parts_that_a_later_layer_leaves_out():
+def test_merged_forgets_parts_that_a_later_layer_leaves_out():
     found = merge_layers(
         {"births": ["east", "west"], "east.rates": [1.0], "west.rates": [2.0], "lag": 3},
         {"births": ["west"]},
     )
 
     assert found == {"births": ["west"], "west.rates": [2.0], "lag": 3}
+    assert merge_layers({"start_1.rates": [1.0]}, {"births": []}) == {"births": []}
 
 
 def test_merged_gives_every_class_what_is_given_for_all():
@@ -246,10 +247,6 @@ def test_the_command_line_chooses_the_engine_of_all_variants_that_it_has(study_f
         "fewer",
         "reference",
     }
-
-
-def test_merged_forgets_default_parts_too():
-    assert merge_layers({"start_1.rates": [1.0]}, {"births": []}) == {"births": []}
 
 
 def test_resolve_keeps_the_data_the_cases(study_file):

@@ -52,14 +52,11 @@ def test_score_counts_wrong_classes_with_the_targets_class(run):
     assert right.tolist() == [1, 1, 0]
 
 
-def test_score_of_a_peer_has_no_classes(run):
+def test_score_of_peers_and_missing_lags_is_limited(run):
     scores = score(run, {0: exact(run)}, variant_of("jpda", (0, 3)), 2)
 
     assert (scores.lags, scores.sets) == ((0,), ("all",))
     assert np.isnan(scores.values[..., VALUES.index("right_class")]).all()
-
-
-def test_score_refuses_a_tracker_without_the_wanted_lags(run):
     with pytest.raises(ValueError, match="lags"):
         score(run, {0: exact(run)}, variant_of("jpda", (3,)), 2)
 
@@ -92,7 +89,7 @@ def scored(run, *found):
     return score(run, {0: points}, variant_of("particles"), 2)
 
 
-def test_score_after_5_leaves_out_young_targets_and_their_estimates(pair):
+def test_score_after_5_forgives_young_targets_and_no_false_estimates(pair):
     # The first target is found 10 m off, the other one 200 m off.
     found = scored(pair, *[[(10.0, 0)]] * 2, *[[(5200.0, 1), (10.0, 0)]] * 10)
 
@@ -101,15 +98,9 @@ def test_score_after_5_leaves_out_young_targets_and_their_estimates(pair):
     np.testing.assert_allclose(value(found, "ospa_after_5", "class_0"), [math.nan] * 5 + [10.0] * 7)
     expected = [0.0] * 2 + [math.nan] * 5 + [200.0] * 5
     np.testing.assert_allclose(value(found, "ospa_after_5", "class_1"), expected)
-
-
-def test_score_after_5_forgives_young_targets_that_are_missed(pair):
     found = scored(pair, *[[(0.0, 0)]] * 12)
 
     assert value(found, "ospa_after_5")[5:].tolist() == [0.0] * 2 + [707.107] * 5
-
-
-def test_score_after_5_does_not_forgive_false_estimates(pair):
     found = scored(pair, *[[(0.0, 0), (-9e3, 0)]] * 12)
 
     assert value(found, "ospa_after_5")[5:7].tolist() == [707.107] * 2
@@ -163,15 +154,12 @@ def test_figures_of_a_study_are_those_of_the_evaluator(pair):
 # --- summaries ------------------------------------------------------------------------------------
 
 
-def test_mean_has_students_interval():
+def test_mean_has_students_interval_of_several_runs():
     mean = Mean.of(np.array([1.0, 2.0, 3.0, np.nan]))
 
     # t(0.975, 2) = 4.3027
     assert mean.mean == 2.0
     assert mean.half_width == pytest.approx(4.3027 / math.sqrt(3), rel=1e-4)
-
-
-def test_mean_of_one_run_has_no_interval():
     assert Mean.of(np.array([3.0])).as_json() == {"mean": 3.0, "interval_95": None}
     assert Mean.of(np.array([np.nan])).as_json() is None
     assert Mean.of(None).as_json() is None

@@ -64,15 +64,12 @@ def same(one, other):
     )
 
 
-def test_track_readings_do_not_depend_on_each_other(run, config, tracks):
+def test_track_readings_differ_and_do_not_depend_on_each_other(run, config, tracks):
     alone = track(run, config, [PRINTED], [3])
 
     assert alone.keys() == {"printed"}
     assert alone["printed"].keys() == {3}
     assert same(alone["printed"][3], tracks["printed"][3])
-
-
-def test_track_readings_differ(tracks):
     assert not same(tracks["default"][3], tracks["printed"][3])
 
 

@@ -14,12 +14,9 @@ from phd_jdtc_ros.tools.launching import arguments
 ROOT = Path(__file__).parents[2]
 
 
-def test_booleans_follow_one_rule():
+def test_booleans_follow_one_rule_and_list_every_fault():
     given = {"a": "true", "b": "True", "c": "1", "d": "false", "e": "False", "f": "0"}
     assert arguments.booleans(given) == {name: name in "abc" for name in given}
-
-
-def test_booleans_lists_every_fault():
     assert faults_of(arguments.booleans, {"rviz": "yes", "frames": "1", "respawn": ""}) == [
         "rviz: 'yes' given, must be one of true, True, 1, false, False, 0",
         "respawn: '' given, must be one of true, True, 1, false, False, 0",

@@ -121,12 +121,9 @@ AZIMUTH = np.array([0.1, 1.5, 3.0, 5.0])
 RHO = np.array([100.0, 200.0, 300.0, 400.0])
 
 
-def test_clouds_without_a_range_or_an_azimuth_are_no_radars():
+def test_names_are_recognised_whatever_their_case():
     assert recognised.parameters([cloud(x=RHO, y=RHO)]) is None
     assert recognised.parameters([]) is None
-
-
-def test_names_are_recognised_whatever_their_case_and_kept():
     found = recognised.parameters([cloud(Rho=RHO, THETA=AZIMUTH, SNR=RHO)])
     assert (found["fields.range"], found["fields.azimuth"]) == ("Rho", "THETA")
     assert (found["fields.amplitude"], found["amplitude_unit"]) == ("SNR", "db")

@@ -366,14 +366,11 @@ def test_unspecified_tracker_is_one_that_the_configuration_takes(estimated):
     assert config.values["amplitude"] == "none"
 
 
-def test_plots_are_as_many_as_can_be_looked_at():
+def test_plots_are_bounded_in_number_and_time():
     plots = one_target(count=50, clutter=4)
     assert limit_plots(plots) is plots
     part = limit_plots(plots, 100)
     assert (len(part.cloud_s), len(part)) == (21, 105)
-
-
-def test_plots_until_a_time_are_those_of_the_clouds_before():
     plots = one_target(count=20)
     part = plots.until(10.0)
     assert isinstance(part, Plots)

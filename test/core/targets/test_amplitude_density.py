@@ -64,12 +64,13 @@ def test_target_density_equals_the_printed_formula_with_a_minus():
     np.testing.assert_allclose(density, expected, rtol=1e-10)
 
 
-def test_target_density_of_a_narrow_band_is_that_of_its_snr():
+def test_narrow_bands_and_no_threshold_are_limits():
     snr = 100.0
     a = np.array([1.0, 5.0, 20.0])
     narrow = amplitude_density.log_target_density(a, (snr * (1 - 1e-5), snr * (1 + 1e-5)))
     rayleigh = np.log(a / (1.0 + snr)) - a**2 / (2.0 * (1.0 + snr))
     np.testing.assert_allclose(narrow, rayleigh, atol=1e-6)
+    assert amplitude_density.detection_probability(0.0, linear((10.0, 30.0))) == 1.0
 
 
 @pytest.mark.parametrize("band_db", PAPER_BANDS_DB)
@@ -96,10 +97,6 @@ def test_detection_probability_is_a_probability(low_db, width_db, threshold):
     # Above one by a rounding, 1 - p_D would give a particle a negative weight.
     band = linear((low_db, min(low_db + width_db, 200.0)))
     assert 0.0 <= amplitude_density.detection_probability(threshold, band) <= 1.0
-
-
-def test_detection_probability_without_a_threshold_is_one():
-    assert amplitude_density.detection_probability(0.0, linear((10.0, 30.0))) == 1.0
 
 
 def test_clutter_density_integrates_to_one_and_exceeds_the_threshold_as_often_as_asked_for():

@@ -47,7 +47,7 @@ def test_range_rates_of_targets_have_the_radars_noise_and_fold():
     assert np.abs(folded.range_rate).max() <= 10.0
 
 
-def test_clutter_is_in_the_field_of_view_and_has_uniform_range_rates():
+def test_clutter_of_radars_with_range_rates_has_uniform_ones():
     radar = replace(RADAR, clutter_rate=20_000.0, range_rate=RangeRateModel(0.2, 40.0))
     found, _ = detected(radar, count=0)
     azimuth = np.degrees(found.measurement[:, 1])
@@ -56,9 +56,6 @@ def test_clutter_is_in_the_field_of_view_and_has_uniform_range_rates():
         share = np.histogram((value - low) / width, bins=10, range=(0.0, 1.0))[0]
         assert share.sum() == len(found)
         assert np.abs(share / len(found) - 0.1).max() < 4.5 * np.sqrt(0.09 / len(found))
-
-
-def test_a_radar_without_range_rates_has_none():
     assert detected(replace(RADAR, range_rate=None))[0].range_rate is None
 
 

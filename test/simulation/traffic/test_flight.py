@@ -18,23 +18,17 @@ def flown(*legs, velocity=(100.0, 0.0), start_s=10.0):
     return Flight(0, 1e3, start_s, (500.0, -200.0), velocity, legs or LEGS)
 
 
-def test_a_flight_moves_with_its_velocity():
+def test_a_flight_moves_turns_and_accelerates_by_its_legs():
     flight = flown()
     time = np.arange(10.0, flight.end_s, 1e-3)
     state = flight.states(time)
     moved = np.cumsum(0.5e-3 * (state[1:, [1, 3]] + state[:-1, [1, 3]]), axis=0)
     np.testing.assert_allclose(state[1:, [0, 2]], state[0, [0, 2]] + moved, atol=1e-3)
-
-
-def test_a_flight_turns_at_its_rates_and_accelerates_in_between():
     flight = flown()
     vx, vy = flight.states(np.array([10.0, 39.0, 60.0, 80.0, 100.0, 125.0]))[:, [1, 3]].T
     np.testing.assert_allclose(np.hypot(vx, vy), [100.0, 100.0, 100.0, 110.0, 120.0, 120.0])
     course = np.degrees(np.arctan2(vy, vx))
     np.testing.assert_allclose(course, [0.0, 0.0, 60.0, 60.0, 60.0, 22.5], atol=1e-9)
-
-
-def test_a_flight_has_the_turn_rate_of_its_leg():
     rates = flown().states(np.array([10.0, 40.0, 59.0, 60.0, 100.0]))[:, 4]
     np.testing.assert_allclose(np.degrees(rates), [0.0, 3.0, 3.0, 0.0, -1.5])
 
@@ -79,8 +73,5 @@ def test_a_script_in_scans_is_the_same_flight_in_seconds():
         np.testing.assert_allclose(flight.state_at(scan * 6.0), expected, rtol=1e-12, atol=1e-9)
     assert flight.state_at(6.0) is None
     assert flight.state_at(31 * 6.0) is None
-
-
-def test_a_script_of_one_scan_is_a_flight_of_that_scan():
     flight = TargetScript(0, 1e3, (0.0, 0.0), (1.0, 0.0), 3, 3).flight(6.0)
     assert [scan for scan in range(6) if flight.state_at(scan * 6.0) is not None] == [3]

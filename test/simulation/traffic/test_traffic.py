@@ -18,24 +18,18 @@ def states(flight):
     return flight.states(np.arange(flight.start_s, flight.end_s, 0.5))
 
 
-def test_traffic_has_the_given_aircraft(flights):
+def test_traffic_of_a_seed_is_the_same_with_more_aircraft(flights):
     assert len(flights) == 63
     for flight in flights:
         assert 0.0 <= flight.start_s < flight.end_s <= BUSY.duration_s + 1e-6
-
-
-def test_traffic_of_a_seed_is_always_the_same(flights):
     assert draw(BUSY) == flights
     assert draw(replace(BUSY, seed=5)) != flights
-
-
-def test_more_aircraft_do_not_change_the_others(flights):
     more = draw(replace(BUSY, aircraft=60, taxiing=14))
     assert more[:50] == flights[:50]
     assert more[60:73] == flights[50:]
 
 
-def test_aircraft_in_the_air_fly_as_aircraft_do(flights):
+def test_aircraft_fly_turn_and_taxi_as_aircraft_do(flights):
     for flight in flights[:50]:
         found = states(flight)
         speed = np.hypot(found[:, 1], found[:, 3])
@@ -43,16 +37,10 @@ def test_aircraft_in_the_air_fly_as_aircraft_do(flights):
         assert np.abs(np.degrees(found[:, 4])).max() <= 3.0 + 1e-9
         assert np.degrees(np.arctan(speed * np.abs(found[:, 4]) / 9.81)).max() < 27.1
         assert np.hypot(*(found[:, [0, 2]] - CENTRE).T).max() <= BUSY.radius + 300.0
-
-
-def test_most_aircraft_turn_and_many_change_their_speed(flights):
     turning = [any(leg.turn_rate for leg in flight.legs) for flight in flights[:50]]
     changing = [any(leg.acceleration for leg in flight.legs) for flight in flights[:50]]
     assert np.mean(turning) > 0.7
     assert np.mean(changing) > 0.3
-
-
-def test_taxiing_aircraft_stay_near_the_field_and_slow(flights):
     for flight in flights[50:]:
         found = states(flight)
         assert np.hypot(found[:, 1], found[:, 3]).max() <= 10.0 + 1e-9
