@@ -131,6 +131,14 @@ class SensorMemory:
         others = [looks.report(row, self.learned(model.radars[looks.sensor[row]])) for row in later]
         return EarlierLooks(int(looks.stamp_ns[last]), others)
 
+    def others_looked(self, report: Report) -> bool:
+        """Return whether another sensor has looked recently, and the report's own has not.
+
+        The interval since the previous scan is then none of the sensor's.
+        """
+        own = self.looks.sensor == self._index(report)
+        return len(own) > 0 and not own.any()
+
     def remember_look(self, report: Report) -> None:
         """Remember where a sensor has looked, if there are others."""
         if len(self.names) > 1:

@@ -215,7 +215,8 @@ class RadarModel(Sensor):
     ) -> BoolArray:
         """Return a mask of the circles that the antenna may have swept for a report, (T,).
 
-        It swept the coverage of the detections, and the azimuths of the detections themselves.
+        It swept the coverage of the detections, and the azimuths of the detections themselves;
+        without a coverage the field of view.
         """
         line = position - np.asarray(self.position)
         distance = np.maximum(np.hypot(line[:, 0], line[:, 1]), MIN_RANGE)
@@ -223,10 +224,15 @@ class RadarModel(Sensor):
         margin += DETECTION_GATE_SIGMA * self.azimuth_std
         azimuth = np.arctan2(line[:, 1], line[:, 0]) - self.yaw
         near: BoolArray = radius >= distance
-        if (coverage := detections.coverage) is not None:
-            offset = np.mod(azimuth + margin - coverage.start, FULL_TURN)
-            near |= offset <= coverage.width + 2.0 * margin
-        if len(detections):
+        coverage, field = detections.coverage, self.visibility
+        swept = field.fov if coverage is None else coverage
+        offset = np.mod(azimuth + margin - swept.start, FULL_TURN)
+        near |= offset <= swept.width + 2.0 * margin
+        if coverage is None:
+            gate = DETECTION_GATE_SIGMA * self.usual_noise_std(distance[:, None])[:, 0]
+            near &= distance - radius <= field.max_range + gate
+            near &= distance + radius >= field.min_range - gate
+        elif len(detections):
             seen, first = np.sort(np.mod(detections.measurement[:, 1], FULL_TURN)), azimuth - margin
             following = seen[np.searchsorted(seen, np.mod(first, FULL_TURN)) % len(seen)]
             near |= np.mod(following - first, FULL_TURN) <= 2.0 * margin

@@ -2,6 +2,10 @@
 
 Targets that were not swept are neither predicted nor linked, so that the cost of a sector grows
 with the targets in it. The swept area is the reported coverage, and every place of a detection.
+
+A report without coverage swept the field of view of its sensor. Targets outside it wait for another
+sensor, because a look that shows nothing about a target must not change it: each prediction mixes
+its motion modes and each reduction merges its hypotheses once more, which is an approximation.
 """
 
 from __future__ import annotations
@@ -13,12 +17,13 @@ import numpy as np
 from ..arrays import BoolArray, FloatArray
 from ..models.tracker_model import TrackerModel
 from ..sensors.report import Report
+from ..tracks.reporting_rule import slowest_s
 from ..types import Scan
 from .entries import LinkT, RowsT, UnsweptRows
 
 # Radius of a target's position density, in standard deviations; hardly any mass is outside.
 SPREAD_SIGMA = 4.0
-# A label that no antenna has swept for this many turns is predicted nevertheless.
+# A label that no antenna has swept for this many turns or intervals is predicted nevertheless.
 MAX_UNSWEPT_TURNS = 1.5
 
 Reports = Sequence[Report]
@@ -37,10 +42,9 @@ def partition_swept(
         Whether the rows of one label are at most one target. Otherwise all rows count as swept.
     """
     reports = model.reports(scan)
-    if not labelled or not unswept or _everywhere(reports):
+    if not labelled or not unswept or _everywhere(reports, model):
         return unswept, []
-    turns_s = (radar.rotation_s for radar in model.radars)
-    longest_s = MAX_UNSWEPT_TURNS * max(turns_s, default=model.modes.interval_s)
+    longest_s = MAX_UNSWEPT_TURNS * slowest_s(model)
     extents = [rows.entry.extents(model.modes.space) for rows in unswept]
     sizes = [len(extent.label) for extent in extents]
     age_s = (scan.stamp_ns - np.array([rows.entry.stamp_ns for rows in unswept])) * 1e-9
@@ -71,7 +75,7 @@ def partition_swept(
 def swept_births(scan: Scan, model: TrackerModel) -> list[int]:
     """Return the birth terms at places that an antenna may have swept in a scan."""
     reports = model.reports(scan)
-    if not model.births or _everywhere(reports):
+    if not model.births or _everywhere(reports, model):
         return list(range(len(model.births)))
     place = list(model.modes.space.position)
     position = np.array([term.mean[place] for term in model.births])
@@ -79,9 +83,10 @@ def swept_births(scan: Scan, model: TrackerModel) -> list[int]:
     return [int(k) for k in np.flatnonzero(_in_sweep(position, SPREAD_SIGMA * spread, reports))]
 
 
-def _everywhere(reports: Reports) -> bool:
-    """Return whether the reports cover whole fields of view, or there are none."""
-    return not reports or any(report.detections.coverage is None for report in reports)
+def _everywhere(reports: Reports, model: TrackerModel) -> bool:
+    """Return whether all sensors report their whole fields of view, or none reports anything."""
+    whole = {report.sensor.name for report in reports if report.detections.coverage is None}
+    return not reports or len(whole) == len(model.radars)
 
 
 def _in_sweep(position: FloatArray, spread: FloatArray, reports: Reports) -> BoolArray:

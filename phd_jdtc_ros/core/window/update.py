@@ -87,11 +87,13 @@ def update(
         pairs = _gate_pairs(prior, report, attributes)
     evidence = None if attributes is None else _evidence(prior, pairs, report, attributes)
     report = _with_known_targets(report, prior)
-    looks = None
+    looks, since_s = None, dt
     if steps.model.detection_births.enabled:  # nothing else depends on earlier looks
         looks = memory.earlier_looks(report, steps.model)
+        if looks is None and memory.others_looked(report):
+            since_s = max(dt, steps.model.modes.interval_s)
         memory.remember_look(report)
-    log_other = log_intensities(report, steps.model, dt, earlier, evidence, looks)
+    log_other = log_intensities(report, steps.model, since_s, earlier, evidence, looks)
     posterior = prior.posterior(pairs, evidence, log_other)
 
     look = learn(memory, report, steps.model, prior, posterior)

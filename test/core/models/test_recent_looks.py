@@ -1,5 +1,7 @@
 """Births at detections of sensors that look at different times."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from runs import ENGINES, restored_after, step_and_reprocess, stepped
@@ -19,13 +21,14 @@ BORN = {"births": [], "detection_births.rates": [0.05, 0.05]}
 DETECTED = 0.7
 
 
-def config_of(engine="gaussian", **given):
+def config_of(engine="gaussian", accuracy="normal", **given):
     radars = {f"radar_1.{name}": value for name, value in given.items()}
     probability = {
         "radar_1.detection_probability": DETECTED,
         "radar_2.detection_probability": 0.6,
     }
-    return small({"engine": engine, "amplitude": "none", **BORN, **probability, **radars})
+    given = {"engine": engine, "accuracy": accuracy, "amplitude": "none", **BORN}
+    return small({**given, **probability, **radars})
 
 
 def odds_of_birth(config, looks=(), coverage=None):
@@ -68,6 +71,25 @@ def test_looks_at_the_place_leave_the_unknown_targets_that_they_missed(engine, l
     unknown = (missed | (np.array(looks)[:, None] < appeared)).all(axis=0).mean()
     found = odds_of_birth(config, looks) / odds_of_birth(config)
     assert found == pytest.approx(unknown, rel=0.02)
+
+
+@pytest.mark.parametrize("accuracy", ["fast", "normal"])
+def test_a_sensor_that_can_see_no_target_changes_no_estimate(accuracy):
+    blind = {"min_range": 20.0, "max_range": 60.0, "clutter_max_range": 60.0}
+    config = config_of(accuracy=accuracy, **blind)
+    alone, beside = new_engine(config), new_engine(config)
+    known = 0
+    for _, scan in simulate(paper_scenario(config_of().model.radars), 4)[:25]:
+        seen = replace(scan, detections=(None, scan.detections[1]))
+        for before_s in (2.0, 1.1, 0.3):
+            stamp_ns = scan.stamp_ns - round(1e9 * before_s)
+            beside.step(Scan(stamp_ns, (NOTHING, None)))
+        (ours,), (theirs,) = alone.step(seen).filtered, beside.step(seen).filtered
+        # Improbable targets of unknown position may be in its field.
+        np.testing.assert_allclose(theirs.weight, ours.weight, rtol=2e-4)
+        np.testing.assert_allclose(theirs.state, ours.state, rtol=1e-3, atol=1.0)
+        known += len(ours)
+    assert known > 40
 
 
 def alternating(count=12):

@@ -235,3 +235,48 @@ def test_linearised_is_finite_and_keeps_leading_axes():
     measured, jacobian = RADAR.linearise(np.array([RADAR.position]))
     assert np.isfinite(measured).all()
     assert np.isfinite(jacobian).all()
+
+
+def resting(position):
+    """Return states at rest, (N, 5), of positions, (N, 2)."""
+    state = np.zeros((len(position), 5))
+    state[:, [0, 2]] = position
+    return state
+
+
+def field_radar(rng):
+    """Return a radar with a drawn place, field of view and range limits."""
+    low, high = np.sort(rng.uniform(0.0, 900.0, 2))
+    field = Coverage(rng.uniform(-np.pi, np.pi), rng.uniform(0.2, 2.0 * np.pi))
+    return replace(
+        RADAR,
+        position=tuple(rng.uniform(-200.0, 200.0, 2)),
+        yaw=rng.uniform(-np.pi, np.pi),
+        range_std=3.0,
+        azimuth_std=0.01,
+        visibility=Visibility(high, low, field),
+    )
+
+
+def test_may_have_swept_of_a_whole_report_is_who_may_be_in_the_field_of_view():
+    rng, whole = np.random.default_rng(8), Detections(np.zeros((0, 2)), None)
+    decided = np.zeros(2, dtype=int)
+    for _ in range(60):
+        radar = field_radar(rng)
+        centre, radius = rng.uniform(-1e3, 1e3, (40, 2)), rng.uniform(0.0, 150.0, 40)
+        near = radar.may_have_swept(centre, radius, whole)
+        # Places of each circle, in polar rings.
+        angle, share = np.meshgrid(np.linspace(-np.pi, np.pi, 90), np.linspace(0.0, 1.0, 12))
+        ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1) * share[..., None]
+        points = centre[:, None] + radius[:, None, None] * ring.reshape(-1, 2)
+        inside = radar.visibility.sees(radar.measure(resting(points.reshape(-1, 2)))) > 0.0
+        seen = inside.reshape(40, -1).any(axis=1)
+        assert near[seen].all()
+        # Nobody is near who is out of the gate of every place of the field.
+        distance = np.hypot(*(centre - radar.position).T)
+        gate = DETECTION_GATE_SIGMA * radar.range_std
+        out = distance - radius > radar.max_range + gate
+        out |= distance + radius < radar.visibility.min_range - gate
+        assert not near[out].any()
+        decided += seen.sum(), out.sum()
+    assert decided.min() > 200

@@ -77,6 +77,19 @@ def test_parted_takes_everything_without_coverage_labels_or_news():
     assert others == []
 
 
+def test_parted_takes_who_is_in_the_field_of_a_sensor_without_the_other_ones():
+    field = {"east.fov_deg": [-30.0, 30.0], "east.max_range": 60e3}
+    model = configuration({"sensors": ["radar", "east"], **field}).model
+    whole = Detections(np.zeros((0, 2)), None)
+    touched, others = partition_swept([current()], Scan(SECOND, (None, whole)), model, True)
+    assert (origins_of(touched), origins_of(others)) == ([0], [1, 2])
+    rows = [current()]
+    assert partition_swept(rows, Scan(SECOND, (whole, whole)), model, True) == (rows, [])
+    # A sensor that looks alone for long must not keep the others from their predictions.
+    late, rest = partition_swept([current()], Scan(60 * SECOND, (None, whole)), model, True)
+    assert (origins_of(late), rest) == ([0, 1, 2], [])
+
+
 def test_parted_takes_a_spread_out_target_from_farther_away():
     touched, _ = partition_swept([current(spread=20e3)], scan(1.0, 0.5, 0.2), MODEL, True)
     assert 0 in origins_of(touched)
