@@ -152,9 +152,9 @@ def contains(ascending: IntArray, value: IntArray) -> BoolArray:
 
     For few values this takes a fifth of the time of `numpy.isin`.
     """
-    if not len(ascending):
+    if not ascending.size:
         return np.zeros(value.shape, dtype=np.bool_)
-    place = np.minimum(ascending.searchsorted(value), len(ascending) - 1)
+    place = np.minimum(ascending.searchsorted(value), ascending.size - 1)
     found: BoolArray = ascending[place] == value
     return found
 

@@ -102,7 +102,7 @@ class ModeSpace:
         """The motion model of each flat mode, length O."""
         return tuple(motion for model in self.classes for motion in model.motions)
 
-    @property
+    @cached_property
     def space(self) -> StateSpace:
         """The axes of the states, the same for every motion."""
         return self.motions[0].space

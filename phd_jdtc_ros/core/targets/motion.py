@@ -130,25 +130,22 @@ class CoordinatedTurn:
     space: StateSpace = PLANAR
 
     def mean(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
-        """Return F(omega, dt) x of each row; shape (N, D)."""
-        omega = state[:, OMEGA]
+        """Return F(omega, dt) x of each row; shape (..., N, D), as that of `state`."""
+        omega = state[..., OMEGA]
         half = 0.5 * dt * omega
         cos_half, sin_half = np.cos(half), np.sin(half)
         straight = half == 0.0
         chord = dt * np.where(straight, 1.0, sin_half) / np.where(straight, 1.0, half)
         along, across = chord * cos_half, chord * sin_half
         cos, sin = 1.0 - 2.0 * sin_half**2, 2.0 * sin_half * cos_half
-        vx, vy = state[:, VX], state[:, VY]
-        return np.stack(
-            [
-                state[:, X] + along * vx - across * vy,
-                cos * vx - sin * vy,
-                state[:, Y] + across * vx + along * vy,
-                sin * vx + cos * vy,
-                omega,
-            ],
-            axis=1,
-        )
+        vx, vy = state[..., VX], state[..., VY]
+        moved = np.empty(state.shape)
+        moved[..., X] = state[..., X] + along * vx - across * vy
+        moved[..., VX] = cos * vx - sin * vy
+        moved[..., Y] = state[..., Y] + across * vx + along * vy
+        moved[..., VY] = sin * vx + cos * vy
+        moved[..., OMEGA] = omega
+        return moved
 
     def jacobian(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
         """Return the derivatives of `mean` at each row's state; shape (N, D, D).

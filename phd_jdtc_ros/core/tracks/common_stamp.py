@@ -7,10 +7,12 @@ there to the common stamp; smoothed ones are interpolated between the updates be
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
+from ..state_space import StateSpace
 from ..targets.modes import ModeSpace
 from ..targets.motion import CoordinatedTurn
 from ..types import Estimates
@@ -55,35 +57,42 @@ def predict(estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeS
     The mean follows its coordinated turn, and the covariance is predicted to first order. The
     process noise is the mean over the class's motion models.
     """
-    to_predict = np.flatnonzero(time_ns != stamp_ns)
-    if estimates.stamp_ns != stamp_ns:
-        estimates = estimates.changed(stamp_ns=stamp_ns)
-    if not len(to_predict):
-        return estimates
+    (to_predict,) = (time_ns != stamp_ns).nonzero()
+    if not to_predict.size:
+        same = estimates.stamp_ns == stamp_ns
+        return estimates if same else estimates.changed(stamp_ns=stamp_ns)
     dt = (stamp_ns - time_ns[to_predict]).astype(np.float64) * 1e-9
     kind = estimates.class_id[to_predict]
     state, covariance = estimates.state[to_predict], estimates.covariance[to_predict]
-    size = state.shape[1]
-    step = np.full(size, STEP)
-    step[estimates.space.turn_rate] = TURN_STEP
-    # The states themselves, and shifted up and down along each axis, in one call.
-    shift = np.diag(step)
-    shifted = np.concatenate([np.zeros((1, size)), shift, -shift])[:, None] + state
-    moved = NOISE_FREE.mean(shifted.reshape(-1, size), np.tile(dt, len(shifted)))
-    moved = moved.reshape(shifted.shape)
+    step, shift = _steps(estimates.space)
+    moved = NOISE_FREE.mean(shift[:, None] + state, dt)
+    size = step.size
     difference = moved[1 : size + 1] - moved[size + 1 :]
     jacobian = (difference / (2.0 * step)[:, None, None]).transpose(1, 2, 0)
-    by_mode, noise = modes.noise(dt), np.zeros((len(dt), size, size))
+    by_mode, noise = modes.noise(dt), np.zeros(covariance.shape)
     for mode, class_id in enumerate(modes.class_of.tolist()):
-        own = np.flatnonzero(kind == class_id)
-        noise[own] += by_mode[own, mode] / len(modes.classes[class_id].motions)
+        own = (kind == class_id)[:, None, None]
+        noise += own * by_mode[:, mode] / len(modes.classes[class_id].motions)
     survival = modes.nominal_survival[kind] ** (dt / modes.interval_s)
     covariance = jacobian @ covariance @ jacobian.transpose(0, 2, 1) + noise
     return estimates.changed(
+        stamp_ns=stamp_ns,
         state=_with(estimates.state, to_predict, moved[0]),
         covariance=_with(estimates.covariance, to_predict, covariance),
         weight=_with(estimates.weight, to_predict, estimates.weight[to_predict] * survival),
     )
+
+
+@cache
+def _steps(space: StateSpace) -> tuple[FloatArray, FloatArray]:
+    """Return the step along each axis, (D,), and the shifts by none of them and each way by each.
+
+    The shifts are of shape (1 + 2 D, D).
+    """
+    step = np.full(len(space), STEP)
+    step[space.turn_rate] = TURN_STEP
+    shift = np.diag(step)
+    return step, np.concatenate([np.zeros((1, len(space))), shift, -shift])
 
 
 def _with(column: FloatArray, rows: IntArray, values: FloatArray) -> FloatArray:

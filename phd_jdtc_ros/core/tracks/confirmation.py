@@ -57,7 +57,7 @@ def missed_by_all(estimates: Estimates, scan: Scan, model: TrackerModel) -> Floa
     It depends on the target's class and position, and on the radars' poses at the scan.
     """
     modes, missed = model.modes, np.ones(len(estimates))
-    mode = np.searchsorted(modes.class_of, estimates.class_id)
+    mode = modes.class_of.searchsorted(estimates.class_id)
     for report in model.reports(scan):
         sensor = report.sensor
         measured = sensor.measure(estimates.state)
@@ -248,7 +248,7 @@ class TrackStates:
         """
         if not self.rule.labelled:
             return self._of_reported_classes(estimates)
-        order = np.argsort(estimates.track_id, kind="stable")
+        order = estimates.track_id.argsort(kind="stable")
         labelled = order[estimates.track_id[order] > 0]
         records = self._next(estimates, labelled, scan, model)
         before, held = self._records, np.array(sorted(unswept_ns), dtype=np.int64)
@@ -338,4 +338,4 @@ class TrackStates:
 
 def _shortest_turn_s(model: TrackerModel) -> float:
     """Return the shortest turn of an antenna, seconds; 0 if none turns."""
-    return min((r.rotation_s for r in model.radars if r.rotation_s), default=0.0)
+    return min([r.rotation_s for r in model.radars if r.rotation_s], default=0.0)

@@ -43,8 +43,8 @@ class ConfirmationRecords(NamedTuple):
 
     def then(self, later: ConfirmationRecords, kept: BoolArray) -> ConfirmationRecords:
         """Return those of these records that are kept, and later ones, by ascending label."""
-        order = np.argsort(np.concatenate([self.label, later.label]), kind="stable")
-        order = order[np.concatenate([kept, np.ones(len(later.label), dtype=np.bool_)])[order]]
+        order = np.concatenate([self.label, later.label]).argsort(kind="stable")
+        order = order[np.concatenate([kept, np.ones(later.label.size, dtype=np.bool_)])[order]]
         columns = zip(self, later, strict=True)
         return ConfirmationRecords._make([np.concatenate(pair)[order] for pair in columns])
 
@@ -90,10 +90,9 @@ class PastStates:
 
         Estimates without labels are confirmed.
         """
-        known = self.at.get(estimates.stamp_ns, {})
-        label = estimates.track_id.tolist()
-        states = [known.get(one, TENTATIVE if one else CONFIRMED) for one in label]
-        return np.array(states, dtype=np.int64)
+        label, noted = estimates.track_id.tolist(), self.at.get(estimates.stamp_ns, {})
+        state = {**dict.fromkeys(label, TENTATIVE), 0: CONFIRMED, **noted}
+        return np.array([state[one] for one in label], dtype=np.int64)
 
     @property
     def columns(self) -> NotedStates:

@@ -10,6 +10,7 @@ expected for its class.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -48,13 +49,13 @@ class ReportingRule:
     # Time for which tracks outside all coverage are reported after their last detection, seconds.
     coasting_s: float = np.inf
 
-    @property
+    @cached_property
     def least(self) -> float:
         """Existence probability above which a track can be reported by the filter."""
         lowest = float(min(self.confirm.min(), self.delete.min()))
         return min(lowest, MIN_EXISTENCE) if np.isfinite(self.record_weight).any() else lowest
 
-    @property
+    @cached_property
     def least_smoothed(self) -> float:
         """Existence probability above which a target can be reported by the smoother."""
         return float((self.delete if self.labelled else self.confirm).min())
@@ -139,4 +140,4 @@ def _record_weight(missed: FloatArray) -> float:
 
 def slowest_s(model: TrackerModel) -> float:
     """Return the nominal interval or the longest turn, seconds."""
-    return max([model.modes.interval_s, *(radar.rotation_s for radar in model.radars)])
+    return max([model.modes.interval_s, *[radar.rotation_s for radar in model.radars]])

@@ -108,7 +108,7 @@ class TrackNumbers:
             if one and one not in known:
                 self.count += 1
                 known[one] = self.count
-        numbers = [known.get(one, 0) for one in label]
+        numbers = [known[one] if one else 0 for one in label]
         return estimates.changed(track_id=np.array(numbers, dtype=np.int64))
 
     @property

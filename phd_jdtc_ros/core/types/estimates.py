@@ -146,7 +146,8 @@ class Estimates(_Targets):
 
     def select(self, mask: BoolArray) -> Estimates:
         """Return the estimates of a mask's rows; all of them are returned as they are."""
-        return self if mask.all() else self.take(np.flatnonzero(mask))
+        (rows,) = mask.nonzero()
+        return self if rows.size == mask.size else self.take(rows)
 
     @staticmethod
     def concatenate(parts: Sequence[Estimates], lag: int) -> tuple[Estimates, IntArray]:

@@ -9,7 +9,7 @@ The engine defines a row: a particle, or one of the Gaussian hypotheses of a lab
 from __future__ import annotations
 
 from collections.abc import Sized
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
@@ -89,12 +89,17 @@ class Entry(Generic[RowsT, LinkT]):
     @property
     def unlinked(self) -> Entry[RowsT, LinkT]:
         """The entry without its link, for a window without its sources."""
-        return self if self.link is None else replace(self, link=None)
+        return self if self.link is None else Entry(self.stamp_ns, self.stored, self.sources)
 
     @cached_property
     def source_stamps(self) -> frozenset[int]:
         """The stamps of the sources."""
-        return frozenset(source.stamp_ns for source in self.sources)
+        return frozenset([source.stamp_ns for source in self.sources])
+
+    @cached_property
+    def label(self) -> IntArray:
+        """Label of the target of each component of `stored`; see `Rows`."""
+        return self.stored.label
 
     @cached_property
     def _extents(self) -> list[Extents]:

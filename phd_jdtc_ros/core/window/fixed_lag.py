@@ -28,7 +28,7 @@ from ..tracks.known_aircraft import Reach
 from ..tracks.reporting_rule import ReportingRule
 from ..tracks.track_numbers import NoNumbers, TrackNumbers
 from ..types import Estimates, Scan
-from .entries import Entry, LinkT, RowsT
+from .entries import Entry, LinkT, RowsT, UnsweptRows
 from .forward_filter import Filtered, ForwardFilter
 from .window_rows import trimmed
 from .window_snapshot import window_from_snapshot, window_to_snapshot
@@ -56,8 +56,10 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
     _states: TrackStates = field(init=False, repr=False)
     _tracks: TrackNumbers = field(init=False, repr=False)
     _window: list[Entry[RowsT, LinkT]] = field(init=False, repr=False)
-    # Filtered targets of each scan with rows that no later scan has swept, by stamp.
-    _filtered: dict[int, Estimates] = field(init=False, repr=False)
+    # Rows of each scan that no later scan has swept, and their filtered targets, by stamp.
+    _filtered: dict[int, tuple[UnsweptRows[RowsT, LinkT], Estimates]] = field(
+        init=False, repr=False
+    )
     _stamps: list[int] = field(init=False, repr=False)  # Those with pending smoothed estimates
     # Stamps of the latest filtered and smoothed estimates; -1 before the first.
     _given_ns: tuple[int, int] = field(init=False, repr=False)
@@ -118,7 +120,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         self._note_filtered(step.updated, scan)
         if not self.schedule.period_ns:
             filtered.append(self._filtered_at(scan.stamp_ns))
-        self._stamps = [*self._stamps, *(estimates.stamp_ns for estimates in filtered)]
+        self._stamps = [*self._stamps, *[estimates.stamp_ns for estimates in filtered]]
         if filtered:
             self._given_ns = filtered[-1].stamp_ns, self._given_ns[1]
         entries, smoothed = len(self._window), []
@@ -193,7 +195,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             smoothed += [self._tracks.assign(estimates, reach) for estimates in due]
         own = {NUMBERS: self._tracks.in_use}
         states = [replace(each, state={**each.state, **own}) for each in states]
-        self._tracks.forget_all_but([entry.stored.label for entry in self._window])
+        self._tracks.forget_all_but([entry.label for entry in self._window])
         return Reprocessed(tuple(states), tuple(filtered), tuple(smoothed))
 
     def snapshot(self) -> Snapshot:
@@ -203,7 +205,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         self._states.to_snapshot(stored)
         self._tracks.to_snapshot(stored)
         window_to_snapshot(self._stamps, self._window, stored, self._entry_to_snapshot)
-        for stamp_ns, estimates in self._filtered.items():
+        for stamp_ns, (_, estimates) in self._filtered.items():
             to_snapshot(estimates, stored, f"filtered.{stamp_ns}")
         return stored
 
@@ -226,27 +228,34 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         sizes = {"D": len(modes.space), "C": len(modes.classes)}
         for rows in self.forward.unswept:
             at, given = rows.entry.stamp_ns, {"lag": 0, "space": modes.space}
-            self._filtered[at] = from_snapshot(
+            targets = from_snapshot(
                 Estimates, stored, f"filtered.{at}", sizes, stamp_ns=at, **given
             )
+            self._filtered[at] = rows, _targets_of(rows, targets)
 
     def _forget_dropped(self, stamp_ns: int) -> None:
         """Forget the targets that are in no entry of the window any more."""
-        labels = [entry.stored.label for entry in self._window]
+        labels = [entry.label for entry in self._window]
         self._tracks.forget_all_but(labels)
         if self.forward.attributes is not None:
             oldest_ns = self._stamps[0] if self._stamps else stamp_ns
             self.forward.attributes.forget_all_but(labels, oldest_ns)
 
     def _note_filtered(self, updated: RowsT, scan: Scan) -> None:
-        """Store the filtered targets of a scan, and drop those of scans that are fully replaced."""
-        unswept_ns = {rows.entry.stamp_ns for rows in self.forward.unswept}
+        """Store the filtered targets of a scan, and drop the earlier ones of what it has swept."""
+        *earlier, latest = self.forward.unswept
+        unswept_ns = [rows.entry.stamp_ns for rows in self.forward.unswept]
         estimates = self._extract_and_record(updated, scan.stamp_ns, 0, self.rule.least)
         reported = self._states.report_filtered(
             estimates, updated.label, unswept_ns, scan, self.forward.learned_model
         )
-        every = {**self._filtered, scan.stamp_ns: reported}
-        self._filtered = {stamp: kept for stamp, kept in every.items() if stamp in unswept_ns}
+        before, self._filtered = self._filtered, {}
+        for rows in earlier:
+            known, targets = before[rows.entry.stamp_ns]
+            # Most rows have not changed since the last scan.
+            targets = targets if rows is known else _targets_of(rows, targets)
+            self._filtered[rows.entry.stamp_ns] = rows, targets
+        self._filtered[scan.stamp_ns] = latest, reported
 
     def _filtered_at(self, stamp_ns: int) -> Estimates:
         """Return the targets to publish for a stamp."""
@@ -265,16 +274,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
 
     def _predict_targets(self, stamp_ns: int) -> Estimates:
         """Return the latest targets predicted to a stamp; `track_id` is still label + 1."""
-        # Keep only the targets that no later scan has swept. Most entries have not changed since
-        # the last scan.
-        for rows in self.forward.unswept:
-            if rows.rows is None:
-                continue
-            at, targets = rows.entry.stamp_ns, self._filtered[rows.entry.stamp_ns]
-            alive = contains(rows.label, targets.track_id - 1)
-            if not alive.all():
-                self._filtered = {**self._filtered, at: targets.select(alive)}
-        parts = [self._filtered[rows.entry.stamp_ns] for rows in self.forward.unswept]
+        parts = [targets for _, targets in self._filtered.values()]
         estimates, time_ns = Estimates.concatenate(parts, 0)
         return predict(estimates, time_ns, stamp_ns, self.forward.model.modes)
 
@@ -311,3 +311,10 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         estimates = self._extract(stored, stamp_ns, lag, threshold)
         self.forward.on_stage_end("extraction")
         return estimates
+
+
+def _targets_of(rows: UnsweptRows[RowsT, LinkT], targets: Estimates) -> Estimates:
+    """Return the filtered targets of an entry that are in these rows of it."""
+    if rows.rows is None:
+        return targets
+    return targets.select(contains(rows.label, targets.track_id - 1))

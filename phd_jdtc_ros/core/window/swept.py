@@ -45,10 +45,11 @@ def partition_swept(
     if not labelled or not unswept or _everywhere(reports, model):
         return unswept, []
     longest_s = MAX_UNSWEPT_TURNS * slowest_s(model)
-    extents = [rows.entry.extents(model.modes.space) for rows in unswept]
-    sizes = [len(extent.label) for extent in extents]
+    space = model.modes.space
+    extents = [rows.entry.extents(space) for rows in unswept]
+    sizes = [extent.label.size for extent in extents]
     age_s = (scan.stamp_ns - np.array([rows.entry.stamp_ns for rows in unswept])) * 1e-9
-    x = model.modes.space.position[0]
+    x = space.position[0]
     # The deviation that any motion adds, both axes.
     noise_std = np.sqrt(2.0 * model.modes.noise(age_s)[:, :, x, x].max(axis=1))
     dt, spread = np.array([age_s, noise_std]).repeat(sizes, axis=1)
@@ -58,18 +59,15 @@ def partition_swept(
     radius = SPREAD_SIGMA * (moments[:, 4] + dt * moments[:, 5] + spread)
     near = _in_sweep(position, radius, reports) | (dt >= longest_s)
     entries_near = set(np.arange(len(sizes)).repeat(sizes)[near].tolist())
-    swept, remaining, first = [], [], 0
+    parts, first = [], 0
     for index, (rows, extent, size) in enumerate(zip(unswept, extents, sizes, strict=True)):
         end = first + size
-        if size and index not in entries_near:
-            # Most entries are like this: their rows need no test. An empty entry counts as swept.
-            remaining.append(rows)
-        else:
-            inside, outside = rows.split(near[first:end][extent.target])
-            swept += [inside] if inside is not None else []
-            remaining += [outside] if outside is not None else []
+        # Most entries have no row to test. An empty entry counts as swept.
+        untouched = size and index not in entries_near
+        parts += [(None, rows) if untouched else rows.split(near[first:end][extent.target])]
         first = end
-    return swept, remaining
+    swept = [inside for inside, _ in parts if inside is not None]
+    return swept, [outside for _, outside in parts if outside is not None]
 
 
 def swept_births(scan: Scan, model: TrackerModel) -> list[int]:

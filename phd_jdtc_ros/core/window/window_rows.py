@@ -62,9 +62,9 @@ def trimmed(
 ) -> list[Entry[RowsT, LinkT]]:
     """Return the entries that the filter or a pending stamp, from `following` on, needs."""
     needed = {rows.entry.stamp_ns for rows in unswept}
-    needed.update(*(entry.source_stamps for entry in window if entry.stamp_ns > following))
+    needed.update(*[entry.source_stamps for entry in window if entry.stamp_ns > following])
     kept = [entry for entry in window if entry.stamp_ns >= following or entry.stamp_ns in needed]
     if len(kept) == len(window):
         return window
     stamps = {entry.stamp_ns for entry in kept}
-    return [entry.unlinked if stamps.isdisjoint(entry.source_stamps) else entry for entry in kept]
+    return [entry if entry.source_stamps & stamps else entry.unlinked for entry in kept]
