@@ -40,7 +40,6 @@ from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport
 
 LAG = 3
 WITHOUT_ROS = ("peers", "steps", "step_growth", "growth", "smoother", "paper_smoother")
-every_engine = pytest.mark.parametrize("engine", recursion.PARTS)
 every_death_term = pytest.mark.parametrize("death_term", DEATH_TERMS.values(), ids=DEATH_TERMS)
 
 
@@ -106,7 +105,7 @@ def test_crowds_are_in_range_and_give_the_detections_of_their_name(name):
         assert radar.measure(truth.state)[:, 0].max() < radar.max_range
 
 
-@every_engine
+@pytest.mark.parametrize("engine", recursion.PARTS)
 def test_engine_tracks_all_targets_of_a_crowd_from_its_first_scan(engine):
     config = scenes.configuration(20, 50, engine=engine)
     scene = scenes.crowd(20, 4, config, seed=1)
@@ -163,14 +162,11 @@ def test_latency_is_from_the_time_of_a_detection_to_the_estimates_of_its_sector(
 
 
 @pytest.mark.live
-@every_engine
-def test_latency_by_sectors_is_measured_on_a_live_tracker_that_has_all_aircraft(
-    monkeypatch, engine
-):
+def test_latency_by_sectors_is_measured_on_a_live_tracker_that_has_all_aircraft(monkeypatch):
     # The variables that the measurement sets are reset afterwards.
     for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTDDS_BUILTIN_TRANSPORTS"):
         monkeypatch.setenv(name, "")
-    found = sector_latency.of_turns(1, engine)
+    found = sector_latency.of_turns(1, recursion.GAUSSIAN)
 
     assert found.get("reason") is None
     assert found["sectors"] == 16

@@ -201,7 +201,7 @@ def test_vehicles_appear_in_sight_and_are_seen_several_times_now_and_then():
 
 @pytest.mark.parametrize(("engine", "switches"), [("gaussian", 0), ("particles", 1)])
 def test_vehicles_are_tracked_from_their_first_scans_on_with_one_track_each(engine, switches):
-    config, found = resolved(AUTOMOTIVE, engine=engine)
+    config, found = resolved(AUTOMOTIVE, engine=engine, particles_per_target=400)
     tracker = new_engine(config)
     missed, false, labels = 0, 0, {}
     for index, (truth, scan) in enumerate(simulate(found, 1)[:45]):

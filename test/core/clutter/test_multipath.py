@@ -24,6 +24,8 @@ RADAR = {
     "spawn.rate": 0.0,
     "amplitude": "none",
     "interval_s": 2.0,
+    "particles_per_target": 300,
+    "particles_per_birth": 512,
     "radar.fields.amplitude": "",
     "radar.range_std": 5.0,
     "radar.azimuth_std_deg": 1.0,
