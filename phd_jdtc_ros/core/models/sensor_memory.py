@@ -195,7 +195,7 @@ class SensorMemory:
         if factor is not None and factor is not own.detection:
             self._set(report.sensor, own._replace(detection=factor))
         if factor is not None and report.complete:
-            cell = factor.cell(measured)
+            cell = factor.cell(report.sensor.polar_place(measured))
             known = (before >= KNOWN_EXISTENCE) & (probability > LEAST_EXPECTED)
             expected = np.where(known, probability / factor.by_cell[cell], 0.0)
             cell += self._index(report) * CELLS

@@ -72,6 +72,10 @@ class RadarModel(Sensor):
         """Return differences of (range, azimuth) with wrapped azimuths; (..., 2)."""
         return np.stack([error[..., 0], wrap_angle(error[..., 1])], axis=-1)
 
+    def polar_place(self, measured: FloatArray) -> FloatArray:
+        """Return the measurements themselves."""
+        return measured
+
     def reachable(self, measured: FloatArray) -> FloatArray:
         """Return (range, azimuth) with ranges beyond the radar's set to infinity."""
         inside: FloatArray = measured.copy()

@@ -28,9 +28,10 @@ from ..state_space import PLANAR, StateSpace
 from ..targets import amplitude_density
 from ..targets.modes import ClassModel
 from ..types import Coverage, Detections, Pose
+from . import polar_geometry
 from .gaussians import PlanePlots
 from .outliers import Outliers
-from .polar_geometry import MIN_RANGE, line_of_sight
+from .polar_geometry import MIN_RANGE
 from .range_rate import RangeRateModel, Rates
 from .slant_range import HeightProjection
 
@@ -184,6 +185,10 @@ class Sensor(ABC):
         """Largest range of a detection, metres."""
         return math.inf
 
+    def polar_place(self, measured: FloatArray) -> FloatArray:
+        """Return ranges and azimuths of measurements from the sensor's position, (N, 2)."""
+        return polar_geometry.measure(self.to_world(measured), self.position, self.yaw)
+
     def reachable(self, measured: FloatArray) -> FloatArray:
         """Return the measurements; those beyond the sensor's range are moved out of all gates."""
         return measured
@@ -234,7 +239,7 @@ class Sensor(ABC):
         """Return the learned p_D at measurements, (..., N), given the configured one."""
         if self.detection_factor is None:
             return configured
-        return self.detection_factor.probability(configured, measured)
+        return self.detection_factor.probability(configured, self.polar_place(measured))
 
     def miss_probability(self, log_snr: FloatArray) -> FloatArray:
         """Return 1 - p_D of targets of given ln(1 + SNR), elementwise; at the best range."""
@@ -285,7 +290,7 @@ class Sensor(ABC):
 
     def line_of_sight(self, position: FloatArray) -> FloatArray:
         """Return unit vectors from the sensor to positions, world frame, (N, 2)."""
-        return line_of_sight(position, self.position)[0]
+        return polar_geometry.line_of_sight(position, self.position)[0]
 
     def rates_of(self, detections: Detections) -> Rates | None:
         """Return the range rates of detections; None without usable ones."""

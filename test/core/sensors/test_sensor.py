@@ -1,8 +1,11 @@
 """A sensor that measures positions: it needs the abstract members only."""
 
+from dataclasses import replace
+
 import numpy as np
 from position_sensor import PositionSensor
 
+from phd_jdtc_ros.core.learned.detection_factor import CELLS, DetectionFactor, TrialSums
 from phd_jdtc_ros.core.types import UNKNOWN_COVERAGE, Detections, Pose
 
 STATE = np.array([[100.0, 3.0, 200.0, -4.0, 0.0], [0.0, 0.0, 50.0, 1.0, 0.0]])
@@ -29,6 +32,18 @@ def test_sensor_without_coverage_or_map_sees_everything_in_uniform_clutter():
     assert SENSOR.given_detection_probability(measured) is None
     np.testing.assert_allclose(SENSOR.log_clutter_intensity(DETECTIONS), np.log(2e-6))
     assert not SENSOR.neighbourhood_density(DETECTIONS.measurement, STATE[:, :2]).any()
+
+
+def test_detection_probability_is_learned_by_range_and_azimuth_from_the_sensor():
+    trials = TrialSums(np.full(CELLS, 99.0), np.full(CELLS, 90.0), np.arange(float(CELLS)))
+    factor = DetectionFactor(1000.0).after(trials)
+    sensor = replace(SENSOR, yaw=0.5, detection_factor=factor)
+    place = np.array([[200.0, 0.3], [900.0, 2.0]])
+    azimuth = place[:, 1] + sensor.yaw
+    measured = place[:, :1] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
+    np.testing.assert_allclose(sensor.polar_place(measured), place)
+    found = sensor.learned_detection_probability(np.full(2, 0.9), measured)
+    np.testing.assert_array_equal(found, factor.probability(np.full(2, 0.9), place))
 
 
 def test_pose_moves_the_sensor_and_keeps_the_rest():
