@@ -35,10 +35,13 @@ def test_evaluate_counts_swaps_and_wrong_classes():
     assert evaluate(true, found, cutoff=50.0)["class_accuracy"] == 0.5
 
 
-def test_evaluate_takes_names_as_labels():
+def test_evaluate_takes_names_as_labels_and_counts_times_without_tracks():
     named = {**TRUTH, "label": np.where(TRUTH["label"] == 1, "CLX123", "DLH4")}
 
     assert evaluate(named, TRUTH, cutoff=50.0)["identity_switches"] == 0
+    some = {name: column[TRUTH["time"] < 30.0] for name, column in TRUTH.items()}
+
+    assert evaluate(TRUTH, some, cutoff=100.0)["missed"] == pytest.approx(1.0)
 
 
 def test_evaluate_interpolates_the_truth_at_given_times():
@@ -51,12 +54,6 @@ def test_evaluate_interpolates_the_truth_at_given_times():
     found = evaluate(TRUTH, between, cutoff=100.0, times=np.unique(between["time"]))
 
     assert found["ospa"] == pytest.approx(0.0, abs=1e-6)
-
-
-def test_evaluate_counts_times_without_tracks():
-    some = {name: column[TRUTH["time"] < 30.0] for name, column in TRUTH.items()}
-
-    assert evaluate(TRUTH, some, cutoff=100.0)["missed"] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,7 @@ def test_columns_of_takes_what_has_named_columns(table):
     assert numbers(columns, "range").tolist() == [2.0, 4.0]
 
 
-def test_columns_of_reads_csv_with_spaces_empty_cells_and_a_mark_of_its_encoding(tmp_path):
+def test_columns_of_reads_csv_with_spaces_empty_cells_and_no_rows(tmp_path):
     path = tmp_path / "detections.csv"
     path.write_text("\ufefftime, range ,note\n1.5, 20,a\n\n2.5,,\n", encoding="utf-8")
 
@@ -48,9 +48,6 @@ def test_columns_of_reads_csv_with_spaces_empty_cells_and_a_mark_of_its_encoding
     assert list(columns) == ["time", "range", "note"]
     assert numbers(columns, "time").tolist() == [1.5, 2.5]
     np.testing.assert_array_equal(numbers(columns, "range"), [20.0, np.nan])
-
-
-def test_columns_of_reads_csv_without_rows(tmp_path):
     path = tmp_path / "detections.csv"
     path.write_text("time,range\n")
 

@@ -80,7 +80,7 @@ def test_sectors_need_not_be_those_of_the_radar(own, radars):
     assert sum(len(report.plots) for report in found) == 72
 
 
-def test_north_marks_alone_make_slices_of_time():
+def test_north_marks_alone_or_ended_crossings_make_slices_of_time():
     seen = [(float(azimuth), plot(azimuth)) for azimuth in range(1, 1080, 20)]
     marks = [(turned, crossing(0.0, NORTH)) for turned in (0.0, 360.0, 720.0, 1080.0)]
     events = sorted([*seen, *marks], key=lambda event: event[0])
@@ -89,9 +89,17 @@ def test_north_marks_alone_make_slices_of_time():
     assert {report.sector for report in found} == {None}
     assert [time for report in found for time in report.times_ns] == [at(t) for t, _ in seen]
     assert (assembler.by_sector, assembler.by_time) == (0, len(found))
+    assembler = Assembler(32)
+    plots = [(float(k), plot(k)) for k in range(0, 3600, 7)]
+    events = sorted([*plots, *crossings(0.0, 1080.0)], key=lambda event: event[0])
+    found = fed(assembler, *events) + assembler.finish()
+    assert assembler.counts["turns_lost"] == 1
+    times = [time for report in found for time in report.times_ns]
+    assert sorted(times) == [at(turned) for turned, _ in plots]
+    assert found[-1].sector is None
 
 
-def test_crossings_that_are_lost_are_bridged():
+def test_lost_crossings_are_bridged_and_long_gaps_not_invented():
     events = crossings(0.0, 720.0)
     kept = [event for k, event in enumerate(events) if k not in (3, 4, 30, 31, 32, 40)]
     lossy = Assembler(32)
@@ -100,6 +108,11 @@ def test_crossings_that_are_lost_are_bridged():
     stamps = [report.stamp_ns for report in found]
     assert stamps == pytest.approx([at(11.25 * k) for k in range(1, 65)], abs=NS // 100)
     assert lossy.counts["sectors_bridged"] == 6
+    assembler = Assembler(32, ROTATION_S)
+    fed(assembler, *crossings(0.0, 90.0))
+    assert fed(assembler, (3600.0 + 90.0, crossing(90.0))) == []
+    assert assembler.counts["turns_lost"] == 1
+    assert [r.sector for r in fed(assembler, (3701.25, crossing(101.25)))] == [8]
 
 
 def test_late_plots_go_with_the_next_sector_or_are_waited_for():
@@ -112,14 +125,6 @@ def test_late_plots_go_with_the_next_sector_or_are_waited_for():
     assert [len(report.plots) for report in found][:3] == [1, 0, 0]
     assert [(r.sector, r.stamp_ns) for r in found] == [(k, at(11.25 * (k + 1))) for k in range(6)]
     assert patient.counts["late_plots"] == 0
-
-
-def test_after_a_long_gap_the_turns_are_not_invented():
-    assembler = Assembler(32, ROTATION_S)
-    fed(assembler, *crossings(0.0, 90.0))
-    assert fed(assembler, (3600.0 + 90.0, crossing(90.0))) == []
-    assert assembler.counts["turns_lost"] == 1
-    assert [r.sector for r in fed(assembler, (3701.25, crossing(101.25)))] == [8]
 
 
 def test_turn_is_the_reported_one_until_crossings_have_shown_half_of_one():
@@ -168,17 +173,6 @@ def test_service_messages_that_begin_later_take_over():
     assert [r.sector for r in last] == [*range(32), *range(32)]
     assert [r.stamp_ns for r in last] == [at(1080.0 + 11.25 * k) for k in range(1, 65)]
     assert sum(len(r.plots) for r in found) == len(plots)
-
-
-def test_slices_of_time_go_on_where_crossings_end():
-    assembler = Assembler(32)
-    plots = [(float(k), plot(k)) for k in range(0, 3600, 7)]
-    events = sorted([*plots, *crossings(0.0, 1080.0)], key=lambda event: event[0])
-    found = fed(assembler, *events) + assembler.finish()
-    assert assembler.counts["turns_lost"] == 1
-    times = [time for report in found for time in report.times_ns]
-    assert sorted(times) == [at(turned) for turned, _ in plots]
-    assert found[-1].sector is None
 
 
 def test_one_plot_of_a_wrong_time_does_not_end_the_sectors():

@@ -95,18 +95,20 @@ def test_a_real_capture_has_the_plots_that_another_decoder_reads():
     assert (plots, services) == (126, 34)
 
 
-def test_address_zero_is_unknown():
+def test_positions_are_of_the_plane_or_the_services_and_zero_is_no_address():
     assert one(i220=0).address == NONE
     assert one(i220=0xFFFFFF).address == 0xFFFFFF
-
-
-def test_position_is_from_the_plane_where_there_is_no_range():
     record = made.plot(0.0, 5.0)
     del record["040"]
     (found,), counts = read(made.plots({**record, "042": (("X", -3.0), ("Y", -4.0))}))
     assert not counts
     assert found.distance == pytest.approx(5.0 * 1852.0)
     assert math.degrees(found.azimuth) == pytest.approx(180.0 + math.degrees(math.atan2(3, 4)))
+    data = made.north(7.0, sac=3, sic=4, rotation_s=4.0) + made.sector(90.0, 8.0, sac=3, sic=4)
+    (mark, crossing), counts = read(data)
+    assert not counts
+    assert mark == ServiceMessage(0x0304, 7 * 128, 1, 0.0, 4.0)
+    assert crossing[:4] == (0x0304, 8 * 128, 2, math.pi / 2)
 
 
 @pytest.mark.parametrize(
@@ -124,14 +126,6 @@ def test_what_is_no_targets_plot_is_counted(change, reason):
     found, counts = read(made.plots({**made.plot(10.0, 5.0), **change}, good))
     assert [plot.time_of_day for plot in found] == [6 * 128]
     assert counts == {reason: 1}
-
-
-def test_service_messages_give_the_antenna_position():
-    data = made.north(7.0, sac=3, sic=4, rotation_s=4.0) + made.sector(90.0, 8.0, sac=3, sic=4)
-    (mark, crossing), counts = read(data)
-    assert not counts
-    assert mark == ServiceMessage(0x0304, 7 * 128, 1, 0.0, 4.0)
-    assert crossing[:4] == (0x0304, 8 * 128, 2, math.pi / 2)
 
 
 @pytest.mark.parametrize("track", [False, True])

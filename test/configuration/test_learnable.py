@@ -32,12 +32,9 @@ def test_standard_deviation_is_a_number_or_is_learned_and_may_have_outliers(
     assert (radar.outliers is not None) == outliers
 
 
-def test_each_component_is_learned_alone():
+def test_each_component_is_learned_alone_if_it_is_used():
     factor = radar_of(azimuth_std_deg="auto 0.08").noise_factor
     assert factor.learned.tolist() == [False, True, False]
-
-
-def test_noise_of_range_rates_is_learned_if_they_are_used():
     rates = {"range_rate_std": "auto 0.3", "fields.range_rate": "range_rate"}
     assert radar_of(**rates).noise_factor.learned.tolist() == [False, False, True]
     assert radar_of(**rates).range_rate.std == 0.3

@@ -102,10 +102,11 @@ def test_schema_gives_every_named_part_its_group_parameters():
     )
 
 
-def test_schema_has_the_entries_of_a_mapping_that_are_given():
+def test_schema_has_the_entries_of_a_mapping_and_defaults_of_faulty_lists():
     table = schema({"radar_1.fields.time": "t", "radar_2.fields.no": "x"})
     assert "radar_1.fields.time" in table
     assert not [name for name in table if name.startswith("radar_2.fields")]
+    assert "radar_1.range_std" in schema({"sensors": 3})
 
 
 def test_schema_holds_the_reference_scene():
@@ -114,10 +115,6 @@ def test_schema_holds_the_reference_scene():
     assert table["class_0.snr_band_db"].default == [30.0, 50.0]
     assert table["class_1.snr_band_db"].default == [10.0, 30.0]
     assert table["start_4.position"].default == [1400.0, 8000.0]
-
-
-def test_schema_takes_the_defaults_for_a_faulty_list_of_names():
-    assert "radar_1.range_std" in schema({"sensors": 3})
 
 
 @pytest.mark.parametrize(("name", "parameter"), schema({}).items())

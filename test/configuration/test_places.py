@@ -34,10 +34,16 @@ def test_a_radar_on_the_earth_has_its_place_and_direction_in_the_plane():
     assert layout.assumed_height is None
 
 
-def test_without_places_nothing_is_on_the_earth():
+def test_places_need_what_computes_on_the_earth():
     config = resolve({}, SystemPlane)
     assert config.plane is None
     assert all(layout.site is None and layout.datum == 0.0 for layout in config.inputs)
+    with pytest.raises(ConfigError, match="world_origin: given, must be empty here"):
+        resolve(ONE)
+    recorded = resolve(ONE, SystemPlane).values
+    lines = scene.differences(recorded, {**recorded, "world_origin": [52.3, 4.9, 5.0]})
+    assert lines == ["world_origin: [52.3, 4.8, 5.0] recorded, [52.3, 4.9, 5.0] given"]
+    assert scene.differences(recorded, recorded) == []
 
 
 def test_a_radar_in_the_plane_of_an_origin_measures_over_the_plane():
@@ -109,15 +115,3 @@ def test_resolve_reports_what_is_wrong_with_places(changes, expected):
     faults = faults_of({**ONE, **changes})
     assert len(faults) == 1
     assert faults[0].startswith(expected)
-
-
-def test_what_computes_in_the_plane_only_refuses_an_origin():
-    with pytest.raises(ConfigError, match="world_origin: given, must be empty here"):
-        resolve(ONE)
-
-
-def test_another_origin_is_another_scene():
-    recorded = resolve(ONE, SystemPlane).values
-    lines = scene.differences(recorded, {**recorded, "world_origin": [52.3, 4.9, 5.0]})
-    assert lines == ["world_origin: [52.3, 4.8, 5.0] recorded, [52.3, 4.9, 5.0] given"]
-    assert scene.differences(recorded, recorded) == []

@@ -76,16 +76,13 @@ def test_every_target_is_reported_once_a_turn_at_a_common_stamp(name):
         assert errors(estimates).max() < (200.0 if estimates.lag else 400.0)
 
 
-def test_smoothing_brings_targets_nearer_to_where_they_were(default_run):
+def test_targets_keep_their_numbers_and_are_nearer_when_smoothed(default_run):
     _, filtered, smoothed = default_run(20)
     late, early = (
         np.mean([np.sqrt((errors(estimates) ** 2).mean()) for estimates in found[6:]])
         for found in (filtered, smoothed)
     )
     assert early < 0.8 * late
-
-
-def test_targets_keep_their_numbers(default_run):
     _, filtered, _ = default_run(20)
     assert len({tuple(sorted(estimates.track_id)) for estimates in filtered[5:]}) == 1
 

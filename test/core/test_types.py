@@ -12,13 +12,18 @@ def estimates(weight):
     return estimate_sets.estimates(np.zeros((len(weight), 5)), weight=np.array(weight, dtype=float))
 
 
-def test_read_only_refuses_assignment_and_leaves_the_original_writable():
+def test_values_are_read_only():
     original = np.zeros(3)
     view = read_only(original)
     with pytest.raises(ValueError, match="read-only"):
         view[0] = 1.0
     original[0] = 1.0
     assert view[0] == 1.0  # no copy
+    detections = Detections(np.zeros((2, 2)), np.zeros(2))
+    assert len(detections) == 2
+    for array in (detections.measurement, detections.amplitude):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
 
 
 def test_sum_by_adds_equal_indices():
@@ -37,14 +42,6 @@ def test_detections_refuse_a_measurement_that_is_not_a_table(measurement):
 def test_detections_refuse_amplitudes_that_do_not_match(amplitude):
     with pytest.raises(ValueError, match=r"amplitude: expected shape \(2,\)"):
         Detections(np.zeros((2, 2)), amplitude)
-
-
-def test_detections_are_read_only():
-    detections = Detections(np.zeros((2, 2)), np.zeros(2))
-    assert len(detections) == 2
-    for array in (detections.measurement, detections.amplitude):
-        with pytest.raises(ValueError, match="read-only"):
-            array[0] = 1.0
 
 
 def test_particle_masses_sum_over_modes_and_parts():

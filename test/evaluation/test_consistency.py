@@ -54,8 +54,14 @@ def test_right_covariances_have_a_nees_of_one_and_the_expected_share_outside():
         assert of_all["outside_3_sigma"] == pytest.approx(EXPECTED_OUTSIDE, abs=outside)
 
 
-def test_expected_share_outside_is_that_of_a_mahalanobis_distance_of_three():
+def test_shares_and_correlations_are_those_of_mahalanobis_distances():
     assert pytest.approx(0.0111, abs=1e-4) == EXPECTED_OUTSIDE
+    mirrored = RIGHT * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    assert evaluated(same(mirrored))["consistency"][SMOOTHED]["nees"] > 2.0
+    error = np.array([[30.0, -7.0], [0.0, 0.0]])
+    expected = error[0] @ np.linalg.inv(RIGHT) @ error[0]
+    assert mahalanobis2(error, np.stack([RIGHT, RIGHT])) == pytest.approx([expected, 0.0])
+    assert np.isnan(mahalanobis2(error, None)).all()
 
 
 @pytest.mark.parametrize(("factor", "least", "most"), [(0.25, 3.5, 4.5), (4.0, 0.2, 0.3)])
@@ -67,11 +73,6 @@ def test_wrong_covariances_are_outside_the_band(factor, least, most):
     # A quarter of the covariance: exp(-9 / 8) = 32 % outside.
     expected = float(np.exp(-4.5 * factor))
     assert found["outside_3_sigma"] == pytest.approx(expected, abs=0.08)
-
-
-def test_wrong_correlation_is_seen_where_the_variances_are_right():
-    mirrored = RIGHT * np.array([[1.0, -1.0], [-1.0, 1.0]])
-    assert evaluated(same(mirrored))["consistency"][SMOOTHED]["nees"] > 2.0
 
 
 def test_covariances_of_young_tracks_alone_are_seen_by_age():
@@ -117,13 +118,6 @@ def test_covariances_that_state_nothing_are_left_out(unusable):
     assert summary["consistency"][FILTERED]["pairs"] == TARGETS * SCANS // 2
     assert 0.8 < summary["consistency"][FILTERED]["nees"] < 1.2
     json.dumps(summary, allow_nan=False)
-
-
-def test_mahalanobis2_is_that_of_the_inverse():
-    error = np.array([[30.0, -7.0], [0.0, 0.0]])
-    expected = error[0] @ np.linalg.inv(RIGHT) @ error[0]
-    assert mahalanobis2(error, np.stack([RIGHT, RIGHT])) == pytest.approx([expected, 0.0])
-    assert np.isnan(mahalanobis2(error, None)).all()
 
 
 def test_band_holds_the_mean_of_right_covariances_in_95_per_cent():

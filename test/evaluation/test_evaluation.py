@@ -112,12 +112,21 @@ def run_of(*scans, keep=None, stamps=None):
     return evaluation
 
 
-def test_summary_holds_gospa_and_its_parts():
+def test_summary_holds_gospa_confusion_and_scans_of_the_truth():
     found = evaluated(True)[0].summary()[FILTERED]["all"]
     # Stamp 1: 30 m and 40 m; stamp 2: exact, and one false.
     assert found["gospa"] == pytest.approx((50.0 + np.sqrt(C**2 / 2.0)) / 2.0)
     assert found["gospa_localization"] == pytest.approx(25.0)
     assert (found["missed"], found["false"]) == (0.0, 0.5)
+    summary = evaluated(True)[0].summary()
+    assert summary[FILTERED]["all"]["confusion"] == [[2, 0, 0], [1, 0, 0], [0, 1, 0]]
+    assert summary[SMOOTHED]["all"]["confusion"] == [[1, 1, 0], [0, 1, 0], [0, 0, 0]]
+    assert "confusion" not in summary[FILTERED]["class_0"]
+    evaluation = run_of(*[(points(), points())] * 3)
+    for stamp in (18_000_000_000, 24_000_000_000):
+        evaluation.add_truth(stamp, points())
+    found = evaluation.summary()
+    assert (found["truth_scans"], evaluation.scored[FILTERED], found["scans"]) == (5, 3, 0)
 
 
 def test_summary_counts_positions_found_and_missed():
@@ -133,13 +142,6 @@ def test_summary_counts_positions_found_and_missed():
     assert summary["all"]["position_detection"] == pytest.approx(2.0 / 3.0)
     assert summary["class_0"]["position_detection"] == 1.0
     assert summary["class_1"]["position_detection"] == 0.5
-
-
-def test_summary_holds_the_confusion_matrix():
-    summary = evaluated(True)[0].summary()
-    assert summary[FILTERED]["all"]["confusion"] == [[2, 0, 0], [1, 0, 0], [0, 1, 0]]
-    assert summary[SMOOTHED]["all"]["confusion"] == [[1, 1, 0], [0, 1, 0], [0, 0, 0]]
-    assert "confusion" not in summary[FILTERED]["class_0"]
 
 
 def test_summary_holds_the_gaps_of_each_class():
@@ -267,14 +269,6 @@ def test_evaluation_scores_every_pass_of_a_loop_and_what_a_pass_leaves_to_the_ne
     assert evaluation.truth_scans == passes * last
     assert evaluation.scored == {FILTERED: passes * last, SMOOTHED: passes * last - 2}
     assert evaluation.repeated == 2 * passes * last
-
-
-def test_summary_holds_the_number_of_scans_of_the_truth():
-    evaluation = run_of(*[(points(), points())] * 3)
-    for stamp in (18_000_000_000, 24_000_000_000):
-        evaluation.add_truth(stamp, points())
-    found = evaluation.summary()
-    assert (found["truth_scans"], evaluation.scored[FILTERED], found["scans"]) == (5, 3, 0)
 
 
 def test_summary_has_the_share_within_500_m():

@@ -81,15 +81,12 @@ def test_targets_that_cross_are_no_switch_however_they_are_nearest():
     assert switches(*scans[:3], (apart, {"n7": -300.0, "n8": 300.0})) == [0, 0, 0, 2]
 
 
-def test_clear_begins_again():
+def test_memory_is_that_of_what_exists_and_can_be_cleared():
     counter = IdentitySwitches(CUTOFF)
     counter.add(points(t1=0.0), points(n7=0.0))
     counter.clear()
 
     assert counter.add(points(t1=0.0), points(n9=0.0)) == 0
-
-
-def test_memory_is_that_of_the_existing_targets_and_tracks():
     counter = IdentitySwitches(CUTOFF)
     for number in range(1, 1000):
         counter.add(points(**{f"t{number}": 0.0}), points(**{f"n{number}": 0.0}))

@@ -62,24 +62,14 @@ track_sets = track_lists.map(gathered)
 
 @settings(deadline=None, max_examples=60)
 @given(a=point_sets, b=point_sets, order=orders)
-def test_gospa_is_symmetric_and_swaps_missed_and_false(a, b, order):
+def test_gospa_is_the_best_of_all_partial_assignments_symmetric_and_of_its_parts(a, b, order):
     forward, backward = gospa(a, b, CUTOFF, order), gospa(b, a, CUTOFF, order)
     assert forward.distance == pytest.approx(backward.distance, abs=1e-9)
     assert forward.missed - forward.false == backward.false - backward.missed == len(a) - len(b)
-
-
-@settings(deadline=None, max_examples=60)
-@given(a=point_sets, b=point_sets, order=orders)
-def test_gospa_is_made_of_its_parts(a, b, order):
     found = gospa(a, b, CUTOFF, order)
     unmatched = CUTOFF**order / 2.0 * (found.missed + found.false)
     expected = found.localization**order + unmatched
     assert found.distance**order == pytest.approx(expected, rel=1e-9, abs=1e-9)
-
-
-@settings(deadline=None, max_examples=60)
-@given(a=point_sets, b=point_sets, order=orders)
-def test_gospa_is_the_best_of_all_partial_assignments(a, b, order):
     best = np.inf
     for pairs in range(min(len(a), len(b), 3) + 1):
         for rows in itertools.combinations(range(len(a)), pairs):
@@ -107,15 +97,12 @@ def test_gospa_of_worked_examples():
     assert (found.distance, found.missed, found.false) == (pytest.approx(CUTOFF), 0, 2)
 
 
-def test_tracks_are_positions_by_label():
+def test_track_distances_average_over_scans_by_label():
     scans = [([7, 3], [[1.0, 2.0], [3.0, 4.0]]), ([], NONE), ([3], [[5.0, 6.0]])]
     found = tracks_of([LabelledPoints(np.array(n, dtype=int), np.array(p)) for n, p in scans])
     none = [np.nan, np.nan]
     expected = [[[3.0, 4.0], none, [5.0, 6.0]], [[1.0, 2.0], none, none]]
     np.testing.assert_array_equal(found, expected)
-
-
-def test_track_distances_average_over_the_scans_in_which_either_exists():
     one = gathered([[(0, 0), (0, 0), (0, 0), None]])
     other = gathered([[None, (30, 40), (0, 500), None]])
     # Missing: 100; 50; cut at 100; the last scan has neither.

@@ -51,10 +51,16 @@ def test_a_turn_is_interpolated_between_samples(interval_s):
         assert np.hypot(*(found.position[0] - exact)) <= bound + 1e-6
 
 
-def test_without_velocities_targets_move_straight():
+def test_no_more_samples_are_kept_and_moved_than_asked():
     tracks = tracks_of([0.0, 4.0], CURVED, velocity=False)
     ends = CURVED.states(np.array([0.0, 4.0]))[:, [0, 2]]
     np.testing.assert_allclose(tracks.at(SECOND).position[0], 0.75 * ends[0] + 0.25 * ends[1])
+    tracks = TrueTracks(keep=3)
+    for second in (5, 1, 9, 7, 8):
+        tracks.add(second * SECOND, sample(float(second), CURVED))
+    assert len(tracks) == 3
+    assert tracks.at(1 * SECOND) is None
+    assert tracks.at(round(8.5 * SECOND)) is not None
 
 
 def test_a_target_is_there_from_its_first_to_its_last_sample():
@@ -74,15 +80,6 @@ def test_the_truth_is_not_interpolated_far_apart_or_without_labels():
     assert tracks_of([0.0, near], CURVED).at(SECOND) is not None
     assert tracks_of([0.0, far], CURVED).at(SECOND) is None
     assert tracks_of([0.0, 1.0], CURVED, labels=[0]).at(SECOND // 2) is None
-
-
-def test_no_more_samples_are_kept_than_asked():
-    tracks = TrueTracks(keep=3)
-    for second in (5, 1, 9, 7, 8):
-        tracks.add(second * SECOND, sample(float(second), CURVED))
-    assert len(tracks) == 3
-    assert tracks.at(1 * SECOND) is None
-    assert tracks.at(round(8.5 * SECOND)) is not None
 
 
 # --- evaluation at the estimates' own stamps ------------------------------------------------------

@@ -11,7 +11,7 @@ def work(milliseconds):
         pass
 
 
-def test_step_clock_counts_the_work_of_all_blocks_since_the_last_step():
+def test_step_clock_counts_the_work_of_blocks_by_step():
     clock = StepClock()
     with clock:
         work(20.0)
@@ -19,9 +19,6 @@ def test_step_clock_counts_the_work_of_all_blocks_since_the_last_step():
     with clock:
         work(10.0)
         assert clock.take_ms() == pytest.approx(30.0, abs=15.0)
-
-
-def test_step_clock_measures_each_step_of_a_block_by_itself():
     clock = StepClock()
     with clock:
         work(60.0)

@@ -45,20 +45,14 @@ def crossing(first, last, step, handover, east_number=7, offset=30.0, y=0.0):
     return seen
 
 
-def test_a_target_that_crosses_keeps_its_number_and_is_reported_once():
+def test_what_crosses_the_seam_changes_over_once_behind_the_hysteresis():
     seen = crossing(-15e3, 20e3, 1e3, Handover(REGIONS, HYSTERESIS))
     assert [list(tracks) for tracks in seen] == [[1]] * len(seen)
-
-
-def test_it_changes_over_behind_the_seam_by_the_hysteresis():
     seen = crossing(-15e3, 20e3, 1e3, Handover(REGIONS, HYSTERESIS))
     x = np.arange(-15e3, 20e3, 1e3)
     of_east = [tracks[1] != place for tracks, place in zip(seen, x, strict=True)]
     assert x[of_east.index(True)] == HYSTERESIS
     assert all(of_east[of_east.index(True) :])
-
-
-def test_along_the_seam_it_does_not_change_over_to_and_fro():
     handover, owners = Handover(REGIONS, HYSTERESIS), set()
     for stamp in range(20):
         x = 1e3 * (-1) ** stamp
@@ -105,14 +99,11 @@ def test_a_target_is_not_lost_to_the_neighbours_track_that_leaves_it():
         assert list(tracks) == [1, 2]
 
 
-def test_what_only_the_neighbour_of_its_place_has_is_not_reported_until_it_has_a_number():
+def test_what_only_one_has_is_reported_once_it_has_a_number():
     handover = Handover(REGIONS, HYSTERESIS)
     # A new track in the margin of the western tracker: its place is the eastern one's.
     assert joined(handover, 0, {3: (4e3, 0.0)}, {}) == {}
     assert list(joined(handover, 1, {3: (4e3, 0.0)}, {7: (4e3, 0.0)})) == [1]
-
-
-def test_what_the_owner_loses_is_reported_by_the_other_that_has_it():
     handover = Handover(REGIONS, HYSTERESIS)
     for stamp in range(TOGETHER):
         joined(handover, stamp, {3: (-1e3, 0.0)}, {7: (-1e3, 0.0)})

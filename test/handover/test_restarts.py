@@ -53,14 +53,11 @@ def test_single_tracks_that_leap_or_are_fast_begin_no_series():
     assert found == [[1], [1]]
 
 
-def test_a_tracker_that_was_silent_for_a_moment_goes_on_and_after_long_it_does_not():
+def test_series_are_kept_over_moments_and_forgotten_after_long():
     found, _ = followed((0, {1: 0.0}), (4, None), (8, {1: 1.6e3}))
     assert found == [[1], [], [1]]
     found, _ = followed((0, {1: 0.0}), (4, None), (64, None), (68, {1: 1.6e3}))
     assert found == [[1], [], [], [SERIES + 1]]
-
-
-def test_earlier_series_are_forgotten_and_the_latest_one_is_not():
     late = round(KEPT_S) + 100
     found, series = followed((0, {1: 0.0}), (4, {}), (8, {1: -40e3}), (late, {1: -40e3}))
     assert found[-1] == [SERIES + 1]

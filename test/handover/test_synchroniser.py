@@ -19,11 +19,16 @@ def add(gathering, tracker, stamp):
     return {next(iter(one.values())).stamp_ns // 10**9: sorted(one) for one in closed}
 
 
-def test_a_stamp_is_closed_once_all_have_reported_it_or_a_later_one():
+def test_stamps_are_closed_when_all_have_reported_or_at_the_end():
     gathering = Gathering(2, 100.0)
     assert add(gathering, 0, 1) == {}
     assert add(gathering, 0, 2) == {}
     assert add(gathering, 1, 2) == {1: [0], 2: [0, 1]}
+    gathering = Gathering(2, math.inf)
+    for stamp in (0, 1000):
+        assert add(gathering, 0, stamp) == {}
+    assert [sorted(one) for one in gathering.close_all()] == [[0], [0]]
+    assert add(gathering, 1, 1000) is Refused.LATE
 
 
 def test_order_of_arrival_makes_no_difference():
@@ -60,19 +65,17 @@ def test_a_stamp_waits_for_a_tracker_until_the_newest_is_later_by_more_than_the_
     assert add(gathering, 1, 16) == {16: [0, 1]}
 
 
-def test_silent_tracker_is_waited_for_from_the_first_stamp_on():
+def test_silent_trackers_are_waited_for_by_their_period():
     gathering = Gathering(2, 5.0)
     assert add(gathering, 0, 0) == {}
     assert add(gathering, 0, 5) == {}
     assert add(gathering, 0, 6) == {0: [0], 5: [0], 6: [0]}
-
-
-def test_a_recording_is_closed_in_the_end_at_the_latest():
-    gathering = Gathering(2, math.inf)
-    for stamp in (0, 1000):
-        assert add(gathering, 0, stamp) == {}
-    assert [sorted(one) for one in gathering.close_all()] == [[0], [0]]
-    assert add(gathering, 1, 1000) is Refused.LATE
+    gathering = Gathering(2, 5.0)
+    add(gathering, 0, 0)
+    add(gathering, 1, 0)
+    assert add(gathering, 0, 6) == {}
+    assert add(gathering, 0, 12) == {6: [0], 12: [0]}
+    assert gathering.silent == {1}
 
 
 @pytest.mark.parametrize("period", [1, 6, 12])
@@ -83,15 +86,6 @@ def test_trackers_with_long_periods_wait_for_each_other(period):
         assert add(gathering, (stamp + 1) % 3, stamp) == {}
         assert gathering.silent == set()
         assert add(gathering, (stamp + 2) % 3, stamp) == {stamp: [0, 1, 2]}
-
-
-def test_tracker_with_a_long_period_counts_as_silent_one_stamp_later():
-    gathering = Gathering(2, 5.0)
-    add(gathering, 0, 0)
-    add(gathering, 1, 0)
-    assert add(gathering, 0, 6) == {}
-    assert add(gathering, 0, 12) == {6: [0], 12: [0]}
-    assert gathering.silent == {1}
 
 
 def test_one_that_is_always_too_late_stays_silent():

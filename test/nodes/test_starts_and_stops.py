@@ -74,13 +74,19 @@ def test_node_shows_its_help(processes, name):
 
 
 @pytest.mark.parametrize("name", NODES)
-def test_node_refuses_stray_words(processes, tmp_path, name):
+def test_node_refuses_stray_words_and_what_is_no_time_to_go_by(processes, tmp_path, name):
     status, text = processes.run(name, *NODES[name][:1], "--params-file", tmp_path / "p.yaml")
 
     assert status == 2
     assert text.splitlines()[-1] == (
         f"{name}: error: unrecognized arguments: --params-file {tmp_path / 'p.yaml'}"
     )
+    words = NODES[name][:1]
+    status, text = processes.run(name, *words, "--ros-args", "-p", "use_sim_time:=5")
+
+    assert status == 2
+    assert "use_sim_time" in text
+    assert "Traceback" not in text
 
 
 def test_tracker_starts_without_what_it_does_not_need():
@@ -129,16 +135,6 @@ def test_node_refuses_impossible_values(processes, name, words, fault):
     assert status == 2
     assert text.splitlines()[-1].startswith(f"{name}: ")
     assert text.count(fault) == 1
-    assert "Traceback" not in text
-
-
-@pytest.mark.parametrize("name", NODES)
-def test_node_refuses_what_is_no_time_to_go_by(processes, name):
-    words = NODES[name][:1]
-    status, text = processes.run(name, *words, "--ros-args", "-p", "use_sim_time:=5")
-
-    assert status == 2
-    assert "use_sim_time" in text
     assert "Traceback" not in text
 
 

@@ -61,12 +61,19 @@ def dense(window, death_term=smoothing.DEATH_TERM):
 
 
 @every_death_term
-def test_weights_are_those_of_the_dense_form_within_the_gate(window, death_term):
+def test_weights_of_every_form_are_those_of_the_dense_one(window, death_term):
     exact = of_rows(dense(window, death_term), window.stored[0])
     *_, smoothed = backward_pass(recursion.chain(window.stored, window.links()), death_term)
 
     assert_allclose(smoothed.weight, exact, rtol=1e-3, atol=1e-9 * exact.sum())
     assert np.abs(smoothed.weight - exact).sum() < 1e-5 * exact.sum()
+    exact = of_rows(dense(window, death_term), window.stored[0])
+    # The form by label needs labels, and the tree is right within the gate only.
+    by_label = [forms.dense_by_label] if window.corrector.labelled else []
+    for form in (forms.dense_products, *by_label, forms.k_d_tree):
+        found = forms.smooth(window.stored, *window.assumed, death_term, form)
+        rtol, atol = (1e-4, 1e-9) if form is forms.k_d_tree else (1e-6, 1e-12)
+        assert_allclose(found.weight, exact, rtol=rtol, atol=atol * exact.sum())
 
 
 def test_gate_error_is_small_and_shows_a_gate_that_is_not(window, monkeypatch):
@@ -79,17 +86,6 @@ def test_gate_error_is_small_and_shows_a_gate_that_is_not(window, monkeypatch):
     assert good["l1"] < 1e-5
     assert bad["largest_relative"] > 0.05
     assert bad["l1"] > 1e-3
-
-
-@every_death_term
-def test_other_forms_are_the_dense_one(window, death_term):
-    exact = of_rows(dense(window, death_term), window.stored[0])
-    # The form by label needs labels, and the tree is right within the gate only.
-    by_label = [forms.dense_by_label] if window.corrector.labelled else []
-    for form in (forms.dense_products, *by_label, forms.k_d_tree):
-        found = forms.smooth(window.stored, *window.assumed, death_term, form)
-        rtol, atol = (1e-4, 1e-9) if form is forms.k_d_tree else (1e-6, 1e-12)
-        assert_allclose(found.weight, exact, rtol=rtol, atol=atol * exact.sum())
 
 
 @pytest.mark.parametrize("name", ["200 targets", "1000 targets"])

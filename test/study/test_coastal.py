@@ -43,7 +43,7 @@ def resolved(name):
 
 
 @each
-def test_the_profile_has_the_parameters_of_the_scenario(name):
+def test_the_profile_has_the_parameters_of_the_scenario_and_its_small_bag(name):
     profile = told(from_arguments.load(ROOT / "config" / "marine.yaml"))
     _, config = resolved(name)
     given = ABOARD if name == "coastal_ship" else {}
@@ -53,10 +53,6 @@ def test_the_profile_has_the_parameters_of_the_scenario(name):
     spelt_out = ("mast.topic", "mast.frame")
     expected = {key: value for key, value in config.values.items() if key not in spelt_out}
     assert {key: found.values[key] for key in expected} == expected
-
-
-@each
-def test_a_bag_is_small_and_whole(name):
     found, config = resolved(name)
     bag = ROOT / "bags" / name
     assert sum(file.stat().st_size for file in bag.iterdir()) < 850_000

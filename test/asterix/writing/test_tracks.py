@@ -160,11 +160,8 @@ def test_values_beyond_an_item_are_its_largest():
     assert value(record, "I500", "APC", "APC_X") == 32767.5
 
 
-def test_time_just_before_midnight_is_not_a_day_of_one_tick_more():
+def test_blocks_fit_a_datagram_at_any_time_of_day():
     assert value(one(PLAIN, 86_400 * NS - 1), "I070", "ToT") == 0.0
-
-
-def test_blocks_are_as_long_as_a_datagram_may_be():
     tracks = [replace(PLAIN, number=number) for number in range(200)]
     blocks = tracks_out.track_blocks(tracks, 0, SOURCE)
     assert max(map(len, blocks)) <= encoding.MAX_BLOCK

@@ -124,10 +124,15 @@ def test_recurring_places_are_separated_from_a_passing_target():
     assert len(elsewhere(moving, 70.0, 20.0, 0.01)) == len(plots)
 
 
-def test_land_is_proposed_to_be_mapped(estimated):
+def test_land_is_mapped_and_clutter_alone_has_no_tracks(estimated):
     config, found = estimated
     assert "clutter_map" not in rows_of(estimated)
     assert rows_of((config, replace(found, land=0.5)))["clutter_map"].value is True
+    row = rows_of(estimated, clutter_rate="auto")["clutter_rate"]
+    assert (row.now, row.proposed) == ("auto", False)
+    row = rows_of(estimated, range_std="auto 70")["range_std"]
+    assert row.proposed
+    assert isinstance(row.value, float)
 
 
 # Turns.
@@ -326,14 +331,6 @@ def test_rows_list_proposed_and_current_values(estimated):
     assert not rows["max_range"].proposed
     assert rows_of(estimated, max_range=30e3)["max_range"].proposed
     assert rows_of(estimated, max_range=900e3)["max_range"].proposed
-
-
-def test_what_is_learned_stays_so_with_what_was_found(estimated):
-    row = rows_of(estimated, clutter_rate="auto")["clutter_rate"]
-    assert (row.now, row.proposed) == ("auto", False)
-    row = rows_of(estimated, range_std="auto 70")["range_std"]
-    assert row.proposed
-    assert isinstance(row.value, float)
 
 
 FOUND, TABLE = pytest.approx(0.85, abs=0.06), [0.0, 0.9, 8e4, 0.8]

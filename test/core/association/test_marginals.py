@@ -39,7 +39,7 @@ def random_odds(rng, weights):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_marginals_are_those_of_all_matchings(seed):
+def test_marginals_are_those_of_all_matchings_whatever_the_weights(seed):
     rng = np.random.default_rng(seed)
     for _ in range(50):
         odds = random_odds(rng, lambda shape: 10.0 ** rng.uniform(-4.0, 8.0, shape))
@@ -48,10 +48,6 @@ def test_marginals_are_those_of_all_matchings(seed):
         exact_edge, exact_none = enumerated(odds, clutter)
         np.testing.assert_allclose(edge, exact_edge, rtol=1e-10)
         np.testing.assert_allclose(none, exact_none, rtol=1e-10)
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_marginals_of_weights_of_all_magnitudes_are_those_of_all_matchings(seed):
     rng = np.random.default_rng(seed)
     values = [1e-300, 1e-150, 1.0, 1e298, 3e299, 1e300]
     for _ in range(15):

@@ -36,10 +36,17 @@ def shows(shown, own):
     return MODEL.reply * ((1.0 - MODEL.garbled) * (shown == own) + MODEL.garbled / SIZE)
 
 
-def test_what_unknown_targets_show_sums_to_one():
+def test_fresh_belief_is_the_prior_of_replies_that_sum_to_one():
     everything = MODEL.unknown_target_likelihood(np.array([*range(SIZE), UNKNOWN]))
     assert everything.sum() == pytest.approx(1.0)
     assert everything[:-1].sum() == pytest.approx(MODEL.reply_probability)
+    shown = np.array([0, 3, 5, UNKNOWN])
+    fresh = Belief.fresh(4, MODEL)
+    np.testing.assert_allclose(
+        identity.compare(fresh, np.arange(4), shown, MODEL).log_factor, 0.0, atol=1e-12
+    )
+    total = MODEL.unknown_target_likelihood(np.array(STATES)).sum()
+    assert total == pytest.approx(1.0)
 
 
 def full(belief):
@@ -63,16 +70,6 @@ def belief_of(*rows):
             candidate[row, place], weight[row, place] = code, share
         weight[row, identity.REST], weight[row, identity.ABSENT] = rest, absent
     return Belief(candidate, weight)
-
-
-def test_fresh_belief_is_the_prior_of_replies():
-    shown = np.array([0, 3, 5, UNKNOWN])
-    fresh = Belief.fresh(4, MODEL)
-    np.testing.assert_allclose(
-        identity.compare(fresh, np.arange(4), shown, MODEL).log_factor, 0.0, atol=1e-12
-    )
-    total = MODEL.unknown_target_likelihood(np.array(STATES)).sum()
-    assert total == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("shown", STATES)

@@ -43,7 +43,7 @@ def test_noise_is_the_density_of_the_radars_noise_bit_by_bit():
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_a_law_integrates_to_one_and_its_shares_are_its_integrals(name):
+def test_a_law_integrates_to_one_and_knows_unknown_amplitudes(name):
     law = LAWS[name]
     # A learned law has cells from -20 to 80 dB.
     lowest = envelope(-20.0) if isinstance(law, Learned) else 1e-5
@@ -57,10 +57,6 @@ def test_a_law_integrates_to_one_and_its_shares_are_its_integrals(name):
         other = law.log_share(threshold) - law.log_share(TAU)
         assert law.log_share(threshold, TAU) == pytest.approx(other, abs=1e-9)
     assert law.log_share(0.0) == pytest.approx(0.0, abs=1e-12)
-
-
-@pytest.mark.parametrize("name", LAWS)
-def test_an_unknown_amplitude_has_no_density(name):
     assert np.isnan(LAWS[name].log_density(np.array([np.nan, 5.0]))).tolist() == [True, False]
 
 

@@ -116,10 +116,21 @@ def test_reflectors_nearby_make_a_place_likely_to_answer():
     assert factor(answered(30), PLACE)[0] > 10.0 * factor(alone, PLACE)[0]
 
 
-def test_reports_of_neighbours_are_of_the_neighbourhood_per_turn():
+def test_sectors_and_neighbours_count_as_parts_of_a_turn_that_closes():
     quay = answered(30, QUAY)
     (about,) = quay.neighbourhood_excess(PLACE, world(PLACE), RATE, MAX_RANGE)
     assert about == pytest.approx(6.0 - 1.0, rel=0.05)
+    places = answered(20, np.array([[4e3, np.pi]]))
+    here = factor(places, [4e3, np.pi - 1e-9])
+    np.testing.assert_allclose(factor(places, [4e3, -np.pi + 1e-9]), here, rtol=1e-5)
+    assert here[0] > 1e4
+    whole, parts = answered(1), empty()
+    for sector in range(16):
+        seen = PLACE if sector == 5 else np.zeros((0, 2))
+        parts = after(parts, seen, np.ones(len(seen)), 1.0 / 16.0)
+    assert parts.turns == pytest.approx(whole.turns, rel=0.01)
+    assert parts.count.sum() == pytest.approx(1.0, rel=0.01)
+    assert parts.recent_turns == pytest.approx(whole.recent_turns, rel=0.1)
 
 
 def test_a_place_that_no_longer_answers_is_forgotten():
@@ -134,26 +145,9 @@ def test_a_place_that_no_longer_answers_is_forgotten():
     assert places.turns == pytest.approx(clutter_map.MEMORY_TURNS, rel=0.01)
 
 
-def test_the_azimuths_of_a_turn_close():
-    places = answered(20, np.array([[4e3, np.pi]]))
-    here = factor(places, [4e3, np.pi - 1e-9])
-    np.testing.assert_allclose(factor(places, [4e3, -np.pi + 1e-9]), here, rtol=1e-5)
-    assert here[0] > 1e4
-
-
 def test_claimed_detections_are_not_in_the_map():
     places = after(empty(), np.repeat(PLACE, 3, axis=0), np.zeros(3), 1.0)
     assert len(places.cell) == 0
-
-
-def test_sectors_count_as_parts_of_a_turn():
-    whole, parts = answered(1), empty()
-    for sector in range(16):
-        seen = PLACE if sector == 5 else np.zeros((0, 2))
-        parts = after(parts, seen, np.ones(len(seen)), 1.0 / 16.0)
-    assert parts.turns == pytest.approx(whole.turns, rel=0.01)
-    assert parts.count.sum() == pytest.approx(1.0, rel=0.01)
-    assert parts.recent_turns == pytest.approx(whole.recent_turns, rel=0.1)
 
 
 def test_the_map_is_of_bounded_size(monkeypatch):

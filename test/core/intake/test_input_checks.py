@@ -51,13 +51,10 @@ def test_clutter_all_around_is_not_taken_for_sectors(size):
     assert not noticed(watch_of(), uniform(500, size))
 
 
-def test_the_field_of_view_is_judged_by_many_directions():
+def test_the_field_of_view_is_judged_once_by_many_directions():
     assert not noticed(ReportWatch(by_sectors=False), uniform(100, 20, 0.0, 1.0))
     reports = uniform(FIELD_DETECTIONS - 1, 1, -1.0, 1.0)
     assert not noticed(watch_of(), reports)
-
-
-def test_a_field_of_view_that_is_not_configured_is_noticed_once():
     few = FIELD_REPORTS - 1
     watch, reports = watch_of(), uniform(3 * FIELD_REPORTS, 10, -1.0, 1.0)
     assert not noticed(watch, reports[:few])

@@ -48,11 +48,15 @@ def test_after_the_last_message_the_pose_is_extrapolated_for_a_bounded_time():
     assert poses.at(round(2.1 * S))[0] is None
 
 
-def test_close_messages_do_not_make_their_noise_the_velocity():
+def test_poses_at_close_times_do_not_give_a_velocity_of_noise_nor_fill_the_memory():
     noise = [0.02, -0.02]
     poses = track(*((k / 100, k / 10 + noise[k % 2], 0, 0) for k in range(200)))
     found, _ = poses.at(round(2.49 * S))
     assert found.position[0] == pytest.approx(24.9, abs=0.1)
+    poses = PoseTrack(reset_threshold_s=10.0)
+    for index in range(5000):
+        poses.add(index * S, Pose((float(index), 0.0), 0.0))
+    assert len(poses._known) < 20
 
 
 def test_jumps_are_left_out():
@@ -83,22 +87,12 @@ def test_old_messages_are_left_out_and_jumps_back_begin_a_new_run():
     assert poses.at(101 * S)[0] is None
 
 
-def test_a_yaw_is_needed_only_where_it_turns_the_radar():
+def test_a_mount_is_in_the_platforms_frame_and_may_need_no_yaw():
     unknown = Pose((3.0, 4.0), math.nan)
     assert track().add(0, unknown) is PoseFault.ORIENTATION
     stabilised = track(yaw_applies=False)
     assert stabilised.add(0, unknown) is None
     assert stabilised.at(0) == (Pose((3.0, 4.0), 0.0), False)
-
-
-def test_poses_of_a_day_do_not_fill_the_memory():
-    poses = PoseTrack(reset_threshold_s=10.0)
-    for index in range(5000):
-        poses.add(index * S, Pose((float(index), 0.0), 0.0))
-    assert len(poses._known) < 20
-
-
-def test_a_mount_is_in_the_platforms_frame():
     found = Mount((10.0, 2.0), 0.25).on(Pose((100.0, 50.0), math.pi / 2))
     assert found.position == pytest.approx((98.0, 60.0))
     assert found.yaw == pytest.approx(math.pi / 2 + 0.25)

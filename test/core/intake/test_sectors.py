@@ -7,17 +7,12 @@ from phd_jdtc_ros.core.sensors.visibility import sector_probability
 
 @pytest.mark.parametrize("compass", [False, True])
 @pytest.mark.parametrize("sectors", [1, 2, 3, 16, 32])
-def test_sectors_share_the_turn(sectors, compass):
+def test_sectors_share_the_turn_and_are_found_again(sectors, compass):
     azimuth = np.random.default_rng(0).uniform(-np.pi, np.pi, 500)
     seen = sum(
         sector_probability(azimuth, coverage_of(k, sectors, compass)) for k in range(sectors)
     )
     np.testing.assert_array_equal(seen, 1.0)
-
-
-@pytest.mark.parametrize("compass", [False, True])
-@pytest.mark.parametrize("sectors", [1, 2, 3, 16, 32])
-def test_sector_of_is_the_inverse_of_coverage_of(sectors, compass):
     found = [sector_of(coverage_of(k, sectors, compass), sectors, compass) for k in range(sectors)]
     assert found == list(range(sectors))
 

@@ -63,7 +63,7 @@ def test_a_sector_of_a_misaligned_antenna_covers_where_it_truly_was(timed, compa
 
 
 @pytest.mark.parametrize("timed", [False, True])
-def test_empty_sectors_go_on_with_the_numbers(timed):
+def test_empty_sectors_go_on_with_numbers_or_the_antenna(timed):
     radar = TurningRadar(sectors=16, timed=timed, cut=0.0)
     reports = [s if k % 3 else emptied(s) for k, s in enumerate(radar.reports(4))]
     numbers = [sent.sector if len(sent.detections) else None for sent in reports]
@@ -73,10 +73,6 @@ def test_empty_sectors_go_on_with_the_numbers(timed):
         if k > 2:
             assert degrees_off(sent, pieces) < 1.5
     assert not +turns.anomalies
-
-
-@pytest.mark.parametrize("timed", [False, True])
-def test_empty_sectors_go_on_with_the_antenna(timed):
     radar = TurningRadar(sectors=16, timed=timed, plots=150)
     reports = radar.reports(6)
     turns = turns_of(radar)
@@ -87,14 +83,11 @@ def test_empty_sectors_go_on_with_the_antenna(timed):
     assert not +turns.anomalies
 
 
-def test_an_empty_sector_covers_nothing_while_the_antenna_is_not_known():
+def test_the_first_and_empty_sectors_cover_nothing():
     turns = Turns(4.0, 16)
     for k in range(20):
         ((stamp_ns, piece),) = turns.split(START_NS + k * S // 4, NONE)
         assert (stamp_ns, piece.coverage) == (START_NS + k * S // 4, UNKNOWN_COVERAGE)
-
-
-def test_the_first_sector_covers_nothing_and_keeps_its_detections():
     radar = TurningRadar(sectors=8, timed=False, plots=150)
     sent = radar.reports(1)[0]
     ((stamp_ns, piece),) = turns_of(radar).split(sent.stamp_ns, sent.detections)

@@ -65,13 +65,10 @@ def test_no_alarm_without_a_blind_sector():
     assert np.isnan(alarm.blind_azimuth)
 
 
-def test_blind_sector_is_found_where_it_is():
+def test_blind_sector_is_found_until_the_sensor_is_as_before():
     by_azimuth = np.full(AZIMUTHS, LEARNED)
     by_azimuth[3] = 0.0
     assert after(by_azimuth).blind_azimuth == pytest.approx(3.5 * 2.0 * np.pi / AZIMUTHS)
-
-
-def test_alarm_ends_when_the_sensor_is_as_before():
     alarm, rng = after(0.3), np.random.default_rng(5)
     assert alarm.fewer_detections
     for _ in range(4):

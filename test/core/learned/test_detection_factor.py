@@ -63,11 +63,17 @@ def test_half_of_the_field_that_detects_less_is_found():
     np.testing.assert_allclose(found, truth, atol=0.12)
 
 
-def test_cell_without_looks_has_the_sensors_mean():
+def test_probabilities_are_bounded_and_those_of_the_sensor_without_looks():
     count = np.zeros(CELLS)
     count[0] = 1000.0
     factor = DetectionFactor(MAX_RANGE).after(TrialSums(count, CONFIGURED * count, 0.4 * count))
     assert factor.by_cell[-1] == pytest.approx(factor.mean)
+    looks, place = np.full(CELLS, 1e4), centres()
+    given = np.full(CELLS, CONFIGURED)
+    none = DetectionFactor(MAX_RANGE).after(TrialSums(looks, CONFIGURED * looks, 0.0 * looks))
+    assert (none.probability(given, place) == LEAST_PROBABILITY).all()
+    every = DetectionFactor(MAX_RANGE).after(TrialSums(looks, 0.1 * looks, looks))
+    assert (every.probability(given, place) == MOST_PROBABILITY).all()
 
 
 def test_fall_of_the_probability_is_followed_within_the_memory():
@@ -75,12 +81,3 @@ def test_fall_of_the_probability_is_followed_within_the_memory():
     before = learned(rng, 1000, np.full(CELLS, 0.9))
     later = learned(rng, int(2.0 * MEMORY / CONFIGURED), np.full(CELLS, 0.45), before)
     assert later.mean * CONFIGURED == pytest.approx(0.51, abs=0.06)
-
-
-def test_probabilities_stay_within_their_bounds():
-    looks, place = np.full(CELLS, 1e4), centres()
-    given = np.full(CELLS, CONFIGURED)
-    none = DetectionFactor(MAX_RANGE).after(TrialSums(looks, CONFIGURED * looks, 0.0 * looks))
-    assert (none.probability(given, place) == LEAST_PROBABILITY).all()
-    every = DetectionFactor(MAX_RANGE).after(TrialSums(looks, 0.1 * looks, looks))
-    assert (every.probability(given, place) == MOST_PROBABILITY).all()

@@ -48,14 +48,11 @@ def test_noise_is_found_within_its_deviation(truth, predicted):
     assert np.sqrt(np.mean(np.square(normal))) < 1.6
 
 
-def test_small_differences_are_left_alone_until_they_are_certain():
+def test_differences_are_followed_once_they_are_certain():
     few = NoiseFactor().after(NoiseEvidence(each(20.0), each(4.0)))
     many = NoiseFactor().after(NoiseEvidence(each(4000.0), each(800.0)))
     assert (few.variance < 1.07).all()
     assert (many.variance > 1.15).all()
-
-
-def test_large_differences_are_followed_at_once():
     few = NoiseFactor().after(NoiseEvidence(each(20.0), each(60.0)))
     assert (few.of_std > 1.7).all()
 

@@ -58,7 +58,7 @@ def test_nothing_is_usual_at_the_start(turns, known):
     assert (clutter_rate(after(*[USUAL] * turns), 1000) > RADAR.clutter_rate) == known
 
 
-def test_sector_is_compared_with_its_part_of_a_turn():
+def test_sectors_are_compared_with_their_part_of_a_turn_if_known():
     sector = Coverage(0.0, FULL_TURN / 16.0)
     memory = SensorMemory(("radar_1",))
     for _ in range(16 * 20):
@@ -66,9 +66,6 @@ def test_sector_is_compared_with_its_part_of_a_turn():
     assert clutter_rate(memory, 4, sector) == RADAR.clutter_rate
     expected = RADAR.clutter_rate + 16.0 * (100 - 2 - 5.0 * np.sqrt(100))
     assert clutter_rate(memory, 100, sector) == pytest.approx(expected, rel=0.01)
-
-
-def test_sector_of_unknown_extent_is_neither_counted_nor_judged():
     memory = after(*[USUAL] * 20)
     memory.count(report_of(1000, UNKNOWN_COVERAGE))
     assert memory.sensors == after(*[USUAL] * 20).sensors

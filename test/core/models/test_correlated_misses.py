@@ -155,16 +155,13 @@ def long_scenes():
     return [Scene(seed, scans=100, survival=0.995) for seed in range(100, 104)]
 
 
-def test_correlation_is_found_within_its_deviation(long_scenes):
+def test_correlation_is_found_and_existence_calibrated_with_it(long_scenes):
     found, name = (
         [scene.existence("auto")[1] for scene in long_scenes],
         "radar.detection_correlation",
     )
     normal = [(each[name] - CORRELATION) / each[f"{name}_std"] for each in found]
     assert np.sqrt(np.mean(np.square(normal))) < 2.0
-
-
-def test_existence_is_calibrated_with_a_correlation_that_is_learned(long_scenes):
     assert miscalibration(long_scenes, "auto") < 0.6 * miscalibration(long_scenes, None)
 
 

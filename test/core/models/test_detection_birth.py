@@ -118,7 +118,7 @@ def test_intensity_equals_the_density_written_out():
     np.testing.assert_allclose(found_intensity, expected, rtol=1e-6)
 
 
-def test_update_leaves_strong_unclaimed_detections_as_newborn():
+def test_update_leaves_unclaimed_detections_as_newborn_if_there_are_such_births():
     # 45 dB: no clutter is that strong; 4: any clutter is.
     report = Detections(np.array([[6000.0, 0.5], [9000.0, 2.0]]), np.array([200.0, 4.0]))
     (found,) = update(EMPTY, Report(RADAR, report), steps_of(unknown()), 6.0).newborns
@@ -126,6 +126,9 @@ def test_update_leaves_strong_unclaimed_detections_as_newborn():
     assert found.mass[0].sum() == pytest.approx(1.0, abs=1e-6)
     assert found.mass[0, 0] > 0.99  # of the stronger class
     assert found.mass[1:].sum() < 0.05
+    report = Detections(np.array([[6000.0, 0.5]]), np.array([200.0]))
+
+    assert update(EMPTY, Report(RADAR, report), steps_of(MODEL), 6.0).newborns == ()
 
 
 def reports_of_one_target(amplitude=200.0):
@@ -144,12 +147,6 @@ def test_update_scan_finds_a_target_of_two_radars_once(corrector):
 
     assert [one.mass.sum() for one in found] == pytest.approx([1.0, 0.0], abs=0.05)
     assert phd.weight.sum() == pytest.approx(1.0, abs=0.05)
-
-
-def test_update_without_such_births_leaves_nothing():
-    report = Detections(np.array([[6000.0, 0.5]]), np.array([200.0]))
-
-    assert update(EMPTY, Report(RADAR, report), steps_of(MODEL), 6.0).newborns == ()
 
 
 def test_update_scan_gives_every_detection_an_origin_of_its_own():

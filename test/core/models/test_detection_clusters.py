@@ -29,11 +29,14 @@ def places(found):
     return np.stack([distance * np.cos(azimuth), distance * np.sin(azimuth)], axis=1)
 
 
-def test_detections_of_one_vehicle_become_one_at_their_centre():
+def test_detections_of_one_vehicle_become_one_for_the_engine():
     report = Detections(at((-50, 0.5), (20, 5), (-51, -0.5)), np.array([4.0, 6.0, 9.0]))
     found = merge_clusters(report, RADAR)
     np.testing.assert_allclose(places(found), [[-50.5, 0.0], [20.0, 5.0]], atol=1e-9)
     np.testing.assert_array_equal(found.amplitude, [9.0, 6.0])
+    scan = scan_at(0.0, at((50, 0), (51, 0), (90, 9)))
+    (found,) = MODEL.reports(scan)
+    assert len(found) == 2
 
 
 def test_detections_with_other_range_rates_stay_apart_but_for_folds():
@@ -89,9 +92,3 @@ def test_a_group_has_the_identity_that_is_known_and_the_kind_of_the_most_sensors
     found = merge_clusters(report, RADAR)
     assert found.code.tolist() == [0o1234, UNKNOWN]
     assert found.kind.tolist() == [3, 1]
-
-
-def test_an_engine_gets_the_merged_detections():
-    scan = scan_at(0.0, at((50, 0), (51, 0), (90, 9)))
-    (found,) = MODEL.reports(scan)
-    assert len(found) == 2

@@ -127,7 +127,7 @@ def test_snapshot_with_a_look_of_no_sensor_is_refused():
         new_engine(config_of()).restore(snapshot)
 
 
-def test_looks_are_bounded_and_a_sensor_of_long_ago_is_unknown():
+def test_looks_are_bounded_and_none_of_a_lone_sensor():
     (first, second), looks = config_of().model.radars, RecentLooks.of_none()
     looks = looks.after(Report(second, NOTHING, START_NS), 1)
     for number in range(1, MOST + 1):
@@ -135,9 +135,6 @@ def test_looks_are_bounded_and_a_sensor_of_long_ago_is_unknown():
         looks = looks.after(Report(first, NOTHING, START_NS + number), 0)
     assert len(looks.stamp_ns) == MOST
     assert looks.since_last(Report(second, NOTHING, START_NS + MOST + 1), 1) is None
-
-
-def test_a_lone_sensor_remembers_no_looks():
     config = small({"engine": "gaussian", "sensors": ["radar_1"], **BORN})
     engine = new_engine(config)
     for number in range(3):

@@ -50,11 +50,13 @@ def test_to_world_inverts_measure(x, y):
     np.testing.assert_allclose(RADAR.to_world(RADAR.measure(state)), [[x, y]], rtol=0, atol=1e-8)
 
 
-def test_measure_counts_azimuth_counter_clockwise_from_the_sensor_axis():
+def test_measure_counts_azimuths_counter_clockwise_with_its_derivative():
     radar = replace(RADAR, position=(0.0, 0.0), yaw=np.pi / 2)
     state = np.array([[0.0, 0, 10.0, 0, 0], [10.0, 0, 0.0, 0, 0], [-3.0, 0, -4.0, 0, 0]])
     expected = [[10.0, 0.0], [10.0, -np.pi / 2], [5.0, np.pi - np.arctan2(3.0, 4.0)]]
     np.testing.assert_allclose(radar.measure(state), expected, atol=1e-12)
+    difference = (RADAR.measure(at(1e-3)) - RADAR.measure(at(-1e-3))) / 2e-3
+    np.testing.assert_allclose(RADAR.measurement_rate(MOVING), difference, rtol=1e-6, atol=1e-9)
 
 
 def brute_pairs(radar, predicted, detections):
@@ -133,11 +135,6 @@ def at(seconds):
     state = MOVING.copy()
     state[:, [0, 2]] += seconds * state[:, [1, 3]]
     return state
-
-
-def test_measurement_rate_is_the_derivative_of_the_measurement():
-    difference = (RADAR.measure(at(1e-3)) - RADAR.measure(at(-1e-3))) / 2e-3
-    np.testing.assert_allclose(RADAR.measurement_rate(MOVING), difference, rtol=1e-6, atol=1e-9)
 
 
 @pytest.mark.parametrize("seconds", [-0.25, 0.0, 0.25])

@@ -68,17 +68,13 @@ def test_plots_of_known_height_are_placed_to_a_millimetre(origin, place, height,
 
 
 @pytest.mark.parametrize(("origin", "place"), SCENES)
-def test_elevations_are_those_of_the_heights(origin, place):
+def test_slant_ranges_and_elevations_are_those_of_proj(origin, place):
     site = Site(place, SystemPlane(origin))
     latitude, longitude, heights = targets(place, 9000.0)
     slant, azimuth, sine = measured(place, latitude, longitude, heights)
     np.testing.assert_allclose(
         site.elevation_of(slant, azimuth, heights), sine, rtol=0.0, atol=1e-9
     )
-
-
-@pytest.mark.parametrize(("origin", "place"), SCENES)
-def test_slant_ranges_are_those_of_proj(origin, place):
     plane = SystemPlane(origin)
     site = Site(place, plane)
     latitude, longitude, heights = targets(place, 11e3)

@@ -73,14 +73,10 @@ def drawn_around(place, spread):
 
 
 @pytest.mark.parametrize("row", range(len(PLACES)))
-def test_sees_of_a_density_is_the_share_of_its_places_in_the_field_of_view(row):
+def test_sees_and_probability_of_a_density_are_means_over_its_places(row):
     drawn = drawn_around(PLACES[row], SPREAD[row])
     found = LIMITED.sees(PLACES[[row]], SPREAD[[row]])[0]
     assert found == pytest.approx(LIMITED.sees(drawn).sum() / 10**6, abs=3e-3)
-
-
-@pytest.mark.parametrize("row", range(len(PLACES)))
-def test_probability_of_a_density_is_the_mean_over_its_ranges_within_the_limits(row):
     distance = drawn_around(PLACES[row], SPREAD[row])[:, 0]
     inside = distance[(distance >= LIMITED.min_range) & (distance <= LIMITED.max_range)]
     found = LIMITED.probability(PLACES[[row], 0], SPREAD[[row], 0])[0]

@@ -38,9 +38,20 @@ def test_bernoulli_missed_target_keeps_the_existence_of_bayes_rule(existence):
     assert phd.weight.sum() == pytest.approx(expected, rel=1e-12)
 
 
-def test_poisson_missed_target_is_scaled_down_whatever_its_existence():
+def test_poisson_keeps_components_for_detections_and_scales_misses():
     phd, _ = corrected(np.zeros((1, 0)), [0.99], [], corrector=POISSON)
     assert phd.weight.sum() == pytest.approx(0.099)
+    phd, claimed = corrected(np.ones((3, 2)), [0.1, 0.2, 0.3], [1.0, 3.0], corrector=POISSON)
+    np.testing.assert_allclose(claimed, [0.54 / 1.54, 0.54 / 3.54])
+    np.testing.assert_array_equal(phd.label, [-1, -1])
+    assert phd.components.format == "csr"
+    masses = phd.components.toarray().sum(axis=0)
+    np.testing.assert_allclose(masses, [0.54 / 1.54, 0.54 / 3.54])
+    likelihood = np.array([[2.0, 0.0], [1.0, 4.0], [0.5, 3.0]])
+    weight, other = np.array([0.1, 0.2, 0.3]), np.array([1.0, 3.0])
+    mass = 0.9 * weight[:, None] * likelihood
+    pairs = pair_weights(likelihood, weight, other, 0.9, None, POISSON)
+    np.testing.assert_allclose(pairs, mass / (other + mass.sum(axis=0)), rtol=1e-12)
 
 
 @pytest.mark.parametrize("targets", [1, 2, 3])
@@ -104,23 +115,6 @@ def test_bernoulli_components_are_the_origins_and_hold_all_mass():
     dense = phd.components.toarray()
     np.testing.assert_array_equal(np.nonzero(dense)[1], [2, 0, 2, 1])
     np.testing.assert_allclose(dense.sum(axis=1), phd.weight)
-
-
-def test_poisson_keeps_a_component_for_every_detection():
-    phd, claimed = corrected(np.ones((3, 2)), [0.1, 0.2, 0.3], [1.0, 3.0], corrector=POISSON)
-    np.testing.assert_allclose(claimed, [0.54 / 1.54, 0.54 / 3.54])
-    np.testing.assert_array_equal(phd.label, [-1, -1])
-    assert phd.components.format == "csr"
-    masses = phd.components.toarray().sum(axis=0)
-    np.testing.assert_allclose(masses, [0.54 / 1.54, 0.54 / 3.54])
-
-
-def test_poisson_pair_has_its_share_of_its_detection():
-    likelihood = np.array([[2.0, 0.0], [1.0, 4.0], [0.5, 3.0]])
-    weight, other = np.array([0.1, 0.2, 0.3]), np.array([1.0, 3.0])
-    mass = 0.9 * weight[:, None] * likelihood
-    pairs = pair_weights(likelihood, weight, other, 0.9, None, POISSON)
-    np.testing.assert_allclose(pairs, mass / (other + mass.sum(axis=0)), rtol=1e-12)
 
 
 @pytest.mark.parametrize("corrector", CORRECTORS.values(), ids=CORRECTORS)

@@ -55,10 +55,21 @@ def test_linear_motions_keep_position_or_direction():
 
 
 @pytest.mark.parametrize("model", [CV, CT, REST])
-def test_mean_leaves_its_argument_alone(model):
+def test_sample_has_the_model_moments_and_mean_leaves_its_argument(model):
     before = STATES.copy()
     model.mean(STATES, 6.0)
     np.testing.assert_array_equal(STATES, before)
+    count = 40_000
+    support = list(model.support)
+    start = np.repeat(STATES[:1], count, axis=0)
+    drawn = motion.sample(model, start, 6.0, np.random.default_rng(1))
+    covariance = model.noise_covariance(6.0)
+    noise = (drawn - model.mean(start, 6.0))[:, support]
+    std = np.sqrt(np.diag(covariance))
+    # Standard errors: std/sqrt(N) of a mean and at most sqrt(2/N) std std' of a covariance.
+    assert np.all(np.abs(noise.mean(axis=0)) < 4.5 * std / np.sqrt(count))
+    error = np.abs(np.cov(noise.T) - covariance)
+    assert np.all(error < 4.5 * np.sqrt(2.0 / count) * np.outer(std, std))
 
 
 @pytest.mark.parametrize("model", [CV, CT, REST])
@@ -88,21 +99,6 @@ def test_whitener_makes_the_noise_white_by_an_upper_triangle(model, dt):
     sign, expected = np.linalg.slogdet(matrix)
     assert sign == 1.0
     assert log_determinant == pytest.approx(expected, rel=1e-12)
-
-
-@pytest.mark.parametrize("model", [CV, CT, REST])
-def test_sample_has_the_model_moments(model):
-    count = 40_000
-    support = list(model.support)
-    start = np.repeat(STATES[:1], count, axis=0)
-    drawn = motion.sample(model, start, 6.0, np.random.default_rng(1))
-    covariance = model.noise_covariance(6.0)
-    noise = (drawn - model.mean(start, 6.0))[:, support]
-    std = np.sqrt(np.diag(covariance))
-    # Standard errors: std/sqrt(N) of a mean and at most sqrt(2/N) std std' of a covariance.
-    assert np.all(np.abs(noise.mean(axis=0)) < 4.5 * std / np.sqrt(count))
-    error = np.abs(np.cov(noise.T) - covariance)
-    assert np.all(error < 4.5 * np.sqrt(2.0 / count) * np.outer(std, std))
 
 
 def central_differences(model, state, dt):

@@ -49,8 +49,11 @@ def between(before, after, stamp_ns):
     return interpolate(before, after, times, stamp_ns)
 
 
-def test_schedule_without_a_period_has_no_stamps_of_its_own():
+def test_interpolated_estimates_end_at_either_end_in_order_of_tracks():
     assert Schedule(0).between(0, 10 * SECOND) == []
+    found, time_ns = Estimates.concatenate([estimates(1.0, [4, 9]), estimates(2.0, [2])], 0)
+    assert found.track_id.tolist() == [2, 4, 9]
+    assert time_ns.tolist() == [2 * SECOND, SECOND, SECOND]
 
 
 @pytest.mark.parametrize(
@@ -133,12 +136,6 @@ def test_at_stamp_without_targets_has_all_columns(parts):
         else Estimates.empty(12 * SECOND, 1, len(MODES.classes))
     )
     assert (len(found), found.state.shape, found.class_probability.shape) == (0, (0, 5), (0, 2))
-
-
-def test_concatenated_estimates_are_in_the_order_of_the_tracks():
-    found, time_ns = Estimates.concatenate([estimates(1.0, [4, 9]), estimates(2.0, [2])], 0)
-    assert found.track_id.tolist() == [2, 4, 9]
-    assert time_ns.tolist() == [2 * SECOND, SECOND, SECOND]
 
 
 def test_predicted_moves_every_target_from_its_own_time():

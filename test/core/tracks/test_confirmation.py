@@ -321,14 +321,11 @@ def test_records_are_of_the_tracks_in_the_order_of_their_labels():
     assert whole.label.tolist() == whole.existence.tolist() == [2, 5, 9]
 
 
-def test_missed_by_all_counts_the_radars_that_reported_and_the_azimuths_they_passed():
+def test_missed_by_all_counts_radars_that_reported_where_they_were():
     one = float(missed_by_all(estimates_of(0, {1: 1.0}), replace_report(1, None), MODEL)[0])
     assert one == pytest.approx(np.sqrt(MISSED))
     behind = Detections(np.zeros((0, 2)), None, coverage=Coverage(0.5 * np.pi, np.pi))
     assert missed_by_all(estimates_of(0, {1: 1.0}), replace_report(1, behind), MODEL)[0] == one
-
-
-def test_missed_by_all_is_of_where_a_radar_that_moves_is_then():
     far = Pose((5e3 + 2.0 * MODEL.radars[1].max_range, 0.0), 0.0)
     away = Detections(np.zeros((0, 2)), None, pose=far)
     one = float(missed_by_all(estimates_of(0, {1: 1.0}), replace_report(1, None), MODEL)[0])

@@ -63,13 +63,17 @@ def test_only_an_address_gives_a_number_again():
     assert tracks.aircraft.seen == {1: LastSeen(77, 0, (0.0, 0.0), 0.0)}
 
 
-def test_two_tracks_that_come_to_one_address_are_the_older_one():
+def test_two_tracks_of_one_address_are_one_and_two_aircraft_two():
     tracks = TrackNumbers()
     numbers(tracks, 0, (5, 77, 0.0, CONFIRMED), (6, UNKNOWN, 20.0, CONFIRMED))
     found = tracks.assign(estimates(4, (5, 77, 0.0, COASTING), (6, 77, 20.0, CONFIRMED)), REACH)
     assert found.track_id.tolist() == [1]
     assert found.position[0, 0] == 20.0
     assert numbers(tracks, 8, (6, 77, 40.0, CONFIRMED)) == [1]
+    tracks = TrackNumbers()
+    for seconds in range(0, 40, 4):
+        both = (5, 77, 0.0, CONFIRMED), (6, 77, 2e3, CONFIRMED)
+        assert numbers(tracks, seconds, *both) == [1, 2]
 
 
 def test_track_that_coasts_elsewhere_is_not_reported_beside_its_aircraft():
@@ -78,13 +82,6 @@ def test_track_that_coasts_elsewhere_is_not_reported_beside_its_aircraft():
     numbers(tracks, 20, (5, 77, 4e3, COASTING))
     found = tracks.assign(estimates(24, (5, 77, 5e3, COASTING), (40, 77, -3e3, CONFIRMED)), REACH)
     assert (found.track_id.tolist(), found.position[0, 0]) == ([1], -3e3)
-
-
-def test_two_aircraft_with_one_address_have_two_numbers():
-    tracks = TrackNumbers()
-    for seconds in range(0, 40, 4):
-        both = (5, 77, 0.0, CONFIRMED), (6, 77, 2e3, CONFIRMED)
-        assert numbers(tracks, seconds, *both) == [1, 2]
 
 
 def test_number_goes_back_to_an_aircraft_that_was_another():

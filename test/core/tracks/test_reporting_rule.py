@@ -30,7 +30,7 @@ def test_thresholds_bound_each_other():
         resolve({"confirm_probability": 0.5, "delete_probability": 0.9})
 
 
-def test_weight_of_the_record_is_what_the_band_leaves_open():
+def test_records_weigh_what_the_band_leaves_open_without_memory():
     rng = np.random.default_rng(0)
     low, high = MODEL.modes.classes[1].snr_band
     snr = np.exp(rng.uniform(np.log1p(low), np.log1p(high), 1_000_000)) - 1.0
@@ -39,8 +39,5 @@ def test_weight_of_the_record_is_what_the_band_leaves_open():
     assert rule_of(MODEL, True).record_weight[1] == pytest.approx(expected, rel=0.01)
     # A given detection probability is that of every target.
     assert np.isinf(rule_of(seen_with(MODEL, 0.9), True).record_weight).all()
-
-
-def test_memory_of_amplitudes_needs_no_record():
     model = resolve({"amplitude": "memory"}).model
     assert np.isinf(rule_of(model, True).record_weight).all()

@@ -19,12 +19,21 @@ def smoothed(*entries):
     return list(smoothed_sets(entries, send, receive))
 
 
-def test_each_set_receives_the_smoothed_next_one_through_its_link():
+def test_messages_go_through_links_newest_first():
     first = Entry(10, "a")
     second = Entry(20, "b", (Source(10, None, 3),), "ab")
     third = Entry(30, "c", (Source(20, None, 2),), "bc")
     b = "b(None:0-2 c by bc)"
     assert smoothed(first, second, third) == ["c", b, f"a(None:0-3 {b} by ab)"]
+    first = Entry(10, "a")
+    second = Entry(20, "b", (Source(10, (0,), 1),), "x")
+    third = Entry(30, "c", (Source(10, (1,), 1),), "y")
+    assert smoothed(first, second, third)[-1] == "a((1,):0-1 c by y; (0,):0-1 b by x)"
+    first = Entry(10, "a")
+    second = Entry(20, "b", (Source(10, None, 1),), None)
+    third = Entry(30, "c", (Source(5, None, 1),), "gone")
+    fourth = Entry(40, "d", (Source(20, None, 1),), "bd")
+    assert smoothed(first, second, third, fourth) == ["d", "c", "b(None:0-1 d by bd)", "a"]
 
 
 def test_sources_of_a_scan_receive_their_own_parts_of_one_message():
@@ -36,18 +45,3 @@ def test_sources_of_a_scan_receive_their_own_parts_of_one_message():
         "b(None:6-13 c by link)",
         "a((1, 2):4-6 c by link)",
     ]
-
-
-def test_set_receives_messages_of_all_its_continuations_newest_first():
-    first = Entry(10, "a")
-    second = Entry(20, "b", (Source(10, (0,), 1),), "x")
-    third = Entry(30, "c", (Source(10, (1,), 1),), "y")
-    assert smoothed(first, second, third)[-1] == "a((1,):0-1 c by y; (0,):0-1 b by x)"
-
-
-def test_sets_without_a_link_or_with_expired_sources_send_no_message():
-    first = Entry(10, "a")
-    second = Entry(20, "b", (Source(10, None, 1),), None)
-    third = Entry(30, "c", (Source(5, None, 1),), "gone")
-    fourth = Entry(40, "d", (Source(20, None, 1),), "bd")
-    assert smoothed(first, second, third, fourth) == ["d", "c", "b(None:0-1 d by bd)", "a"]

@@ -34,10 +34,16 @@ def whole(index):
     return Scan((index + 1) * SECOND, (Detections(np.zeros((0, 2)), None),))
 
 
-def test_filtered_estimates_are_of_targets_above_the_threshold():
+def test_filtered_estimates_follow_the_threshold():
     filtered, _ = stepped_through(engine(threshold=7.5), 0, 9)
     # These are the estimates of 6, 7, 8 and 9, when their scans swept them.
     assert [len(estimates) for estimates in filtered] == [0, 0, 0, 0, 0, 0, 0, 1, 2]
+    of = engine()
+    assert {len(estimates) for estimates in stepped_through(of, 0, 9)[0]} == {4}
+    of.retune(MODEL, rule(10.5))
+    filtered, smoothed = stepped_through(of, 9, 11)
+    assert len(filtered[-1]) == 4 - 1  # the scan before the last one touched a target of 10
+    assert [len(estimates) for estimates in smoothed] == [0, 1]
 
 
 @pytest.mark.parametrize(
@@ -49,19 +55,16 @@ def test_smoothed_estimates_are_of_targets_above_the_threshold(scan, threshold, 
     assert [len(estimates) for estimates in smoothed] == found
 
 
-def test_changed_threshold_is_that_of_the_next_estimates():
-    of = engine()
-    assert {len(estimates) for estimates in stepped_through(of, 0, 9)[0]} == {4}
-    of.retune(MODEL, rule(10.5))
-    filtered, smoothed = stepped_through(of, 9, 11)
-    assert len(filtered[-1]) == 4 - 1  # the scan before the last one touched a target of 10
-    assert [len(estimates) for estimates in smoothed] == [0, 1]
-
-
-def test_window_forgets_what_no_stamp_needs():
+def test_window_forgets_stamps_and_links_that_nothing_needs():
     of = engine(lag=4)
     stepped_through(of, 0, 40)
     assert len(of._window) <= 4 + 4 + 1
+    of = engine(lag=2)
+    stepped_through(of, 0, 12, whole)
+    held = of.snapshot()
+    # The last two scans have no estimates yet; the source of the first one has left.
+    assert held.names_below("stored") == {"0", "1"}
+    assert [name for name in held.arrays if name.endswith(".link")] == ["stored.1.link"]
 
 
 def test_restored_engine_goes_on_and_an_interrupted_one_uses_no_number_again():
@@ -191,15 +194,6 @@ def test_steps_by_period_report_the_same_parts():
     of.step(sector(3))
     assert len(of.flush()) == 1
     assert parts[3:] == ["extraction", "backward", "extraction"]
-
-
-def test_links_to_sets_that_have_left_are_dropped():
-    of = engine(lag=2)
-    stepped_through(of, 0, 12, whole)
-    held = of.snapshot()
-    # The last two scans have no estimates yet; the source of the first one has left.
-    assert held.names_below("stored") == {"0", "1"}
-    assert [name for name in held.arrays if name.endswith(".link")] == ["stored.1.link"]
 
 
 def test_clutter_raster_is_of_the_radars_that_learn_a_map():

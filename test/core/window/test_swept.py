@@ -49,13 +49,15 @@ def test_parted_takes_the_targets_near_the_sector(start, width, expected):
     assert origins_of(others) == [row_label for row_label in range(3) if row_label not in expected]
 
 
-def test_parted_takes_both_sides_of_an_edge():
+def test_parted_takes_both_sides_and_spread_out_targets():
     edge = Coverage(0.0, 0.3), Coverage(-0.3, 0.3)
     for sector in edge:
         touched, _ = partition_swept(
             [current()], scan(1.0, sector.start, sector.width), MODEL, True
         )
         assert origins_of(touched) == [0]
+    touched, _ = partition_swept([current(spread=20e3)], scan(1.0, 0.5, 0.2), MODEL, True)
+    assert 0 in origins_of(touched)
 
 
 @pytest.mark.parametrize("coverage", [Coverage(-0.2, 0.4), UNKNOWN_COVERAGE])
@@ -88,11 +90,6 @@ def test_parted_takes_who_is_in_the_field_of_a_sensor_without_the_other_ones():
     # A sensor that looks alone for long must not keep the others from their predictions.
     late, rest = partition_swept([current()], Scan(60 * SECOND, (None, whole)), model, True)
     assert (origins_of(late), rest) == ([0, 1, 2], [])
-
-
-def test_parted_takes_a_spread_out_target_from_farther_away():
-    touched, _ = partition_swept([current(spread=20e3)], scan(1.0, 0.5, 0.2), MODEL, True)
-    assert 0 in origins_of(touched)
 
 
 def test_parted_rows_can_be_parted_again():

@@ -156,7 +156,7 @@ def test_backward_steps_equal_the_dense_equations(run, name):
         found = smoothed.weight
 
 
-def test_build_ratio_times_mu_is_the_kernel(run):
+def test_build_is_the_kernel_with_survival_of_the_true_interval(run):
     # Compare the entries in which an earlier row explains more than a millionth of the later row;
     # entries beyond the gate are smaller.
     _, stored, _, links, dense = run
@@ -165,9 +165,6 @@ def test_build_ratio_times_mu_is_the_kernel(run):
         found = link.ratio.toarray().T * earlier.weight
         matter = expected > 1e-6
         np.testing.assert_allclose(found[matter], expected[matter], rtol=1e-4)
-
-
-def test_build_survival_is_that_of_the_true_interval(run):
     _, _, intervals, links, _ = run
     for link, dt in zip(links, intervals, strict=True):
         np.testing.assert_allclose(link.survival, 0.99 ** (dt / 6.0), rtol=1e-12)
