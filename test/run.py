@@ -27,7 +27,7 @@ LONGEST = (
     "test/robustness/test_live_faults.py",
     "test/robustness/test_full_tracker.py",
     "test/nodes/test_demo.py",
-    "test/study/test_benchmarks.py",
+    "test/nodes/test_asterix_demo.py",
 )
 # Files with nodes in pytest's own process, whose graph keeps them after their end: run apart from
 # the others.
@@ -35,11 +35,9 @@ OWN_NODES = ("test/nodes/test_parameter_sections.py", "test/nodes/test_poses_bef
 # Number of the other live files that share a pytest: each pytest spends 3 s on imports, and 4 s on
 # the server of its nodes (see helpers/forked.py).
 TOGETHER = 10
-# Two halves that take about as long as each other.
-HALF = (
-    *("test/calibration", "test/configuration", "test/core", "test/evaluation", "test/handover"),
-    *("test/simulation", "test/study"),
-)
+# One of two halves that take as long as each other, some 320 s of CPU: what one takes longer is for
+# one processor alone, because the live tests are over by then.
+HALF = ("test/core", "test/study")
 # Folders without live tests, most of all: conftest.py refuses live ones there.
 NEVER_LIVE = [
     f"test/{folder}"
@@ -110,7 +108,7 @@ def others(arguments):
     if arguments:  # which may name files of both halves
         return {"all that is not live": arguments}
     return {
-        "not live, the core, what is around it and the study": HALF,
+        "not live, the core and the study": HALF,
         "not live, elsewhere": [f"--ignore={folder}" for folder in HALF],
     }
 
