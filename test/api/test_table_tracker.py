@@ -65,13 +65,6 @@ def test_fit_alone_is_enough_to_track(fitted):
     assert fitted.parameters["interval_s"] == 1.0
 
 
-def test_fit_leaves_what_is_given():
-    tracker = Tracker({"radar": {"range_std": 7.0}}).fit(DETECTIONS)
-
-    assert tracker.parameters["radar.range_std"] == 7.0
-    assert tracker.parameters["radar.azimuth_std_deg"] < 1.0
-
-
 def test_fit_goes_with_other_classes_and_motions():
     given = {
         "classes": ["boat", "ship"],
