@@ -79,8 +79,9 @@ class ReadOnly:
         kind: Any = type(self)
         other: ValueT = object.__new__(kind)
         before, after = self.__dict__, other.__dict__
-        for name in kind.__dataclass_fields__:
-            after[name] = values[name] if name in values else before[name]
+        for name in before:
+            if name in kind.__dataclass_fields__:  # not a cached property
+                after[name] = values[name] if name in values else before[name]
         elements = _array_fields(kind)
         for name in values:
             if name in elements and values[name] is not None:

@@ -6,7 +6,7 @@ clutter are stored, so that the map of a precise radar with a long range is smal
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -139,8 +139,7 @@ class ClutterMap(ReadOnly):
         if len(enough) > MAX_CELLS:
             order = np.argsort(-count[enough], kind="stable")[:MAX_CELLS]
             enough = np.sort(enough[order])
-        return replace(
-            self,
+        return self.changed(
             cell=cell[enough],
             count=count[enough],
             turns=kept * self.turns + turns,

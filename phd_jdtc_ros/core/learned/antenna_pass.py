@@ -13,6 +13,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
+from ..compilation import Float1, Int1, compiled
 from ..snapshot import MAX_STAMP_NS, floats, integers
 from ..types import FULL_TURN, Coverage
 
@@ -71,14 +72,33 @@ class AntennaPass(NamedTuple):
         Given are their ascending labels, and the probability that each was detected, given that it
         exists, (T,).
         """
-        some = np.flatnonzero(detected > LEAST_DETECTED)
-        if not len(some):
-            return self
-        label, detected = label[some], detected[some]
-        every = np.union1d(self.label, label)
-        unseen, seen_ns = np.ones(len(every)), np.full(len(every), self.stamp_ns)
-        before, now = np.searchsorted(every, self.label), np.searchsorted(every, label)
-        unseen[before], seen_ns[before] = self.unseen, self.seen_ns
-        unseen[now] *= 1.0 - detected
-        seen_ns[now] = self.stamp_ns
-        return self._replace(label=every, unseen=unseen, seen_ns=seen_ns)
+        place = self.stamp_ns, self.start, self.width
+        before = self.label, self.unseen, self.seen_ns
+        return AntennaPass(*place, *_detecting(self.stamp_ns, *before, label, detected))
+
+
+@compiled
+def _detecting(
+    stamp_ns: int,
+    label: Int1,
+    unseen: Float1,
+    seen_ns: Int1,
+    own: Int1,
+    detected: Float1,
+) -> tuple[IntArray, FloatArray, IntArray]:
+    """Return the columns of a pass after detections of targets; `own` are their labels."""
+    count, place, found = len(label), 0, 0
+    most = count + len(own)
+    labels, left, stamps = np.empty(most, np.int64), np.empty(most), np.empty(most, np.int64)
+    for one in range(len(own) + 1):
+        if one < len(own) and not detected[one] > LEAST_DETECTED:
+            continue
+        while place < count and (one == len(own) or label[place] < own[one]):
+            labels[found], left[found], stamps[found] = label[place], unseen[place], seen_ns[place]
+            place, found = place + 1, found + 1
+        if one < len(own):
+            known = place < count and label[place] == own[one]
+            labels[found], stamps[found] = own[one], stamp_ns
+            left[found] = (unseen[place] if known else 1.0) * (1.0 - detected[one])
+            place, found = place + known, found + 1
+    return labels[:found].copy(), left[:found].copy(), stamps[:found].copy()

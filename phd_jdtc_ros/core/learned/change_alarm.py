@@ -100,12 +100,11 @@ class ChangeAlarm(ReadOnly):
         of_miss = np.log((1.0 - CHANGED * learned) / (1.0 - UNCHANGED * learned))
         evidence = detected * OF_DETECTION + (trials - detected) * of_miss
         detection = self.detection + np.where(known >= KNOWN, evidence, 0.0)
-        return ChangeAlarm(np.minimum(np.maximum(detection, 0.0), MOST), self.noise)
+        return self.changed(detection=np.minimum(np.maximum(detection, 0.0), MOST))
 
     def after_noise(self, factor: NoiseFactor, evidence: NoiseEvidence) -> ChangeAlarm:
         """Return the alarm after innovations, given the noise that was learned before them."""
         square = evidence.weight + evidence.excess
         ratio = 0.5 * (square * (1.0 - 1.0 / NOISIER) - evidence.weight * math.log(NOISIER))
         ratio = np.where(factor.learned & (factor.weight >= SETTLED), ratio, 0.0)
-        noise = np.minimum(np.maximum(self.noise + ratio, 0.0), MOST)
-        return ChangeAlarm(self.detection, noise)
+        return self.changed(noise=np.minimum(np.maximum(self.noise + ratio, 0.0), MOST))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated
 
@@ -104,4 +104,4 @@ class Correlation(ReadOnly):
     def after(self, sums: FloatArray) -> Correlation:
         """Return the correlation after further pairs, given their sums, (B,)."""
         kept = math.exp(-float(sums[0]) / MEMORY)
-        return replace(self, sums=kept * self.sums + sums)
+        return self.changed(sums=kept * self.sums + sums)

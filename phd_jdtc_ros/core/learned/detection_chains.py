@@ -6,7 +6,7 @@ are a Markov chain from look to look, whose state is as certain as the associati
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -187,7 +187,7 @@ class DetectionChains(ReadOnly):
         sums: FloatArray = (detected * existence) @ self.pairs[known]
         pairs = self.pairs.copy()
         pairs[known] *= 1.0 - detected[:, None]
-        return replace(self, pairs=pairs), sums
+        return self.changed(pairs=pairs), sums
 
     def _extended(self, label: IntArray) -> DetectionChains:
         """Return these chains with empty ones for further labels."""
@@ -202,4 +202,4 @@ class DetectionChains(ReadOnly):
         for name in ("stamp_ns", *_NUMBERS):
             columns[name] = getattr(self, name).copy()
             columns[name][rows] = getattr(other, name)
-        return replace(self, **columns)
+        return self.changed(**columns)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, NamedTuple
 
@@ -127,8 +127,7 @@ class DetectionFactor(ReadOnly):
         """Return the factor after further trials."""
         trials, expected, detected = (float(column.sum()) for column in sums)
         kept, fading = np.exp(-sums.expected / MEMORY), math.exp(-expected / MEMORY)
-        return replace(
-            self,
+        return self.changed(
             expected=kept * self.expected + sums.expected,
             detected=kept * self.detected + sums.detected,
             all_looks=fading * self.all_looks + trials,

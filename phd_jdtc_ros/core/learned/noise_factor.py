@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, NamedTuple
 
@@ -84,8 +84,7 @@ class NoiseFactor(ReadOnly):
         """Return the factors after the innovations of a further report."""
         kept = np.exp(-evidence.weight / MEMORY)
         ratio = self.variance * (evidence.weight + evidence.excess)
-        return replace(
-            self,
+        return self.changed(
             weight=np.where(self.learned, kept * self.weight + evidence.weight, 0.0),
             ratio=np.where(self.learned, kept * self.ratio + ratio, 0.0),
         )

@@ -75,11 +75,14 @@ class OpenTrials(ReadOnly):
         given that it exists, the share d of its open trials counts, times its existence
         probability. The share 1 - d stays open, and so does the report's own trial for it.
         """
-        label, cell, shares, counted = _after(
+        label, cell, (expected, detected, still), counted = _after(
             *(LEAST_OPEN, cells, self.label, self.cell, self.expected, self.detected, self.still),
             *contiguous(*trials),
         )
-        return OpenTrials(label, cell, *shares), TrialSums(*counted)
+        left = self.changed(
+            label=label, cell=cell, expected=expected, detected=detected, still=still
+        )
+        return left, TrialSums(*counted)
 
 
 @compiled

@@ -219,7 +219,7 @@ class SnrCells:
     # Rates of change from cell to cell per second, symmetric, (C, S, S); rows sum to 0.
     generator: FloatArray
 
-    @property
+    @cached_property
     def prior(self) -> FloatArray:
         """Probability of each cell of a class before any detection, shape (C, S)."""
         return np.full(self.log_snr.shape, 1.0 / self.log_snr.shape[1])

@@ -145,7 +145,7 @@ class Newborn:
 def newborn_of(report: Report, mass: FloatArray, model: DetectionBirthModel) -> Newborn:
     """Return the detections with at least the model's `least_mass`, given masses (M, C)."""
     born, kept = Newborn(report, mass), mass.sum(axis=1) >= model.least_mass
-    return born if kept.all() else born.take(np.flatnonzero(kept))
+    return born if kept.all() else born.take(kept.nonzero()[0])
 
 
 def missed_by(reports: Sequence[Report], position: FloatArray, modes: ModeSpace) -> FloatArray:

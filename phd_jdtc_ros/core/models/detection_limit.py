@@ -9,8 +9,6 @@ would leave it, and no later scan could delete them.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ..arrays import GOLDEN_RATIO, FloatArray
@@ -67,5 +65,5 @@ def limit_detections(report: Report, predicted: FloatArray, mass: FloatArray) ->
         fewer = float(np.exp(sensor.clutter_amplitude.log_share(threshold, sensor.threshold)))
         share = 1.0
     rate = max(sensor.clutter_rate * fewer, (kept - targets) / part)
-    limited = replace(sensor, threshold=threshold, clutter_rate=rate)
-    return replace(report, sensor=limited, detections=left, share=share, complete=False)
+    limited = sensor.changed(threshold=threshold, clutter_rate=rate)
+    return report.changed(sensor=limited, detections=left, share=share, complete=False)

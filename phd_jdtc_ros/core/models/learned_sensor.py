@@ -8,12 +8,12 @@ otherwise never be learned.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from ..arrays import FloatArray
+from ..arrays import FloatArray, ReadOnly
 from ..clutter.amplitude_law import Learned
 from ..clutter.map import ClutterMap
 from ..clutter.rate import ClutterCount
@@ -33,7 +33,8 @@ USUAL_TURNS = 5.0
 USUAL_SIGMA = 5.0
 
 
-class LearnedSensor(NamedTuple):
+@dataclass(frozen=True)
+class LearnedSensor(ReadOnly):
     """Learned values of a sensor; None before the first report from which each is learned."""
 
     clutter_law: Learned | None = None  # Law of the amplitudes of false detections
@@ -66,22 +67,17 @@ class LearnedSensor(NamedTuple):
         changed = {name: value for name, value in learned.items() if value is not None}
         if noise is not None:
             changed |= sensor.noise_times(noise)
-        return replace(sensor, **changed) if changed else sensor
+        return sensor.changed(**changed) if changed else sensor
 
     def earlier_sectors(self, report: Report) -> EarlierSectors | None:
         """Return the sectors before a report in the same pass of the antenna; None without any."""
-        latest, continued = self.antenna_pass, self._continued(report)
-        if latest is None or continued is None:
-            return None
-        before = Coverage(latest.start, latest.width)
-        return EarlierSectors(before, continued.label, continued.unseen)
-
-    def _continued(self, report: Report) -> AntennaPass | None:
-        """Return the pass that a report continues; None if it does not."""
         sector, latest = report.detections.coverage, self.antenna_pass
         if sector is None or latest is None or sector.width > WIDEST:
             return None
-        return latest.then(sector, report.stamp_ns, 1e9 * report.sensor.rotation_s)
+        continued = latest.then(sector, report.stamp_ns, 1e9 * report.sensor.rotation_s)
+        if continued is None:
+            return None
+        return EarlierSectors(Coverage(latest.start, latest.width), continued)
 
     def look_prediction(self, report: Report, correlation: Correlation) -> LookPrediction:
         """Return what the sensor's last look at each target predicts for a report."""
@@ -103,14 +99,14 @@ class LearnedSensor(NamedTuple):
         if surplus <= 0.0:
             return report
         sensor, rate = report.sensor, report.sensor.clutter_rate + surplus / part
-        return replace(report, sensor=replace(sensor, clutter_rate=rate))
+        return report.changed(sensor=sensor.changed(clutter_rate=rate))
 
     def after_count(self, report: Report) -> LearnedSensor:
         """Return the values after a report, whose detections count towards the usual number."""
         if not report.part_of_turn:
             return self
         usual = self.usual_count or ClutterCount()
-        return self._replace(usual_count=usual.after(len(report), report.part_of_turn))
+        return self.changed(usual_count=usual.after(len(report), report.part_of_turn))
 
     def after_clutter(
         self, report: Report, claimed: FloatArray, stationary: FloatArray
@@ -126,16 +122,16 @@ class LearnedSensor(NamedTuple):
         learned, turns = self, report.part_of_turn
         if isinstance(law, Learned) and detections.amplitude is not None:
             law = law.after(detections.amplitude, 1.0 - claimed)
-            learned = learned._replace(clutter_law=law)
+            learned = learned.changed(clutter_law=law)
         if turns and count is not None:
             # Unclaimed detections that the clutter map does not explain.
             uniform = np.exp(-sensor.log_clutter_factor(detections.measurement))
             unclaimed = float(((1.0 - claimed) * uniform).sum())
-            learned = learned._replace(clutter_count=count.after(unclaimed, turns))
+            learned = learned.changed(clutter_count=count.after(unclaimed, turns))
         if turns and places is not None:
             weight, seen = 1.0 - claimed * (1.0 - stationary), detections.measurement
             places = places.after(seen, sensor.to_world(seen), weight, turns)
-            learned = learned._replace(clutter_map=places)
+            learned = learned.changed(clutter_map=places)
         return learned
 
     def after_trials(self, sums: TrialSums) -> LearnedSensor:
@@ -143,12 +139,12 @@ class LearnedSensor(NamedTuple):
         if self.detection is None:
             return self
         alarm = (self.alarm or ChangeAlarm()).after_trials(self.detection, sums)
-        return self._replace(alarm=alarm, detection=self.detection.after(sums))
+        return self.changed(alarm=alarm, detection=self.detection.after(sums))
 
     def after_noise(self, factor: NoiseFactor, evidence: NoiseEvidence) -> LearnedSensor:
         """Return the values after the innovations of a report, given the factor used for it."""
         alarm = (self.alarm or ChangeAlarm()).after_noise(factor, evidence)
-        return self._replace(alarm=alarm, noise=factor.after(evidence))
+        return self.changed(alarm=alarm, noise=factor.after(evidence))
 
     def after_any_look(self, look: Look) -> LearnedSensor:
         """Return the values after any sensor's look, whose detections let pairs of looks count."""
@@ -156,21 +152,23 @@ class LearnedSensor(NamedTuple):
             return self
         chains, sums = self.chains.count_pairs(look)
         correlation = self.correlation.after(sums) if sums[0] > 0.0 else self.correlation
-        return self._replace(chains=chains, correlation=correlation)
+        return self.changed(chains=chains, correlation=correlation)
 
     def after_look(self, report: Report, look: Look) -> LearnedSensor:
         """Return the values after the sensor's own look; the report is as it was prepared."""
         learned, sector, sensor = self, report.detections.coverage, report.sensor
         if sector is not None and report.turn_ns and sector.width <= WIDEST:
-            latest = self._continued(report) or AntennaPass.of(sector, report.stamp_ns)
-            learned = learned._replace(antenna_pass=latest.detecting(look.label, look.detected))
+            latest = AntennaPass.of(sector, report.stamp_ns)
+            if report.earlier is not None:
+                latest = report.earlier.continued
+            learned = learned.changed(antenna_pass=latest.detecting(look.label, look.detected))
         prediction, correlation = report.look_prediction, sensor.correlation
         if prediction is not None and correlation is not None:
             chains = DetectionChains() if self.chains is None else self.chains
             chains = chains.after(look, prediction, report.stamp_ns, report.turn_ns)
-            learned = learned._replace(chains=chains)
+            learned = learned.changed(chains=chains)
             if correlation.learned and self.correlation is None:
-                learned = learned._replace(correlation=correlation)
+                learned = learned.changed(correlation=correlation)
         return learned
 
     def figures(self, sensor: Sensor) -> dict[str, float]:

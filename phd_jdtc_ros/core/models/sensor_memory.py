@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from operator import is_
 
 import numpy as np
@@ -78,7 +78,7 @@ class SensorMemory:
                 prediction = own.look_prediction(report, correlation)
         if sensor is report.sensor and earlier is None and prediction is None:
             return report
-        return replace(report, sensor=sensor, earlier=earlier, look_prediction=prediction)
+        return report.changed(sensor=sensor, earlier=earlier, look_prediction=prediction)
 
     def learned(self, sensor: Sensor) -> Sensor:
         """Return a configured sensor with its learned values."""
@@ -93,7 +93,7 @@ class SensorMemory:
     def with_learned_sensors(self, model: TrackerModel) -> TrackerModel:
         """Return a tracker's model whose sensors have their learned values."""
         radars = tuple(map(self.learned, model.radars))
-        return model if all(map(is_, radars, model.radars)) else replace(model, radars=radars)
+        return model if all(map(is_, radars, model.radars)) else model.changed(radars=radars)
 
     @property
     def clutter_maps(self) -> Mapping[str, ClutterMap]:
@@ -193,7 +193,7 @@ class SensorMemory:
         cell = np.zeros(len(label), dtype=np.int64)
         expected = np.zeros(len(label))
         if factor is not None and factor is not own.detection:
-            self._set(report.sensor, own._replace(detection=factor))
+            self._set(report.sensor, own.changed(detection=factor))
         if factor is not None and report.complete:
             cell = factor.cell(report.sensor.polar_place(measured))
             known = (before >= KNOWN_EXISTENCE) & (probability > LEAST_EXPECTED)
@@ -239,7 +239,7 @@ class SensorMemory:
             living = np.unique(np.concatenate(list(labels)))
             self.trials = self.trials.of(living)
             self.sensors = {
-                name: own if own.chains is None else own._replace(chains=own.chains.of(living))
+                name: own if own.chains is None else own.changed(chains=own.chains.of(living))
                 for name, own in self.sensors.items()
             }
             self.settled = self._entries

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+from ..arrays import ReadOnly
 from ..attributes.records import AttributeModel
 from ..sensors.report import Report
 from ..sensors.sensor import Sensor
@@ -18,7 +19,7 @@ from .detection_clusters import merge_clusters
 
 
 @dataclass(frozen=True)
-class TrackerModel:
+class TrackerModel(ReadOnly):
     """Models of targets and sensors, shared by both engines.
 
     Rates and probabilities refer to the mode space's nominal interval; engines convert them to the

@@ -22,7 +22,9 @@ def measure(position: FloatArray, origin: Sequence[float], yaw: float) -> FloatA
     # Differences are rotated into the sensor's frame first, so that the azimuth needs no wrapping.
     cos, sin = np.cos(yaw), np.sin(yaw)
     ahead, left = cos * east + sin * north, cos * north - sin * east
-    return np.stack([np.sqrt(ahead**2 + left**2), np.arctan2(left, ahead)], axis=1)
+    measured = np.empty((len(position), 2))
+    measured[:, 0], measured[:, 1] = np.sqrt(ahead**2 + left**2), np.arctan2(left, ahead)
+    return measured
 
 
 def linearise(
@@ -50,7 +52,8 @@ def line_of_sight(position: FloatArray, origin: Sequence[float]) -> tuple[FloatA
 
 def to_plane(measurement: FloatArray, origin: Sequence[float], yaw: float) -> FloatArray:
     """Return the positions of measurements, shape (M, 2)."""
-    bearing = measurement[:, 1] + yaw
-    direction = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
-    position: FloatArray = np.asarray(origin) + measurement[:, :1] * direction
+    distance, bearing = measurement[:, 0], measurement[:, 1] + yaw
+    position = np.empty((len(measurement), 2))
+    position[:, 0] = origin[0] + distance * np.cos(bearing)
+    position[:, 1] = origin[1] + distance * np.sin(bearing)
     return position

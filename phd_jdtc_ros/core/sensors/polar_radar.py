@@ -89,13 +89,14 @@ class RadarModel(Sensor):
     def in_plane(self, detections: Detections) -> PlanePlots:
         """Return detections as positions with covariances, at their own times."""
         measured, std = detections.measurement, self.noise_std_of(detections)
-        bearing = measured[:, 1] + self.yaw
+        bearing, sides = measured[:, 1] + self.yaw, std.copy()
+        sides[:, 1] *= np.maximum(measured[:, 0], MIN_RANGE)
         # The errors are along the line of sight and across it.
-        along = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
-        across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-        distance = np.maximum(measured[:, 0], MIN_RANGE)
-        sides = np.stack([std[:, 0], distance * std[:, 1]], axis=1)
-        return PlanePlots(self.to_world(measured), np.stack([along, across], axis=2), sides)
+        axes = np.empty((len(measured), 2, 2))
+        axes[:, 0, 0] = axes[:, 1, 1] = np.cos(bearing)
+        axes[:, 1, 0] = np.sin(bearing)
+        axes[:, 0, 1] = -axes[:, 1, 0]
+        return PlanePlots(self.to_world(measured), axes, sides)
 
     def drawn_in_plane(self, detections: Detections, normal: FloatArray) -> FloatArray:
         """Return positions drawn from detections' noise, given (M, K, 2) normals; (M, K, 2)."""

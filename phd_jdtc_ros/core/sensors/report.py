@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, matches
+from ..arrays import FloatArray, IntArray, ReadOnly, matches
+from ..learned.antenna_pass import AntennaPass
 from ..learned.detection_chains import LookPrediction
 from ..targets.modes import ClassModel
 from ..types import Coverage, Detections
@@ -28,9 +29,7 @@ class EarlierSectors:
     """The adjoining sectors before a report, in the same pass of the antenna."""
 
     coverage: Coverage  # Their azimuths
-    label: IntArray  # Targets that they may have detected, ascending, (K,)
-    # Probability that they have not detected each target, given that it exists, (K,).
-    unseen: FloatArray
+    continued: AntennaPass  # The pass that the report continues
 
     def factor(
         self, label: IntArray, in_turn: FloatArray, measured: FloatArray
@@ -47,18 +46,18 @@ class EarlierSectors:
         the earlier sectors and in this one, it is detected in this one with p_B / (1 - p_A), given
         that the earlier ones have not detected it.
         """
-        row, place = matches(self.label, label)
+        row, place = matches(self.continued.label, label)
         if not len(row) and measured.max(initial=0.0) <= LEAST_UNSEEN:
             return None
         unseen = np.ones(len(label))
-        unseen[row] = np.maximum(self.unseen[place], LEAST_UNSEEN)
+        unseen[row] = np.maximum(self.continued.unseen[place], LEAST_UNSEEN)
         by_row = unseen.reshape(-1, *(1,) * (in_turn.ndim - 1))
         factor: FloatArray = by_row / np.maximum(1.0 - in_turn * measured, LEAST_UNSEEN)
         return factor
 
 
 @dataclass(frozen=True)
-class Report:
+class Report(ReadOnly):
     """Detections of one sensor, with the sensor at its pose; computed columns are cached."""
 
     sensor: Sensor  # At its pose, with its learned clutter
@@ -77,11 +76,11 @@ class Report:
 
     def take(self, rows: IntArray) -> Report:
         """Return the report of these detections alone."""
-        return replace(self, detections=self.detections.take(rows))
+        return self.changed(detections=self.detections.take(rows))
 
     def project_as(self, detections: Detections) -> Report:
         """Return the report with other projections of its detections."""
-        return self if detections is self.detections else replace(self, detections=detections)
+        return self if detections is self.detections else self.changed(detections=detections)
 
     @property
     def part_of_turn(self) -> float:

@@ -16,7 +16,7 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray
+from ..arrays import BoolArray, FloatArray, IntArray, ReadOnly
 from ..clutter.amplitude_law import NOISE, ClutterAmplitude
 from ..clutter.map import ClutterMap
 from ..clutter.multipath import Multipath
@@ -39,7 +39,7 @@ SensorT = TypeVar("SensorT", bound="Sensor")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sensor(ABC):
+class Sensor(ReadOnly, ABC):
     """A sensor at its pose, with models of its noise, its coverage and its clutter.
 
     Measurements have shape (..., Z), positions (..., 2) and states (..., D). Positions and states
@@ -89,7 +89,7 @@ class Sensor(ABC):
         """Return the sensor at a pose; None keeps its pose."""
         if pose is None:
             return self
-        return replace(self, position=pose.position, yaw=pose.yaw, velocity=pose.velocity)
+        return self.changed(position=pose.position, yaw=pose.yaw, velocity=pose.velocity)
 
     def noise_times(self, factor: NoiseFactor) -> dict[str, Any]:
         """Return the fields that describe its noise, with deviations times learned factors."""
@@ -111,7 +111,7 @@ class Sensor(ABC):
         """
         if self.multipath is None:
             return self
-        return replace(self, multipath=Multipath(measured, existence))
+        return self.changed(multipath=Multipath(measured, existence))
 
     @cached_property
     def axes(self) -> IntArray:
@@ -259,27 +259,27 @@ class Sensor(ABC):
         If p_D follows from the classes' signal-to-noise ratios, the product p_D g^tau is g_c
         itself; see `log_detected`.
         """
-        log_band = np.log(self.class_detection_probability(classes))[:, None]
-        log_p_d = np.repeat(log_band, len(detections), axis=1)
+        log_p_d = np.log(self.class_detection_probability(classes))[:, None]
         amplitude, density = detections.amplitude, None
         if amplitude is not None:
             bands = (each.snr_band for each in classes)
             log_density = amplitude_density.log_target_density
             density = np.stack([log_density(amplitude, band) for band in bands])
-        return self.log_detected(log_p_d, density, detections.measurement)
+        found = self.log_detected(log_p_d, density, detections.measurement)
+        return np.broadcast_to(found, (len(classes), len(detections)))
 
     def log_detected(
         self, log_p_d: FloatArray, log_density: FloatArray | None, measurement: FloatArray
     ) -> FloatArray:
-        """Return log p_D g^tau(a), (..., M), given p_D and the product as they follow from the SNR.
+        """Return log p_D g^tau(a), given p_D and the product as they follow from the SNR.
 
-        A configured or learned p_D at the measurements takes the place of the given one. The result
-        is log p_D for an unknown amplitude, NaN in the density, and without amplitudes.
+        All can be broadcast to (..., M). A configured or learned p_D at the measurements takes the
+        place of the given one. The result is log p_D for an unknown amplitude, NaN in the density,
+        and without amplitudes.
         """
         from_snr, given = log_p_d, self.given_detection_probability(measurement)
         if given is not None:
-            shape = np.broadcast_shapes(log_p_d.shape, given.shape)
-            log_p_d = np.broadcast_to(np.log(given), shape)
+            log_p_d = np.log(given)
         if self.detection_factor is not None:
             log_p_d = np.log(self.learned_detection_probability(np.exp(log_p_d), measurement))
         if log_density is None:

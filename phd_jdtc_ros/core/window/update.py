@@ -6,7 +6,7 @@ Each report corrects the rows in turn. An engine implements the steps; see `upda
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Generic
 
 import numpy as np
@@ -110,7 +110,7 @@ def _with_known_targets(report: Report, prior: Prior[RowsT]) -> Report:
         return report
     existence = sum_by(prior.target, prior.mass, len(prior.label))
     sensor = report.sensor.with_known_targets(prior.measured_by_target, existence)
-    return replace(report, sensor=sensor)
+    return report.changed(sensor=sensor)
 
 
 def _gate_pairs(prior: Prior[RowsT], report: Report, attributes: AttributesAt | None) -> Paired:

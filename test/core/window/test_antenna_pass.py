@@ -114,7 +114,7 @@ def learn(memory, report, label, detected):
     """Learn with which probability a report has detected targets."""
     one = np.ones(len(label))
     look = Look(np.array(label), one, np.array(detected), 0.0 * one, one, one > 0.0)
-    memory.learn_look(report, look)
+    memory.learn_look(memory.prepare(report), look)
 
 
 def test_sector_that_does_not_adjoin_is_not_conditioned():
@@ -126,7 +126,8 @@ def test_sector_that_does_not_adjoin_is_not_conditioned():
     earlier = memory.prepare(report_of(SECTORS[1], later)).earlier
     assert earlier.coverage.start == pytest.approx(SECTORS[0].start)
     assert earlier.coverage.width == SECTORS[0].width
-    assert (earlier.label.tolist(), earlier.unseen.tolist()) == ([3], [pytest.approx(0.3)])
+    continued = earlier.continued
+    assert (continued.label.tolist(), continued.unseen.tolist()) == ([3], [pytest.approx(0.3)])
 
 
 def test_pass_remembers_half_a_turn():
