@@ -250,7 +250,7 @@ class Lineages:
         go_back(
             *self._pairs_of_modes,
             first,
-            np.argsort(-stamp, kind="stable"),
+            (-stamp).argsort(kind="stable"),
             needed,
             Updates(before, row, predicted, edge),
             Edges(*self._edges.columns),
@@ -272,7 +272,7 @@ class Lineages:
         before, row, _, _, stamp, _ = self._updates.columns
         past = int(stamp.searchsorted(stamp_ns, side="right"))
         latest, after = _around(before, row, past)
-        place = np.flatnonzero(latest)
+        place = latest.nonzero()[0]
         return Around(place, after[place])
 
     def stamps(self, updates: IntArray) -> IntArray:

@@ -115,22 +115,22 @@ class Mixture(ReadOnly):
         """The distinct labels, ascending, shape (T,)."""
         return self._sums.label
 
-    @cached_property
+    @property
     def target(self) -> IntArray:
         """Index of each hypothesis's target in `label`, shape (H,)."""
         return self._sums.target
 
-    @cached_property
+    @property
     def mode_weight(self) -> FloatArray:
         """Weight of each Gaussian, shape (H, R)."""
         return self._sums.mode_weight
 
-    @cached_property
+    @property
     def mass(self) -> FloatArray:
         """Weight of each hypothesis, shape (H,)."""
         return self._sums.mass
 
-    @cached_property
+    @property
     def existence(self) -> FloatArray:
         """Existence probability of each target, shape (T,)."""
         return self._sums.existence
@@ -142,14 +142,19 @@ class Mixture(ReadOnly):
 
     def take(self, rows: IntArray) -> Mixture:
         """Return the hypotheses of these rows."""
-        columns = self.weight, self.mean, self.covariance, self.snr
-        return Mixture(self.row_label[rows], *(column.take(rows, axis=0) for column in columns))
+        return self.changed(
+            row_label=self.row_label.take(rows),
+            weight=self.weight.take(rows, axis=0),
+            mean=self.mean.take(rows, axis=0),
+            covariance=self.covariance.take(rows, axis=0),
+            snr=self.snr.take(rows, axis=0),
+        )
 
     def with_gaussians(
         self, weight: FloatArray, mean: FloatArray, covariance: FloatArray
     ) -> Mixture:
         """Return these hypotheses with their weights and Gaussians replaced."""
-        return Mixture(self.row_label, weight, mean, covariance, self.snr)
+        return self.changed(weight=weight, mean=mean, covariance=covariance)
 
     def class_mass(
         self, class_of: IntArray, classes: int, rows: IntArray | None = None
@@ -182,10 +187,10 @@ class Mixture(ReadOnly):
         """Return several mixtures concatenated into one."""
         if len(parts) == 1:
             return parts[0]
-        return Mixture(
-            np.concatenate([part.row_label for part in parts]),
-            np.concatenate([part.weight for part in parts]),
-            np.concatenate([part.mean for part in parts]),
-            np.concatenate([part.covariance for part in parts]),
-            np.concatenate([part.snr for part in parts]),
+        return parts[0].changed(
+            row_label=np.concatenate([part.row_label for part in parts]),
+            weight=np.concatenate([part.weight for part in parts]),
+            mean=np.concatenate([part.mean for part in parts]),
+            covariance=np.concatenate([part.covariance for part in parts]),
+            snr=np.concatenate([part.snr for part in parts]),
         )

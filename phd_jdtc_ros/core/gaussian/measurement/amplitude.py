@@ -57,14 +57,12 @@ def detection_probability(
     if given is None:
         cell = dynamics.cell_probability(sensor)
         mean = _mean_over_cells(snr, cell)
-        probability = mean[:, None]
+        configured = mean.T.repeat(modes, axis=1)
     else:
         cell, mean = np.ones(snr.shape[1:]), np.ones(snr.shape[:2])
-        probability = given.repeat(classes).reshape(count, modes, classes)
-    if sensor.detection_factor is not None:
-        each = probability.repeat(modes // probability.shape[1], axis=1).reshape(-1, classes)
-        learned = sensor.learned_detection_probability(each.T, flat)
-        probability = learned.T.reshape(count, modes, classes)
+        configured = given[None].repeat(classes, axis=0)
+    learned = sensor.learned_detection_probability(configured, flat)
+    probability = np.ascontiguousarray(learned.T).reshape(count, modes, classes)
     if prediction is not None:
         looked, detected = (part[:, None, None] for part in prediction)
         probability = probability * (1.0 - looked) + detected
@@ -85,9 +83,9 @@ def _mean_over_cells(snr: Float3, cell: Float2) -> FloatArray:
 
 def sector_probability(expected: Expected, sensor: Sensor, sector: Coverage) -> FloatArray:
     """Return the probability that a target of each Gaussian is measured in a sector, (H, R, 1)."""
-    measured, std = (part.reshape(-1, 2) for part in (expected.measured, expected.std))
-    share = sensor.sector_probability(measured, sector, std)
-    return share.reshape(*expected.measured.shape[:2], 1)
+    count, modes, size = expected.measured.shape
+    measured, std = expected.measured.reshape(-1, size), expected.std.reshape(-1, size)
+    return sensor.sector_probability(measured, sector, std).reshape(count, modes, 1)
 
 
 def log_amplitude(report: Report, dynamics: Dynamics) -> FloatArray:

@@ -45,9 +45,11 @@ def newborn_mixture(newborn: Newborn, dynamics: Dynamics, label: int) -> Mixture
         newborn = newborn.take(row)
         newborn = replace(newborn, mass=newborn.mass * share[:, None])
     supported = dynamics.supported[:, :, None] * dynamics.supported[:, None, :]
+    of_class = dynamics.birth_weight
+    classes, modes = of_class.shape[:2]
     added = Mixture(
         label + row,
-        np.tensordot(newborn.mass, dynamics.birth_weight, axes=1),
+        newborn.mass.dot(of_class.reshape(classes, -1)).reshape(len(row), modes, classes),
         mean[:, None] * dynamics.supported,
         covariance[:, None] * supported,
         dynamics.unknown_snr(len(row)),
@@ -69,7 +71,7 @@ def _gaussians(newborn: Newborn, dynamics: Dynamics) -> tuple[FloatArray, FloatA
     covariance[:, speed, speed] = births.velocity_std**2
     covariance[:, space.turn_rate, space.turn_rate] = births.turn_rate_std**2
     if detections.time_s is not None:  # back to the position at the scan's stamp
-        back = np.broadcast_to(np.eye(size), covariance.shape).copy()
+        back = np.eye(size)[None].repeat(len(newborn), axis=0)
         back[:, place, speed] = -detections.time_s[:, None]
         covariance = back @ covariance @ back.swapaxes(1, 2)
     mean = np.zeros((len(newborn), size))
