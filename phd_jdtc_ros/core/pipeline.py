@@ -22,7 +22,7 @@ from .intake.slices import Slice
 from .intake.turn_history import Recut, TurnHistory
 from .intake.turns import Turns
 from .models.tracker_model import TrackerModel
-from .tracks.region import Everywhere, Region, select_in_region
+from .tracks.region import Everywhere, Region
 from .tracks.reporting_rule import ReportingRule, slowest_s
 from .types import Detections, Estimates, Pose, Scan
 
@@ -118,10 +118,9 @@ class Pipeline:
         in the configured order, and `sector` the sector's number, if the report contains it.
         """
         turns = self._turns[radar]
-        noticed = self._watches[radar].add(detections)
-        if turns.period_s:
-            del noticed["sectors_not_configured"]
-        turns.anomalies += noticed
+        for finding in self._watches[radar].add(detections):
+            if finding != "sectors_not_configured" or not turns.period_s:
+                turns.anomalies[finding] += 1
         history, nominal_s = self._histories.get(radar), turns.nominal_period_s
         slices: list[Slice] | Rejection
         if history is None:
@@ -308,10 +307,9 @@ class Pipeline:
 
     def _restrict_to_region(self, step: Step) -> Step:
         """Return a step with only the estimates within the region."""
-        filtered, smoothed = (
-            select_in_region(self._region, each) for each in (step.filtered, step.smoothed)
-        )
-        return replace(step, filtered=filtered, smoothed=smoothed)
+        filtered = self._region.select_estimates(step.filtered)
+        smoothed = self._region.select_estimates(step.smoothed)
+        return Step(filtered, smoothed, step.class_mass, step.figures)
 
     def _end(self, reset: Reset | None) -> RunEnded:
         """End the run; after a jump ahead, track numbers are not reused."""
@@ -320,4 +318,4 @@ class Pipeline:
         rest = self.engine.interrupt() if ahead else self.engine.flush()
         self._out_of_sequence.forget()
         self._begun = False
-        return RunEnded(reset, select_in_region(self._region, (*due, *rest)))
+        return RunEnded(reset, self._region.select_estimates((*due, *rest)))

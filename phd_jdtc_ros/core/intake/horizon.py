@@ -54,15 +54,15 @@ class Horizon(NamedTuple):
         rotation period.
         """
         timing = [stamp_s, math.nan, math.nan]
-        if len(time_s):
+        if time_s.size:
             time_s = self._plausible_times(stamp_s, time_s, period_s)
             timing[1:] = time_s.min() - self.last_s, time_s.max() - stamp_s
         kept = self.timings[:, 0] > stamp_s - MEMORY_TURNS * period_s
         kept[-MIN_REPORTS:] = True
-        timings = np.vstack([self.timings[kept], timing])
-        intervals = np.diff(timings[:, 0])
-        interval_s = median(intervals) if len(intervals) else 0.0
-        regular = len(intervals) < MIN_INTERVALS or (
+        timings = np.concatenate([self.timings[kept], [timing]])
+        intervals = timings[1:, 0] - timings[:-1, 0]
+        interval_s = median(intervals) if intervals.size else 0.0
+        regular = intervals.size < MIN_INTERVALS or (
             median(np.abs(intervals / interval_s - 1.0)) < MAX_DEVIATION
         )
         lead_s = np.fmin(np.fmax.reduce(timings[:, 2]), np.fmin.reduce(timings[:, 1]))
@@ -80,4 +80,5 @@ class Horizon(NamedTuple):
         end_s, begin_s = stamp_s + self.lead_s, self.last_s + self.lead_s
         beyond_s = min(MAX_BEYOND_INTERVALS * self.interval_s, MAX_BEYOND_TURNS * period_s)
         near = (time_s > begin_s - beyond_s) & (time_s < end_s + beyond_s)
-        return time_s[near] if 2 * np.count_nonzero(near) > len(time_s) else time_s
+        plausible = time_s[near]
+        return plausible if 2 * plausible.size > time_s.size else time_s

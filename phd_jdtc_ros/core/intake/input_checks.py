@@ -5,7 +5,6 @@ They reject nothing; each finding becomes a warning with its likely cause.
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -52,46 +51,46 @@ class ReportWatch:
     _sectors: int = field(init=False, default=0)
     _together: BoolArray = zeros_field(CELLS, dtype=np.bool_)
 
-    def add(self, detections: Detections) -> Counter[str]:
-        """Return the findings in a report, by name.
+    def add(self, detections: Detections) -> list[str]:
+        """Return the names of the findings in a report.
 
-        The names are ``sectors_not_configured``, ``fov_not_configured`` and ``slant_ranges``; the
-        last two occur at most once.
+        They are ``sectors_not_configured``, ``fov_not_configured`` and ``slant_ranges``; the last
+        two occur at most once.
         """
-        noticed: Counter[str] = Counter()
+        noticed = []
         if self.slant_ranges and len(detections):
             self.slant_ranges = False
-            noticed["slant_ranges"] = 1
+            noticed.append("slant_ranges")
         azimuth = detections.measurement[:, 1]
-        if not self.by_sectors and len(azimuth) >= SECTOR_DETECTIONS:
-            noticed["sectors_not_configured"] = self._is_sector(azimuth)
-        if self.whole_turn:
-            noticed["fov_not_configured"] = self._is_field(azimuth)
-        return +noticed
+        if not self.by_sectors and azimuth.size >= SECTOR_DETECTIONS and self._is_sector(azimuth):
+            noticed.append("sectors_not_configured")
+        if self.whole_turn and self._is_field(azimuth):
+            noticed.append("fov_not_configured")
+        return noticed
 
-    def _is_sector(self, azimuth: FloatArray) -> int:
-        """Return 1 with the last of `SECTOR_REPORTS` consecutive reports of sectors."""
+    def _is_sector(self, azimuth: FloatArray) -> bool:
+        """Return whether this is the last of `SECTOR_REPORTS` consecutive reports of sectors."""
         start, width = smallest_arc(azimuth)
         if width < SECTOR_ARC * FULL_TURN:
             self._sectors += 1
             self._together[_cells(start + np.linspace(0.0, width, CELLS))] = True
             if self._sectors < SECTOR_REPORTS:
-                return 0
+                return False
         covered = self._sectors == SECTOR_REPORTS and self._together.mean() > SECTORS_TOGETHER
         self._sectors = 0
         self._together[:] = False
-        return int(covered)
+        return bool(covered)
 
-    def _is_field(self, azimuth: FloatArray) -> int:
-        """Return 1, at most once, if all detections lie within a part of the turn."""
+    def _is_field(self, azimuth: FloatArray) -> bool:
+        """Return, at most once, that all detections lie within a part of the turn."""
         self._reports += 1
         self._detections += len(azimuth)
         self._all[_cells(azimuth)] = True
         if self._reports < FIELD_REPORTS or self._detections < FIELD_DETECTIONS:
-            return 0
+            return False
         self.whole_turn = False
         seen = np.linspace(0.0, FULL_TURN, CELLS, endpoint=False)[self._all]
-        return int(smallest_arc(seen)[1] < FIELD_ARC * FULL_TURN)
+        return smallest_arc(seen)[1] < FIELD_ARC * FULL_TURN
 
 
 def _cells(azimuth: FloatArray) -> IntArray:
@@ -111,10 +110,10 @@ class ResultWatch:
 
     def stepped(self, scan: Scan, step: Step) -> bool:
         """Return whether targets are overdue, once in `PATIENCE` intervals with detections."""
-        detected = any(report is not None and len(report) > 0 for report in scan.detections)
         if step.targets:
             self.scans, self._since_ns = 0, None
-        if step.targets or not step.filtered or not detected:
+            return False
+        if not step.filtered or not any(each is not None and len(each) for each in scan.detections):
             return False
         if self._since_ns is None or scan.stamp_ns < self._since_ns:
             self._since_ns = scan.stamp_ns

@@ -43,12 +43,8 @@ class PosedReports:
 
     def __init__(self, platforms: Sequence[Platform | None]) -> None:
         self._platforms = tuple(platforms)
+        self.moving = any(platform is not None for platform in platforms)  # Whether any radar moves
         self._queue: deque[_Waiting] = deque()
-
-    @property
-    def moving(self) -> bool:
-        """Whether any radar moves."""
-        return any(platform is not None for platform in self._platforms)
 
     @property
     def waiting(self) -> bool:

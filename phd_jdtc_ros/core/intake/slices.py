@@ -30,27 +30,18 @@ class TimedReport(NamedTuple):
 
     stamp_ns: int
     detections: Detections
+    stamp_s: float  # Stamp of the report
+    timed: bool  # Whether detections have times of their own
+    own_s: FloatArray  # Times of the detections, (M,); empty if they have none
+    azimuth: FloatArray  # Azimuths of the detections, radians, (M,)
 
-    @property
-    def stamp_s(self) -> float:
-        """Stamp of the report."""
-        return self.stamp_ns * 1e-9
-
-    @property
-    def timed(self) -> bool:
-        """Whether detections have times of their own."""
-        return self.detections.time_s is not None
-
-    @property
-    def own_s(self) -> FloatArray:
-        """Times of the detections, shape (M,); empty if they have none."""
-        own_s = self.detections.time_s
-        return np.zeros(0) if own_s is None else self.stamp_s + own_s
-
-    @property
-    def azimuth(self) -> FloatArray:
-        """Azimuths of the detections, radians, shape (M,)."""
-        return self.detections.measurement[:, 1]
+    @staticmethod
+    def of(stamp_ns: int, detections: Detections) -> TimedReport:
+        """Return a report with the times of its stamp and its detections."""
+        stamp_s, time_s = stamp_ns * 1e-9, detections.time_s
+        own_s = np.zeros(0) if time_s is None else stamp_s + time_s
+        azimuth = detections.measurement[:, 1]
+        return TimedReport(stamp_ns, detections, stamp_s, time_s is not None, own_s, azimuth)
 
 
 def cut(
@@ -65,13 +56,14 @@ def cut(
     antenna's directions at these times, radians.
     """
     start_s, end_s = between_s
-    count = max(1, round(SLICES * (end_s - start_s) / period_s))
+    count = round(SLICES * (end_s - start_s) / period_s)
+    if count <= 1:
+        own_ns = round((0.5 * (start_s + end_s) - report.stamp_s) * 1e9)
+        return [UnstampedSlice(report.stamp_ns + own_ns, report.detections, arc(*between))]
     edges_s, edges = np.linspace(start_s, end_s, count + 1), np.linspace(*between, count + 1)
     middle_ns = np.rint((0.5 * (edges_s[1:] + edges_s[:-1]) - report.stamp_s) * 1e9)
-    parts = [report.detections]
-    if count > 1:
-        index = np.searchsorted(edges_s[1:-1], report.own_s, side="right")
-        parts = [report.detections.take(np.flatnonzero(index == k)) for k in range(count)]
+    index = np.searchsorted(edges_s[1:-1], report.own_s, side="right")
+    parts = [report.detections.take(np.flatnonzero(index == k)) for k in range(count)]
     return [
         UnstampedSlice(report.stamp_ns + int(own_ns), part, arc(*ends))
         for own_ns, part, ends in zip(middle_ns, parts, pairwise(edges), strict=True)

@@ -140,7 +140,7 @@ class Turns:
             return self._out_of_order(stamp_ns, detections, sector)
         if self.state.last_ns is not None and stamp_ns < self.state.last_ns:
             self.reset()
-        report = TimedReport(stamp_ns, detections)
+        report = TimedReport.of(stamp_ns, detections)
         self._follow(report)
         if not self.nominal_period_s or (not report.timed and self._per_turn == 1):
             self._remember(report, report.own_s)
@@ -200,10 +200,11 @@ class Turns:
 
     def _reports_due(self, stamp_s: float) -> float:
         """Return the number of reports due since the previous one, including this one."""
-        horizon = self.state.horizon
-        if math.isnan(horizon.last_s) or not self.report_duration_s or not horizon.regular:
+        horizon, duration_s = self.state.horizon, self.report_duration_s
+        last_s = horizon.last_s
+        if math.isnan(last_s) or not duration_s or not horizon.regular:
             return 1.0
-        return (stamp_s - horizon.last_s) / self.report_duration_s
+        return (stamp_s - last_s) / duration_s
 
     def _number(self, report: TimedReport, sector: int | None, steps: float) -> int | None:
         """Return the sector's number: the reported one, or the next one for an empty report."""
@@ -242,23 +243,24 @@ class Turns:
     def _covered_time(self, report: TimedReport, steps: float) -> tuple[float, float]:
         """Return the begin and the end of the time that a report covers, seconds."""
         before_s, length_s, own_s = self.state.end_s, self.report_duration_s, report.own_s
+        period_s = self.period_s
         if report.timed and (antenna := self.state.track.antenna) is not None:
             own_s = own_s[antenna.fits(own_s, report.azimuth)]
-            self.anomalies["times_disagree"] += len(report.detections) - len(own_s)
+            self.anomalies["times_disagree"] += report.own_s.size - own_s.size
         self._remember(report, own_s)
         lead_s = self.state.horizon.lead_s if report.timed else 0.5 * length_s
         lead_s = 0.0 if math.isnan(lead_s) else lead_s
         # No time is covered twice; for the first report `before_s` is NaN.
         end_s = float(np.fmax(report.stamp_s + lead_s, before_s))
-        start_s, lost = end_s - MAX_COVERED_TURNS * self.period_s, round(steps) >= 2
+        start_s, lost = end_s - MAX_COVERED_TURNS * period_s, round(steps) >= 2
         if lost or math.isnan(before_s):
             # A detection from the gap shows that its part of the gap was not lost.
             start_s = max(start_s, min(end_s - length_s, own_s.min(initial=math.inf)))
         start_s = float(np.fmax(start_s, before_s))
         if lost and not math.isnan(before_s):
             self.anomalies["clouds_missing"] += round((start_s - before_s) / length_s)
-        late = own_s < start_s - MAX_LATENESS * self.period_s
-        self.anomalies["detections_late"] += int(np.count_nonzero(late))
+        late = own_s < start_s - MAX_LATENESS * period_s
+        self.anomalies["detections_late"] += own_s[late].size
         return start_s, end_s
 
     def _slices(
@@ -298,12 +300,12 @@ class Turns:
 
     def _stamped(self, report: TimedReport, unstamped: list[UnstampedSlice]) -> list[Slice]:
         """Return slices with strictly increasing stamps."""
-        slices = []
+        slices, stamp_ns = [], self.state.slice_ns
         for middle_ns, detections, coverage in unstamped:
-            stamp_ns = max(middle_ns, self.state.slice_ns + 1)
-            self.state = self.state._replace(slice_ns=stamp_ns)
+            stamp_ns = max(middle_ns, stamp_ns + 1)
             time_s = detections.time_s
             if time_s is not None:
                 time_s = time_s + (report.stamp_ns - stamp_ns) * 1e-9
             slices.append((stamp_ns, detections.changed(time_s=time_s, coverage=coverage)))
+        self.state = self.state._replace(slice_ns=stamp_ns)
         return slices

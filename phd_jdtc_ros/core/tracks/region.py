@@ -7,7 +7,6 @@ boundary before it is handed over.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,9 +56,9 @@ class Region:
         inside = self.covers(place)
         return detections if inside.all() else detections.take(np.flatnonzero(inside))
 
-    def select_estimates(self, estimates: Estimates) -> Estimates:
-        """Return the estimates in the core region or its margin."""
-        return estimates.select(self.covers(estimates.position))
+    def select_estimates(self, found: tuple[Estimates, ...]) -> tuple[Estimates, ...]:
+        """Return the estimates of each stamp in the core region or its margin."""
+        return tuple(each.select(self.covers(each.position)) for each in found)
 
 
 @dataclass(frozen=True)
@@ -70,13 +69,6 @@ class Everywhere:
         """Return all detections."""
         return detections
 
-    def select_estimates(self, estimates: Estimates) -> Estimates:
+    def select_estimates(self, found: tuple[Estimates, ...]) -> tuple[Estimates, ...]:
         """Return all estimates."""
-        return estimates
-
-
-def select_in_region(
-    region: Region | Everywhere, found: Sequence[Estimates]
-) -> tuple[Estimates, ...]:
-    """Return the reported part of each set of estimates."""
-    return tuple(region.select_estimates(estimates) for estimates in found)
+        return found

@@ -25,7 +25,7 @@ def at(azimuth):
 
 
 def noticed(watch, reports):
-    return sum((watch.add(report) for report in reports), Counter())
+    return Counter(finding for report in reports for finding in watch.add(report))
 
 
 def uniform(count, size, low=-np.pi, high=np.pi):
