@@ -77,16 +77,13 @@ def test_what_git_ignores_stays_out_of_the_image():
     assert {line.rstrip("/") for line in ignored if line.endswith("/")} <= left_out
 
 
-def test_development_container_opens_a_stage_that_there_is():
+def test_containers_open_a_stage_and_run_a_command_that_there_is():
     folder = ROOT / ".devcontainer"
     document = json.loads((folder / "devcontainer.json").read_text())
 
     assert (folder / document["build"]["dockerfile"]).resolve() == ROOT / "Dockerfile"
     assert (folder / document["build"]["context"]).resolve() == ROOT
     assert ("USER", document["remoteUser"]) in STAGES[document["build"]["target"]]
-
-
-def test_first_command_is_one_of_the_package():
     (command,) = [rest for name, rest in STAGES["runtime"] if name == "CMD"]
 
     assert json.loads(command)[:4] == ["ros2", "run", "phd_jdtc_ros", "demo"]

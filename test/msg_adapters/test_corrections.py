@@ -45,16 +45,13 @@ def test_a_report_is_read_without_its_radars_errors(layout):
     assert not report.dropped
 
 
-def test_without_errors_a_report_is_what_it_was_to_the_bit():
+def test_a_report_without_errors_or_with_impossible_ranges_stays_so():
     (plain,), zero = resolve({"sensors": ["mast"]}).inputs, inputs(NONE)
     assert plain == zero
     data = reader_of(plain).to_cdr(TRUE, STAMP_NS, plain)
     report = reader_of(plain).from_cdr(data, zero)
     assert report.stamp_ns == STAMP_NS
     assert_array_equal(report.detections.measurement, TRUE.measurement.astype(np.float32))
-
-
-def test_ranges_within_the_error_become_zero_and_impossible_ones_stay_impossible():
     radar = inputs(ERRORS)
     near = Detections(np.array([[30.0, 0.1], [-5.0, 0.1]]), np.ones(2))
     report = reader_of(radar).from_cdr(reader_of(radar).to_cdr(near, STAMP_NS, radar), radar)

@@ -138,8 +138,12 @@ def test_geojson_has_identities_and_flight_levels_where_they_are_known():
     assert not {"code", "address", "flight_level"} & other["properties"].keys()
 
 
-def test_geojson_names_every_state():
+def test_geojson_names_states_and_places_by_longitude_first():
     assert set(geo_json.STATES) == {TENTATIVE, CONFIRMED, COASTING}
+    found = geo_json.positions(
+        np.array([52.123456789, 53.0]), np.array([4.0, 5.0]), np.array([math.nan, 1000.04])
+    )
+    assert found == [[4.0, 52.1234568], [5.0, 53.0, 1000.0]]
 
 
 def test_lines_are_cut_at_the_antimeridian():
@@ -151,10 +155,3 @@ def test_lines_are_cut_at_the_antimeridian():
     assert second == [[-180.0, 10.5], [-179.5, 11.0], [-179.0, 11.0]]
     back = geo_json.line_of(way[::-1])["coordinates"]
     assert back == [part[::-1] for part in (second, first)]
-
-
-def test_positions_are_longitude_latitude_and_height():
-    found = geo_json.positions(
-        np.array([52.123456789, 53.0]), np.array([4.0, 5.0]), np.array([math.nan, 1000.04])
-    )
-    assert found == [[4.0, 52.1234568], [5.0, 53.0, 1000.0]]

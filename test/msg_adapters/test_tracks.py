@@ -33,15 +33,12 @@ def matrix(part):
     return np.array(part.covariance).reshape(6, 6)
 
 
-def test_to_odometry_leaves_out_what_has_no_track_and_orders_the_rest():
+def test_to_odometry_has_pose_and_twist_of_tracks_in_their_order():
     found = replace(estimates(4), track_id=np.array([9, 0, 3, 12]))
     messages = tracks.to_odometry(found, "map")
     assert [m.child_frame_id for m in messages] == ["track_3", "track_9", "track_12"]
     assert [m.pose.pose.position.x for m in messages] == [found.state[k, 0] for k in (2, 0, 3)]
     assert tracks.to_odometry(nothing(), "map") == []
-
-
-def test_to_odometry_has_the_pose_in_the_map_and_the_twist_along_the_track():
     message = odometry()
     pose, twist = message.pose.pose, message.twist.twist
     assert message.header == stamps.header(STAMP_NS, "map")

@@ -79,10 +79,13 @@ def test_radar_is_silent_within_two_of_its_own_scans_and_half_a_second(interval_
     assert found.message.startswith("silent for ")
 
 
-def test_radar_that_never_reported_is_stale():
+def test_radar_without_messages_is_stale_or_of_incompatible_qos():
     found = status(radar())
     assert (found.level, found.message) == (STALE, "nothing received yet")
     assert "age_s" not in diagnostics.values_of(found)
+    found = status(radar(), heard=Publishers(frozenset({"driver"}), ("best effort and reliable",)))
+    assert found.level == ERROR
+    assert found.message == "incompatible QoS on /north/plots: best effort and reliable"
 
 
 def test_reporting_radar_is_ok_with_its_figures():
@@ -214,12 +217,6 @@ def test_silent_second_publisher_is_an_error_once_it_outlives_a_killed_one():
         health.arrived(100.0 + after_s, None, 0.0)
         assert status(health, 100.0 + after_s, TWO).level == level
     assert status(health, 100.0 + LEASE_S + 1.0).level == OK
-
-
-def test_publisher_of_incompatible_qos_is_an_error_before_any_message():
-    found = status(radar(), heard=Publishers(frozenset({"driver"}), ("best effort and reliable",)))
-    assert found.level == ERROR
-    assert found.message == "incompatible QoS on /north/plots: best effort and reliable"
 
 
 @pytest.mark.parametrize(

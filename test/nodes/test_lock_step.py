@@ -36,16 +36,13 @@ def test_a_late_estimate_from_before_a_jump_back_answers_nothing():
     assert step.may_follow(1.3)
 
 
-def test_a_few_more_go_out_where_an_estimate_is_held_back():
+def test_scans_go_on_after_patience_where_estimates_are_held_back():
     step = awaiting(0)
     for stamp_s in range(1, MAX_OUTSTANDING):
         assert not step.may_follow(PATIENCE_S)
         assert step.may_follow(PATIENCE_S + 0.1)
         step.expect(stamp_s * S, PATIENCE_S + 0.1)
     assert not step.may_follow(PATIENCE_S + 0.2)
-
-
-def test_the_end_is_settled_after_patience_where_the_last_estimate_is_held_back():
     step = awaiting(6)
     assert not step.is_settled(PATIENCE_S)
     assert step.is_settled(PATIENCE_S + 0.1)
@@ -68,7 +65,7 @@ def test_it_is_hopeless_after_long_without_an_answer_or_a_pause():
     assert step.may_follow(resumed_s)
 
 
-def test_an_answer_may_be_older_by_the_delay():
+def test_answers_may_be_older_by_the_delay_and_wait_for_other_radars():
     step = LockStep(delay_s=2.0)
     for stamp_s in (4, 8):
         step.expect(stamp_s * S, 0.0)
@@ -76,9 +73,6 @@ def test_an_answer_may_be_older_by_the_delay():
     assert not step.may_follow(0.2)
     step.receive(round(6.1 * S), 0.3)
     assert step.may_follow(0.3)
-
-
-def test_no_estimate_is_awaited_until_the_tracker_has_waited_for_other_radars():
     step = LockStep(delay_s=2.5)
     for stamp_s in (10, 11, 12):
         step.expect(stamp_s * S, 0.0)

@@ -16,12 +16,17 @@ def choose(tmp_path, types, wanted=()):
     return playable.select(BagReader(bag), list(wanted))
 
 
-def test_choose_takes_foreign_topics_beside_the_detections(tmp_path):
+def test_choose_takes_foreign_topics_and_any_cloud_for_detections(tmp_path):
     found = choose(tmp_path, {RADAR: names.CLOUD, "/note": "std_msgs/msg/String"})
 
     assert set(found.classes) == {RADAR, "/note"}
     assert found.scan_topics == found.detections == (RADAR,)
     assert found.skipped == ()
+    types = {"/smart_radar/port_targets_0": names.CLOUD, names.TRUTH: names.CLOUD}
+    found = choose(tmp_path, types)
+
+    assert found.detections == ("/smart_radar/port_targets_0",)
+    assert found.scan_topics == ("/smart_radar/port_targets_0", names.TRUTH)
 
 
 @pytest.mark.parametrize(
@@ -83,14 +88,6 @@ def test_choose_imports_nothing_that_is_no_message_package(tmp_path, monkeypatch
 
     assert len(found.skipped) == 1
     assert "trap" not in sys.modules
-
-
-def test_choose_takes_any_cloud_for_detections_where_none_is_named_so(tmp_path):
-    types = {"/smart_radar/port_targets_0": names.CLOUD, names.TRUTH: names.CLOUD}
-    found = choose(tmp_path, types)
-
-    assert found.detections == ("/smart_radar/port_targets_0",)
-    assert found.scan_topics == ("/smart_radar/port_targets_0", names.TRUTH)
 
 
 @pytest.mark.parametrize(

@@ -14,14 +14,11 @@ SMALL = {"particles_per_target": 100, "particles_per_birth": 64, "lag": 2}
 OTHERS = {"shared_codes": ["7000"]}
 
 
-def test_table_describes_every_parameter_and_no_name_of_the_tracker():
+def test_resolve_keeps_the_nodes_own_apart_in_a_table_of_all():
     assert not NAMES & schema({}).keys()
     for parameter in TABLE:
         assert parameter.description.endswith(".")
         assert parameter.coerce(parameter.default) == parameter.default
-
-
-def test_resolve_keeps_the_nodes_own_apart():
     found = resolve({"outputs": ["paths"], "lag": 3})
     assert (found.node["outputs"], found.config.lag.scans) == (["paths"], 3)
     assert found.values.keys() == found.table.keys()
@@ -81,16 +78,13 @@ def test_edited_checks_every_value_and_not_yet_the_whole():
     assert any(fault.startswith("start_1.rates: ") for fault in faults_of(resolve, values))
 
 
-def test_edited_lists_every_fault():
+def test_edited_and_changed_list_every_fault():
     assert faults_of(edit, USUAL.values, {"lag": -1, "class_0.survival": 0.9, "sensors": "x"}) == [
         "sensors: 'x' given, must be a list of distinct names, at most 100",
         "lag: -1 given, must be a whole number of scans from 0 to 100, or seconds above 0 as in "
         "'20 s'",
         "class_0.survival: unknown parameter",
     ]
-
-
-def test_changed_lists_every_fault_in_the_words_of_the_start():
     changes = {"radar_1.clutter_rate": -1.0, "lag": 3, "survival": 0.9, "confirm_probability": 2.0}
     assert faults_of(change, USUAL, changes) == [
         "lag: cannot change while the tracker is configured, clean it up before",

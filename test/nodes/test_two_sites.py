@@ -91,11 +91,3 @@ def test_shipped_analyzers_take_every_status_of_two_sites_once(statuses):
 def test_shipped_analyzers_take_nothing_of_other_nodes(name):
     for path in ANALYZERS.glob("*.yaml"):
         assert list(Aggregator(path).places(name)) == []
-
-
-def test_shipped_analyzers_are_installed():
-    assert (
-        '(f"share/{PACKAGE}/config/diagnostics", glob("config/diagnostics/*.yaml"))'
-        in (ROOT / "setup.py").read_text()
-    )
-    assert {path.name for path in ANALYZERS.glob("*.yaml")} == {"sites.yaml", "trackers.yaml"}

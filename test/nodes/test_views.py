@@ -204,11 +204,3 @@ def test_detections_stand_out_from_the_background_in_foxglove(end):
     colours = (MAP["topics"][DETECTIONS]["gradient"][end], MAP["scene"]["backgroundColor"])
 
     assert contrast(*([*bytes.fromhex(colour[1:])] for colour in colours)) >= VISIBLE
-
-
-@pytest.mark.parametrize("pattern", ["rviz/*.rviz", "foxglove/*.json"])
-def test_views_are_installed(pattern):
-    folder = pattern.split("/")[0]
-
-    assert f'(f"share/{{PACKAGE}}/{folder}", glob("{pattern}"))' in (ROOT / "setup.py").read_text()
-    assert list(ROOT.glob(pattern))

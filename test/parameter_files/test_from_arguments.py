@@ -11,10 +11,12 @@ def write(path, text):
     return path
 
 
-def test_flatten_joins_names_with_dots():
+def test_nested_names_are_joined_with_dots(tmp_path):
     expected = [("a", 1), ("b.c", [1, 2]), ("b.d.e", "f"), ("g.h", None)]
     assert list(from_arguments.flatten(NESTED)) == expected
     assert list(from_arguments.flatten({})) == []
+    text = "/a: {north: {tracker: {ros__parameters: {lag: 2}}}}\n"
+    assert from_arguments.load(write(tmp_path / "p.yaml", text)) == {"lag": 2}
 
 
 @pytest.mark.parametrize(
@@ -49,11 +51,6 @@ def test_load_lets_the_later_section_win_as_ros_does_and_skips_other_nodes(tmp_p
     text = sections.pop(first) + "evaluator: {ros__parameters: {cutoff: 5.0}}\n"
     found = from_arguments.load(write(tmp_path / "p.yaml", text + "".join(sections.values())))
     assert found == {"lag": 1 if first == "tracker" else 2, "seed": 7}
-
-
-def test_load_reads_nested_namespaces(tmp_path):
-    text = "/a: {north: {tracker: {ros__parameters: {lag: 2}}}}\n"
-    assert from_arguments.load(write(tmp_path / "p.yaml", text)) == {"lag": 2}
 
 
 @pytest.mark.parametrize(

@@ -3,13 +3,12 @@ import gzip
 import json
 import re
 from html.parser import HTMLParser
-from pathlib import Path
 
 import pytest
 from records import SCANS, record_of
 
 from phd_jdtc_ros.report.page import html
-from phd_jdtc_ros.report.page.html import POLICY, SCRIPTS, write_report
+from phd_jdtc_ros.report.page.html import POLICY, write_report
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
 
@@ -241,11 +240,3 @@ def test_write_report_lets_no_name_end_or_swallow_the_script(tmp_path, name):
 
     assert "<" not in re.search(r'id="run">(.*?)</script>', text, re.DOTALL)[1]
     assert run_of(text)["picture"]["radars"] == [name]
-
-
-def test_parts_of_the_page_are_installed():
-    root = Path(__file__).parents[2]
-
-    assert '"{PACKAGE}.report.page": ["assets/*"]' in (root / "setup.py").read_text()
-    parts = {path.name for path in (root / "phd_jdtc_ros/report/page/assets").iterdir()}
-    assert parts == {"page.css", "page.html", *SCRIPTS}

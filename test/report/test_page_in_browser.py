@@ -200,14 +200,15 @@ def results(tmp_path_factory):
     return json.loads(unescape(re.search("<title>(.*?)</title>", dom)[1]))
 
 
-def test_list_shows_identity_height_and_speed_of_the_tracks(results):
+def test_picture_shows_tracks_with_gaps_trails_and_keys(results):
     assert results["list"] == (
         "4217 (7) FL050\N{UPWARDS ARROW} 110 kt 045°, 3C6555 (9) FL300 110 kt 045°"
     )
-
-
-def test_track_of_the_list_is_selected_on_the_picture(results):
     assert results["selected"].startswith("9,3C6555 (9),Track 9, address 3C6555, class 1 (100 %)")
+    assert results["gaps"] == "1,2"
+    # Scans 6 s apart, with the shown one.
+    assert results["trails"] == f"1,6,{SCANS}"
+    assert results["keys"] == "true,true,true"
 
 
 @pytest.mark.parametrize(
@@ -215,19 +216,6 @@ def test_track_of_the_list_is_selected_on_the_picture(results):
 )
 def test_tracks_are_filtered_by_level_and_class(results, choice, left):
     assert results[choice] == left
-
-
-def test_lines_have_gaps_where_a_target_was_not_there(results):
-    assert results["gaps"] == "1,2"
-
-
-def test_trails_are_of_the_time_that_is_chosen(results):
-    # Scans 6 s apart, with the shown one.
-    assert results["trails"] == f"1,6,{SCANS}"
-
-
-def test_picture_is_moved_and_zoomed_by_keys(results):
-    assert results["keys"] == "true,true,true"
 
 
 # This script reads what is shown at first, once all has been played, and after a click on a time;
@@ -262,18 +250,12 @@ def played(tmp_path_factory):
     return json.loads(unescape(re.search("<title>(.*?)</title>", dom)[1])), console
 
 
-def test_play_goes_on_from_the_scan_asked_for_to_the_last_one(played):
+def test_play_goes_on_and_nothing_is_loaded_from_elsewhere(played):
     (first, last, _), _ = played
     assert f"12.0 s, scan 3 of {SCANS}" in first
     assert f"66.0 s, scan {SCANS} of {SCANS}" in last
-
-
-def test_a_click_on_a_time_shows_its_scan(played):
     (*_, clicked), _ = played
     assert f"30.0 s, scan 6 of {SCANS}" in clicked
-
-
-def test_page_is_refused_anything_from_elsewhere(played):
     _, (line,) = played
     assert "Content Security Policy" in line
 

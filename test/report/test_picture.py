@@ -132,7 +132,7 @@ def test_levels_are_hundreds_of_feet_where_aircraft_fly(plane, level):
     assert rows["climb"].tolist() == [50, 0]
 
 
-def test_levels_of_low_targets_are_metres():
+def test_levels_and_ground_traffic_are_of_aircraft():
     low = Attributes(np.array([[2.0, 0.0]]), np.zeros((1, 2, 2)), np.array([-1]), np.array([-1]))
     given = tracked(0, classes=1, attributes=low)
     picture = picture_of(record_of(1, filtered=(given,), smoothed=()))
@@ -140,6 +140,15 @@ def test_levels_of_low_targets_are_metres():
     assert picture.header["levels"] == "m"
     assert picture.header["ground"] is None
     assert rows_of(picture, "filtered")["level"].tolist() == [2]
+    ground = picture_of(record_of(2, filtered=(flying(),), smoothed=())).header["ground"]
+
+    # The lowest is at flight level 100.
+    assert 100 < ground["level"] < 120
+    aircraft = picture_words.section(picture_of(record_of(2, filtered=(flying(),))).header)
+    others = picture_words.section(picture_of(record_of(2)).header)
+
+    for offered in ("Flight level from", "ground traffic", '<th scope="col">level</th>'):
+        assert (offered in aircraft, offered in others) == (True, False)
 
 
 def test_identities_are_codes_and_addresses_of_the_time():
@@ -214,13 +223,21 @@ def test_picture_holds_all_targets_or_detections():
     assert picture_of(record_of(truth=(), plots=(), filtered=(), smoothed=())) is None
 
 
-def test_classes_have_their_names_and_colours():
+def test_classes_and_learned_clutter_have_their_colours():
     named = replace(record_of(2), class_names=("car", "<van>"))
     header = picture_of(named).header
 
     assert [kind["title"] for kind in header["classes"]] == ["car", "<van>"]
     assert [kind["colour"] for kind in header["classes"]] == [class_colour(0), class_colour(1)]
     assert "&lt;van&gt;" in picture_words.section(header)
+    learned = ClutterRaster((-3000.0, 1000.0), 50.0, np.array([[0.0, 10.0], [1000.0, 0.0]]))
+    picture = picture_of(replace(record_of(2), clutter=learned))
+
+    clutter = picture.header["clutter"]
+    assert (clutter["corner"], clutter["cell"], clutter["shape"]) == ([-3e3, 1e3], 50.0, [2, 2])
+    columns = columns_of(picture.columns.text(), picture.columns.index)
+    assert columns["clutter"].tolist() == [0, 33, 100, 0]
+    assert "brown squares" in picture_words.section(picture.header)
 
 
 @pytest.mark.parametrize(
@@ -232,32 +249,6 @@ def test_traffic_of_a_class_that_is_not_tracked_is_named_so(made, title):
     one = replace(record_of(2, filtered=(made(0),), smoothed=()), classes=1)
 
     assert [kind["title"] for kind in picture_of(one).header["classes"]] == ["class 0", title]
-
-
-def test_aircraft_on_the_ground_are_low_where_heights_are_known():
-    ground = picture_of(record_of(2, filtered=(flying(),), smoothed=())).header["ground"]
-
-    # The lowest is at flight level 100.
-    assert 100 < ground["level"] < 120
-
-
-def test_learned_clutter_is_a_column_of_opacities():
-    learned = ClutterRaster((-3000.0, 1000.0), 50.0, np.array([[0.0, 10.0], [1000.0, 0.0]]))
-    picture = picture_of(replace(record_of(2), clutter=learned))
-
-    clutter = picture.header["clutter"]
-    assert (clutter["corner"], clutter["cell"], clutter["shape"]) == ([-3e3, 1e3], 50.0, [2, 2])
-    columns = columns_of(picture.columns.text(), picture.columns.index)
-    assert columns["clutter"].tolist() == [0, 33, 100, 0]
-    assert "brown squares" in picture_words.section(picture.header)
-
-
-def test_section_offers_levels_and_ground_traffic_of_aircraft_only():
-    aircraft = picture_words.section(picture_of(record_of(2, filtered=(flying(),))).header)
-    others = picture_words.section(picture_of(record_of(2)).header)
-
-    for offered in ("Flight level from", "ground traffic", '<th scope="col">level</th>'):
-        assert (offered in aircraft, offered in others) == (True, False)
 
 
 def test_an_hour_of_fifty_aircraft_is_less_than_two_megabytes():

@@ -50,13 +50,15 @@ def tables(summary):
     return found
 
 
-def test_metrics_are_the_summary_and_the_step_times(evaluation):
+def test_metrics_are_the_summary_with_step_times_and_engine(evaluation):
     found = metrics(evaluation, np.array([1.0, 2.0, 3.0, 10.0]))
     assert found.pop("step_ms") == {
         "median": 2.5,
         "p99": pytest.approx(10.0 - 0.03 * 7.0),
     }
     assert found == evaluation.summary()
+    assert metrics(evaluation, np.zeros(0), "gaussian")["engine"] == "gaussian"
+    assert "engine" not in metrics(evaluation, np.zeros(0))
 
 
 def test_metrics_hold_what_the_file_promises(evaluation):
@@ -95,16 +97,14 @@ def test_metrics_hold_what_the_file_promises(evaluation):
     )
 
 
-def test_targets_without_a_score_are_listed():
+def test_scans_and_targets_without_a_score_are_counted(evaluation):
     told = unscored_note({"least_speed": 2.5, "slow_targets": 3.0})
 
     assert told.startswith("Targets slower than 2.5 m/s are not scored, 3.0 on average")
     assert unscored_note({"least_speed": 2.5, "slow_targets": 0.0}) == ""
-
-
-def test_metrics_name_the_engine_if_it_is_recorded(evaluation):
-    assert metrics(evaluation, np.zeros(0), "gaussian")["engine"] == "gaussian"
-    assert "engine" not in metrics(evaluation, np.zeros(0))
+    evaluation.add_truth(99, points([], []))
+    (title, *_), *_ = tables(metrics(evaluation, np.zeros(0)))
+    assert title.startswith("means over 2 of 3 scans (OSPA: ")
 
 
 def test_score_tables_show_both_engines_side_by_side(evaluation):
@@ -268,9 +268,3 @@ def test_score_tables_of_nothing_shows_dashes():
     assert [row[2:] for row in rows] == [["-"] * 4] * 3
     assert [row[2:] for row in parts] == [["-"] * 4] * 2
     assert [row[2:] for row in more] == [["-"] * 5] * 2
-
-
-def test_tables_count_the_scans_of_the_truth_without_a_score(evaluation):
-    evaluation.add_truth(99, points([], []))
-    (title, *_), *_ = tables(metrics(evaluation, np.zeros(0)))
-    assert title.startswith("means over 2 of 3 scans (OSPA: ")

@@ -47,12 +47,17 @@ def test_resolve_describes_the_reference_scenario():
     assert resolve(targets=targets) == reference
 
 
-def test_resolve_reads_turns():
+def test_resolve_reads_turns_and_antennas():
     later = {"first_scan": 7, "last_scan": 20, "turn_rate_deg_s": 90}
     (target,) = resolve(**turning(TURN, later)).targets
     assert target.turns == (
         Turn(5, 7, pytest.approx(math.radians(-3.0))),
         Turn(7, 20, pytest.approx(math.pi / 2.0)),
+    )
+    found = resolve(antennas={"radar_2": {"bearing_deg": 90.0, "clockwise": False}})
+    assert found.antennas == (
+        scenario.usual_antenna(0),
+        scenario.Antenna(pytest.approx(math.pi / 2.0), False),
     )
 
 
@@ -151,11 +156,3 @@ def test_an_origin_with_a_height_puts_sites_on_the_round_earth():
     assert resolve(world_origin=[52.0, 7.0, 10.0]).targets == ()
     with pytest.raises(ConfigError, match="sites: must be a mapping"):
         scenario_file.site_parameters({**document, "sites": [mast]})
-
-
-def test_resolve_reads_antennas_by_radar():
-    found = resolve(antennas={"radar_2": {"bearing_deg": 90.0, "clockwise": False}})
-    assert found.antennas == (
-        scenario.usual_antenna(0),
-        scenario.Antenna(pytest.approx(math.pi / 2.0), False),
-    )

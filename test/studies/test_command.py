@@ -81,7 +81,7 @@ def endless(quick, monkeypatch):
     return set_main
 
 
-def test_other_studies_end_if_the_one_they_are_beside_fails(endless, tmp_path):
+def test_other_studies_end_with_the_one_they_are_beside(endless, tmp_path):
     def fail():
         raise RuntimeError
 
@@ -89,9 +89,6 @@ def test_other_studies_end_if_the_one_they_are_beside_fails(endless, tmp_path):
     with pytest.raises(RuntimeError):
         command.main(["all", "--out", str(tmp_path)])
     assert asked[0]() == 0
-
-
-def test_other_studies_end_if_the_one_they_are_beside_is_interrupted(endless, tmp_path):
     asked = endless(lambda: INTERRUPTED)
     assert command.main(["all", "--out", str(tmp_path)]) == INTERRUPTED
     assert asked[0]() == 0

@@ -38,12 +38,15 @@ def scored(hour, reader, found):
     return hours.scores(hour, reader, hour.ends_s, found)
 
 
-def test_true_tracks_are_found_and_nothing_is_false(hour, reader, true_tracks):
+def test_true_tracks_are_found_and_none_without_tracks(hour, reader, true_tracks):
     found = scored(hour, reader, true_tracks)
     assert found.instants > 3000
     assert (found.found, found.found_from_first, found.rms) == (1.0, 1.0, 0.0)
     assert (found.false_a_turn, found.switches, found.renumbered) == (0.0, 0, 0)
     assert found.returned > 0
+    none = [points.only(np.zeros(0, np.int64)) for points in true_tracks]
+    found = scored(hour, reader, none)
+    assert (found.found, found.rms, found.false_a_turn) == (0.0, FOUND_M, 0.0)
 
 
 def test_slow_targets_and_those_out_of_sight_are_not_missed(hour, reader, true_tracks):
@@ -58,12 +61,6 @@ def test_slow_targets_and_those_out_of_sight_are_not_missed(hour, reader, true_t
         rest.append(points.only(np.flatnonzero(kept)))
     assert sum(map(len, rest)) < sum(map(len, true_tracks))
     assert scored(hour, reader, rest).found == 1.0
-
-
-def test_nothing_is_found_without_tracks(hour, reader, true_tracks):
-    none = [points.only(np.zeros(0, np.int64)) for points in true_tracks]
-    found = scored(hour, reader, none)
-    assert (found.found, found.rms, found.false_a_turn) == (0.0, FOUND_M, 0.0)
 
 
 def test_errors_are_distances_and_far_tracks_are_missed_and_false(hour, reader, true_tracks):

@@ -17,13 +17,10 @@ def test_proposals_are_beside_what_was_simulated(tmp_path, capsys):
     assert row[:2] == ["one_radar", "radar_1"]
 
 
-def test_parameters_are_needed_to_compare_with(tmp_path, capsys):
+def test_parameters_and_a_bag_are_needed(tmp_path, capsys):
     unknown = tmp_path / "unknown"
     shutil.copytree(BAG, unknown, ignore=shutil.ignore_patterns("parameters.yaml"))
     assert main(["tuning_truth", str(unknown)]) == 2
     assert "parameters.yaml is missing" in capsys.readouterr().err
-
-
-def test_bag_that_does_not_exist_is_refused(tmp_path, capsys):
     assert main(["tuning_truth", str(tmp_path / "none")]) == 2
     assert "no such bag" in capsys.readouterr().err

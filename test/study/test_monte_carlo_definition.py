@@ -150,10 +150,17 @@ def test_resolve_refuses_a_share_of_the_runs_that_is_none(part, name, share, stu
     assert faults(study_file, change) == [fault]
 
 
-def test_resolve_names_the_command_line_for_its_faults(study_file):
+def test_resolve_names_faults_of_the_command_line_and_keeps_the_data(study_file):
     found = faults(study_file, lambda _: None, {"nonsense": 1, "seed": 3})
 
     assert [fault.split(": ")[0] for fault in found] == ["-p seed", "-p nonsense"]
+
+    def change(document):
+        document["variants"]["fewer"]["parameters"] = {"radar_1.clutter_rate": 9.0}
+
+    plan = monte_carlo.plan(load_study(study_file(change), {}), [0])
+
+    assert {task.scenario.radars[0].clutter_rate for task in plan.tasks} == {3.0}
 
 
 @pytest.mark.parametrize("document", [None, [], "study"])
@@ -247,15 +254,6 @@ def test_the_command_line_chooses_the_engine_of_all_variants_that_it_has(study_f
         "fewer",
         "reference",
     }
-
-
-def test_resolve_keeps_the_data_the_cases(study_file):
-    def change(document):
-        document["variants"]["fewer"]["parameters"] = {"radar_1.clutter_rate": 9.0}
-
-    plan = monte_carlo.plan(load_study(study_file(change), {}), [0])
-
-    assert {task.scenario.radars[0].clutter_rate for task in plan.tasks} == {3.0}
 
 
 def test_select_lists_every_unknown_name(study):

@@ -29,10 +29,12 @@ def test_sources_have_what_the_scores_depend_on(kind, path):
     assert ROOT / "phd_jdtc_ros" / path in peers.KINDS[kind].sources()
 
 
-def test_sources_of_peers_are_their_own_too():
+def test_peers_have_sources_of_their_own_in_the_repository():
     own = {ROOT / "studies" / "peers" / name for name in ("settings.py", "__init__.py")}
     assert own <= set(peers.KINDS["gnn_loud"].sources())
     assert not own & set(peers.KINDS["particles"].sources())
+    assert "python -m studies monte_carlo" in kinds.KINDS["gnn"].missing()
+    assert kinds.KINDS["particles"].missing() is None
 
 
 def test_code_follows_the_sources_of_a_kind(tmp_path, monkeypatch):
@@ -57,8 +59,3 @@ def test_sources_have_every_module_that_the_kinds_import():
     found = {path for path in map(Path, json.loads(done.stdout)) if path.parent != of_study}
 
     assert found <= {*peers.KINDS["gnn"].sources(), ROOT / "phd_jdtc_ros" / "output_files.py"}
-
-
-def test_a_peer_is_missing_without_the_repositorys_studies():
-    assert "python -m studies monte_carlo" in kinds.KINDS["gnn"].missing()
-    assert kinds.KINDS["particles"].missing() is None

@@ -111,6 +111,11 @@ def test_score_counts_the_classes_that_targets_are_taken_for(pair):
 
     assert found.taken_for[0].sum(axis=0).tolist() == [[0, 2], [0, 10]]
     assert score(pair, {0: exact(pair)}, variant_of("jpda"), 2).taken_for is None
+    # The first target in its fourth scan, and the other one in its fifth.
+    found = scored(pair, *[[]] * 3, *[[(0.0, 0)]] * 3, *[[(0.0, 0), (5e3, 1)]] * 6)
+
+    assert np.flatnonzero(value(found, "begun")).tolist() == [3, 5]
+    assert np.flatnonzero(value(found, "prompt")).tolist() == [3]
 
 
 def test_figures_of_a_study_are_those_of_the_evaluator(pair):
@@ -173,11 +178,14 @@ def result_of(variant, **values):
     return Result("quiet", variant, (0, 1), Scores((0, 2), ("all",), np.zeros(1), array))
 
 
-def test_result_reduction_is_paired_over_runs():
+def test_result_figures_are_of_runs_and_scans_that_have_them():
     result = result_of(variant_of("particles"), ospa=[[100.0, 50.0], [40.0, 30.0]])
 
     np.testing.assert_allclose(result.figure("reduction", 2), [0.5, 0.25])
     assert result.figure("reduction", 0) is None
+    result = result_of(variant_of("particles"), ospa_after_5=[[10.0, np.nan], [20.0, 30.0]])
+
+    np.testing.assert_array_equal(result.figure("ospa_after_5", 2), [np.nan, 30.0])
 
 
 def test_result_figures():
@@ -201,12 +209,6 @@ def test_result_over_time_is_the_figure_of_each_scan(pair):
     np.testing.assert_array_equal(
         result.over_time("cardinality_abs_error", 0), [[0.0] * 11 + [2.0]]
     )
-
-
-def test_result_ospa_after_5_is_the_mean_of_the_scans_that_have_one():
-    result = result_of(variant_of("particles"), ospa_after_5=[[10.0, np.nan], [20.0, 30.0]])
-
-    np.testing.assert_array_equal(result.figure("ospa_after_5", 2), [np.nan, 30.0])
 
 
 def test_summarise_holds_the_confusion_of_each_class(study, pair):
@@ -242,14 +244,6 @@ def test_summarise_does_not_judge_what_it_does_not_have(study):
     (goal,) = monte_carlo.summarise(study, [], [], [])["goals"]
 
     assert (goal["value"], goal["goal"], goal["reached"]) == (None, None, None)
-
-
-def test_score_counts_the_targets_that_are_reported_within_four_scans(pair):
-    # The first target in its fourth scan, and the other one in its fifth.
-    found = scored(pair, *[[]] * 3, *[[(0.0, 0)]] * 3, *[[(0.0, 0), (5e3, 1)]] * 6)
-
-    assert np.flatnonzero(value(found, "begun")).tolist() == [3, 5]
-    assert np.flatnonzero(value(found, "prompt")).tolist() == [3]
 
 
 def test_goals_relative_to_another_variant_are_judged_on_the_seeds_of_both(study):

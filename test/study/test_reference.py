@@ -96,7 +96,7 @@ def filtered_toy(rng, scans):
     return steps, (covariance @ vector).reshape(-1, 2), covariance
 
 
-def test_predict_moves_positions_by_velocities_and_adds_the_noise():
+def test_birth_and_prediction_are_linear_gaussian():
     before = prior_at(50.0, -20.0)
     moving = np.array([[1, 3, 0, 0], [0, 1, 0, 0], [0, 0, 1, 3], [0, 0, 0, 1]])
     found, _ = predict(replace(before, mean=np.array([50.0, 7.0, -20.0, 2.0, 0.0])), MODEL, 3.0)
@@ -104,9 +104,6 @@ def test_predict_moves_positions_by_velocities_and_adds_the_noise():
     expected = moving @ before.covariance[SUPPORT] @ moving.T + MODEL.noise_covariance(3.0)
     np.testing.assert_allclose(found.covariance[SUPPORT], expected)
     assert not found.covariance[4].any()
-
-
-def test_birth_is_at_rest_about_the_position():
     found = birth(np.array([3.0, -4.0]), MODEL, 200.0, 40.0)
     np.testing.assert_array_equal(found.mean, [3.0, 0.0, -4.0, 0.0, 0.0])
     np.testing.assert_array_equal(found.covariance, np.diag([4e4, 1600.0, 4e4, 1600.0, 0.0]))

@@ -73,13 +73,10 @@ def test_track_readings_differ_and_do_not_depend_on_each_other(run, config, trac
     assert not same(tracks["default"][3], tracks["printed"][3])
 
 
-def test_track_without_smoothing_needs_lag_0_only(run, config, tracks):
+def test_track_follows_the_runs_seed_and_needs_lag_0_without_smoothing(run, config, tracks):
     alone = track(run, config, [DEFAULT], [0])
 
     assert same(alone["default"][0], tracks["default"][0])
-
-
-def test_track_follows_the_runs_seed(run, config, tracks):
     other = track(replace(run, seed=SEED + 1), config, [DEFAULT], [0])
 
     assert not same(other["default"][0], tracks["default"][0])

@@ -67,15 +67,12 @@ def far_off(run, points):
     return np.array(found)
 
 
-def test_runs_are_scored_at_the_end_of_each_turn():
+def test_runs_are_scored_at_turn_ends_with_targets_in_the_air():
     assert turn_ends(scene(EAST, seconds=12)[0]) == [4.0, 8.0, 12.0]
     begun = scene(EAST, seconds=12, bearing=math.pi / 2.0)[0]
     assert turn_ends(begun) == [7.0, 11.0]
     run = turning_run(begun, 3)
     assert [truth.stamp_ns for truth in run.truth] == [10**12 + 7 * 10**9, 10**12 + 11 * 10**9]
-
-
-def test_only_targets_in_the_air_are_scored():
     found, _ = scene(TAXIING, EAST)
     run = turning_run(found, 0)
     assert {tuple(truth.track_id.tolist()) for truth in run.truth} == {(2,)}
@@ -154,9 +151,14 @@ def test_the_peer_confirms_a_track_with_its_third_plot_and_ends_it_after_missed_
     assert numbers == [0] * 4 + [1] * 11 + [0] * 10
 
 
-def test_the_peer_starts_no_track_on_clutter_alone():
+def test_the_peer_reports_nothing_of_clutter_or_without_plots():
     _, points = followed(*scene(seconds=200))
     assert sum(len(p) for p in points) <= 5
+    found, _ = scene(seconds=12, **{"approach.clutter_rate": 0.0})
+    run = turning_run(found, 0)
+    tracked = plot_kalman(run, {**PARAMETERS, "approach.clutter_rate": 0.0}, [0, 5])
+    assert [len(points) for points in tracked.tracks[5]] == [0, 0, 0]
+    assert tracked.tracks[0] is tracked.tracks[5]
 
 
 def test_the_peer_takes_plots_of_several_radars():
@@ -167,14 +169,6 @@ def test_the_peer_takes_plots_of_several_radars():
     one = far_off(*followed(*scene(EAST, TURNING)))
     two = far_off(*followed(found, inputs))
     assert np.sqrt((two**2).mean()) < np.sqrt((one**2).mean())
-
-
-def test_the_peer_has_no_estimates_without_plots():
-    found, _ = scene(seconds=12, **{"approach.clutter_rate": 0.0})
-    run = turning_run(found, 0)
-    tracked = plot_kalman(run, {**PARAMETERS, "approach.clutter_rate": 0.0}, [0, 5])
-    assert [len(points) for points in tracked.tracks[5]] == [0, 0, 0]
-    assert tracked.tracks[0] is tracked.tracks[5]
 
 
 # --- in a Monte Carlo study -----------------------------------------------------------------------
@@ -210,13 +204,10 @@ def test_variants_have_the_cases_that_their_kinds_suit(tmp_path):
     assert [variant.cases for variant in study.variants] == [("busy",)] * 3 + [("still",)]
 
 
-def test_a_kind_that_does_not_suit_a_case_is_a_fault(tmp_path):
+def test_faults_of_variants_are_named(tmp_path):
     variants = {"peer": {"kind": "plot_kalman", "cases": ["still"]}}
     with pytest.raises(ConfigError, match=r"variants\.peer\.cases: \['still'\] given, must be a "):
         study_of(tmp_path, variants=variants)
-
-
-def test_parameters_of_a_peer_are_a_fault(tmp_path):
     variants = {"peer": {"kind": "plot_kalman", "parameters": {"lag": 3}}}
     with pytest.raises(
         ConfigError, match=r"peer\.parameters: only for kind particles or gaussian or turn"

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from phd_jdtc_ros.__main__ import EXECUTABLES
+from phd_jdtc_ros.report.page.html import SCRIPTS
 
 ROOT = Path(__file__).parents[2]
 SOURCES = (
@@ -90,8 +91,16 @@ def test_an_installed_package_finds_its_files_from_any_directory(installed, tmp_
     )
 
 
-def test_every_executable_has_a_console_script(installed):
+def test_every_executable_and_shipped_file_is_installed(installed):
     assert {path.name for path in (installed / "bin").iterdir()} == {*EXECUTABLES}
+    share = installed / "share" / "phd_jdtc_ros"
+    for folder in ("bags", "config", "foxglove", "launch", "rviz"):
+        shipped = {p for p in (ROOT / folder).rglob("*.*") if p.suffix not in (".pyc", ".md")}
+        found = {ROOT / path.relative_to(share) for path in (share / folder).rglob("*.*")}
+        assert {path for path in shipped if path.is_file()} <= found, folder
+    assets = Path("phd_jdtc_ros", "report", "page", "assets")
+    found = {path.name for path in (installed / assets).iterdir()}
+    assert found == {"page.css", "page.html", *SCRIPTS}
 
 
 def test_an_installed_node_starts_from_an_empty_directory(installed, tmp_path):

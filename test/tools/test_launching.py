@@ -87,16 +87,13 @@ def test_demo_of_a_shipped_bag_has_its_parameters_for_the_tracker_of_that_name(t
     assert arguments.load(found.params_file, "/s1/t2").values == found.config.values
 
 
-def test_demo_with_a_file_of_its_own_takes_that(tmp_path):
+def test_demo_takes_a_file_of_its_own_or_the_defaults(tmp_path):
     path = tmp_path / "site.yaml"
     path.write_text("/tracker: {ros__parameters: {lag: 2}}\n")
     found = arguments.demo("three_classes", str(path), "/tracker", tmp_path / "out")
 
     assert (found.params_file, found.config.lag.scans) == (str(path), 2)
     assert not (tmp_path / "out").exists()
-
-
-def test_demo_of_a_bag_without_parameters_has_the_defaults(tmp_path):
     found = arguments.demo(str(tmp_path), "", "/tracker", tmp_path / "out")
 
     assert (found.bag, found.params_file) == (tmp_path, "")

@@ -54,16 +54,13 @@ def test_automotive_tracks_its_bag_s_scenario(engine):
     assert len(steps[-1].filtered[0]) == len(truth[-1].track_id)
 
 
-def test_paper_literal_has_what_the_paper_prints():
+def test_profiles_of_the_paper_have_what_it_prints():
     values = resolve(from_arguments.load(CONFIG / "paper_literal.yaml")).values
 
     assert values["engine"] == "phd_as_printed"
     assert values["ct.turn_noise_density"] == 0.1
     assert sum(values[f"{name}.rates"][0] for name in values["births"]) == 0.02
     assert sum(values[f"{name}.rates"][1] for name in values["births"]) == 0.03
-
-
-def test_phd_differs_from_the_paper_s_scenario_by_its_filter_alone():
     phd, paper = (
         resolve(from_arguments.load(CONFIG / f"{name}.yaml")).values
         for name in ("phd", "paper_scenario")

@@ -14,7 +14,7 @@ SHIPPED = ROOT / "bags" / "paper_scenario"
 RADARS = [names.detections("radar_1"), names.detections("radar_2")]
 
 
-def test_simulate_writes_every_radar_and_the_truth(short_bag):
+def test_simulate_writes_the_truth_and_radars_of_the_scenario(short_bag):
     reader = BagReader(short_bag)
     assert reader.types == dict.fromkeys([*RADARS, names.TRUTH], names.CLOUD)
     assert reader.counts == dict.fromkeys([*RADARS, names.TRUTH], 8)
@@ -23,9 +23,6 @@ def test_simulate_writes_every_radar_and_the_truth(short_bag):
         entries = list(reader.messages([topic]))
         assert [entry.log_time_ns for entry in entries] == expected
         assert [stamps.of_cdr(entry.data) for entry in entries] == expected
-
-
-def test_simulate_writes_the_truth_of_the_scenario(short_bag):
     found = [truth.from_msg(cloud) for cloud in messages(short_bag, names.TRUTH)]
     assert [t.track_id.tolist() for t in found] == [[1]] * 2 + [[1, 2]] * 4 + [[1]] * 2
     assert [t.class_id.tolist() for t in found] == [[0]] * 2 + [[0, 1]] * 4 + [[0]] * 2

@@ -29,14 +29,11 @@ def foreign(file, topic, kind):
     return file
 
 
-def test_track_bag_rejects_a_missing_bag(track, tmp_path, faults):
+def test_track_bag_refuses_missing_bags_and_to_overwrite(track, tmp_path, faults, short_bag):
     status, out = track(tmp_path / "none")
     assert status == 2
     assert faults() == [f"{tmp_path / 'none'}: no such bag"]
     assert not out.exists()
-
-
-def test_track_bag_refuses_to_overwrite(short_bag, track, tmp_path, faults):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine").write_text("kept")
     status, out = track(short_bag)

@@ -150,15 +150,12 @@ def test_times_have_the_unit_that_puts_them_near_the_stamp(unit, per_second):
     assert (found["time_unit"], found["time_reference"]) == (unit, "epoch")
 
 
-def test_times_of_milliseconds_are_none_of_seconds_where_clouds_follow_fast():
+def test_times_and_elevations_are_recognised_by_their_values():
     since = np.array([0.0, 10.0, 20.0, 45.0])
     clouds = [
         cloud(10**18 + k * 50_000_000, range=RHO, azimuth=AZIMUTH, time=since) for k in range(4)
     ]
     assert recognised.parameters(clouds)["time_unit"] == "ms"
-
-
-def test_elevations_that_are_all_zero_are_none():
     flat = recognised.parameters([cloud(range=RHO, azimuth=AZIMUTH, elevation=0.0 * RHO)])
     assert "fields.elevation" not in flat
     high = recognised.parameters([cloud(range=RHO, azimuth=AZIMUTH, elevation=0.1 + 0.0 * RHO)])

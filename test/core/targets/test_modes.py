@@ -112,15 +112,12 @@ def test_survival_is_a_power_of_the_interval(dt):
     np.testing.assert_allclose(TWO_CLASSES.survival(dt), 0.99 ** (dt / 6.0), rtol=1e-14)
 
 
-def test_survival_is_that_of_each_mode_class():
+def test_modes_flatten_classes_with_their_survival():
     classes = (
         ClassModel("a", (10.0, 100.0), (CV, CT), np.eye(2), 0.9),
         ClassModel("b", (10.0, 100.0), (CV,), np.eye(1), 0.5),
     )
     np.testing.assert_allclose(ModeSpace(classes, 2.0).survival(2.0), [0.9, 0.9, 0.5])
-
-
-def test_mode_space_flattens_classes_in_order():
     np.testing.assert_array_equal(TWO_CLASSES.class_of, [0, 0, 1, 1, 1])
     assert TWO_CLASSES.motions == (CV, CT, CV, CT, CV)
     assert len(TWO_CLASSES) == 5

@@ -33,22 +33,21 @@ def test_a_flight_moves_turns_and_accelerates_by_its_legs():
     np.testing.assert_allclose(np.degrees(rates), [0.0, 3.0, 3.0, 0.0, -1.5])
 
 
-def test_a_flight_exists_from_its_start_until_its_last_leg_ends():
+def test_a_flight_exists_until_its_last_leg_ends_in_its_direction():
     flight = flown(Leg(0.1), Leg(0.2), start_s=0.3)
     assert flight.end_s == pytest.approx(0.6)
     assert [scan for scan in range(10) if flight.state_at(scan * 0.1) is not None] == [3, 4, 5, 6]
-
-
-def test_a_stopped_flight_goes_on_in_its_direction():
     stop = flown(Leg(10.0, acceleration=-10.0), Leg(5.0), Leg(10.0, acceleration=1.0))
     states = stop.states(np.array([20.0, 24.0, 35.0]))
     np.testing.assert_allclose(states[0], states[1], atol=1e-9)
     np.testing.assert_allclose(states[2, [1, 3]], [10.0, 0.0], atol=1e-9)
 
 
-def test_a_flight_refuses_a_negative_speed():
+def test_impossible_speeds_and_accelerations_are_refused():
     with pytest.raises(ValueError, match="a speed of -20 m/s, expected none below 0"):
         flown(Leg(12.0, acceleration=-10.0))
+    with pytest.raises(ValueError, match=r"acceleration: 1\.0 given, must be 0 in a turn"):
+        Leg(5.0, 0.1, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -58,11 +57,6 @@ def test_a_flight_refuses_a_negative_speed():
 def test_a_leg_refuses_no_duration(leg, fault):
     with pytest.raises(ValueError, match=fault):
         Leg(**leg)
-
-
-def test_a_leg_refuses_an_acceleration_in_a_turn():
-    with pytest.raises(ValueError, match=r"acceleration: 1\.0 given, must be 0 in a turn"):
-        Leg(5.0, 0.1, 1.0)
 
 
 def test_a_script_in_scans_is_the_same_flight_in_seconds():

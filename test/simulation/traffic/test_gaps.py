@@ -45,10 +45,16 @@ def test_gaps_are_those_of_a_seed_that_fit():
     assert not faults
 
 
-def test_target_is_hidden_in_its_own_gaps_only():
+def test_target_is_hidden_in_its_own_gaps_in_any_part_of_the_run():
     known = [Gap(1, 5.0, 6.0), Gap(2, 0.0, 9.0), Gap(1, 7.0, 8.0)]
     out = gaps.in_gap(known, 1, np.array([4.9, 5.0, 6.0, 7.5, 8.5]))
     assert out.tolist() == [False, True, False, True, False]
+    targets = (flight(200.0, 900.0, 700.0), flight(150.0, 900.0, 10.0), flight(100.0, 900.0))
+    known = (Gap(1, 800.0, 850.0), Gap(2, 80.0, 90.0), Gap(3, 200.0, 220.0))
+    radars = resolve({}).model.radars
+    part = until(Scenario(1, 1.0, 3601, targets, radars, gaps=known), 500.0)
+    assert part.targets == targets[1:]
+    assert part.gaps == (Gap(1, 80.0, 90.0), Gap(2, 200.0, 220.0))
 
 
 @pytest.mark.parametrize(
@@ -63,12 +69,3 @@ def test_gaps_name_what_is_wrong(changes, fault):
     found, faults = drawn(**changes)
     assert found == ()
     assert faults[0].startswith(fault)
-
-
-def test_gaps_stay_with_their_targets_in_a_part_of_the_run():
-    targets = (flight(200.0, 900.0, 700.0), flight(150.0, 900.0, 10.0), flight(100.0, 900.0))
-    known = (Gap(1, 800.0, 850.0), Gap(2, 80.0, 90.0), Gap(3, 200.0, 220.0))
-    radars = resolve({}).model.radars
-    part = until(Scenario(1, 1.0, 3601, targets, radars, gaps=known), 500.0)
-    assert part.targets == targets[1:]
-    assert part.gaps == (Gap(1, 80.0, 90.0), Gap(2, 200.0, 220.0))

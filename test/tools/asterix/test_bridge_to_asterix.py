@@ -11,7 +11,6 @@ from asterix_reference import decoded, value
 from bag_content import messages, write
 
 from msg_adapters import detections, estimates, names
-from msg_adapters.readers import reader_of
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.types import SOURCES, Detections
@@ -108,34 +107,6 @@ def with_estimates(by_sector):
     write(out, topics, entries)
     (out / "parameters.yaml").write_bytes((by_sector / "parameters.yaml").read_bytes())
     return out
-
-
-def test_detections_of_a_bag_go_to_asterix_and_back(by_sector, tmp_path, capsys):
-    recording, again = tmp_path / "plots.ast", tmp_path / "again"
-    assert run("asterix_bridge", [str(by_sector), "--plots", "--out", str(recording)]) == 0
-    assert run("asterix_bridge", [str(recording), "--out", str(again), "-p", "sectors:=16"]) == 0
-    said = capsys.readouterr().out
-    assert "dropped: none" in said
-
-    def places(bag):
-        config = tracker_params.config(bag_parameters.read(bag))
-        (radar,) = config.inputs
-        yaw = config.model.radars[0].yaw
-        found = []
-        for entry in BagReader(bag).messages([radar.topic]):
-            report = reader_of(radar).from_cdr(entry.data, radar)
-            distance, azimuth = report.detections.measurement.T
-            time = report.stamp_ns * 1e-9 + report.detections.time_s
-            place = distance * np.cos(azimuth + yaw), distance * np.sin(azimuth + yaw)
-            found.append(np.stack([time, *place], axis=1))
-        return np.concatenate(found)
-
-    before, after = places(by_sector), places(again)
-    # The bag has the antenna's position only from the first sectors on.
-    assert len(before) - 5 <= len(after) <= len(before)
-    nearest = [np.abs(before[:, 1:] - row[1:]).max(axis=1).argmin() for row in after]
-    np.testing.assert_allclose(after[:, 0], before[nearest, 0], atol=0.005)
-    np.testing.assert_allclose(after[:, 1:], before[nearest, 1:], atol=15.0)
 
 
 def test_plots_that_are_too_far_for_asterix_are_left_out(tmp_path, capsys):
