@@ -9,12 +9,29 @@ import numpy as np
 from ..arrays import FloatArray
 
 
+def noise_covariance(std: FloatArray, correlation: FloatArray | None) -> FloatArray:
+    """Return covariances, (M, Z, Z), from deviations, (M, Z), and correlations, (M,) or None.
+
+    A correlation is that of the first two components; all others are independent.
+    """
+    covariance: FloatArray = np.eye(std.shape[1]) * std[:, None, :] ** 2
+    if correlation is not None:
+        covariance[:, 0, 1] = covariance[:, 1, 0] = correlation * std[:, 0] * std[:, 1]
+    return covariance
+
+
 class PlanePlots(NamedTuple):
     """Detections as positions in the world frame, at their own times."""
 
     position: FloatArray  # Metres, (M, 2)
     axes: FloatArray  # Principal axes of the errors, unit vectors in columns, (M, 2, 2)
     std: FloatArray  # Standard deviations along these axes, metres, (M, 2)
+
+    @classmethod
+    def of(cls, position: FloatArray, covariance: FloatArray) -> PlanePlots:
+        """Return positions, (M, 2), with these covariances, (M, 2, 2)."""
+        variance, axes = np.linalg.eigh(covariance)
+        return cls(position, axes, np.sqrt(np.maximum(variance, 0.0)))
 
     @property
     def root(self) -> FloatArray:

@@ -29,7 +29,7 @@ from ..targets import amplitude_density
 from ..targets.modes import ClassModel
 from ..types import Coverage, Detections, Pose
 from . import polar_geometry
-from .gaussians import PlanePlots
+from .gaussians import PlanePlots, noise_covariance
 from .outliers import Outliers
 from .polar_geometry import MIN_RANGE
 from .range_rate import RangeRateModel, Rates
@@ -152,6 +152,10 @@ class Sensor(ReadOnly, ABC):
         """Return the standard deviations of each detection, its own or the sensor's, (M, Z)."""
         usual, own = self.usual_noise_std(detections.measurement), detections.noise_std
         return usual if own is None else np.where(np.isfinite(own), own, usual)
+
+    def noise_covariance_of(self, detections: Detections) -> FloatArray:
+        """Return the covariance of the noise of each detection, (M, Z, Z)."""
+        return noise_covariance(self.noise_std_of(detections), detections.noise_correlation)
 
     def usual_noise_std(self, measurement: FloatArray) -> FloatArray:
         """Return the sensor's standard deviations of each measurement, (M, Z)."""

@@ -14,7 +14,7 @@ FULL_TURN = 2.0 * np.pi
 UNKNOWN = -1
 # The columns of detections with one number per detection.
 _PER_DETECTION = (
-    *("amplitude", "time_s", "range_rate", "range_rate_std"),
+    *("amplitude", "time_s", "noise_correlation", "range_rate", "range_rate_std"),
     *("height", "code", "address", "kind"),
 )
 # The columns with one row per detection.
@@ -98,6 +98,9 @@ class Detections(ReadOnly):
     # Sensor type, the TYP of I048/020, (M,): 1 primary, 2 secondary, 3 both, 4 and 5 Mode S, 6 and
     # 7 Mode S and primary; `UNKNOWN` otherwise. None if the radar reports none.
     kind: IntArray | None = None
+    # Correlation of the errors of both components of a measurement, (M,); None if they are
+    # independent, as those of a polar radar are in any case.
+    noise_correlation: FloatArray | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 from lone import GIVEN, INTERVAL_S, MEAN, TWO_MOTIONS, lone, path, scan_at, started
 from position_sensor import PositionSensor
+from scipy.stats import multivariate_normal
 
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.gaussian.algebra import kalman
+from phd_jdtc_ros.core.gaussian.algebra import kalman, linearised
 from phd_jdtc_ros.core.gaussian.smoother import backward_pass
+from phd_jdtc_ros.core.sensors.gaussians import PlanePlots
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.sensors.report import Report
+from phd_jdtc_ros.core.types import Detections
 
 SECONDS = INTERVAL_S * np.arange(1.0, 9.0)
 STD, CLUTTER, FIELD = 30.0, 4, 2e4
@@ -78,6 +82,31 @@ def test_target_born_at_positions_is_tracked_more_exactly_than_measured():
     truth = states[:, [0, 2]]
     assert np.square(estimated - truth).mean() < 0.7 * np.square(measured - truth).mean()
     assert np.hypot(*(found[-1].velocity[0] - MEAN[[1, 3]])) < 10.0
+
+
+def test_correlated_errors_of_positions_update_as_in_a_kalman_filter():
+    sensor, std, correlation = PositionSensor(**MAST), np.array([[10.0, 40.0]]), np.array([0.8])
+    place = np.eye(5)[[0, 2]]
+    root = np.random.default_rng(3).standard_normal((5, 5)) * [[20.0], [2.0], [30.0], [3.0], [0.01]]
+    mean, covariance = MEAN, root @ root.T
+    noise = np.array([[100.0, 320.0], [320.0, 1600.0]])
+    measured = place @ mean - sensor.position + [15.0, -25.0]
+    seen = Detections(measured[None], None, noise_std=std, noise_correlation=correlation)
+    np.testing.assert_allclose(sensor.noise_covariance_of(seen), noise[None])
+    np.testing.assert_allclose(PlanePlots.of(measured[None], noise[None]).covariance, noise[None])
+    prior = mean[None], covariance[None]
+    found = kalman.iterated_update(*prior, sensor, measured[None], std, correlation=correlation)
+    total = place @ covariance @ place.T + noise
+    gain = covariance @ place.T @ np.linalg.inv(total)
+    later = kalman.updated(*prior, sensor, found, None)
+    np.testing.assert_allclose(later[0][0], mean + gain @ [15.0, -25.0])
+    np.testing.assert_allclose(later[1][0], covariance - gain @ place @ covariance, atol=1e-9)
+    expected = multivariate_normal.logpdf([15.0, -25.0], cov=total)
+    np.testing.assert_allclose(found.log_likelihood, expected)
+    of_gate = linearised.expected(mean[None, None], covariance[None, None], sensor)
+    report = Report(sensor, seen)
+    *_, gated = linearised.gate_pairs(np.ones((1, 1)), mean[None, None], *of_gate, report, 9.0)
+    np.testing.assert_allclose(gated, [[expected]])
 
 
 def test_sensor_of_positions_updates_targets_without_detections():

@@ -157,6 +157,7 @@ def iterated_update(
     weight: FloatArray | None = None,
     modes: int = 1,
     expected: FloatArray | None = None,
+    correlation: FloatArray | None = None,
 ) -> Innovation:
     """Return the innovations of measurements of Gaussians, by iterated linearisation.
 
@@ -184,6 +185,8 @@ def iterated_update(
         each pair has an innovation for each Gaussian of its group, one after the other.
     expected : array of shape (N, 2) or None
         Expected measurements at the stamp, if they are known.
+    correlation : array of shape (M,) or None
+        Correlation of the errors of both components, for a sensor that is not polar.
 
     Notes
     -----
@@ -203,7 +206,8 @@ def iterated_update(
     if not sensor.polar:
         gaussian, column = of_groups(gaussian, modes), column.repeat(modes)
         gaussian = np.where(weight[gaussian] > 0.0, gaussian, -1)
-        row, each = np.maximum(gaussian, 0), (measurement[column], noise[column])
+        related = None if correlation is None else correlation[column]
+        row, each = np.maximum(gaussian, 0), (measurement[column], noise[column], related)
         times = np.zeros(len(row)) if time_s is None else time_s[column]
         of_pairs = mean[row], covariance[row], sensor, *each, times
         found = Innovation(*linearised.innovations(*of_pairs, iterations, converged))

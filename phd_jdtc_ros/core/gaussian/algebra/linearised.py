@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from ...arrays import FloatArray, IntArray
+from ...sensors.gaussians import noise_covariance
 from ...sensors.report import Report
 from ...sensors.sensor import Sensor
 
@@ -55,7 +56,7 @@ def gate_pairs(
     sensor, size, modes = report.sensor, measured.shape[-1], weight.shape[1]
     reachable = sensor.reachable(measured.reshape(-1, size)).reshape(measured.shape)
     rate = sensor.measurement_rate(mean.reshape(-1, mean.shape[2])).reshape(measured.shape)
-    noise = np.eye(size) * report.detection_std[:, None, :] ** 2
+    noise = sensor.noise_covariance_of(report.detections)
     row, column, near = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, modes))]
     step = max(AT_ONCE // max(modes * len(report), 1), 1)
     for begin in range(0, len(weight), step):
@@ -78,14 +79,16 @@ def innovations(
     sensor: Sensor,
     measurement: FloatArray,
     noise_std: FloatArray,
+    correlation: FloatArray | None,
     time_s: FloatArray,
     iterations: int,
     converged: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the columns of `kalman.Innovation` in the place of measurements of the position.
 
-    The parameters are those of `kalman.iterated_update`, for N pairs. A step has converged if it
-    moves the measurement by less than a share `converged` of its standard deviation.
+    The parameters are those of `kalman.iterated_update`, for N pairs, each with its own noise. A
+    step has converged if it moves the measurement by less than a share `converged` of its standard
+    deviation.
 
     Notes
     -----
@@ -105,13 +108,13 @@ def innovations(
         np.zeros(count),
     )
     position, rows = prior.copy(), np.arange(count)
+    noise = noise_covariance(noise_std, correlation)
     for _ in range(iterations):
         expected_there, jacobian = sensor.linearise(position[rows])
         turned = jacobian.swapaxes(1, 2)
         moved = (jacobian @ (position[rows] - prior[rows])[..., None])[..., 0]
         error = sensor.wrap(measurement[rows] - expected_there) + moved
-        noise = np.eye(error.shape[1]) * noise_std[rows][:, None, :] ** 2
-        total = jacobian @ spread[rows] @ turned + noise
+        total = jacobian @ spread[rows] @ turned + noise[rows]
         weighted[rows] = (turned @ np.linalg.solve(total, error[..., None]))[..., 0]
         inverse[rows] = turned @ np.linalg.solve(total, jacobian)
         log_likelihood[rows] = _normal(error, total)[1]

@@ -86,6 +86,7 @@ def iterated_update(
         weight=mixture.mode_weight.reshape(-1),
         modes=modes,
         expected=expected,
+        correlation=detections.noise_correlation,
     )
     matched = innovation
     if sensor.outliers is not None and sensor.polar:
