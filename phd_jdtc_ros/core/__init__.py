@@ -26,7 +26,8 @@ The path of the data, with the package of each step::
 `models` combines targets, sensors and clutter into the model that both engines share.
 `window` depends on neither particles nor Gaussians, only on rows with the label of their target.
 `engine` is the interface of both engines. `snapshot` stores values as named arrays and checks them
-against bounds that are declared with their fields. `compilation` compiles functions over arrays.
+against bounds that are declared with their fields. `compilation` compiles functions over arrays,
+and `bisection` finds places in ascending ones for them.
 
 The packages import downwards only, see the contracts in ``pyproject.toml``::
 
@@ -42,7 +43,8 @@ The packages import downwards only, see the contracts in ``pyproject.toml``::
     clutter, learned
     association, pair_search, targets
     types
-    compilation, snapshot, state_space
+    bisection, snapshot, state_space
+    compilation
     arrays
 
 Around the core, `configuration` turns parameters into models, `simulation` makes scans with known

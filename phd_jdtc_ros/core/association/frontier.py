@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import FloatArray
+from ..arrays import FloatArray, IntArray
 from ..compilation import Float1, compiled, inner
 from .clusters import Graph
 from .planning import Plan
@@ -80,12 +80,33 @@ def _unmatched(table: FloatArray, later: FloatArray, bit: int) -> float:
 
 
 @inner
+def _largest(table_size: IntArray, steps: tuple[int, int]) -> int:
+    """Return the size of the largest table of some steps."""
+    largest = 0
+    for step in range(*steps):
+        largest = max(largest, table_size[step])
+    return largest
+
+
+@inner
+def _scale(table: FloatArray) -> None:
+    """Divide a table by its largest entry."""
+    largest = 0.0
+    for state in range(len(table)):
+        largest = max(largest, table[state])
+    for state in range(len(table)):
+        table[state] /= largest
+
+
+@inner
 def _forward_tables(
     plan: Plan, steps: tuple[int, int], weight: FloatArray, free: FloatArray
 ) -> FloatArray:
     """Return the forward tables of a cluster, one after the other, each after a step's edges."""
-    sizes = plan.table_size[steps[0] : steps[1]]
-    tables, buffer = np.zeros(sizes.sum()), np.ones(np.max(sizes))
+    entries = 0
+    for step in range(*steps):
+        entries += plan.table_size[step]
+    tables, buffer = np.zeros(entries), np.ones(_largest(plan.table_size, steps))
     table, end = buffer[:1], 0
     for step in range(*steps):
         begin, end = end, end + plan.table_size[step]
@@ -96,7 +117,7 @@ def _forward_tables(
             _add_edge(table, plan.lower_bit[at], plan.upper_bit[at], weight[plan.edge[at]])
         for at in range(plan.node_start[step + 1] - 1, plan.node_start[step] - 1, -1):
             table = _close_node(table, plan.node_bit[at], free[plan.node[at]], buffer)
-        table /= np.max(table)
+        _scale(table)
     return tables
 
 
@@ -111,7 +132,7 @@ def _write_probabilities(
     unmatched: FloatArray,
 ) -> None:
     """Write a cluster's probabilities: products of its forward and backward tables."""
-    buffer, begin = np.ones(np.max(plan.table_size[steps[0] : steps[1]])), len(tables)
+    buffer, begin = np.ones(_largest(plan.table_size, steps)), len(tables)
     later = buffer[:1]
     for step in range(steps[1] - 1, steps[0] - 1, -1):
         begin, end = begin - plan.table_size[step], begin

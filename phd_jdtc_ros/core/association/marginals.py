@@ -56,9 +56,11 @@ def _contested(
             approximate += 1
     rest = np.flatnonzero(left_out[graph.target])
     odds = np.exp(np.minimum(log_odds[rest], CERTAIN))
-    probability[rest], propagated = propagate(
+    found, propagated = propagate(
         targets, size, target[rest], detection[rest], odds, rounds(len(rest))
     )
+    for place in range(len(rest)):
+        probability[rest[place]] = found[place]
     for node in range(len(order)):
         if order[node] < targets:
             none[order[node]] = propagated[order[node]] if left_out[node] else unmatched[node]
@@ -135,5 +137,6 @@ def edge_probabilities(
         )
     for edge in range(count):
         share[edge] *= none[target[edge]] / own[target[edge]]
-    share[some] = found
+    for place in range(contested):
+        share[some[place]] = found[place]
     return share, missed * none / own, approximate

@@ -80,7 +80,10 @@ def plan(graph: Graph, most_work: int) -> Plan:
         last = found + (graph.start[high] - graph.start[low]) // 2
         while found < last:
             table_before[step] = 1 << width
-            chosen = low + np.argmin(score[low:high])
+            chosen = low
+            for candidate in range(low + 1, high):
+                if score[candidate] < score[chosen]:
+                    chosen = candidate
             width = _opened(graph, chosen, score, place, members, width)
             for link in graph.link[graph.start[chosen] : graph.start[chosen + 1]]:
                 near = graph.target[link] + graph.detection[link] - chosen

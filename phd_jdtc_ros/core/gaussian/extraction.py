@@ -47,9 +47,11 @@ def _class_moments(
         if kept[one] >= 0:
             place, whole = kept[one], total_of(of_class[one])
             which[place], mass[place] = one, whole
-            majority[place] = np.argmax(of_class[one])
+            majority[place] = 0
             for class_id in range(classes):
                 own = of_class[one, class_id]
+                if own > of_class[one, majority[place]]:
+                    majority[place] = class_id
                 probability[place, class_id] = own / whole if whole > 0.0 else own
     share = np.zeros((len(row), modes))
     for at in range(len(row)):

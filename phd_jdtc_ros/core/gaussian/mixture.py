@@ -72,7 +72,9 @@ def _extents(
                 axis = axes[i]
                 square = (mean[row, mode, axis] - one[i]) ** 2 + covariance[row, mode, axis, axis]
                 one[len(axes) + i // half] += share[row, mode] * square
-    moments[:, len(axes) :] = np.sqrt(moments[:, len(axes) :])
+    for one in moments:
+        for column in range(len(axes), len(one)):
+            one[column] = np.sqrt(one[column])
     return moments
 
 

@@ -111,7 +111,8 @@ def _predicted(
                     spread[pair, i, k] = spread[pair, k, i] = found
             factorise(spread[pair], factor[at])
             for i in range(SIZE):
-                gain[at, i] = moved.cross[i]
+                for k in range(SIZE):
+                    gain[at, i, k] = moved.cross[i, k]
                 solve(factor[at], gain[at, i])
                 for k in range(i + 1):
                     found = before[i, k] - dot(gain[at, i], moved.cross[k])

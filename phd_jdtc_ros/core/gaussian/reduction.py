@@ -214,7 +214,10 @@ def _split(
     For `row`, `mode` and `stays_with` see `_modes_apart`.
     """
     modes, classes = weight.shape[1:]
-    start = np.searchsorted(child, np.arange(len(weight) + 1))
+    start = np.zeros(len(weight) + 1, np.int64)
+    for one in child:
+        start[one + 1] += 1
+    start = np.cumsum(start)
     edges = 0
     for one in row:
         edges += start[one + 1] - start[one]

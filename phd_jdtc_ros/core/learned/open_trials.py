@@ -16,6 +16,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from ..arrays import BoolArray, FloatArray, IntArray, ReadOnly, contains, contiguous, zeros_field
+from ..bisection import count_below
 from ..compilation import Float1, Int1, compiled
 from ..snapshot import MAX_INDEX, floats, integers
 from .detection_factor import TrialSums
@@ -109,9 +110,8 @@ def _after(
     counts, most = np.zeros((3, cells)), size + targets
     labels, places = np.empty(most, np.int64), np.empty(most, np.int64)
     values = np.empty((3, most))
-    place = np.searchsorted(own_label, label)
     for trial in range(size):
-        one, now = place[trial], 0.0
+        one, now = count_below(own_label, label[trial]), 0.0
         if one < targets and own_label[one] == label[trial]:
             now = own_detected[one]
             counting = now * existence[one] * still[trial]

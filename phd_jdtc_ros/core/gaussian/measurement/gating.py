@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...arrays import FloatArray, IntArray, contiguous
+from ...bisection import count_below, count_up_to
 from ...compilation import Float1, Float2, Float3, Float4, Int1, compiled, inner
 from ...sensors.polar_geometry import MIN_RANGE
 from ...sensors.report import Report
@@ -77,7 +78,9 @@ def _expected(
 def _longer(array: Any, size: int) -> Any:
     """Return a table with room for more rows."""
     longer = np.empty((size, array.shape[1]), array.dtype)
-    longer[: len(array)] = array
+    for row in range(len(array)):
+        for column in range(array.shape[1]):
+            longer[row, column] = array[row, column]
     return longer
 
 
@@ -171,10 +174,10 @@ def _gate_pairs(
             continue
         half = math.pi if anywhere else min(box[3], math.pi)
         low = (box[2] - half) % FULL_TURN
-        begin, near, far = np.searchsorted(azimuth[:size], low), box[0], box[1]
+        begin, near, far = count_below(azimuth[:size], low), box[0], box[1]
         end = begin + size
         if half < math.pi:
-            end = min(end, np.searchsorted(azimuth, low + 2.0 * half, "right"))
+            end = min(end, count_up_to(azimuth, low + 2.0 * half))
         for place in range(begin, end):
             away = distance[place]
             if not near <= away <= far:

@@ -78,8 +78,9 @@ def _evidence(
         one, first = row[pair], pair * modes
         if existence[target[one]] < least_existence:
             continue
-        largest = np.max(log_likelihood[first : first + modes])
-        total = 0.0
+        largest, total = -np.inf, 0.0
+        for mode in range(modes):
+            largest = max(largest, log_likelihood[first + mode])
         for mode in range(modes):
             share[mode] = 0.0
             if log_likelihood[first + mode] > -np.inf:

@@ -31,7 +31,9 @@ def most_probable(
     factor : array of shape (K,)
         Factor on their weights that preserves the existence probability of each target.
     """
-    targets = target.max() + 1 if len(target) else 0
+    targets = 0
+    for one in target:
+        targets = max(targets, one + 1)
     existence, size = np.zeros(targets), np.zeros(targets, np.int64)
     for row in range(len(target)):
         existence[target[row]] += mass[row]
@@ -59,7 +61,7 @@ def most_probable(
     kept, by_row = np.empty(total, np.int64), np.empty(total)
     total = 0
     for one in range(targets):
-        kept[total : total + size[one]] = best[one, : size[one]]
-        by_row[total : total + size[one]] = factor[one]
-        total += size[one]
+        for place in range(size[one]):
+            kept[total], by_row[total] = best[one, place], factor[one]
+            total += 1
     return kept, by_row
