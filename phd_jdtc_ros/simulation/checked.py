@@ -137,12 +137,14 @@ def read_list(
     return tuple(each for each in every if each is not None)
 
 
-def mapping(given: Mapping[str, Any], name: str, faults: list[str]) -> Mapping[str, Any]:
+def mapping(
+    given: Mapping[str, Any], name: str, faults: list[str], prefix: str = ""
+) -> Mapping[str, Any]:
     """Return a mapping, empty if absent; add a fault for any other value."""
     value = given.get(name, {})
     if isinstance(value, Mapping):
         return value
-    faults.append(f"{name}: must be a mapping")
+    faults.append(f"{prefix}{name}: must be a mapping")
     return {}
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, TypeAlias
 
@@ -19,6 +19,7 @@ from phd_jdtc_ros.configuration.schema import (
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
 from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS
+from phd_jdtc_ros.simulation.checked import mapping, mappings, take
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.simulation.transponder import transponders
 
@@ -28,7 +29,28 @@ from .definition import FIGURES, OWN, Case, Goal, Study, Variant, merge_layers
 from .kinds import KINDS, Kind
 
 BUILT_IN_SCENARIO = "paper_scenario"
-LAG = Parameter("lag", 0, "", 0, 100)
+SOURCE = Parameter(
+    "scenario",
+    "",
+    "",
+    form=Form(
+        f"{BUILT_IN_SCENARIO} or a scenario file",
+        lambda given: given if isinstance(given, str) else None,
+    ),
+    required=True,
+)
+LAG = Parameter("lag", 0, "", 0, 100, required=True)
+
+
+def _lags(given: Any) -> tuple[int, ...] | None:
+    lags = [LAG.coerce(entry) for entry in given] if isinstance(given, list) else []
+    several = lags and None not in lags and len(set(lags)) == len(lags)
+    return tuple(sorted(lags)) if several else None
+
+
+LAGS = Parameter(
+    "lags", [], "", form=Form(f"a list, none twice: {LAG.allowed}", _lags), required=True
+)
 BOUND = Parameter("bound", 0.0, "")
 CUTOFF = Parameter("cutoff", 1000.0, "", SMALL)
 ONLY_NAMED = Parameter("only_named", False, "")
@@ -57,57 +79,6 @@ GOAL = ("name", "case", "variant", "lag", "figure", *BOUNDS, "relative_to", "rel
 Scene: TypeAlias = "tuple[Mapping[str, Any], Callable[[tuple[RadarModel, ...]], Scenario]]"
 
 
-class _Block:
-    """A mapping of the document, whose faults are added to a list."""
-
-    def __init__(self, given: Any, prefix: str, known: Iterable[str], faults: list[str]) -> None:
-        self.given = given if isinstance(given, Mapping) else {}
-        self.prefix, self.faults = prefix, faults
-        if given is not self.given:
-            faults.append(f"{prefix[:-1]}: must be a mapping")
-        faults += [f"{prefix}{name}: unknown key" for name in self.given if name not in known]
-
-    def take(self, parameter: Parameter, required: bool = False) -> Any:
-        """Return a checked value; the default if it is wrong, or missing and not required."""
-        value = self.given.get(parameter.name, None if required else parameter.default)
-        found = parameter.coerce(value)
-        if found is not None:
-            return found
-        self.refuse(parameter.name, parameter.allowed)
-        return parameter.default
-
-    def choose(self, key: str, allowed: Iterable[str]) -> str:
-        """Return one of the allowed words, which is required; "" for others."""
-        word = self.take(Parameter(key, "", "", choices=tuple(allowed)), required=True)
-        return str(word)
-
-    def lags(self, default: tuple[int, ...] | None) -> tuple[int, ...] | None:
-        """Return the lags, ascending; the default without any."""
-        if "lags" not in self.given:
-            return default
-        value = self.given["lags"]
-        lags = [LAG.coerce(entry) for entry in value] if isinstance(value, list) else []
-        if lags and None not in lags and len(set(lags)) == len(lags):
-            return tuple(sorted(lags))
-        self.refuse("lags", f"a list, none twice: {LAG.allowed}")
-        return ()
-
-    def parameters(self) -> dict[str, Any]:
-        """Return the parameters of the tracker by dotted name."""
-        given = self.given.get("parameters", {})
-        if not isinstance(given, Mapping):
-            self.faults.append(f"{self.prefix}parameters: must be a mapping")
-            return {}
-        parameters = dict(flatten(given))
-        self.faults += _own_faults(f"{self.prefix}parameters.", parameters)
-        return parameters
-
-    def refuse(self, key: str, allowed: str) -> None:
-        """Add the fault of a value."""
-        value = self.given.get(key)
-        self.faults.append(f"{self.prefix}{key}: {value!r} given, must be {allowed}")
-
-
 def resolve(
     document: Any,
     load_scene: Callable[[str], Scene],
@@ -123,13 +94,9 @@ def resolve(
     """
     if not isinstance(document, Mapping):
         raise ConfigError(["study: must be a mapping"])
-    faults: list[str] = []
-    top = _Block(document, "", ("lags", "cases", "variants", "goals"), faults)
-    faults += _own_faults("-p ", assigned)
-    lags = top.lags(None)
-    if lags is None:
-        top.refuse("lags", f"a list, none twice: {LAG.allowed}")
-    given = _entries(top, "cases")
+    faults = _own_faults("-p ", assigned)
+    lags = take([LAGS], document, "", faults, ("cases", "variants", "goals")).get("lags")
+    given = _entries(document, "cases", faults)
     checked = [_case(name, each, load_scene, assigned, faults) for name, each in given.items()]
     cases = tuple(case for case in checked if case is not None)
     turning = {case.name for case in cases if case.scenario.turning}
@@ -140,12 +107,9 @@ def resolve(
 
     variants = tuple(
         _variant(name, each, suited, shared, lags or (), assigned, kinds, faults)
-        for name, each in _entries(top, "variants").items()
+        for name, each in _entries(document, "variants", faults).items()
     )
-    goals = document.get("goals", [])
-    if not isinstance(goals, list):
-        faults.append("goals: must be a list")
-        goals = []
+    goals = mappings(document, "goals", "", faults)
     names = [variant.name for variant in variants]
     study = Study(
         cases,
@@ -177,19 +141,28 @@ def resolve(
     return replace(study, left_out=left_out)
 
 
-def _entries(top: _Block, key: str) -> dict[str, Mapping[str, Any]]:
-    """Return the named mappings under a key."""
-    value = top.given.get(key)
+def _entries(
+    document: Mapping[str, Any], key: str, faults: list[str]
+) -> dict[str, Mapping[str, Any]]:
+    """Return the named mappings under a key; add faults to `faults`, as all functions here."""
+    value = document.get(key)
     if not isinstance(value, Mapping) or not value:
-        top.faults.append(f"{key}: must be a mapping of at least one name")
+        faults.append(f"{key}: must be a mapping of at least one name")
         return {}
-    found = {}
-    for name, given in value.items():
-        if isinstance(name, str) and isinstance(given, Mapping):
-            found[name] = given
-        else:
-            top.faults.append(f"{key}.{name}: must be a mapping with a string for a name")
-    return found
+    named = {name for name in value if isinstance(name, str) and isinstance(value[name], Mapping)}
+    faults += [
+        f"{key}.{name}: must be a mapping with a string for a name"
+        for name in value
+        if name not in named
+    ]
+    return {name: given for name, given in value.items() if name in named}
+
+
+def _parameters(given: Mapping[str, Any], prefix: str, faults: list[str]) -> dict[str, Any]:
+    """Return the parameters of the tracker by dotted name."""
+    parameters = dict(flatten(mapping(given, "parameters", faults, prefix)))
+    faults += _own_faults(f"{prefix}parameters.", parameters)
+    return parameters
 
 
 def _case(
@@ -199,23 +172,18 @@ def _case(
     assigned: Mapping[str, Any],
     faults: list[str],
 ) -> Case | None:
-    """Return a case, or None after adding its faults to `faults`."""
-    block = _Block(given, f"cases.{name}.", CASE, faults)
-    block.take(ONLY_NAMED)
-    ignored = _Block(given.get("ignored", {}), f"{block.prefix}ignored.", Ignored._fields, faults)
+    """Return a case; None if it has no scenario that can be built."""
+    prefix = f"cases.{name}."
+    optional = [each for each in (CUTOFF, LAGS) if each.name in given]
+    values = take([SOURCE, ONLY_NAMED, SHARE, *optional], given, prefix, faults, CASE)
+    left_out = mapping(given, "ignored", faults, prefix)
+    ignored = Ignored(**take(IGNORED, left_out, f"{prefix}ignored.", faults))
     answers = list[str]()
     replies = transponders(given, answers)
-    faults += [f"{block.prefix}{fault}" for fault in answers]
-    of_case = block.parameters()
-    settings = {
-        "cutoff": block.take(CUTOFF) if "cutoff" in given else None,
-        "ignored": Ignored(*map(ignored.take, IGNORED)),
-        "run_share": block.take(SHARE),
-        "lags": block.lags(None),
-    }
-    source = given.get("scenario")
-    if not isinstance(source, str):
-        block.refuse("scenario", f"{BUILT_IN_SCENARIO} or a scenario file")
+    faults += [f"{prefix}{fault}" for fault in answers]
+    of_case = _parameters(given, prefix, faults)
+    source = values.get("scenario")
+    if source is None:
         return None
     try:
         built_in = source == BUILT_IN_SCENARIO
@@ -228,16 +196,17 @@ def _case(
         highest = max((target.class_id for target in scenario.targets), default=0)
         if highest >= classes:
             raise ConfigError([f"class {highest} of a target, must be below {classes}"])
-        return Case(name, scenario, parameters, classes, **settings)
+        settings = {key: values[key] for key in ("run_share", *(each.name for each in optional))}
+        return Case(name, scenario, parameters, classes, ignored=ignored, **settings)
     except ConfigError as error:
         for fault in error.faults:
             name = fault.split(":")[0]
             faults.append(
                 f"-p {fault}"
                 if name in assigned
-                else f"{block.prefix}parameters.{fault}"
+                else f"{prefix}parameters.{fault}"
                 if name in of_case
-                else f"{block.prefix}scenario: {fault}"
+                else f"{prefix}scenario: {fault}"
             )
         return None
 
@@ -252,36 +221,40 @@ def _variant(
     kinds: Mapping[str, Kind],
     faults: list[str],
 ) -> Variant:
-    """Return a variant; add its faults to `faults`.
+    """Return a variant.
 
     `suited` returns the cases that suit a kind. Its default cases are those of them in `shared`.
     """
-    block = _Block(given, f"variants.{name}.", VARIANT, faults)
+    prefix = f"variants.{name}."
     engines = [kind.name for kind in kinds.values() if kind.is_engine]
-    engine = block.choose("engine", engines) if "engine" in given else ""
-    kind = kinds.get(engine if engine and "kind" not in given else block.choose("kind", kinds))
-    parameters = block.parameters()
+    wanted = [SHARE, *EXTRACTION, *([LAGS] if "lags" in given else [])]
+    if "engine" in given:
+        wanted.append(_word("engine", engines))
+    if "kind" in given or "engine" not in given:
+        wanted.append(_word("kind", kinds))
+    values = take(wanted, given, prefix, faults, VARIANT)
+    engine = values.get("engine")
+    kind = kinds.get(str(values.get("kind", engine)))
+    parameters = _parameters(given, prefix, faults)
     for key, allowed in (
         ("engine", [each.name for each in kinds.values() if each.ours]),
         ("parameters", [each.name for each in kinds.values() if each.tuned]),
         *((key, engines) for key in EXTRACTION_KEYS),
     ):
         if key in given and (kind is None or kind.name not in allowed):
-            faults.append(f"{block.prefix}{key}: only for kind {' or '.join(allowed)}")
+            faults.append(f"{prefix}{key}: only for kind {' or '.join(allowed)}")
     extraction = None
     if kind is not None and kind.is_engine:
         parameters = {"engine": engine or kind.name, **parameters}
         # A wrong engine is found later as a fault of the parameters.
         kind = kinds.get(str({**parameters, **assigned}["engine"]), kind)
-        extraction = ExtractionVariant(name, *map(block.take, EXTRACTION))
+        extraction = ExtractionVariant(name, *(values[key] for key in EXTRACTION_KEYS))
     elif engine:
         parameters = {"engine": engine, **parameters}
     cases = suited(kind)
     chosen = given.get("cases", [case for case in cases if case in shared])
     if not isinstance(chosen, list) or not chosen or not set(map(str, chosen)) <= set(cases):
-        faults.append(
-            f"{block.prefix}cases: {chosen!r} given, must be a list of {', '.join(cases)}"
-        )
+        faults.append(f"{prefix}cases: {chosen!r} given, must be a list of {', '.join(cases)}")
         chosen = []
     return Variant(
         name=name,
@@ -289,35 +262,44 @@ def _variant(
         extraction=extraction,
         parameters=parameters,
         cases=tuple(chosen),
-        lags=block.lags(lags) or (),
-        run_share=block.take(SHARE),
+        lags=values.get("lags", lags) or (),
+        run_share=values["run_share"],
     )
 
 
 def _goal(
-    given: Any, index: int, cases: Iterable[str], variants: Sequence[str], faults: list[str]
+    given: Mapping[str, Any],
+    index: int,
+    cases: Iterable[str],
+    variants: Iterable[str],
+    faults: list[str],
 ) -> Goal:
-    """Return a goal; add its faults to `faults`."""
-    block = _Block(given, f"goals[{index}].", GOAL, faults)
-    bounds = [key for key in BOUNDS if key in block.given]
-    if len(bounds) != 1 or BOUND.coerce(block.given[bounds[0]]) is None:
+    """Return a goal."""
+    prefix = f"goals[{index}]."
+    words = {"case": cases, "variant": variants, "figure": FIGURES}
+    if given.get("relative_to") is not None:
+        words["relative_to"] = variants
+    if "relative_case" in given:
+        words["relative_case"] = cases
+    wanted = [LAG, *(_word(key, allowed) for key, allowed in words.items())]
+    values = take(wanted, given, prefix, faults, GOAL)
+    bounds = [key for key in BOUNDS if key in given]
+    if len(bounds) != 1 or BOUND.coerce(given[bounds[0]]) is None:
         faults.append(
-            f"{block.prefix}at_most: exactly one of at_most and at_least must be given, a number"
+            f"{prefix}at_most: exactly one of at_most and at_least must be given, a number"
         )
-    case = block.choose("case", cases)
-    has_other_case = "relative_case" in block.given
-    relative = block.given.get("relative_to") is not None
+    usual = {"relative_to": None, "relative_case": values.get("case")}
     return Goal(
-        name=str(block.given.get("name", block.prefix)),
-        case=case,
-        variant=block.choose("variant", variants),
-        lag=block.take(LAG, required=True),
-        figure=block.choose("figure", FIGURES),
-        bound=block.given[bounds[0]] if bounds else math.nan,
+        name=str(given.get("name", prefix)),
+        bound=given[bounds[0]] if bounds else math.nan,
         at_most=bounds == ["at_most"],
-        relative_to=block.choose("relative_to", variants) if relative else None,
-        relative_case=block.choose("relative_case", cases) if has_other_case else case,
+        **{**dict.fromkeys(("lag", *words)), **usual, **values},
     )
+
+
+def _word(key: str, allowed: Iterable[str]) -> Parameter:
+    """Return the required parameter that is one of these words."""
+    return Parameter(key, "", "", choices=tuple(allowed), required=True)
 
 
 def _tracker_faults(study: Study) -> Iterator[tuple[str, list[str]]]:
