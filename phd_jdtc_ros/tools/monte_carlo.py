@@ -21,7 +21,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
-from phd_jdtc_ros.study import figures, monte_carlo
+from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo import KINDS, Kind, Outcome, Plan, Scene, Store, Study
 
 from . import command
@@ -97,6 +97,9 @@ def write_results(
     study: Study, plan: Plan, out: Path, failures: Sequence[Outcome], console: Console
 ) -> None:
     """Write the results of the stored scores, and print the tables."""
+    # The drawing library takes 40 MB, which a study that is refused does not need.
+    from phd_jdtc_ros.study import figures
+
     store = Store(out / "parts")
     results = monte_carlo.collect(plan.tasks, store)
     ordered = sorted(failures, key=lambda outcome: outcome.task.label)

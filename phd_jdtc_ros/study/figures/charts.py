@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, PercentFormatter
-from scipy import stats
+from scipy import special
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.report import style
@@ -156,7 +156,7 @@ def band(runs: FloatArray) -> tuple[FloatArray, FloatArray]:
     square = np.where(known, (runs - mean) ** 2, 0.0).sum(axis=0)
     several = np.maximum(count, 2)
     error = np.sqrt(square / (several - 1) / several)
-    width = stats.t.ppf(0.5 + 0.5 * CONFIDENCE, several - 1) * error
+    width = special.stdtrit(several - 1, 0.5 + 0.5 * CONFIDENCE) * error
     return mean, np.where(count > 1, width, 0.0)
 
 

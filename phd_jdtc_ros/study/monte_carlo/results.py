@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from phd_jdtc_ros.configuration import build as tracker_config
 from phd_jdtc_ros.core.arrays import FloatArray
@@ -115,8 +115,8 @@ class Mean(NamedTuple):
 
 @cache
 def _quantile(degrees: int) -> float:
-    """Return the 97.5 % quantile of Student's t, cached because it is expensive."""
-    return float(stats.t.ppf(0.975, degrees))
+    """Return the 97.5 % quantile of Student's t."""
+    return float(special.stdtrit(degrees, 0.975))
 
 
 def collect(tasks: Iterable[Task], store: Store) -> list[Result]:
