@@ -88,9 +88,7 @@ def test_reader_reads_files_without_chunks_by_topic(file, messages, tmp_path):
 
 
 @pytest.mark.parametrize("run_size", [1, 1000, salvage.RUN_SIZE])
-def test_reader_without_chunks_yields_in_order_of_log_time(
-    messages, tmp_path, monkeypatch, run_size
-):
+def test_reader_without_chunks_yields_by_log_time(messages, tmp_path, monkeypatch, run_size):
     monkeypatch.setattr(salvage, "RUN_SIZE", run_size)
     shuffled = made()
     random.Random(3).shuffle(shuffled)
@@ -221,9 +219,7 @@ def test_reader_without_a_summary_leaves_out_a_channel_it_cannot_read(file, mess
     assert BagReader(path).types.keys() == {message.topic for message in found} | {MARKERS}
 
 
-def test_reader_without_a_summary_reads_behind_a_definition_of_a_false_length(
-    file, messages, tmp_path
-):
+def test_reader_without_a_summary_reads_behind_a_false_length(file, messages, tmp_path):
     data = file.read_bytes()[: places(file)[-1][0]]
     last = data.index(MARKERS.encode()) - 4 - 2 - 2 - 9  # the channel's record
     assert data[last] == Opcode.CHANNEL

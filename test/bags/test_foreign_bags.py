@@ -103,9 +103,7 @@ def foreign(file, encoding, schema=("sensor_msgs/PointCloud2", "ros1msg"), data=
         ("cdr", None, "of cdr encoding without a type; no command converts it"),
     ],
 )
-def test_a_topic_of_another_encoding_is_named_and_not_called_missing(
-    tmp_path, encoding, schema, said
-):
+def test_a_topic_of_another_encoding_is_named_as_such(tmp_path, encoding, schema, said):
     reader = BagReader(foreign(tmp_path / "foreign.mcap", encoding, schema))
 
     with pytest.raises(BagError) as required:

@@ -23,9 +23,7 @@ def radar_of(**given):
         ("auto outliers", 300.0, True, True),
     ],
 )
-def test_standard_deviation_is_a_number_or_is_learned_and_may_have_outliers(
-    value, std, learned, outliers
-):
+def test_deviation_is_a_number_or_learned_and_may_have_outliers(value, std, learned, outliers):
     radar = radar_of(range_std=value)
     assert radar.range_std == std
     assert (radar.noise_factor is not None) == learned

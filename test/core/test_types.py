@@ -68,9 +68,7 @@ def test_particle_masses_sum_over_modes_and_parts():
         ([1.0, 0.0], [1, 1], 1.0),
     ],
 )
-def test_particle_phd_effective_sample_size_is_never_above_the_particles(
-    weight, multiplicity, expected
-):
+def test_particle_phd_effective_size_is_never_above_the_particles(weight, multiplicity, expected):
     phd = intensity(np.zeros((len(weight), 5)), weight, multiplicity=np.array(multiplicity))
     assert phd.effective_sample_size == pytest.approx(expected)
     assert phd.effective_sample_size <= len(phd)

@@ -221,9 +221,7 @@ def test_log_level_and_enclave_reach_the_tracker(printed):
     ("ends_with", "respawn", "starts"),
     [(2, "True", 1), (1, "True", 2), (1, "false", 1)],
 )
-def test_a_tracker_that_is_finally_dead_ends_the_launch_with_status_1(
-    printed, ends_with, respawn, starts
-):
+def test_a_tracker_that_stays_dead_ends_the_launch_with_1(printed, ends_with, respawn, starts):
     """Respawn is bounded, and of no use after status 2."""
     found = printed(
         ["phd_jdtc_ros"],

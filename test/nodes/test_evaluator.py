@@ -81,9 +81,7 @@ def test_evaluator_ends_by_itself_after_the_wanted_scans(processes, peer):
     assert evaluator.returncode == 0
 
 
-def test_evaluator_ends_by_itself_where_estimates_have_stamps_of_their_own(
-    processes, peer, tmp_path
-):
+def test_evaluator_ends_by_itself_where_estimates_have_own_stamps(processes, peer, tmp_path):
     """As of radars that turn: there may be more of them than of the truth's, and smoothed later."""
     words = options(exit_after_scans=3)
     evaluator, source, _ = reporting(processes, peer, tmp_path, *words)
@@ -129,9 +127,7 @@ def test_evaluator_reports_a_report_that_cannot_be_written_at_the_end(processes,
     assert "Traceback" not in text
 
 
-def test_evaluator_never_writes_nothing_over_the_figures_of_an_earlier_run(
-    processes, peer, tmp_path
-):
+def test_evaluator_never_writes_nothing_over_figures_of_before(processes, peer, tmp_path):
     report = tmp_path / "metrics.json"
     report.write_text("good")
     evaluator = processes.start("evaluator", "--ros-args", *options(report=report))

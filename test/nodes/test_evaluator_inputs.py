@@ -112,9 +112,7 @@ def test_reason_why_nothing_is_scored(received, reason):
 
 
 @pytest.mark.parametrize("wanted", [True, False])
-def test_evaluator_warns_that_no_stamp_fits_and_fails_only_if_a_report_is_wanted(
-    processes, peer, tmp_path, wanted
-):
+def test_evaluator_warns_that_no_stamp_fits_and_may_fail(processes, peer, tmp_path, wanted):
     words = options(report=tmp_path / "metrics.json") if wanted else ()
     evaluator = processes.start("evaluator", "--ros-args", *words)
     source = Source(peer)

@@ -145,9 +145,7 @@ def joined_offline(said, directory):
 
 
 @pytest.mark.live
-def test_live_picture_keeps_the_numbers_at_the_seam_and_is_that_of_the_offline_tool(
-    processes, peer, tmp_path
-):
+def test_live_picture_keeps_numbers_and_is_that_of_the_offline_tool(processes, peer, tmp_path):
     stack = Stack(processes, peer, tmp_path)
     for scan in range(SCANS):
         stack.track(scan)

@@ -41,9 +41,7 @@ def test_replay_waits_for_its_subscribers(processes, peer):
     assert peer.spin_until(lambda: process.poll() is not None and late.scans == 80)
 
 
-def test_replay_in_lock_step_keeps_it_from_one_turn_of_a_loop_to_the_next(
-    processes, peer, listener
-):
+def test_replay_in_lock_step_keeps_it_from_turn_to_turn_of_a_loop(processes, peer, listener):
     topic = names.estimates("filtered", "/west/tracker")
     answer = replies(peer, topic)
     remapped = ("-r", f"{ESTIMATES}:={topic}")

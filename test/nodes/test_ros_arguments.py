@@ -116,9 +116,7 @@ def test_file_of_another_name_is_not_for_a_renamed_tracker(processes, tmp_path):
 
 
 @pytest.mark.parametrize("section", ["/**", "/*/tracker", "/s1/tracker", "s1/tracker"])
-def test_file_with_a_section_for_the_tracker_is_named_at_activation(
-    processes, peer, tmp_path, section
-):
+def test_file_with_a_section_for_the_tracker_is_named(processes, peer, tmp_path, section):
     path = tmp_path / "site.yaml"
     path.write_text(
         f"{section}:\n  ros__parameters:\n    sensors: [north]\n"

@@ -31,9 +31,7 @@ def holders(peer, topic=CLAIMS):
     return found
 
 
-def test_second_tracker_of_the_same_name_ends_and_leaves_the_checkpoint_alone(
-    processes, peer, tmp_path
-):
+def test_second_tracker_of_a_name_ends_and_leaves_the_checkpoint(processes, peer, tmp_path):
     path = tmp_path / "tracker.ckpt"
     own = options(**{"checkpoint.path": path})
     first = started(processes, peer, *own)

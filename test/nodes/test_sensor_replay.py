@@ -105,9 +105,7 @@ def test_replay_pauses_steps_seeks_and_resumes(processes, peer, listener):
     assert listener.scans == held
 
 
-def test_replay_plays_the_chosen_part_again_and_again_and_refuses_to_seek_outside(
-    processes, peer, listener
-):
+def test_replay_loops_the_chosen_part_and_refuses_to_seek_outside(processes, peer, listener):
     processes.start(
         "sensor_replay", *playing(1000, "--start-paused", "--loop", start=12, duration=12)
     )
@@ -195,9 +193,7 @@ def test_replay_fails_where_the_flush_service_is_missing_or_refuses(processes, p
     assert "service /busy/flush refused: not now" in process.log.read_text()
 
 
-def test_replay_plays_what_is_whole_of_a_damaged_bag_and_reports_it(
-    processes, peer, listener, tmp_path
-):
+def test_replay_plays_what_is_whole_of_a_damaged_bag(processes, peer, listener, tmp_path):
     whole = next(BAG.glob("*.mcap")).read_bytes()
     broken = tmp_path / "broken.mcap"
     broken.write_bytes(whole[: len(whole) // 2])

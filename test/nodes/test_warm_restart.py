@@ -52,9 +52,7 @@ def test_killed_tracker_goes_on_as_if_it_had_never_stopped(processes, peer, tmp_
     assert not path.exists()  # a run that has ended has nothing to go on from
 
 
-def test_stopped_tracker_leaves_a_checkpoint_that_others_refuse_with_a_reason(
-    processes, peer, tmp_path
-):
+def test_stopped_tracker_leaves_a_checkpoint_that_others_refuse(processes, peer, tmp_path):
     path = tmp_path / "tracker.ckpt"
     process, group, first = tracked(peer, processes, 0, 2, *storing(path, 0))
     assert not path.exists()

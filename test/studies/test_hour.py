@@ -74,9 +74,7 @@ def test_errors_are_distances_and_far_tracks_are_missed_and_false(hour, reader, 
     assert found.false_a_turn == pytest.approx(np.mean([len(points) for points in far]))
 
 
-def test_changed_numbers_are_switches_in_sight_and_renumbered_after_a_gap(
-    hour, reader, true_tracks
-):
+def test_changed_numbers_are_switches_or_renumbered_after_a_gap(hour, reader, true_tracks):
     middle = len(true_tracks) // 2
     (end_s,) = hour.ends_s[[middle]].tolist()
     seen = [n for n in true_tracks[middle].track_id if hour.passes(int(n) - 100, end_s) > 50]

@@ -106,9 +106,7 @@ WRONG_FILES = {
 
 
 @pytest.mark.parametrize("case", WRONG_FILES)
-def test_files_that_cannot_be_written_are_refused_before_tracking(
-    tmp_path, monkeypatch, capsys, case
-):
+def test_files_that_cannot_be_written_are_refused_first(tmp_path, monkeypatch, capsys, case):
     monkeypatch.chdir(tmp_path)
     Path("there").write_text("kept")
     Path("x").mkdir()

@@ -140,9 +140,7 @@ def test_bags_that_do_not_part_one_area_are_refused(both, tmp_path, capsys, chan
         (3, -0.5, "the covariance of track 3 has a negative eigenvalue"),
     ],
 )
-def test_estimates_that_cannot_be_joined_are_refused(
-    both, tmp_path, capsys, number, variance, words
-):
+def test_estimates_that_do_not_join_are_refused(both, tmp_path, capsys, number, variance, words):
     found = tracks(1004, 0, [(number, 30e3, 0.0)])
     covariance = found.covariance.copy()
     covariance[:, 0, 0] = variance

@@ -123,7 +123,7 @@ def test_register_overwrites_nothing(bag, tmp_path, capsys):
     ],
     ids=lambda value: str(value)[:40],
 )
-def test_register_reports_what_is_wrong_and_what_is_allowed(
+def test_register_reports_what_is_wrong_and_allowed(
     bag, changed, changes, arguments, reason, capsys
 ):
     try:

@@ -104,9 +104,7 @@ def test_report_without_plotly_writes_the_pictures_and_names_what_to_install(tra
     assert not (tmp_path / "report.html").exists()
 
 
-def test_report_takes_another_cutoff_and_the_configured_names_of_the_classes(
-    tracked, tmp_path, capsys
-):
+def test_report_takes_another_cutoff_and_names_of_the_classes(tracked, tmp_path, capsys):
     names = ("ship", "buoy")
     options = [f"classes:=[{', '.join(names)}]", *(f"{n}.snr_band_db:=[10.0, 50.0]" for n in names)]
     given = [word for option in options for word in ("-p", option)]

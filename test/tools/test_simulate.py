@@ -48,9 +48,7 @@ def test_simulate_prints_what_it_wrote(simulate, capsys):
 
 
 @pytest.mark.parametrize("scenario", [None, ROOT / "config" / "scenarios" / "paper_scenario.yaml"])
-def test_simulate_without_a_scenario_or_of_the_shipped_one_writes_the_shipped_bag(
-    simulate, same_files, scenario
-):
+def test_simulate_writes_the_shipped_bag_of_its_scenario_or_none(simulate, same_files, scenario):
     status, out = simulate(out="paper_scenario", scenario=scenario)
     assert status == 0
     assert same_files(out, SHIPPED)
@@ -90,7 +88,7 @@ parameters:
 
 
 @pytest.mark.parametrize("message", ["point_cloud", "radar_scan"])
-def test_simulate_writes_in_the_layout_of_the_radar_so_that_the_tracker_reads_it_right(
+def test_simulate_writes_the_layout_that_is_read(
     simulate, scenario_file, tmp_path, capsys, message
 ):
     plain, own = tmp_path / "plain.yaml", tmp_path / "own.yaml"

@@ -42,7 +42,7 @@ def test_track_bag_logs_everything_at_its_stamp_wherever_it_was_logged(short_bag
         assert entry.log_time_ns == stamps.of_cdr(entry.data)
 
 
-def test_track_bag_writes_the_same_bytes_every_time_and_prints_the_scores(
+def test_track_bag_writes_the_same_bytes_and_prints_scores(
     short_bag, track, tracked, same_files, capsys
 ):
     status, again = track(short_bag, out="again/out")
@@ -68,9 +68,7 @@ def test_track_bag_obeys_parameter_files(short_bag, track, tmp_path):
     assert [e.lag for e in recorded(out, "smoothed")] == [0] * 8
 
 
-def test_track_bag_takes_the_file_of_a_live_tracker(
-    short_bag, track, tracked, tmp_path, same_files
-):
+def test_track_bag_takes_a_live_trackers_file(short_bag, track, tracked, tmp_path, same_files):
     text = """
 /north/tracker:
   ros__parameters:
@@ -166,9 +164,7 @@ def twice(entry):
     ],
     ids=["frame", "field", "size", "points", "bytes", "duplicates"],
 )
-def test_track_bag_tracks_on_without_bad_scans_and_points(
-    short_bag, track, tmp_path, capsys, change, dropped
-):
+def test_track_bag_tracks_on_without_bad_parts(short_bag, track, tmp_path, capsys, change, dropped):
     rewrite(short_bag, tmp_path / "bad", change=change)
     status, out = track(tmp_path / "bad")
     printed = capsys.readouterr()
@@ -178,9 +174,7 @@ def test_track_bag_tracks_on_without_bad_scans_and_points(
     assert status == 0
 
 
-def test_track_bag_fails_where_less_than_half_of_the_detections_could_be_used(
-    short_bag, track, faults
-):
+def test_track_bag_fails_where_less_than_half_of_the_detections_is_used(short_bag, track, faults):
     near = [
         word
         for radar in ("radar_1", "radar_2")
@@ -200,9 +194,7 @@ def test_track_bag_warns_of_a_missing_amplitude_once_a_radar(short_bag, track, f
     assert said == f"{RADARS[1]}: no field 'snr'; classification does not use its amplitudes"
 
 
-def test_track_bag_warns_of_azimuths_in_degrees_with_the_likely_cause(
-    short_bag, simulate, track, faults
-):
+def test_track_bag_warns_of_azimuths_probably_in_degrees(short_bag, simulate, track, faults):
     _, bag = simulate("-p", "radar_1.azimuth_unit:=deg", out="degrees")
     # A foreign recording, without parameters of its radars.
     (bag / "parameters.yaml").unlink()

@@ -135,9 +135,7 @@ def test_track_bag_of_a_bag_damaged_in_the_middle_tracks_what_precedes(
     ],
     ids=["nothing", "text", "zeros", "20 bytes", "1000 bytes", "all but the end"],
 )
-def test_track_bag_of_a_corrupt_bag_ends_with_one_line_and_status_3(
-    short_bag, track, tmp_path, faults, content
-):
+def test_track_bag_of_a_corrupt_bag_ends_with_status_3(short_bag, track, tmp_path, faults, content):
     bag = tmp_path / "bad.mcap"
     bag.write_bytes(content((short_bag / "short_0.mcap").read_bytes()))
     status, out = track(bag)

@@ -18,9 +18,7 @@ def one_radar(tmp_path_factory):
     return first(8, BAGS / "one_radar", tmp_path_factory.mktemp("first") / "one_radar")
 
 
-def test_track_bag_takes_the_parameters_beside_the_bag(
-    one_radar, track, tmp_path, same_files, capsys
-):
+def test_track_bag_takes_parameters_beside_the_bag(one_radar, track, tmp_path, same_files, capsys):
     scenario = ROOT / "config" / "scenarios" / "one_radar.yaml"
     _, alone = track(one_radar, out="a/one")
     _, told = track(one_radar, "--scenario", scenario, out="b/one")

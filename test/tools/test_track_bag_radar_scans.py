@@ -38,9 +38,7 @@ def scan_bag(short_bag, tmp_path):
     return write(tmp_path / "scans", [*topics, Topic(names.TRUTH, names.CLOUD)], entries)
 
 
-def test_track_bag_reads_and_copies_radar_scans_where_radar_msgs_is_not_installed(
-    scan_bag, tracked, track
-):
+def test_track_bag_reads_and_copies_radar_scans_without_radar_msgs(scan_bag, tracked, track):
     given = (word for item in AS_SCANS.items() for word in ("-p", ":=".join(item)))
     status, out = track(scan_bag, *given)
     assert status == 0

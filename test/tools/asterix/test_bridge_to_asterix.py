@@ -125,9 +125,7 @@ def test_plots_that_are_too_far_for_asterix_are_left_out(tmp_path, capsys):
     assert value(record, "I040", "RHO") * 1852.0 == pytest.approx(400e3, abs=8.0)
 
 
-def test_estimates_of_a_bag_become_tracks_that_another_decoder_reads(
-    with_estimates, tmp_path, capsys
-):
+def test_estimates_become_tracks_that_another_decoder_reads(with_estimates, tmp_path, capsys):
     out = tmp_path / "tracks.ast"
     capsys.readouterr()
     given = ["-p", "world_origin:=[52.0, 4.5, 0.0]", "-p", "output_source:=[25, 1, 1]"]

@@ -81,9 +81,7 @@ def test_cutoff_is_that_of_the_bag_unless_it_is_given(given, words, cutoff):
         ),
     ],
 )
-def test_demo_writes_into_a_folder_of_its_profile_bag_and_engine(
-    monkeypatch, tmp_path, words, folder
-):
+def test_demo_writes_into_a_folder_of_profile_bag_and_engine(monkeypatch, tmp_path, words, folder):
     seen = []
 
     def run_nodes(bag, config, out, logs, cutoff):
@@ -107,9 +105,7 @@ def test_demo_writes_into_a_folder_of_its_profile_bag_and_engine(
         (("--profile", "automotive"), 0.0),
     ],
 )
-def test_targets_that_a_profile_takes_for_clutter_are_not_scored(
-    given, tmp_path, words, least_speed
-):
+def test_targets_taken_for_clutter_are_not_scored(given, tmp_path, words, least_speed):
     config, cutoff = given(*words)
 
     scored = processes.reporting(bag("coastal"), config, tmp_path, cutoff)["least_speed"]

@@ -44,9 +44,7 @@ def born(config, detections, mass=None):
     ("velocity_std", "std", "ambiguity"),
     [(12.0, 0.5, 24.0), (12.0, 30.0, 25.0), (0.05, 0.3, 0.25), (0.4, 0.5, 0.6)],
 )
-def test_newborns_are_shared_among_the_probable_folds_of_their_range_rates(
-    velocity_std, std, ambiguity
-):
+def test_newborns_are_shared_among_probable_folds_of_range_rates(velocity_std, std, ambiguity):
     config = rated(velocity_std, ambiguity, ambiguity / 8.0)
     rate = ambiguity * np.array([0.3, -0.1, 0.45])
     seen = Detections(PLACES, None, range_rate=rate, range_rate_std=[std] * 3)

@@ -22,9 +22,7 @@ from phd_jdtc_ros.core.gaussian.mixture import Mixture
         (0.5, 0.1, [0.45, 0.2], [0]),
     ],
 )
-def test_likely_pairs_are_those_of_a_share_of_all_that_may_be(
-    existence, missed, odds, kept, monkeypatch
-):
+def test_likely_pairs_are_of_a_share_of_all_that_may_be(existence, missed, odds, kept, monkeypatch):
     monkeypatch.setattr(pairs, "LEAST_SHARE", 0.3)
     mixture = mixture_of(Dynamics(lone({}).model), [(existence, MEAN, STD)])
     row, column, none = np.zeros(2, dtype=int), np.arange(2), np.zeros(2)
