@@ -164,7 +164,7 @@ def contains(ascending: IntArray, value: IntArray) -> BoolArray:
 def matches(ascending: IntArray, value: IntArray) -> tuple[IntArray, IntArray]:
     """Return the rows of values that are among the ascending ones, and their places there."""
     place = ascending.searchsorted(value)
-    inside = np.flatnonzero(place < len(ascending))
+    inside = (place < len(ascending)).nonzero()[0]
     row = inside[ascending[place[inside]] == value[inside]]
     return row, place[row]
 

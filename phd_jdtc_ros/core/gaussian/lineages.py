@@ -39,25 +39,29 @@ class _Table:
     """Columns of equal length that grow at the end."""
 
     def __init__(self) -> None:
-        self.size = 0
-        self.columns: list[Any] = []
+        self.size = self._room = 0
         self._columns: list[Any] = []  # With room for more rows
+
+    @property
+    def columns(self) -> list[Any]:
+        """The columns' rows so far."""
+        return [column[: self.size] for column in self._columns]
 
     def append(self, *columns: Any) -> None:
         """Append rows."""
         begin, self.size = self.size, self.size + len(columns[0])
-        if not self._columns or self.size > len(self._columns[0]):
-            roomy = [np.empty((2 * self.size, *own.shape[1:]), own.dtype) for own in columns]
+        if not self._columns or self.size > self._room:
+            self._room = 2 * self.size
+            roomy = [np.empty((self._room, *own.shape[1:]), own.dtype) for own in columns]
             for before, own in zip(self._columns, roomy, strict=False):
                 own[:begin] = before[:begin]
             self._columns = roomy
         for own, new in zip(self._columns, columns, strict=True):
             own[begin : self.size] = new
-        self.columns = [column[: self.size] for column in self._columns]
 
     def clear(self) -> None:
         """Drop all rows."""
-        self.size, self.columns = 0, [column[:0] for column in self._columns]
+        self.size = 0
 
 
 class _Place(NamedTuple):

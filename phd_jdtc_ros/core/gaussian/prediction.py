@@ -154,17 +154,18 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
         *(change, noise, transition),
     )
     diffused = [_diffused(part.mixture.snr, one) for part, one in zip(earlier, snr, strict=True)]
-    snr_later = diffused[0] if len(diffused) == 1 else np.concatenate(diffused)
     of_row = change.take(source, axis=0), survival.take(source, axis=0)
-    return (
-        Mixture(before.row_label, weight, mean, covariance, snr_later),
-        Moves(dynamics.pairs, *of_row, *of_pairs),
+    moved = before.changed(
+        weight=weight, mean=mean, covariance=covariance, snr=np.concatenate(diffused)
     )
+    return moved, Moves(dynamics.pairs, *of_row, *of_pairs)
 
 
 def _diffused(snr: FloatArray, transition: FloatArray | None) -> FloatArray:
     """Return the later probabilities of the cells of SNR, (H, C, S); see `Intervals.snr`."""
-    return snr if transition is None else (snr.swapaxes(0, 1) @ transition).swapaxes(0, 1)
+    if transition is None:
+        return snr
+    return np.ascontiguousarray((snr.swapaxes(0, 1) @ transition).swapaxes(0, 1))
 
 
 def births(births: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: int) -> Mixture:

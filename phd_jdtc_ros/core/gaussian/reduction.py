@@ -283,7 +283,9 @@ def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ance
         weight, child, parent, share = _split(row, mode, stays_with, weight, child, parent, share)
         row_label, snr = row_label.take(row), snr.take(row, axis=0)
         mean, covariance = mean.take(row, axis=0), covariance.take(row, axis=0)
-    reduced = Mixture(row_label, weight, mean, covariance, snr)
+    reduced = mixture.changed(
+        row_label=row_label, weight=weight, mean=mean, covariance=covariance, snr=snr
+    )
     return reduced, Ancestry(child, parent, share), floored
 
 

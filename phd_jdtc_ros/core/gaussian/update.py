@@ -118,16 +118,12 @@ class PriorMixture:
             detectable = detectable * self._measured_in(sector)
         return detectable if self._unseen is None else detectable * self._unseen
 
-    @property
+    @cached_property
     def _probability(self) -> DetectionProbability:
         """Probability that each Gaussian is detected, given whether the last look detected it."""
-        return self._usual if self.report.informative_prediction is None else self._predicted
-
-    @cached_property
-    def _predicted(self) -> DetectionProbability:
-        """Probability that each Gaussian is detected, as the last look predicts it."""
-        prediction = self.report.informative_prediction
-        return self._detected(None if prediction is None else prediction.of(self.mixture.row_label))
+        if (prediction := self.report.informative_prediction) is None:
+            return self._usual
+        return self._detected(prediction.of(self.mixture.row_label))
 
     @cached_property
     def _usual(self) -> DetectionProbability:
@@ -256,5 +252,12 @@ class PriorMixture:
         own = self._probability
         columns = mixture.snr, mixture.weight, self.detectable, own.cell, own.mean
         snr = snr_after(*columns, amplitudes.relative, source, pair, association.claims.column)
-        row_label, parent = mixture.row_label.take(source), self.parent.take(source)
-        return Branched(Mixture(row_label, association.weight, *gaussians, snr), parent)
+        mean, covariance = gaussians
+        branched = mixture.changed(
+            row_label=mixture.row_label.take(source),
+            weight=association.weight,
+            mean=mean,
+            covariance=covariance,
+            snr=snr,
+        )
+        return Branched(branched, self.parent.take(source))

@@ -40,8 +40,8 @@ class CompetingSources:
         """
         if not model.detection_births.enabled:
             return None
-        total = np.where(self.total > 0.0, self.total, 1.0)
-        unknown = (1.0 - claimed) * self.intensity[1:] / total
+        total = self.total
+        unknown = (1.0 - claimed) * self.intensity[1:] / np.where(total > 0.0, total, 1.0)
         return detection_birth.newborn_of(report, unknown.T, model.detection_births)
 
 

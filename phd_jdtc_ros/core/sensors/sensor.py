@@ -270,7 +270,7 @@ class Sensor(ReadOnly, ABC):
             log_density = amplitude_density.log_target_density
             density = np.stack([log_density(amplitude, band) for band in bands])
         found = self.log_detected(log_p_d, density, detections.measurement)
-        return np.broadcast_to(found, (len(classes), len(detections)))
+        return np.zeros((len(classes), len(detections))) + found  # one row for each class
 
     def log_detected(
         self, log_p_d: FloatArray, log_density: FloatArray | None, measurement: FloatArray
