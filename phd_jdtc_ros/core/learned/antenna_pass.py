@@ -54,9 +54,8 @@ class AntennaPass(NamedTuple):
         """
         after = sector.start - self.start - self.width
         before = self.start - sector.start - sector.width
-        follows, precedes = (
-            abs(math.remainder(gap, FULL_TURN)) <= MAX_GAP for gap in (after, before)
-        )
+        follows = abs(math.remainder(after, FULL_TURN)) <= MAX_GAP
+        precedes = abs(math.remainder(before, FULL_TURN)) <= MAX_GAP
         recent = 0 < stamp_ns - self.stamp_ns < SAME_PASS * turn_ns
         if not recent or follows == precedes:
             return None

@@ -125,7 +125,7 @@ class DetectionFactor(ReadOnly):
 
     def after(self, sums: TrialSums) -> DetectionFactor:
         """Return the factor after further trials."""
-        trials, expected, detected = (float(column.sum()) for column in sums)
+        trials, expected, detected = np.array(sums).sum(axis=1).tolist()
         kept, fading = np.exp(-sums.expected / MEMORY), math.exp(-expected / MEMORY)
         return self.changed(
             expected=kept * self.expected + sums.expected,

@@ -60,10 +60,10 @@ class NoiseFactor(ReadOnly):
     def _posterior(self) -> tuple[FloatArray, FloatArray]:
         """Mean and variance of the log of each ratio of variances, shapes (Z,)."""
         shown = (PRIOR_WEIGHT + self.ratio) / (PRIOR_WEIGHT + self.weight)
-        log_ratio = np.log(np.clip(shown, LEAST**2, MOST**2))
+        log_ratio = np.log(np.minimum(np.maximum(shown, LEAST**2), MOST**2))
         return PRIOR.posterior(log_ratio, 0.5 * self.weight)
 
-    @cached_property
+    @property
     def variance(self) -> FloatArray:
         """Factor of each variance, shape (Z,)."""
         factor: FloatArray = np.exp(self._posterior[0])

@@ -75,13 +75,13 @@ class DetectionBirthModel(ReadOnly):
         place = sensor.to_world(report.detections.measurement)
         since = self._unseen_s(report, place, modes, dt, looks)
         appeared = self.rate[:, None] * since / modes.interval_s
-        left = missed_by([newborn.report for newborn in earlier], place, modes)
+        likelihood = report.log_class_likelihood(modes.classes)
         # The intensity is zero for classes without births, and where an earlier radar has p_D = 1.
         with np.errstate(divide="ignore"):
-            log_rate = np.log(appeared / sensor.field_size)
-            log_left = np.log(left)
-        likelihood = report.log_class_likelihood(modes.classes)
-        intensity: FloatArray = log_rate + likelihood + log_left
+            intensity: FloatArray = np.log(appeared / sensor.field_size) + likelihood
+            if earlier:
+                left = missed_by([newborn.report for newborn in earlier], place, modes)
+                intensity = intensity + np.log(left)
         if (measured := report.range_rates) is not None:
             toward = sensor.line_of_sight(place)
             intensity = intensity + self.log_range_rate(toward, measured, sensor)

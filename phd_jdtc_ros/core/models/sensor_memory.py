@@ -84,8 +84,8 @@ class SensorMemory:
         """Return a configured sensor with its learned values."""
         own, cached = self._of(sensor), self._cache.get(sensor.name)
         # A scan begins with the values learned by the one before, whose sensor is used again.
-        if cached is not None and all(map(is_, cached, (sensor, own))):
-            return cached[-1]
+        if cached is not None and cached[0] is sensor and cached[1] is own:
+            return cached[2]
         learned = own.applied_to(sensor)
         self._cache[sensor.name] = sensor, own, learned
         return learned
