@@ -8,11 +8,7 @@ from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Chunk, ChunkIndex
 from mcap.writer import Writer
-from small_bags import (
-    RADAR,
-    outcome,
-    printed,
-)
+from small_bags import RADAR, outcome, printed
 
 from msg_adapters import interfaces, names
 from phd_jdtc_ros.bags.reader import BagReader

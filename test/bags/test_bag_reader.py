@@ -3,18 +3,7 @@ import random
 import pytest
 from mcap.writer import CompressionType
 from samples import STAMP_NS, truth
-from small_bags import (
-    MARKERS,
-    POSES,
-    RADAR,
-    SECOND,
-    TOPICS,
-    chunked,
-    made,
-    read_all,
-    types,
-    write,
-)
+from small_bags import MARKERS, POSES, RADAR, SECOND, TOPICS, chunked, made, read_all, types, write
 
 from msg_adapters import interfaces, names
 from msg_adapters import truth as truth_adapter

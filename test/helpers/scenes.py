@@ -55,13 +55,7 @@ def plain(given=None):
 
 
 def intensity(
-    state,
-    weight,
-    mode=None,
-    row_label=None,
-    components=None,
-    multiplicity=None,
-    label=None,
+    state, weight, mode=None, row_label=None, components=None, multiplicity=None, label=None
 ):
     """Return a particle intensity; `weight` is the part that no detection explains."""
     count = len(state)

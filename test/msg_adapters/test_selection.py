@@ -12,12 +12,7 @@ from phd_jdtc_ros.configuration.radar_parameters import TIME_UNITS
 from phd_jdtc_ros.core.intake.sectors import coverage_of
 from phd_jdtc_ros.core.types import Detections
 
-F4, F8, U1, I4 = (
-    PointField.FLOAT32,
-    PointField.FLOAT64,
-    PointField.UINT8,
-    PointField.INT32,
-)
+F4, F8, U1, I4 = (PointField.FLOAT32, PointField.FLOAT64, PointField.UINT8, PointField.INT32)
 INF, NAN = np.inf, np.nan
 
 

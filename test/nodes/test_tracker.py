@@ -7,15 +7,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray
-from live_radars import (
-    SCANS,
-    TOPICS,
-    Radars,
-    cloud,
-    connected,
-    options,
-    start_tracker,
-)
+from live_radars import SCANS, TOPICS, Radars, cloud, connected, options, start_tracker
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker, MarkerArray

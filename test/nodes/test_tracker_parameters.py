@@ -3,12 +3,7 @@
 import pytest
 from live_radars import change, connected, start_tracker, state_of
 from rcl_interfaces.msg import Parameter as ParameterMessage
-from rcl_interfaces.srv import (
-    DescribeParameters,
-    GetParameters,
-    ListParameters,
-    SetParameters,
-)
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.parameter import Parameter
 
 LOCKED = "lag: cannot change while the tracker is configured, clean it up before"

@@ -123,11 +123,7 @@ def test_views_fit_the_running_nodes(live):
         offered = live.publishers(topic)
         assert offered, f"nobody publishes {topic}"
         for info in offered:
-            kind = {
-                "PointCloud2": names.CLOUD,
-                "MarkerArray": names.MARKERS,
-                "Map": names.GRID,
-            }
+            kind = {"PointCloud2": names.CLOUD, "MarkerArray": names.MARKERS, "Map": names.GRID}
             assert info.topic_type == kind[display["Class"].split("/")[1]], topic
             fits, reason = qos_check_compatible(info.qos_profile, rviz_qos(display))
             assert fits == QoSCompatibility.OK, f"{topic}: {reason}"

@@ -4,15 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from records import (
-    SCANS,
-    estimates_of,
-    record_of,
-    shrunk,
-    stamp_ns,
-    truth_of,
-    without_amplitudes,
-)
+from records import SCANS, estimates_of, record_of, shrunk, stamp_ns, truth_of, without_amplitudes
 from unfolded import columns_of, rows_of
 
 from msg_adapters.palette import class_colour

@@ -66,12 +66,12 @@ def test_metrics_hold_what_the_file_promises(evaluation):
     assert set(found) == {
         "filtered", "smoothed", "reduction", "class_accuracy", "p", "c", "scans", "step_ms",
         "truth_scans", "long_gap_s", "ospa2_window", "identity_switches", "class_names",
-        "consistency", "false_per_scan", "least_speed", "slow_targets",
+        "consistency", "false_per_scan", "least_speed", "slow_targets"
     }  # fmt: skip
     promised = {
         "ospa", "localization", "cardinality", "cardinality_abs_error",
         "gospa", "gospa_localization", "missed", "false", "position_rms", "position_detection",
-        "longest_gap_s", "long_gap_share", "long_gap_misses",
+        "longest_gap_s", "long_gap_share", "long_gap_misses"
     }  # fmt: skip
     of_sets = [metric.key for metric in SET_METRICS]
     assert promised <= {*of_sets}

@@ -67,7 +67,7 @@ def test_simulate_writes_the_same_bytes_for_the_same_seed_alone(simulate, same_f
 def test_simulate_takes_radars_from_the_parameters(simulate):
     _, out = simulate(
         "-p", "sensors:=[front]", "-p", "front.topic:=/front/plots", "-p", "front.frame:=mast",
-        "-p", "world_frame:=odom",
+        "-p", "world_frame:=odom"
     )  # fmt: skip
     assert BagReader(out).counts == {"/front/plots": 8, names.TRUTH: 8}
     assert {cloud.header.frame_id for cloud in messages(out, "/front/plots")} == {"mast"}
@@ -116,7 +116,7 @@ def test_simulate_of_nothing_writes_empty_scans(simulate, tmp_path):
     (tmp_path / "empty.yaml").write_text("scans: 3\n")
     status, out = simulate(
         "-p", "radar_1.clutter_rate:=0", "-p", "radar_2.clutter_rate:=0",
-        scenario=tmp_path / "empty.yaml",
+        scenario=tmp_path / "empty.yaml"
     )  # fmt: skip
     assert status == 0
     for topic in [*RADARS, names.TRUTH]:

@@ -68,7 +68,7 @@ def test_track_bag_of_another_type_names_topic_and_type(track, tmp_path, faults,
 
 def test_track_bag_lists_every_fault_of_the_parameters(short_bag, track, faults):
     status, out = track(
-        short_bag, "-p", "lag:=101", "-p", "engine:=best", "-p", "radar_3.yaw_deg:=0.0",
+        short_bag, "-p", "lag:=101", "-p", "engine:=best", "-p", "radar_3.yaw_deg:=0.0"
     )  # fmt: skip
     assert status == 2
     listed = faults()

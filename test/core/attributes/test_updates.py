@@ -12,12 +12,7 @@ from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, UNKNOWN, Detections, Sca
 
 NS = 10**9
 START_NS = 1_700_000_000 * NS
-TOWER = {
-    **tower.PARAMETERS,
-    "lag": 1,
-    "tower.fields.code": "code",
-    "tower.fields.time": "time",
-}
+TOWER = {**tower.PARAMETERS, "lag": 1, "tower.fields.code": "code", "tower.fields.time": "time"}
 
 
 def detections(**columns):

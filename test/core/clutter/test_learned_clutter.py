@@ -189,11 +189,7 @@ def test_another_threshold_keeps_what_has_been_learned(engine):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_the_sectors_of_a_turn_teach_the_radars_law_and_map(engine):
-    given = {
-        "radar.clutter_amplitude": "learned",
-        "radar.clutter_map": True,
-        "amplitude": "band",
-    }
+    given = {"radar.clutter_amplitude": "learned", "radar.clutter_map": True, "amplitude": "band"}
     config = configuration({**given, "engine": engine})
     tracker = new_engine(config)
     rng = np.random.default_rng(4)

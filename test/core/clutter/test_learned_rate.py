@@ -142,11 +142,7 @@ def test_a_run_that_is_reset_learns_its_rate_again(engine):
 
 
 FORGERIES = {
-    "another radar": (
-        "mast.count",
-        1.0,
-        "clutter_rate: mast given, must be a sensor: ",
-    ),
+    "another radar": ("mast.count", 1.0, "clutter_rate: mast given, must be a sensor: "),
     "whole": ("radar_1.count", 3, "clutter_rate.radar_1.count: int64 given, expected floats"),
     "shape": ("radar_1.count", [3.0], "clutter_rate.radar_1.count: shape"),
     "nan": ("radar_1.count", np.nan, "clutter_rate.radar_1.count: nan given"),

@@ -4,17 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from antennas import (
-    NONE,
-    START_NS,
-    S,
-    TurningRadar,
-    covered,
-    degrees_off,
-    emptied,
-    fed,
-    turns_of,
-)
+from antennas import NONE, START_NS, S, TurningRadar, covered, degrees_off, emptied, fed, turns_of
 
 from phd_jdtc_ros.core.intake.sectors import coverage_of
 from phd_jdtc_ros.core.intake.slices import SLICES

@@ -20,10 +20,7 @@ DETECTION, CORRELATION, SURVIVAL = 0.75, 0.8, 0.97
 NONE = np.zeros((0, 2))
 
 
-RADAR = {
-    "target.survival_probability": SURVIVAL,
-    "radar.clutter_max_range": 5e4,
-}
+RADAR = {"target.survival_probability": SURVIVAL, "radar.clutter_max_range": 5e4}
 
 
 def detectability(probability, correlation):

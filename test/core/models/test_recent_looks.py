@@ -23,10 +23,7 @@ DETECTED = 0.7
 
 def config_of(engine="gaussian", accuracy="normal", **given):
     radars = {f"radar_1.{name}": value for name, value in given.items()}
-    probability = {
-        "radar_1.detection_probability": DETECTED,
-        "radar_2.detection_probability": 0.6,
-    }
+    probability = {"radar_1.detection_probability": DETECTED, "radar_2.detection_probability": 0.6}
     given = {"engine": engine, "accuracy": accuracy, "amplitude": "none", **BORN}
     return small({**given, **probability, **radars})
 

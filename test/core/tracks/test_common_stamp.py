@@ -6,12 +6,7 @@ import pytest
 from scenes import small
 
 from phd_jdtc_ros.core.targets.motion import CoordinatedTurn
-from phd_jdtc_ros.core.tracks.common_stamp import (
-    Schedule,
-    at_stamp,
-    interpolate,
-    predict,
-)
+from phd_jdtc_ros.core.tracks.common_stamp import Schedule, at_stamp, interpolate, predict
 from phd_jdtc_ros.core.types import Estimates
 
 MODES = small().model.modes

@@ -13,15 +13,7 @@ from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.tracks.confirmation import TrackStates, missed_by_all
 from phd_jdtc_ros.core.tracks.confirmation_records import ConfirmationRecords
 from phd_jdtc_ros.core.tracks.reporting_rule import rule_of
-from phd_jdtc_ros.core.types import (
-    COASTING,
-    CONFIRMED,
-    TENTATIVE,
-    Coverage,
-    Detections,
-    Pose,
-    Scan,
-)
+from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, Coverage, Detections, Pose, Scan
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 

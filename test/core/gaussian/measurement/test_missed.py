@@ -10,11 +10,7 @@ from phd_jdtc_ros.core.gaussian.measurement.gating import Expected
 from phd_jdtc_ros.core.gaussian.measurement.missed import after_miss
 
 CONFIG = lone(
-    {
-        "radar.detection_probability": 0.9,
-        "radar.max_range": 20e3,
-        "radar.clutter_max_range": 20e3,
-    }
+    {"radar.detection_probability": 0.9, "radar.max_range": 20e3, "radar.clutter_max_range": 20e3}
 )
 (RADAR,) = CONFIG.model.radars
 DYNAMICS = Dynamics(CONFIG.model)
