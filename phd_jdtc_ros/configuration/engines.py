@@ -10,7 +10,7 @@ import importlib
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from phd_jdtc_ros.core.engine import Engine
+from phd_jdtc_ros.core.engine import Engine, OnFiltered, give_to_nobody
 from phd_jdtc_ros.core.intake.input_checks import ResultWatch
 from phd_jdtc_ros.core.intake.out_of_sequence import OutOfSequence
 from phd_jdtc_ros.core.intake.turn_history import TurnHistory
@@ -78,9 +78,11 @@ ENGINES: dict[str, Callable[[TrackerConfig], Engine]] = {
 
 
 def new_pipeline(
-    config: TrackerConfig, begin: Callable[[Engine, int], None] = start_cold
+    config: TrackerConfig,
+    begin: Callable[[Engine, int], None] = start_cold,
+    on_filtered: OnFiltered = give_to_nobody,
 ) -> Pipeline:
-    """Return a pipeline with a new engine; see `Pipeline` for `begin`."""
+    """Return a pipeline with a new engine; see `Pipeline` for `begin` and `on_filtered`."""
     engine, turns, platforms = new_engine(config), config.turns(), config.platforms()
     histories = {}
     if config.late_reports == "rework" and not any(platforms):
@@ -97,4 +99,5 @@ def new_pipeline(
         histories=histories,
         region=config.region or Everywhere(),
         tuned=(config.model, config.rule),
+        on_filtered=on_filtered,
     )

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 from .arrays import FloatArray
 from .models.clutter_raster import ClutterRaster
@@ -12,6 +12,13 @@ from .models.tracker_model import TrackerModel
 from .snapshot import Snapshot
 from .tracks.reporting_rule import ReportingRule
 from .types import Estimates, Scan
+
+# Receives filtered estimates that are due, as soon as they are known.
+OnFiltered: TypeAlias = "Callable[[tuple[Estimates, ...]], None]"
+
+
+def give_to_nobody(_: tuple[Estimates, ...]) -> None:
+    """Ignore filtered estimates until the step is complete."""
 
 
 @dataclass(frozen=True)
@@ -60,10 +67,11 @@ class Reprocessed:
 class Engine(Protocol):
     """A filter with a smoother."""
 
-    def step(self, scan: Scan) -> Step:
+    def step(self, scan: Scan, on_filtered: OnFiltered = give_to_nobody) -> Step:
         """Predict to the scan, update with it, and smooth.
 
-        Raise `ValueError` if the stamp is not later than the previous one.
+        `on_filtered` gets the filtered estimates of the step, before the smoothing. Raise
+        `ValueError` if the stamp is not later than the previous one.
         """
 
     def flush(self) -> tuple[Estimates, ...]:

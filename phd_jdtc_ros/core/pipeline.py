@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
-from .engine import Engine, Step
+from .engine import Engine, OnFiltered, Step, give_to_nobody
 from .intake.input_checks import ReportWatch, ResultWatch
 from .intake.out_of_sequence import OutOfSequence
 from .intake.posed_reports import PosedReports
@@ -69,7 +69,8 @@ class Pipeline:
     order of the radars; the platform of a fixed radar is None. `out_of_sequence` steps the same
     engine. `histories` are, by index, those of the turning radars whose out-of-sequence reports are
     recut; they share their `turns`. `tuned` are the engine's model and rule, which the pipeline
-    adapts to the estimated antenna rotation.
+    adapts to the estimated antenna rotation. `on_filtered` gets the filtered estimates of each
+    step before the smoothing, which takes as long again; the step's event has them too.
     """
 
     def __init__(
@@ -86,6 +87,7 @@ class Pipeline:
         histories: Mapping[int, TurnHistory],
         region: Region | Everywhere,
         tuned: tuple[TrackerModel, ReportingRule],
+        on_filtered: OnFiltered = give_to_nobody,
     ) -> None:
         self.engine = engine
         self._turns, self._watches, self._results = turns, watches, results
@@ -93,7 +95,7 @@ class Pipeline:
         self._region, self._tuned = region, tuned
         self._posed = PosedReports(platforms)
         self._drops: list[Counter[str]] = [Counter() for _ in turns]
-        self._begin = begin
+        self._begin, self._on_filtered = begin, on_filtered
         self._begun = False
 
     @property
@@ -298,12 +300,16 @@ class Pipeline:
             if not self._begun:
                 self._begin(self.engine, event.stamp_ns)
                 self._begun = True
-            step = self._restrict_to_region(self._out_of_sequence.step(event))
+            step = self._restrict_to_region(self._out_of_sequence.step(event, self._hand_over))
             since_ns = self._out_of_sequence.since_ns()
             for history in self._histories.values():
                 history.forget_before(event.stamp_ns if since_ns is None else since_ns)
             due = self._results.stepped(event, step)
             yield Stepped(event, step, self._results.scans if due else 0)
+
+    def _hand_over(self, filtered: tuple[Estimates, ...]) -> None:
+        """Give filtered estimates within the region to `on_filtered`."""
+        self._on_filtered(self._region.select_estimates(filtered))
 
     def _restrict_to_region(self, step: Step) -> Step:
         """Return a step with only the estimates within the region."""

@@ -10,7 +10,7 @@ from msg_adapters.errors import RejectedMessageError
 from msg_adapters.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.engines import new_pipeline
-from phd_jdtc_ros.core.engine import Engine
+from phd_jdtc_ros.core.engine import Engine, OnFiltered, give_to_nobody
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, start_cold
@@ -59,7 +59,8 @@ class Feed:
     """A tracker's pipeline with its input.
 
     Its methods return iterators of events, as the pipeline's do: every one must be exhausted
-    before the next call. See `Pipeline` for `begin`.
+    before the next call. See `Pipeline` for `begin` and
+    `on_filtered`.
     """
 
     def __init__(
@@ -68,8 +69,9 @@ class Feed:
         notices: Notices,
         monitors: Sequence[Monitor] = (),
         begin: Callable[[Engine, int], None] = start_cold,
+        on_filtered: OnFiltered = give_to_nobody,
     ) -> None:
-        self.pipeline = new_pipeline(config, begin)
+        self.pipeline = new_pipeline(config, begin, on_filtered)
         self._radars, self._carried = len(config.inputs), config.carried
         self._notices, self._monitors = notices, monitors
 

@@ -5,7 +5,7 @@ from antennas import TurningRadar
 from runs import stepped
 from scenes import short_scenario, small
 
-from phd_jdtc_ros.configuration.engines import new_engine, new_pipeline
+from phd_jdtc_ros.configuration.engines import ENGINES, new_engine, new_pipeline
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.intake.slices import SLICES
 from phd_jdtc_ros.core.pipeline import RunEnded, Stepped
@@ -38,6 +38,29 @@ def test_add_steps_the_engine_through_complete_scans():
         np.testing.assert_array_equal(
             event.step.filtered[0].state, engine.step(scan).filtered[0].state
         )
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_filtered_estimates_are_given_before_the_smoothing(engine, monkeypatch):
+    order = []
+    pipeline = new_pipeline(small({"lag": 2, "engine": engine}), on_filtered=order.extend)
+    smoothed_at = pipeline.engine._smoothed_at
+
+    def spied(stamp_ns, *arguments):
+        order.append(stamp_ns)
+        return smoothed_at(stamp_ns, *arguments)
+
+    monkeypatch.setattr(pipeline.engine, "_smoothed_at", spied)
+    events = fed(pipeline, SCANS[:4])
+    filtered = [found for event in events for found in event.step.filtered]
+    assert [each if isinstance(each, int) else each.stamp_ns for each in order] == [
+        *(scan.stamp_ns for scan in SCANS[:3]),
+        *(SCANS[0].stamp_ns, SCANS[3].stamp_ns, SCANS[1].stamp_ns),
+    ]
+    given = [each for each in order if not isinstance(each, int)]
+    for one, other in zip(given, filtered, strict=True):
+        np.testing.assert_array_equal(one.state, other.state)
+        np.testing.assert_array_equal(one.track_id, other.track_id)
 
 
 def test_add_refuses_a_report_that_came_before_even_if_cut():

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from ..engine import Engine, EngineState, Step
+from ..engine import Engine, EngineState, OnFiltered, Step, give_to_nobody
 from ..types import Detections, Estimates, Scan
 from .slices import Slice
 
@@ -52,16 +52,17 @@ class OutOfSequence:
         self._changed: dict[int, dict[int, Detections | None]] = {}
         self._saved = 0.0
 
-    def step(self, scan: Scan) -> Step:
+    def step(self, scan: Scan, on_filtered: OnFiltered = give_to_nobody) -> Step:
         """Reprocess waiting reports, then step the engine; return the estimates of both, in order.
 
-        Without reprocessing, only step the engine.
+        Without reprocessing, only step the engine. See `Engine.step` for `on_filtered`.
         """
         if not self._reprocesses:
-            return self._engine.step(scan)
+            return self._engine.step(scan, on_filtered)
         filtered, smoothed = self._reprocess()
+        on_filtered(filtered)
         before = self._engine.save_state()
-        step = self._engine.step(scan)
+        step = self._engine.step(scan, on_filtered)
         self._pending.append(_PendingScan(before, scan))
         self._trim(step.smoothed)
         self._saved = min(self._saved + EARNED, MAX_SAVED * (len(self._pending) + 1))

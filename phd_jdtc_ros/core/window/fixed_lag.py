@@ -10,7 +10,7 @@ from typing import ClassVar, Generic
 import numpy as np
 
 from ..arrays import contains
-from ..engine import EngineState, Lag, Reprocessed, Step
+from ..engine import EngineState, Lag, OnFiltered, Reprocessed, Step, give_to_nobody
 from ..models.clutter_raster import ClutterRaster, raster
 from ..models.tracker_model import TrackerModel
 from ..snapshot import (
@@ -104,7 +104,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         self._window, self._filtered, self._stamps = [], {}, []
         self._given_ns = -1, -1
 
-    def step(self, scan: Scan) -> Step:
+    def step(self, scan: Scan, on_filtered: OnFiltered = give_to_nobody) -> Step:
         """Filter one scan and smooth the stamps whose lag is reached; see `Engine.step`."""
         modes = self.forward.model.modes
         filtered = []
@@ -123,6 +123,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         self._stamps = [*self._stamps, *[estimates.stamp_ns for estimates in filtered]]
         if filtered:
             self._given_ns = filtered[-1].stamp_ns, self._given_ns[1]
+            on_filtered(tuple(filtered))
         entries, smoothed = len(self._window), []
         while self.lag.reached(self._stamps):
             smoothed.append(self._smooth_oldest())

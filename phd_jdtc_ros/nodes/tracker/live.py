@@ -22,7 +22,7 @@ from phd_jdtc_ros.configuration.tracker_node import Settings
 from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
-from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
 from phd_jdtc_ros.feed.feed import Feed, Monitor
 from phd_jdtc_ros.feed.step_clock import StepClock
 
@@ -69,7 +69,7 @@ class LiveTracker:
             monitors: list[Monitor] = [self._innovations]
             if self._registration is not None:
                 monitors.append(self._registration)
-            self._feed = Feed(config, self.inputs, monitors, self._begin)
+            self._feed = Feed(config, self.inputs, monitors, self._begin, self._publish_filtered)
             self._pipeline = self._feed.pipeline
         except Exception:
             self.destroy()
@@ -224,13 +224,16 @@ class LiveTracker:
             scans += isinstance(event, Stepped)
         return scans
 
+    def _publish_filtered(self, filtered: tuple[Estimates, ...]) -> None:
+        """Publish filtered estimates at once: they do not wait for the smoothing of the scan."""
+        for estimates in filtered:
+            self._outputs.publish(FILTERED, estimates.stamp_ns, estimates)
+
     def _publish(self, event: Event) -> None:
         if isinstance(event, RunEnded):
             self._end_run(event)
             return
         step = event.step
-        for filtered in step.filtered:
-            self._outputs.publish(FILTERED, filtered.stamp_ns, filtered)
         for smoothed in step.smoothed:
             self._outputs.publish(SMOOTHED, smoothed.stamp_ns, smoothed)
         stamp_ns = event.scan.stamp_ns

@@ -29,7 +29,8 @@ class Run:
     """A pipeline and what came out of it, by stamp."""
 
     def __init__(self, config):
-        self.pipeline = new_pipeline(config)
+        self.given = []  # handed over before the smoothing
+        self.pipeline = new_pipeline(config, on_filtered=self.given.extend)
         self.filtered, self.smoothed, self.stepped, self.refused = [], [], [], []
         self.radars = len(config.inputs)
 
@@ -53,6 +54,8 @@ class Run:
 
     def finished(self):
         self.take(self.pipeline.flush())
+        assert len(self.given) == len(self.filtered)
+        assert all(map(same, self.given, self.filtered))
         return self
 
     @property
@@ -175,7 +178,9 @@ def test_every_late_report_in_a_row_costs_no_more_than_is_earned(monkeypatch):
     run = Run(config("gaussian"))
     steps = []
     step = run.pipeline.engine.step
-    monkeypatch.setattr(run.pipeline.engine, "step", lambda scan: steps.append(scan) or step(scan))
+    monkeypatch.setattr(
+        run.pipeline.engine, "step", lambda scan, *rest: steps.append(scan) or step(scan, *rest)
+    )
     order = sorted(REPORTS, key=lambda report: report[1] + report[0] * 13_000_000_000)
     run.feed(order)
     assert len(steps) <= (1.0 + EARNED) * len(run.stepped)
