@@ -29,12 +29,9 @@ def test_manifest_setup_and_citation_are_of_the_same_package():
     assert re.search(rf"^{re.escape(released)}", changes, re.MULTILINE)
 
 
-def test_file_of_defaults_has_all_of_them():
+def test_shipped_defaults_and_reference_scenario_are_the_built_in_ones():
     written = from_arguments.load(ROOT / "config" / "defaults.yaml")
     assert written == resolve({}).values
-
-
-def test_reference_scenario_file_is_the_built_in_one():
     radars = resolve({}).model.radars
     document = yaml_files.load(ROOT / "config" / "scenarios" / "paper_scenario.yaml")
     assert scenario_file.resolve(document, radars) == paper_scenario(radars)

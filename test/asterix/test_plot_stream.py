@@ -94,16 +94,13 @@ def test_radars_on_one_stream_have_sectors_of_their_own():
         assert sum(len(report.plots) for report in own) == count
 
 
-def test_radars_that_are_not_named_are_left_out_or_named_by_their_number():
+def test_unnamed_radars_are_left_out_or_numbered_and_bounded():
     data = [*made.turns(1, sac=25, sic=13)]
     stream = PlotStream({0x101: RadarSettings("a")})
     assert fed(stream, data) == []
     assert stream.counts == {"unknown_radar": 33}
     stream = PlotStream({})
     assert {name for name, _ in fed(stream, data)} == {"radar_25_13"}
-
-
-def test_number_of_unnamed_radars_is_bounded():
     stream = PlotStream({})
     for number in range(MAX_RADARS + 20):
         stream.feed(made.north(5.0, sac=number // 256, sic=number % 256))

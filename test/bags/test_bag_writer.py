@@ -130,11 +130,16 @@ def test_writer_refuses_what_exists_and_leaves_it_alone(tmp_path, kind):
     assert path.read_text() == "mine" if kind == "file" else not list(path.iterdir())
 
 
-def test_writer_explains_why_it_cannot_make_the_directory(tmp_path):
+def test_writer_refuses_impossible_directories_and_messages_when_closed(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(BagError, match="cannot be written: Not a directory") as caught:
         BagWriter(tmp_path / "file" / "bag")
     assert not caught.value.corrupt
+    bag = BagWriter(tmp_path / "bag")
+    bag.add_topic(TOPICS[0])
+    bag.close()
+    with pytest.raises(BagError, match=r"cannot be written: closed$"):
+        bag.write(RADAR, b"", STAMP_NS)
 
 
 def test_writer_finishes_the_bag_when_its_block_fails(tmp_path):
@@ -169,14 +174,6 @@ def test_writer_turns_a_full_disk_into_one_error_that_later_writes_repeat(tmp_pa
     assert reason != first
     again = f"{tmp_path / 'bag'}: cannot be written: closed after an error: {reason}"
     assert set(others) == {again}
-
-
-def test_writer_refuses_messages_when_it_is_closed(tmp_path):
-    bag = BagWriter(tmp_path / "bag")
-    bag.add_topic(TOPICS[0])
-    bag.close()
-    with pytest.raises(BagError, match=r"cannot be written: closed$"):
-        bag.write(RADAR, b"", STAMP_NS)
 
 
 @pytest.mark.parametrize("topics", [TOPICS, ()], ids=["topics", "nothing"])

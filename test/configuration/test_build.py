@@ -25,12 +25,16 @@ def test_resolve_keeps_values_and_what_it_was_given():
     assert given == {"lag": 2, "start_1.position": [1, 2]}
 
 
-def test_resolve_names_the_inputs():
+def test_resolve_names_the_inputs_and_the_topic_of_one_platform():
     first, second = build.resolve({"radar_2.topic": "/x", "radar_2.frame": "y"}).inputs
     assert (first.topic, first.frame) == ("/radar_1/detections", "radar_1")
     assert (second.topic, second.frame) == ("/x", "y")
     assert not first.compass
     assert not first.amplitude_in_db
+    config = build.resolve({"radar_1.pose": "/ship", "radar_2.pose": "/ship"})
+    assert config.carried == {"/ship": [0, 1]}
+    assert all(config.platforms())
+    assert build.resolve({}).platforms() == (None, None)
 
 
 def test_resolve_lists_every_fault_at_once_with_name_value_and_what_is_allowed():
@@ -269,13 +273,6 @@ def test_answers_of_turning_radars_are_older_than_their_reports(given, expected)
 def test_resolve_lists_what_a_radars_pose_may_be(given, expected):
     (fault,) = faults_of(given)
     assert fault.startswith(expected)
-
-
-def test_radars_on_one_platform_share_its_topic():
-    config = build.resolve({"radar_1.pose": "/ship", "radar_2.pose": "/ship"})
-    assert config.carried == {"/ship": [0, 1]}
-    assert all(config.platforms())
-    assert build.resolve({}).platforms() == (None, None)
 
 
 @pytest.mark.parametrize("group", ["classes", "motions", "births", "sensors"])

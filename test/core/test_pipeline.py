@@ -155,14 +155,11 @@ def turned(pipeline, reports, radar=0):
     ]
 
 
-def test_a_turn_is_stepped_in_slices():
+def test_turns_are_stepped_in_slices_again_behind_a_jump_back():
     pipeline = new_pipeline(small(AT_ONCE))
     stamps = turned(pipeline, TURNING.reports(3))
     assert len(stamps) == 3 * SLICES
     np.testing.assert_allclose(np.diff(stamps), 4.0 / SLICES, atol=0.05)
-
-
-def test_slices_of_a_run_behind_a_jump_back_are_those_of_the_first():
     pipeline = new_pipeline(small(AT_ONCE))
     reports = TURNING.reports(5)
     assert turned(pipeline, reports) == turned(pipeline, reports)
@@ -217,15 +214,12 @@ def test_anomalies_are_taken_once():
     assert not pipeline.take_anomalies(0)
 
 
-def test_sectors_step_the_engine_with_what_they_cover():
+def test_sectors_step_the_engine_and_gaps_are_of_turns():
     pipeline = new_pipeline(
         small({**AT_ONCE, "radar_1.sectors": 16, "radar_1.fields.sector": "sector"})
     )
     reports = TurningRadar(sectors=16, timed=False, cut=0.0).reports(1)
     assert turned(pipeline, reports) == [sent.stamp_ns * 1e-9 for sent in reports]
-
-
-def test_a_gap_of_turns_is_none_where_the_interval_is_that_of_sectors():
     config = small({**AT_ONCE, "interval_s": 0.25, "radar_1.sectors": 16})
     assert config.max_gap_s == 15 * 4.0
     assert config.reset_threshold_s == 3 * 4.0

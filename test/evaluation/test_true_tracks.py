@@ -113,16 +113,13 @@ def test_estimates_between_two_samples_are_scored_at_their_own_stamps(truth_firs
     assert summary[FILTERED]["all"]["position_detection"] == 1.0
 
 
-def test_an_estimate_waits_until_the_truth_on_both_sides_is_known():
+def test_estimates_wait_for_the_truth_and_have_stamps_of_their_own():
     evaluation = Evaluation(1, 1000.0, 2.0)
     evaluation.add_truth(0, sample(0.0, CURVED))
     assert evaluation.add_estimates(FILTERED, SECOND // 2, sample(0.5, CURVED)) == []
     (score,) = evaluation.add_truth(SECOND, sample(1.0, CURVED))
     assert score.stamp_ns == SECOND // 2
     assert evaluation.add_truth(2 * SECOND, sample(2.0, CURVED)) == []
-
-
-def test_estimates_with_stamps_of_their_own_are_not_counted_by_those_of_the_truth():
     evaluation, _ = evaluated([0.4, 7.9], True)
     assert evaluation.summary()["truth_scans"] is None
     rare, _ = evaluated([3.0, 7.0, 11.0], True)

@@ -88,7 +88,7 @@ def test_trackers_with_long_periods_wait_for_each_other(period):
         assert add(gathering, (stamp + 2) % 3, stamp) == {stamp: [0, 1, 2]}
 
 
-def test_one_that_is_always_too_late_stays_silent():
+def test_trackers_far_ahead_or_always_late_do_not_stop_others():
     gathering = Gathering(2, 5.0)
     add(gathering, 0, 0)
     for stamp in range(4, 40, 4):
@@ -96,9 +96,6 @@ def test_one_that_is_always_too_late_stays_silent():
         add(gathering, 1, stamp - 8)
         if stamp >= 12:
             assert gathering.silent == {1}
-
-
-def test_a_stamp_that_is_far_ahead_does_not_stop_the_others():
     gathering = Gathering(2, 5.0)
     add(gathering, 0, 0)
     add(gathering, 1, 0)

@@ -193,13 +193,18 @@ def test_publishers_that_alternate_are_an_error_whatever_the_graph_shows():
     assert status(health, 114.0).level == STALE
 
 
-def test_restarted_publisher_is_never_an_error():
+def test_second_publishers_are_errors_once_they_outlive_a_killed_one():
     health = radar(1.0)
     for k in range(40):
         health.arrived(101.0 + k, 1 + k, 0.0)
         found = status(health, 101.0 + k, TWO if k < 20 else ALONE)
         assert found.level == (WARN if k < 20 else OK)
     assert health.gaps == 0
+    health = radar(1.0)
+    for after_s, level in ((0.0, WARN), (LEASE_S - 1.0, WARN), (LEASE_S + 1.0, ERROR)):
+        health.arrived(100.0 + after_s, None, 0.0)
+        assert status(health, 100.0 + after_s, TWO).level == level
+    assert status(health, 100.0 + LEASE_S + 1.0).level == OK
 
 
 @pytest.mark.parametrize("restart_s", [5.0, 19.0])
@@ -209,14 +214,6 @@ def test_publisher_that_is_restarted_again_and_again_is_no_error(restart_s):
         # A killed one stays in the graph for 20 s.
         listed = {second // restart_s - k for k in range(5) if k * restart_s < 20.0}
         assert status(health, float(second), Publishers(frozenset(listed))).level == STALE
-
-
-def test_silent_second_publisher_is_an_error_once_it_outlives_a_killed_one():
-    health = radar(1.0)
-    for after_s, level in ((0.0, WARN), (LEASE_S - 1.0, WARN), (LEASE_S + 1.0, ERROR)):
-        health.arrived(100.0 + after_s, None, 0.0)
-        assert status(health, 100.0 + after_s, TWO).level == level
-    assert status(health, 100.0 + LEASE_S + 1.0).level == OK
 
 
 @pytest.mark.parametrize(

@@ -37,13 +37,16 @@ def assert_same(one, other):
             np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
 
 
-def test_record_holds_the_truth_and_both_estimates(bag):
+def test_record_holds_truth_estimates_and_radar_positions(bag):
     run = load.record(bag, CONFIG)
     assert_same(run.truth, [truth.from_msg(cloud) for cloud in messages(bag, names.TRUTH)])
     assert_same(run.filtered, [estimates.from_msg(cloud) for cloud in messages(bag, FILTERED)])
     assert_same(run.smoothed, [estimates.from_msg(cloud) for cloud in messages(bag, SMOOTHED)])
     assert run.classes == 2
     assert run.step_ms.shape == (0,)
+    expected = [(model.name, model.position) for model in CONFIG.model.radars]
+    sites = load.record(bag, CONFIG).radars
+    assert [(site.name, site.position) for site in sites] == expected
 
 
 def test_record_places_the_detections_in_the_world(bag):
@@ -121,12 +124,6 @@ def test_record_reads_the_estimates_of_another_tracker(bag, tmp_path):
     path = rewrite(bag, tmp_path / "bag", drop=[FILTERED, SMOOTHED], add=added)
     assert_same(load.record(path, CONFIG, "/mine").smoothed, load.record(bag, CONFIG).smoothed)
     assert load.record(path, CONFIG).smoothed == ()
-
-
-def test_record_has_the_radar_positions(bag):
-    expected = [(model.name, model.position) for model in CONFIG.model.radars]
-    sites = load.record(bag, CONFIG).radars
-    assert [(site.name, site.position) for site in sites] == expected
 
 
 def test_record_refuses_a_bag_with_nothing_of_a_run(bag, tmp_path):

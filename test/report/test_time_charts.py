@@ -42,16 +42,13 @@ def test_ospa_has_the_scores_of_all_and_of_each_class(source):
         np.testing.assert_allclose(drawn.y, expected, atol=0.01)
 
 
-def test_ospa_titles_give_the_means():
+def test_charts_have_titles_of_means_and_class_colours():
     record = record_of(2, filtered=())
     mean = record.evaluate(1000.0, 2.0).summary()["smoothed"]["all"]["ospa"]
 
     shown = titles(chart(time_charts.ospa, record).figure)
 
     assert shown[0] == f"<b>all classes</b> \N{MIDDLE DOT} mean {mean:.0f} m smoothed"
-
-
-def test_classes_have_their_colours():
     figure = chart(time_charts.ospa, record_of(3)).figure
 
     assert [line(figure, "smoothed", row).line.color for row in (2, 3, 4)] == [

@@ -104,7 +104,7 @@ def test_resolve_reads_targets_with_legs_in_seconds():
     )
 
 
-def test_resolve_numbers_targets_of_all_kinds_in_order():
+def test_resolve_numbers_targets_of_all_kinds_for_the_length_of_the_run():
     found = resolve(
         scans=11,
         targets=[{**TARGET, "first_scan": 0}, FLIGHT],
@@ -112,9 +112,6 @@ def test_resolve_numbers_targets_of_all_kinds_in_order():
     )
     assert len(found.targets) == 5
     assert scenario.truth_at(found, 5).track_id.tolist()[:2] == [1, 2]
-
-
-def test_resolve_draws_traffic_for_the_length_of_the_run():
     found = resolve(interval_s=2.0, scans=101, traffic={"aircraft": 5, "taxiing": 2, "seed": 3})
     assert len(found.targets) == 7
     assert max(flight.end_s for flight in found.targets) == pytest.approx(200.0)

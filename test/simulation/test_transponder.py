@@ -111,7 +111,7 @@ def test_shares_and_faults_of_the_document_are_named():
     assert "transponders.code: unknown key" in str(refused.value)
 
 
-def test_garbled_answers_are_as_frequent_as_asked_for():
+def test_garbled_answers_and_addresses_are_as_frequent_as_asked_for():
     run, reports = plots({"code_garbled": 0.2, "reply_probability": 1.0})
     wrong = [
         report.detections.code[row] != run.replies_of[int(report.source[row])].code
@@ -119,6 +119,14 @@ def test_garbled_answers_are_as_frequent_as_asked_for():
         for row in np.flatnonzero(report.source).tolist()
     ]
     assert np.mean(wrong) == pytest.approx(0.2, abs=0.05)
+    source, code, address, height = answers_of({})
+    _, same_code, garbled, same_height = answers_of({"address_garbled": 0.1})
+    np.testing.assert_array_equal(code, same_code)
+    np.testing.assert_array_equal(height, same_height)
+    answered = address != UNKNOWN
+    np.testing.assert_array_equal(answered, garbled != UNKNOWN)
+    assert np.mean(garbled[answered] != address[answered]) == pytest.approx(0.1, abs=0.03)
+    assert (source[answered] > 0).all()
 
 
 def test_radars_that_do_not_turn_see_answers_too():
@@ -151,17 +159,6 @@ def test_targets_without_mode_s_answer_with_codes_only():
     assert len(known) + len(unknown) == len(numbers)
     assert len(known) / len(numbers) == pytest.approx(0.6, abs=0.15)
     assert (code[source > 0] != UNKNOWN).all()
-
-
-def test_some_addresses_are_garbled_and_nothing_else_changes():
-    source, code, address, height = answers_of({})
-    _, same_code, garbled, same_height = answers_of({"address_garbled": 0.1})
-    np.testing.assert_array_equal(code, same_code)
-    np.testing.assert_array_equal(height, same_height)
-    answered = address != UNKNOWN
-    np.testing.assert_array_equal(answered, garbled != UNKNOWN)
-    assert np.mean(garbled[answered] != address[answered]) == pytest.approx(0.1, abs=0.03)
-    assert (source[answered] > 0).all()
 
 
 def test_aircraft_take_off_from_the_ground_and_land_on_it():

@@ -127,7 +127,7 @@ def boats(tmp_path_factory):
     return recording, autoferry_scores.scores_of(recording, given, None, CHANGES)
 
 
-def test_all_trackers_are_scored_on_the_same_scans(boats):
+def test_trackers_are_scored_on_the_same_scans_with_changes_of_ours(boats):
     _, scores = boats
     assert {(each.tracker, each.source) for each in scores} == {
         (tracker, source)
@@ -136,9 +136,6 @@ def test_all_trackers_are_scored_on_the_same_scans(boats):
     }
     assert all(each.false < 0.1 and each.missed < 0.7 for each in scores)
     assert all(each.position_rms < 6.0 for each in scores)
-
-
-def test_changes_are_those_of_our_trackers_and_not_of_the_peers(boats):
     recording, usual = boats
     changes = {**CHANGES, "radar.clutter_rate": 40.0}
     other = autoferry_scores.scores_of(recording, bags.parameters(lidar=False), None, changes)

@@ -53,23 +53,17 @@ def targets(position, class_id):
     return Truth(0, state, np.arange(1, len(position) + 1), np.array(class_id))
 
 
-def test_drawn_births_have_the_rate_of_the_model(drawn):
+def test_drawn_targets_are_born_and_survive_in_their_class(drawn):
     runs, model = drawn
     born = sum(len({n for truth in run for n in truth.track_id.tolist()}) for run in runs)
     expected = RUNS * SCANS * sum(term.rate.sum() for term in model.births)
     assert abs(born - expected) < 4.0 * np.sqrt(expected)
-
-
-def test_drawn_targets_survive_as_the_model_says(drawn):
     runs, model = drawn
     pairs = [pair for run in runs for pair in pairwise(run)]
     lived = sum(len(before.track_id) for before, _ in pairs)
     died = sum(len(np.setdiff1d(one.track_id, two.track_id)) for one, two in pairs)
     expected = lived * (1.0 - model.modes.classes[0].survival_probability)
     assert abs(died - expected) < 4.0 * np.sqrt(expected)
-
-
-def test_drawn_targets_keep_their_class(drawn):
     runs, _ = drawn
     known = {
         (index, number, own)

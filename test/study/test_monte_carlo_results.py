@@ -32,7 +32,7 @@ def variant_of(kind, lags=(0,)):
     return Variant(kind, KINDS[kind], None, {}, ("quiet",), lags)
 
 
-def test_score_of_the_truth_is_perfect(run):
+def test_score_of_the_truth_is_perfect_but_for_wrong_classes(run):
     scores = score(run, {0: exact(run)}, variant_of("particles"), 2)
     of = {name: scores.values[0, :, 0, VALUES.index(name)] for name in VALUES}
 
@@ -41,9 +41,6 @@ def test_score_of_the_truth_is_perfect(run):
         np.testing.assert_array_equal(of[name], 0.0)
     for name in ("n_true", "n_est", "pairs", "right_class"):
         np.testing.assert_array_equal(of[name], [1, 2, 2, 2, 2, 1])
-
-
-def test_score_counts_wrong_classes_with_the_targets_class(run):
     wrong = [PointSet(points.position, 0 * points.class_id) for points in exact(run)]
     scores = score(run, {0: wrong}, variant_of("particles"), 2)
     pairs, right = (scores.values[0, 1, :, VALUES.index(n)] for n in ("pairs", "right_class"))

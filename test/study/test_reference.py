@@ -186,16 +186,13 @@ def tracks(runs):
     return [known_association(run, (0, 1, 3, 5, 8, 79, 100)) for run in runs]
 
 
-def test_known_association_has_exactly_the_targets_that_live(runs, tracks):
+def test_known_association_is_of_living_targets_and_the_filter_at_lag_0(runs, tracks):
     for run, found in zip(runs, tracks, strict=True):
         for estimates in found.values():
             assert len(estimates) == len(run.truth)
             for truth, points in zip(run.truth, estimates, strict=True):
                 assert points.position.shape == (len(truth.track_id), 2)
                 np.testing.assert_array_equal(points.class_id, truth.class_id)
-
-
-def test_known_association_at_lag_0_is_the_filter(runs, tracks):
     run = runs[0]
     track = filter_target(run, 4, prior_at(1400.0, 8000.0), MODEL)
     assert sorted(track) == list(range(20, 80))

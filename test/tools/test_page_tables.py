@@ -47,11 +47,19 @@ After.
 """
 
 
-def test_filled_replaces_the_rows_of_a_table_and_nothing_else():
+def test_filled_replaces_the_rows_of_tables_of_study_and_benchmark():
     text, missing = page_tables.filled(PAGE, {"study": {"cases": SUMMARY}})
 
     assert missing == []
     assert text == PAGE.replace("| ours | 1.0 | 2.0 |", "| ours | 90.0 ± 2.0 | 50.0 ± 2.0 |")
+    times = {"particles": {"median_ms": 20.0}, "GM-PHD": {"median_ms": 40.0}}
+    title = "a scan of the reference scenario, both radars"
+    page = f"<!-- table: {{bench: '{title}'}} -->\nold\n<!-- end -->\n"
+
+    text, missing = page_tables.filled(page, {"bench": {"peers": times, "figures": []}})
+
+    assert missing == []
+    assert "\n| GM-PHD | 40 ms | 2 |\n<!-- end -->\n" in text
 
 
 @pytest.mark.parametrize(
@@ -70,18 +78,7 @@ def test_filled_leaves_a_table_whose_run_is_missing(summaries, lacking):
     assert line.endswith(f"for want of '{lacking}'")
 
 
-def test_filled_has_the_table_of_the_benchmark_with_that_title():
-    times = {"particles": {"median_ms": 20.0}, "GM-PHD": {"median_ms": 40.0}}
-    title = "a scan of the reference scenario, both radars"
-    page = f"<!-- table: {{bench: '{title}'}} -->\nold\n<!-- end -->\n"
-
-    text, missing = page_tables.filled(page, {"bench": {"peers": times, "figures": []}})
-
-    assert missing == []
-    assert "\n| GM-PHD | 40 ms | 2 |\n<!-- end -->\n" in text
-
-
-def test_study_rows_have_a_column_for_each_of_several_cases():
+def test_study_rows_have_columns_of_cases_or_of_figures_with_units():
     shown = {"ospa": ["one", "two"], "variants": ["ours", "theirs"], "lags": [0]}
 
     assert page_tables.study_rows(shown, SUMMARY) == [
@@ -90,9 +87,6 @@ def test_study_rows_have_a_column_for_each_of_several_cases():
         ["ours", "90.0 ± 2.0", "80.0 ± 2.0"],
         ["theirs", "", "70.0"],
     ]
-
-
-def test_study_rows_of_figures_have_the_metrics_units():
     shown = {"figures": ["ospa", "nees"], "cases": ["one"], "variants": ["ours"], "lags": [5]}
 
     assert page_tables.study_rows(shown, SUMMARY)[0::2] == [

@@ -56,7 +56,7 @@ def test_a_time_offset_is_observable_relative_to_the_reference_only(found, senso
     assert other.radars[1].bias.azimuth == pytest.approx(found.radars[1].bias.azimuth, abs=1e-4)
 
 
-def test_residuals_have_the_error_before_and_none_after(found):
+def test_residuals_have_errors_that_are_found_once_and_removed(found, sensors):
     east = found.radars[1]
     before, after = east.residuals.before, east.residuals.after
     assert before.shape == after.shape == (east.plots, 2)
@@ -64,9 +64,6 @@ def test_residuals_have_the_error_before_and_none_after(found):
     rest = np.sqrt(np.mean(after**2, axis=0))
     assert rest[0] < 70.0 < mean[0]
     assert rest[1] < np.radians(0.12) < np.radians(0.28) < mean[1]
-
-
-def test_errors_that_are_removed_already_are_not_found_again(sensors, found):
     right = []
     for each, known in zip(sensors, found.radars, strict=True):
         plots = each.remove_bias(known.bias)

@@ -82,7 +82,7 @@ def run(parameters, kinds):
     return found
 
 
-def test_filtered_estimates_have_the_time_of_each_sensors_last_detection():
+def test_estimates_have_the_times_of_sensors_and_are_the_same_but_for_them():
     found = run({**TOWER, "tower.fields.kind": "kind"}, [3, 3, 3, 3, 1, 1, 0])
     last = found[FILTERED][-1]
     ages = (last.stamp_ns - last.attributes.seen_ns) / NS
@@ -90,9 +90,6 @@ def test_filtered_estimates_have_the_time_of_each_sensors_last_detection():
     assert ages[0, :2] == pytest.approx([PERIOD_S + 0.25, 3 * PERIOD_S + 0.25])
     assert last.attributes.seen_ns[0, 2] == UNKNOWN
     assert all(own.attributes.seen_ns is None for own in found[SMOOTHED])
-
-
-def test_estimates_are_the_same_but_for_the_times():
     kinds = [3, 3, 3, 1, 3, 3]
     with_times = run({**TOWER, "tower.fields.kind": "kind"}, kinds)[FILTERED]
     without = run({**TOWER, "tower.fields.kind": ""}, kinds)[FILTERED]

@@ -77,7 +77,7 @@ def test_a_given_rate_is_not_learned_and_needed_to_simulate():
         paper_scenario(resolve({"radar_1.clutter_rate": "auto"}).model.radars)
 
 
-def test_count_forgets_what_was_before():
+def test_count_forgets_and_takes_sectors_for_one_turn():
     count = ClutterCount()
     for _ in range(200):
         count = count.after(3.0, 1.0)
@@ -86,9 +86,6 @@ def test_count_forgets_what_was_before():
     for _ in range(3):
         count = count.after(0.0, 1.0)
     assert 2.5 < count.rate < 2.9
-
-
-def test_sixteen_sectors_count_as_one_turn():
     whole, sectors = ClutterCount().after(8.0, 1.0), ClutterCount()
     for _ in range(16):
         sectors = sectors.after(0.5, 1.0 / 16.0)

@@ -39,13 +39,19 @@ def test_there_is_no_pose_in_long_gaps_and_beside_one_message():
     assert poses.at(round(0.9 * S))[0] is None
 
 
-def test_after_the_last_message_the_pose_is_extrapolated_for_a_bounded_time():
+def test_poses_beyond_the_last_are_extrapolated_and_change_no_velocity():
     poses = track((0, 0, 0, 0), (0.5, 5, 0, 0.1), (1, 10, 0, 0.2), max_age_s=1.0)
     found, extrapolated = poses.at(round(1.8 * S))
     assert found.position == pytest.approx((18.0, 0.0))
     assert found.yaw == pytest.approx(0.36)
     assert extrapolated
     assert poses.at(round(2.1 * S))[0] is None
+    poses = [(0.05 * k, 0.5 * k + 0.1 * (k % 3), 0.0, 0.0) for k in range(9)]
+    known = [
+        Platform(track(*poses[:count]), Mount((0.0, 0.0), 0.0)).velocity(round(0.21 * S))
+        for count in (6, 7, 9)
+    ]
+    assert known[0] == known[1] == known[2]
 
 
 def test_poses_at_close_times_do_not_give_a_velocity_of_noise_nor_fill_the_memory():
@@ -136,15 +142,6 @@ def test_range_rates_need_the_velocity_of_the_radar():
     found, _ = alone.with_pose(0, rated([1.0]))
     assert found.range_rate is None
     assert len(found) == 1
-
-
-def test_the_velocity_does_not_depend_on_poses_that_come_later():
-    poses = [(0.05 * k, 0.5 * k + 0.1 * (k % 3), 0.0, 0.0) for k in range(9)]
-    known = [
-        Platform(track(*poses[:count]), Mount((0.0, 0.0), 0.0)).velocity(round(0.21 * S))
-        for count in (6, 7, 9)
-    ]
-    assert known[0] == known[1] == known[2]
 
 
 def test_range_rates_at_times_of_their_own_become_those_from_the_velocity_at_the_stamp():

@@ -121,13 +121,18 @@ def test_turns_with_few_detections_go_on_with_the_phase_of_those_before(few):
     assert not +turns.anomalies
 
 
-def test_the_first_turns_with_few_detections_are_one_piece_of_all_that_is_seen():
+def test_the_first_turns_are_whole_until_slices_follow_the_reports():
     radar = TurningRadar()
     sent = radar.reports(1)[0]
     few = sent.detections.take(np.array([3, 40]))
     ((stamp_ns, piece),) = turns_of(radar).split(sent.stamp_ns, few)
     assert (stamp_ns, piece.coverage) == (sent.stamp_ns, None)
     np.testing.assert_array_equal(piece.time_s, few.time_s)
+    radar = TurningRadar(sectors=4, plots=80, stamp_at=3.0)
+    turns = Turns()
+    stamps = [stamp_ns for pieces in fed(turns, radar.reports(8)) for stamp_ns, _ in pieces]
+    assert turns.period_s > 0.0
+    assert (np.diff(stamps) > 0).all()
 
 
 @pytest.mark.parametrize("factor", [0.8, 0.9, 1.1, 1.25])
@@ -325,14 +330,6 @@ def test_a_late_detection_after_a_gap_does_not_make_the_gap_swept():
         np.concatenate([sent.detections.time_s, late_s]),
     )
     assert covered(turns.split(sent.stamp_ns, joined)).mean() < 1.3
-
-
-def test_the_first_slices_of_a_turn_that_was_found_follow_the_reports_before():
-    radar = TurningRadar(sectors=4, plots=80, stamp_at=3.0)
-    turns = Turns()
-    stamps = [stamp_ns for pieces in fed(turns, radar.reports(8)) for stamp_ns, _ in pieces]
-    assert turns.period_s > 0.0
-    assert (np.diff(stamps) > 0).all()
 
 
 def test_a_report_out_of_order_does_not_stop_the_search_for_a_turn():

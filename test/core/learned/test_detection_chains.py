@@ -67,7 +67,7 @@ def test_looks_that_do_not_cover_the_target_are_looks_of_the_chain():
     np.testing.assert_allclose(found, [expected])
 
 
-def test_sectors_of_a_turn_are_one_look():
+def test_sectors_of_a_turn_are_one_look_and_turns_without_one_weaken_it():
     """A target at the edge of two sectors is looked at once per turn."""
     stamps = np.array([0.0, 0.1, 1.0, 1.1]) * TURN_NS
     parts = [look(1.0), look(0.0, covered=0.0), look(0.0, covered=0.5), look(0.0, covered=0.5)]
@@ -75,9 +75,6 @@ def test_sectors_of_a_turn_are_one_look():
     within = next_probability(after(parts[:3], stamps, TURN_NS), round(stamps[3]), TURN_NS)
     np.testing.assert_allclose(within, [HIT])
     np.testing.assert_allclose(next_probability(chains, round(2.0 * TURN_NS), TURN_NS), [MISS])
-
-
-def test_turns_without_a_look_weaken_the_memory():
     chains = after([look(1.0)], [0.0], TURN_NS)
     found = next_probability(chains, round(3.0 * TURN_NS), TURN_NS)
     np.testing.assert_allclose(found, [USUAL + CORRELATION**3 * (1.0 - USUAL)])

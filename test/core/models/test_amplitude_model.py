@@ -49,7 +49,7 @@ def test_memory_is_born_uniform_in_the_band_of_its_class():
         assert part.mean() == pytest.approx((low + high) / 2.0, abs=0.02 * (high - low))
 
 
-def test_memory_moves_by_its_jitter_and_stays_in_the_band():
+def test_memory_moves_by_its_jitter_and_the_interval():
     memory = np.linspace(*BANDS[0], 5000)
     mode, rng = np.zeros(5000, dtype=int), np.random.default_rng(0)
     moved = Memory(0.1).diffuse(memory, mode, MODES, MODES.interval_s, rng)
@@ -57,9 +57,6 @@ def test_memory_moves_by_its_jitter_and_stays_in_the_band():
     assert moved.min() >= BANDS[0, 0]
     assert moved.max() <= BANDS[0, 1]
     assert np.std(moved - memory) == pytest.approx(0.1, rel=0.05)
-
-
-def test_memory_moves_twice_as_far_in_an_interval_four_times_as_long():
     memory = np.full(5000, BANDS[0].mean())
     mode = np.zeros(5000, dtype=int)
     short, long = (

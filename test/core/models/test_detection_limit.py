@@ -40,10 +40,20 @@ def few_candidates(monkeypatch):
 PREDICTED = crowd(1000, None).measurement
 
 
-def test_what_can_be_afforded_is_left_as_it_is():
+def test_a_crowd_has_a_threshold_or_bound_beyond_what_can_be_afforded():
     few = crowd(100, np.full(100, 5.0))
     report = Report(RADAR, few)
     assert detection_limit.limit_detections(report, PREDICTED, np.array([4.0])) is report
+    amplitude = np.where(np.arange(20_000) < 10, 30.0, np.nan)
+    kept, raised, _ = limited(PREDICTED, 4.0, crowd(20_000, amplitude), RADAR)
+    assert np.isnan(kept.amplitude).sum() == len(kept) - 10
+    assert (raised.threshold, np.isfinite(raised.clutter_rate)) == (30.0, True)
+    count = detection_limit.MAX_DETECTIONS + 1000
+    many = crowd(count, np.full(count, 30.0))
+    kept, crowded, _ = limited(PREDICTED[:0], 0.0, many, RADAR)
+    assert len(kept) == crowded.clutter_rate == detection_limit.MAX_UNEXPLAINED
+    kept, _, _ = limited(PREDICTED[:0], float(count), many, RADAR)
+    assert len(kept) == detection_limit.MAX_DETECTIONS
 
 
 @pytest.mark.parametrize(("targets", "kept"), [(4.0, 4096), (5990.0, 6000)])
@@ -92,22 +102,6 @@ def test_a_crowd_of_a_sector_is_clutter_of_that_sector():
     density = np.exp(crowded.log_clutter_intensity(kept))
     area = sector.width * RADAR.clutter_max_range
     np.testing.assert_allclose(density * area, len(kept) - 4.0)
-
-
-def test_a_crowd_with_unknown_amplitudes_has_a_threshold():
-    amplitude = np.where(np.arange(20_000) < 10, 30.0, np.nan)
-    kept, raised, _ = limited(PREDICTED, 4.0, crowd(20_000, amplitude), RADAR)
-    assert np.isnan(kept.amplitude).sum() == len(kept) - 10
-    assert (raised.threshold, np.isfinite(raised.clutter_rate)) == (30.0, True)
-
-
-def test_a_crowd_without_particles_is_bounded_too():
-    count = detection_limit.MAX_DETECTIONS + 1000
-    many = crowd(count, np.full(count, 30.0))
-    kept, crowded, _ = limited(PREDICTED[:0], 0.0, many, RADAR)
-    assert len(kept) == crowded.clutter_rate == detection_limit.MAX_UNEXPLAINED
-    kept, _, _ = limited(PREDICTED[:0], float(count), many, RADAR)
-    assert len(kept) == detection_limit.MAX_DETECTIONS
 
 
 @pytest.mark.parametrize("amplitudes", ["none", "equal"])

@@ -96,13 +96,19 @@ def without_targets(scan, rng):
     return replace(scan, detections=tuple(found))
 
 
-def test_nothing_is_learned_from_clutter_alone():
+def test_nothing_is_learned_from_clutter_alone_or_of_given_values():
     rng = np.random.default_rng(2)
     engine = engine_of(**AUTO)
     found = figures(engine, [(t, without_targets(scan, rng)) for t, scan in run_of(1)])
     for radar in RADARS:
         assert found.get(f"{radar}.detection_probability", 0.9) == pytest.approx(0.9, abs=0.02)
         assert found[f"{radar}.range_noise_ratio"] == pytest.approx(1.0, abs=0.05)
+    engine = engine_of(range_std="auto")
+    stepped(engine, [scan for _, scan in run_of(1, scans=30, **TRUTH)])
+    for sensor in engine.forward.learned_model.radars:
+        assert sensor.range_std > 330.0
+        assert sensor.azimuth_std == np.radians(1.0)
+        assert sensor.detection_factor is None
 
 
 def test_what_rests_does_not_count_where_a_map_takes_it_for_clutter():
@@ -149,15 +155,6 @@ def test_detections_own_noise_is_believed():
     stepped(engine, scans)
     for sensor in engine.forward.learned_model.radars:
         assert sensor.range_std == 300.0
-
-
-def test_a_given_value_is_not_learned():
-    engine = engine_of(range_std="auto")
-    stepped(engine, [scan for _, scan in run_of(1, scans=30, **TRUTH)])
-    for sensor in engine.forward.learned_model.radars:
-        assert sensor.range_std > 330.0
-        assert sensor.azimuth_std == np.radians(1.0)
-        assert sensor.detection_factor is None
 
 
 @pytest.mark.parametrize("engine", ENGINES)

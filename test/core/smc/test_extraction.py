@@ -26,13 +26,18 @@ def two_clouds(weight=(1.0, 1.0), mode=(0, 2), count=200):
     return intensity(state, np.zeros(2 * count), mode=np.repeat(mode, count), components=components)
 
 
-def test_components_report_each_detection_likelier_than_not():
+def test_components_report_detections_with_the_label_of_their_track():
     state = np.arange(20.0).reshape(4, 5)
     components = [[0.3, 0.2, 0.0], [0.3, 0.0, 0.0], [0.0, 0.29, 0.5], [0.0, 0.0, 0.4]]
     found = extract(intensity(state, np.zeros(4), components=components))
     np.testing.assert_allclose(found.weight, [0.6, 0.9])
     np.testing.assert_allclose(found.state[0], (state[0] + state[1]) / 2.0)
     np.testing.assert_allclose(found.state[1], (5.0 * state[2] + 4.0 * state[3]) / 9.0)
+    phd = intensity(
+        np.zeros((3, 5)), [0.0, 0.0, 0.7], components=np.diag([0.8, 0.9, 0.0])[:, :2], label=[6, -1]
+    )
+    found = extract(phd)
+    np.testing.assert_array_equal(found.track_id, [7, 0, 0])
 
 
 def test_components_report_the_unexplained_mass_of_an_origin_and_class():
@@ -53,14 +58,6 @@ def test_components_report_the_unexplained_mass_of_an_origin_and_class():
 def test_components_report_what_exceeds_the_threshold(threshold, found):
     phd = intensity(np.zeros((2, 5)), np.zeros(2), components=[[0.55, 0.0], [0.0, 0.9]])
     assert len(extract(phd, threshold=threshold)) == found
-
-
-def test_components_carry_their_label_into_the_track():
-    phd = intensity(
-        np.zeros((3, 5)), [0.0, 0.0, 0.7], components=np.diag([0.8, 0.9, 0.0])[:, :2], label=[6, -1]
-    )
-    found = extract(phd)
-    np.testing.assert_array_equal(found.track_id, [7, 0, 0])
 
 
 def test_components_report_masses_beyond_one_once():

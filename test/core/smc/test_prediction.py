@@ -58,7 +58,7 @@ def test_predict_moves_every_copy_with_noise_of_its_own():
     np.testing.assert_allclose(predicted.weight, np.full(4, 0.2 * 0.99))
 
 
-def test_predict_survivors_keep_class_and_origin():
+def test_predict_survivors_keep_class_origin_and_poisson_weight():
     phd = scattered()
     model = replace(MODEL, births=(), spawn=replace(MODEL.spawn, rate=0.0))
     predicted = predict(phd, model, *METHOD, 6.0, 1, np.random.default_rng(0))
@@ -66,6 +66,14 @@ def test_predict_survivors_keep_class_and_origin():
     np.testing.assert_array_equal(MODES.class_of[predicted.mode], MODES.class_of[source])
     np.testing.assert_array_equal(predicted.row_label, phd.row_label[predicted.parent])
     assert (predicted.mode != source).any()
+    phd = scattered()
+    held = sparse.csr_array((phd.weight, (np.arange(len(phd)), phd.row_label)), shape=(len(phd), 3))
+    updated = replace(
+        phd, poisson=np.zeros(len(phd)), components=held, label=np.arange(3, dtype=np.int64)
+    )
+    predicted = predict(updated, MODEL, *METHOD, 6.0, 1, np.random.default_rng(0))
+    assert predicted.components.shape == (len(predicted), 0)
+    np.testing.assert_array_equal(predicted.weight, predicted.poisson)
 
 
 def test_predict_draws_modes_by_the_transition_over_the_interval():
@@ -79,7 +87,7 @@ def test_predict_draws_modes_by_the_transition_over_the_interval():
     assert (np.abs(share - expected) <= error).all()
 
 
-def test_predict_names_births_after_term_and_scan():
+def test_predict_names_births_after_term_and_scan_if_there_are_some():
     empty = ParticleSet.empty(5)
     rng = np.random.default_rng(0)
     scans = [predict(empty, MODEL, *METHOD, 6.0, index, rng) for index in (0, 1)]
@@ -88,21 +96,7 @@ def test_predict_names_births_after_term_and_scan():
     for term, (mean, _) in enumerate(zip(MODEL.births, range(4), strict=True)):
         near = scans[0].state[scans[0].row_label == term]
         assert np.abs(near[:, 0] - mean.mean[0]).max() < 6.0 * 200.0
-
-
-def test_predict_of_nothing_without_births_is_nothing():
     model = replace(MODEL, births=())
     empty = ParticleSet.empty(5)
     predicted = predict(empty, model, *METHOD, 6.0, 0, np.random.default_rng(0))
     assert len(predicted) == 0
-
-
-def test_predict_leaves_all_weight_in_the_poisson_part():
-    phd = scattered()
-    held = sparse.csr_array((phd.weight, (np.arange(len(phd)), phd.row_label)), shape=(len(phd), 3))
-    updated = replace(
-        phd, poisson=np.zeros(len(phd)), components=held, label=np.arange(3, dtype=np.int64)
-    )
-    predicted = predict(updated, MODEL, *METHOD, 6.0, 1, np.random.default_rng(0))
-    assert predicted.components.shape == (len(predicted), 0)
-    np.testing.assert_array_equal(predicted.weight, predicted.poisson)

@@ -60,7 +60,7 @@ def test_schedule_has_the_multiples_from_one_scan_until_before_the_next(after, b
     assert found == [second * SECOND for second in expected]
 
 
-def test_predicted_follows_the_turn_and_grows_uncertain():
+def test_predicted_moves_each_target_by_its_turn_from_its_own_time():
     found = estimates(0.0, [1], np.array([[1000.0, 100.0, 2000.0, -50.0, 0.05]]))
     later = predicted_from(found, 4 * SECOND)
     np.testing.assert_allclose(later.state, TURNING.mean(found.state, 4.0))
@@ -68,6 +68,14 @@ def test_predicted_follows_the_turn_and_grows_uncertain():
     assert 100.0 + 16.0 * 4.0 < later.covariance[0, 0, 0] < 250.0
     assert later.weight[0] == pytest.approx(0.9 * 0.99 ** (4.0 / 6.0))
     assert later.stamp_ns == 4 * SECOND
+    parts = [estimates(1.0, [1, 4]), estimates(2.0, [2]), estimates(5.0, [3])]
+    found = predict(*Estimates.concatenate(parts, 0), 5 * SECOND, MODES)
+    for part in parts:
+        own = np.isin(found.track_id, part.track_id)
+        alone = predicted_from(part, 5 * SECOND)
+        np.testing.assert_array_equal(found.state[own], alone.state)
+        np.testing.assert_allclose(found.covariance[own], alone.covariance)
+        np.testing.assert_array_equal(found.weight[own], alone.weight)
 
 
 def test_predicted_jacobian_is_that_of_a_straight_line_without_a_turn():
@@ -131,14 +139,3 @@ def test_at_stamp_without_targets_has_all_columns(parts):
         else Estimates.empty(12 * SECOND, 1, len(MODES.classes))
     )
     assert (len(found), found.state.shape, found.class_probability.shape) == (0, (0, 5), (0, 2))
-
-
-def test_predicted_moves_every_target_from_its_own_time():
-    parts = [estimates(1.0, [1, 4]), estimates(2.0, [2]), estimates(5.0, [3])]
-    found = predict(*Estimates.concatenate(parts, 0), 5 * SECOND, MODES)
-    for part in parts:
-        own = np.isin(found.track_id, part.track_id)
-        alone = predicted_from(part, 5 * SECOND)
-        np.testing.assert_array_equal(found.state[own], alone.state)
-        np.testing.assert_allclose(found.covariance[own], alone.covariance)
-        np.testing.assert_array_equal(found.weight[own], alone.weight)

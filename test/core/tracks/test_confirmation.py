@@ -254,13 +254,16 @@ def test_target_at_the_edge_of_a_slice_is_not_missed_by_the_other_slice():
     assert tracks.add(t1=missed - 0.03) == {1: COASTING}
 
 
-def test_states_forget_tracks_and_stamps_that_are_gone():
+def test_records_and_states_are_of_present_tracks_in_their_order():
     tracks = Tracks()
     for number in range(1, 200):
         tracks.add(**{f"t{number}": 0.9})
         tracks.states.forget_before((tracks.index - 5) * INTERVAL)
     assert len(tracks.states._records.label) <= 2
     assert len(tracks.states._noted.at) == 6
+    first, second = (ConfirmationRecords(*[np.array(labels)] * 8) for labels in ([2, 4, 9], [5]))
+    whole = first.then(second, np.array([True, False, True]))
+    assert whole.label.tolist() == whole.existence.tolist() == [2, 5, 9]
 
 
 def snapshot_of(tracks):
@@ -305,12 +308,6 @@ def test_forged_states_are_refused(name, value, said):
     snapshot.arrays[name] = value
     with pytest.raises(ValueError, match=said):
         Tracks().states.from_snapshot(snapshot)
-
-
-def test_records_are_of_the_tracks_in_the_order_of_their_labels():
-    first, second = (ConfirmationRecords(*[np.array(labels)] * 8) for labels in ([2, 4, 9], [5]))
-    whole = first.then(second, np.array([True, False, True]))
-    assert whole.label.tolist() == whole.existence.tolist() == [2, 5, 9]
 
 
 def test_missed_by_all_counts_radars_that_reported_where_they_were():

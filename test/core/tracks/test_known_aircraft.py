@@ -37,11 +37,15 @@ def numbers(tracks, seconds, *targets):
     return tracks.assign(estimates(seconds, *targets), REACH).track_id.tolist()
 
 
-def test_address_that_comes_back_within_reach_has_its_number_again():
+def test_addresses_bring_their_numbers_back_to_their_aircraft():
     tracks = TrackNumbers()
     assert numbers(tracks, 0, (5, 77, 0.0, CONFIRMED), (6, 78, 5e4, CONFIRMED)) == [1, 2]
     tracks.forget_all_but([np.zeros(0, dtype=np.int64)])
     assert numbers(tracks, 100, (30, 78, 6e4, CONFIRMED), (31, 77, 2e4, CONFIRMED)) == [2, 1]
+    tracks = TrackNumbers()
+    numbers(tracks, 0, (5, 77, 0.0, CONFIRMED))
+    assert numbers(tracks, 20, (5, 77, 4e3, COASTING), (40, 77, -3e3, CONFIRMED)) == [1]
+    assert numbers(tracks, 24, (5, 77, 5e3, CONFIRMED), (40, 77, -3e3, CONFIRMED)) == [1, 2]
 
 
 @pytest.mark.parametrize(
@@ -82,13 +86,6 @@ def test_track_that_coasts_elsewhere_is_not_reported_beside_its_aircraft():
     numbers(tracks, 20, (5, 77, 4e3, COASTING))
     found = tracks.assign(estimates(24, (5, 77, 5e3, COASTING), (40, 77, -3e3, CONFIRMED)), REACH)
     assert (found.track_id.tolist(), found.position[0, 0]) == ([1], -3e3)
-
-
-def test_number_goes_back_to_an_aircraft_that_was_another():
-    tracks = TrackNumbers()
-    numbers(tracks, 0, (5, 77, 0.0, CONFIRMED))
-    assert numbers(tracks, 20, (5, 77, 4e3, COASTING), (40, 77, -3e3, CONFIRMED)) == [1]
-    assert numbers(tracks, 24, (5, 77, 5e3, CONFIRMED), (40, 77, -3e3, CONFIRMED)) == [1, 2]
 
 
 def test_aircraft_are_forgotten_after_their_time_and_beyond_the_most(monkeypatch):

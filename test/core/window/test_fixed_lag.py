@@ -153,13 +153,17 @@ def test_engines_without_scans_are_stored_and_restored():
     )
 
 
-def test_scans_from_the_start_of_time_are_restored():
+def test_stamps_rise_from_the_start_of_time_on():
     of, other = engine(), engine()
     of.step(sector(-1))
     other.restore(stored_and_read(of.snapshot()))
     for one in (of, other):
         one.step(sector(0))
     assert [e.stamp_ns for e in of.flush()] == [e.stamp_ns for e in other.flush()] == [0, SECOND]
+    of = engine()
+    of.step(sector(3))
+    with pytest.raises(ValueError, match="not later than"):
+        of.step(sector(3))
 
 
 def test_stamp_before_all_sets_has_no_targets():
@@ -209,13 +213,6 @@ def test_clutter_raster_is_of_the_radars_that_learn_a_map():
     (place,) = radar.to_world(report.measurement)
     corner = drawn.corner + drawn.cell * np.array([column, row])
     assert np.abs(corner + 0.5 * drawn.cell - place).max() < 2.0 * radar.range_std
-
-
-def test_stamp_that_is_not_later_is_refused():
-    of = engine()
-    of.step(sector(3))
-    with pytest.raises(ValueError, match="not later than"):
-        of.step(sector(3))
 
 
 # --- Scans that come late -------------------------------------------------------------------------

@@ -90,15 +90,12 @@ def test_informed_leaves_other_targets_alone(rows, places):
     np.testing.assert_array_equal(found.weight, rows.entry.stored.weight)
 
 
-def test_informed_takes_only_the_rows_that_are_touched():
+def test_informed_takes_touched_rows_without_measured_velocities():
     rows = newborn()
     half = UnsweptRows(rows.entry, np.arange(0, 4000, 2))
     found = redrawn(half, seen([20.5e3, 5.3e3]))
     np.testing.assert_array_equal(found.state[1::2], rows.entry.stored.state[1::2])
     assert (found.state[::2] != rows.entry.stored.state[::2]).any()
-
-
-def test_informed_leaves_velocities_measured_by_range_rates():
     radars = tuple(replace(radar, range_rate=RangeRateModel(2.0)) for radar in MODEL.radars)
     rows, rng = newborn(), np.random.default_rng(0)
     model = replace(MODEL, radars=radars)

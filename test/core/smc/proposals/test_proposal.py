@@ -44,7 +44,7 @@ def test_sample_leaves_the_predicted_density_as_it_was(model, position):
     )
 
 
-def test_sample_explains_a_precise_detection_with_many_particles():
+def test_sample_explains_detections_and_estimates_their_evidence():
     place = np.array([800.0 + 2.0 * SPREAD, 1000.0])
     effective = {}
     for name, places in (("blind", seen(np.zeros((0, 2)))), ("guided", seen(place, 2.0))):
@@ -53,9 +53,6 @@ def test_sample_explains_a_precise_detection_with_many_particles():
         effective[name] = weight.sum() ** 2 / (weight**2).sum()
     assert effective["blind"] < 5.0
     assert effective["guided"] > 200.0
-
-
-def test_sample_estimates_the_evidence_of_a_detection():
     place = np.array([800.0 + SPREAD, 1000.0 - SPREAD])
     state, factor = drawn(CV, seen(place))
     likelihood = norm.pdf(state[:, [0, 2]], place, 10.0).prod(axis=1)
