@@ -14,9 +14,9 @@ import numpy as np
 
 from msg_adapters import plots
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.core.engine import Step
+from phd_jdtc_ros.core.engine import OnFiltered, Step, give_to_nobody
 from phd_jdtc_ros.core.state_space import PLANAR
-from phd_jdtc_ros.core.types import Detections, Estimates
+from phd_jdtc_ros.core.types import Detections, Estimates, Scan
 
 from .timing import Case, interleaved, spread
 
@@ -70,7 +70,12 @@ def step_at_no_cost(engine: Any, found: Estimates, classes: int) -> None:
     mass = np.full(classes, len(found) / classes)
     figures = {name: 0.0 for names in plots.FIGURES.values() for name in names}
     always = Step(filtered=(found,), smoothed=(found,), class_mass=mass, figures=figures)
-    engine.step = lambda scan: always
+
+    def step(scan: Scan, on_filtered: OnFiltered = give_to_nobody) -> Step:
+        on_filtered(always.filtered)
+        return always
+
+    engine.step = step
 
 
 def _subscribe_all(node: Any) -> None:

@@ -10,9 +10,9 @@ def failing_tracker(arguments):
     """Run a tracker whose third step fails when all of it is done."""
     step, scans = ParticleEngine.step, []
 
-    def fail(engine, scan):
+    def fail(engine, scan, *rest):
         scans.append(scan)
-        found = step(engine, scan)
+        found = step(engine, scan, *rest)
         if len(scans) == 3:
             raise ArithmeticError("half-way")
         return found

@@ -304,7 +304,8 @@ def test_every_way_to_read_asterix_reads_the_same_plots():
 
 
 def test_messages_are_measured_around_a_step_that_finds_the_same():
-    pipeline = new_pipeline(resolve({}))
+    given = []
+    pipeline = new_pipeline(resolve({}), on_filtered=given.extend)
     found = messages._estimates(2)
     messages.step_at_no_cost(pipeline.engine, found, 2)
     events = [
@@ -316,5 +317,6 @@ def test_messages_are_measured_around_a_step_that_finds_the_same():
     (stepped,) = events
     assert isinstance(stepped, Stepped)
     assert (stepped.step.filtered, stepped.step.smoothed) == ((found,), (found,))
+    assert given == [found]
     assert len(found) == messages.ESTIMATES
     assert pipeline.engine.step(stepped.scan).targets == messages.ESTIMATES
