@@ -85,12 +85,21 @@ def to_cdr(
         names, after = _parts(frame, f"{name}/label", LABEL, LABEL_COLOUR)
         names, after, last = stamp + names, after[: -_TEXT - _AFTER_TEXT], after[-_AFTER_TEXT:]
         for number, place, text in zip(numbers[mine], places[mine], texts[mine], strict=True):
-            _begin(writer, names, LABEL, number, place)
-            encoded = text.encode()
+            encoded, begun = text.encode(), len(writer.data)
             size = len(encoded) + 1
-            padded = struct.pack(f"<I{size + -size % 4}s", size, encoded)
-            writer.data += after + padded + last
+            # Alignment to four bytes, and of the position's doubles to eight.
+            gap = -begun % 4
+            odd = (begun + gap + len(names)) // 4 % 2
+            label = _label(gap, len(names), odd, len(after), size + -size % 4, len(last))
+            writer.data += label.pack(names, number, LABEL, ADD, *place, after, size, encoded, last)
     return writer.message()
+
+
+@cache
+def _label(gap: int, names: int, odd: int, after: int, text: int, last: int) -> struct.Struct:
+    """Return the layout of a label's marker, given the sizes of its parts; see `_begin`."""
+    pad = 0 if odd else 4
+    return struct.Struct(f"<{gap}x{names}s3i{pad}x3d{after}sI{text}s{last}s")
 
 
 def label_text(track_id: int, class_name: str, share: float, more: str = "") -> str:
@@ -112,11 +121,14 @@ def _labels(estimates: Estimates, class_names: tuple[str, ...], datum: float) ->
 
 def _ellipses(position: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return the ends of the ellipses' sides, shape (T, 2 * ELLIPSE_SIDES, 3)."""
-    variance, axes = np.linalg.eigh(covariance)
-    # A negative variance from rounding counts as zero.
-    radii = ELLIPSE_SIGMA * np.sqrt(np.maximum(variance, 0.0))
+    # The square root of a matrix of two rows has a closed form; eigenvectors would take as long as
+    # the rest of the message. A negative determinant or variance from rounding counts as zero.
+    variance, across = covariance[:, (0, 1), (0, 1)], covariance[:, 0, 1]
+    both = np.sqrt(np.maximum(variance[:, 0] * variance[:, 1] - across**2, 0.0))
+    total = np.maximum(variance.sum(axis=1) + 2.0 * both, np.finfo(float).tiny)
+    root = covariance + both[:, None, None] * np.eye(2)
     frame = np.zeros((len(position), 3, 3))
-    frame[:, :2, :2] = radii[:, :, None] * axes.swapaxes(1, 2)
+    frame[:, :2, :2] = ELLIPSE_SIGMA / np.sqrt(total)[:, None, None] * root
     frame[:, 2] = position
     ends: FloatArray = _CIRCLE @ frame
     return ends

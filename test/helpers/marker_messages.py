@@ -113,7 +113,8 @@ def _ellipse(estimates, row):
     corners = []
     for angle in np.linspace(0.0, 2.0 * np.pi, ELLIPSE_SIDES + 1):
         circle = np.array([np.cos(angle), np.sin(angle)])
-        dx, dy = axes @ (ELLIPSE_SIGMA * np.sqrt(variance) * circle)
+        # The ends are those of the covariance's symmetric square root.
+        dx, dy = axes @ (ELLIPSE_SIGMA * np.sqrt(variance) * (axes.T @ circle))
         corners.append(_point(state[X] + dx, state[Y] + dy, height))
     return [corner for side in itertools.pairwise(corners) for corner in side]
 
