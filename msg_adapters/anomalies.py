@@ -20,9 +20,13 @@ DEVIATIONS = {"azimuth": "azimuth_std_deg"}
 
 
 def of(sensor: SensorParameters, counts: Mapping[str, int]) -> Iterator[str]:
-    """Yield a warning for each kind of anomaly in a sensor's reports."""
+    """Yield a warning for each kind of anomaly in a sensor's reports.
+
+    An anomaly without a text of its own is named, as in "3 positions implausible".
+    """
     for what, count in counts.items():
-        yield _TEXTS[what](sensor, count)
+        text = _TEXTS.get(what)
+        yield f"{count} {_words(what)}" if text is None else text(sensor, count)
 
 
 def no_amplitude(radar: SensorParameters) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.site import Plane
-from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Estimates
+from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, Estimates
 
 from . import geodetic, vertical
 from .palette import class_colour
@@ -39,12 +39,13 @@ def of_scan(
     present if known.
     """
     places = geodetic.of(estimates, plane)
-    words = vertical.words(estimates, plane.origin[2])
+    words, names = vertical.words(estimates, plane.origin[2]), vertical.identities(estimates)
     features = []
     for track, row in rows_by_track(estimates):
         class_id = int(estimates.class_id[row])
         style = {"color": class_colour(class_id)}
         here = places.latitude[[row]], places.longitude[[row]], places.height[[row]]
+        identity = zip(("code", "address"), names[row], strict=True)
         properties = {
             "name": f"{track} {words[row]}".rstrip(),
             "number": track,
@@ -53,7 +54,9 @@ def of_scan(
             "speed": round_number(places.speed[row], METRE_DIGITS),
             "course": round_number(places.course[row], METRE_DIGITS),
             "height": round_number(places.height[row], METRE_DIGITS),
-            **identity(estimates, row),
+            **{
+                key: text for key, text in zip(("code", "address"), names[row], strict=True) if text
+            },
             **level(places.height[row]),
             "style": style,
         }
@@ -67,15 +70,6 @@ def of_scan(
             way = line_of(positions(north, east, up if np.isfinite(up).all() else up * np.nan))
             features.append(feature(way, {"name": f"{track}", "number": track, "style": style}))
     return collection(features)
-
-
-def identity(estimates: Estimates, row: int) -> dict[str, str]:
-    """Return the known ones of ``code`` (octal digits) and ``address`` (hexadecimal digits)."""
-    known = estimates.attributes
-    if known is None:
-        return {}
-    found = {"code": (known.code[row], "04o"), "address": (known.address[row], "06X")}
-    return {name: f"{int(of):{digits}}" for name, (of, digits) in found.items() if of != UNKNOWN}
 
 
 def level(height: float) -> dict[str, int]:

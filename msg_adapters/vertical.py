@@ -46,9 +46,9 @@ def words(estimates: Estimates, datum: float = 0.0) -> list[str]:
     if found is None:
         return [""] * len(estimates)
     return [
-        " ".join(part for part in (_level(datum + height), _identity(code, address)) if part)
-        for height, code, address in zip(
-            found.height[:, 0].tolist(), found.code.tolist(), found.address.tolist(), strict=True
+        " ".join(filter(None, (_level(datum + height), code or address)))
+        for height, (code, address) in zip(
+            found.height[:, 0].tolist(), identities(estimates), strict=True
         )
     ]
 
@@ -63,8 +63,12 @@ def _level(height: float) -> str:
     return "" if level is None else f"FL{level:03d}"
 
 
-def _identity(code: int, address: int) -> str:
-    """Return a code in octal digits, else an address in hexadecimal digits."""
-    if code != UNKNOWN:
-        return f"{code:04o}"
-    return f"{address:06X}" if address != UNKNOWN else ""
+def identities(estimates: Estimates) -> list[tuple[str, str]]:
+    """Return the code, octal, and the address, hexadecimal, of each target; empty if unknown."""
+    found = estimates.attributes
+    if found is None:
+        return [("", "")] * len(estimates)
+    return [
+        ("" if code == UNKNOWN else f"{code:04o}", "" if address == UNKNOWN else f"{address:06X}")
+        for code, address in zip(found.code.tolist(), found.address.tolist(), strict=True)
+    ]

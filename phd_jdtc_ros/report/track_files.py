@@ -50,11 +50,11 @@ def fixes(
     """Yield every labelled estimate of a run, given by stamp, ordered by time and number."""
     for found in run:
         places = _nowhere(found) if plane is None else geodetic.of(found, plane)
+        names = vertical.identities(found)
         for row in np.argsort(found.track_id, kind="stable").tolist():
             number = int(found.track_id[row])
             if not number:
                 continue
-            identity = geo_json.identity(found, row)
             level = geo_json.level(places.height[row])
             x, y = map(float, found.position[row])
             vx, vy = map(float, found.velocity[row])
@@ -72,8 +72,8 @@ def fixes(
                 course=float(places.course[row]),
                 class_name=class_names[int(found.class_id[row])],
                 state=geo_json.STATES[int(found.track_state[row])],
-                code=identity.get("code", ""),
-                address=identity.get("address", ""),
+                code=names[row][0],
+                address=names[row][1],
                 flight_level=str(level.get("flight_level", "")),
             )
 

@@ -95,6 +95,12 @@ def places_of(record: Record) -> FloatArray:
     return targets if len(targets) else record.all_plots.position
 
 
+def round_step(least: float, digits: tuple[float, ...] = (1.0, 2.0, 5.0)) -> float:
+    """Return the least product of a digit and a power of ten that is not below `least`."""
+    decade = 10.0 ** np.floor(np.log10(least))
+    return float(next(m * decade for m in (*digits, 10.0) if m * decade >= least))
+
+
 def metres_text(metres: float) -> str:
     """Return a length with its unit and at least two significant digits."""
     rounded = abs(metres)

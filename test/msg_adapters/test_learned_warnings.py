@@ -45,3 +45,7 @@ def test_warning_ends_when_the_radar_is_clearly_better(figures):
 
 def test_other_radars_figures_do_not_matter():
     assert anomalies.of_learned("other", {**detection(0.5), **noise(2.0)}) is None
+
+
+def test_an_anomaly_that_only_its_decoder_knows_is_named():
+    assert list(anomalies.of(None, {"positions_implausible": 3})) == ["3 positions implausible"]

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from msg_adapters import geodetic, vertical
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.types import SOURCES, UNKNOWN, Estimates
+from phd_jdtc_ros.core.types import SOURCES, Estimates
 
 from ..record import Record
 from .packing import Columns
@@ -140,22 +140,13 @@ class EstimateRows:
     def _identity(self, known: list[list[str]]) -> IntArray:
         """Return the index of each estimate's code and address in `known`."""
         places = {tuple(entry): k for k, entry in enumerate(known)}
-        found = [places.setdefault(pair, len(places)) for e in self._sets for pair in _names(e)]
+        found = [
+            places.setdefault(pair, len(places))
+            for e in self._sets
+            for pair in vertical.identities(e)
+        ]
         known[:] = map(list, places)
         return np.array(found, dtype=np.int64)
-
-
-def _names(entry: Estimates) -> Iterator[tuple[str, str]]:
-    """Yield the octal code and the hexadecimal address of each estimate; empty if unknown."""
-    if entry.attributes is None:
-        yield from [("", "")] * len(entry)
-        return
-    known = entry.attributes
-    for code, address in zip(known.code.tolist(), known.address.tolist(), strict=True):
-        yield (
-            "" if code == UNKNOWN else f"{code:04o}",
-            "" if address == UNKNOWN else f"{address:06X}",
-        )
 
 
 def _upward(entry: Estimates) -> FloatArray:

@@ -18,7 +18,7 @@ from phd_jdtc_ros.core.sensors.site import Plane
 
 from ..record import AllPlots, RadarSite
 from ..style import CLUTTER, purples
-from ..units import MapScale
+from ..units import MapScale, round_step
 from .packing import Columns
 
 # Steps of the colour scale of amplitudes, which is logarithmic.
@@ -143,7 +143,7 @@ def rings(
     if farthest <= 0.0:
         return []
     scale = MapScale.of_extent(float((far - corner).max()))
-    step = _ring_step(farthest)
+    step = round_step(farthest / MOST_RINGS, RING_STEPS)
     return [
         (*place, float(radius), f"{radius / scale.metres:g} {scale.unit}")
         for place in places
@@ -189,9 +189,3 @@ def _multiples(extent: FloatArray, step: float) -> FloatArray:
     first, last = np.ceil(extent[0] / step), np.floor(extent[1] / step)
     multiples: FloatArray = np.arange(first, last + 1.0) * step
     return multiples
-
-
-def _ring_step(farthest: float) -> float:
-    """Return a round step at which at most `MOST_RINGS` rings are within a distance."""
-    power = 10.0 ** np.floor(np.log10(farthest / MOST_RINGS))
-    return float(next(m * power for m in (*RING_STEPS, 10.0) if m * power >= farthest / MOST_RINGS))

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from itertools import count
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from ..record import Record
 from ..sets import class_of
 from ..style import class_colour
-from ..units import Clock, metres_text
+from ..units import Clock, metres_text, round_step
 from .chart import INK, NEUTRAL, Chart, rows_over_time, times
 
 BAND = "rgba(133,133,133,0.22)"
@@ -83,8 +82,8 @@ def numbers(record: Record) -> Chart:
                 time = times(clock, [found.stamp_ns for found in run])
                 value = np.array([_count(found.class_id, key) for found in run])
                 _line(figure, row, key, source, time, value, "", shape="hvh")
-    highest = max(max(trace.y, default=0) for trace in figure.data)
-    figure.update_yaxes(rangemode="tozero", tick0=0, dtick=_round_step(highest / 4))
+    step = round_step(max(*(max(trace.y, default=0) / 4.0 for trace in figure.data), 1.0))
+    figure.update_yaxes(rangemode="tozero", tick0=0, dtick=int(step))
     several = not record.sets.one_class
     caption = NUMBER_CAPTION.format(
         in_all=", in all and per class" if several else "",
@@ -104,12 +103,6 @@ def _distances(
     scans = [scan for _, scan in sorted(evaluation.scores[source].items())]
     time = times(Clock.of(record), [scan.stamp_ns for scan in scans])
     return time, np.array([scan.values[key]["ospa"] for scan in scans])
-
-
-def _round_step(least: float) -> int:
-    """Return the smallest of 1, 2, 5, 10, 20, 50 ... that is at least `least`."""
-    steps: Iterator[int] = (digit * 10**power for power in count() for digit in (1, 2, 5))
-    return next(step for step in steps if step >= least)
 
 
 def _fast_enough(record: Record, truth: Truth) -> BoolArray:
