@@ -55,7 +55,6 @@ OUTCOMES = ("failed", "passed", "skipped", "xfailed", "xpassed", "error", "rerun
 
 
 def pytest(*arguments):
-    """Run pytest; return its exit status and its output."""
     command = [sys.executable, "-m", "pytest", *arguments]
     try:
         done = subprocess.run(
@@ -135,7 +134,6 @@ def report(name, status, text):
 
 
 def summary(found, seconds):
-    """Return the closing line."""
     parts = ", ".join(f"{found[outcome]} {outcome}" for outcome in OUTCOMES if found[outcome])
     text = f" {parts or 'no tests ran'} in {seconds:.2f}s "
     return f"{text:=^80}"

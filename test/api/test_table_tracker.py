@@ -32,7 +32,6 @@ def with_radar(**changes):
 
 
 def assert_same(found, expected):
-    """Compare tables of tracks."""
     assert found.dtype == expected.dtype
     for name in found.dtype.names:
         np.testing.assert_array_equal(found[name], expected[name])

@@ -17,7 +17,6 @@ TRIALS = 150
 
 
 def summary(path):
-    """Return a bag's metadata."""
     reader = BagReader(path)
     return reader.types, reader.counts, reader.start_ns, reader.end_ns
 

@@ -38,7 +38,6 @@ def scans_of(tracks):
 
 
 def gathered(tracks):
-    """Return lists of positions as tracks."""
     return tracks_of(scans_of(tracks))
 
 

@@ -118,7 +118,6 @@ def turns_of(radar, **changes):
 
 
 def fed(turns, reports, numbers=False):
-    """Return the pieces of each report."""
     return [
         turns.split(sent.stamp_ns, sent.detections, sent.sector if numbers else None)
         for sent in reports

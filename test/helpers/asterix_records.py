@@ -52,12 +52,10 @@ def service(kind, time_s, sac=1, sic=2, **items):
 
 
 def sector(azimuth_deg, time_s, **who):
-    """Return a data block with a sector crossing."""
     return service(2, time_s, i020=round(azimuth_deg / 360.0 * 256) % 256, **who)
 
 
 def north(time_s, rotation_s=None, **who):
-    """Return a data block with a north mark."""
     turn = {} if rotation_s is None else {"i041": round(rotation_s * 128)}
     return service(1, time_s, **turn, **who)
 
@@ -94,7 +92,6 @@ def final(data, time_s, board=0, line=0):
 
 
 def packet(data, sender="10.0.0.1", receiver="239.1.1.1", port=8600, vlan=False):
-    """Return an Ethernet packet with UDP."""
     addresses = bytes(int(part) for name in (sender, receiver) for part in name.split("."))
     udp = struct.pack(">HHHH", 40000, port, len(data) + 8, 0) + data
     ip = struct.pack(">BBHHHBBH", 0x45, 0, 20 + len(udp), 0, 0x4000, 1, 17, 0) + addresses

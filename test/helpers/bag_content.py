@@ -13,7 +13,6 @@ def messages(path, topic, kind=names.CLOUD):
 
 
 def recorded(path, source="filtered"):
-    """Return the estimates in a bag."""
     return [estimates.from_msg(cloud) for cloud in messages(path, names.estimates(source))]
 
 

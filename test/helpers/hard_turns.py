@@ -57,7 +57,6 @@ def flown(rng, scans):
 
 
 def measured(position, noise, rng):
-    """Return measurements of positions, (N, 2)."""
     exact = np.stack([np.hypot(*position.T), np.arctan2(position[:, 1], position[:, 0])], axis=1)
     found = exact + noise * rng.standard_normal(exact.shape)
     return np.stack([found[:, 0], wrap_angle(found[:, 1])], axis=1)

@@ -137,7 +137,6 @@ def start_tracker(processes, *arguments, qos=RELIABLE, **environment):
 
 
 def state_of(peer):
-    """Return the tracker's lifecycle state."""
     return peer.call(GetState, "/tracker/get_state").current_state.label
 
 

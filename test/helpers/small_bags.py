@@ -69,7 +69,6 @@ def types():
 
 
 def read_all(path):
-    """Return all messages of a bag."""
     return list(BagReader(path).messages())
 
 

@@ -136,7 +136,6 @@ def test_datagrams_become_clouds(site):
 
 
 def contents(message):
-    """Return a cloud's content without its transport."""
     stamp, fields = message.header.stamp, message.fields
     layout = [(field.name, field.offset, field.datatype, field.count) for field in fields]
     return stamp.sec, stamp.nanosec, message.header.frame_id, layout, bytes(message.data)
@@ -173,7 +172,6 @@ def test_estimates_of_plots_by_udp_are_those_of_the_recording(unicast, peer, tmp
     tracker = Health(peer)
 
     def taken():
-        """Return how many clouds the tracker has taken."""
         found = tracker.all().get("radar_1_2")
         return int(diagnostics.values_of(found[-1]).get("received", 0)) if found else 0
 

@@ -70,7 +70,6 @@ def drawn(tmp_path_factory):
 
 
 def part(dom, name):
-    """Return the DOM of one chart."""
     return re.search(rf'<div id="{name}".*?</figure>', dom, re.DOTALL).group()
 
 

@@ -36,7 +36,6 @@ class Linearised(RadarModel):
 
 
 def with_sensor(config, sensor):
-    """Return the configuration with another sensor."""
     return replace(config, model=replace(config.model, radars=(sensor,)))
 
 

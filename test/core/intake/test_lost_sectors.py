@@ -34,7 +34,6 @@ def found_of(engine, reports, numbered):
 
 
 def of_target(estimates, target=1):
-    """Return the row of a target."""
     truth = sweep.position_at(sweep.seconds_of(estimates.stamp_ns))[target]
     apart = np.hypot(*(estimates.position - truth).T)
     assert apart.min() < 1000.0

@@ -19,7 +19,6 @@ LEARNED = 0.8
 
 
 def each(value):
-    """Return a value for each component of the noise."""
     return np.full(COMPONENTS, value)
 
 

@@ -20,7 +20,6 @@ def look(detected=0.0, covered=1.0, expected=0.0, label=LABEL, existence=1.0):
 
 
 def after(looks, stamps=None, turn_ns=0.0):
-    """Return the chains after these looks."""
     chains = DetectionChains()
     for number, each in enumerate(looks):
         stamp_ns = number if stamps is None else round(stamps[number])

@@ -14,7 +14,6 @@ from phd_jdtc_ros.core.learned.noise_factor import (
 
 
 def each(value):
-    """Return a value for each component."""
     return np.full(COMPONENTS, value)
 
 

@@ -26,7 +26,6 @@ def report_of(count, coverage=None):
 
 
 def after(*numbers):
-    """Return the memory after reports of so many detections."""
     memory = SensorMemory(("radar_1",))
     for number in numbers:
         memory.count(report_of(number))

@@ -27,7 +27,6 @@ EMPTY = ParticleSet.empty(5)
 
 
 def steps_of(model, corrector=BERNOULLI):
-    """Return the steps of an update of particles."""
     return ParticleSteps(model, corrector, np.random.default_rng(0))
 
 

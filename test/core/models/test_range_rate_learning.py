@@ -75,7 +75,6 @@ def run_of(seed, std, scans=SCANS, **given):
 
 
 def figures(config, scans):
-    """Return the figures of the last step."""
     engine = new_engine(config)
     return [engine.step(scan) for scan in scans][-1].figures
 

@@ -38,7 +38,6 @@ TRUTH = {"detection_probability": 0.6, "range_std": 600.0, "azimuth_std_deg": 0.
 
 
 def figures(engine, run):
-    """Return the figures of the last step."""
     return [engine.step(scan) for _, scan in run][-1].figures
 
 

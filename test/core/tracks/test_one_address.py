@@ -13,12 +13,10 @@ CUTOFF = 1000.0
 
 
 def answered(estimates):
-    """Return the known addresses."""
     return estimates.attributes.address[estimates.attributes.address != UNKNOWN]
 
 
 def switches_of(steps, truth):
-    """Return the number of identity switches of filtered estimates."""
     counted, label = IdentitySwitches(CUTOFF), np.arange(1, truth.shape[1] + 1)
     return sum(
         counted.add(LabelledPoints(label, position), LabelledPoints(found.track_id, found.position))

@@ -62,7 +62,6 @@ def prior(engine):
 
 
 def existence_of(rows):
-    """Return the existence probability of the target."""
     return float(rows.mixture.mass.sum() if isinstance(rows, Branched) else rows.weight.sum())
 
 
