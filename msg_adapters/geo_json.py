@@ -54,9 +54,7 @@ def of_scan(
             "speed": round_number(places.speed[row], METRE_DIGITS),
             "course": round_number(places.course[row], METRE_DIGITS),
             "height": round_number(places.height[row], METRE_DIGITS),
-            **{
-                key: text for key, text in zip(("code", "address"), names[row], strict=True) if text
-            },
+            **{key: text for key, text in identity if text},
             **level(places.height[row]),
             "style": style,
         }
