@@ -20,16 +20,3 @@ def count_below(ascending: FloatArray | IntArray, value: float) -> int:
         else:
             high = middle
     return low
-
-
-@inner
-def count_up_to(ascending: FloatArray | IntArray, value: float) -> int:
-    """Return how many entries of an ascending vector are not above a value."""
-    low, high = 0, len(ascending)
-    while low < high:
-        middle = (low + high) // 2
-        if ascending[middle] <= value:
-            low = middle + 1
-        else:
-            high = middle
-    return low

@@ -59,8 +59,11 @@ _NUMBERS = {float: "float64", int: "int64", bool: "boolean"}
 _OPTIONS = {"error_model": "numpy", "nogil": True}
 
 
-def compiled(function: FunctionT) -> FunctionT:
-    """Compile a function, at its definition, for the types in its signature."""
+def compiled(function: FunctionT, *, counted: bool = True) -> FunctionT:
+    """Compile a function, at its definition, for the types in its signature.
+
+    If references to arrays are not `counted`, the function may not create arrays.
+    """
     # With NUMBA_DISABLE_JIT, as debuggers and mutation tests set it, numba compiles nothing.
     if numba is None or numba.config.DISABLE_JIT:
         return function
@@ -69,7 +72,7 @@ def compiled(function: FunctionT) -> FunctionT:
     hints.pop("return", None)
     signature = tuple(_type_of(hint) for hint in hints.values())
     # It is never called from C.
-    options = {**_OPTIONS, "no_cfunc_wrapper": True}
+    options = {**_OPTIONS, "no_cfunc_wrapper": True, "_nrt": counted}
     done: Any
     with _without_collection():
         try:
@@ -81,6 +84,14 @@ def compiled(function: FunctionT) -> FunctionT:
         _announce()
     compiled_function: FunctionT = done
     return compiled_function
+
+
+def in_place(function: FunctionT) -> FunctionT:
+    """Compile a function that only writes into arrays that it is given.
+
+    It does not count references to arrays, which in short loops over slices takes most of the time.
+    """
+    return compiled(function, counted=False)
 
 
 @contextmanager

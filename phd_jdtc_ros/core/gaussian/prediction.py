@@ -4,16 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..compilation import Bool1, Float1, Float2, Float3, Float4, Int1, compiled
+from ..compilation import Bool1, Float1, Float2, Float3, Float4, Int1, Int2, in_place
 from ..snapshot import MAX_STATE, floats, integers
 from ..tracks import labels
-from .algebra.blocks import SIZE, add_mean, add_spread, copy_gaussian, dot, factorise, solve
-from .algebra.curvature import move, new_moved
+from .algebra.blocks import (
+    SIZE,
+    add_mean,
+    add_spread,
+    copy_gaussian,
+    dot,
+    factorise,
+    solved,
+    write,
+)
+from .algebra.curvature import Moved, move, new_moved
 from .algebra.vectors import total_of
 from .dynamics import Dynamics
 from .mixture import Mixture
@@ -57,12 +66,37 @@ class Moves:
     place: Annotated[IntArray, integers("PK", -1, below="A")]
 
 
-@compiled
-def _predicted(
+class _Predicted(NamedTuple):
+    """The later hypotheses, and the columns of `Moves` from `mean` on, with room for all pairs."""
+
+    weight: Float3
+    mean: Float3
+    covariance: Float4
+    pair_mean: Float2
+    factor: Float3
+    gain: Float3
+    base: Float3
+    place: Int2
+
+    def of_pairs(self, count: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return the columns of the first pairs."""
+        return self.pair_mean[:count], self.factor[:count], self.gain[:count], self.base[:count]
+
+
+class _Scratch(NamedTuple):
+    """Working arrays for the prediction of one hypothesis."""
+
+    spread: Float3  # Predicted covariance of each pair, (K, D, D)
+    share: Float1  # Share of each pair in its later mode, (K,)
+    total: Float1  # Weight of each later mode, (R,)
+    moved: Moved
+
+
+@in_place
+def _predict(
     weight: Float3,
     mean: Float3,
     covariance: Float4,
-    mode_weight: Float2,
     source: Int1,
     of: Int1,
     to: Int1,
@@ -71,65 +105,62 @@ def _predicted(
     change: Float2,
     noise: Float4,
     transition: Float4,
-) -> tuple[Any, ...]:
-    """Return the later weights, means and covariances, and the columns of `Moves` from `mean` on.
+    later: _Predicted,
+    scratch: _Scratch,
+) -> int:
+    """Write the later hypotheses; return the number of pairs that have weight.
 
-    `source` is the interval of each hypothesis; the last five parameters are by mode or interval.
+    `source` is the interval of each hypothesis; the parameters from `turns` to `transition` are by
+    mode or interval.
     """
-    count, modes, classes = weight.shape
-    place, active = np.full((count, len(of)), -1), 0
-    for row in range(count):
-        for pair in range(len(of)):
-            if mode_weight[row, of[pair]] > 0.0 and change[source[row], pair] > 0.0:
-                place[row, pair] = active
-                active += 1
-    pair_mean, factor = np.empty((active, SIZE)), np.empty((active, SIZE, SIZE))
-    gain, base = np.empty((active, SIZE, SIZE)), np.empty((active, SIZE, SIZE))
-    later_weight, later_mean = np.zeros(weight.shape), np.zeros(mean.shape)
-    later, spread = np.zeros(covariance.shape), np.empty((len(of), SIZE, SIZE))
-    share, total, moved = np.empty(len(of)), np.empty(modes), new_moved()
+    (count, modes, classes), active = weight.shape, 0
+    spread, share, total, moved = scratch
     for row in range(count):
         own = source[row]
-        total[:] = 0.0
+        for mode in range(modes):
+            total[mode] = 0.0
         for pair in range(len(of)):
-            share[pair] = 0.0
+            share[pair], some = 0.0, False
             for class_id in range(classes):
                 arriving = change[own, pair] * weight[row, of[pair], class_id]
-                later_weight[row, to[pair], class_id] += arriving
+                later.weight[row, to[pair], class_id] += arriving
                 share[pair] += arriving
+                some = some or weight[row, of[pair], class_id] > 0.0
             total[to[pair]] += share[pair]
+            later.place[row, pair] = -1
+            if some and change[own, pair] > 0.0:
+                later.place[row, pair] = active
+                active += 1
         for pair in range(len(of)):
-            at, mode = place[row, pair], to[pair]
+            at, mode = later.place[row, pair], to[pair]
             if at < 0:
                 continue
-            before = covariance[row, of[pair]]
+            before, gain, base = covariance[row, of[pair]], later.gain[at], later.base[at]
             move(mean[row, of[pair]], before, transition[own, mode], turns[mode], dt[own], moved)
             for i in range(SIZE):
-                pair_mean[at, i] = moved.mean[i]
+                later.pair_mean[at, i] = moved.mean[i]
                 for k in range(i + 1):
                     found = moved.covariance[i, k] + noise[own, mode, i, k]
                     spread[pair, i, k] = spread[pair, k, i] = found
-            factorise(spread[pair], factor[at])
+            factorise(spread[pair], later.factor[at])
             for i in range(SIZE):
-                for k in range(SIZE):
-                    gain[at, i, k] = moved.cross[i, k]
-                solve(factor[at], gain[at, i])
+                write(solved(later.factor[at], moved.cross[i]), gain[i])
                 for k in range(i + 1):
-                    found = before[i, k] - dot(gain[at, i], moved.cross[k])
-                    base[at, i, k] = base[at, k, i] = found
+                    base[i, k] = base[k, i] = before[i, k] - dot(gain[i], moved.cross[k])
             if share[pair] > 0.0:
                 share[pair] /= total[mode]
-                add_mean(share[pair], pair_mean[at], later_mean[row, mode])
+                add_mean(share[pair], later.pair_mean[at], later.mean[row, mode])
         for pair in range(len(of)):
             if share[pair] > 0.0:
-                at, mode = place[row, pair], to[pair]
-                centre = later_mean[row, mode]
-                add_spread(share[pair], pair_mean[at], spread[pair], centre, later[row, mode])
+                at, mode = later.place[row, pair], to[pair]
+                around = later.covariance[row, mode]
+                centre = later.mean[row, mode]
+                add_spread(share[pair], later.pair_mean[at], spread[pair], centre, around)
         for mode in range(modes):
             if not total[mode] > 0.0:  # it cannot be reached
-                around = covariance[row, mode]
-                copy_gaussian(mean[row, mode], around, later_mean[row, mode], later[row, mode])
-    return later_weight, later_mean, later, pair_mean, factor, gain, base, place
+                around = later.covariance[row, mode]
+                copy_gaussian(mean[row, mode], covariance[row, mode], later.mean[row, mode], around)
+    return active
 
 
 def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Moves]:
@@ -149,16 +180,30 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
     source = np.arange(len(earlier)).repeat([len(part.mixture) for part in earlier])
     dt = np.array([part.dt for part in earlier])
     survival, change, noise, transition, snr = dynamics.over(dt)
-    weight, mean, covariance, *of_pairs = _predicted(
-        *(*before.gaussians, before.mode_weight, source, *dynamics.pairs, dynamics.turns, dt),
-        *(change, noise, transition),
+    (modes, size), pairs = before.mean.shape[1:], len(dynamics.pairs[0])
+    most = pairs * len(before)
+    later = _Predicted(
+        np.zeros(before.weight.shape),
+        np.zeros(before.mean.shape),
+        np.zeros(before.covariance.shape),
+        np.empty((most, size)),
+        np.empty((most, size, size)),
+        np.empty((most, size, size)),
+        np.empty((most, size, size)),
+        np.empty((len(before), pairs), np.int64),
+    )
+    scratch = _Scratch(np.empty((pairs, size, size)), np.empty(pairs), np.empty(modes), new_moved())
+    active = _predict(
+        *(*before.gaussians, source, *dynamics.pairs, dynamics.turns, dt),
+        *(change, noise, transition, later, scratch),
     )
     diffused = [_diffused(part.mixture.snr, one) for part, one in zip(earlier, snr, strict=True)]
     of_row = change.take(source, axis=0), survival.take(source, axis=0)
+    weight, mean, covariance = later[:3]
     moved = before.changed(
         weight=weight, mean=mean, covariance=covariance, snr=np.concatenate(diffused)
     )
-    return moved, Moves(dynamics.pairs, *of_row, *of_pairs)
+    return moved, Moves(dynamics.pairs, *of_row, *later.of_pairs(active), later.place)
 
 
 def _diffused(snr: FloatArray, transition: FloatArray | None) -> FloatArray:
@@ -202,24 +247,49 @@ def spawn(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: f
     parts = []
     for mixture, dt in earlier:
         rate = min(model.spawn.rate * dt / model.modes.interval_s, 1.0)
-        columns = _spawned(
-            *(rate, least, dt, mixture.target, mixture.existence, *mixture.gaussians),
-            *(*dynamics.spawned, dynamics.over(np.array([dt])).transition[0], dynamics.turns),
+        parent = (mixture.existence > 0.0) & (rate * mixture.existence >= least)
+        if not (count := int(np.count_nonzero(parent))):
+            continue
+        place = np.where(parent, parent.cumsum() - 1, -1)
+        modes, size = mixture.mean.shape[1:]
+        spawned = _Spawned(
+            np.zeros((count, *mixture.weight.shape[1:])),
+            np.empty((count, modes, size)),
+            np.empty((count, modes, size, size)),
         )
-        count = len(columns[0])
-        if count:
-            row_label = np.arange(label, label + count)
-            parts.append(Mixture(row_label, *columns, dynamics.unknown_snr(count)))
+        matched = _Matched(np.zeros((count, size)), np.zeros((count, size, size)), new_moved())
+        transition = dynamics.over(np.array([dt])).transition[0]
+        _spawn(
+            *(rate, mixture.target, place, mixture.existence, *mixture.gaussians),
+            *(*dynamics.spawned, transition, dynamics.turns, dt, spawned, matched),
+        )
+        row_label = np.arange(label, label + count)
+        parts.append(Mixture(row_label, *spawned, dynamics.unknown_snr(count)))
         label += count
     return Mixture.concatenate(parts) if parts else dynamics.nothing
 
 
-@compiled
-def _spawned(
+class _Spawned(NamedTuple):
+    """The weights and Gaussians of the spawned targets."""
+
+    weight: Float3
+    mean: Float3
+    covariance: Float4
+
+
+class _Matched(NamedTuple):
+    """The Gaussian of each parent's hypotheses, of zeros at first, and working arrays."""
+
+    mean: Float2
+    covariance: Float3
+    moved: Moved
+
+
+@in_place
+def _spawn(
     rate: float,
-    least: float,
-    dt: float,
     target: Int1,
+    place: Int1,
     existence: Float1,
     weight: Float3,
     mean: Float3,
@@ -228,17 +298,15 @@ def _spawned(
     noise: Float3,
     transition: Float3,
     turns: Bool1,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the weights and Gaussians of the spawned targets; see `Dynamics.spawned`."""
-    modes, classes = weight.shape[1:]
-    place, count = np.full(len(existence), -1), 0
-    for parent in range(len(existence)):
-        if existence[parent] > 0.0 and rate * existence[parent] >= least:
-            place[parent] = count
-            count += 1
-    found, later = np.zeros((count, modes, classes)), np.empty((count, modes, SIZE))
-    spread, moved = np.empty((count, modes, SIZE, SIZE)), new_moved()
-    centre, around = np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE))
+    dt: float,
+    found: _Spawned,
+    matched: _Matched,
+) -> None:
+    """Write the spawned targets, whose weights are zeros at first; see `Dynamics.spawned`.
+
+    `place` is the row of each parent's spawned target, (T,), or -1.
+    """
+    (modes, classes), centre, around = weight.shape[1:], matched.mean, matched.covariance
     for row in range(len(target)):
         one, whole = place[target[row]], existence[target[row]]
         for mode in range(modes if one >= 0 else 0):
@@ -247,19 +315,18 @@ def _spawned(
                 share = by_parent[mode * classes + class_id]
                 for entry in range(len(share)):
                     own = rate * weight[row, mode, class_id] * share[entry]
-                    found[one, entry // classes, entry % classes] += own
+                    found.weight[one, entry // classes, entry % classes] += own
     for row in range(len(target)):
         one, whole = place[target[row]], existence[target[row]]
         for mode in range(modes if one >= 0 else 0):
-            part, own = total_of(weight[row, mode]) / whole, mean[row, mode]
+            part, own_mean = total_of(weight[row, mode]) / whole, mean[row, mode]
             if part > 0.0:
-                add_spread(part, own, covariance[row, mode], centre[one], around[one])
-    for one in range(count):
+                add_spread(part, own_mean, covariance[row, mode], centre[one], around[one])
+    for one in range(len(centre)):
         for mode in range(modes):
-            move(centre[one], around[one], transition[mode], turns[mode], dt, moved)
+            move(centre[one], around[one], transition[mode], turns[mode], dt, matched.moved)
             for i in range(SIZE):
-                later[one, mode, i] = moved.mean[i]
+                found.mean[one, mode, i] = matched.moved.mean[i]
                 for k in range(i + 1):
-                    total = moved.covariance[i, k] + noise[mode, i, k]
-                    spread[one, mode, i, k] = spread[one, mode, k, i] = total
-    return found, later, spread
+                    total = matched.moved.covariance[i, k] + noise[mode, i, k]
+                    found.covariance[one, mode, i, k] = found.covariance[one, mode, k, i] = total

@@ -13,6 +13,8 @@ from ...state_space import PLANAR
 
 # A constant for the compiler, which halves the time.
 SIZE = len(PLANAR)
+# A state in registers: a vector in an array is read again after each write into any other array.
+State = tuple[float, float, float, float, float]
 # Smallest share of a variance that earlier axes leave unexplained; a smaller one is rounding.
 LEAST_PIVOT = 1e-14
 
@@ -27,7 +29,7 @@ def wrapped(angle: float) -> float:
 
 
 @inner
-def dot(one: FloatArray, other: FloatArray) -> float:
+def dot(one: FloatArray | State, other: FloatArray | State) -> float:
     """Return the product of two vectors: written out, which takes two thirds of a loop's time."""
     first = one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
     return float(first + one[3] * other[3] + one[4] * other[4])
@@ -37,7 +39,7 @@ def dot(one: FloatArray, other: FloatArray) -> float:
 def factorise(matrix: FloatArray, factor: FloatArray) -> None:
     """Write the factors of a covariance, L D L': L below the diagonal, and 1 / D on it.
 
-    An axis without variance of its own has 0 in the place of 1 / D, so that `solve` leaves it out.
+    An axis without variance of its own has 0 in the place of 1 / D, so that `solved` leaves it out.
     D L' is above the diagonal.
     """
     for i in range(SIZE):
@@ -53,16 +55,25 @@ def factorise(matrix: FloatArray, factor: FloatArray) -> None:
 
 
 @inner
-def solve(factor: FloatArray, vector: FloatArray) -> None:
-    """Multiply a vector by the inverse of a factorised covariance, in place."""
-    for i in range(SIZE):
-        for k in range(i):
-            vector[i] -= factor[i, k] * vector[k]
-    for i in range(SIZE):
-        vector[i] *= factor[i, i]
-    for i in range(SIZE - 1, -1, -1):
-        for k in range(i + 1, SIZE):
-            vector[i] -= factor[k, i] * vector[k]
+def solved(factor: FloatArray, vector: FloatArray) -> State:
+    """Return a vector, multiplied by the inverse of a factorised covariance."""
+    a, b, c, d, e = vector[0], vector[1], vector[2], vector[3], vector[4]
+    b -= factor[1, 0] * a
+    c = c - factor[2, 0] * a - factor[2, 1] * b
+    d = d - factor[3, 0] * a - factor[3, 1] * b - factor[3, 2] * c
+    e = e - factor[4, 0] * a - factor[4, 1] * b - factor[4, 2] * c - factor[4, 3] * d
+    e *= factor[4, 4]
+    d = d * factor[3, 3] - factor[4, 3] * e
+    c = c * factor[2, 2] - factor[3, 2] * d - factor[4, 2] * e
+    b = b * factor[1, 1] - factor[2, 1] * c - factor[3, 1] * d - factor[4, 1] * e
+    a = a * factor[0, 0] - factor[1, 0] * b - factor[2, 0] * c - factor[3, 0] * d - factor[4, 0] * e
+    return a, b, c, d, e
+
+
+@inner
+def write(state: State, vector: FloatArray) -> None:
+    """Write a state."""
+    vector[0], vector[1], vector[2], vector[3], vector[4] = state
 
 
 @inner
@@ -101,6 +112,27 @@ def copy_gaussian(
 
 
 @inner
+def difference(one: FloatArray, other: FloatArray) -> State:
+    """Return the difference of two vectors."""
+    first = one[0] - other[0], one[1] - other[1], one[2] - other[2]
+    return *first, one[3] - other[3], one[4] - other[4]
+
+
+@inner
+def times(vector: FloatArray, matrix: FloatArray) -> State:
+    """Return the product of a vector and a matrix."""
+    a, b, c, d, e = vector[0], vector[1], vector[2], vector[3], vector[4]
+    first, second, third, fourth, last = matrix[0], matrix[1], matrix[2], matrix[3], matrix[4]
+    return (
+        a * first[0] + b * second[0] + c * third[0] + d * fourth[0] + e * last[0],
+        a * first[1] + b * second[1] + c * third[1] + d * fourth[1] + e * last[1],
+        a * first[2] + b * second[2] + c * third[2] + d * fourth[2] + e * last[2],
+        a * first[3] + b * second[3] + c * third[3] + d * fourth[3] + e * last[3],
+        a * first[4] + b * second[4] + c * third[4] + d * fourth[4] + e * last[4],
+    )
+
+
+@inner
 def add_mean(share: float, mean: FloatArray, centre: FloatArray) -> None:
     """Add a Gaussian to the mean of a mixture."""
     for i in range(SIZE):
@@ -112,7 +144,14 @@ def add_spread(
     share: float, mean: FloatArray, covariance: FloatArray, centre: FloatArray, spread: FloatArray
 ) -> None:
     """Add a Gaussian to the covariance of a mixture, whose mean is known."""
+    x, vx, y, vy, omega = difference(mean, centre)
     for i in range(SIZE):
-        apart = share * (mean[i] - centre[i])
-        for k in range(SIZE):
-            spread[i, k] += share * covariance[i, k] + apart * (mean[k] - centre[k])
+        own, total, apart = covariance[i], spread[i], share * (mean[i] - centre[i])
+        # The entries of a row are all computed before any is written, so that the compiler may
+        # compute several at once.
+        first = total[0] + (share * own[0] + apart * x)
+        second = total[1] + (share * own[1] + apart * vx)
+        third = total[2] + (share * own[2] + apart * y)
+        fourth = total[3] + (share * own[3] + apart * vy)
+        total[4] += share * own[4] + apart * omega
+        total[0], total[1], total[2], total[3] = first, second, third, fourth

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...arrays import FloatArray
-from ...compilation import Float1, Float2, compiled, inner
+from ...compilation import Float1, Float2, in_place, inner
 from ...state_space import PLANAR
 from ...targets.turn_matrix import turn, turn_terms, write_turn
 from .blocks import SIZE, dot
@@ -39,7 +39,6 @@ class Moved(NamedTuple):
     turned: Float1  # (D,)
 
 
-@inner
 def new_moved() -> Moved:
     """Return the arrays for one Gaussian at a time."""
     matrices = np.zeros((4, SIZE, SIZE))
@@ -100,7 +99,7 @@ def _write_turned(mean: FloatArray, covariance: FloatArray, dt: float, moved: Mo
             moved.cross[i, k] = dot(covariance[i], matrix[k])
 
 
-@compiled
+@in_place
 def move(
     mean: Float1, covariance: Float2, transition: Float2, turns: bool, dt: float, moved: Moved
 ) -> None:

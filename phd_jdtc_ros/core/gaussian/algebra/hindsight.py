@@ -7,18 +7,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import FloatArray, IntArray
-from ...compilation import Bool1, Float2, Float3, Float4, Int1, Int2, compiled, inner
+from ...arrays import BoolArray, FloatArray, IntArray
+from ...compilation import Bool1, Float1, Float2, Float3, Float4, Int1, Int2, in_place, inner
 from .blocks import (
     SIZE,
     add_mean,
     add_spread,
     copy_gaussian,
+    difference,
     dot,
     log_determinant,
     square_distance,
+    times,
 )
-from .vectors import add, sum_of, total_of, write_scaled
+from .vectors import add, total_of
 
 # Smallest log fit of a pair of modes relative to the best pair: no pair is excluded for good.
 LEAST_LOG_FIT = -50.0
@@ -71,38 +73,20 @@ class Pairs(NamedTuple):
 
 
 class _Scratch(NamedTuple):
-    """Working arrays for the smoothing of one update, allocated once."""
+    """Working arrays, allocated once: which updates have changed, (U,), and those of one update."""
 
-    fit: FloatArray  # (K,)
-    mass: FloatArray  # (K,)
-    joint: FloatArray  # (K, C)
-    mean: FloatArray  # Mean of each pair's earlier Gaussian, (K, D)
-    covariance: FloatArray  # Covariance of each pair's earlier Gaussian, (K, D, D)
-    vector: FloatArray  # (D,)
-    part: FloatArray  # Weight of each edge of an update, (E, R)
-
-
-@inner
-def _longest(updates: Updates) -> tuple[int, int]:
-    """Return the largest number of predicted hypotheses and of edges of an update."""
-    rows, edges = 0, 0
-    for one in range(len(updates.before)):
-        rows = max(rows, updates.predicted[one, 1] - updates.predicted[one, 0])
-        edges = max(edges, updates.edge[one, 1] - updates.edge[one, 0])
-    return rows, edges
-
-
-@inner
-def _scratch(pairs: int, modes: int, classes: int, edges: int) -> _Scratch:
-    return _Scratch(
-        np.empty(pairs),
-        np.empty(pairs),
-        np.empty((pairs, classes)),
-        np.empty((pairs, SIZE)),
-        np.empty((pairs, SIZE, SIZE)),
-        np.empty(SIZE),
-        np.empty((edges, modes)),
-    )
+    changed: Bool1
+    active: Int1  # The pairs of a row that have weight, (K,); the next arrays have their order
+    fit: Float1  # (K,)
+    mass: Float1  # (K,)
+    joint: Float2  # (K, C)
+    mean: Float2  # Mean of each pair's earlier Gaussian, (K, D)
+    covariance: Float3  # Covariance of each pair's earlier Gaussian, (K, D, D)
+    vector: Float1  # (D,)
+    part: Float2  # Weight of each edge of an update, (E, R)
+    ahead: Float2  # Weight of each predicted Gaussian of an update, (H, R)
+    predicted: Float2  # Weight of each later mode and class, as predicted, (R, C)
+    own: Float1  # Weight of each smoothed Gaussian of a row, (R,)
 
 
 @inner
@@ -116,7 +100,7 @@ def _clear(mean: FloatArray, covariance: FloatArray) -> None:
 
 @inner
 def _write_predicted(
-    updates: Updates, one: int, edges: Edges, later: Gaussians, part: FloatArray, ahead: Gaussians
+    updates: Updates, one: int, edges: Edges, later: Gaussians, scratch: _Scratch, ahead: Gaussians
 ) -> None:
     """Write the predicted hypotheses of an update, given their smoothed children.
 
@@ -127,24 +111,29 @@ def _write_predicted(
     modes, classes = later.weight.shape[1:]
     first, count = updates.predicted[one, 0], updates.predicted[one, 1] - updates.predicted[one, 0]
     begin, end = updates.edge[one, 0], updates.edge[one, 1]
-    ahead.weight[:count] = 0.0
+    part, whole = scratch.part, scratch.ahead
+    for to in range(count):
+        for mode in range(modes):
+            for class_id in range(classes):
+                ahead.weight[to, mode, class_id] = 0.0
     for edge in range(begin, end):
         to, child = edges.parent[edge] - first, edges.child[edge]
         for mode in range(modes):
             part[edge - begin, mode] = 0.0
-            if not 0 <= to < count:
-                continue
-            if total_of(ahead.weight[to, mode]) == 0.0:
-                _clear(ahead.mean[to, mode], ahead.covariance[to, mode])
-            for class_id in range(classes):
+            for class_id in range(classes if 0 <= to < count else 0):
                 given = later.weight[child, mode, class_id] * edges.share[edge, mode, class_id]
                 ahead.weight[to, mode, class_id] += given
                 part[edge - begin, mode] += given
+    for to in range(count):
+        for mode in range(modes):
+            whole[to, mode] = total_of(ahead.weight[to, mode])
+            if whole[to, mode] > 0.0:
+                _clear(ahead.mean[to, mode], ahead.covariance[to, mode])
     for edge in range(begin, end):
         to, child = edges.parent[edge] - first, edges.child[edge]
         for mode in range(modes):
             if part[edge - begin, mode] > 0.0:
-                part[edge - begin, mode] /= total_of(ahead.weight[to, mode])
+                part[edge - begin, mode] /= whole[to, mode]
                 add_mean(part[edge - begin, mode], later.mean[child, mode], ahead.mean[to, mode])
     for edge in range(begin, end):
         to, child = edges.parent[edge] - first, edges.child[edge]
@@ -157,59 +146,45 @@ def _write_predicted(
 
 @inner
 def _write_fit(
+    active: IntArray,
+    of: IntArray,
     to: IntArray,
     place: IntArray,
     pairs: Pairs,
-    later: Gaussians,
-    at: int,
-    apart: FloatArray,
-    fit: FloatArray,
+    later: FloatArray,
+    scratch: _Scratch,
 ) -> None:
-    """Write how well the mean of each later mode fits the predictions of its pairs, shape (K,).
+    """Write how well the mean of each later mode, (R, D), fits the predictions of active pairs.
 
     A normal density, divided by the largest of the pairs of the later mode; 1 for a single pair.
     """
-    for mode in range(later.mean.shape[1]):
-        largest, many, some = -np.inf, 0, total_of(later.weight[at, mode]) > 0.0
-        for pair in range(len(to)):
-            if to[pair] == mode:
-                fit[pair] = 1.0 if some and place[pair] >= 0 else 0.0
-                many += place[pair] >= 0
-        if many < 2 or not some:
+    fit, several = scratch.fit, False
+    for one in range(len(active)):
+        fit[one] = 1.0
+        several = several or of[active[one]] != of[active[0]]
+    for mode in range(len(later) if several else 0):
+        largest, many = -np.inf, 0
+        for one in range(len(active)):
+            many += to[active[one]] == mode
+        if many < 2:
             continue
-        for pair in range(len(to)):
-            if to[pair] == mode and place[pair] >= 0:
-                factor, predicted = pairs.factor[place[pair]], pairs.mean[place[pair]]
-                square = square_distance(factor, later.mean[at, mode], predicted, apart)
+        for one in range(len(active)):
+            if to[active[one]] == mode:
+                at = place[active[one]]
+                factor, predicted = pairs.factor[at], pairs.mean[at]
+                square = square_distance(factor, later[mode], predicted, scratch.vector)
                 density = 0.5 * (log_determinant(factor) - square)
-                fit[pair] = density if math.isfinite(density) else LEAST_DENSITY
-                largest = max(largest, fit[pair])
-        for pair in range(len(to)):
-            if to[pair] == mode and place[pair] >= 0:
-                fit[pair] = math.exp(max(fit[pair] - largest, LEAST_LOG_FIT))
-
-
-@inner
-def _given_later(joint: FloatArray, to: IntArray, later_weight: FloatArray) -> None:
-    """Turn the joint weights of pairs (K, C) into those given the later modes' weights (R, C)."""
-    for mode in range(len(later_weight)):
-        for class_id in range(joint.shape[1]):
-            predicted = 0.0
-            for pair in range(len(to)):
-                if to[pair] == mode:
-                    predicted += joint[pair, class_id]
-            some = predicted > 0.0
-            back = later_weight[mode, class_id] / predicted if some else 0.0
-            for pair in range(len(to)):
-                if to[pair] == mode:
-                    joint[pair, class_id] *= back
+                fit[one] = density if math.isfinite(density) else LEAST_DENSITY
+                largest = max(largest, fit[one])
+        for one in range(len(active)):
+            if to[active[one]] == mode:
+                fit[one] = math.exp(max(fit[one] - largest, LEAST_LOG_FIT))
 
 
 @inner
 def _earlier(
     columns: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     later: tuple[FloatArray, FloatArray],
-    half: FloatArray,
     mean: FloatArray,
     covariance: FloatArray,
 ) -> None:
@@ -218,20 +193,14 @@ def _earlier(
     `columns` are the mode's own mean, and the pair's mean, gain and base; see `Moves`.
     """
     own, predicted, gain, base = columns
-    later_mean, later_covariance = later
+    at, around = later
+    apart = difference(at, predicted)
     for i in range(SIZE):
-        half[i] = later_mean[i] - predicted[i]
+        mean[i] = own[i] + dot(gain[i], apart)
     for i in range(SIZE):
-        mean[i] = own[i] + dot(gain[i], half)
-    for i in range(SIZE):
-        # Along the rows of the symmetric covariance the compiler computes several entries at once.
-        for k in range(SIZE):
-            half[k] = gain[i, 0] * later_covariance[0, k]
-        for n in range(1, SIZE):
-            for k in range(SIZE):
-                half[k] += gain[i, n] * later_covariance[n, k]
+        row = times(gain[i], around)
         for k in range(i + 1):
-            covariance[i, k] = covariance[k, i] = base[i, k] + dot(half, gain[k])
+            covariance[i, k] = covariance[k, i] = base[i, k] + dot(row, gain[k])
 
 
 @inner
@@ -239,19 +208,63 @@ def _blend(
     share: float,
     own: FloatArray,
     own_spread: FloatArray,
-    apart: FloatArray,
     mean: FloatArray,
     spread: FloatArray,
 ) -> None:
     """Add a share of a mode's own Gaussian, that of a target that dies, to the one given later."""
-    between = share * (1.0 - share)
+    between, (x, vx, y, vy, omega) = share * (1.0 - share), difference(own, mean)
     for i in range(SIZE):
-        apart[i] = own[i] - mean[i]
-        mean[i] += share * apart[i]
+        before, total, outer = own_spread[i], spread[i], between * (own[i] - mean[i])
+        # For the order see `add_spread`.
+        first = total[0] + (share * (before[0] - total[0]) + outer * x)
+        second = total[1] + (share * (before[1] - total[1]) + outer * vx)
+        third = total[2] + (share * (before[2] - total[2]) + outer * y)
+        fourth = total[3] + (share * (before[3] - total[3]) + outer * vy)
+        total[4] += share * (before[4] - total[4]) + outer * omega
+        total[0], total[1], total[2], total[3] = first, second, third, fourth
     for i in range(SIZE):
-        outer = between * apart[i]
-        for k in range(SIZE):
-            spread[i, k] += share * (own_spread[i, k] - spread[i, k]) + outer * apart[k]
+        mean[i] += share * (own[i] - mean[i])
+
+
+@inner
+def _active(
+    of: IntArray,
+    to: IntArray,
+    prior: tuple[FloatArray, FloatArray],
+    place: IntArray,
+    pairs: Pairs,
+    later: Gaussians,
+    part: int,
+    scratch: _Scratch,
+) -> IntArray:
+    """Return the pairs of a row that have weight; write their joint weights, given later modes.
+
+    `prior` are the row's weights, (R, C), and the probabilities of its pairs, (K,).
+    """
+    joint, predicted, count, (own, change) = scratch.joint, scratch.predicted, 0, prior
+    for pair in range(len(of)):
+        if place[pair] >= 0 and scratch.ahead[part, to[pair]] > 0.0:
+            scratch.active[count] = pair
+            count += 1
+    active = scratch.active[:count]
+    _write_fit(active, of, to, place, pairs, later.mean[part], scratch)
+    for mode in range(len(predicted)):
+        for class_id in range(predicted.shape[1]):
+            predicted[mode, class_id] = 0.0
+    for one in range(count):
+        pair = active[one]
+        factor = change[pair] * scratch.fit[one]
+        for class_id in range(predicted.shape[1]):
+            joint[one, class_id] = factor * own[of[pair], class_id]
+            predicted[to[pair], class_id] += joint[one, class_id]
+    for one in range(count):
+        mode, scratch.mass[one] = to[active[one]], 0.0
+        for class_id in range(predicted.shape[1]):
+            if joint[one, class_id] > 0.0:
+                back = later.weight[part, mode, class_id] / predicted[mode, class_id]
+                joint[one, class_id] *= back
+                scratch.mass[one] += joint[one, class_id]
+    return active
 
 
 @inner
@@ -266,77 +279,67 @@ def _write_row(
     later: Gaussians,
     part: int,
     scratch: _Scratch,
-) -> None:
-    """Write the joint weights and the earlier Gaussians of a row's pairs, given later modes."""
-    fit, mass = scratch.fit, scratch.mass
-    _write_fit(to, predicted.place[row], pairs, later, part, scratch.vector, fit)
-    for pair in range(len(of)):
-        prior = predicted.change[row, pair] * fit[pair]
-        write_scaled(prior, own.weight[at, of[pair]], scratch.joint[pair])
-    _given_later(scratch.joint, to, later.weight[part])
-    for pair in range(len(of)):
-        mass[pair] = total_of(scratch.joint[pair])
-        if mass[pair] > 0.0:
-            one = predicted.place[row, pair]
-            columns = own.mean[at, of[pair]], pairs.mean[one], pairs.gain[one], pairs.base[one]
-            given = later.mean[part, to[pair]], later.covariance[part, to[pair]]
-            mean, covariance = scratch.mean[pair], scratch.covariance[pair]
-            _earlier(columns, given, scratch.vector, mean, covariance)
-
-
-@inner
-def _add_pairs(of: IntArray, scratch: _Scratch, smoothed: Gaussians, at: int) -> float:
-    """Write a row's smoothed modes, matched over their pairs; return their weight."""
+    smoothed: Gaussians,
+) -> float:
+    """Write a row's smoothed modes, matched over its pairs; return their weight."""
+    mass, total, place = scratch.mass, 0.0, predicted.place[row]
+    prior = own.weight[at], predicted.change[row]
+    active = _active(of, to, prior, place, pairs, later, part, scratch)
     weight, mean, covariance = smoothed.weight[at], smoothed.mean[at], smoothed.covariance[at]
-    mass = scratch.mass
-    for pair in range(len(of)):
-        if mass[pair] > 0.0:
-            if total_of(weight[of[pair]]) == 0.0:
-                _clear(mean[of[pair]], covariance[of[pair]])
-            add(scratch.joint[pair], weight[of[pair]])
-    for pair in range(len(of)):
-        if mass[pair] > 0.0:
-            share = mass[pair] / total_of(weight[of[pair]])
-            add_mean(share, scratch.mean[pair], mean[of[pair]])
-    for pair in range(len(of)):
-        if mass[pair] > 0.0:
-            mode = of[pair]
-            share = mass[pair] / total_of(weight[mode])
-            around = scratch.covariance[pair]
-            add_spread(share, scratch.mean[pair], around, mean[mode], covariance[mode])
-    return sum_of(weight)
+    for one in range(len(active)):
+        if mass[one] > 0.0:
+            pair, before = place[active[one]], of[active[one]]
+            columns = own.mean[at, before], pairs.mean[pair], pairs.gain[pair], pairs.base[pair]
+            after = to[active[one]]
+            given = later.mean[part, after], later.covariance[part, after]
+            _earlier(columns, given, scratch.mean[one], scratch.covariance[one])
+            add(scratch.joint[one], weight[before])
+    for mode in range(len(scratch.own)):
+        scratch.own[mode] = total_of(weight[mode])
+        total += scratch.own[mode]
+        if scratch.own[mode] > 0.0:
+            _clear(mean[mode], covariance[mode])
+    for one in range(len(active)):
+        if mass[one] > 0.0:
+            mode = of[active[one]]
+            mass[one] /= scratch.own[mode]
+            add_mean(mass[one], scratch.mean[one], mean[mode])
+    for one in range(len(active)):
+        if mass[one] > 0.0:
+            mode, around = of[active[one]], scratch.covariance[one]
+            add_spread(mass[one], scratch.mean[one], around, mean[mode], covariance[mode])
+    return total
 
 
 @inner
 def _add_deaths(
-    death: float,
-    survival: FloatArray,
-    own: Gaussians,
-    at: int,
-    smoothed: Gaussians,
-    apart: FloatArray,
+    death: float, survival: FloatArray, own: Gaussians, at: int, smoothed: Gaussians
 ) -> None:
-    """Add to a row the targets of it that die; `death` is the factor on their weight."""
+    """Add to a row the targets of it that die; `death` is the factor on their weight.
+
+    A Gaussian that has no weight is left as it is.
+    """
     for mode in range(len(survival)):
-        died, left = death * (1.0 - survival[mode]), total_of(smoothed.weight[at, mode])
-        gone = died * total_of(own.weight[at, mode])
+        died = death * (1.0 - survival[mode])
+        gone, left = died * total_of(own.weight[at, mode]), total_of(smoothed.weight[at, mode])
+        if not gone > 0.0:
+            continue
         mean, covariance = smoothed.mean[at, mode], smoothed.covariance[at, mode]
-        if not left > 0.0:
-            copy_gaussian(own.mean[at, mode], own.covariance[at, mode], mean, covariance)
-        elif gone > 0.0:
+        if left > 0.0:
             share = gone / (left + gone)
-            _blend(share, own.mean[at, mode], own.covariance[at, mode], apart, mean, covariance)
+            _blend(share, own.mean[at, mode], own.covariance[at, mode], mean, covariance)
+        else:
+            copy_gaussian(own.mean[at, mode], own.covariance[at, mode], mean, covariance)
         for class_id in range(own.weight.shape[2]):
             smoothed.weight[at, mode, class_id] += died * own.weight[at, mode, class_id]
 
 
-@compiled
 def go_back(
-    of: Int1,
-    to: Int1,
+    of: IntArray,
+    to: IntArray,
     first: int,
-    order: Int1,
-    needed: Bool1,
+    order: IntArray,
+    needed: BoolArray,
     updates: Updates,
     edges: Edges,
     predicted: Predicted,
@@ -360,35 +363,72 @@ def go_back(
     own, smoothed : Gaussians
         The filtered and the smoothed hypotheses; those of new updates are equal.
     """
-    count, (most_rows, most_edges) = len(updates.before), _longest(updates)
     modes, classes = own.weight.shape[1:]
-    scratch = _scratch(len(of), modes, classes, most_edges)
-    ahead = Gaussians(
-        np.empty((most_rows, modes, classes)),
-        np.empty((most_rows, modes, SIZE)),
-        np.empty((most_rows, modes, SIZE, SIZE)),
+    rows, most_edges = (
+        int((part[:, 1] - part[:, 0]).max(initial=0)) for part in (updates.predicted, updates.edge)
     )
-    changed = np.arange(count) >= first
-    for place in range(count):
+    ahead = Gaussians(
+        np.empty((rows, modes, classes)),
+        np.empty((rows, modes, SIZE)),
+        np.empty((rows, modes, SIZE, SIZE)),
+    )
+    scratch = _Scratch(
+        np.arange(len(order)) >= first,
+        np.empty(len(of), np.int64),
+        np.empty(len(of)),
+        np.empty(len(of)),
+        np.empty((len(of), classes)),
+        np.empty((len(of), SIZE)),
+        np.empty((len(of), SIZE, SIZE)),
+        np.empty(SIZE),
+        np.empty((most_edges, modes)),
+        np.empty((rows, modes)),
+        np.empty((modes, classes)),
+        np.empty(modes),
+    )
+    of_scan = order, needed, updates, edges, predicted, pairs
+    _go_back(of, to, *of_scan, own, smoothed, ahead, scratch)
+
+
+@in_place
+def _go_back(
+    of: Int1,
+    to: Int1,
+    order: Int1,
+    needed: Bool1,
+    updates: Updates,
+    edges: Edges,
+    predicted: Predicted,
+    pairs: Pairs,
+    own: Gaussians,
+    smoothed: Gaussians,
+    ahead: Gaussians,
+    scratch: _Scratch,
+) -> None:
+    """Smooth the updates that changed ones continue, and mark them as changed."""
+    modes, classes = own.weight.shape[1:]
+    for place in range(len(order)):
         one = order[place]
         before = updates.before[one]
-        if before < 0 or not changed[one] or not needed[before]:
+        if before < 0 or not scratch.changed[one] or not needed[before]:
             continue
-        changed[before] = True
+        scratch.changed[before] = True
         begin, alive, dead = updates.row[before, 0], 0.0, 1.0
         first_row, end_row = updates.predicted[one, 0], updates.predicted[one, 1]
         kept = updates.edge[one, 0] < updates.edge[one, 1]
         if kept:
-            _write_predicted(updates, one, edges, smoothed, scratch.part, ahead)
+            _write_predicted(updates, one, edges, smoothed, scratch, ahead)
         for row in range(first_row, end_row):
             part, at = row - first_row, begin + row - first_row
-            smoothed.weight[at] = 0.0
             for mode in range(modes):
                 dead -= predicted.survival[row, mode] * total_of(own.weight[at, mode])
-            if kept and sum_of(ahead.weight[part]) > 0.0:
-                _write_row(of, to, own, at, predicted, pairs, row, ahead, part, scratch)
-                alive += _add_pairs(of, scratch, smoothed, at)
+                for class_id in range(classes):
+                    smoothed.weight[at, mode, class_id] = 0.0
+            if kept and total_of(scratch.ahead[part]) > 0.0:
+                alive += _write_row(
+                    of, to, own, at, predicted, pairs, row, ahead, part, scratch, smoothed
+                )
         death = (1.0 - min(alive, 1.0)) / dead if dead > 0.0 else 0.0
         for row in range(first_row, end_row):
             at, survival = begin + row - first_row, predicted.survival[row]
-            _add_deaths(death, survival, own, at, smoothed, scratch.vector)
+            _add_deaths(death, survival, own, at, smoothed)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ...arrays import FloatArray, IntArray, contiguous
-from ...bisection import count_below, count_up_to
-from ...compilation import Float1, Float2, Float3, Float4, Int1, compiled, inner
+from ...compilation import Bool1, Float1, Float2, Float3, Float4, Int1, compiled, in_place, inner
 from ...sensors.polar_geometry import MIN_RANGE
 from ...sensors.report import Report
 from ...sensors.sensor import Sensor
@@ -74,14 +73,19 @@ def _expected(
     return measured, spread, std
 
 
-@inner
-def _longer(array: Any, size: int) -> Any:
-    """Return a table with room for more rows."""
-    longer = np.empty((size, array.shape[1]), array.dtype)
-    for row in range(len(array)):
-        for column in range(array.shape[1]):
-            longer[row, column] = array[row, column]
-    return longer
+class _Found(NamedTuple):
+    """The pairs of `gate_pairs`, with room for more, and working arrays for one hypothesis."""
+
+    row: Int1
+    column: Int1
+    log_likelihood: Float2
+    inside: Int1  # The places of detections that are in the box of a hypothesis, (M,)
+    around: Bool1  # Whether each Gaussian may be anywhere in azimuth, (R,)
+    reach: Float2  # Half widths of each Gaussian's gate, (R, 2)
+    box: Float1  # See `_write_box`, (4,)
+    inverse: Float2  # Inverse of the innovation's covariance, (R, 3)
+    log_root: Float1  # Log of the density's scale, (R,)
+    rate: Float2  # See `_write_rates`, (R, 4)
 
 
 @inner
@@ -126,7 +130,7 @@ def _write_rates(
         rate[mode, 3] = rate[mode, 2] / distance
 
 
-@compiled
+@in_place
 def _gate_pairs(
     max_range: float,
     axes: Int1,
@@ -136,27 +140,30 @@ def _gate_pairs(
     covariance: Float4,
     weight: Float2,
     detection: Float2,
-    order: Int1,
     noise_std: Float2,
     time_s: Float1,
-) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return the results of `gate_pairs`; `order` is that of the detections by azimuth from 0."""
-    (count, modes), size = weight.shape, len(order)
-    room, found = 4 * count + 64, 0
-    pairs, log_likelihood = np.empty((room, 2), np.int64), np.empty((room, modes))
-    around, reach, box = np.empty(modes, np.bool_), np.empty((modes, 2)), np.empty(4)
-    inverse, log_root, rate = np.empty((modes, 3)), np.empty(modes), np.zeros((modes, 4))
-    # Two turns of detections, so that the azimuths of a gate are a single run.
-    azimuth, distance = np.empty(2 * size), np.empty(2 * size)
-    widest, latest = np.zeros(2), 0.0
-    for place in range(size):
-        one = order[place]
-        distance[place] = distance[size + place] = detection[one, 0]
-        azimuth[place] = detection[one, 1] % FULL_TURN
-        azimuth[size + place] = azimuth[place] + FULL_TURN
-        latest = max(latest, abs(time_s[one]))
-        for axis in range(2):
-            widest[axis] = max(widest[axis], noise_std[one, axis])
+    widest: Float1,
+    latest: float,
+    azimuth: Float1,
+    distance: Float1,
+    order: Int1,
+    start: Int1,
+    found: _Found,
+) -> int:
+    """Write the gated pairs; return their number, or -1 if there is no room for them.
+
+    Parameters
+    ----------
+    widest, latest : array of shape (2,), and float
+        The largest standard deviations and distance in time of the detections.
+    azimuth, distance, order : arrays of shape (2 M,)
+        The azimuths of two turns of detections, from 0 on, so that those of a gate are a single
+        run; their ranges and their indices.
+    start : int array
+        The place where each of equal parts of the first turn begins.
+    """
+    (count, modes), size, pairs = weight.shape, len(order) // 2, 0
+    _, _, _, _, around, reach, box, inverse, log_root, rate = found
     for row in range(count):
         anywhere, noise_range, noise_azimuth = False, -1.0, -1.0
         if latest > 0.0:
@@ -173,19 +180,22 @@ def _gate_pairs(
         if not _write_box(row, measured, reach, weight, max_range, box):
             continue
         half = math.pi if anywhere else min(box[3], math.pi)
-        low = (box[2] - half) % FULL_TURN
-        begin, near, far = count_below(azimuth[:size], low), box[0], box[1]
-        end = begin + size
-        if half < math.pi:
-            end = min(end, count_up_to(azimuth, low + 2.0 * half))
-        for place in range(begin, end):
-            away = distance[place]
-            if not near <= away <= far:
-                continue
-            one = order[place if place < size else place - size]
-            if found == room:
-                room *= 2
-                pairs, log_likelihood = _longer(pairs, room), _longer(log_likelihood, room)
+        low = box[2] - half
+        low += FULL_TURN if low < 0.0 else 0.0
+        begin, high = start[int(low / FULL_TURN * (len(start) - 1))], low + 2.0 * half
+        while begin < size and azimuth[begin] < low:
+            begin += 1
+        # Most detections of the sector are not in the range: a jump for each would take longer.
+        near, far, inside = box[0], box[1], 0
+        for place in range(begin, begin + size):
+            if half < math.pi and azimuth[place] > high:
+                break
+            found.inside[inside] = place
+            inside += near <= distance[place] <= far
+        for index in range(inside):
+            one = order[found.inside[index]]
+            if pairs == len(found.row):
+                return -1
             if noise_std[one, 0] != noise_range or noise_std[one, 1] != noise_azimuth:
                 noise_range, noise_azimuth = noise_std[one, 0], noise_std[one, 1]
                 for mode in range(modes):
@@ -198,20 +208,20 @@ def _gate_pairs(
                     log_root[mode] = 0.5 * math.log(determinant) + math.log(FULL_TURN)
             gated = False
             for mode in range(modes):
-                log_likelihood[found, mode] = -np.inf
+                found.log_likelihood[pairs, mode] = -np.inf
                 if not weight[row, mode] > 0.0:
                     continue
-                along = away - measured[row, mode, 0] - rate[mode, 0] * time_s[one]
+                along = detection[one, 0] - measured[row, mode, 0] - rate[mode, 0] * time_s[one]
                 across = detection[one, 1] - measured[row, mode, 1] - rate[mode, 1] * time_s[one]
                 across = wrapped(across)
                 square = inverse[mode, 0] * along**2 + inverse[mode, 2] * across**2
                 square += inverse[mode, 1] * along * across
                 if around[mode] or square <= GATE_SIGMA**2:
-                    log_likelihood[found, mode] = -0.5 * square - log_root[mode]
+                    found.log_likelihood[pairs, mode] = -0.5 * square - log_root[mode]
                     gated = True
-            pairs[found, 0], pairs[found, 1] = row, one
-            found += gated
-    return pairs[:found, 0].copy(), pairs[:found, 1].copy(), log_likelihood[:found]
+            found.row[pairs], found.column[pairs] = row, one
+            pairs += gated
+    return pairs
 
 
 def gate_pairs(
@@ -229,7 +239,35 @@ def gate_pairs(
     if not sensor.polar:
         spread = expected.measured, expected.covariance
         return linearised.gate_pairs(mixture.mode_weight, mixture.mean, *spread, report, GATE_SIGMA)
-    order = (measurement[:, 1] % FULL_TURN).argsort(kind="stable")
-    columns = mixture.mean, expected.measured, expected.covariance, mixture.mode_weight
-    of_report = measurement, order, report.detection_std, report.time_s
-    return _gate_pairs(sensor.max_range, sensor.axes, sensor.frame, *columns, *of_report)
+    turn = measurement[:, 1] % FULL_TURN
+    order = turn.argsort(kind="stable")
+    turn, twice = turn[order], np.concatenate([order, order])
+    std, time_s = report.detection_std, report.time_s
+    (count, modes), pairs = mixture.mode_weight.shape, -1
+    room = 4 * count + 64
+    while pairs < 0:
+        found = _Found(
+            np.empty(room, np.int64),
+            np.empty(room, np.int64),
+            np.empty((room, modes)),
+            np.empty(len(order) + 1, np.int64),
+            np.empty(modes, np.bool_),
+            np.empty((modes, 2)),
+            np.empty(4),
+            np.empty((modes, 3)),
+            np.empty(modes),
+            np.zeros((modes, 4)),
+        )
+        pairs = _gate_pairs(
+            *(sensor.max_range, sensor.axes, sensor.frame, mixture.mean, expected.measured),
+            *(expected.covariance, mixture.mode_weight, measurement, std, time_s),
+            std.max(axis=0, initial=0.0),
+            np.abs(time_s).max(initial=0.0),
+            np.concatenate([turn, turn + FULL_TURN]),
+            measurement[twice, 0],
+            twice,
+            turn.searchsorted(np.linspace(0.0, FULL_TURN, len(order) + 1)),
+            found,
+        )
+        room *= 2
+    return found.row[:pairs], found.column[:pairs], found.log_likelihood[:pairs]
