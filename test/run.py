@@ -141,14 +141,16 @@ def summary(found, seconds):
 
 def main(arguments):
     begin, found, failed = time.monotonic(), Counter(), False
-    # A live test does not wait for a tracker that compiles.
-    subprocess.run([sys.executable, "-m", "phd_jdtc_ros", "compile_engines"], cwd=ROOT, check=True)
     with ThreadPoolExecutor(AT_A_TIME) as pool:
+        found_live = pool.submit(live_files, arguments)
+        # A live test does not wait for a tracker that compiles.
+        compiling = [sys.executable, "-m", "phd_jdtc_ros", "compile_engines"]
+        subprocess.run(compiling, cwd=ROOT, check=True)
         running = {
             pool.submit(pytest, "-m", "not live", *own): name
             for name, own in others(arguments).items()
         }
-        for files in live_files(arguments):
+        for files in found_live.result():
             running[pool.submit(live, files, *arguments)] = " ".join(files)
         try:
             for run in as_completed(running):

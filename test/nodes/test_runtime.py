@@ -47,9 +47,6 @@ def logged(close):
     return done.stdout.splitlines()
 
 
-def test_node_closes_with_its_failure():
+def test_node_closes_with_its_failure_and_is_destroyed_even_if_that_fails_too():
     assert logged("pass") == ["closed with 1", "destroyed", "raised half-way", "down"]
-
-
-def test_node_is_destroyed_and_ros_shut_down_even_if_closing_fails_too():
     assert logged("raise OSError('full')") == ["closed with 1", "destroyed", "raised full", "down"]
