@@ -22,6 +22,8 @@ BLIND, SHARED = 0.15, 0.6
 # Log likelihood ratio from which a change is reported, and its upper bound. For a sensor that is as
 # before, or whose change has been learned, it falls from one to the other in about ten turns.
 RAISED, MOST = 12.0, 24.0
+# Bounds of the learned factors accepted in a snapshot.
+LEAST_FACTOR, MOST_FACTOR = 1e-4, 1e4
 # Number of expected detections, of the sensor and of a sector, from which later detections are
 # compared with the learned value; the first is also the number of innovations.
 SETTLED, SETTLED_SECTOR = 50.0, 20.0
@@ -45,14 +47,19 @@ class ChangeAlarm(ReadOnly):
 
     E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954: each sum is of the log
     likelihood ratios of the changed and the learned value, and is kept at zero or above. The
-    learned value follows a change more slowly than the sum; the alarm ends when it has followed.
+    learned value is that of the time when the sum was last zero, because later values follow the
+    change. After an alarm it is the present one, so that the alarm ends when that has followed.
     """
 
     # Evidence of fewer detections by the sensor as a whole, and of almost none in each sector of
     # azimuth, (1 + A,).
     detection: Annotated[FloatArray, floats("A", 0.0, MOST)] = zeros_field(1 + AZIMUTHS)
+    # Factor of each cell when the evidence of its sector began, (K,); None if there was none yet.
+    detection_before: Annotated[FloatArray | None, floats("K", 0.0, MOST_FACTOR)] = None
     # Evidence of a larger noise in each component; see `NoiseFactor`.
     noise: Annotated[FloatArray, floats("Z", 0.0, MOST)] = zeros_field(COMPONENTS)
+    # Learned factor of each variance when that evidence began, (Z,); None if there was none yet.
+    noise_before: Annotated[FloatArray | None, floats("Z", LEAST_FACTOR, MOST_FACTOR)] = None
 
     @property
     def fewer_detections(self) -> bool:
@@ -88,23 +95,41 @@ class ChangeAlarm(ReadOnly):
 
     def after_trials(self, factor: DetectionFactor, sums: TrialSums) -> ChangeAlarm:
         """Return the alarm after trials that count, given the factor learned before them."""
-        usual = factor.by_cell * sums.expected
-        by_cell = np.concatenate([sums.trials, sums.detected, usual, factor.expected])
+        before = _before(self.detection[1:], factor.by_cell, self.detection_before)
+        usual, usual_before = factor.by_cell * sums.expected, before * sums.expected
+        by_cell = np.concatenate([sums.trials, sums.detected, usual_before, factor.expected])
         by_sector = by_cell.reshape(4, RANGES, AZIMUTHS).sum(axis=1)
         both = np.empty((4, 1 + AZIMUTHS))
         both[:, 0], both[:, 1:] = by_sector.sum(axis=1), by_sector
-        both[3, 0] = factor.all_expected
+        both[2:, 0] = usual.sum(), factor.all_expected
         trials, detected, usual, known = both
         learned = usual / np.where(trials > 0.0, trials, 1.0)
         learned = np.minimum(np.maximum(learned, 0.01), 0.99)
         of_miss = np.log((1.0 - CHANGED * learned) / (1.0 - UNCHANGED * learned))
         evidence = detected * OF_DETECTION + (trials - detected) * of_miss
         detection = self.detection + np.where(known >= KNOWN, evidence, 0.0)
-        return self.changed(detection=np.minimum(np.maximum(detection, 0.0), MOST))
+        detection = np.minimum(np.maximum(detection, 0.0), MOST)
+        return self.changed(detection=detection, detection_before=before)
 
     def after_noise(self, factor: NoiseFactor, evidence: NoiseEvidence) -> ChangeAlarm:
         """Return the alarm after innovations, given the noise that was learned before them."""
-        square = evidence.weight + evidence.excess
+        learned = factor.variance
+        before = _before(self.noise, learned, self.noise_before)
+        square = (evidence.weight + evidence.excess) * learned / before
         ratio = 0.5 * (square * (1.0 - 1.0 / NOISIER) - evidence.weight * math.log(NOISIER))
         ratio = np.where(factor.learned & (factor.weight >= SETTLED), ratio, 0.0)
-        return self.changed(noise=np.minimum(np.maximum(self.noise + ratio, 0.0), MOST))
+        noise = np.minimum(np.maximum(self.noise + ratio, 0.0), MOST)
+        return self.changed(noise=noise, noise_before=before)
+
+
+def _before(evidence: FloatArray, learned: FloatArray, before: FloatArray | None) -> FloatArray:
+    """Return the learned values, (K,), from before the evidence on each began, given it, (E,).
+
+    The values are E columns of K / E rows. A learned value follows a change at once, and evidence
+    that is compared with it would become less while it is collected.
+    """
+    if before is None:
+        return learned
+    begun = (evidence > 0.0) & (evidence < RAISED)
+    kept: FloatArray = np.where(np.resize(begun, len(learned)), before, learned)
+    return kept

@@ -153,7 +153,8 @@ def _noise(snapshot: Snapshot, name: str, sensor: Sensor) -> NoiseFactor | None:
 def _alarm(snapshot: Snapshot, name: str, sensor: Sensor) -> ChangeAlarm | None:
     if sensor.detection_factor is None and sensor.noise_factor is None:
         return None
-    return from_snapshot(ChangeAlarm, snapshot, name, {"A": 1 + AZIMUTHS, "Z": COMPONENTS})
+    sizes = {"A": 1 + AZIMUTHS, "Z": COMPONENTS, "K": CELLS}
+    return from_snapshot(ChangeAlarm, snapshot, name, sizes)
 
 
 def _chains(snapshot: Snapshot, name: str, sensor: Sensor) -> DetectionChains | None:

@@ -97,6 +97,49 @@ def test_noise_of_twice_the_deviation_is_found(factor, raised):
     assert raised == bool((alarm.noise >= RAISED).all())
 
 
+def innovations(rng, factor, known):
+    """Return the evidence of an innovation in each component, given the factor of variances."""
+    square = factor * rng.standard_normal(COMPONENTS) ** 2
+    return NoiseEvidence(each(1.0), square / known.variance - 1.0)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_noise_is_found_while_it_is_learned_and_until_it_has_been(seed):
+    rng, known, alarm = np.random.default_rng([seed, 3]), NoiseFactor(), ChangeAlarm()
+    sums, raised = np.zeros(COMPONENTS), np.zeros(COMPONENTS, dtype=bool)
+    before = known.variance
+    for number in range(1200):
+        evidence = innovations(rng, 1.0 if number < 60 else 4.0, known)
+        # The same sums with the values of the time when each was last zero.
+        before = np.where((sums > 0.0) & (sums < RAISED), before, known.variance)
+        square = (1.0 + evidence.excess) * known.variance / before
+        added = 0.25 * square - 0.5 * np.log(2.0)
+        sums = np.clip(sums + (added if known.weight[0] >= 50.0 else 0.0), 0.0, MOST)
+        alarm, known = alarm.after_noise(known, evidence), known.after(evidence)
+        np.testing.assert_allclose(alarm.noise, sums, atol=1e-9)
+        if number < 60:
+            assert not alarm.noisier.any()
+        elif number < 130:
+            raised |= alarm.noisier
+    assert raised.all()
+    assert not alarm.noisier.any()
+
+
+def test_blind_sector_is_found_while_its_probability_is_learned():
+    by_azimuth = np.full(AZIMUTHS, LEARNED)
+    by_azimuth[5] = 0.0
+    for seed in range(8):
+        rng, known, alarm = np.random.default_rng([seed, 4]), DetectionFactor(1e4), ChangeAlarm()
+        for _ in range(8):
+            looks = looks_of(rng, LEARNED)
+            alarm, known = alarm.after_trials(known, looks), known.after(looks)
+        assert np.isnan(alarm.blind_azimuth)
+        for _ in range(6):
+            looks = looks_of(rng, by_azimuth)
+            alarm, known = alarm.after_trials(known, looks), known.after(looks)
+        assert alarm.blind_azimuth == pytest.approx(5.5 * 2.0 * np.pi / AZIMUTHS)
+
+
 def test_warning_names_every_change():
     figures = {
         "north.fewer_detections": 1.0,
