@@ -138,7 +138,7 @@ def _parts(node: Any) -> dict[str, Callable[[], None]]:
 
     def publish_clouds() -> None:
         for _ in ("filtered", "smoothed"):
-            outputs[PointCloud2].publish(estimates.to_msg(found, FRAME))
+            outputs[PointCloud2].publish(estimates.to_cdr(found, FRAME))
 
     def publish_poses() -> None:
         for _ in ("filtered", "smoothed"):

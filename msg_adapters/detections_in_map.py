@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from sensor_msgs.msg import PointCloud2
 
 from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.types import Scan
@@ -16,8 +15,8 @@ from phd_jdtc_ros.core.types import Scan
 from . import point_cloud
 
 
-def to_msg(scan: Scan, radars: Sequence[Sensor], frame: str) -> PointCloud2:
-    """Encode a scan's detections, empty or not.
+def to_cdr(scan: Scan, radars: Sequence[Sensor], frame: str) -> bytes:
+    """Return a scan's detections, empty or not, as a serialised ``sensor_msgs/PointCloud2``.
 
     The fields are ``x y z amplitude`` (FLOAT32; metres, linear envelope) and ``radar_index``
     (UINT32, from 0 in the configured order). z is the height, 0 if unknown. The amplitude is 0 if
@@ -34,4 +33,4 @@ def to_msg(scan: Scan, radars: Sequence[Sensor], frame: str) -> PointCloud2:
     x, y, z, amplitude, indices = np.concatenate(parts).T
     columns = {"x": x, "y": y, "z": z, "amplitude": amplitude}
     columns["radar_index"] = indices.astype(np.int64)
-    return point_cloud.encode(scan.stamp_ns, frame, columns)
+    return point_cloud.to_cdr(scan.stamp_ns, frame, columns)

@@ -46,6 +46,16 @@ def to_msg(estimates: Estimates, frame: str) -> PointCloud2:
     radar reports the kind of sensor, FLOAT32 ``age_psr age_ssr age_mds`` follow: the time since
     each kind of sensor last detected the target, seconds; NaN for never.
     """
+    return point_cloud.encode(estimates.stamp_ns, frame, _columns_of(estimates))
+
+
+def to_cdr(estimates: Estimates, frame: str) -> bytes:
+    """Return the serialised cloud of `to_msg`."""
+    return point_cloud.to_cdr(estimates.stamp_ns, frame, _columns_of(estimates))
+
+
+def _columns_of(estimates: Estimates) -> dict[str, npt.NDArray[Any]]:
+    """Return the columns of a cloud by field name, in order."""
     state, known = estimates.state, estimates.attributes
     height = np.zeros((len(estimates), 2)) if known is None else np.nan_to_num(known.height)
     columns = {
@@ -76,7 +86,7 @@ def to_msg(estimates: Estimates, frame: str) -> PointCloud2:
             ages = np.maximum(estimates.stamp_ns - known.seen_ns, 0) * 1e-9
             ages[known.seen_ns == UNKNOWN] = np.nan
             columns |= dict(zip(_AGES, ages.T, strict=True))
-    return point_cloud.encode(estimates.stamp_ns, frame, columns)
+    return columns
 
 
 def class_count(cloud: PointCloud2) -> int:

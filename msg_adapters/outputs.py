@@ -108,7 +108,7 @@ def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
                 names.estimates(source, "~"),
                 names.CLOUD,
                 when=source,
-                encode=lambda found, view: [estimates.to_msg(found, view.frame)],
+                encode=lambda found, view: [estimates.to_cdr(found, view.frame)],
             )
             for source in SOURCES
         ),
@@ -121,7 +121,7 @@ def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
             names.detections_in_map("~"),
             names.CLOUD,
             when=SCAN,
-            encode=lambda scan, view: [detections_in_map.to_msg(scan, view.radars, view.frame)],
+            encode=lambda scan, view: [detections_in_map.to_cdr(scan, view.radars, view.frame)],
             switch="detections",
         ),
         Output(

@@ -2,6 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import detections_in_map, point_cloud, stamps
 from phd_jdtc_ros.configuration.build import resolve
@@ -17,7 +19,8 @@ SILENT = Detections(np.zeros((0, 2)), np.zeros(0))
 
 
 def cloud_of(*reports):
-    return detections_in_map.to_msg(Scan(STAMP_NS, reports), RADARS, "site")
+    data = detections_in_map.to_cdr(Scan(STAMP_NS, reports), RADARS, "site")
+    return deserialize_message(data, PointCloud2)
 
 
 def columns(cloud):
@@ -25,7 +28,7 @@ def columns(cloud):
     return point_cloud.decode(cloud, {**kinds, NAMES[-1]: point_cloud.UNSIGNED})
 
 
-def test_to_msg_has_all_radars_detections_in_the_world_frame():
+def test_to_cdr_has_all_radars_detections_in_the_world_frame():
     cloud = cloud_of(HITS, Detections(np.array([[10.0, 0.0]]), np.array([7.0])))
     found = columns(cloud)
 
@@ -37,7 +40,7 @@ def test_to_msg_has_all_radars_detections_in_the_world_frame():
     np.testing.assert_array_equal(found["radar_index"], [0, 0, 1])
 
 
-def test_to_msg_has_zeros_for_unknown_amplitudes_and_known_heights():
+def test_to_cdr_has_zeros_for_unknown_amplitudes_and_known_heights():
     found = columns(cloud_of(HITS, Detections(np.array([[10.0, 0.0]]), None)))
 
     np.testing.assert_array_equal(found["amplitude"], [4.0, 30.0, 0.0])
@@ -47,12 +50,12 @@ def test_to_msg_has_zeros_for_unknown_amplitudes_and_known_heights():
 
 
 @pytest.mark.parametrize("reports", [(None, None), (SILENT, None), (SILENT, SILENT)])
-def test_to_msg_of_nothing_is_an_empty_cloud(reports):
+def test_to_cdr_of_nothing_is_an_empty_cloud(reports):
     cloud = cloud_of(*reports)
 
     assert (cloud.width, cloud.height) == (0, 1)
     assert tuple(field.name for field in cloud.fields) == NAMES
 
 
-def test_to_msg_leaves_out_a_radar_that_did_not_report():
+def test_to_cdr_leaves_out_a_radar_that_did_not_report():
     assert columns(cloud_of(None, HITS))["radar_index"].tolist() == [1, 1]

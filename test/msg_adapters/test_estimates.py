@@ -6,8 +6,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from samples import STAMP_NS, estimates, nothing
 from sensor_msgs.msg import PointField
 
+from msg_adapters import cdr, stamps
 from msg_adapters import estimates as adapter
-from msg_adapters import stamps
 from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Attributes
 
@@ -168,3 +168,8 @@ def test_heading_turns_about_z_to_the_velocity(velocity, degrees):
     assert_allclose(
         [found.x, found.y, found.z, found.w], [0.0, 0.0, np.sin(half), np.cos(half)], atol=1e-15
     )
+
+
+@pytest.mark.parametrize("given", [estimates(), nothing()], ids=["some", "none"])
+def test_to_cdr_is_the_serialised_message(given):
+    assert adapter.to_cdr(given, "map") == cdr.encode(adapter.to_msg(given, "map"))

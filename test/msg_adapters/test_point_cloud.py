@@ -4,10 +4,11 @@ import samples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
+from rclpy.serialization import deserialize_message
 from samples import STAMP_NS, cloud
-from sensor_msgs.msg import PointField
+from sensor_msgs.msg import PointCloud2, PointField
 
-from msg_adapters import detections, estimates, point_cloud, stamps, truth
+from msg_adapters import cdr, detections, estimates, point_cloud, stamps, truth
 from msg_adapters.errors import RejectedMessageError
 
 F4, F8, U4 = PointField.FLOAT32, PointField.FLOAT64, PointField.UINT32
@@ -45,6 +46,18 @@ def test_encode_survives_decode_without_points_too():
     assert len(found.data) == 0
     decoded = point_cloud.decode(found, WANTED)
     assert [len(column) for column in decoded.values()] == [0, 0]
+
+
+@pytest.mark.parametrize("count", [0, 1, 5])
+# Frames and names of several lengths, so that members begin at every alignment.
+@pytest.mark.parametrize("frame", ["", "a", "map", "site", "enu/origin"])
+@pytest.mark.parametrize("name", ["n", "of", "ten", "four"])
+def test_to_cdr_is_the_serialised_cloud_of_encode(count, frame, name):
+    columns = {"a": np.arange(count) / 4.0, name: np.arange(count), "b": np.arange(count) * 1e9}
+    arguments = STAMP_NS, frame, columns, {"b"}
+    found = point_cloud.to_cdr(*arguments)
+    assert deserialize_message(found, PointCloud2) == point_cloud.encode(*arguments)
+    assert found == cdr.encode(point_cloud.encode(*arguments))
 
 
 def test_encode_lays_out_points_little_endian_in_one_row():
