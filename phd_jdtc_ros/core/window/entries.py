@@ -137,11 +137,6 @@ class UnsweptRows(Generic[RowsT, LinkT]):
         return label if self.rows is None else label[self.rows]
 
     @cached_property
-    def label(self) -> IntArray:
-        """The distinct labels of these rows, ascending."""
-        return np.unique(self.row_label)
-
-    @cached_property
     def _class_mass(self) -> dict[int, FloatArray]:
         return {}
 

@@ -132,7 +132,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         classes = modes.class_of, len(modes.classes)
         mass = [rows.class_mass(*classes) for rows in self.forward.unswept[:-1]]
         mass.append(step.updated.class_mass(*classes))
-        total = np.sum(mass, axis=0)
+        total = sum(mass, np.zeros(len(modes.classes)))
         figures = {**self._figures(step), **self.forward.learned_figures}
         return Step(tuple(filtered), tuple(smoothed), total, figures)
 
@@ -318,4 +318,4 @@ def _targets_of(rows: UnsweptRows[RowsT, LinkT], targets: Estimates) -> Estimate
     """Return the filtered targets of an entry that are in these rows of it."""
     if rows.rows is None:
         return targets
-    return targets.select(contains(rows.label, targets.track_id - 1))
+    return targets.select(contains(np.sort(rows.row_label), targets.track_id - 1))

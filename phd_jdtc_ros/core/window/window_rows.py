@@ -61,10 +61,13 @@ def trimmed(
     following: int,
 ) -> list[Entry[RowsT, LinkT]]:
     """Return the entries that the filter or a pending stamp, from `following` on, needs."""
-    needed = {rows.entry.stamp_ns for rows in unswept}
-    needed.update(*[entry.source_stamps for entry in window if entry.stamp_ns > following])
-    kept = [entry for entry in window if entry.stamp_ns >= following or entry.stamp_ns in needed]
-    if len(kept) == len(window):
+    dropped = {entry.stamp_ns for entry in window if entry.stamp_ns < following}
+    dropped.difference_update(
+        [rows.entry.stamp_ns for rows in unswept],
+        *[entry.source_stamps for entry in window if entry.stamp_ns > following],
+    )
+    if not dropped:
         return window
+    kept = [entry for entry in window if entry.stamp_ns not in dropped]
     stamps = {entry.stamp_ns for entry in kept}
     return [entry if entry.source_stamps & stamps else entry.unlinked for entry in kept]

@@ -35,7 +35,6 @@ def test_parted_keeps_rows_that_are_all_of_one_kind(rows):
 def test_current_rows_are_a_set_with_their_origins_and_their_mass():
     current = UnsweptRows(entry(), np.array([1, 2, 5]))
     np.testing.assert_array_equal(current.row_label, [3, 5, 9])
-    np.testing.assert_array_equal(UnsweptRows(entry(), np.array([0, 1, 5])).label, [3, 9])
     np.testing.assert_array_equal(current.stored.row_label, current.row_label)
     classes = np.array([0, 1]), 2
     np.testing.assert_allclose(current.class_mass(*classes), [0.7, 0.1])
