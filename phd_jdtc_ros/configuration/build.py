@@ -21,7 +21,7 @@ from phd_jdtc_ros.core.tracks.reporting_rule import ReportingRule, rule_of
 from . import checks, replaced
 from .models import platform_of, tracker_model
 from .parameters import LABELLED, Parts, Tracking, engine_of
-from .radar_parameters import RadarParameters, only_radars
+from .radar_parameters import RadarParameters
 from .schema import ConfigError, build, check
 from .schema import name_faults as schema_faults
 from .sensor_kinds import KINDS
@@ -99,7 +99,16 @@ class TrackerConfig(Tracking):
     @property
     def radars(self) -> tuple[RadarParameters, ...]:
         """The inputs as radars; raises `ConfigError` if a sensor is of another kind."""
-        return only_radars(self.inputs)
+        radars = tuple(each for each in self.inputs if isinstance(each, RadarParameters))
+        if len(radars) < len(self.inputs):
+            raise ConfigError(
+                [
+                    f"{each.name}.kind: {each.kind} given, must be radar here"
+                    for each in self.inputs
+                    if not isinstance(each, RadarParameters)
+                ]
+            )
+        return radars
 
     @property
     def _slowest_s(self) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import ClassVar
@@ -13,7 +13,7 @@ from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.sensors.site import Plane, Site
 
 from . import forms, place_forms, sensor_parameters
-from .schema import NOT_NEGATIVE, POSITIVE, SMALL, ConfigError, parameter
+from .schema import NOT_NEGATIVE, POSITIVE, SMALL, parameter
 from .sensor_parameters import SensorParameters
 
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -299,16 +299,3 @@ class RadarParameters(SensorParameters):
         azimuth_deg = math.degrees(bias.azimuth) * self.sense
         found = [bias.range_bias, bias.range_gain, azimuth_deg, bias.time_offset_s]
         return {f"{self.name}.biases": found}
-
-
-def only_radars(sensors: Iterable[SensorParameters]) -> tuple[RadarParameters, ...]:
-    """Return the sensors as radars, for what supports only these.
-
-    Raise `ConfigError` if a sensor is of another kind.
-    """
-    radars = list[RadarParameters]()
-    for sensor in sensors:
-        if not isinstance(sensor, RadarParameters):
-            raise ConfigError([f"{sensor.name}.kind: {sensor.kind} given, must be radar here"])
-        radars.append(sensor)
-    return tuple(radars)
