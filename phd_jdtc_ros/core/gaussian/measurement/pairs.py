@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from ...association import marginals
 from ...association.claims import Claims
 from ...association.marginals import LEAST_CLUTTER
 from ...association.shares import posterior_shares
-from ...compilation import Float1, Float2, Float3, Int1, compiled, inner
+from ...compilation import Bool1, Float1, Float2, Float3, Int1, in_place, inner
 from ...models.competing_sources import CompetingSources
 from ..algebra.vectors import sum_of
 from ..bounds import Bounds
@@ -62,29 +62,42 @@ def sum_modes(weight: FloatArray) -> FloatArray:
     return total
 
 
+class _Sources(NamedTuple):
+    """The log scale, the intensities and their sum, as of `CompetingSources`."""
+
+    scale: Float1
+    intensity: Float2
+    total: Float1
+
+    @staticmethod
+    def room(other: FloatArray) -> _Sources:
+        """Return arrays for the sources of all detections."""
+        size = other.shape[1]
+        return _Sources(np.full(size, -np.inf), np.empty(other.shape), np.zeros(size))
+
+
 @inner
-def _sources(
+def _write_sources(
     column: IntArray,
     measurement: FloatArray,
     largest: FloatArray,
     evidence: FloatArray,
     other: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the log scale, the intensities and their sum, as of `CompetingSources`."""
-    kinds, size = other.shape
-    scale, intensity, total = np.full(size, -np.inf), np.empty((kinds, size)), np.zeros(size)
-    for kind in range(kinds):
-        for z in range(size):
+    sources: _Sources,
+) -> None:
+    """Write the sources into `_Sources.room`; for the other parameters see `PairLikelihoods`."""
+    scale, intensity, total = sources
+    for kind in range(len(other)):
+        for z in range(len(scale)):
             scale[z] = max(scale[z], other[kind, z])
     for pair in range(len(column)):
         z = column[pair]
         for mode in range(measurement.shape[1]):
             scale[z] = max(scale[z], measurement[pair, mode] + largest[z] + evidence[pair])
-    for kind in range(kinds):
-        for z in range(size):
+    for kind in range(len(other)):
+        for z in range(len(scale)):
             intensity[kind, z] = math.exp(other[kind, z] - scale[z])
             total[z] += intensity[kind, z]
-    return scale, intensity, total
 
 
 @inner
@@ -122,22 +135,40 @@ def _write_missed_weight(
     prior: FloatArray,
     detectable: FloatArray,
     factor: float,
+    place: int,
     weight: FloatArray,
 ) -> float:
-    """Write the weight of a hypothesis without a detection, times a factor; return its sum."""
+    """Write the weight of a hypothesis without a detection, times a factor; return its sum.
+
+    `place` is the row of `weight` to write.
+    """
     mass = 0.0
     for mode in range(prior.shape[1]):
         total = 0.0
         for class_id in range(prior.shape[2]):
             missed = prior[one, mode, class_id] * (1.0 - detectable[one, mode, class_id])
-            weight[one, mode, class_id] = factor * missed
+            weight[place, mode, class_id] = factor * missed
             total += factor * missed
         mass += total
     return mass
 
 
-@compiled
-def _likely(
+class _Likely(NamedTuple):
+    """Whether each pair is likely, and working arrays."""
+
+    likely: Bool1  # (P,)
+    amplitude: Float2  # Likelihood of each pair's amplitude by class, (P, C)
+    odds: Float1  # Mass of each pair relative to its detection's other sources, (P,)
+    wanted: Float1  # Sum of all pairs' odds of each detection, (M,)
+    own: Float1  # Sum of one target's odds of each detection, zeros, (M,)
+    alone: Float1  # Mass of each target's alternatives, (T,)
+    start: Int1  # Where the pairs of each target begin in `order`, zeros, (T + 2,)
+    order: Int1  # The pairs by target, (P,)
+    weight: Float3  # Weights that are not used, (1, R, C)
+
+
+@in_place
+def _write_likely(
     least_share: float,
     target: Int1,
     existence: Float1,
@@ -151,46 +182,49 @@ def _likely(
     largest: Float1,
     evidence: Float1,
     other: Float2,
-) -> tuple[IntArray, FloatArray]:
-    """Return the results of `likely`; for the parameters see `PairLikelihoods`."""
-    count, targets, size = len(row), len(existence), other.shape[1]
-    amplitude = np.zeros((count, snr.shape[1]))
-    scale, _, total = _sources(column, measurement, largest, evidence, other)
-    odds, wanted = np.empty(count), np.zeros(size)
-    start, each = np.zeros(targets + 1, np.int64), np.empty_like(weight)
-    for pair in range(count):
+    sources: _Sources,
+    found: _Likely,
+) -> None:
+    """Write which pairs are likely; for the parameters see `PairLikelihoods`."""
+    amplitude, odds, wanted, own, alone = found[1:6]
+    start, order = found.start, found.order
+    _write_sources(column, measurement, largest, evidence, other, sources)
+    for pair in range(len(row)):
         one, z = row[pair], column[pair]
         for class_id in range(snr.shape[1]):
+            total = 0.0
             for cell in range(snr.shape[2]):
-                amplitude[pair, class_id] += snr[one, class_id, cell] * relative[z, class_id, cell]
-        factor = evidence[pair] + largest[z] - scale[z]
-        mass = _write_pair_weight(one, weight, pair, measurement, amplitude, factor, one, each)
-        odds[pair] = mass / max(total[z], LEAST_CLUTTER)
+                total += snr[one, class_id, cell] * relative[z, class_id, cell]
+            amplitude[pair, class_id] = total
+        factor = evidence[pair] + largest[z] - sources.scale[z]
+        mass = _write_pair_weight(
+            one, weight, pair, measurement, amplitude, factor, 0, found.weight
+        )
+        odds[pair] = mass / max(sources.total[z], LEAST_CLUTTER)
         wanted[z] += odds[pair]
-        start[target[one] + 1] += 1
-    start = np.cumsum(start)
-    order, room = np.empty(count, np.int64), start.copy()
-    for pair in range(count):
-        one = target[row[pair]]
-        order[room[one]] = pair
-        room[one] += 1
-    alone = 1.0 - existence
+        start[target[one] + 2] += 1
+    for one in range(len(alone)):
+        alone[one] = 1.0 - existence[one]
+        start[one + 2] += start[one + 1]
+    # The place of each target's next pair is one further in the table, and at its end at last.
+    for pair in range(len(row)):
+        one = target[row[pair]] + 1
+        order[start[one]] = pair
+        start[one] += 1
     for one in range(len(target)):
-        alone[target[one]] += _write_missed_weight(one, weight, detectable, 1.0, each)
-    own, counted = np.zeros(size), np.zeros(count, np.bool_)
-    for one in range(targets):
-        pairs = order[start[one] : start[one + 1]]
-        for pair in pairs:
-            own[column[pair]] += odds[pair]
-        for pair in pairs:
+        missed = _write_missed_weight(one, weight, detectable, 1.0, 0, found.weight)
+        alone[target[one]] += missed
+    for one in range(len(alone)):
+        for place in range(start[one], start[one + 1]):
+            own[column[order[place]]] += odds[order[place]]
+        for place in range(start[one], start[one + 1]):
             # Each detection counts once, by the share that other targets' claims leave of it.
-            z = column[pair]
+            z = column[order[place]]
             alone[one] += own[z] / (1.0 + max(wanted[z] - own[z], 0.0))
             own[z] = 0.0
-        for pair in pairs:
-            counted[pair] = odds[pair] > least_share * max(alone[one], 1.0)
-    kept = np.flatnonzero(counted)
-    return kept, amplitude[kept]
+        for place in range(start[one], start[one + 1]):
+            pair = order[place]
+            found.likely[pair] = odds[pair] > least_share * max(alone[one], 1.0)
 
 
 def likely(
@@ -211,16 +245,38 @@ def likely(
     relative : array of shape (M, C, S)
         See `amplitude.Amplitudes`.
     """
-    columns = mixture.existence, mixture.weight, detectable, mixture.snr, relative, *pairs
-    return _likely(LEAST_SHARE, mixture.target, *columns)
+    count, targets, size = len(pairs.row), len(mixture.existence), len(pairs.largest)
+    found = _Likely(
+        np.empty(count, np.bool_),
+        np.empty((count, relative.shape[1])),
+        np.empty(count),
+        np.zeros(size),
+        np.zeros(size),
+        np.empty(targets),
+        np.zeros(targets + 2, np.int64),
+        np.empty(count, np.int64),
+        np.empty((1, *mixture.weight.shape[1:])),
+    )
+    of_mixture = mixture.target, mixture.existence, mixture.weight, detectable, mixture.snr
+    sources = _Sources.room(pairs.other)
+    _write_likely(*(LEAST_SHARE, *of_mixture, relative, *pairs, sources, found))
+    kept = np.flatnonzero(found.likely)
+    return kept, found.amplitude.take(kept, axis=0)
 
 
-@compiled
-def _associate(
-    most_work: int,
-    most: int,
-    least_share: float,
-    targets: int,
+class _Weights(NamedTuple):
+    """The hypotheses after the update: those that are missed, and then those of the pairs, (N,)."""
+
+    target: Int1
+    weight: Float3  # (N, R, C)
+    mass: Float1
+    prior: Float1  # Weight of each hypothesis before the update, (H,)
+    detected: Float1  # Mean probability that each is detected, (H,)
+    existence: Float1  # Existence probability of each target, zeros at first, (T,)
+
+
+@in_place
+def _write_weights(
     target: Int1,
     weight: Float3,
     detectable: Float3,
@@ -231,56 +287,54 @@ def _associate(
     largest: Float1,
     evidence: Float1,
     other: Float2,
-) -> tuple[Any, ...]:
-    """Return the columns of `Association`; for the parameters see `associate`.
+    sources: _Sources,
+    later: _Weights,
+) -> None:
+    """Write the sources, and the weights of pairs before their association.
 
-    These are mass, total and detection probability of the claims, log scale and intensity of the
-    sources, and then the others in their order.
+    For the parameters see `associate`.
     """
     rows, modes, classes = weight.shape
-    count = rows + len(row)
-    scale, intensity, total = _sources(column, measurement, largest, evidence, other)
-    later, mass = np.empty((count, modes, classes)), np.empty(count)
-    target_of, prior, probability = np.empty(count, np.int64), np.empty(rows), np.empty(rows)
+    _write_sources(column, measurement, largest, evidence, other, sources)
     for one in range(rows):
-        target_of[one], prior[one], detected = target[one], sum_of(weight[one]), 0.0
+        later.target[one], detected = target[one], 0.0
+        later.prior[one] = sum_of(weight[one])
         for mode in range(modes):
             for class_id in range(classes):
                 detected += weight[one, mode, class_id] * detectable[one, mode, class_id]
-        probability[one] = detected / prior[one] if prior[one] > 0.0 else detected
+        prior = later.prior[one] if later.prior[one] > 0.0 else 1.0
+        later.detected[one] = detected / prior
     for pair in range(len(row)):
         one, z = row[pair], column[pair]
-        factor = evidence[pair] + largest[z] - scale[z]
-        target_of[rows + pair] = target[one]
-        mass[rows + pair] = _write_pair_weight(
-            one, weight, pair, measurement, amplitude, factor, rows + pair, later
+        factor = evidence[pair] + largest[z] - sources.scale[z]
+        later.target[rows + pair] = target[one]
+        later.mass[rows + pair] = _write_pair_weight(
+            one, weight, pair, measurement, amplitude, factor, rows + pair, later.weight
         )
-    claim = mass[rows:].copy()
-    scaled, unseen, share, claimed, approximate = posterior_shares(
-        most_work, targets, target, prior, row, column, claim, total, probability
-    )
-    existence = np.zeros(targets)
+
+
+@in_place
+def _write_associated(
+    weight: Float3,
+    detectable: Float3,
+    scaled: Float1,
+    unseen: Float1,
+    share: Float1,
+    later: _Weights,
+) -> None:
+    """Write the weights after the association, of which `posterior_shares` gives the factors."""
+    rows, modes, classes = weight.shape
     for one in range(rows):
-        factor = unseen[target[one]] * (scaled[one] / prior[one] if prior[one] > 0.0 else 1.0)
-        mass[one] = _write_missed_weight(one, weight, detectable, factor, later)
-    for pair in range(len(row)):
-        mass[rows + pair] *= share[pair]
-    for one in range(count):
-        existence[target_of[one]] += mass[one]
-    kept, factors = most_probable(most, least_share, target_of, mass)
-    found, source = np.empty((len(kept), modes, classes)), kept.copy()
-    for place in range(len(kept)):
-        pair = kept[place] - rows
-        source[place] = kept[place] if pair < 0 else row[pair]
-        part = 1.0 if pair < 0 else share[pair]
+        prior = later.prior[one]
+        factor = unseen[later.target[one]] * (scaled[one] / prior if prior > 0.0 else 1.0)
+        later.mass[one] = _write_missed_weight(one, weight, detectable, factor, one, later.weight)
+    for pair in range(len(share)):
+        later.mass[rows + pair] *= share[pair]
         for mode in range(modes):
             for class_id in range(classes):
-                own = part * later[kept[place], mode, class_id]
-                found[place, mode, class_id] = factors[place] * own
-        kept[place] = max(pair, -1)
-    associated, claims = mass[rows:].copy(), (claim, total, probability)
-    hypotheses = source, kept, found, approximate
-    return *claims, scale, intensity, claimed, associated, existence, *hypotheses
+                later.weight[rows + pair, mode, class_id] *= share[pair]
+    for one in range(len(later.mass)):
+        later.existence[later.target[one]] += later.mass[one]
 
 
 def associate(
@@ -299,7 +353,35 @@ def associate(
     amplitude : array of shape (P, C)
         See `likely`.
     """
-    columns = len(mixture.label), mixture.target, mixture.weight, detectable, amplitude, *pairs
-    associated = _associate(marginals.MOST_WORK, bounds.hypotheses, bounds.least_share, *columns)
-    claims, sources = Claims(pairs.row, pairs.column, *associated[:3]), associated[3:5]
-    return Association(claims, CompetingSources(*sources), *associated[5:])
+    (rows, *shape), targets = mixture.weight.shape, len(mixture.label)
+    count, sources = rows + len(pairs.row), _Sources.room(pairs.other)
+    later = _Weights(
+        np.empty(count, np.int64),
+        np.empty((count, *shape)),
+        np.empty(count),
+        np.empty(rows),
+        np.empty(rows),
+        np.zeros(targets),
+    )
+    weight, target = mixture.weight, mixture.target
+    _write_weights(*(target, weight, detectable, amplitude, *pairs, sources, later))
+    mass = later.mass[rows:].copy()
+    claims = Claims(pairs.row, pairs.column, mass, sources.total, later.detected)
+    scaled, unseen, share, claimed, approximate = posterior_shares(
+        *(marginals.MOST_WORK, targets, target, later.prior, pairs.row, pairs.column),
+        *(mass, sources.total, later.detected),
+    )
+    _write_associated(weight, detectable, scaled, unseen, share, later)
+    least = bounds.hypotheses, bounds.least_share
+    kept, factor = most_probable(*least, later.target, later.mass)
+    return Association(
+        claims=claims,
+        sources=CompetingSources(sources.scale, sources.intensity),
+        claimed=claimed,
+        pair=later.mass[rows:],
+        existence=later.existence,
+        source=np.concatenate([np.arange(rows), pairs.row]).take(kept),
+        kept_pair=np.maximum(kept - rows, -1),
+        weight=factor[:, None, None] * later.weight.take(kept, axis=0),
+        approximate=approximate,
+    )
