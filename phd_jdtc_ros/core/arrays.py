@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field, fields
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, TypeVar, get_args, get_type_hints
 
 import numpy as np
@@ -58,9 +58,10 @@ def _array_fields(kind: Any) -> dict[str, np.dtype[Any]]:
 
 
 @cache
-def _field_names(kind: Any) -> frozenset[str]:
-    """Return the names of a dataclass's fields."""
-    return frozenset(each.name for each in fields(kind))
+def _cached_properties(kind: Any) -> tuple[str, ...]:
+    """Return the names of a class's cached properties."""
+    members = ((name, value) for base in kind.__mro__ for name, value in vars(base).items())
+    return tuple({name for name, value in members if isinstance(value, cached_property)})
 
 
 ValueT = TypeVar("ValueT", bound="ReadOnly")
@@ -84,13 +85,12 @@ class ReadOnly:
         """
         kind: Any = type(self)
         other: ValueT = object.__new__(kind)
-        own, names, elements = other.__dict__, _field_names(kind), _array_fields(kind)
-        own.update(self.__dict__)
-        if len(own) > len(names):
-            for name in own.keys() - names:  # cached properties
+        own, elements = other.__dict__, _array_fields(kind)
+        own.update(self.__dict__, **values)
+        for name in _cached_properties(kind):
+            if name in own:
                 del own[name]
         for name in values:
-            own[name] = values[name]
             if name in elements and values[name] is not None:
                 values[name].setflags(False)
         return other

@@ -13,8 +13,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
-import numpy as np
-
 from ..arrays import BoolArray, FloatArray, IntArray
 from ..state_space import StateSpace
 
@@ -165,10 +163,12 @@ class UnsweptRows(Generic[RowsT, LinkT]):
         swept : bool array of shape (N,)
             Whether a scan has swept each row of the entry.
         """
-        every = np.arange(len(swept)) if self.rows is None else self.rows
-        inside = swept[every]
-        if inside.all():
+        inside = swept if self.rows is None else swept[self.rows]
+        (rows,), (others,) = inside.nonzero(), (~inside).nonzero()
+        if not others.size:
             return self, None
-        if not inside.any():
+        if not rows.size:
             return None, self
-        return UnsweptRows(self.entry, every[inside]), UnsweptRows(self.entry, every[~inside])
+        if self.rows is not None:
+            rows, others = self.rows[rows], self.rows[others]
+        return UnsweptRows(self.entry, rows), UnsweptRows(self.entry, others)
