@@ -98,21 +98,19 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     range_std, bad_ranges = _own(columns, "range_std", kept, RANGE_STDS)
     scale = np.pi / 180.0 if radar.azimuth_in_degrees else 1.0
     azimuth_std, bad_azimuths = _own(columns, "azimuth_std", kept, AZIMUTH_STDS, scale)
-    noise_std = np.stack([range_std, azimuth_std], axis=1)
     rate_std, bad_rate_stds = _own(columns, "range_rate_std", kept, RANGE_RATE_STDS)
     rate, bad_rates = _own(columns, "range_rate", kept, (-MAX_RANGE_RATE, MAX_RANGE_RATE))
     interval = radar.range_rate_ambiguity or np.inf
     code, bad_codes = identities.read(columns.get("code"), kept, identities.CODES)
     address, bad_addresses = identities.read(columns.get("address"), kept, identities.ADDRESSES)
     sector, bad_sectors = _sector(columns.get("sector"), radar)
-    rated = "range_rate" in columns
     detections = Detections(
         np.stack([ground.distance[kept], wrap_angle(ground.azimuth[kept])], axis=1),
         None if amplitude is None else amplitude[kept],
         None if time is None else time[kept],
-        noise_std if np.isfinite(noise_std).any() else None,
-        range_rate=rate if rated else None,
-        range_rate_std=rate_std if rated and "range_rate_std" in columns else None,
+        _side_by_side(range_std, azimuth_std),
+        range_rate=rate,
+        range_rate_std=None if rate is None else rate_std,
         height=None if height is None else height[kept] - radar.datum,
         code=code,
         address=address,
@@ -126,7 +124,9 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         sectors_unusable=bad_sectors,
         identities_unusable=bad_codes + bad_addresses,
         range_rates_unusable=bad_rates,
-        range_rates_beyond_ambiguity=_count(np.abs(rate) > AN_INTERVAL * interval),
+        range_rates_beyond_ambiguity=(
+            0 if rate is None else _count(np.abs(rate) > AN_INTERVAL * interval)
+        ),
     )
     return Report(stamp_ns - radar.bias.offset_ns, detections, dropped, +anomalies, sector)
 
@@ -174,13 +174,29 @@ def _own(
     kept: BoolArray,
     bounds: tuple[float, float],
     scale: float = 1.0,
-) -> tuple[FloatArray, int]:
-    """Return a quantity of the kept points, NaN if unknown, and the number beyond the bounds."""
+) -> tuple[FloatArray | None, int]:
+    """Return a quantity of the kept points, NaN if unknown, and the number beyond the bounds.
+
+    A quantity that the message does not have is None.
+    """
     if quantity not in columns:
-        return np.full(_count(kept), np.nan), 0
+        return None, 0
     own = columns[quantity][kept] * scale
     usable = (own >= bounds[0]) & (own <= bounds[1])  # False for NaN
     return np.where(usable, own, np.nan), _count(~usable & ~np.isnan(own))
+
+
+def _side_by_side(
+    range_std: FloatArray | None, azimuth_std: FloatArray | None
+) -> FloatArray | None:
+    """Return both standard deviations of each point, (M, 2); None if all are unknown."""
+    known = range_std if azimuth_std is None else azimuth_std
+    if known is None:
+        return None
+    unknown = np.full(len(known), np.nan)
+    sides = [unknown if side is None else side for side in (range_std, azimuth_std)]
+    noise_std: FloatArray = np.stack(sides, axis=1)
+    return noise_std if np.isfinite(noise_std).any() else None
 
 
 def _sector(column: FloatArray | None, radar: RadarParameters) -> tuple[int | None, int]:
