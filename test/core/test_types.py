@@ -12,7 +12,7 @@ def estimates(weight):
     return estimate_sets.estimates(np.zeros((len(weight), 5)), weight=np.array(weight, dtype=float))
 
 
-def test_values_are_read_only():
+def test_values_are_read_only_and_sums_are_by_index():
     original = np.zeros(3)
     view = read_only(original)
     with pytest.raises(ValueError, match="read-only"):
@@ -24,9 +24,6 @@ def test_values_are_read_only():
     for array in (detections.measurement, detections.amplitude):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1.0
-
-
-def test_sum_by_adds_equal_indices():
     found = sum_by(np.array([0, 2, 0]), np.array([1.0, 2.0, 4.0]), 4)
     np.testing.assert_array_equal(found, [5.0, 0.0, 2.0, 0.0])
     np.testing.assert_array_equal(sum_by(np.zeros(0, dtype=int), np.zeros(0), 2), [0.0, 0.0])

@@ -69,16 +69,13 @@ def test_summary_holds_the_means_of_a_run():
     assert (summary["p"], summary["c"], summary["scans"]) == (2.0, C, 2)
 
 
-def test_summary_scores_each_class_by_itself():
+def test_summary_scores_each_class_or_has_no_figures():
     summary = evaluated(True)[0].summary()
     # Class 1, filtered: missed at stamp 1, a false one at stamp 2: c each.
     assert summary[FILTERED]["class_1"]["ospa"] == pytest.approx(C)
     assert summary[FILTERED]["class_1"]["cardinality_abs_error"] == pytest.approx(1.0)
     # Class 1, smoothed: exact at stamp 1, a false one at stamp 2.
     assert summary[SMOOTHED]["class_1"]["ospa"] == pytest.approx(C / 2.0)
-
-
-def test_summary_without_data_has_no_figures():
     summary = Evaluation(classes=1, cutoff=C, order=2.0).summary()
     assert summary["reduction"] is None
     assert summary["class_accuracy"] is None

@@ -76,13 +76,17 @@ def test_load_takes_what_fits_the_full_name_of_the_tracker(tmp_path, section, ap
     assert found == ({"seed": 1, "lag": 2} if applies else {"seed": 1})
 
 
-def test_load_refuses_a_file_of_several_trackers(tmp_path):
+def test_load_refuses_files_that_are_not_of_one_tracker(tmp_path):
     text = "".join(f"/{name}/tracker: {{ros__parameters: {{lag: 2}}}}\n" for name in "ba")
     (fault,) = faults_of(from_arguments.load, write(tmp_path / "p.yaml", text))
     assert fault == (
         f"{tmp_path / 'p.yaml'}: has sections of several trackers, /a/tracker, /b/tracker: "
         "must be one"
     )
+    (missing,) = faults_of(from_arguments.load, tmp_path / "none.yaml")
+    assert missing == f"{tmp_path / 'none.yaml'}: cannot be read: No such file or directory"
+    (directory,) = faults_of(from_arguments.load, tmp_path)
+    assert directory == f"{tmp_path}: cannot be read: Is a directory"
 
 
 @pytest.mark.parametrize(
@@ -92,13 +96,6 @@ def test_load_refuses_a_file_of_several_trackers(tmp_path):
 def test_load_refuses_a_file_without_parameters_of_the_tracker(tmp_path, text):
     (fault,) = faults_of(from_arguments.load, write(tmp_path / "p.yaml", text))
     assert fault.startswith(f"{tmp_path / 'p.yaml'}: has no ros__parameters under tracker, ")
-
-
-def test_load_refuses_what_it_cannot_read(tmp_path):
-    (missing,) = faults_of(from_arguments.load, tmp_path / "none.yaml")
-    assert missing == f"{tmp_path / 'none.yaml'}: cannot be read: No such file or directory"
-    (directory,) = faults_of(from_arguments.load, tmp_path)
-    assert directory == f"{tmp_path}: cannot be read: Is a directory"
 
 
 @pytest.mark.parametrize(

@@ -85,15 +85,12 @@ def test_certain_detection_gives_the_posterior_of_bayes_rule(shown):
     assert np.exp(seen.log_factor[0]) == pytest.approx(evidence / nobodys)
 
 
-def test_detection_without_a_reply_changes_nothing():
+def test_beliefs_change_by_replies_and_forget_improbable_candidates():
     belief, target = belief_of(({2: 0.5}, 0.3, 0.2)), np.zeros(1, dtype=np.int64)
     seen = identity.compare(belief, target, np.array([identity.NOT_REPORTED]), MODEL)
     assert seen.log_factor[0] == 0.0
     after = identity.update(seen, target, np.ones(1), np.zeros(1))
     np.testing.assert_allclose(after.weight, belief.weight)
-
-
-def test_improbable_candidates_go_back_to_the_rest():
     model = replace(MODEL, size=4096)
     belief, target = Belief.fresh(1, model), np.zeros(1, dtype=np.int64)
     for shown in range(1, 12):

@@ -135,12 +135,16 @@ def test_models_without_memory_have_one_cell_a_class_that_is_never_left(model):
     assert cells.transition(MODES.interval_s) is None
 
 
-def test_memory_cells_cut_each_band_into_equal_parts():
+def test_memory_cells_are_equal_parts_with_a_diffusion_by_interval():
     cells = Memory(0.1).cells(MODES)
     assert cells.log_snr.shape == (len(BANDS), CELLS)
     for centre, (low, high) in zip(cells.log_snr, BANDS, strict=True):
         np.testing.assert_allclose(np.diff(centre), (high - low) / CELLS)
         assert centre.mean() == pytest.approx((low + high) / 2.0)
+    cells = Memory(0.3).cells(MODES)
+    np.testing.assert_allclose(
+        cells.transition(12.0), cells.transition(6.0) @ cells.transition(6.0), atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("intervals", [0.01, 1.0, 3.0, 7.5])
@@ -160,10 +164,3 @@ def test_diffusion_over_the_cells_is_a_stochastic_matrix_of_each_class(dt):
     matrix = Memory(0.3).cells(MODES).transition(dt)
     assert (matrix >= 0.0).all()
     np.testing.assert_allclose(matrix.sum(axis=2), 1.0, rtol=1e-12)
-
-
-def test_diffusion_over_two_intervals_is_that_over_one_twice():
-    cells = Memory(0.3).cells(MODES)
-    np.testing.assert_allclose(
-        cells.transition(12.0), cells.transition(6.0) @ cells.transition(6.0), atol=1e-12
-    )

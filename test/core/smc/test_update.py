@@ -97,7 +97,7 @@ def test_update_with_no_detections_multiplies_by_the_missing_probability(previou
     assert updated.components.shape == phd.components.shape
 
 
-def test_update_does_not_penalise_particles_out_of_range():
+def test_update_explains_detections_and_no_misses_out_of_range():
     phd = scattered()
     radar = replace(RADAR, visibility=Visibility(max_range=9.5e3))
     beyond = radar.measure(phd.state)[:, 0] > 9.5e3
@@ -105,6 +105,9 @@ def test_update_does_not_penalise_particles_out_of_range():
     assert 0.2 < beyond.mean() < 0.8
     np.testing.assert_array_equal(updated.weight[beyond], phd.weight[beyond])
     assert (updated.poisson[~beyond] < phd.poisson[~beyond]).all()
+    radar = replace(RADAR, clutter_rate=0.0)
+    mass = component_mass(update(scattered(), reports(), radar, MODES))
+    np.testing.assert_allclose(mass, [1.0, 1.0, 1.0, 0.0], rtol=1e-12)
 
 
 @pytest.mark.parametrize("strength", [38.0, 250.0, 1000.0])
@@ -129,12 +132,6 @@ def test_update_without_amplitudes_keeps_the_class_shares_at_equal_detectability
     detections = Detections(RADAR.measure(state[:1]), None)
     updated = update(phd, detections, RADAR, modes)
     np.testing.assert_allclose(updated.weight / updated.weight.sum(), phd.weight / 0.65)
-
-
-def test_update_without_clutter_explains_a_detection_wholly():
-    radar = replace(RADAR, clutter_rate=0.0)
-    mass = component_mass(update(scattered(), reports(), radar, MODES))
-    np.testing.assert_allclose(mass, [1.0, 1.0, 1.0, 0.0], rtol=1e-12)
 
 
 def test_update_and_resample_of_nothing_are_nothing():

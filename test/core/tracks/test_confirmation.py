@@ -85,15 +85,12 @@ def test_a_confirmed_track_is_coasting_while_scans_miss_it():
     ]
 
 
-def test_a_track_that_no_antenna_passes_is_coasting_after_a_turn():
+def test_coasting_ends_at_even_odds_where_no_radar_looks():
     tracks = Tracks(confirm=0.6, delete=0.3)
     tracks.add(t1=0.999)
     tracks.model = beyond(MODEL)
     weights = 0.999 * SURVIVAL ** np.arange(1, 4)
     assert [tracks.add(t1=w)[1] for w in weights] == [CONFIRMED, COASTING, COASTING]
-
-
-def test_a_derived_deletion_is_at_even_odds_where_no_radar_looks():
     tracks = Tracks()
     tracks.add(t1=0.999)
     tracks.model = beyond(MODEL)
