@@ -6,12 +6,23 @@ Each probable motion mode of a remaining hypothesis then becomes a hypothesis of
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from ..arrays import BoolArray, FloatArray, IntArray
-from ..compilation import Bool1, Float3, Float4, Int1, Int2, compiled, inner
+from ..compilation import (
+    Bool1,
+    Float1,
+    Float2,
+    Float3,
+    Float4,
+    Int1,
+    Int2,
+    compiled,
+    in_place,
+    inner,
+)
 from ..snapshot import floats, integers
 from .algebra import kalman
 from .algebra.blocks import SIZE, add_mean, add_spread, factorise, square_distance
@@ -70,25 +81,39 @@ def _across_modes(
             spread[i, i] = 1.0
 
 
-@compiled
-def _clusters(
+class _Clusters(NamedTuple):
+    """The clusters of hypotheses, with room for one of each, and working arrays.
+
+    The rows of a target come one after the other, the most probable first; so do those of a
+    cluster.
+    """
+
+    row: Int1  # The hypotheses of the clusters, (E,)
+    cluster: Int1  # The cluster of each of these, ascending, (E,)
+    leader: Int1  # The first hypothesis of each cluster
+    merged: Bool1  # Whether each hypothesis is in a cluster, (H,)
+    centre: Float2  # Moments over the modes of each hypothesis, zeros at first, (H, D)
+    spread: Float3  # (H, D, D)
+    factor: Float2  # (D, D)
+    apart: Float1  # (D,)
+
+
+@in_place
+def _write_clusters(
     distance: float,
     kept: Bool1,
     target: Int1,
     weight: Float3,
     mean: Float3,
     covariance: Float4,
-) -> tuple[IntArray, IntArray, IntArray]:
-    """Return the rows of the clusters, the cluster of each, ascending, (E,), and the first rows.
+    found: _Clusters,
+) -> tuple[int, int]:
+    """Write the clusters; return the number of their hypotheses, and their own.
 
-    The rows of a target come one after the other, the most probable first; so do those of a
-    cluster. Only targets that are `kept`, (T,), have clusters.
+    Only targets that are `kept`, (T,), have clusters.
     """
+    row_of, cluster, leader, merged, centre, spread, factor, apart = found
     count, edges, clusters = len(target), 0, 0
-    row_of, child = np.empty(count, np.int64), np.empty(count, np.int64)
-    leader = np.empty(count, np.int64)
-    centre, spread = np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE))
-    factor, apart, merged = np.empty((SIZE, SIZE)), np.empty(SIZE), np.zeros(count, np.bool_)
     begin = end = 0
     while begin < count:
         while end < count and target[end] == target[begin]:
@@ -108,11 +133,11 @@ def _clusters(
                     and square_distance(factor, centre[row], centre[first], apart) > distance
                 ):
                     continue
-                merged[row], row_of[edges], child[edges] = True, row, clusters
+                merged[row], row_of[edges], cluster[edges] = True, row, clusters
                 edges += 1
             clusters += 1
         begin = end
-    return row_of[:edges], child[:edges], leader[:clusters]
+    return edges, clusters
 
 
 @inner
@@ -135,27 +160,38 @@ def _write_merged_snr(
                 merged[class_id, cell] += part * snr[row, class_id, cell]
 
 
-@compiled
-def _merged(
-    row_of: Int1, child: Int1, weight: Float3, mean: Float3, covariance: Float4, snr: Float3
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the columns of each cluster's hypothesis, and `Ancestry.share`.
+class _Merged(NamedTuple):
+    """The columns of each cluster's hypothesis and `Ancestry.share`, zeros at first."""
 
-    For `row_of` and `child` see `_clusters`.
-    """
-    edges, (modes, classes), cells = len(child), weight.shape[1:], snr.shape[2]
-    clusters = child[-1] + 1 if edges else 0
-    found, share = np.zeros((clusters, modes, classes)), np.zeros((edges, modes, classes))
-    centre, spread = np.zeros((clusters, modes, SIZE)), np.zeros((clusters, modes, SIZE, SIZE))
-    merged_snr, part = np.zeros((clusters, classes, cells)), np.empty(edges)
+    weight: Float3
+    mean: Float3
+    covariance: Float4
+    snr: Float3
+    share: Float3
+    part: Float1  # Share of each hypothesis in a mode of its cluster, (E,)
+
+
+@in_place
+def _write_merged(
+    row_of: Int1,
+    child: Int1,
+    weight: Float3,
+    mean: Float3,
+    covariance: Float4,
+    snr: Float3,
+    found: _Merged,
+) -> None:
+    """Write the merged hypotheses; `row_of` and `child` are the columns of `_Clusters`."""
+    (modes, classes), edges, part = weight.shape[1:], len(child), found.part
     begin = end = 0
-    for one in range(clusters):
+    for one in range(len(found.weight)):
         while end < edges and child[end] == one:
             for mode in range(modes):
-                add(weight[row_of[end], mode], found[one, mode])
+                add(weight[row_of[end], mode], found.weight[one, mode])
             end += 1
         for mode in range(modes):
-            whole, at, around = total_of(found[one, mode]), centre[one, mode], spread[one, mode]
+            at, around = found.mean[one, mode], found.covariance[one, mode]
+            whole = total_of(found.weight[one, mode])
             for edge in range(begin, end):
                 row = row_of[edge]
                 # A mode without weight keeps the Gaussians of all hypotheses, equally weighted.
@@ -163,15 +199,14 @@ def _merged(
                 part[edge] = own / whole if whole > 0.0 else 1.0 / (end - begin)
                 add_mean(part[edge], mean[row, mode], at)
                 for class_id in range(classes):
-                    if found[one, mode, class_id] > 0.0:
-                        part_of = weight[row, mode, class_id] / found[one, mode, class_id]
-                        share[edge, mode, class_id] = part_of
+                    if found.weight[one, mode, class_id] > 0.0:
+                        part_of = weight[row, mode, class_id] / found.weight[one, mode, class_id]
+                        found.share[edge, mode, class_id] = part_of
             for edge in range(begin, end):
                 row = row_of[edge]
                 add_spread(part[edge], mean[row, mode], covariance[row, mode], at, around)
-        _write_merged_snr(row_of[begin:end], weight, found[one], snr, merged_snr[one])
+        _write_merged_snr(row_of[begin:end], weight, found.weight[one], snr, found.snr[one])
         begin = end
-    return found, centre, spread, merged_snr, share
 
 
 @compiled
@@ -271,9 +306,33 @@ def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ance
     1305, 1990, the clustering algorithm.
     """
     mixture, kept = branched.mixture, _kept(branched.mixture, bounds)
-    clustered = _clusters(bounds.merge_distance, kept, mixture.target, *mixture.gaussians)
-    row_of, child, leader = clustered
-    weight, mean, covariance, snr, share = _merged(row_of, child, *mixture.gaussians, mixture.snr)
+    count, modes, size = mixture.mean.shape
+    clusters = _Clusters(
+        np.empty(count, np.int64),
+        np.empty(count, np.int64),
+        np.empty(count, np.int64),
+        np.empty(count, np.bool_),
+        np.zeros((count, size)),
+        np.zeros((count, size, size)),
+        np.empty((size, size)),
+        np.empty(size),
+    )
+    edges, count = _write_clusters(
+        bounds.merge_distance, kept, mixture.target, *mixture.gaussians, clusters
+    )
+    row_of, child = clusters.row[:edges], clusters.cluster[:edges]
+    leader = clusters.leader[:count]
+    weight, snr, shape = mixture.weight, mixture.snr, mixture.weight.shape[1:]
+    merged = _Merged(
+        np.zeros((count, *shape)),
+        np.zeros((count, modes, size)),
+        np.zeros((count, modes, size, size)),
+        np.zeros((count, *snr.shape[1:])),
+        np.zeros((edges, *shape)),
+        np.empty(edges),
+    )
+    _write_merged(row_of, child, *mixture.gaussians, snr, merged)
+    weight, mean, covariance, snr, share, _ = merged
     covariance, floored = kalman.floor_eigenvalues(covariance)
     row_label, parent = mixture.row_label[leader], branched.parent[row_of]
     # If the number of hypotheses would leave too little room for the next scan, none is split:
