@@ -121,14 +121,8 @@ class PriorMixture:
     @cached_property
     def _probability(self) -> DetectionProbability:
         """Probability that each Gaussian is detected, given whether the last look detected it."""
-        if (prediction := self.report.informative_prediction) is None:
-            return self._usual
-        return self._detected(prediction.of(self.mixture.row_label))
-
-    @cached_property
-    def _usual(self) -> DetectionProbability:
-        """Probability that each Gaussian is detected, without regard to the last look."""
-        return self._detected(None)
+        prediction = self.report.informative_prediction
+        return self._detected(None if prediction is None else prediction.of(self.mixture.row_label))
 
     def _detected(self, prediction: tuple[FloatArray, FloatArray] | None) -> DetectionProbability:
         sensor, dynamics = self.report.sensor, self.steps.dynamics
@@ -230,7 +224,8 @@ class PriorMixture:
             mean = self._mean(self._unseen)
             factor = factor + np.log(np.maximum(mean, TINY)).take(pairs.row)
         if self.report.informative_prediction is not None:
-            own, usual = self._mean(self._probability.by_class), self._mean(self._usual.by_class)
+            own = self._mean(self._probability.by_class)
+            usual = self._mean(self._detected(None).by_class)
             ratio = np.maximum(own / np.maximum(usual, TINY), TINY)
             factor = factor + np.log(ratio).take(pairs.row)
         return factor

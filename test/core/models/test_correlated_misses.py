@@ -212,5 +212,5 @@ def test_last_looks_are_bounded_and_independent_misses_teach_nothing():
         assert figures[f"{radar}.detection_correlation"] < 0.1
     engine = two_radars("gaussian", "auto")
     stepped(engine, scans_of_two(7, 60))
-    living = sum(len(rows.label) for rows in engine.forward.unswept)
+    living = sum(len(np.unique(rows.row_label)) for rows in engine.forward.unswept)
     assert max(len(chains) for chains in learned(engine, "chains").values()) < 2 * living + 300
