@@ -23,13 +23,6 @@ def add(vector: FloatArray, total: FloatArray) -> None:
 
 
 @inner
-def write_scaled(factor: float, vector: FloatArray, scaled: FloatArray) -> None:
-    """Write a vector times a factor."""
-    for i in range(len(vector)):
-        scaled[i] = factor * vector[i]
-
-
-@inner
 def sum_of(matrix: FloatArray) -> float:
     """Return the sum of a matrix, row by row."""
     total = 0.0
