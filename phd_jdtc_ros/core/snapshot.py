@@ -91,7 +91,8 @@ class _Array:
             raise ValueError(f"{name}: must increase")
         if self.covariances:
             _require_covariances(name, array)
-        return array if self.shape else array.item()
+        # Compiled functions take arrays of eight bytes an element only, and files may have others.
+        return np.asarray(array, f"{self.kind}8", "C") if self.shape else array.item()
 
 
 @dataclass(frozen=True)

@@ -82,6 +82,22 @@ def test_value_comes_back_bit_by_bit_but_for_what_is_given(count, turns, mean, h
     np.testing.assert_array_equal(after.part.toarray(), before.part.toarray())
 
 
+@pytest.mark.parametrize(("width", "order"), [("<4", "C"), (">8", "C"), ("<8", "F")])
+def test_arrays_of_other_types_become_those_of_compiled_functions(width, order):
+    snapshot = stored(value())
+    for name, array in snapshot.arrays.items():
+        if array.ndim and not name.startswith("it.part"):
+            other = f"{width[0]}{array.dtype.kind}{width[1]}"
+            snapshot.arrays[name] = np.asarray(array, other, order)
+    after, before = read(snapshot), value()
+    for name in ("row", "mode", "mean", "covariance"):
+        found, expected = getattr(after, name), getattr(before, name)
+        assert found.dtype == expected.dtype
+        assert found.dtype.isnative
+        assert found.flags.c_contiguous
+        np.testing.assert_array_equal(found, expected)
+
+
 def test_names_are_those_of_the_fields_that_are_declared_and_there():
     snapshot = stored(value())
     of_part = {f"it.part.{part}" for part in ("data", "indices", "indptr", "shape")}
