@@ -125,7 +125,7 @@ def _ellipses(position: FloatArray, covariance: FloatArray) -> FloatArray:
     # the rest of the message. A negative determinant or variance from rounding counts as zero.
     variance, across = covariance[:, (0, 1), (0, 1)], covariance[:, 0, 1]
     both = np.sqrt(np.maximum(variance[:, 0] * variance[:, 1] - across**2, 0.0))
-    total = np.maximum(variance.sum(axis=1) + 2.0 * both, np.finfo(float).tiny)
+    total = np.maximum(np.abs(variance.sum(axis=1) + 2.0 * both), np.finfo(float).tiny)
     root = covariance + both[:, None, None] * np.eye(2)
     frame = np.zeros((len(position), 3, 3))
     frame[:, :2, :2] = ELLIPSE_SIGMA / np.sqrt(total)[:, None, None] * root

@@ -64,6 +64,13 @@ def test_ellipses_are_the_closed_outlines_of_the_covariances():
         assert_allclose(distance, ELLIPSE_SIGMA, rtol=1e-6)
 
 
+def test_negative_variances_from_rounding_give_ellipses_without_extent():
+    given = estimates()
+    rounded = replace(given, covariance=np.broadcast_to(-1e-18 * np.eye(5), given.covariance.shape))
+    for ends, row in zip(lines("ellipse", rounded), by_class(), strict=True):
+        assert_allclose(ends[:, :2] - given.state[row, [0, 2]], 0.0, atol=1e-6)
+
+
 def test_velocities_point_where_the_targets_will_be():
     for ends, row in zip(lines("velocity"), by_class(), strict=True):
         state = estimates().state[row]
