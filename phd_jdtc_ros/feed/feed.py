@@ -59,8 +59,7 @@ class Feed:
     """A tracker's pipeline with its input.
 
     Its methods return iterators of events, as the pipeline's do: every one must be exhausted
-    before the next call. See `Pipeline` for `begin` and
-    `on_filtered`.
+    before the next call. See `Pipeline` for `begin` and `on_filtered`.
     """
 
     def __init__(

@@ -47,8 +47,9 @@ class ChangeAlarm(ReadOnly):
 
     E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954: each sum is of the log
     likelihood ratios of the changed and the learned value, and is kept at zero or above. The
-    learned value is that of the time when the sum was last zero, because later values follow the
-    change. After an alarm it is the present one, so that the alarm ends when that has followed.
+    learned value of the noise and of a sector is that of the time when the sum was last zero,
+    because later values follow the change. After an alarm it is the present one, so that the alarm
+    ends when that has followed; that of the sensor as a whole is always the present one.
     """
 
     # Evidence of fewer detections by the sensor as a whole, and of almost none in each sector of

@@ -131,7 +131,7 @@ class Estimates(_Targets):
 
     def __post_init__(self) -> None:
         if self.track_state is _NOT_GIVEN:
-            object.__setattr__(self, "track_state", np.full(self.weight.size, CONFIRMED))
+            object.__setattr__(self, "track_state", np.full(len(self.weight), CONFIRMED))
         super().__post_init__()
 
     def __len__(self) -> int:
