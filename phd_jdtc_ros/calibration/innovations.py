@@ -104,12 +104,11 @@ class InnovationMonitor:
             tracks.position[row] + after_s[:, None] * tracks.velocity[row]
         )
         innovation = radar.wrap(found.measurement[column] - expected)
-        variance = radar.noise_std_of(found)[column] ** 2
+        noise = radar.noise_covariance_of(found)[column]
         predicted = slope @ self._predict_covariance(tracks, row, after_s) @ slope.swapaxes(-1, -2)
-        innovation_covariance = predicted + variance[:, :, None] * np.eye(2)
-        normal = np.linalg.solve(innovation_covariance, innovation[:, :, None])[:, :, 0]
+        normal = np.linalg.solve(predicted + noise, innovation[:, :, None])[:, :, 0]
         distance2 = (innovation * normal).sum(axis=1)
-        yield from np.column_stack([distance2, innovation**2 / variance])
+        yield from np.column_stack([distance2, innovation**2 / noise[:, (0, 1), (0, 1)]])
 
     def _predict_covariance(
         self, tracks: Estimates, row: IntArray, after_s: FloatArray

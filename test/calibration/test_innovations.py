@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from estimate_sets import estimates, states
+from position_sensor import PositionSensor
 
 from phd_jdtc_ros.calibration.innovations import (
     BACK,
     MIN_FOR_TOO_LARGE,
     MIN_FOR_TOO_SMALL,
     SMALLER,
+    TWO,
     InnovationMonitor,
 )
 from phd_jdtc_ros.configuration.build import resolve
@@ -92,6 +94,24 @@ def looks(monitor, measurements, coverage=None, times=1):
 )
 def test_detection_is_a_tracks_if_it_is_beyond_doubt(measurements, coverage, seen):
     assert looks(InnovationMonitor(ALONE), measurements, coverage).innovations == seen
+
+
+def test_innovations_are_compared_with_the_whole_covariance_of_the_noise():
+    sensor = PositionSensor(
+        name="mast", position=(0.0, 0.0), yaw=0.0, threshold=3.0, clutter_rate=2.0
+    )
+    found = Detections(
+        np.array([[5.1e3, 100.0]]),
+        None,
+        noise_std=np.full((1, 2), 100.0),
+        noise_correlation=np.array([0.9]),
+    )
+    monitor = InnovationMonitor(replace(ALONE, radars=(sensor,)))
+    monitor.add_scan(Scan(0, (None,)), (STILL,))
+    monitor.add_scan(Scan(10**8, (found,)), ())
+    (fit,) = monitor.fits()
+    assert fit.ratio_to_expected == pytest.approx(2.0 / 1.9 / TWO, rel=0.01)
+    assert fit.ratio_to_noise == pytest.approx(2.0 / TWO)
 
 
 def test_detections_between_two_tracks_are_of_neither():

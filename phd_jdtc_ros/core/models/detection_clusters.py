@@ -46,12 +46,14 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
     measurement = np.stack([np.hypot(x, y), wrap_angle(np.arctan2(y, x))], axis=1)
     std, rate_std = detections.noise_std, detections.range_rate_std
     time_s, height = detections.time_s, detections.height
+    correlation = detections.noise_correlation
     return replace(
         detections,
         measurement=measurement,
         amplitude=_largest(group, detections.amplitude, count),
         time_s=None if time_s is None else _mean(group, time_s, count),
         noise_std=None if std is None else np.stack([_mean(group, s, count) for s in std.T], 1),
+        noise_correlation=None if correlation is None else _mean(group, correlation, count),
         range_rate=_mean_rate(group, rates, count),
         range_rate_std=None if rate_std is None else _mean(group, rate_std, count),
         height=None if height is None else _mean(group, height, count),

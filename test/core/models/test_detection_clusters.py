@@ -73,12 +73,14 @@ def test_deviations_and_times_of_a_group_are_their_means():
         None,
         time_s=np.array([0.0, 0.2]),
         noise_std=np.array([[1.0, np.nan], [3.0, np.nan]]),
+        noise_correlation=np.array([0.5, 0.7]),
         range_rate=np.array([1.0, 1.0]),
         range_rate_std=np.array([0.2, np.nan]),
     )
     found = merge_clusters(report, RADAR)
     np.testing.assert_allclose(found.time_s, [0.1])
     np.testing.assert_array_equal(found.noise_std, [[2.0, np.nan]])
+    np.testing.assert_allclose(found.noise_correlation, [0.6])
     np.testing.assert_array_equal(found.range_rate_std, [0.2])
 
 
