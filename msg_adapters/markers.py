@@ -87,7 +87,7 @@ def to_cdr(
         for number, place, text in zip(numbers[mine], places[mine], texts[mine], strict=True):
             encoded, begun = text.encode(), len(writer.data)
             size = len(encoded) + 1
-            # Alignment to four bytes, and of the position's doubles to eight.
+            # CDR aligns a marker to four bytes, and the doubles of its position to eight.
             gap = -begun % 4
             odd = (begun + gap + len(names)) // 4 % 2
             label = _label(gap, len(names), odd, len(after), size + -size % 4, len(last))

@@ -43,7 +43,8 @@ NOT_STORED: list[str] = []
 # Functions to call once, when the first function is compiled that was not stored.
 ANNOUNCED: list[Callable[[], None]] = []
 
-# Arrays with this number of axes, which a compiled function only reads.
+# Arrays with this number of axes: a compiled function only reads those that are parameters, and may
+# write into those of a named tuple.
 Float1 = Annotated[FloatArray, 1]
 Float2 = Annotated[FloatArray, 2]
 Float3 = Annotated[FloatArray, 3]

@@ -28,7 +28,7 @@ OTHERS = (
 @contextlib.contextmanager
 def _beside() -> Iterator[None]:
     """Compile the association in a second process, since numba compiles in one thread only."""
-    # It needs to say nothing: what it could not compile or store is tried again here.
+    # The process may fail in silence: what it could not compile or store is tried again here.
     command = [sys.executable, "-c", f"import {ASSOCIATION}"]
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     try:

@@ -267,7 +267,7 @@ def _refine(line: Antenna, seen: Sightings, weight: FloatArray, usual: float) ->
         across = used @ passed
         normal = np.array([[used.sum() + 1e-9, across], [across, used @ passed**2 + ridge]])
         prior = ridge * math.log(usual / abs(line.rate))
-        # For two unknowns this takes a sixth of the time of `numpy.linalg.solve`.
+        # LAPACK itself takes a sixth of the time of `numpy.linalg.solve` for two unknowns.
         _, _, (shift, faster), _ = lapack.dgesv(normal, [used @ off, used * passed @ off + prior])
         rate = line.rate * min(max(1.0 + float(faster), 0.7), 1.4)
         line = Antenna(last_s, line.azimuth + float(shift), rate)

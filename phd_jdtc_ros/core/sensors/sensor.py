@@ -270,7 +270,8 @@ class Sensor(ReadOnly, ABC):
             log_density = amplitude_density.log_target_density
             density = np.stack([log_density(amplitude, band) for band in bands])
         found = self.log_detected(log_p_d, density, detections.measurement)
-        return np.zeros((len(classes), len(detections))) + found  # one row for each class
+        # The sum has a row for each class, which a probability given at the measurements lacks.
+        return np.zeros((len(classes), len(detections))) + found
 
     def log_detected(
         self, log_p_d: FloatArray, log_density: FloatArray | None, measurement: FloatArray

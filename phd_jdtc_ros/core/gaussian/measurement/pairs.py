@@ -206,7 +206,7 @@ def _write_likely(
     for one in range(len(alone)):
         alone[one] = 1.0 - existence[one]
         start[one + 2] += start[one + 1]
-    # The place of each target's next pair is one further in the table, and at its end at last.
+    # `start` has the place of a target's next pair one entry further, and at last their end.
     for pair in range(len(row)):
         one = target[row[pair]] + 1
         order[start[one]] = pair
