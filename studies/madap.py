@@ -156,7 +156,7 @@ def errors_of(truth: Sequence[Truth], found: Sequence[PointSet]) -> Errors:
 
 
 def _course(velocity: FloatArray) -> FloatArray:
-    """Return directions from the x axis, radians, anticlockwise."""
+    """Return directions from the x axis, radians, counter-clockwise."""
     return np.arctan2(velocity[:, 1], velocity[:, 0])
 
 
