@@ -12,11 +12,13 @@ from ..arrays import FloatArray
 def noise_covariance(std: FloatArray, correlation: FloatArray | None) -> FloatArray:
     """Return covariances, (M, Z, Z), from deviations, (M, Z), and correlations, (M,) or None.
 
-    A correlation is that of the first two components; all others are independent.
+    A correlation is that of the first two components, NaN where unknown; all others are
+    independent.
     """
     covariance: FloatArray = np.eye(std.shape[1]) * std[:, None, :] ** 2
     if correlation is not None:
-        covariance[:, 0, 1] = covariance[:, 1, 0] = correlation * std[:, 0] * std[:, 1]
+        known = np.where(np.isfinite(correlation), correlation, 0.0)
+        covariance[:, 0, 1] = covariance[:, 1, 0] = known * std[:, 0] * std[:, 1]
     return covariance
 
 

@@ -98,8 +98,8 @@ class Detections(ReadOnly):
     # Sensor type, the TYP of I048/020, (M,): 1 primary, 2 secondary, 3 both, 4 and 5 Mode S, 6 and
     # 7 Mode S and primary; `UNKNOWN` otherwise. None if the radar reports none.
     kind: IntArray | None = None
-    # Correlation of the errors of both components of a measurement, (M,); None if they are
-    # independent, as those of a polar radar are in any case.
+    # Correlation of the errors of both components of a measurement, (M,); NaN, or None for all, if
+    # it is unknown. Unknown ones count as independent, as those of a polar radar do in any case.
     noise_correlation: FloatArray | None = None
 
     def __post_init__(self) -> None:

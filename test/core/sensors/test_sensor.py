@@ -23,6 +23,9 @@ def test_measurements_and_noise_follow_from_the_linearised_measurement():
     np.testing.assert_array_equal(SENSOR.measure(STATE), [[90.0, 180.0], [-10.0, 30.0]])
     np.testing.assert_array_equal(SENSOR.measurement_rate(STATE), [[3.0, -4.0], [0.0, 1.0]])
     np.testing.assert_array_equal(SENSOR.noise_std_of(DETECTIONS), [[1.0, 2.0], [5.0, 5.0]])
+    correlated = replace(DETECTIONS, noise_correlation=np.array([0.5, np.nan]))
+    covariance = SENSOR.noise_covariance_of(correlated)
+    np.testing.assert_array_equal(covariance, [[[1.0, 1.0], [1.0, 4.0]], 25.0 * np.eye(2)])
 
 
 def test_sensor_without_coverage_or_map_sees_everything_in_uniform_clutter():
