@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, ReadOnly, matches
-from ..learned.antenna_pass import AntennaPass
 from ..learned.detection_chains import LookPrediction
 from ..targets.modes import ClassModel
 from ..types import Coverage, Detections
 from .gaussians import PlanePlots
 from .range_rate import Rates
 from .sensor import Sensor
+
+if TYPE_CHECKING:
+    # The module imports numba, which a program that only makes or reads reports does not need.
+    from ..learned.antenna_pass import AntennaPass
 
 # Smallest probability that earlier sectors have not detected a target.
 LEAST_UNSEEN = 1e-3
