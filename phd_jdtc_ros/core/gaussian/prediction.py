@@ -4,12 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..compilation import Bool1, Float1, Float2, Float3, Float4, Int1, Int2, in_place
+from ..compilation import (
+    Bool1,
+    Float1,
+    Float2,
+    Float3,
+    Float4,
+    Int1,
+    Int2,
+    compiled,
+    in_place,
+)
 from ..snapshot import MAX_STATE, floats, integers
 from ..tracks import labels
 from .algebra.blocks import (
@@ -77,10 +87,6 @@ class _Predicted(NamedTuple):
     gain: Float3
     base: Float3
     place: Int2
-
-    def of_pairs(self, count: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return the columns of the first pairs."""
-        return self.pair_mean[:count], self.factor[:count], self.gain[:count], self.base[:count]
 
 
 class _Scratch(NamedTuple):
@@ -163,6 +169,53 @@ def _predict(
     return active
 
 
+@compiled
+def _predicted(
+    weight: Float3,
+    mean: Float3,
+    covariance: Float4,
+    source: Int1,
+    of: Int1,
+    to: Int1,
+    turns: Bool1,
+    dt: Float1,
+    change: Float2,
+    noise: Float4,
+    transition: Float4,
+) -> tuple[Any, ...]:
+    """Return the later weights, means and covariances, and the columns of `Moves` from `mean` on.
+
+    For the parameters see `_predict`.
+    """
+    (count, modes), pairs = weight.shape[:2], len(of)
+    most = count * pairs
+    later = _Predicted(
+        np.zeros(weight.shape),
+        np.zeros(mean.shape),
+        np.zeros(covariance.shape),
+        np.empty((most, SIZE)),
+        np.empty((most, SIZE, SIZE)),
+        np.empty((most, SIZE, SIZE)),
+        np.empty((most, SIZE, SIZE)),
+        np.empty((count, pairs), np.int64),
+    )
+    scratch = _Scratch(np.empty((pairs, SIZE, SIZE)), np.empty(pairs), np.empty(modes), new_moved())
+    active = _predict(
+        *(weight, mean, covariance, source, of, to, turns, dt, change, noise, transition, later),
+        scratch,
+    )
+    return (
+        later.weight,
+        later.mean,
+        later.covariance,
+        later.pair_mean[:active],
+        later.factor[:active],
+        later.gain[:active],
+        later.base[:active],
+        later.place,
+    )
+
+
 def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Moves]:
     """Return the hypotheses of earlier scans predicted to the time of a later one.
 
@@ -180,30 +233,16 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
     source = np.arange(len(earlier)).repeat([len(part.mixture) for part in earlier])
     dt = np.array([part.dt for part in earlier])
     survival, change, noise, transition, snr = dynamics.over(dt)
-    (modes, size), pairs = before.mean.shape[1:], len(dynamics.pairs[0])
-    most = pairs * len(before)
-    later = _Predicted(
-        np.zeros(before.weight.shape),
-        np.zeros(before.mean.shape),
-        np.zeros(before.covariance.shape),
-        np.empty((most, size)),
-        np.empty((most, size, size)),
-        np.empty((most, size, size)),
-        np.empty((most, size, size)),
-        np.empty((len(before), pairs), np.int64),
-    )
-    scratch = _Scratch(np.empty((pairs, size, size)), np.empty(pairs), np.empty(modes), new_moved())
-    active = _predict(
+    weight, mean, covariance, *of_pairs = _predicted(
         *(*before.gaussians, source, *dynamics.pairs, dynamics.turns, dt),
-        *(change, noise, transition, later, scratch),
+        *(change, noise, transition),
     )
     diffused = [_diffused(part.mixture.snr, one) for part, one in zip(earlier, snr, strict=True)]
     of_row = change.take(source, axis=0), survival.take(source, axis=0)
-    weight, mean, covariance = later[:3]
     moved = before.changed(
         weight=weight, mean=mean, covariance=covariance, snr=np.concatenate(diffused)
     )
-    return moved, Moves(dynamics.pairs, *of_row, *later.of_pairs(active), later.place)
+    return moved, Moves(dynamics.pairs, *of_row, *of_pairs)
 
 
 def _diffused(snr: FloatArray, transition: FloatArray | None) -> FloatArray:
@@ -251,17 +290,10 @@ def spawn(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: f
         if not (count := int(np.count_nonzero(parent))):
             continue
         place = np.where(parent, parent.cumsum() - 1, -1)
-        modes, size = mixture.mean.shape[1:]
-        spawned = _Spawned(
-            np.zeros((count, *mixture.weight.shape[1:])),
-            np.empty((count, modes, size)),
-            np.empty((count, modes, size, size)),
-        )
-        matched = _Matched(np.zeros((count, size)), np.zeros((count, size, size)), new_moved())
         transition = dynamics.over(np.array([dt])).transition[0]
-        _spawn(
+        spawned = _spawned(
             *(rate, mixture.target, place, mixture.existence, *mixture.gaussians),
-            *(*dynamics.spawned, transition, dynamics.turns, dt, spawned, matched),
+            *(*dynamics.spawned, transition, dynamics.turns, dt, count),
         )
         row_label = np.arange(label, label + count)
         parts.append(Mixture(row_label, *spawned, dynamics.unknown_snr(count)))
@@ -330,3 +362,34 @@ def _spawn(
                 for k in range(i + 1):
                     total = matched.moved.covariance[i, k] + noise[mode, i, k]
                     found.covariance[one, mode, i, k] = found.covariance[one, mode, k, i] = total
+
+
+@compiled
+def _spawned(
+    rate: float,
+    target: Int1,
+    place: Int1,
+    existence: Float1,
+    weight: Float3,
+    mean: Float3,
+    covariance: Float4,
+    by_parent: Float2,
+    noise: Float3,
+    transition: Float3,
+    turns: Bool1,
+    dt: float,
+    count: int,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the columns of `_Spawned`; for the parameters see `_spawn`."""
+    modes, classes = weight.shape[1:]
+    found = _Spawned(
+        np.zeros((count, modes, classes)),
+        np.empty((count, modes, SIZE)),
+        np.empty((count, modes, SIZE, SIZE)),
+    )
+    matched = _Matched(np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE)), new_moved())
+    _spawn(
+        *(rate, target, place, existence, weight, mean, covariance, by_parent, noise, transition),
+        *(turns, dt, found, matched),
+    )
+    return found.weight, found.mean, found.covariance

@@ -140,6 +140,31 @@ def _write_clusters(
     return edges, clusters
 
 
+@compiled
+def _clusters(
+    distance: float,
+    kept: Bool1,
+    target: Int1,
+    weight: Float3,
+    mean: Float3,
+    covariance: Float4,
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Return the columns of `_Clusters` up to `leader`; see `_write_clusters`."""
+    count = len(target)
+    found = _Clusters(
+        np.empty(count, np.int64),
+        np.empty(count, np.int64),
+        np.empty(count, np.int64),
+        np.empty(count, np.bool_),
+        np.zeros((count, SIZE)),
+        np.zeros((count, SIZE, SIZE)),
+        np.empty((SIZE, SIZE)),
+        np.empty(SIZE),
+    )
+    edges, clusters = _write_clusters(distance, kept, target, weight, mean, covariance, found)
+    return found.row[:edges], found.cluster[:edges], found.leader[:clusters]
+
+
 @inner
 def _write_merged_snr(
     rows: IntArray, weight: FloatArray, found: FloatArray, snr: FloatArray, merged: FloatArray
@@ -207,6 +232,30 @@ def _write_merged(
                 add_spread(part[edge], mean[row, mode], covariance[row, mode], at, around)
         _write_merged_snr(row_of[begin:end], weight, found.weight[one], snr, found.snr[one])
         begin = end
+
+
+@compiled
+def _merged(
+    row_of: Int1,
+    child: Int1,
+    count: int,
+    weight: Float3,
+    mean: Float3,
+    covariance: Float4,
+    snr: Float3,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the columns of `_Merged` up to `share`; for the parameters see `_write_merged`."""
+    (modes, classes), edges = weight.shape[1:], len(child)
+    found = _Merged(
+        np.zeros((count, modes, classes)),
+        np.zeros((count, modes, SIZE)),
+        np.zeros((count, modes, SIZE, SIZE)),
+        np.zeros((count, snr.shape[1], snr.shape[2])),
+        np.zeros((edges, modes, classes)),
+        np.empty(edges),
+    )
+    _write_merged(row_of, child, weight, mean, covariance, snr, found)
+    return found.weight, found.mean, found.covariance, found.snr, found.share
 
 
 @compiled
@@ -306,33 +355,12 @@ def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ance
     1305, 1990, the clustering algorithm.
     """
     mixture, kept = branched.mixture, _kept(branched.mixture, bounds)
-    count, modes, size = mixture.mean.shape
-    clusters = _Clusters(
-        np.empty(count, np.int64),
-        np.empty(count, np.int64),
-        np.empty(count, np.int64),
-        np.empty(count, np.bool_),
-        np.zeros((count, size)),
-        np.zeros((count, size, size)),
-        np.empty((size, size)),
-        np.empty(size),
+    row_of, child, leader = _clusters(
+        bounds.merge_distance, kept, mixture.target, *mixture.gaussians
     )
-    edges, count = _write_clusters(
-        bounds.merge_distance, kept, mixture.target, *mixture.gaussians, clusters
+    weight, mean, covariance, snr, share = _merged(
+        row_of, child, len(leader), *mixture.gaussians, mixture.snr
     )
-    row_of, child = clusters.row[:edges], clusters.cluster[:edges]
-    leader = clusters.leader[:count]
-    weight, snr, shape = mixture.weight, mixture.snr, mixture.weight.shape[1:]
-    merged = _Merged(
-        np.zeros((count, *shape)),
-        np.zeros((count, modes, size)),
-        np.zeros((count, modes, size, size)),
-        np.zeros((count, *snr.shape[1:])),
-        np.zeros((edges, *shape)),
-        np.empty(edges),
-    )
-    _write_merged(row_of, child, *mixture.gaussians, snr, merged)
-    weight, mean, covariance, snr, share, _ = merged
     covariance, floored = kalman.floor_eigenvalues(covariance)
     row_label, parent = mixture.row_label[leader], branched.parent[row_of]
     # If the number of hypotheses would leave too little room for the next scan, none is split:

@@ -7,8 +7,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import BoolArray, FloatArray, IntArray
-from ...compilation import Bool1, Float1, Float2, Float3, Float4, Int1, Int2, in_place, inner
+from ...arrays import FloatArray, IntArray
+from ...compilation import (
+    Bool1,
+    Float1,
+    Float2,
+    Float3,
+    Float4,
+    Int1,
+    Int2,
+    compiled,
+    in_place,
+    inner,
+)
 from .blocks import (
     SIZE,
     add_mean,
@@ -334,62 +345,6 @@ def _add_deaths(
             smoothed.weight[at, mode, class_id] += died * own.weight[at, mode, class_id]
 
 
-def go_back(
-    of: IntArray,
-    to: IntArray,
-    first: int,
-    order: IntArray,
-    needed: BoolArray,
-    updates: Updates,
-    edges: Edges,
-    predicted: Predicted,
-    pairs: Pairs,
-    own: Gaussians,
-    smoothed: Gaussians,
-) -> None:
-    """Smooth the updates that those from `first` on continue, directly or not.
-
-    Parameters
-    ----------
-    of, to : int arrays of shape (K,)
-        The pairs of motion modes of `prediction.Moves`.
-    first : int
-        The first new update.
-    order : int array of shape (U,)
-        The updates of later scans first, and those of one scan in the order of the tables, in which
-        memory is read ahead.
-    needed : bool array of shape (U,)
-        Whether each update is still of use; the others are left as they are.
-    own, smoothed : Gaussians
-        The filtered and the smoothed hypotheses; those of new updates are equal.
-    """
-    modes, classes = own.weight.shape[1:]
-    rows, most_edges = (
-        int((part[:, 1] - part[:, 0]).max(initial=0)) for part in (updates.predicted, updates.edge)
-    )
-    ahead = Gaussians(
-        np.empty((rows, modes, classes)),
-        np.empty((rows, modes, SIZE)),
-        np.empty((rows, modes, SIZE, SIZE)),
-    )
-    scratch = _Scratch(
-        np.arange(len(order)) >= first,
-        np.empty(len(of), np.int64),
-        np.empty(len(of)),
-        np.empty(len(of)),
-        np.empty((len(of), classes)),
-        np.empty((len(of), SIZE)),
-        np.empty((len(of), SIZE, SIZE)),
-        np.empty(SIZE),
-        np.empty((most_edges, modes)),
-        np.empty((rows, modes)),
-        np.empty((modes, classes)),
-        np.empty(modes),
-    )
-    of_scan = order, needed, updates, edges, predicted, pairs
-    _go_back(of, to, *of_scan, own, smoothed, ahead, scratch)
-
-
 @in_place
 def _go_back(
     of: Int1,
@@ -432,3 +387,61 @@ def _go_back(
         for row in range(first_row, end_row):
             at, survival = begin + row - first_row, predicted.survival[row]
             _add_deaths(death, survival, own, at, smoothed)
+
+
+@compiled
+def go_back(
+    of: Int1,
+    to: Int1,
+    first: int,
+    order: Int1,
+    needed: Bool1,
+    updates: Updates,
+    edges: Edges,
+    predicted: Predicted,
+    pairs: Pairs,
+    own: Gaussians,
+    smoothed: Gaussians,
+) -> None:
+    """Smooth the updates that those from `first` on continue, directly or not.
+
+    Parameters
+    ----------
+    of, to : int arrays of shape (K,)
+        The pairs of motion modes of `prediction.Moves`.
+    first : int
+        The first new update.
+    order : int array of shape (U,)
+        The updates of later scans first, and those of one scan in the order of the tables, in which
+        memory is read ahead.
+    needed : bool array of shape (U,)
+        Whether each update is still of use; the others are left as they are.
+    own, smoothed : Gaussians
+        The filtered and the smoothed hypotheses; those of new updates are equal.
+    """
+    modes, classes = own.weight.shape[1:]
+    changed, rows, most_edges = np.empty(len(order), np.bool_), 0, 0
+    for one in range(len(order)):
+        changed[one] = one >= first
+        rows = max(rows, updates.predicted[one, 1] - updates.predicted[one, 0])
+        most_edges = max(most_edges, updates.edge[one, 1] - updates.edge[one, 0])
+    ahead = Gaussians(
+        np.empty((rows, modes, classes)),
+        np.empty((rows, modes, SIZE)),
+        np.empty((rows, modes, SIZE, SIZE)),
+    )
+    scratch = _Scratch(
+        changed,
+        np.empty(len(of), np.int64),
+        np.empty(len(of)),
+        np.empty(len(of)),
+        np.empty((len(of), classes)),
+        np.empty((len(of), SIZE)),
+        np.empty((len(of), SIZE, SIZE)),
+        np.empty(SIZE),
+        np.empty((most_edges, modes)),
+        np.empty((rows, modes)),
+        np.empty((modes, classes)),
+        np.empty(modes),
+    )
+    _go_back(of, to, order, needed, updates, edges, predicted, pairs, own, smoothed, ahead, scratch)

@@ -224,6 +224,62 @@ def _gate_pairs(
     return pairs
 
 
+@compiled
+def _gated(
+    max_range: float,
+    axes: Int1,
+    pose: Float1,
+    mean: Float3,
+    measured: Float3,
+    covariance: Float4,
+    weight: Float2,
+    detection: Float2,
+    noise_std: Float2,
+    time_s: Float1,
+    turn: Float1,
+    by_turn: Int1,
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return the columns of `gate_pairs`.
+
+    `turn` are the ascending azimuths of the detections `by_turn`, from 0 on.
+    """
+    (count, modes), size, begin = weight.shape, len(turn), 0
+    azimuth, distance = np.empty(2 * size), np.empty(2 * size)
+    order, start = np.empty(2 * size, np.int64), np.empty(size + 1, np.int64)
+    widest, latest = np.zeros(2), 0.0
+    for part in range(size + 1):
+        while begin < size and turn[begin] < part * (FULL_TURN / size):
+            begin += 1
+        start[part] = begin
+    for place in range(2 * size):
+        order[place] = by_turn[place % size]
+        azimuth[place] = turn[place % size] + (FULL_TURN if place >= size else 0.0)
+        distance[place] = detection[order[place], 0]
+    for one in range(size):
+        widest[0], widest[1] = max(widest[0], noise_std[one, 0]), max(widest[1], noise_std[one, 1])
+        latest = max(latest, abs(time_s[one]))
+    pairs, room = -1, 4 * count + 64
+    while pairs < 0:
+        found = _Found(
+            np.empty(room, np.int64),
+            np.empty(room, np.int64),
+            np.empty((room, modes)),
+            np.empty(size + 1, np.int64),
+            np.empty(modes, np.bool_),
+            np.empty((modes, 2)),
+            np.empty(4),
+            np.empty((modes, 3)),
+            np.empty(modes),
+            np.zeros((modes, 4)),
+        )
+        pairs = _gate_pairs(
+            *(max_range, axes, pose, mean, measured, covariance, weight, detection, noise_std),
+            *(time_s, widest, latest, azimuth, distance, order, start, found),
+        )
+        room *= 2
+    return found.row[:pairs], found.column[:pairs], found.log_likelihood[:pairs]
+
+
 def gate_pairs(
     mixture: Mixture, expected: Expected, report: Report
 ) -> tuple[IntArray, IntArray, FloatArray]:
@@ -241,33 +297,8 @@ def gate_pairs(
         return linearised.gate_pairs(mixture.mode_weight, mixture.mean, *spread, report, GATE_SIGMA)
     turn = measurement[:, 1] % FULL_TURN
     order = turn.argsort(kind="stable")
-    turn, twice = turn[order], np.concatenate([order, order])
-    std, time_s = report.detection_std, report.time_s
-    (count, modes), pairs = mixture.mode_weight.shape, -1
-    room = 4 * count + 64
-    while pairs < 0:
-        found = _Found(
-            np.empty(room, np.int64),
-            np.empty(room, np.int64),
-            np.empty((room, modes)),
-            np.empty(len(order) + 1, np.int64),
-            np.empty(modes, np.bool_),
-            np.empty((modes, 2)),
-            np.empty(4),
-            np.empty((modes, 3)),
-            np.empty(modes),
-            np.zeros((modes, 4)),
-        )
-        pairs = _gate_pairs(
-            *(sensor.max_range, sensor.axes, sensor.frame, mixture.mean, expected.measured),
-            *(expected.covariance, mixture.mode_weight, measurement, std, time_s),
-            std.max(axis=0, initial=0.0),
-            np.abs(time_s).max(initial=0.0),
-            np.concatenate([turn, turn + FULL_TURN]),
-            measurement[twice, 0],
-            twice,
-            turn.searchsorted(np.linspace(0.0, FULL_TURN, len(order) + 1)),
-            found,
-        )
-        room *= 2
-    return found.row[:pairs], found.column[:pairs], found.log_likelihood[:pairs]
+    return _gated(
+        *(sensor.max_range, sensor.axes, sensor.frame, mixture.mean, expected.measured),
+        *(expected.covariance, mixture.mode_weight, measurement, report.detection_std),
+        *(report.time_s, turn[order], order),
+    )

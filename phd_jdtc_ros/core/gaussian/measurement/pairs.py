@@ -12,7 +12,7 @@ from ...association import marginals
 from ...association.claims import Claims
 from ...association.marginals import LEAST_CLUTTER
 from ...association.shares import posterior_shares
-from ...compilation import Bool1, Float1, Float2, Float3, Int1, in_place, inner
+from ...compilation import Bool1, Float1, Float2, Float3, Int1, compiled, in_place, inner
 from ...models.competing_sources import CompetingSources
 from ..algebra.vectors import sum_of
 from ..bounds import Bounds
@@ -69,11 +69,12 @@ class _Sources(NamedTuple):
     intensity: Float2
     total: Float1
 
-    @staticmethod
-    def room(other: FloatArray) -> _Sources:
-        """Return arrays for the sources of all detections."""
-        size = other.shape[1]
-        return _Sources(np.full(size, -np.inf), np.empty(other.shape), np.zeros(size))
+
+@inner
+def _no_sources(other: FloatArray) -> _Sources:
+    """Return arrays for the sources of all detections; for `other` see `PairLikelihoods`."""
+    size = other.shape[1]
+    return _Sources(np.full(size, -np.inf), np.empty(other.shape), np.zeros(size))
 
 
 @inner
@@ -85,7 +86,7 @@ def _write_sources(
     other: FloatArray,
     sources: _Sources,
 ) -> None:
-    """Write the sources into `_Sources.room`; for the other parameters see `PairLikelihoods`."""
+    """Write the sources into `_no_sources`; for the other parameters see `PairLikelihoods`."""
     scale, intensity, total = sources
     for kind in range(len(other)):
         for z in range(len(scale)):
@@ -227,6 +228,49 @@ def _write_likely(
             found.likely[pair] = odds[pair] > least_share * max(alone[one], 1.0)
 
 
+@compiled
+def _likely(
+    least_share: float,
+    target: Int1,
+    existence: Float1,
+    weight: Float3,
+    detectable: Float3,
+    snr: Float3,
+    relative: Float3,
+    row: Int1,
+    column: Int1,
+    measurement: Float2,
+    largest: Float1,
+    evidence: Float1,
+    other: Float2,
+) -> tuple[IntArray, FloatArray]:
+    """Return the likely pairs and the likelihoods of their amplitudes; see `likely`."""
+    (modes, classes), count, size = weight.shape[1:], len(row), len(largest)
+    found = _Likely(
+        np.empty(count, np.bool_),
+        np.empty((count, classes)),
+        np.empty(count),
+        np.zeros(size),
+        np.zeros(size),
+        np.empty(len(existence)),
+        np.zeros(len(existence) + 2, np.int64),
+        np.empty(count, np.int64),
+        np.empty((1, modes, classes)),
+    )
+    _write_likely(
+        *(least_share, target, existence, weight, detectable, snr, relative, row, column),
+        *(measurement, largest, evidence, other, _no_sources(other), found),
+    )
+    kept, most = np.empty(count, np.int64), 0
+    for pair in range(count):
+        if found.likely[pair]:
+            for class_id in range(classes):
+                found.amplitude[most, class_id] = found.amplitude[pair, class_id]
+            kept[most] = pair
+            most += 1
+    return kept[:most], found.amplitude[:most]
+
+
 def likely(
     mixture: Mixture, detectable: FloatArray, pairs: PairLikelihoods, relative: FloatArray
 ) -> tuple[IntArray, FloatArray]:
@@ -245,23 +289,8 @@ def likely(
     relative : array of shape (M, C, S)
         See `amplitude.Amplitudes`.
     """
-    count, targets, size = len(pairs.row), len(mixture.existence), len(pairs.largest)
-    found = _Likely(
-        np.empty(count, np.bool_),
-        np.empty((count, relative.shape[1])),
-        np.empty(count),
-        np.zeros(size),
-        np.zeros(size),
-        np.empty(targets),
-        np.zeros(targets + 2, np.int64),
-        np.empty(count, np.int64),
-        np.empty((1, *mixture.weight.shape[1:])),
-    )
-    of_mixture = mixture.target, mixture.existence, mixture.weight, detectable, mixture.snr
-    sources = _Sources.room(pairs.other)
-    _write_likely(*(LEAST_SHARE, *of_mixture, relative, *pairs, sources, found))
-    kept = np.flatnonzero(found.likely)
-    return kept, found.amplitude.take(kept, axis=0)
+    of_mixture = LEAST_SHARE, mixture.target, mixture.existence, mixture.weight
+    return _likely(*(*of_mixture, detectable, mixture.snr, relative, *pairs))
 
 
 class _Weights(NamedTuple):
@@ -313,6 +342,38 @@ def _write_weights(
         )
 
 
+@compiled
+def _weights(
+    target: Int1,
+    weight: Float3,
+    detectable: Float3,
+    amplitude: Float2,
+    row: Int1,
+    column: Int1,
+    measurement: Float2,
+    largest: Float1,
+    evidence: Float1,
+    other: Float2,
+    targets: int,
+) -> tuple[_Weights, _Sources, FloatArray]:
+    """Return the weights of pairs before their association, their sources, and their masses."""
+    rows, modes, classes = weight.shape
+    count, sources = rows + len(row), _no_sources(other)
+    later = _Weights(
+        np.empty(count, np.int64),
+        np.empty((count, modes, classes)),
+        np.empty(count),
+        np.empty(rows),
+        np.empty(rows),
+        np.zeros(targets),
+    )
+    _write_weights(
+        *(target, weight, detectable, amplitude, row, column, measurement, largest, evidence),
+        *(other, sources, later),
+    )
+    return later, sources, later.mass[rows:].copy()
+
+
 @in_place
 def _write_associated(
     weight: Float3,
@@ -353,19 +414,9 @@ def associate(
     amplitude : array of shape (P, C)
         See `likely`.
     """
-    (rows, *shape), targets = mixture.weight.shape, len(mixture.label)
-    count, sources = rows + len(pairs.row), _Sources.room(pairs.other)
-    later = _Weights(
-        np.empty(count, np.int64),
-        np.empty((count, *shape)),
-        np.empty(count),
-        np.empty(rows),
-        np.empty(rows),
-        np.zeros(targets),
-    )
+    rows, targets = len(mixture), len(mixture.label)
     weight, target = mixture.weight, mixture.target
-    _write_weights(*(target, weight, detectable, amplitude, *pairs, sources, later))
-    mass = later.mass[rows:].copy()
+    later, sources, mass = _weights(target, weight, detectable, amplitude, *pairs, targets)
     claims = Claims(pairs.row, pairs.column, mass, sources.total, later.detected)
     scaled, unseen, share, claimed, approximate = posterior_shares(
         *(marginals.MOST_WORK, targets, target, later.prior, pairs.row, pairs.column),
