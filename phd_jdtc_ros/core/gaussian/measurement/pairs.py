@@ -86,7 +86,7 @@ def _write_sources(
     other: FloatArray,
     sources: _Sources,
 ) -> None:
-    """Write the sources into `_no_sources`; for the other parameters see `PairLikelihoods`."""
+    """Write the sources, into new arrays; for the other parameters see `PairLikelihoods`."""
     scale, intensity, total = sources
     for kind in range(len(other)):
         for z in range(len(scale)):
