@@ -107,7 +107,7 @@ def _addresses(parts: Parts) -> Faults:
         used = [getattr(sensor, key) for sensor in parts.sensors.values()]
         for name, own in zip(parts.sensors, used, strict=True):
             if used.count(own) > 1:
-                yield f"{name}.{key}: {own!r} given, another radar has it too"
+                yield f"{name}.{key}: {own!r} given, another sensor has it too"
 
 
 _CHECKS = (_names, _classes, _tracking, _births, _addresses)
