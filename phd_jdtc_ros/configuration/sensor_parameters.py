@@ -40,7 +40,7 @@ class SensorParameters:
 
     # Parameter and unit of the noise of each component of a measurement that may be learned.
     noise_parameters: ClassVar[Mapping[str, tuple[str, str]]] = {}
-    # Whether a message without amplitudes deserves a warning, as classes are inferred from them.
+    # True if a message without amplitudes deserves a warning, as classes are inferred from them.
     measures_amplitude: ClassVar[bool] = False
 
     kind: str = parameter("radar", "Kind of the sensor.")

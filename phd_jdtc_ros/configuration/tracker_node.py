@@ -116,7 +116,7 @@ def edit(
     """
     wanted = {**values, **changes}
     every = _table(wanted)
-    # What another kind of sensor does not allow has its default there.
+    # A parameter that another kind of sensor does not allow has its default there.
     known = {
         name: value
         for name, value in wanted.items()
