@@ -317,8 +317,8 @@ class _Matched(NamedTuple):
     moved: Moved
 
 
-@in_place
-def _spawn(
+@compiled
+def _spawned(
     rate: float,
     target: Int1,
     place: Int1,
@@ -331,14 +331,20 @@ def _spawn(
     transition: Float3,
     turns: Bool1,
     dt: float,
-    found: _Spawned,
-    matched: _Matched,
-) -> None:
-    """Write the spawned targets, whose weights are zeros at first; see `Dynamics.spawned`.
+    count: int,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the columns of `_Spawned`; see `Dynamics.spawned`.
 
     `place` is the row of each parent's spawned target, (T,), or -1.
     """
-    (modes, classes), centre, around = weight.shape[1:], matched.mean, matched.covariance
+    modes, classes = weight.shape[1:]
+    found = _Spawned(
+        np.zeros((count, modes, classes)),
+        np.empty((count, modes, SIZE)),
+        np.empty((count, modes, SIZE, SIZE)),
+    )
+    matched = _Matched(np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE)), new_moved())
+    centre, around = matched.mean, matched.covariance
     for row in range(len(target)):
         one, whole = place[target[row]], existence[target[row]]
         for mode in range(modes if one >= 0 else 0):
@@ -362,34 +368,4 @@ def _spawn(
                 for k in range(i + 1):
                     total = matched.moved.covariance[i, k] + noise[mode, i, k]
                     found.covariance[one, mode, i, k] = found.covariance[one, mode, k, i] = total
-
-
-@compiled
-def _spawned(
-    rate: float,
-    target: Int1,
-    place: Int1,
-    existence: Float1,
-    weight: Float3,
-    mean: Float3,
-    covariance: Float4,
-    by_parent: Float2,
-    noise: Float3,
-    transition: Float3,
-    turns: Bool1,
-    dt: float,
-    count: int,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the columns of `_Spawned`; for the parameters see `_spawn`."""
-    modes, classes = weight.shape[1:]
-    found = _Spawned(
-        np.zeros((count, modes, classes)),
-        np.empty((count, modes, SIZE)),
-        np.empty((count, modes, SIZE, SIZE)),
-    )
-    matched = _Matched(np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE)), new_moved())
-    _spawn(
-        *(rate, target, place, existence, weight, mean, covariance, by_parent, noise, transition),
-        *(turns, dt, found, matched),
-    )
     return found.weight, found.mean, found.covariance

@@ -20,7 +20,6 @@ from ..compilation import (
     Int1,
     Int2,
     compiled,
-    in_place,
     inner,
 )
 from ..snapshot import floats, integers
@@ -98,22 +97,31 @@ class _Clusters(NamedTuple):
     apart: Float1  # (D,)
 
 
-@in_place
-def _write_clusters(
+@compiled
+def _clusters(
     distance: float,
     kept: Bool1,
     target: Int1,
     weight: Float3,
     mean: Float3,
     covariance: Float4,
-    found: _Clusters,
-) -> tuple[int, int]:
-    """Write the clusters; return the number of their hypotheses, and their own.
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Return the columns of `_Clusters` up to `leader`.
 
     Only targets that are `kept`, (T,), have clusters.
     """
-    row_of, cluster, leader, merged, centre, spread, factor, apart = found
     count, edges, clusters = len(target), 0, 0
+    found = _Clusters(
+        np.empty(count, np.int64),
+        np.empty(count, np.int64),
+        np.empty(count, np.int64),
+        np.empty(count, np.bool_),
+        np.zeros((count, SIZE)),
+        np.zeros((count, SIZE, SIZE)),
+        np.empty((SIZE, SIZE)),
+        np.empty(SIZE),
+    )
+    row_of, cluster, leader, merged, centre, spread, factor, apart = found
     begin = end = 0
     while begin < count:
         while end < count and target[end] == target[begin]:
@@ -137,31 +145,6 @@ def _write_clusters(
                 edges += 1
             clusters += 1
         begin = end
-    return edges, clusters
-
-
-@compiled
-def _clusters(
-    distance: float,
-    kept: Bool1,
-    target: Int1,
-    weight: Float3,
-    mean: Float3,
-    covariance: Float4,
-) -> tuple[IntArray, IntArray, IntArray]:
-    """Return the columns of `_Clusters` up to `leader`; see `_write_clusters`."""
-    count = len(target)
-    found = _Clusters(
-        np.empty(count, np.int64),
-        np.empty(count, np.int64),
-        np.empty(count, np.int64),
-        np.empty(count, np.bool_),
-        np.zeros((count, SIZE)),
-        np.zeros((count, SIZE, SIZE)),
-        np.empty((SIZE, SIZE)),
-        np.empty(SIZE),
-    )
-    edges, clusters = _write_clusters(distance, kept, target, weight, mean, covariance, found)
     return found.row[:edges], found.cluster[:edges], found.leader[:clusters]
 
 
@@ -196,18 +179,27 @@ class _Merged(NamedTuple):
     part: Float1  # Share of each hypothesis in a mode of its cluster, (E,)
 
 
-@in_place
-def _write_merged(
+@compiled
+def _merged(
     row_of: Int1,
     child: Int1,
+    count: int,
     weight: Float3,
     mean: Float3,
     covariance: Float4,
     snr: Float3,
-    found: _Merged,
-) -> None:
-    """Write the merged hypotheses; `row_of` and `child` are the columns of `_Clusters`."""
-    (modes, classes), edges, part = weight.shape[1:], len(child), found.part
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the columns of `_Merged` up to `share`, given the first two of `_Clusters`."""
+    (modes, classes), edges = weight.shape[1:], len(child)
+    found = _Merged(
+        np.zeros((count, modes, classes)),
+        np.zeros((count, modes, SIZE)),
+        np.zeros((count, modes, SIZE, SIZE)),
+        np.zeros((count, snr.shape[1], snr.shape[2])),
+        np.zeros((edges, modes, classes)),
+        np.empty(edges),
+    )
+    part = found.part
     begin = end = 0
     for one in range(len(found.weight)):
         while end < edges and child[end] == one:
@@ -232,29 +224,6 @@ def _write_merged(
                 add_spread(part[edge], mean[row, mode], covariance[row, mode], at, around)
         _write_merged_snr(row_of[begin:end], weight, found.weight[one], snr, found.snr[one])
         begin = end
-
-
-@compiled
-def _merged(
-    row_of: Int1,
-    child: Int1,
-    count: int,
-    weight: Float3,
-    mean: Float3,
-    covariance: Float4,
-    snr: Float3,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the columns of `_Merged` up to `share`; for the parameters see `_write_merged`."""
-    (modes, classes), edges = weight.shape[1:], len(child)
-    found = _Merged(
-        np.zeros((count, modes, classes)),
-        np.zeros((count, modes, SIZE)),
-        np.zeros((count, modes, SIZE, SIZE)),
-        np.zeros((count, snr.shape[1], snr.shape[2])),
-        np.zeros((edges, modes, classes)),
-        np.empty(edges),
-    )
-    _write_merged(row_of, child, weight, mean, covariance, snr, found)
     return found.weight, found.mean, found.covariance, found.snr, found.share
 
 

@@ -168,8 +168,8 @@ class _Likely(NamedTuple):
     weight: Float3  # Weights that are not used, (1, R, C)
 
 
-@in_place
-def _write_likely(
+@compiled
+def _likely(
     least_share: float,
     target: Int1,
     existence: Float1,
@@ -183,10 +183,21 @@ def _write_likely(
     largest: Float1,
     evidence: Float1,
     other: Float2,
-    sources: _Sources,
-    found: _Likely,
-) -> None:
-    """Write which pairs are likely; for the parameters see `PairLikelihoods`."""
+) -> tuple[IntArray, FloatArray]:
+    """Return the likely pairs and the likelihoods of their amplitudes; see `likely`."""
+    (modes, classes), count, size = weight.shape[1:], len(row), len(largest)
+    sources = _no_sources(other)
+    found = _Likely(
+        np.empty(count, np.bool_),
+        np.empty((count, classes)),
+        np.empty(count),
+        np.zeros(size),
+        np.zeros(size),
+        np.empty(len(existence)),
+        np.zeros(len(existence) + 2, np.int64),
+        np.empty(count, np.int64),
+        np.empty((1, modes, classes)),
+    )
     amplitude, odds, wanted, own, alone = found[1:6]
     start, order = found.start, found.order
     _write_sources(column, measurement, largest, evidence, other, sources)
@@ -226,41 +237,6 @@ def _write_likely(
         for place in range(start[one], start[one + 1]):
             pair = order[place]
             found.likely[pair] = odds[pair] > least_share * max(alone[one], 1.0)
-
-
-@compiled
-def _likely(
-    least_share: float,
-    target: Int1,
-    existence: Float1,
-    weight: Float3,
-    detectable: Float3,
-    snr: Float3,
-    relative: Float3,
-    row: Int1,
-    column: Int1,
-    measurement: Float2,
-    largest: Float1,
-    evidence: Float1,
-    other: Float2,
-) -> tuple[IntArray, FloatArray]:
-    """Return the likely pairs and the likelihoods of their amplitudes; see `likely`."""
-    (modes, classes), count, size = weight.shape[1:], len(row), len(largest)
-    found = _Likely(
-        np.empty(count, np.bool_),
-        np.empty((count, classes)),
-        np.empty(count),
-        np.zeros(size),
-        np.zeros(size),
-        np.empty(len(existence)),
-        np.zeros(len(existence) + 2, np.int64),
-        np.empty(count, np.int64),
-        np.empty((1, modes, classes)),
-    )
-    _write_likely(
-        *(least_share, target, existence, weight, detectable, snr, relative, row, column),
-        *(measurement, largest, evidence, other, _no_sources(other), found),
-    )
     kept, most = np.empty(count, np.int64), 0
     for pair in range(count):
         if found.likely[pair]:
@@ -304,8 +280,8 @@ class _Weights(NamedTuple):
     existence: Float1  # Existence probability of each target, zeros at first, (T,)
 
 
-@in_place
-def _write_weights(
+@compiled
+def _weights(
     target: Int1,
     weight: Float3,
     detectable: Float3,
@@ -316,14 +292,22 @@ def _write_weights(
     largest: Float1,
     evidence: Float1,
     other: Float2,
-    sources: _Sources,
-    later: _Weights,
-) -> None:
-    """Write the sources, and the weights of pairs before their association.
+    targets: int,
+) -> tuple[_Weights, _Sources, FloatArray]:
+    """Return the weights of pairs before their association, their sources, and their masses.
 
     For the parameters see `associate`.
     """
     rows, modes, classes = weight.shape
+    count, sources = rows + len(row), _no_sources(other)
+    later = _Weights(
+        np.empty(count, np.int64),
+        np.empty((count, modes, classes)),
+        np.empty(count),
+        np.empty(rows),
+        np.empty(rows),
+        np.zeros(targets),
+    )
     _write_sources(column, measurement, largest, evidence, other, sources)
     for one in range(rows):
         later.target[one], detected = target[one], 0.0
@@ -340,37 +324,6 @@ def _write_weights(
         later.mass[rows + pair] = _write_pair_weight(
             one, weight, pair, measurement, amplitude, factor, rows + pair, later.weight
         )
-
-
-@compiled
-def _weights(
-    target: Int1,
-    weight: Float3,
-    detectable: Float3,
-    amplitude: Float2,
-    row: Int1,
-    column: Int1,
-    measurement: Float2,
-    largest: Float1,
-    evidence: Float1,
-    other: Float2,
-    targets: int,
-) -> tuple[_Weights, _Sources, FloatArray]:
-    """Return the weights of pairs before their association, their sources, and their masses."""
-    rows, modes, classes = weight.shape
-    count, sources = rows + len(row), _no_sources(other)
-    later = _Weights(
-        np.empty(count, np.int64),
-        np.empty((count, modes, classes)),
-        np.empty(count),
-        np.empty(rows),
-        np.empty(rows),
-        np.zeros(targets),
-    )
-    _write_weights(
-        *(target, weight, detectable, amplitude, row, column, measurement, largest, evidence),
-        *(other, sources, later),
-    )
     return later, sources, later.mass[rows:].copy()
 
 
