@@ -95,6 +95,7 @@ class Output:
     period_s: float = 0.0  # Shortest time between two messages, by the stamps of scans
     # True if its encoder keeps what it is given, and needs it even without subscribers.
     remembers: bool = False
+    on_earth: bool = False  # Whether the output needs the world frame's place on the earth
     # Returns the message that clears the display, for an output that may be switched off at run
     # time.
     clear: Callable[[View], Any] | None = None
@@ -162,6 +163,7 @@ def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
                 *(topic, kind, FILTERED, encode, switch),
                 usual=False,
                 remembers=encode in (_paths, _geojson),
+                on_earth=encode in (_fixes, _geojson),
             )
             for topic, kind, encode, switch in (
                 ("~/tracks/path", names.PATH, _paths, "paths"),
@@ -255,3 +257,8 @@ def _tracks(found: Estimates, view: View) -> list[Any]:
 
 def _vision(found: Estimates, view: View) -> list[Any]:
     return [vision.to_msg(found, view.frame, view.class_names)]
+
+
+# The words of the outputs that a user enables, and those of them that need a place on the earth.
+SWITCHES = tuple(dict.fromkeys(row.switch for row in table(0) if row.switch))
+ON_THE_EARTH = tuple(row.switch for row in table(0) if row.on_earth)

@@ -10,13 +10,14 @@ from pathlib import Path
 
 from msg_adapters import names, outputs, plots
 from phd_jdtc_ros.asterix_bridge import settings as bridge
-from phd_jdtc_ros.configuration import replaced, tracker_node
+from phd_jdtc_ros.configuration import replaced
 from phd_jdtc_ros.configuration.schema import Parameter
 from phd_jdtc_ros.configuration.sensor_kinds import TABLES
 from phd_jdtc_ros.configuration.tables import GROUPS as PARTS
 from phd_jdtc_ros.configuration.tables import TOP, schema
 from phd_jdtc_ros.evaluation.metric_table import GROUPS, PLOTTED, PUBLISHED, TERMS
 from phd_jdtc_ros.handover import settings as hand_over
+from phd_jdtc_ros.nodes.tracker import settings as tracker
 from phd_jdtc_ros.parameter_files import evaluator, proposed_file, sensor_replay
 from phd_jdtc_ros.study.monte_carlo.metrics import OF_STUDY
 
@@ -48,7 +49,7 @@ _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
         for kind, own in TABLES.items()
     ),
     *((f"tracker, for every name in `{name}`", "", PARTS[name]) for name in list(PARTS)[1:]),
-    ("tracker, as a node", "The offline executables do not have these.", tracker_node.TABLE),
+    ("tracker, as a node", "The offline executables do not have these.", tracker.TABLE),
     (
         "sensor_replay",
         "The flags `--rate`, `--start`, `--duration`, `--loop` and `--start-paused` and the "

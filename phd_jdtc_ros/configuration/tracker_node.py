@@ -1,28 +1,10 @@
-"""The settings of a live tracker: the tracker's parameters and the node's own.
-
-When the tracker is configured, and at every change from then on, all parameters are checked
-together, with the messages of the offline tools. Before that each value is checked by itself.
-"""
+"""The parameters of a live tracker that are the node's own and not the tracker's."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
-from phd_jdtc_ros.earth import SystemPlane
-
-from . import build
-from .build import TrackerConfig
-from .schema import ConfigError, Parameter, check, parameter, table
-from .tables import schema
-
-OUTPUTS = (
-    *("detections", "frames", "markers", "plots", "paths", "odometry", "radar_tracks"),
-    *("detections_3d", "navsat", "geojson", "registration"),
-)
-# The outputs with latitudes and longitudes, and the output that may change in a running tracker.
-ON_THE_EARTH, MARKERS = ("navsat", "geojson"), "markers"
+from .schema import parameter, table
 
 
 @dataclass(frozen=True)
@@ -41,7 +23,6 @@ class Node:
         "Optional outputs; the tracker's page lists their topics. navsat and geojson need "
         "world_origin, and only markers can change while the tracker is configured.",
         element=str,
-        choices=OUTPUTS,
         mutable=True,
     )
     checkpoint_path: str = parameter(
@@ -57,98 +38,4 @@ class Node:
     )
 
 
-TABLE = table(Node)
-NAMES = frozenset(parameter.name for parameter in TABLE)
-
-
-@dataclass(frozen=True)
-class Settings:
-    """A checked set of parameters."""
-
-    table: dict[str, Parameter]  # All parameters
-    config: TrackerConfig
-    node: dict[str, Any]  # Values of the parameters in `TABLE` by name
-
-    @property
-    def values(self) -> dict[str, Any]:
-        """The values of all parameters."""
-        return {**self.config.values, **self.node}
-
-    @property
-    def mutable(self) -> frozenset[str]:
-        """Names of the parameters that may change while the tracker runs."""
-        return frozenset(name for name, parameter in self.table.items() if parameter.mutable)
-
-
-def resolve(given: Mapping[str, Any]) -> Settings:
-    """Check parameters, or their defaults, together; `ConfigError` lists every fault."""
-    of_tracker = {name: value for name, value in given.items() if name not in NAMES}
-    node, faults = check(TABLE, {name: value for name, value in given.items() if name in NAMES})
-    try:
-        tracker = build.resolve(of_tracker, SystemPlane)
-    except ConfigError as error:
-        raise ConfigError([*faults, *error.faults]) from error
-    if tracker.plane is None and node["outputs"]:
-        wanted = [name for name in ON_THE_EARTH if name in node["outputs"]]
-        faults += [f"outputs: {name} given, needs world_origin" for name in wanted]
-    if "registration" in node["outputs"]:
-        others = [sensor.name for sensor in tracker.model.radars if not sensor.polar]
-        faults += [f"outputs: registration given, {name} is no radar" for name in others]
-    if faults:
-        raise ConfigError(faults)
-    return Settings(_table(of_tracker), tracker, node)
-
-
-def _table(given: Mapping[str, Any]) -> dict[str, Parameter]:
-    return {**schema(given), **{parameter.name: parameter for parameter in TABLE}}
-
-
-def edit(
-    values: Mapping[str, Any], changes: Mapping[str, Any]
-) -> tuple[dict[str, Parameter], dict[str, Any]]:
-    """Return the table and the values after a change while the tracker is not configured.
-
-    Every value is checked by itself and not in combination, because changes may come one by one.
-    A new name in a list such as ``sensors`` adds its parameters, and a missing name removes them;
-    so does another kind of a sensor.
-
-    Raise `ConfigError` with every fault: unknown parameters, and values that are not allowed.
-    """
-    wanted = {**values, **changes}
-    every = _table(wanted)
-    # A parameter that another kind of sensor does not allow has its default there.
-    known = {
-        name: value
-        for name, value in wanted.items()
-        if name in every and (name in changes or every[name].coerce(value) is not None)
-    }
-    checked, faults = check(every.values(), known)
-    faults += build.name_faults(changes, every)
-    if faults:
-        raise ConfigError(faults)
-    return every, checked
-
-
-def change(settings: Settings, changes: Mapping[str, Any]) -> Settings:
-    """Return the settings with some parameters changed while the tracker is configured.
-
-    Raise `ConfigError` with every fault: parameters that cannot change, and values that are not
-    allowed.
-    """
-    faults = [
-        f"{name}: cannot change while the tracker is configured, clean it up before"
-        for name in changes
-        if name in settings.table and name not in settings.mutable
-    ]
-    faults += build.name_faults(changes, settings.table)
-    allowed = {name: value for name, value in changes.items() if name in settings.mutable}
-    try:
-        found = resolve({**settings.values, **allowed})
-    except ConfigError as error:
-        raise ConfigError([*faults, *error.faults]) from error
-    before, after = ({*each.node["outputs"]} - {MARKERS} for each in (settings, found))
-    if before != after:
-        faults.append("outputs: only markers may come and go while the tracker is configured")
-    if faults:
-        raise ConfigError(faults)
-    return found
+NAMES = frozenset(parameter.name for parameter in table(Node))

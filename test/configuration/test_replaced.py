@@ -3,11 +3,11 @@
 import pytest
 
 from phd_jdtc_ros.asterix_bridge import settings as bridge
-from phd_jdtc_ros.configuration import build, models, radar_models, replaced, tracker_node
+from phd_jdtc_ros.configuration import build, models, radar_models, replaced
 from phd_jdtc_ros.configuration.schema import ConfigError, check
 from phd_jdtc_ros.core.attributes.height import HeightModel
 from phd_jdtc_ros.handover import settings as hand_over
-from phd_jdtc_ros.nodes.tracker import input_health, live
+from phd_jdtc_ros.nodes.tracker import input_health, live, settings
 from phd_jdtc_ros.nodes.tracker import outputs as live_outputs
 from phd_jdtc_ros.parameter_files import evaluator, sensor_replay
 
@@ -41,7 +41,7 @@ def test_plain_nodes_refuse_the_names_of_before(parameters, table):
 
 def test_the_tracker_refuses_the_names_of_before():
     of_all, of_radar = {**replaced.TRACKER, **replaced.NODE}, replaced.RADAR
-    for resolve in (tracker_node.resolve, build.resolve):
+    for resolve in (settings.resolve, build.resolve):
         assert faults_of(resolve, dict.fromkeys(of_all, 1)) == refused(of_all)
         given = {f"radar_2.{name}": 1 for name in of_radar}
         assert faults_of(resolve, given) == refused(of_radar, "radar_2.")
@@ -59,10 +59,10 @@ def test_bridge_and_hand_over_refuse_the_names_of_before():
 
 
 def test_changes_of_a_running_tracker_are_refused_alike():
-    usual = tracker_node.resolve({})
+    usual = settings.resolve({})
     for change in (
-        tracker_node.change,
-        lambda settings, c: tracker_node.edit(settings.values, c),
+        settings.change,
+        lambda known, c: settings.edit(known.values, c),
     ):
         with pytest.raises(ConfigError, match="publish_path: no longer a parameter, use outputs"):
             change(usual, {"publish_path": True})

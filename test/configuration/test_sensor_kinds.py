@@ -3,10 +3,11 @@ from dataclasses import dataclass
 import pytest
 from position_sensor import PositionSensor
 
-from phd_jdtc_ros.configuration import build, sensor_kinds, tables, tracker_node
+from phd_jdtc_ros.configuration import build, sensor_kinds, tables
 from phd_jdtc_ros.configuration.schema import POSITIVE, ConfigError, parameter
 from phd_jdtc_ros.configuration.sensor_kinds import KINDS, SensorKind
 from phd_jdtc_ros.configuration.sensor_parameters import SensorParameters
+from phd_jdtc_ros.nodes.tracker import settings
 
 
 @dataclass(frozen=True)
@@ -81,8 +82,8 @@ def test_input_checks_of_azimuths_are_only_for_radars():
 
 @pytest.mark.usefixtures("a_second_kind")
 def test_another_kind_changes_the_parameters_of_a_live_tracker():
-    values = tracker_node.resolve({"sensors": ["radar_1"], "radar_1.topic": "/here"}).values
-    table, edited = tracker_node.edit(values, {"radar_1.kind": "position"})
+    values = settings.resolve({"sensors": ["radar_1"], "radar_1.topic": "/here"}).values
+    table, edited = settings.edit(values, {"radar_1.kind": "position"})
     assert "radar_1.range_std" not in table
     names = ("topic", "message", "std")
     assert [edited[f"radar_1.{name}"] for name in names] == ["/here", "positions", 5.0]
@@ -91,4 +92,4 @@ def test_another_kind_changes_the_parameters_of_a_live_tracker():
 @pytest.mark.usefixtures("a_second_kind")
 def test_the_registration_of_other_kinds_is_refused():
     with pytest.raises(ConfigError, match=r"^outputs: registration given, ais is no radar$"):
-        tracker_node.resolve({**GIVEN, "outputs": ["registration"]})
+        settings.resolve({**GIVEN, "outputs": ["registration"]})

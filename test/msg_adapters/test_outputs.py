@@ -9,16 +9,15 @@ from msg_adapters.trails import Trails
 from phd_jdtc_ros.configuration import tracker_node
 from phd_jdtc_ros.earth import SystemPlane
 
-# Switches of what is no row of the table: the radars' frames, and a status of the diagnostics.
-OTHERS = {"frames", "registration"}
+# The switch of what is no row of the table: the radars' frames.
+OTHERS = {"frames"}
 
 
 def switches(rows):
     return {row.switch for row in rows if row.switch}
 
 
-def test_switches_of_the_table_are_outputs_of_usual_or_unusual_rows():
-    assert switches(outputs.table(1)) == {*tracker_node.OUTPUTS} - OTHERS
+def test_usual_outputs_are_on_by_default_and_no_switch_is_of_unusual_rows_too():
     usual = {row for row in outputs.table(1) if row.usual}
     assert switches(usual) == {*tracker_node.Node().outputs} - OTHERS
     rows = outputs.table(1)

@@ -9,11 +9,11 @@ from live_radars import RELIABLE, SCANS, connected, options
 
 from msg_adapters import detections, diagnostics
 from phd_jdtc_ros.calibration.registration.monitor import LEAST, MeanResidual, RegistrationMonitor
-from phd_jdtc_ros.configuration import tracker_node
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.sensors.bias import SensorBias
+from phd_jdtc_ros.nodes.tracker import settings
 from phd_jdtc_ros.nodes.tracker.health import registration_status
 
 FEW = {"engine": "gaussian", "lag": 0}
@@ -57,7 +57,7 @@ def test_a_status_lists_the_bias_and_its_standard_deviation(found, level, text):
 
 
 def test_the_monitor_is_off_by_default_and_needs_two_radars():
-    assert "registration" not in tracker_node.resolve({}).node["outputs"]
+    assert "registration" not in settings.resolve({}).node["outputs"]
 
 
 @pytest.mark.live

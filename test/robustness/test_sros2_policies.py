@@ -10,7 +10,7 @@ import rclpy
 import stand_ins
 
 from msg_adapters import names, plots
-from phd_jdtc_ros.configuration import tracker_node
+from phd_jdtc_ros.nodes.tracker import settings
 from robustness.rig import Rig
 from robustness.scans import BAG
 
@@ -24,7 +24,7 @@ QUERIES = {
 }
 # Every option that takes a topic or a service is on.
 SIMULATED = ("-p", "use_sim_time:=true")
-OUTPUTS = ",".join(tracker_node.OUTPUTS)
+OUTPUTS = ",".join(settings.OUTPUTS)
 ARGUMENTS = {
     "tracker": (
         *("--ros-args", "-p", "radar_1.clutter_map:=true", "-p", "world_origin:=[52.0, 4.0, 0.0]"),
@@ -161,7 +161,7 @@ def test_operator_sees_every_topic_of_the_nodes():
     )
 
 
-@pytest.mark.parametrize("name", [p.name for p in tracker_node.TABLE])
+@pytest.mark.parametrize("name", [p.name for p in settings.TABLE])
 def test_page_of_the_tracker_lists_every_parameter_of_the_node(name):
     assert f"`{name}`" in PAGE.partition("## Parameters")[2]
 

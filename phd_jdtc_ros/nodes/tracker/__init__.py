@@ -3,6 +3,7 @@
 ::
 
     node                   life cycle, parameters, services
+    settings               the parameters together, and their changes
     live                   the path of a message: decode, pipeline, publish
     inputs, outputs        subscriptions and publishers
     endpoints              their QoS and its faults

@@ -18,7 +18,6 @@ from msg_adapters.readers import Reader, reader_of
 from msg_adapters.selection import Report
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.sensor_parameters import SensorParameters
-from phd_jdtc_ros.configuration.tracker_node import Settings
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.pipeline import POSE_MISSING
 
@@ -27,6 +26,7 @@ from ..common.health import Rhythm, ThrottledWarnings
 from . import endpoints
 from .endpoints import Listener
 from .input_health import InputHealth
+from .settings import Settings
 
 # Reasons for which poses are not used.
 POSE_FAULTS = {

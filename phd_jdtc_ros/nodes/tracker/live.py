@@ -18,7 +18,6 @@ from msg_adapters.readers import Reader
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.calibration.registration.monitor import RegistrationMonitor
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.configuration.tracker_node import Settings
 from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
@@ -32,6 +31,7 @@ from .checkpoint import Checkpoints
 from .health import Load, OutputHealth, StepHealth, registration_status
 from .inputs import Inputs
 from .outputs import Outputs
+from .settings import Settings
 
 # An older checkpoint is not used, seconds: its targets have moved on.
 CHECKPOINT_MAX_AGE_S = 60.0

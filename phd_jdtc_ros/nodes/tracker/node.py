@@ -17,7 +17,6 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
 from msg_adapters import diagnostics, names
-from phd_jdtc_ros.configuration import tracker_node
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import USAGE
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
@@ -26,7 +25,7 @@ from ..common import arguments, parameters, runtime
 from ..common.callbacks import serve
 from ..common.health import HealthReports
 from ..common.managed import ManagedNode
-from . import compiling, manager_bond
+from . import compiling, manager_bond, settings
 from .live import LiveTracker
 from .manager_bond import ManagerBond
 from .name_claim import NameClaim
@@ -50,7 +49,7 @@ class Tracker(ManagedNode):
         self._claim = NameClaim(self, self._give_way)
         given = parameters.given(self, files)
         self._source = _source(given, parameters.sources(self, files))
-        self._settings = tracker_node.resolve(given)
+        self._settings = settings.resolve(given)
         # While the tracker is not configured, these may differ from the settings and be invalid.
         self._values = self._settings.values
         parameters.declare(self, self._settings.table, self._values, frozenset(self._values))
@@ -92,7 +91,7 @@ class Tracker(ManagedNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Make the engine and all topics; if that fails, stay unconfigured."""
         try:
-            self._settings = tracker_node.resolve(self._values)
+            self._settings = settings.resolve(self._values)
             self._live = LiveTracker(self, self._settings)
         except Exception as error:
             return self.refuse("not configured", error)
@@ -187,7 +186,7 @@ class Tracker(ManagedNode):
         if self._live is None:
             return self._edit(others, changes)
         try:
-            changed = tracker_node.change(self._settings, changes)
+            changed = settings.change(self._settings, changes)
         except ConfigError as error:
             return SetParametersResult(successful=False, reason="; ".join(error.faults))
         # These are the checked values: whole numbers given for real parameters have become real
@@ -204,7 +203,7 @@ class Tracker(ManagedNode):
     def _edit(self, others: list[Parameter], changes: dict[str, Any]) -> SetParametersResult:
         """Change parameters for the next configure; the reply names those that do not fit yet."""
         try:
-            table, values = tracker_node.edit(self._values, changes)
+            table, values = settings.edit(self._values, changes)
         except ConfigError as error:
             return SetParametersResult(successful=False, reason="; ".join(error.faults))
         if others:
@@ -216,7 +215,7 @@ class Tracker(ManagedNode):
         summary = ", ".join(f"{name} {values[name]}" for name in changes)
         self.get_logger().info(f"changed for the next configure: {summary}")
         try:
-            self._settings = tracker_node.resolve(values)
+            self._settings = settings.resolve(values)
         except ConfigError as error:
             reason = f"to be completed before the next configure: {'; '.join(error.faults)}"
             return SetParametersResult(successful=True, reason=reason)

@@ -17,11 +17,11 @@ from msg_adapters.frames import Mounting
 from msg_adapters.outputs import Output, View, table
 from msg_adapters.trails import Trails
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.configuration.tracker_node import Settings
 
 from ..common import topics
 from . import endpoints
 from .health import OutputHealth
+from .settings import Settings
 
 # Positions of a track in ~/tracks/path and ~/tracks/geojson: some ten minutes of a turning radar.
 PATH_LENGTH = 100
