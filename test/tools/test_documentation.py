@@ -4,6 +4,7 @@ import re
 from importlib import import_module
 from pathlib import Path
 
+import docstrings
 import page_tables
 import pytest
 import yaml
@@ -18,12 +19,13 @@ ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
 README, CONTRIBUTING = ROOT / "README.md", ROOT / "CONTRIBUTING.md"
 TEXTS = [README, CONTRIBUTING, *PAGES]
+NAVIGATION = yaml.safe_load((ROOT / "mkdocs.yml").read_text())["nav"]
 
 
 def test_every_page_is_in_the_sites_navigation():
-    navigation = str(yaml.safe_load((ROOT / "mkdocs.yml").read_text())["nav"])
-    listed = {ROOT / "docs" / name for name in re.findall(r"[\w/]+\.md", navigation)}
-    assert {*PAGES} == listed
+    listed = set(re.findall(r"[\w/]+\.md", str(NAVIGATION)))
+    pages = {page.relative_to(ROOT / "docs").as_posix() for page in PAGES}
+    assert pages == listed - docstrings.described(NAVIGATION).keys()
 
 
 def launch_arguments(name):
@@ -185,16 +187,11 @@ def test_code_that_the_method_names_exists():
 
 
 def test_every_folder_of_the_source_is_on_a_page():
-    text = "\n".join(page.read_text() for page in (ROOT / "docs" / "code").rglob("*.md"))
-    described = re.findall(r"^::: ([\w.]+)$", text, re.MULTILINE)
+    described = [folder for page in docstrings.described(NAVIGATION).values() for folder in page]
     tops = ("phd_jdtc_ros", "msg_adapters", "benchmarks", "robustness", "studies")
-    packages = [
-        ".".join(path.parent.relative_to(ROOT).parts)
-        for top in tops
-        for path in (ROOT / top).rglob("__init__.py")
-    ]
+    packages = [path.parent for top in tops for path in (ROOT / top).rglob("__init__.py")]
 
-    assert sorted(described) == sorted({*packages} - {"phd_jdtc_ros"})
+    assert sorted(described) == sorted({*packages} - {ROOT / "phd_jdtc_ros"})
 
 
 def test_drawing_of_the_house_has_the_parts_of_the_contract():
