@@ -10,10 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import FloatArray
-
-# Lower bound of the range in divisions: the azimuth is undefined at the radar's own position.
-LEAST_RANGE = 1.0
+from phd_jdtc_ros.core.arrays import FloatArray, wrap_angle
+from phd_jdtc_ros.core.sensors import polar_geometry
+from phd_jdtc_ros.core.sensors.polar_geometry import MIN_RANGE
 
 
 def predict(
@@ -44,14 +43,7 @@ def linearise(position: FloatArray, pose: FloatArray) -> tuple[FloatArray, Float
 
     `pose`, shape (..., 3), is x, y and yaw of the radar.
     """
-    line = position - pose[..., :2]
-    distance = np.maximum(np.hypot(line[..., 0], line[..., 1]), LEAST_RANGE)
-    along, across = line[..., 0] / distance, line[..., 1] / distance
-    jacobian = np.empty((*distance.shape, 2, 2))
-    jacobian[..., 0, 0], jacobian[..., 0, 1] = along, across
-    jacobian[..., 1, 0], jacobian[..., 1, 1] = -across / distance, along / distance
-    azimuth = np.arctan2(line[..., 1], line[..., 0]) - pose[..., 2]
-    return np.stack([distance, azimuth], axis=-1), jacobian
+    return polar_geometry.linearise(position, pose[..., :2], pose[..., 2])
 
 
 def positions(measurement: FloatArray, pose: FloatArray) -> FloatArray:
@@ -65,7 +57,7 @@ def positions(measurement: FloatArray, pose: FloatArray) -> FloatArray:
 def residual(measured: FloatArray, expected: FloatArray) -> FloatArray:
     """Return the difference of (range, azimuth) rows, azimuths wrapped, shape (..., 2)."""
     difference = measured - expected
-    difference[..., 1] = np.mod(difference[..., 1] + np.pi, 2.0 * np.pi) - np.pi
+    difference[..., 1] = wrap_angle(difference[..., 1])
     return difference
 
 
@@ -138,7 +130,7 @@ def initial_state(
     across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
     mean = np.zeros((*bearing.shape, 4))
     mean[..., :2] = positions(measurement, pose)
-    distance = np.maximum(measurement[..., 0], LEAST_RANGE)
+    distance = np.maximum(measurement[..., 0], MIN_RANGE)
     spread = variance[..., 0][..., None, None] * along[..., :, None] * along[..., None, :]
     sideways = (distance**2 * variance[..., 1])[..., None, None]
     spread = spread + sideways * across[..., :, None] * across[..., None, :]

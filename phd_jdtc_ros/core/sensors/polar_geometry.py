@@ -28,9 +28,12 @@ def measure(position: FloatArray, origin: Sequence[float], yaw: float) -> FloatA
 
 
 def linearise(
-    position: FloatArray, origin: Sequence[float], yaw: float
+    position: FloatArray, origin: Sequence[float] | FloatArray, yaw: float | FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the measurements of positions, (..., 2), and their derivatives by the position."""
+    """Return the measurements of positions, (..., 2), and their derivatives by the position.
+
+    Every position may have its own radar: `origin` is then (..., 2), and `yaw` (...).
+    """
     line = position - np.asarray(origin)
     east, north = line[..., 0], line[..., 1]
     cos, sin = np.cos(yaw), np.sin(yaw)
