@@ -86,14 +86,14 @@ def of_learned(radar: str, figures: Mapping[str, float], warned: bool = False) -
     if found is not None:
         given, std = figures[f"{name}_set"], figures[f"{name}_std"]
         if found < least * given and given - found > sure * std:
-            worse.append(f"it detects targets with probability {found:.2f}, set is {given:.2f}")
+            worse.append(f"it detects targets with probability {found:.2f} instead of {given:.2f}")
     for component in _components(radar, "_noise_ratio", figures):
         ratio = figures[name := f"{radar}.{component}_noise_ratio"]
         if ratio > most and ratio - 1.0 > sure * figures[f"{name}_std"]:
-            worse.append(f"its {_words(component)} noise is {ratio:.2g} times the one that is set")
+            worse.append(f"its {_words(component)} noise is {ratio:.2g} times the configured one")
     if not worse:
         return None
-    return f"worse than set, and tracked as found: {'; '.join(worse)}"
+    return f"worse than configured, tracked with the learned values: {'; '.join(worse)}"
 
 
 def of_changes(radar: str, figures: Mapping[str, float]) -> str | None:
@@ -105,8 +105,8 @@ def of_changes(radar: str, figures: Mapping[str, float]) -> str | None:
         changed.append(f"its {_words(component)} noise is larger")
     blind = figures.get(f"{radar}.blind_azimuth_deg")
     if blind is not None:
-        changed.append(f"it detects next to nothing about {blind:.0f} degrees from its x axis")
-    return f"not what it was until now: {'; '.join(changed)}" if changed else None
+        changed.append(f"it detects hardly anything about {blind:.0f} degrees from its x axis")
+    return f"has changed: {'; '.join(changed)}" if changed else None
 
 
 def _components(sensor: str, ending: str, figures: Iterable[str]) -> Iterator[str]:

@@ -1,8 +1,9 @@
-"""Shortens the quotations in errors: input may be of any length."""
+"""Texts in messages: quotations of input of any length, and lists of counts."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 
 # Largest numbers of characters, of a word and in total: any path that people write is shorter, and
 # so are all names of a large configuration.
@@ -18,6 +19,11 @@ def short(text: str, longest: int = LONGEST) -> str:
     """Return a text without the middle of words that are too long, and then of the whole."""
     words = _LONG_WORD.sub(lambda word: _ends(word[0], _END), text)
     return words if len(words) <= longest else _ends(words, longest // 2)
+
+
+def counts_text(counts: Mapping[str, int]) -> str:
+    """Return the reasons with a count above 0, in alphabetical order, each with its count."""
+    return ", ".join(f"{reason} {count}" for reason, count in sorted(counts.items()) if count)
 
 
 def _ends(text: str, length: int) -> str:

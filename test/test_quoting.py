@@ -2,7 +2,11 @@ import pytest
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.quoting import LONGEST, LONGEST_WORD, short
+from phd_jdtc_ros.quoting import LONGEST, LONGEST_WORD, counts_text, short
+
+
+def test_counts_text_lists_reasons_in_order_without_zeros():
+    assert counts_text({"late": 2, "frame": 1, "jump": 0}) == "frame 1, late 2"
 
 
 def test_short_leaves_words_and_keeps_both_ends_of_long_ones():

@@ -30,16 +30,16 @@ APART = 3.0
 MAX_AGE_SCANS = 2.5
 # Medians of chi-square distributions with one and with two degrees of freedom.
 ONE, TWO = 0.4549, 2.0 * np.log(2.0)
-# The configured noise is too small if the median squared innovation exceeds EXPECTED times its
-# expected value and ALONE times the noise variance, or BEYOND times the noise variance alone (a
-# lost and reborn track is so uncertain that any innovation is expected). It is too large below
-# SMALLER times the expected value. Figures of the shipped recordings, as ratios to the expected
-# value and to the noise: right noise 0.4 to 1.1 and 0.7 to 3.5 (at the start up to 1.8 and 8.5);
-# noise ten times too small: ratio to the noise 60 and more; ten times too large: at most 0.1 of
-# the expected value.
-EXPECTED, ALONE, BEYOND, SMALLER = 1.2, 20.0, 1000.0, 0.2
+# The configured noise is too small if the median squared innovation exceeds ABOVE_EXPECTED times
+# its expected value and ABOVE_NOISE times the noise variance, or FAR_ABOVE_NOISE times the noise
+# variance (a lost and reborn track is so uncertain that any innovation is expected). It is too
+# large below BELOW_EXPECTED times the expected value. In the shipped recordings the ratios to the
+# expected value and to the noise are 0.4 to 1.1 and 0.7 to 3.5 (at the start up to 1.8 and 8.5)
+# with the right noise. With a noise ten times too small the ratio to the noise is 60 and more; with
+# one ten times too large the ratio to the expected value is at most 0.1.
+ABOVE_EXPECTED, ABOVE_NOISE, FAR_ABOVE_NOISE, BELOW_EXPECTED = 1.2, 20.0, 1000.0, 0.2
 # A warning ends when the square has returned to this share of its threshold.
-BACK = 0.8
+HYSTERESIS = 0.8
 
 
 class Fit(NamedTuple):
@@ -182,10 +182,11 @@ def _with_verdict(fit: Fit, before: Fit, learned: bool) -> Fit:
 
     Noise that is `learned` follows smaller innovations, and larger ones only to a limit.
     """
-    share = BACK if before.noise_too_small else 1.0
-    too_small = fit.ratio_to_noise > share * BEYOND
-    too_small |= fit.ratio_to_expected > share * EXPECTED and fit.ratio_to_noise > share * ALONE
-    too_large = fit.ratio_to_expected < (SMALLER / BACK if before.noise_too_large else SMALLER)
+    share = HYSTERESIS if before.noise_too_small else 1.0
+    to_expected, to_noise = fit.ratio_to_expected, fit.ratio_to_noise
+    too_small = to_noise > share * FAR_ABOVE_NOISE
+    too_small |= to_expected > share * ABOVE_EXPECTED and to_noise > share * ABOVE_NOISE
+    too_large = to_expected < BELOW_EXPECTED / (HYSTERESIS if before.noise_too_large else 1.0)
     return fit._replace(
         noise_too_small=too_small and fit.innovations >= MIN_FOR_TOO_SMALL,
         noise_too_large=too_large and not learned and fit.innovations >= MIN_FOR_TOO_LARGE,

@@ -63,7 +63,8 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
             elif topic == clutter:
                 parts["clutter"] = [clutter_maps.from_msg(message)]
             elif topic == figures:
-                for latest in map(diagnostics.values_of, message.status):
+                for status in message.status:
+                    latest = diagnostics.values_of(status)
                     parts["step_ms"] += [latest["step_ms"]] if "step_ms" in latest else []
             else:
                 classes = max(classes, estimates.class_count(message))

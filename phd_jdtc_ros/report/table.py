@@ -148,7 +148,7 @@ def _table(
     caption: str | None,
     reduced: bool = False,
 ) -> Table:
-    """Return a table of both sources, if asked for with the reduction by smoothing."""
+    """Return a table of both sources; if `reduced`, with the reduction by smoothing."""
     table, sets = Table(title=title, caption=caption), Sets.of_summary(summary)
     table.add_column("targets", no_wrap=True)
     table.add_column("source", no_wrap=True)

@@ -27,7 +27,7 @@ class SimulatedPlots(NamedTuple):
     source: IntArray  # The track_id of each plot's target, (M,); 0 for clutter
     # The track_id of the target whose transponder replies, (M,); set also for a mirrored reply,
     # whose source is clutter.
-    answering: IntArray
+    replying: IntArray
     range_rate: FloatArray | None = None  # (M,)
 
     def take(self, rows: IntArray) -> SimulatedPlots:
@@ -61,7 +61,7 @@ def _detected(
     exact: FloatArray,
     observed: Observed,
     source: IntArray,
-    answering: IntArray,
+    replying: IntArray,
 ) -> SimulatedPlots:
     """Return the plots that a radar detects.
 
@@ -69,7 +69,7 @@ def _detected(
     """
     moved = wrap_angle(observed.measurement[:, 1] - exact[:, 1]) / FULL_TURN
     turns = radar.turns_at(time_s) + (-moved if radar.antenna.clockwise else moved)
-    every = SimulatedPlots(turns, observed.measurement, observed.amplitude, source, answering)
+    every = SimulatedPlots(turns, observed.measurement, observed.amplitude, source, replying)
     return every.take(np.flatnonzero(observed.seen))
 
 

@@ -153,7 +153,7 @@ def _with_replies(
 ) -> Detections:
     """Return all plots with all replies of their targets, also those that messages omit."""
     found = Detections(plots.measurement, plots.amplitude, range_rate=plots.range_rate)
-    return radar.scenario.with_replies(found, plots.answering, time_s, (seed, radar.index))
+    return radar.scenario.with_replies(found, plots.replying, time_s, (seed, radar.index))
 
 
 def _heights(scenario: Scenario, source: IntArray, time_s: FloatArray) -> FloatArray:

@@ -18,6 +18,7 @@ from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, find
 from phd_jdtc_ros.calibration.tuning.plots import MOST_PLOTS, Plots, limit_plots, plots_of
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.types import Detections
+from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.report.load import Intact, input_types, posed_reports
 
 # Number of clouds by which fields are recognised.
@@ -64,7 +65,7 @@ def findings_of(source: Path, recorded: Recorded) -> dict[str, Findings]:
     """Return the findings of each radar; `BagError` names every radar that cannot be tuned."""
     found, faults = {}, []
     for radar, plots in recorded.plots.items():
-        dropped = ", ".join(f"{reason} {n}" for reason, n in recorded.dropped[radar].items() if n)
+        dropped = counts_text(recorded.dropped[radar])
         suffix = f" (dropped: {dropped})" if dropped else ""
         if plots is None:
             faults.append(f"{radar}: none of its messages can be used{suffix}")

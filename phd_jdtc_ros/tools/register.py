@@ -27,6 +27,7 @@ from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
+from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.report.pictures import registration as picture
 
 from . import command, recorded_plots, registered_table
@@ -128,12 +129,11 @@ def _found(
         for radar, layout in zip(polar_radars(config.model.radars), config.radars, strict=True):
             plots = recorded.plots[radar.name]
             if plots is None or not len(plots):
-                dropped = recorded.dropped[radar.name]
-                said = ", ".join(f"{reason} {count}" for reason, count in dropped.items())
+                reasons = counts_text(recorded.dropped[radar.name])
+                dropped = f" (dropped: {reasons})" if reasons else ""
                 raise RegistrationError(
-                    f"{radar.name}: silent, no detections on {layout.topic}"
-                    f"{f' (dropped: {said})' if said else ''}; must have some, or be left out of "
-                    "radars"
+                    f"{radar.name}: silent, no detections on {layout.topic}{dropped}; must have "
+                    "some, or be left out of radars"
                 )
             sensors.append(tracked_radar(plots, radar, bag.start_ns, bool(layout.pose.topic)))
         return register(sensors, reference), recorded

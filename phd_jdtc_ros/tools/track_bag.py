@@ -42,6 +42,7 @@ from phd_jdtc_ros.feed.feed import Feed
 from phd_jdtc_ros.feed.step_clock import StepClock
 from phd_jdtc_ros.feed.tally import Tally
 from phd_jdtc_ros.parameter_files import bag_parameters
+from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.report import track_files
 from phd_jdtc_ros.report.load import by_stamp, input_types
 from phd_jdtc_ros.report.record import Record
@@ -96,9 +97,9 @@ class OfflineTracker:
         """Close all scans, and write what was learned and the pending estimates."""
         with self._step_clock:
             self._write(self._feed.close_scans())
-        shown = self._feed.pipeline.engine.clutter_raster()
-        if shown is not None:
-            message = clutter_maps.to_msg(shown, self._last_ns, self._config.world_frame)
+        raster = self._feed.pipeline.engine.clutter_raster()
+        if raster is not None:
+            message = clutter_maps.to_msg(raster, self._last_ns, self._config.world_frame)
             self._bag.write(names.clutter_map(), interfaces.encode(message), self._last_ns)
         learned = self.tally.learned
         if learned:
@@ -196,8 +197,8 @@ def _outcome(tracker: OfflineTracker, source: Path, out: Path) -> int:
     """Print the number of scans, drops and warnings; return the exit status."""
     if tracker.damage is not None:
         return fail("track_bag", tracker.damage)
-    drops = ", ".join(f"{reason} {n}" for reason, n in sorted(tracker.tally.dropped.items()))
-    print(f"{out}: {tracker.scans} scans tracked, dropped: {drops or 'none'}")
+    drops = counts_text(tracker.tally.dropped) or "none"
+    print(f"{out}: {tracker.scans} scans tracked, dropped: {drops}")
     for warning in tracker.warnings():
         print(f"track_bag: {warning}", file=sys.stderr)
     fault = tracker.tally.used.fault()

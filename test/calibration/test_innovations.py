@@ -8,10 +8,10 @@ from estimate_sets import estimates, states
 from position_sensor import PositionSensor
 
 from phd_jdtc_ros.calibration.innovations import (
-    BACK,
+    BELOW_EXPECTED,
+    HYSTERESIS,
     MIN_FOR_TOO_LARGE,
     MIN_FOR_TOO_SMALL,
-    SMALLER,
     TWO,
     InnovationMonitor,
 )
@@ -135,8 +135,9 @@ def test_verdict_stays_until_it_is_clearly_otherwise():
         off = 10.0 * np.sqrt(share * 2.0 * np.log(2.0))
         return looks(monitor, [(5e3 + off, 0.0)], times=200)
 
-    between = 0.5 * (SMALLER + SMALLER / BACK)
-    assert [after(share).noise_too_large for share in (between, 0.9 * SMALLER, between, 0.5)] == [
+    least = BELOW_EXPECTED
+    between = 0.5 * (least + least / HYSTERESIS)
+    assert [after(share).noise_too_large for share in (between, 0.9 * least, between, 0.5)] == [
         False,
         True,
         True,

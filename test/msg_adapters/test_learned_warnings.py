@@ -16,8 +16,8 @@ def noise(ratio, std=0.02):
 @pytest.mark.parametrize(
     ("figures", "said"),
     [
-        (detection(0.5), "it detects targets with probability 0.50, set is 0.90"),
-        (noise(2.0), "its range noise is 2 times the one that is set"),
+        (detection(0.5), "it detects targets with probability 0.50 instead of 0.90"),
+        (noise(2.0), "its range noise is 2 times the configured one"),
     ],
 )
 def test_radar_that_is_worse_than_set_gives_a_warning_with_the_numbers(figures, said):

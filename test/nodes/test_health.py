@@ -135,7 +135,9 @@ def test_what_was_learned_is_shown_and_a_warning_if_it_is_worse_than_set():
     assert diagnostics.values_of(status(health))["range_noise_ratio"] == "1.1"
     health.learned = {"range_noise_ratio": 2.0, "range_noise_ratio_std": 0.05}
     assert status(health).level == WARN
-    assert status(health).message.startswith("worse than set, and tracked as found: its range")
+    assert status(health).message.startswith(
+        "worse than configured, tracked with the learned values: its range"
+    )
     health.learned = {"range_noise_ratio": 1.4, "range_noise_ratio_std": 0.05}
     assert status(health).level == WARN
     health.learned = {"range_noise_ratio": 1.2, "range_noise_ratio_std": 0.05}

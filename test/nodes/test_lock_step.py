@@ -48,19 +48,19 @@ def test_scans_go_on_after_patience_where_estimates_are_held_back():
     assert step.is_settled(PATIENCE_S + 0.1)
 
 
-def test_it_is_hopeless_after_long_without_an_answer_or_a_pause():
+def test_it_times_out_after_long_without_a_reply_or_a_pause():
     step = awaiting(6, 12)
     step.receive(6 * S, 5.0)
-    assert not step.hopeless(GIVE_UP_S + 5.0)
-    assert step.hopeless(GIVE_UP_S + 5.1)
+    assert not step.has_timed_out(GIVE_UP_S + 5.0)
+    assert step.has_timed_out(GIVE_UP_S + 5.1)
     step.receive(12 * S, GIVE_UP_S + 5.2)
-    assert not step.hopeless(1000.0)
+    assert not step.has_timed_out(1000.0)
     step = awaiting(6)
     resumed_s = 10.0 * GIVE_UP_S
-    assert step.hopeless(resumed_s)
+    assert step.has_timed_out(resumed_s)
     step.restart(resumed_s)
-    assert not step.hopeless(resumed_s + GIVE_UP_S)
-    assert step.hopeless(resumed_s + GIVE_UP_S + 0.1)
+    assert not step.has_timed_out(resumed_s + GIVE_UP_S)
+    assert step.has_timed_out(resumed_s + GIVE_UP_S + 0.1)
     # Other scans may follow: the estimate has been held back all the same.
     assert step.may_follow(resumed_s)
 

@@ -47,7 +47,7 @@ def test_killed_tracker_goes_on_as_if_it_had_never_stopped(processes, peer, tmp_
     assert path.exists()
     process, group, rest = tracked(peer, processes, KILLED_AFTER, SCANS, *storing(path), *chosen)
     assert rest == whole[KILLED_AFTER:]
-    assert "going on from" in process.log.read_text()
+    assert "continuing from" in process.log.read_text()
     assert peer.call(Trigger, "/tracker/flush").success
     assert not path.exists()  # a run that has ended has nothing to go on from
 

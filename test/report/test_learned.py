@@ -43,6 +43,6 @@ def test_page_shows_what_was_set_and_found_of_which_sensor():
     assert "".join(f"<td>{cell}</td>" for cell in cells[1:]) in text
     changes = sensor_changes(INPUTS, {**FIGURES, "mast.fewer_detections": 1.0})
     text = score_words.sensors(tuple(learned_values(INPUTS, FIGURES)), changes)
-    assert "<strong>mast</strong>: not what it was until now: it detects fewer targets." in text
+    assert "<strong>mast</strong>: has changed: it detects fewer targets." in text
     assert sensor_changes(INPUTS, FIGURES) == {}
     assert score_words.sensors((), {}) == ""

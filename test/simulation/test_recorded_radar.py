@@ -66,7 +66,7 @@ def test_mirrored_answer_is_seen_at_the_mirror_farther_by_the_detour():
     false = found.source == 0
     # While it is in the south, once a turn.
     assert np.count_nonzero(false) == pytest.approx(75, abs=2)
-    assert (found.answering == 1).all()
+    assert (found.replying == 1).all()
     assert (answers.address[false] == run.replies_of[1].address).all()
     assert (answers.code[false] == run.replies_of[1].code).all()
     np.testing.assert_allclose(found.measurement[false, 1], np.arctan2(4.0, 3.0), atol=1e-4)

@@ -29,7 +29,7 @@ RANGE_STDS, RANGE_SHARE, AZIMUTH, TIME_S = 10.0, 0.01, np.radians(1.5), 1.5
 NEAR_STDS = 2.0
 # Tolerated variation of the distance along the tracks: a share of the distance, and in addition
 # standard deviations of a plot.
-VARIES, VARIES_STDS = 0.35, 2.0
+VARIATION_SHARE, VARIATION_STDS = 0.35, 2.0
 
 Track = tuple[int, int]
 Target = tuple[Track, ...]
@@ -104,12 +104,12 @@ def _near(
         count = np.maximum(both.sum(axis=1), 1)
         mean = np.where(both[..., None], apart, 0.0).sum(axis=1) / count[:, None]
         off = np.where(both[..., None], apart - mean[:, None], 0.0)
-        varies = np.sqrt((off**2).sum(axis=(1, 2)) / count)
+        variation = np.sqrt((off**2).sum(axis=(1, 2)) / count)
         plot_std = np.hypot(one.plot_std[row], other.plot_std)
         limit = NEAR_STDS * plot_std if known else np.hypot(one.reach[row], other.reach)
         distance = np.hypot(mean[:, 0], mean[:, 1]) / limit
         near = (both.sum(axis=1) >= LEAST_TIMES) & (distance < 1.0)
-        near &= varies < VARIES * limit + VARIES_STDS * plot_std
+        near &= variation < VARIATION_SHARE * limit + VARIATION_STDS * plot_std
         for column in np.flatnonzero(near).tolist():
             yield float(distance[column]), (first, row), (second, column)
 

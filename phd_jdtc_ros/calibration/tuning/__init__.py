@@ -5,5 +5,6 @@
 `plots` holds one radar's detections as columns. `rotation` estimates the antenna's rotation.
 `tracks` links plots to tracks, given the noise; `noise` estimates the noise, given tracks, by the
 likelihood of their innovations; `start` finds an initial guess of both. `rates` estimates the
-detection probability, the clutter rate and the coverage. `findings` holds the results.
+detection probability, the clutter rate and the coverage. `findings` alternates between these and
+holds the results.
 """

@@ -80,10 +80,13 @@ def log_ratio(plots: Plots, of: Plots, tracks: Tracks) -> FloatArray:
     cells = int(cell.max()) + 1
     of_targets = np.bincount(cell[claimed], minlength=cells) + PRIOR
     of_clutter = np.bincount(cell[free], minlength=cells) + PRIOR
-    said = np.log(of_targets / of_targets.sum()) - np.log(of_clutter / of_clutter.sum())
-    said = np.clip(said, -MOST, MOST)
-    there = np.flatnonzero(np.isfinite(plots.amplitude))
-    ratio[there] = said[np.minimum(_cells(plots.amplitude[there]), cells - 1)]
+    log_ratio_of_cell = np.log(of_targets / of_targets.sum()) - np.log(
+        of_clutter / of_clutter.sum()
+    )
+    log_ratio_of_cell = np.clip(log_ratio_of_cell, -MOST, MOST)
+    reported = np.flatnonzero(np.isfinite(plots.amplitude))
+    cell = np.minimum(_cells(plots.amplitude[reported]), cells - 1)
+    ratio[reported] = log_ratio_of_cell[cell]
     return ratio
 
 

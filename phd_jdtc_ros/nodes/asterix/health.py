@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters import diagnostics, names
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
+from phd_jdtc_ros.quoting import counts_text
 
 from ..common.health import Rises, first
 
@@ -58,7 +59,7 @@ def of_input(at: Moment, stream: PlotStream, lost: int, inputs: Sequence[str]) -
         at.inactive,
         (WARN, inputs and quiet_s > SILENT_S, quiet),
         (WARN, losing, f"{lost} datagrams lost: they come too fast"),
-        (WARN, malformed, f"malformed: {_enumerate(faults)}"),
+        (WARN, malformed, f"malformed: {counts_text(faults)}"),
         (OK, True, f"{stream.datagrams} datagrams"),
     )
     trailers = sum(stream.blocks.known_trailers().values())
@@ -111,14 +112,10 @@ def of_output(
     condition = first(
         (OK, not output, "nowhere to send tracks"),
         at.inactive,
-        (WARN, dropping, _enumerate(counts)),
+        (WARN, dropping, counts_text(counts)),
         (WARN, quiet_s > SILENT_S, quiet),
         (OK, True, f"{sent['tracks']} tracks sent to {output}"),
     )
     return diagnostics.status(
         names.health("output", at.node), {**sent, **counts}, *condition, at.node
     )
-
-
-def _enumerate(counts: Mapping[str, int]) -> str:
-    return ", ".join(f"{reason} {count}" for reason, count in sorted(counts.items()))

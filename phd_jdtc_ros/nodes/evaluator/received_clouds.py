@@ -12,7 +12,7 @@ from phd_jdtc_ros.evaluation.true_tracks import LONGEST_INTERPOLATION_S
 
 from ..common.sequence_numbers import SequenceNumbers
 
-# Stamps of the truth and of the estimates after which a warning is due if none of them fit.
+# A warning is due once this many stamps, of the truth and of the estimates, have none in common.
 UNMATCHED = 20
 # Time after the last score in which further messages can still arrive for the recording, seconds.
 LINGER_S = 0.5
@@ -41,7 +41,7 @@ class ReceivedClouds:
         self._first_ns.setdefault(topic, stamp_ns)
 
     def mismatch(self, evaluation: Evaluation) -> str | None:
-        """Return the warning that no stamps fit, once there are enough of both; None otherwise."""
+        """Return the warning that no stamps are common, once there are enough; None otherwise."""
         few = min(self.received[self.truth], max(map(self._count, SOURCES))) < UNMATCHED
         return None if few or any(evaluation.scored.values()) else self._no_common_time()
 

@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from msg_adapters import diagnostics, names
 from phd_jdtc_ros.core.types import FILTERED
 from phd_jdtc_ros.handover.picture import LATEST_STAMPS, JointPicture
+from phd_jdtc_ros.quoting import counts_text
 
 from ..common.health import Rhythm, Rises, first
 
@@ -46,11 +47,6 @@ class TrackerHealth:
         self.refused[reason] += 1
         self.left_out = True
 
-    @property
-    def reasons(self) -> str:
-        """The reasons for which clouds are not in the picture, with their numbers."""
-        return ", ".join(f"{reason} {count}" for reason, count in sorted(self.refused.items()))
-
     def quiet_s(self, now_s: float) -> float:
         """Return the time since the last cloud, seconds; 0 before the first one."""
         return 0.0 if self.last_s is None else now_s - self.last_s
@@ -81,7 +77,7 @@ class TrackerHealth:
         condition = first(
             (WARN, self.last_s is None, "; ".join(filter(None, ("no estimates yet", hint)))),
             (WARN, self.is_quiet(now_s), f"silent for {quiet_s:.1f} s{without}"),
-            (WARN, left_out, f"left out: {self.reasons}{without}"),
+            (WARN, left_out, f"left out: {counts_text(self.refused)}{without}"),
             (WARN, silent, f"silent: its estimates are {behind_s:.1f} s behind{without}"),
             (OK, True, f"{self.clouds[FILTERED]} stamps"),
         )

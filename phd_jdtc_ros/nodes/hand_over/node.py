@@ -17,6 +17,7 @@ from phd_jdtc_ros.handover import checks, settings
 from phd_jdtc_ros.handover.picture import Joint, JointPicture
 from phd_jdtc_ros.handover.synchroniser import Refused
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
+from phd_jdtc_ros.quoting import counts_text
 
 from ..common import arguments, parameters, runtime, topics
 from ..common.callbacks import serve
@@ -95,7 +96,11 @@ class HandOver(RunnableNode):
             name = self._settings.names[tracker]
             self.get_logger().warning(f"{name}: its stamps went back; a new run begins")
         done = self._picture.add(tracker, source, found)
-        if done is Refused.LATE and source == FILTERED and self._is_left_ahead(found.stamp_ns):
+        if (
+            done is Refused.LATE
+            and source == FILTERED
+            and self._only_quiet_are_ahead(found.stamp_ns)
+        ):
             self._publish(self._picture.begin_again())
             done = self._picture.add(tracker, source, found)
         if isinstance(done, Refused):
@@ -108,7 +113,7 @@ class HandOver(RunnableNode):
             self._warnings.warn("overflow", f"{self._overflow} {text}")
         self._log_silent()
 
-    def _is_left_ahead(self, stamp_ns: int) -> bool:
+    def _only_quiet_are_ahead(self, stamp_ns: int) -> bool:
         """Return whether only trackers that are quiet now are far ahead of a late stamp.
 
         One wrong stamp of a tracker that then dies would make all later clouds late.
@@ -162,7 +167,7 @@ class HandOver(RunnableNode):
             own, behind_s = self._trackers[tracker], self._picture.behind_s(tracker)
             why = f"silent, its estimates are {behind_s:.1f} s behind"
             if own.left_out:
-                why = f"its estimates are left out ({own.reasons})"
+                why = f"its estimates are left out ({counts_text(own.refused)})"
             elif own.last_s is None:
                 why = "no estimates yet"
             self.get_logger().warning(

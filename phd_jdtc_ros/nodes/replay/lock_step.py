@@ -65,7 +65,7 @@ class LockStep:
         """Return whether no more replies are expected unless another stamp is published."""
         return not self._outstanding or self._waited_s(now_s) > PATIENCE_S
 
-    def hopeless(self, now_s: float) -> bool:
+    def has_timed_out(self, now_s: float) -> bool:
         """Return whether there has been no reply for `GIVE_UP_S`."""
         waited_s = now_s - max(self._since_s, self._running_since_s)
         return bool(self._outstanding) and waited_s > GIVE_UP_S

@@ -39,9 +39,9 @@ CLOCK_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 CLOCK_PERIOD_S = 0.01
 TICK_S = 0.005
 
-# Endpoints are connected a moment after the graph shows them.
+# The graph shows endpoints some time before they are connected.
 SETTLE_S = 0.5
-# Wait for subscribers of the truth: a share of the wait for subscribers of the detections, and at
+# The wait for subscribers of the truth is a share of that for subscribers of the detections, and at
 # most MAX_TRUTH_S, because most replays have no evaluator.
 TRUTH_SHARE, MAX_TRUTH_S = 0.2, 10.0
 ACKNOWLEDGE_S = 5.0
@@ -171,12 +171,12 @@ class SensorReplay(RunnableNode):
         else:
             self._ready_since = self._ready_since or now
             waited_s = now - self._ready_since
-            alone = [topic for topic in self._played.truth if not self._is_connected(topic)]
+            unconnected = [topic for topic in self._played.truth if not self._is_connected(topic)]
             longest_s = min(TRUTH_SHARE * self._values["subscriber_timeout_s"], MAX_TRUTH_S)
-            if waited_s < max(SETTLE_S, longest_s if alone else 0.0):
+            if waited_s < max(SETTLE_S, longest_s if unconnected else 0.0):
                 return
-            if alone:
-                self._play_without(alone)
+            if unconnected:
+                self._play_without(unconnected)
         self._begin()
         self._enter(State.PLAYING)
 
@@ -233,7 +233,7 @@ class SensorReplay(RunnableNode):
         if group.stamp_ns is None:
             return True
         now = time.monotonic()
-        if self._lock_step.hopeless(now):
+        if self._lock_step.has_timed_out(now):
             self._fail(f"no reply on {self._reply_topic} for {GIVE_UP_S:g} s")
             return False
         return self._lock_step.may_follow(now)

@@ -194,7 +194,7 @@ class Checkpoints:
         except (TypeError, ValueError, OverflowError) as error:
             self._log.warning(f"starting cold: {self._path}: {error}")
             return
-        self._log.info(f"going on from {self._path}, {age_s:.1f} s old")
+        self._log.info(f"continuing from {self._path}, {age_s:.1f} s old")
 
     def stepped(self, engine: Engine) -> None:
         """Count a scan, and write a checkpoint if one is due."""

@@ -121,7 +121,7 @@ class Listener:
 
     def _on_incompatible(self, event: Any) -> None:
         if self._adapts and event.last_policy_kind == QoSPolicyKind.RELIABILITY:
-            self._node.get_logger().info(f"{self._health.topic}: offered best effort, received so")
+            self._node.get_logger().info(f"{self._health.topic}: offered and received best effort")
             self._renew()
             return
         policy = qos_policy_name_from_kind(event.last_policy_kind)
@@ -165,7 +165,7 @@ class Listener:
             info.qos_profile.reliability for info in self._node.get_publishers_info_by_topic(topic)
         }
         if offered == {ReliabilityPolicy.RELIABLE}:
-            self._node.get_logger().info(f"{self._health.topic}: offered reliable, received so")
+            self._node.get_logger().info(f"{self._health.topic}: offered and received reliably")
             self._renew()
 
     def destroy(self) -> None:

@@ -20,12 +20,12 @@ OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 # stepped at about the rate of their stamps. A replay that waits for the tracker keeps it as busy,
 # but at a much higher rate.
 BUSY_SHARE, REAL_TIME = 0.95, 0.9
-# Parameters that reduce the step time, by engine.
-ADVICE = {
+# How to reduce the step time, by engine.
+LOAD_ADVICE = {
     "particles": "turn down accuracy, particles_per_target or lag",
     "gaussian": "turn down accuracy or lag",
 }
-ADVISED = "record a bag and run register"
+REGISTRATION_ADVICE = "record a bag and run register"
 # Figures of a step whose sums are in the diagnostics, if the engine has them.
 SUMMED = ("approximate_clusters", "floored_covariances")
 
@@ -109,7 +109,7 @@ class StepHealth:
         `lost` messages of all radars were lost recently because the tracker is too slow, and `busy`
         is the share of the recent time in which it worked.
         """
-        advice, interval_s = ADVICE[self.engine], self.rhythm.interval_s
+        advice, interval_s = LOAD_ADVICE[self.engine], self.rhythm.interval_s
         lost_text = f"overloaded, {lost} messages lost in the last {WARNING_MEMORY_S:g} s: {advice}"
         slow = self.step_ms is not None and self.step_ms > 1e3 * interval_s
         at_limit = busy > BUSY_SHARE and self.pace.interval_s > REAL_TIME * interval_s
@@ -173,7 +173,11 @@ def registration_status(found: MeanResidual, node: str) -> DiagnosticStatus:
     biased = [text for text, significant in shown if significant]
     condition = first(
         (OK, found.residuals < LEAST, few),
-        (WARN, biased, f"off the tracks that other radars see too: {', '.join(biased)}; {ADVISED}"),
+        (
+            WARN,
+            biased,
+            f"off the tracks that other radars see too: {', '.join(biased)}; {REGISTRATION_ADVICE}",
+        ),
         (OK, True, "agrees with the other radars"),
     )
     line = names.health(f"registration of {found.radar}", node)

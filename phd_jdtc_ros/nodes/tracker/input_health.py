@@ -16,8 +16,8 @@ from ..common.sequence_numbers import SequenceNumbers
 
 ERROR, STALE, WARN = DiagnosticStatus.ERROR, DiagnosticStatus.STALE, DiagnosticStatus.WARN
 
-# A radar is silent after this number of its usual intervals and the slack. Two checks, up to 0.2 s,
-# and the transport of the message add to this: the silence is reported within half a second.
+# An input is silent after this number of its usual intervals and the slack. Two checks, up to
+# 0.2 s, and the transport of the message add to this: silence is reported within half a second.
 SILENT_AFTER_SCANS, SILENCE_SLACK_S = 2.0, 0.25
 # A killed publisher stays in the graph for the middleware's lease, by default at most 20 s. Two
 # that are listed together for longer than this must both be alive.
@@ -39,11 +39,11 @@ class Publishers:
 
 @dataclass
 class InputHealth:
-    """One radar's stream of reports since the tracker was configured."""
+    """A radar's reports, or a platform's poses, since the tracker was configured."""
 
     name: str
     topic: str  # Its full name, after remapping
-    rhythm: Rhythm  # Intervals between its usable reports, by the wall clock
+    rhythm: Rhythm  # Intervals between its usable messages, by the wall clock
     received: int = 0
     deadlines_missed: int = 0
     incompatible_qos: int = 0
@@ -119,7 +119,7 @@ class InputHealth:
     def status(
         self, node: str, now_s: float, checked_s: float, publishers: Publishers
     ) -> DiagnosticStatus:
-        """Return the radar's status; `checked_s` is as in `silent`."""
+        """Return the input's status; `checked_s` is as in `silent`."""
         self._listed_since_s = {
             identity: self._listed_since_s.get(identity, now_s)
             for identity in publishers.identities
@@ -149,7 +149,7 @@ class InputHealth:
     def _condition(self, now_s: float, silent: bool, publishers: Publishers) -> Condition:
         """Return the worst condition.
 
-        A silent radar is STALE and not ERROR, because tracking goes on without it.
+        A silent input is STALE and not ERROR, because tracking continues without it.
         """
         listed, several = len(publishers.identities), ""
         if listed > 1:

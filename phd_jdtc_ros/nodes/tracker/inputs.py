@@ -31,9 +31,9 @@ from .settings import Settings
 # Reasons for which poses are not used.
 POSE_FAULTS = {
     PoseFault.DUPLICATE: "duplicate stamp",
-    PoseFault.LATE: "older than the one before",
-    PoseFault.JUMP: "a jump from the one before; used once others go on from there",
-    PoseFault.ORIENTATION: "its orientation is no quaternion; pose may be stabilised",
+    PoseFault.LATE: "older than the previous pose",
+    PoseFault.JUMP: "a jump from the previous pose; accepted once later poses continue from it",
+    PoseFault.ORIENTATION: "its orientation is not a quaternion; pose may be stabilised",
 }
 # Poses come much more often than scans, and wait while one is stepped.
 POSE_DEPTH = 200
@@ -97,7 +97,7 @@ class Inputs:
         for index, (radar, health) in enumerate(zip(config.inputs, self.radars, strict=True)):
             reader = reader_of(radar)
             kind, take = _message_class(radar, reader), partial(on_message, index, reader)
-            depth = clouds_of_a_second(radar)
+            depth = queue_depth(radar)
             self._listeners.append(Listener(self._node, kind, radar.topic, take, health, depth))
         for topic, health in self.platforms.items():
             message = config.inputs[config.carried[topic][0]].pose.message
@@ -248,8 +248,8 @@ class Inputs:
         return (*self.radars, *self.platforms.values())
 
 
-def clouds_of_a_second(radar: SensorParameters) -> int:
-    """Return the depth of a radar's queue: the messages of a second, or more."""
+def queue_depth(radar: SensorParameters) -> int:
+    """Return the number of messages in a second, at least `INPUT_DEPTH`."""
     clouds = radar.sectors / radar.rotation_s if radar.rotation_s else 0.0
     return max(math.ceil(clouds), endpoints.INPUT_DEPTH)
 

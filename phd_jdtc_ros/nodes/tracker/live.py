@@ -33,7 +33,7 @@ from .inputs import Inputs
 from .outputs import Outputs
 from .settings import Settings
 
-# An older checkpoint is not used, seconds: its targets have moved on.
+# Largest age of a usable checkpoint, seconds: the targets of an older one have moved on.
 CHECKPOINT_MAX_AGE_S = 60.0
 
 
@@ -64,7 +64,7 @@ class LiveTracker:
             self._max_wait_timer = steady_timer(node, wait_s, self._on_max_wait, autostart=False)
         try:
             self._checkpoints = self._make_checkpoints()
-            # Publishers discover these while the engine loads its compiled loops.
+            # Publishers discover the subscriptions while the engine loads its compiled loops.
             self.inputs.subscribe(self._on_message, self._on_pose)
             monitors: list[Monitor] = [self._innovations]
             if self._registration is not None:

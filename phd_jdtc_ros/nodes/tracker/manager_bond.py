@@ -59,7 +59,7 @@ class ManagerBond:
 
     def _on_broken(self) -> None:
         if not self._ended:
-            self._node.get_logger().info("no bond: no lifecycle manager has one")
+            self._node.get_logger().info("no lifecycle manager has formed a bond")
 
 
 def form(node: LifecycleNode) -> ManagerBond | None:

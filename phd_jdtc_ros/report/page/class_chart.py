@@ -64,7 +64,7 @@ def class_probabilities(record: Record, evaluation: Evaluation) -> Chart:
                 y=[round(float(share[k]), 4) for share in curve.probability],
                 showlegend=key.name not in named,
                 hovertemplate=f"{key.label}<br>{row} = %{{y:.3f}}<extra></extra>",
-                **_look(key),
+                **_style(key),
             )
             figure.add_trace(trace, row=k + 1, col=1)
             named.add(key.name)
@@ -73,7 +73,7 @@ def class_probabilities(record: Record, evaluation: Evaluation) -> Chart:
     return Chart("classes", "Class probabilities over time", caption, figure)
 
 
-def _look(key: Key) -> dict[str, Any]:
+def _style(key: Key) -> dict[str, Any]:
     """Return the style of a curve: its class's colour, or grey behind the others."""
     shared = {"name": key.name, "legendgroup": key.name}
     if key.class_id is None:

@@ -254,7 +254,7 @@ def sensors(learned: Sequence[LearnedValue], changes: Mapping[str, str]) -> str:
         f"<p><strong>{escape(name)}</strong>: {escape(text)}.</p>" for name, text in changes.items()
     )
     return (
-        f"<h2>Sensors</h2>\n{narrow(headings, rows)}<p>What the tracker had learned of "
-        "its sensors by the end of the run, and the standard deviation of what it found. The "
-        f"detection probabilities are means over the targets.</p>{changed}"
+        f"<h2>Sensors</h2>\n{narrow(headings, rows)}<p>These values were learned by the end of the "
+        "run, with their standard deviations. The detection probabilities are means over the "
+        f"targets.</p>{changed}"
     )

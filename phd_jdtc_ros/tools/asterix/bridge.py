@@ -15,7 +15,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.types import FILTERED, SOURCES
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params
-from phd_jdtc_ros.quoting import short
+from phd_jdtc_ros.quoting import counts_text, short
 
 from .. import command
 from . import parameters, reading, writing
@@ -65,7 +65,7 @@ def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, obje
         topic = names.estimates(arguments.estimates)
         radars = [radar.topic for radar in config.inputs]
         done = writing.write_tracks(bag, arguments.out, bridge, topic, radars)
-    dropped = ", ".join(f"{reason} {count}" for reason, count in sorted(done.dropped.items()))
+    dropped = counts_text(done.dropped)
     print(
         f"{arguments.out}: {done.records} {done.what} in {done.blocks} data blocks, of "
         f"{done.clouds} clouds; dropped: {dropped or 'none'}"

@@ -21,6 +21,7 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns
 from phd_jdtc_ros.parameter_files import bag_parameters
+from phd_jdtc_ros.quoting import counts_text
 
 from . import parameters
 
@@ -28,16 +29,21 @@ DEPTH = 50
 # Smallest share of a recording that must be used; otherwise the tool fails.
 LEAST_USED = 0.5
 # Descriptions of other categories, for the message that they are not used.
-TRACKS = "tracks of a tracker, in which nothing is to be detected"
+TRACKS = "tracks of another tracker, not plots"
 PLACES = (
-    "reports of positions and no polar plots; a driver that publishes their ranges and azimuths "
-    "about a place would make them a radar's"
+    "reports of positions, not polar plots; a driver can publish their ranges and azimuths about a "
+    "place as a radar's"
 )
 OTHERS = {11: TRACKS, 30: TRACKS, 62: TRACKS, 20: PLACES, 21: PLACES}
 STATUS = "no reports of targets"
-# Reasons for which messages are left out on purpose: radars that are not selected, redundant
-# lines, and messages that are not of a target.
-NOT_MEANT = ("unknown_radar", "second_source", "no_detection", "field_monitor", "test_target")
+# Radars that are not selected, redundant lines, and messages without a target.
+LEFT_OUT_ON_PURPOSE = (
+    "unknown_radar",
+    "second_source",
+    "no_detection",
+    "field_monitor",
+    "test_target",
+)
 
 
 @dataclass
@@ -58,7 +64,7 @@ class Converted:
         for state in self.stream.radars.values():
             name, turn_s = state.settings.name, state.assembler.turn_s
             turn = f", a turn of {turn_s:.4f} s" if turn_s else ""
-            listed = _listed(state.counts)
+            listed = counts_text(state.counts)
             yield (
                 f"{name}: {state.plots} plots, {state.services} service messages, "
                 f"{state.reports} clouds{turn}{f'; {listed}' if listed else ''}"
@@ -75,7 +81,7 @@ class Converted:
         for size, count in self.stream.blocks.known_trailers().items():
             yield f"{count} datagrams have a trailer of {size} bytes, which is skipped"
         left_out = +(self.recording + self.stream.counts)
-        yield f"left out: {_listed(left_out) or 'none'}"
+        yield f"left out: {counts_text(left_out) or 'none'}"
         yield from self.hints
 
     def faults(self) -> Iterator[str]:
@@ -88,25 +94,21 @@ class Converted:
             )
         categories, states = self.stream.blocks.categories, [*self.stream.radars.values()]
         left_out = sum((state.counts for state in states), +self.stream.counts)
-        meant = categories.total() - sum(left_out[reason] for reason in NOT_MEANT)
+        intended = categories.total() - sum(left_out[reason] for reason in LEFT_OUT_ON_PURPOSE)
         used = self.plots + sum(state.services for state in states) if self.clouds else 0
-        if self.clouds and used >= LEAST_USED * meant:
+        if self.clouds and used >= LEAST_USED * intended:
             return
         held = ", ".join(f"CAT{number:03} {n}" for number, n in categories.most_common())
-        reasons = _listed(left_out)
+        reasons = counts_text(left_out)
         others = "".join(
             f"; CAT{number:03} is {OTHERS.get(number, STATUS)}"
             for number in sorted(categories)
             if records.reader(number) is None
         )
         yield (
-            f"{used} of {meant} records could be used; all records: {held or 'none'}{others}"
+            f"{used} of {intended} records could be used; all records: {held or 'none'}{others}"
             + (f"; left out: {reasons}" if reasons else "")
         )
-
-
-def _listed(counts: Counter[str]) -> str:
-    return ", ".join(f"{reason} {count}" for reason, count in sorted(counts.items()) if count)
 
 
 def convert(

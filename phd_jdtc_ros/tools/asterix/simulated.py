@@ -71,10 +71,10 @@ def _blocks(
 ) -> Iterator[tuple[int, bytes]]:
     """Yield time of receipt, nanoseconds since the epoch, and bytes of a radar's data blocks."""
     radar = TurningRadar(run, index, layout)
-    plots, answers = plots_with_replies(radar, seed)
+    plots, detections = plots_with_replies(radar, seed)
     time_s = radar.times_at(plots.turns)
     source = OWN_SAC << 8 | index + 1
-    records = _plots(answers, layout, source)
+    records = _plots(detections, layout, source)
     own_ns = round(sending.clock_ahead_s * 1e9) + run.bias(index).offset_ns
     sectors = sending.sectors
     crossed = np.arange(math.ceil(radar.antenna.begin * sectors), int(radar.end * sectors) + 1)

@@ -1,6 +1,6 @@
 """Replays a bag to a tracker behind a bridge, with the detections by UDP.
 
-They are sent from a recording of ASTERIX, a sector after the other, in the lock-step of
+They are sent from a recording of ASTERIX, sector by sector, in the lock-step of
 `sensor_replay`.
 """
 
@@ -101,11 +101,11 @@ class UdpOutput:
         self._sender.send(data)
 
     def get_subscription_count(self) -> int:
-        """Return that nobody is missing: the demo waits for the bridge and its subscribers."""
+        """Return enough for any wait: the demo itself waits for the bridge and its subscribers."""
         return sys.maxsize
 
     def wait_for_all_acked(self, _: Any) -> bool:
-        """Return that nothing is to be waited for."""
+        """Return True, because datagrams are not acknowledged."""
         return True
 
 

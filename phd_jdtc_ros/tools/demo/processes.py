@@ -112,7 +112,9 @@ class Processes:
         return False
 
 
-def reporting(bag: Path, config: TrackerConfig, out: Path, cutoff: float) -> dict[str, object]:
+def evaluator_parameters(
+    bag: Path, config: TrackerConfig, out: Path, cutoff: float
+) -> dict[str, object]:
     """Return the parameters of an evaluator that scores and records a whole bag into `out`.
 
     Raises `BagError` if the bag has no truth.
@@ -155,7 +157,7 @@ def run(
     and GOSPA, metres. `play` plays the bag and waits for the evaluator; it returns whether both
     succeeded.
     """
-    evaluator = reporting(bag, config, out, cutoff)
+    evaluator = evaluator_parameters(bag, config, out, cutoff)
     # A new installation compiles the engine here, and not while the nodes are waited for.
     new_engine(config)
     given: dict[str, object] = {

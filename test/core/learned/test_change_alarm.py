@@ -150,9 +150,9 @@ def test_warning_names_every_change():
     }
     text = anomalies.of_changes("north", figures)
     assert text == (
-        "not what it was until now: it detects fewer targets; its azimuth noise is larger; "
+        "has changed: it detects fewer targets; its azimuth noise is larger; "
         "its range rate noise is larger; "
-        "it detects next to nothing about 68 degrees from its x axis"
+        "it detects hardly anything about 68 degrees from its x axis"
     )
     assert anomalies.of_changes("west", figures) is None
     assert SensorMemory(("north",)).figures(()) == {}

@@ -108,12 +108,12 @@ def test_demo_writes_into_a_folder_of_profile_bag_and_engine(monkeypatch, tmp_pa
 def test_targets_taken_for_clutter_are_not_scored(given, tmp_path, words, least_speed):
     config, cutoff = given(*words)
 
-    scored = processes.reporting(bag("coastal"), config, tmp_path, cutoff)["least_speed"]
+    scored = processes.evaluator_parameters(bag("coastal"), config, tmp_path, cutoff)["least_speed"]
     assert scored == config.least_speed == least_speed
 
 
 def test_poses_of_a_radar_that_moves_are_recorded_with_its_detections(given, tmp_path):
     config, cutoff = given("--bag", "autoferry_2")
-    found = processes.reporting(bag("autoferry_2"), config, tmp_path, cutoff)
+    found = processes.evaluator_parameters(bag("autoferry_2"), config, tmp_path, cutoff)
     (radar,) = config.inputs
     assert found["record_topics"] == f"[{radar.topic}, /own_ship/odometry odometry]"
