@@ -10,10 +10,10 @@ The state is ``[x, vx, y, vy, omega]`` in the world frame, `state_space.PLANAR`.
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Protocol
+from typing import ClassVar
 
 import numpy as np
 
@@ -24,35 +24,35 @@ from ..state_space import OMEGA, PLANAR, VX, VY, StateSpace, X, Y
 STRAIGHT = 1e-4
 
 
-class MotionModel(Hashable, Protocol):
+@dataclass(frozen=True)
+class MotionModel(ABC):
     """One motion mode's transition."""
 
-    @property
-    def space(self) -> StateSpace:
-        """The axes of its states."""
+    # The axes of its states.
+    space: ClassVar[StateSpace] = PLANAR
+    # Indices of the state on which the mode's densities are defined; the others are zero. The mean
+    # is a matrix times the state, or with a turn rate that of `CoordinatedTurn`.
+    support: ClassVar[tuple[int, ...]]
 
-    @property
-    def support(self) -> tuple[int, ...]:
-        """Indices of the state on which the mode's densities are defined; the others are zero.
-
-        The mean is a matrix times the state, or with a turn rate that of `CoordinatedTurn`.
-        """
-
+    @abstractmethod
     def mean(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
         """Return each row's state after `dt` seconds without noise; (N, D) to (N, D).
 
         `dt` is one interval for all rows, or one for each, shape (N,).
         """
 
+    @abstractmethod
     def jacobian(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
         """Return the derivatives of `mean` at each row's state; (N, D) to (N, D, D)."""
 
     @property
+    @abstractmethod
     def noise_factors(self) -> FloatArray:
         """Factors of dt, dt^2 / 2 and dt^3 / 3 in Q(dt) on the support, (3, K, K)."""
 
     def noise_covariance(self, dt: FloatArray | float) -> FloatArray:
         """Return Q(dt) on the support, (K, K), or one for each of several intervals, (I, K, K)."""
+        return noise_after(dt, self.noise_factors)
 
 
 def noise_after(dt: FloatArray | float, factors: FloatArray) -> FloatArray:
@@ -62,6 +62,14 @@ def noise_after(dt: FloatArray | float, factors: FloatArray) -> FloatArray:
     noise += np.multiply.outer(dt**2 / 2.0, square)
     noise += np.multiply.outer(dt**3 / 3.0, cube)
     return noise
+
+
+def _identity(state: FloatArray, axes: tuple[int, ...]) -> FloatArray:
+    """Return for each row the matrix that keeps these axes, the others zero; (N, D, D)."""
+    matrix = np.zeros((*state.shape, state.shape[1]))
+    for axis in axes:
+        matrix[:, axis, axis] = 1.0
+    return matrix
 
 
 def _planar_factors(spectral_density: float) -> FloatArray:
@@ -75,7 +83,7 @@ def _planar_factors(spectral_density: float) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class ConstantVelocity:
+class ConstantVelocity(MotionModel):
     """Nearly constant velocity, turn rate zero.
 
     Sec. V, F_{k,CV} and Q_{k,CV}. Deviation: the printed variance of omega is zero, a point mass,
@@ -83,8 +91,7 @@ class ConstantVelocity:
     """
 
     noise_density: float  # Spectral density l of the white acceleration, m^2/s^3
-    support: tuple[int, ...] = (X, VX, Y, VY)
-    space: StateSpace = PLANAR
+    support: ClassVar[tuple[int, ...]] = (X, VX, Y, VY)
 
     def mean(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
         """Return F(dt) x of each row, its turn rate zero; shape (N, D)."""
@@ -96,9 +103,7 @@ class ConstantVelocity:
 
     def jacobian(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
         """Return F(dt) for each row; shape (N, D, D)."""
-        matrix = np.zeros((*state.shape, state.shape[1]))
-        for axis in self.support:
-            matrix[:, axis, axis] = 1.0
+        matrix = _identity(state, self.support)
         matrix[:, X, VX] = matrix[:, Y, VY] = dt
         return matrix
 
@@ -107,13 +112,9 @@ class ConstantVelocity:
         """See `MotionModel`, (3, 4, 4)."""
         return _planar_factors(self.noise_density)
 
-    def noise_covariance(self, dt: FloatArray | float) -> FloatArray:
-        """Return Q(dt) over (x, vx, y, vy), shape (..., 4, 4)."""
-        return noise_after(dt, self.noise_factors)
-
 
 @dataclass(frozen=True)
-class CoordinatedTurn:
+class CoordinatedTurn(MotionModel):
     """Coordinated turn with unknown turn rate.
 
     Notes
@@ -126,8 +127,7 @@ class CoordinatedTurn:
 
     noise_density: float  # Spectral density l1 of the white acceleration, m^2/s^3
     turn_noise_density: float  # Spectral density l2 of the white turn acceleration, rad^2/s^3
-    support: tuple[int, ...] = (X, VX, Y, VY, OMEGA)
-    space: StateSpace = PLANAR
+    support: ClassVar[tuple[int, ...]] = (X, VX, Y, VY, OMEGA)
 
     def mean(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
         """Return F(omega, dt) x of each row; shape (..., N, D), as that of `state`."""
@@ -165,9 +165,7 @@ class CoordinatedTurn:
         along_rate = np.where(straight, -(dt**3) * omega / 3.0, (dt * cos - along) / divisor)
         across_rate = np.where(straight, 0.5 * dt**2, (dt * sin - across) / divisor)
         vx, vy = state[:, VX], state[:, VY]
-        matrix = np.zeros((*state.shape, state.shape[1]))
-        for axis in (X, Y, OMEGA):
-            matrix[:, axis, axis] = 1.0
+        matrix = _identity(state, (X, Y, OMEGA))
         matrix[:, X, VX] = matrix[:, Y, VY] = along
         matrix[:, Y, VX], matrix[:, X, VY] = across, -across
         matrix[:, VX, VX] = matrix[:, VY, VY] = cos
@@ -186,20 +184,15 @@ class CoordinatedTurn:
         factors[0, 4, 4] = self.turn_noise_density
         return factors
 
-    def noise_covariance(self, dt: FloatArray | float) -> FloatArray:
-        """Return Q(dt) over the whole state, shape (..., 5, 5)."""
-        return noise_after(dt, self.noise_factors)
-
 
 @dataclass(frozen=True)
-class Stationary:
+class Stationary(MotionModel):
     """At rest: a position that drifts slowly, with neither velocity nor turn rate."""
 
     # Spectral density of the white velocity with which the position drifts, m^2/s, as that of a
     # ship at anchor.
     noise_density: float
-    support: tuple[int, ...] = (X, Y)
-    space: StateSpace = PLANAR
+    support: ClassVar[tuple[int, ...]] = (X, Y)
 
     def mean(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
         """Return each row's position, at rest; shape (N, D)."""
@@ -209,10 +202,7 @@ class Stationary:
 
     def jacobian(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
         """Return the derivatives of `mean`; shape (N, D, D)."""
-        matrix = np.zeros((*state.shape, state.shape[1]))
-        for axis in self.support:
-            matrix[:, axis, axis] = 1.0
-        return matrix
+        return _identity(state, self.support)
 
     @cached_property
     def noise_factors(self) -> FloatArray:
@@ -221,13 +211,9 @@ class Stationary:
         factors[0] = self.noise_density * np.eye(2)
         return factors
 
-    def noise_covariance(self, dt: FloatArray | float) -> FloatArray:
-        """Return Q(dt) over (x, y), shape (..., 2, 2)."""
-        return noise_after(dt, self.noise_factors)
-
 
 # Motion models by the name in configurations. Configurable fields of a motion are its parameters.
-MOTIONS: dict[str, type[ConstantVelocity | CoordinatedTurn | Stationary]] = {
+MOTIONS: dict[str, type[MotionModel]] = {
     "constant_velocity": ConstantVelocity,
     "coordinated_turn": CoordinatedTurn,
     "stationary": Stationary,
