@@ -19,7 +19,7 @@ from .recursion import GAUSSIAN, PARTICLES
 from .timing import peak_bytes, spread
 
 ENGINES = (PARTICLES, GAUSSIAN)
-NOT_READY, READY = "late reports are dropped", "late reports are worked in, none is late"
+NOT_READY, READY = "late reports are dropped", "late reports are reprocessed, none is late"
 # Number of later scans that are closed before the late report comes.
 LATE_BY = {"one is a scan late": 1, "one is three scans late": 3}
 # Period of the late reports, in scans.

@@ -152,7 +152,7 @@ def _step_growth(growth: Mapping[str, Any]) -> Table:
         "the whole step against targets, CPU medians",
         ["engine", *map(str, sizes), "exponent"],
         (row(name, form) for name, form in growth["forms"].items()),
-        f"at most held with {growth['memory']['targets']} targets and a lag of 5: {memory}",
+        f"peak memory with {growth['memory']['targets']} targets and a lag of 5: {memory}",
     )
 
 
@@ -215,7 +215,7 @@ def _turning(found: Mapping[str, Any]) -> Iterator[Table]:
         "a turn of 50 aircraft, CPU medians",
         ("reports", *cost),
         (list(row(form)) for form in next(iter(cost.values()))),
-        "estimates once a turn, except where they are said to go out at each sector; "
+        "estimates once a turn, except in the row with estimates at each sector; "
         "in brackets, as a multiple of one cloud",
     )
 
@@ -238,7 +238,7 @@ def _late(found: Mapping[str, Any]) -> Table:
             [name, *(cell(engine, name) for engine in found)]
             for name in next(iter(found.values()))["steps"]
         ),
-        "steps that work a report in, or all where none is late; in brackets, as a "
+        "steps that reprocess a report, or all steps if none is late; in brackets, as a "
         f"multiple of where they are dropped. Most memory of both: {memory}",
     )
 

@@ -12,7 +12,7 @@ They are not part of the installed package, whose `monte_carlo` is the reference
     handover        two trackers that divide an area, against one
     hours           simulated recordings of an hour, tracked without a configuration
     autoferry       recordings of a public dataset, with this package and other trackers
-    misspecified    trackers that are told wrongly what their radars are like
+    misspecified    trackers whose radars are misconfigured
     changed_radars  how soon it is noticed that a radar has changed
     calibration     probabilities and covariances beside what is true, on drawn truth
     tuning_truth    proposals of `tune` beside the simulated values

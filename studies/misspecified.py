@@ -1,9 +1,8 @@
-"""How much a tracker loses that is told wrongly what its radars are like, if it may learn it.
+"""The accuracy of a tracker with misconfigured radars, with and without learning.
 
-The radars of the reference scenario have other noise, other detection probabilities or more or less
-clutter than the tracker is told, and those of the automotive scenario another noise of range rates.
-A tracker that is told the truth is the reference. The first scans do not count, because nothing is
-learned yet.
+Noise, detection probability and clutter of the radars of the reference scenario are the nominal
+ones times a factor, and so is the noise of range rates in the automotive scenario. A tracker with
+the true values is the reference. The first scans do not count, because nothing is learned yet.
 """
 
 from __future__ import annotations
@@ -31,15 +30,15 @@ from phd_jdtc_ros.study.tracker import ExtractionVariant, track
 from .runner import Figures, Goal, Study, add_engine_argument, goal, table
 
 RADARS = ("radar_1", "radar_2")
-# Values that the tracker is told, and those that it is told if it may learn.
-TOLD: Mapping[str, float] = {
+# The nominal values, and those from which a tracker learns.
+NOMINAL: Mapping[str, float] = {
     "range_std": 300.0,
     "azimuth_std_deg": 1.0,
     "detection_probability": 0.9,
     "clutter_rate": 20.0,
 }
 LEARNED: Mapping[str, str] = {
-    **{name: f"auto {value}" for name, value in TOLD.items() if name != "clutter_rate"},
+    **{name: f"auto {value}" for name, value in NOMINAL.items() if name != "clutter_rate"},
     "clutter_rate": "auto",
 }
 # Factors of the truth.
@@ -73,7 +72,8 @@ BEFORE = 20
 # Cut-off of the distances in the automotive scenario, metres.
 RATE_CUTOFF = 20.0
 EXTRACTION = ExtractionVariant("misspecified", "bernoulli", "components")
-# Largest ratio to the errors of a tracker that is told the truth.
+# Largest ratios to the errors of a tracker with the true values, where these are not the nominal
+# ones and where they are.
 MOST_WRONG, MOST_RIGHT = 1.1, 1.01
 
 
@@ -83,7 +83,7 @@ def measure(arguments: argparse.Namespace, seed: int) -> Figures:
     for case, factors in CASES.items():
         truth = truth_of(factors)
         run = simulated_run(scenario_of(truth), seed)
-        trackers = {"told": truth, "wrong": TOLD, "learned": LEARNED}
+        trackers = {"told": truth, "wrong": NOMINAL, "learned": LEARNED}
         found[case] = {
             name: _distances(run, {"engine": arguments.engine, **of_radars(given)})
             for name, given in trackers.items()
@@ -104,8 +104,8 @@ def _of_rates(engine: str, factor: float, seed: int) -> Figures:
 
 
 def truth_of(factors: Mapping[str, float]) -> dict[str, float]:
-    """Return what radars are like, given the factors of what a tracker is told."""
-    return {name: value * factors.get(name, 1.0) for name, value in TOLD.items()}
+    """Return the true values of radars, given the factors of the nominal ones."""
+    return {name: value * factors.get(name, 1.0) for name, value in NOMINAL.items()}
 
 
 def scenario_of(truth: Mapping[str, float]) -> Scenario:
@@ -142,12 +142,12 @@ def tables(figures: Figures) -> list[Table]:
             for each in (of_case["told"], of_case["wrong"], of_case["learned"])
         ]
         rows.append((case, *cells))
-    headings = ("radars", "told the truth, m", "told wrongly, m", "learned, m")
+    headings = ("radars", "true values, m", "nominal values, m", "learned, m")
     return [table("OSPA after 20 scans, filtered / smoothed", *headings, rows=rows)]
 
 
 def goals(figures: Figures) -> list[Goal]:
-    """Return the goals: the error of a tracker that learns, relative to one that is told."""
+    """Return the goals: the error of a learning tracker, relative to one with the true values."""
     found = []
     for case, of_case in (figures["cases"] | figures["rates"]).items():
         right = RATE_CASES.get(case, 1.0) == 1.0 and not CASES.get(case)

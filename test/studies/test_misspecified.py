@@ -4,13 +4,13 @@ from studies import misspecified
 from studies.command import main
 
 
-def test_tracker_that_learns_is_compared_with_those_that_are_told(tmp_path, capsys, monkeypatch):
+def test_learning_is_compared_with_true_and_nominal_values(tmp_path, capsys, monkeypatch):
     two = {name: misspecified.CASES[name] for name in ("all right", "noise x 2")}
     monkeypatch.setattr(misspecified, "CASES", two)
     of_rates = "range rates, noise x 2"
     monkeypatch.setattr(misspecified, "RATE_CASES", {of_rates: 2.0})
     assert main(["misspecified", "--runs", "1", "--seed", "3", "--out", str(tmp_path)]) == 0
-    assert "told wrongly" in capsys.readouterr().out
+    assert "nominal values" in capsys.readouterr().out
     found = json.loads((tmp_path / "misspecified.json").read_text())
     right, noise = found["cases"]["all right"], found["cases"]["noise x 2"]
     assert right["told"] == right["wrong"]
