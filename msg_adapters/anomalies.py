@@ -14,7 +14,7 @@ from phd_jdtc_ros.configuration.sensor_parameters import SensorParameters
 # probability, or if its noise is larger by this factor, each with this many standard deviations.
 WORSE_DETECTION, WORSE_NOISE, SURE = 0.75, 1.5, 3.0
 # The warning ends beyond these bounds, so that it does not come and go with chance.
-MENDED_DETECTION, MENDED_NOISE = 0.85, 1.3
+RECOVERED_DETECTION, RECOVERED_NOISE = 0.85, 1.3
 # Parameters of the noise of components, if their names are not COMPONENT_std.
 DEVIATIONS = {"azimuth": "azimuth_std_deg"}
 
@@ -81,7 +81,7 @@ def of_learned(radar: str, figures: Mapping[str, float], warned: bool = False) -
     worse = []
     least, most, sure = WORSE_DETECTION, WORSE_NOISE, SURE
     if warned:
-        least, most, sure = MENDED_DETECTION, MENDED_NOISE, 0.0
+        least, most, sure = RECOVERED_DETECTION, RECOVERED_NOISE, 0.0
     found = figures.get(name := f"{radar}.detection_probability")
     if found is not None:
         given, std = figures[f"{name}_set"], figures[f"{name}_std"]

@@ -21,15 +21,15 @@ LEAST_DENSITY, PER_DECADE, MOST_VALUE = 0.01, 20.0, 100
 MOST_CELLS = 1 << 22
 
 
-def to_msg(shown: ClutterRaster, stamp_ns: int, world_frame: str) -> OccupancyGrid:
+def to_msg(raster: ClutterRaster, stamp_ns: int, world_frame: str) -> OccupancyGrid:
     """Return the message of a clutter map in the world frame."""
-    rows, columns = shown.density.shape
-    value = PER_DECADE * np.log10(np.maximum(shown.density, LEAST_DENSITY) / LEAST_DENSITY)
+    rows, columns = raster.density.shape
+    value = PER_DECADE * np.log10(np.maximum(raster.density, LEAST_DENSITY) / LEAST_DENSITY)
     data = np.minimum(np.round(value), MOST_VALUE).astype(np.int8)
-    x, y = shown.corner
+    x, y = raster.corner
     header = stamps.header(stamp_ns, world_frame)
     info = MapMetaData(
-        map_load_time=header.stamp, resolution=shown.cell, width=columns, height=rows
+        map_load_time=header.stamp, resolution=raster.cell, width=columns, height=rows
     )
     info.origin = Pose(position=Point(x=x, y=y, z=0.0), orientation=Quaternion(w=1.0))
     message = OccupancyGrid(header=header, info=info)

@@ -71,10 +71,10 @@ def from_msg(cloud: PointCloud2, radar: RadarParameters) -> Report:
     otherwise see `stamps.of_header` and `point_cloud.decode`.
     """
     require_frame(cloud.header.frame_id, radar)
-    there = set(point_cloud.field_names(cloud))
-    radar = _recognised(radar, there)
+    present = set(point_cloud.field_names(cloud))
+    radar = _recognised(radar, present)
     named = _wanted_fields(radar)
-    missing = [w for w, (name, _) in named.items() if w not in REQUIRED and name not in there]
+    missing = [w for w, (name, _) in named.items() if w not in REQUIRED and name not in present]
     wanted = dict(entry for what, entry in named.items() if what not in missing)
     # Converting a signalling NaN warns. Such a value is handled like any other NaN.
     with np.errstate(invalid="ignore"):
@@ -88,17 +88,17 @@ def from_msg(cloud: PointCloud2, radar: RadarParameters) -> Report:
     return replace(report, anomalies=report.anomalies + lacking) if lacking else report
 
 
-def _recognised(radar: RadarParameters, there: Collection[str]) -> RadarParameters:
+def _recognised(radar: RadarParameters, present: Collection[str]) -> RadarParameters:
     """Return a radar's layout with the names that a cloud uses for missing fields."""
     lacking = {
         quantity: names
         for quantity, names in SYNONYMS.items()
-        if getattr(radar.fields, quantity) == quantity and quantity not in there
+        if getattr(radar.fields, quantity) == quantity and quantity not in present
     }
     if not lacking:
         return radar
     taken = {*sent_columns.names_of(radar).values()}
-    own = {name.lower(): name for name in sorted(there) if name not in taken}
+    own = {name.lower(): name for name in sorted(present) if name not in taken}
     found = {
         quantity: next(own[name] for name in names if name in own)
         for quantity, names in lacking.items()

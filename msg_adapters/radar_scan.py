@@ -89,7 +89,7 @@ def from_cdr(data: bytes, radar: RadarParameters) -> Report:
     except RejectedMessageError:
         raise
     except (struct.error, IndexError, ValueError) as error:
-        raise RejectedMessageError("schema", f"no {TYPE_NAME}: {error}") from error
+        raise RejectedMessageError("schema", f"not a {TYPE_NAME}: {error}") from error
     rows = values.reshape(count, RETURN_FIELDS).astype(np.float64)
     return _report(Header(stamp=Time(sec=sec, nanosec=nanosec), frame_id=frame), rows, radar)
 

@@ -91,7 +91,7 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         amplitude = _linear_amplitude(columns["amplitude"], radar)
         possible = (amplitude >= 0.0) & (amplitude <= MAX_AMPLITUDE)
         passed["amplitude"] = possible | np.isnan(amplitude)
-    kept, dropped = _sorted_out(passed)
+    kept, dropped = _kept_and_dropped(passed)
     repeats = kept & _repeats(columns)
     kept &= ~repeats
 
@@ -108,7 +108,7 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         np.stack([ground.distance[kept], wrap_angle(ground.azimuth[kept])], axis=1),
         None if amplitude is None else amplitude[kept],
         None if time is None else time[kept],
-        _side_by_side(range_std, azimuth_std),
+        _noise_std(range_std, azimuth_std),
         range_rate=rate,
         range_rate_std=None if rate is None else rate_std,
         height=None if height is None else height[kept] - radar.datum,
@@ -186,9 +186,7 @@ def _own(
     return np.where(usable, own, np.nan), _count(~usable & ~np.isnan(own))
 
 
-def _side_by_side(
-    range_std: FloatArray | None, azimuth_std: FloatArray | None
-) -> FloatArray | None:
+def _noise_std(range_std: FloatArray | None, azimuth_std: FloatArray | None) -> FloatArray | None:
     """Return both standard deviations of each point, (M, 2); None if all are unknown."""
     known = range_std if azimuth_std is None else azimuth_std
     if known is None:
@@ -209,7 +207,7 @@ def _sector(column: FloatArray | None, radar: RadarParameters) -> tuple[int | No
     return int(number), 0
 
 
-def _sorted_out(passed: Mapping[str, BoolArray]) -> tuple[BoolArray, Counter[str]]:
+def _kept_and_dropped(passed: Mapping[str, BoolArray]) -> tuple[BoolArray, Counter[str]]:
     """Return which points pass every test, and the number of points that each test fails first."""
     dropped: Counter[str] = Counter()
     kept = np.ones(len(next(iter(passed.values()))), dtype=bool)

@@ -136,10 +136,10 @@ class TrackerConfig(Tracking):
 
     @property
     def answer_delay_s(self) -> float:
-        """Largest time by which the last scan that a report lets step precedes it, seconds.
+        """Largest time from the last scan that a report completes to the report's stamp, seconds.
 
-        It is 0 if both have the same stamp. A report of a turning radar becomes scans of parts
-        of a turn, and a report of a radar with a late clock becomes an earlier scan.
+        A report of a turning radar becomes scans of parts of a turn, and one of a radar with a
+        late clock becomes an earlier scan; otherwise both stamps are equal.
         """
         slices_s = [
             radar.rotation_s / max(radar.sectors / 2.0, 4.0)

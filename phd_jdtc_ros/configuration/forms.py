@@ -185,7 +185,9 @@ def _complete_rate(given: list[float], learned: bool) -> list[float] | None:
 CLUTTER_RATE = _form(
     f"a finite number, at least 0, at most {MOST_CLUTTER:g} or {AUTO}",
     _complete_rate,
-    lambda words: ClutterRate([*words.numbers, START_RATE][0], words.learned, words.flag),
+    lambda words: ClutterRate(
+        words.numbers[0] if words.numbers else START_RATE, words.learned, words.flag
+    ),
     MULTIPATH,
 )
 

@@ -30,7 +30,7 @@ POSE_MAX_SPEED = 100.0
 # Random step of ln(1 + SNR) per interval, if each target's own SNR is estimated: the aspect of a
 # target changes within some tens of scans.
 AMPLITUDE_JITTER = 0.1
-# Transponders answer almost always, and one reply in a hundred is garbled.
+# Transponders reply almost always, and one reply in a hundred is garbled.
 REPLY_PROBABILITY, GARBLED_PROBABILITY = 0.95, 0.01
 # Mean time for which an aircraft keeps its code, s: it gets another one at a border of control.
 CODE_KEPT_S = 1800.0

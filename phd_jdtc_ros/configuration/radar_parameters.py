@@ -137,9 +137,9 @@ class RadarParameters(SensorParameters):
         "Probability that a target is detected in a scan or a turn, constant or linear between the "
         "given ranges. 0 derives it from the classes' SNR bands and false_alarm_probability. auto, "
         "or auto with such numbers, such as auto 0.9, learns from the targets by which factor it "
-        "differs, by range and azimuth. For misses that go together, as in shadows, add correlated "
-        "and the probability of a detection after a detection of the same target minus that after "
-        "a miss, such as 0.8 correlated 0.5; without the number it is learned.",
+        "differs, by range and azimuth. For correlated misses, as in shadows, add correlated and "
+        "the probability of a detection after a detection of the same target minus that after a "
+        "miss, such as 0.8 correlated 0.5; without the number it is learned.",
         form=forms.PROBABILITY,
         mutable=True,
     )

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from .forms import AUTO
-from .tables import GROUPS, name_or
+from .tables import GROUPS, topic_or_frame
 
 # Scene parameters of the whole tracker, and the parameters that place a radar.
 OF_ALL = ("world_origin",)
@@ -76,7 +76,7 @@ def _has_value(values: Mapping[str, Any], part: str, member: str) -> bool:
 def _value(values: Mapping[str, Any], part: str, member: str) -> Any:
     """Return a parameter's value; an empty topic or frame equals its default."""
     if member in ("topic", "frame"):
-        return name_or(values, part, member)
+        return topic_or_frame(values, part, member)
     return values.get(f"{part}.{member}", _ENTRIES.get(member, ""))
 
 

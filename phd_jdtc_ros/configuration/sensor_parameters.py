@@ -34,8 +34,8 @@ class Fields:
 class SensorParameters:
     """The parameters that every sensor has, with its name.
 
-    A kind of sensor is a subclass with further parameters. Those of them that the tracker uses for
-    any sensor are listed here without annotation, with the values of a sensor that lacks them.
+    A kind of sensor is a subclass with further parameters. The tracker reads some of them of every
+    sensor; the attributes without annotation are their values for a sensor that lacks them.
     """
 
     # Parameter and unit of the noise of each component of a measurement that may be learned.

@@ -48,12 +48,12 @@ def parts_of(values: Mapping[str, Any]) -> Parts:
 
 
 def _sensor(values: Mapping[str, Any], name: str) -> SensorParameters:
-    addresses = {key: name_or(values, name, key) for key in ("topic", "frame")}
+    addresses = {key: topic_or_frame(values, name, key) for key in ("topic", "frame")}
     declared: type[SensorParameters] = KINDS[values[f"{name}.kind"]].parameters
     return build(declared, values, f"{name}.", name=name, **addresses)
 
 
-def name_or(values: Mapping[str, Any], sensor: str, key: str) -> str:
+def topic_or_frame(values: Mapping[str, Any], sensor: str, key: str) -> str:
     """Return a sensor's topic or frame, or its default if it is empty."""
     usual = {"topic": f"/{sensor}/detections", "frame": sensor}
     return str(values[f"{sensor}.{key}"] or usual[key])

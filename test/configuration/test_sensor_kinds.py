@@ -91,5 +91,5 @@ def test_another_kind_changes_the_parameters_of_a_live_tracker():
 
 @pytest.mark.usefixtures("a_second_kind")
 def test_the_registration_of_other_kinds_is_refused():
-    with pytest.raises(ConfigError, match=r"^outputs: registration given, ais is no radar$"):
+    with pytest.raises(ConfigError, match=r"^outputs: registration given, ais is not a radar$"):
         settings.resolve({**GIVEN, "outputs": ["registration"]})

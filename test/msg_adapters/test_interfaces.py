@@ -63,14 +63,14 @@ def test_types_definitions_and_hashes_are_those_of_an_independent_library(name):
 @pytest.mark.parametrize("name", TYPES)
 @pytest.mark.parametrize("data", [b"", b"\0", b"\0\1\0\0", b"\xff" * 64, b"text, no message"])
 def test_decode_rejects_garbage(name, data):
-    with pytest.raises(RejectedMessageError, match=f"no {name}") as caught:
+    with pytest.raises(RejectedMessageError, match=f"not a {name}") as caught:
         interfaces.decode(data, name)
     assert caught.value.reason == "schema"
 
 
 @pytest.mark.parametrize("name", ["no_such_msgs/msg/Type", "sensor_msgs/msg/NoSuchType", "garbage"])
 def test_decode_rejects_an_unknown_type(name):
-    with pytest.raises(RejectedMessageError, match=f"no {name}"):
+    with pytest.raises(RejectedMessageError, match=f"not a {name}"):
         interfaces.decode(b"\0\1\0\0", name)
 
 

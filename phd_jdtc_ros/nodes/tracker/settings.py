@@ -59,7 +59,7 @@ def resolve(given: Mapping[str, Any]) -> Settings:
         faults += [f"outputs: {name} given, needs world_origin" for name in wanted]
     if "registration" in node["outputs"]:
         others = [sensor.name for sensor in tracker.model.radars if not sensor.polar]
-        faults += [f"outputs: registration given, {name} is no radar" for name in others]
+        faults += [f"outputs: registration given, {name} is not a radar" for name in others]
     if faults:
         raise ConfigError(faults)
     return Settings(_table(of_tracker), tracker, node)

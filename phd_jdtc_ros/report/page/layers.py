@@ -51,15 +51,15 @@ FAINTEST, STRONGEST = 0.0, 3.0
 OPACITIES = 100
 
 
-def clutter_levels(shown: ClutterRaster, columns: Columns) -> dict[str, Any]:
+def clutter_levels(raster: ClutterRaster, columns: Columns) -> dict[str, Any]:
     """Add the squares' opacity as a column, rows by y; return their positions in metres."""
-    level = np.log10(np.maximum(shown.density, 10.0**FAINTEST))
+    level = np.log10(np.maximum(raster.density, 10.0**FAINTEST))
     columns.add("clutter", np.rint(np.minimum(level / STRONGEST, 1.0) * OPACITIES).ravel())
-    low_x, _, low_y, _ = shown.extent
-    rows, across = shown.density.shape
+    low_x, _, low_y, _ = raster.extent
+    rows, across = raster.density.shape
     return {
         "corner": [float(low_x), float(low_y)],
-        "cell": float(shown.cell),
+        "cell": float(raster.cell),
         "shape": [rows, across],
         "colour": CLUTTER,
         "steps": OPACITIES,
