@@ -32,6 +32,8 @@ BAG = Form(
     lambda value: value if isinstance(value, str) and value else None,
 )
 RATE = Form(f"0, or a number from {SLOWEST_RATE:g} to {FASTEST_RATE:g}", _rate)
+# It has no bounds as a parameter, so that a whole number may be set too.
+POSITION = Form("a finite number, at least 0", lambda value: number(value, 0.0))
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,8 @@ class Seek:
         0.0,
         "Position to continue from, s from the bag's start, set during the replay; rejected "
         "outside the part that is played.",
-        NOT_NEGATIVE,
+        form=POSITION,
+        mutable=True,
     )
 
 

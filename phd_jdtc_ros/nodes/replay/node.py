@@ -9,7 +9,9 @@ from enum import Enum, auto
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.duration import Duration
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
@@ -29,7 +31,7 @@ from phd_jdtc_ros.parameter_files.sensor_replay import SEEK
 from ..common import arguments, parameters, runtime, topics
 from ..common.callbacks import serve
 from ..common.runtime import RunnableNode
-from . import playable, scene_check, seek_parameter
+from . import playable, scene_check
 from .lock_step import GIVE_UP_S, LockStep
 from .playback import BagClock, Group, Playback
 from .progress_line import ProgressLine
@@ -114,7 +116,11 @@ class SensorReplay(RunnableNode):
             "step": self._step,
         }.items():
             serve(self, name, action)
-        seek_parameter.declare(self, self._seek_fault, self._seek)
+        # Seeking is a parameter, because std_srvs has no service that takes a number.
+        seek = {SEEK.name: SEEK}
+        parameters.declare(self, seek, {SEEK.name: SEEK.default}, frozenset(seek))
+        self.add_on_set_parameters_callback(self._check_seek)
+        self.add_post_set_parameters_callback(self._seek)
         scene_check.begin(self, bag.path, self._estimates)
         self.create_timer(CLOCK_PERIOD_S, self._publish_clock)
         self.create_timer(TICK_S, self._tick)
@@ -328,6 +334,11 @@ class SensorReplay(RunnableNode):
         if self._lock_step:
             self._lock_step.restart(time.monotonic())
 
+    def _check_seek(self, given: list[Parameter]) -> SetParametersResult:
+        faults = (self._seek_fault(each.value) for each in given if each.name == SEEK.name)
+        reason = "; ".join(filter(None, faults))
+        return SetParametersResult(successful=not reason, reason=reason)
+
     def _seek_fault(self, value: Any) -> str:
         """Return the reason for which the replay cannot go to `value`; empty if it can."""
         if self._state in (State.DRAINING, State.FLUSHING):
@@ -338,10 +349,11 @@ class SensorReplay(RunnableNode):
             return f"{SEEK.name}: {value} given, must be a number from {first:g} to {last:g}"
         return ""
 
-    def _seek(self, seconds: float) -> None:
-        self._playback.seek(self._playback.time_ns(seconds))
-        self._begin()
-        self._show()
+    def _seek(self, given: list[Parameter]) -> None:
+        for each in (each for each in given if each.name == SEEK.name):
+            self._playback.seek(self._playback.time_ns(float(each.value)))
+            self._begin()
+            self._show()
 
 
 def main(argv: Sequence[str]) -> int:
