@@ -25,8 +25,12 @@ def of(sensor: SensorParameters, counts: Mapping[str, int]) -> Iterator[str]:
     An anomaly without a text of its own is named, as in "3 positions implausible".
     """
     for what, count in counts.items():
-        text = _TEXTS.get(what)
-        yield f"{count} {_words(what)}" if text is None else text(sensor, count)
+        if what in _TEXTS:
+            yield _TEXTS[what](sensor, count)
+        elif what in _MISSING:
+            yield _missing(sensor, what.removesuffix("_missing"), _MISSING[what])
+        else:
+            yield f"{count} {_words(what)}"
 
 
 def no_amplitude(radar: SensorParameters) -> str:
@@ -130,21 +134,8 @@ def _beyond_a_turn(radar: RadarParameters, count: int) -> str:
     return f"{count} azimuths beyond 2 pi rad; probably {cause}"
 
 
-def _missing(parameter: str, consequence: str) -> Callable[[RadarParameters, int], str]:
-    """Return the function that words the warning about a missing field."""
-
-    def text(radar: RadarParameters, count: int) -> str:
-        return f"the field named by {radar.name}.{parameter} is missing; {consequence}"
-
-    return text
-
-
-def _unknown_heights(radar: RadarParameters, count: int) -> str:
-    return f"{count} detections without a height; {_without_height(radar)}"
-
-
-def _height_missing(radar: RadarParameters, count: int) -> str:
-    return _missing("fields.height", _without_height(radar))(radar, count)
+def _missing(sensor: SensorParameters, field: str, treatment: str) -> str:
+    return f"the field named by {sensor.name}.fields.{field} is missing; {treatment}"
 
 
 def _without_height(radar: RadarParameters) -> str:
@@ -156,6 +147,18 @@ def _without_height(radar: RadarParameters) -> str:
     return f"{radar.name}.assumed_height, {radar.assumed_height:g} m, is assumed"
 
 
+# The treatment of detections without a field that is configured, by anomaly.
+_MISSING = {
+    "time_missing": "the stamp is used for all its detections",
+    "sector_missing": "the sector is derived from the detections",
+    "code_missing": "its codes are unknown",
+    "address_missing": "its addresses are unknown",
+    "kind_missing": "the kind of sensor is assumed",
+    "range_std_missing": "range_std is used",
+    "azimuth_std_missing": "azimuth_std_deg is used",
+    "range_rate_missing": "its range rates are unknown",
+    "range_rate_std_missing": "range_rate_std is used",
+}
 # The warnings by anomaly, each of the parameters of a sensor of the kind that has it.
 _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
     "azimuths_beyond_a_turn": _beyond_a_turn,
@@ -163,7 +166,9 @@ _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
         f"{count} detections that repeat another one of their report in every field; each is used "
         "once. Does the driver send its buffer twice?"
     ),
-    "heights_unknown": _unknown_heights,
+    "heights_unknown": lambda radar, count: (
+        f"{count} detections without a height; {_without_height(radar)}"
+    ),
     "deviations_unusable": lambda radar, count: (
         f"{count} standard deviations that are zero, negative or absurd; {radar.name}.range_std, "
         "azimuth_std_deg and range_rate_std replace them"
@@ -183,16 +188,7 @@ _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
         f"{count} codes or addresses that are not whole numbers of 12 or 24 bits; their "
         "detections are used without them"
     ),
-    "time_missing": _missing("fields.time", "the stamp is used for all its detections"),
-    "sector_missing": _missing("fields.sector", "the sector is derived from the detections"),
-    "height_missing": _height_missing,
-    "code_missing": _missing("fields.code", "its codes are unknown"),
-    "address_missing": _missing("fields.address", "its addresses are unknown"),
-    "kind_missing": _missing("fields.kind", "the kind of sensor is assumed"),
-    "range_std_missing": _missing("fields.range_std", "range_std is used"),
-    "azimuth_std_missing": _missing("fields.azimuth_std", "azimuth_std_deg is used"),
-    "range_rate_missing": _missing("fields.range_rate", "its range rates are unknown"),
-    "range_rate_std_missing": _missing("fields.range_rate_std", "range_rate_std is used"),
+    "height_missing": lambda radar, _: _missing(radar, "height", _without_height(radar)),
     "clouds_missing": lambda radar, count: (
         f"{count} clouds are missing by the stamps: they were lost, or the driver sends no empty "
         "clouds; no target there counts as missed"

@@ -37,6 +37,7 @@ _CODES = {
     "uint64": "Q",
     "float": "f",
     "double": "d",
+    "octet": "c",
 }
 _SIZES = {code: struct.calcsize(code) for code in _CODES.values()}
 
@@ -48,8 +49,8 @@ class Writer:
     # Bytes written so far, without the encapsulation header.
     data: bytearray = field(default_factory=bytearray)
 
-    def put(self, code: str, *values: float) -> None:
-        """Append numbers of one `struct` code."""
+    def put(self, code: str, *values: float | bytes) -> None:
+        """Append numbers, or octets, of one `struct` code."""
         self.align(_SIZES[code])
         self.data += struct.pack(f"<{len(values)}{code}", *values)
 
@@ -122,8 +123,6 @@ def _put_of(kind: str) -> Put:
         return _put_entries_of(match[1])
     if kind in _CODES:
         return partial(_put_number, _CODES[kind])
-    if kind == "octet":
-        return _put_octet
     if kind.startswith("wstring"):
         raise TypeError(f"{kind}: wide strings cannot be written")
     return Writer.string if kind.startswith("string") else put_message
@@ -137,10 +136,6 @@ def _put_entries_of(kind: str) -> Put:
 
 def _put_number(code: str, writer: Writer, value: Any) -> None:
     writer.put(code, value)
-
-
-def _put_octet(writer: Writer, value: bytes) -> None:
-    writer.put("B", value[0])
 
 
 def _put_none(writer: Writer, _: object) -> None:

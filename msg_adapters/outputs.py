@@ -74,10 +74,6 @@ class View:
         return 0.0 if self.plane is None else self.plane.origin[2]
 
 
-def _always(_: View) -> bool:
-    return True
-
-
 # Equal only to itself, which makes it a cheap key of a dictionary.
 @dataclass(frozen=True, eq=False)
 class Output:
@@ -91,7 +87,8 @@ class Output:
     switch: str = ""  # Name by which a user enables the output; empty if it is always on
     usual: bool = True  # Whether the output is on by default
     latched: bool = False  # Whether late subscribers receive the last message
-    needs: Callable[[View], bool] = _always  # Returns whether the output applies to this tracker
+    # Returns whether the output applies to this tracker.
+    needs: Callable[[View], bool] = lambda _: True
     period_s: float = 0.0  # Shortest time between two messages, by the stamps of scans
     # True if its encoder keeps what it is given, and needs it even without subscribers.
     remembers: bool = False
