@@ -2,12 +2,12 @@ import pytest
 
 from msg_adapters import names
 from msg_adapters.readers import READERS
-from phd_jdtc_ros.configuration.tables import GROUPS
+from phd_jdtc_ros.configuration.sensor_kinds import TABLES
 
 
-def test_readers_are_what_radars_may_be_configured_to_send():
-    (message,) = [parameter for parameter in GROUPS["sensors"] if parameter.name == "message"]
-    assert message.choices == tuple(READERS)
+def test_readers_are_what_sensors_may_be_configured_to_send():
+    messages = [each for own in TABLES.values() for each in own if each.name == "message"]
+    assert [name for each in messages for name in each.choices] == [*READERS]
 
 
 @pytest.mark.parametrize("name", READERS)
