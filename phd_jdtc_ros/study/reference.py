@@ -27,8 +27,8 @@ from .runs import SimulatedRun, Tracks
 # Largest number of linearisations and their convergence: strict, because the reference must add no
 # error of its own and one target costs little.
 ITERATIONS, CONVERGED = 10, 1e-5
-
-
+# Standard deviations of a birth in the reference scenario, m and m/s.
+BIRTH_STD = (200.0, 40.0)
 # Spectral density of the acceleration for straight flight, m^2/s^3: the best, and smallest, of the
 # values 0.001 to 10 on seeds 9000 to 9009 of the scenarios without turns.
 BEST_NOISE = 0.001
@@ -156,19 +156,12 @@ def filter_target(
     return result
 
 
-def known_association(
-    run: SimulatedRun,
-    lags: Sequence[int],
-    noise_density: float = 1.0,
-    position_std: float = 200.0,
-    velocity_std: float = 40.0,
-) -> Tracks:
+def known_association(run: SimulatedRun, lags: Sequence[int], noise_density: float = 1.0) -> Tracks:
     """Return the estimates of a tracker that knows the source of every detection.
 
     Lags are in scans; 0 is the filter. Near the end of a target's life fewer later scans are used.
-    `noise_density` is the spectral density l of the constant-velocity model, m^2/s^3. The standard
-    deviations of the prior are about the true first position and about zero velocity, m and m/s;
-    the defaults are those of the reference scenario's births.
+    `noise_density` is the spectral density l of the constant-velocity model, m^2/s^3. The prior of
+    a target is `BIRTH_STD` about its true first position and about zero velocity.
 
     The set of a scan has the true number of targets and their true classes, in the truth's order.
     """
@@ -180,9 +173,7 @@ def known_association(
         for number, position in zip(truth.track_id, truth.position, strict=True)
     }
     targets = {
-        number: filter_target(
-            run, number, birth(position, model, position_std, velocity_std), model
-        )
+        number: filter_target(run, number, birth(position, model, *BIRTH_STD), model)
         for number, position in first.items()
     }
 

@@ -34,12 +34,12 @@ def record(category: int, items: Mapping[str, bytes], kind: str = "") -> bytes:
     return bytes(selection + body)
 
 
-def blocks(category: int, records: Iterable[bytes], most: int = MAX_BLOCK) -> list[bytes]:
-    """Return data blocks of at most `most` bytes with the records in order."""
+def blocks(category: int, records: Iterable[bytes]) -> list[bytes]:
+    """Return data blocks of at most `MAX_BLOCK` bytes with the records in order."""
     found: list[bytes] = []
     body = b""
     for each in records:
-        if body and len(body) + len(each) + 3 > most:
+        if body and len(body) + len(each) + 3 > MAX_BLOCK:
             found.append(_block(category, body))
             body = b""
         body += each

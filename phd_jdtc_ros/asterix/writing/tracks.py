@@ -175,8 +175,8 @@ def track_blocks(tracks: list[TrackReport], time_ns: int, source: Source) -> lis
     return blocks(62, [track_record(track, time_ns, source) for track in tracks])
 
 
-def status_block(time_ns: int, source: Source, batch: int, overloaded: bool = False) -> bytes:
-    """Encode the state of the tracker and the end of a batch as a data block of CAT065.
+def status_block(time_ns: int, source: Source, batch: int) -> bytes:
+    """Encode a tracker that works, and the end of a batch, as a data block of CAT065.
 
     `batch` is a running number, sent modulo 256.
     """
@@ -185,7 +185,7 @@ def status_block(time_ns: int, source: Source, batch: int, overloaded: bool = Fa
         "015": bytes([source.service]),
         "030": time_of_day(time_ns),
     }
-    status = {**who, "000": bytes([STATUS]), "040": bytes([0x20 * overloaded])}
+    status = {**who, "000": bytes([STATUS]), "040": bytes(1)}
     end = {**who, "000": bytes([END_OF_BATCH]), "020": bytes([batch % 256])}
     (block,) = blocks(65, [record(65, status), record(65, end)])
     return block

@@ -171,11 +171,11 @@ def test_blocks_fit_a_datagram_at_any_time_of_day():
 
 
 def test_state_of_the_tracker_and_the_end_of_a_batch():
-    status, end = decoded(tracks_out.status_block(3600 * NS, SOURCE, 300, overloaded=True))
+    status, end = decoded(tracks_out.status_block(3600 * NS, SOURCE, 300))
     for record in (status, end):
         assert record["category"] == 65
         assert (value(record, "I010", "SAC"), value(record, "I015", "SID")) == (25, 3)
         assert value(record, "I030", "ToD") == 3600.0
-    assert (value(status, "I000", "Typ"), value(status, "I040", "OVL")) == (1, 1)
+    assert (value(status, "I000", "Typ"), value(status, "I040", "OVL")) == (1, 0)
     assert value(status, "I040", "NOGO") == 0
     assert (value(end, "I000", "Typ"), value(end, "I020", "BTN")) == (2, 44)
