@@ -11,7 +11,7 @@ from msg_adapters import geodetic, vertical
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.types import SOURCES, Estimates
 
-from ..record import Record
+from ..record import Record, concatenate_rows
 from .packing import Columns
 
 # Largest number of frames of a page, which shows every second or third set of a longer run.
@@ -103,7 +103,7 @@ class EstimateRows:
         order = grid.begin(source, self._of("track_id").astype(np.int64), self._frame)
         datum = self._plane.origin[2] if self._plane is not None else 0.0
         unit = vertical.FLIGHT_LEVEL if flying else 1.0
-        upward = np.concatenate([np.zeros((0, 2)), *map(_upward, self._sets)])[order]
+        upward = concatenate_rows(map(_upward, self._sets), 2)[order]
         velocity, share = self._of("velocity", 2)[order], _shares(self._sets)[order]
         grid.add(source, self._of("position", 2)[order])
         variance, axes = np.linalg.eigh(self._of("position_covariance", 2, 2)[order])
@@ -112,7 +112,7 @@ class EstimateRows:
         columns = {
             "vx": 10.0 * velocity[:, 0],
             "vy": 10.0 * velocity[:, 1],
-            "course": np.concatenate([np.zeros(0), *map(self._course, self._sets)])[order],
+            "course": concatenate_rows(map(self._course, self._sets))[order],
             "level": np.where(known_level, (upward[:, 0] + datum) / unit, NO_LEVEL),
             "climb": 10.0 * np.nan_to_num(upward[:, 1]),
             "class": self._of("class_id")[order],
@@ -128,7 +128,7 @@ class EstimateRows:
             grid.columns.add(f"{source}.{name}", np.rint(values))
 
     def _of(self, name: str, *shape: int) -> FloatArray:
-        return np.concatenate([np.zeros((0, *shape)), *(getattr(e, name) for e in self._sets)])
+        return concatenate_rows((getattr(entry, name) for entry in self._sets), *shape)
 
     def _course(self, entry: Estimates) -> FloatArray:
         """Return courses, degrees clockwise from y, or from true north on the earth; 0 at rest."""
@@ -156,13 +156,13 @@ def _upward(entry: Estimates) -> FloatArray:
 
 
 def _shares(sets: Sequence[Estimates]) -> FloatArray:
-    shares = [e.class_probability[np.arange(len(e)), e.class_id] for e in sets]
-    return np.concatenate([np.zeros(0), *shares])
+    return concatenate_rows(e.class_probability[np.arange(len(e)), e.class_id] for e in sets)
 
 
 def known_heights(record: Record) -> FloatArray:
     """Return all known heights of estimates, metres above the world's zero."""
-    every = [_upward(e)[:, 0] for source in SOURCES for e in record.of_source(source)]
-    found = np.concatenate([np.zeros(0), *every])
+    found = concatenate_rows(
+        _upward(entry)[:, 0] for source in SOURCES for entry in record.of_source(source)
+    )
     known: FloatArray = found[np.isfinite(found)]
     return known
