@@ -72,7 +72,7 @@ def from_msg(cloud: PointCloud2, radar: RadarParameters) -> Report:
     """
     require_frame(cloud.header.frame_id, radar)
     present = set(point_cloud.field_names(cloud))
-    radar = _recognised(radar, present)
+    radar = _recognise_fields(radar, present)
     named = _wanted_fields(radar)
     missing = [w for w, (name, _) in named.items() if w not in REQUIRED and name not in present]
     wanted = dict(entry for what, entry in named.items() if what not in missing)
@@ -88,7 +88,7 @@ def from_msg(cloud: PointCloud2, radar: RadarParameters) -> Report:
     return replace(report, anomalies=report.anomalies + lacking) if lacking else report
 
 
-def _recognised(radar: RadarParameters, present: Collection[str]) -> RadarParameters:
+def _recognise_fields(radar: RadarParameters, present: Collection[str]) -> RadarParameters:
     """Return a radar's layout with the names that a cloud uses for missing fields."""
     lacking = {
         quantity: names

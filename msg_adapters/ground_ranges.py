@@ -10,8 +10,8 @@ from phd_jdtc_ros.core.sensors.slant_range import (
     MAX_HEIGHT,
     MIN_SLANT_RANGE,
     Ground,
-    over_ground,
     slant_of,
+    to_ground,
 )
 from phd_jdtc_ros.core.types import Detections
 
@@ -37,7 +37,7 @@ def read(
     distance = np.where(finite, distance, 0.0)
     if radar.site is not None:
         angle = np.where(finite, azimuth, 0.0)
-        found = over_ground(radar.site, radar.assumed_height, distance, angle, height, elevation)
+        found = to_ground(radar.site, radar.assumed_height, distance, angle, height, elevation)
     else:
         found = _flat(distance, azimuth, elevation, height, radar.height + radar.datum)
     return found._replace(possible=found.possible | ~finite | (distance < 0.0))

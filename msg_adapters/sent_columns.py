@@ -51,13 +51,12 @@ def _sector(detections: Detections, _: int, radar: RadarParameters) -> npt.NDArr
 
 
 def _time(detections: Detections, stamp_ns: int, radar: RadarParameters) -> FloatArray:
-    time_s = _known(detections.time_s, detections, 0.0)
-    return sent_time(time_s, stamp_ns, radar)
+    return sent_time(fill(detections.time_s, len(detections), 0.0), stamp_ns, radar)
 
 
 def _kind(detections: Detections, _: int, __: RadarParameters) -> npt.NDArray[Any]:
-    kind = np.zeros(len(detections)) if detections.kind is None else detections.kind
-    return np.maximum(kind, 0).astype(np.uint8)
+    kind: npt.NDArray[Any] = np.maximum(fill(detections.kind, len(detections), 0.0), 0)
+    return kind.astype(np.uint8)
 
 
 def _azimuth_std(detections: Detections, _: int, radar: RadarParameters) -> FloatArray:
@@ -70,8 +69,9 @@ def _noise_std(detections: Detections) -> FloatArray:
     return np.full((len(detections), 2), np.nan) if own is None else own
 
 
-def _known(column: FloatArray | None, detections: Detections, usual: float) -> FloatArray:
-    return np.full(len(detections), usual) if column is None else column
+def fill(column: npt.NDArray[Any] | None, count: int, unknown: float) -> npt.NDArray[Any]:
+    """Return an optional column of `count` detections, filled with `unknown` if it is None."""
+    return np.full(count, unknown) if column is None else column
 
 
 # The optional columns by quantity, of detections, the report's stamp and the radar.
@@ -85,8 +85,8 @@ _COLUMNS: Mapping[str, Callable[[Detections, int, RadarParameters], npt.NDArray[
     "kind": _kind,
     "range_std": lambda own, _, __: _noise_std(own)[:, 0],
     "azimuth_std": _azimuth_std,
-    "range_rate": lambda own, _, __: _known(own.range_rate, own, np.nan),
-    "range_rate_std": lambda own, _, __: _known(own.range_rate_std, own, np.nan),
+    "range_rate": lambda own, _, __: fill(own.range_rate, len(own), np.nan),
+    "range_rate_std": lambda own, _, __: fill(own.range_rate_std, len(own), np.nan),
 }
 
 

@@ -80,7 +80,7 @@ class Parameters:
         Raise `ConfigError` with all faults.
         """
         values = self.values(columns)
-        faults = [] if self.whole or blank else self._needed(values, columns)
+        faults = [] if self.whole or blank else self._missing(values, columns)
         of_radars = {parameter.name for parameter in GROUPS["sensors"]}
         faults += [
             f"{name}: unknown parameter, did you mean {self.radars[0]}.{name}?"
@@ -129,7 +129,7 @@ class Parameters:
             found.pop("detection_births.rates", None)
         return found
 
-    def _needed(self, values: Mapping[str, Any], columns: Collection[str]) -> list[str]:
+    def _missing(self, values: Mapping[str, Any], columns: Collection[str]) -> list[str]:
         """Return a fault for each required parameter that is missing."""
         positions = {*POSITION} <= {*columns}
         of_radars = [

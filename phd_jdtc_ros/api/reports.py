@@ -46,7 +46,7 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[RadarReport]:
         if not len(rows):
             continue
         radar = config.radars[index]
-        sent = _sent({name: column[rows] for name, column in columns.items()}, config, index)
+        sent = _columns_of({name: column[rows] for name, column in columns.items()}, config, index)
         timed = radar.fields.time == TIME
         stamp_ns = _ends_ns(time_ns[rows], radar) if timed else time_ns[rows]
         parts = {int(stamp_ns[part[0]]): part for part in rows_by_stamp(stamp_ns)}
@@ -61,7 +61,7 @@ def report_of(stamp_ns: int, columns: Columns, config: TrackerConfig, index: int
     """Return one radar's report, by its index; `columns` are empty without detections."""
     count = len(next(iter(columns.values()), ()))
     none: FloatArray = np.zeros(0)
-    sent = _sent(columns, config, index) if count else {"range": none, "azimuth": none}
+    sent = _columns_of(columns, config, index) if count else {"range": none, "azimuth": none}
     return _report(stamp_ns, sent, np.arange(count), config.radars[index])
 
 
@@ -101,7 +101,7 @@ def _quiet_ns(ends_ns: Sequence[int], step_ns: int) -> list[int]:
     return quiet
 
 
-def _sent(columns: Columns, config: TrackerConfig, index: int) -> selection.Columns:
+def _columns_of(columns: Columns, config: TrackerConfig, index: int) -> selection.Columns:
     """Return the columns of one radar by quantity, in the radar's convention."""
     radar = config.radars[index]
     names = sent_columns.names_of(radar)

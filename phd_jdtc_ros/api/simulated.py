@@ -16,16 +16,15 @@ from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
-from phd_jdtc_ros.core.types import Detections, Truth
+from phd_jdtc_ros.core.types import Truth
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
-from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario, truth_at
-from phd_jdtc_ros.simulation.simulate import simulate as scans_of
-from phd_jdtc_ros.simulation.turning_antenna import check_sites, simulate_reports
+from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
+from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, check_sites, observe
 
 from .reports import TIME
-from .tables import Column, structured
+from .tables import Column, structured_array
 
 SHIPPED = Path("config", "scenarios")
 
@@ -66,21 +65,7 @@ def simulate(
         raise ConfigError(["platform: given, must be absent, because tables have no poses"])
     check_sites(config.radars)
     names = [kind.name for kind in config.model.modes.classes]
-    if run.turning:
-        truths = [truth_at(run, scan) for scan in range(run.scans)]
-        reports = [
-            (each.stamp_ns, each.radar, each.detections)
-            for each in simulate_reports(run, config.radars, seed)
-        ]
-    else:
-        seen = scans_of(run, seed)
-        truths = [truth for truth, _ in seen]
-        reports = [
-            (scan.stamp_ns, radar, found)
-            for _, scan in seen
-            for radar, found in enumerate(scan.detections)
-            if found is not None
-        ]
+    truths, reports = observe(run, config.radars, seed)
     return Simulated(
         _detections(reports, config.radars), _truth(truths, run, names), dict(config.values)
     )
@@ -103,9 +88,7 @@ def _config(parameters: Mapping[str, Any]) -> TrackerConfig:
     return resolve({**config.values, **changes}, SystemPlane)
 
 
-def _detections(
-    reports: Sequence[tuple[int, int, Detections]], inputs: Sequence[RadarParameters]
-) -> Column:
+def _detections(reports: Sequence[SimulatedReport], inputs: Sequence[RadarParameters]) -> Column:
     """Return reports as a table with the columns of all radars."""
     own = [sent_columns.names_of(radar).values() for radar in inputs]
     names = [name for name in dict.fromkeys(chain.from_iterable(own)) if name != TIME]
@@ -115,7 +98,7 @@ def _detections(
         *((name, np.float64) for name in names),
     ]
     parts = []
-    for stamp_ns, index, found in reports:
+    for index, stamp_ns, found, _ in reports:
         radar = inputs[index]
         sent = sent_columns.of(found, stamp_ns, radar) if len(found) else {}
         time = sent[TIME] if radar.fields.time and sent else stamp_ns / 1e9
@@ -123,7 +106,7 @@ def _detections(
             name: _number(sent[name]) if name in own[index] and sent else np.nan for name in names
         }
         parts.append((max(len(found), 1), {TIME: time, "radar": radar.name, **columns}))
-    return structured(dtype, parts)
+    return structured_array(dtype, parts)
 
 
 def _number(column: Column) -> Column:
@@ -146,4 +129,4 @@ def _truth(truths: Sequence[Truth], run: Scenario, class_names: Sequence[str]) -
         columns = each.stamp_ns / 1e9, each.track_id, np.array(names)[each.class_id]
         values = (*columns, x, y, vx, vy, height)
         parts.append((len(each.track_id), {n: v for (n, _), v in zip(dtype, values, strict=True)}))
-    return structured(dtype, parts)
+    return structured_array(dtype, parts)

@@ -182,10 +182,10 @@ def table_of(found: Sequence[Estimates], class_names: Sequence[str]) -> Column:
         *((name, np.int64) for name in ("code", "address")),
         ("covariance", np.float64, (4, 4)),
     ]
-    return structured(dtype, [(len(each), _columns(each, class_names)) for each in found])
+    return structured_array(dtype, [(len(each), _columns(each, class_names)) for each in found])
 
 
-def structured(dtype: Any, parts: Sequence[tuple[int, Mapping[str, Any]]]) -> Column:
+def structured_array(dtype: Any, parts: Sequence[tuple[int, Mapping[str, Any]]]) -> Column:
     """Return a structured array of parts: the number of rows, and columns or single values."""
     table = np.zeros(sum(count for count, _ in parts), dtype=dtype)
     begin = 0

@@ -16,6 +16,7 @@ from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.types import Detections, Estimates
 from phd_jdtc_ros.feed.feed import Feed
 from phd_jdtc_ros.feed.tally import Tally
+from phd_jdtc_ros.quoting import counts_text
 
 from .parameters import Parameters
 from .reports import TIME, beyond_any_range, report_of, reports_of
@@ -264,7 +265,7 @@ class _Run:
         """Yield each warning once."""
         used, dropped = self.tally.used, self.tally.dropped
         if used.lost:
-            reasons = ", ".join(f"{reason} {count}" for reason, count in dropped.items())
+            reasons = counts_text(dropped)
             yield f"{used.lost.total()} of {used.offered} detections were not used: {reasons}"
         for radar, text in self.tally.about_radars():
             yield f"{self.config.inputs[radar].name}: {text}"
@@ -275,6 +276,6 @@ class _Run:
             if isinstance(event, RunEnded):
                 self._smoothed += event.smoothed
                 continue
-            self.tally.stepped(event)
+            self.tally.note_step(event)
             self._filtered += event.step.filtered
             self._smoothed += event.step.smoothed

@@ -96,7 +96,7 @@ class Assembler:
         """Add a plot, and return the reports that it completes."""
         # A single plot with a wrong time does not show that the crossings have ended.
         known_ns, self._plot_ns = min(time_ns, self._plot_ns), time_ns
-        lost = self._lost(known_ns) if known_ns > self._phase_ns else []
+        lost = self._end_if_lost(known_ns) if known_ns > self._phase_ns else []
         if self._begin is None:
             return lost + self._record_slices(self._slicer.add(plot, time_ns))
         number = self._keep(plot, time_ns)
@@ -158,7 +158,7 @@ class Assembler:
                 self._slicer.keep(plot, own_ns)
         return self._record_slices(self._slicer.finish())
 
-    def _lost(self, time_ns: int) -> list[SectorReport]:
+    def _end_if_lost(self, time_ns: int) -> list[SectorReport]:
         """Return the pending reports if the antenna's azimuth has become unknown, else none."""
         turn_s = self.turn_s or LONGEST_TURN_S
         if self._begin is None or abs(time_ns - self._phase_ns) <= TURNS_LOST * turn_s * 1e9:
@@ -173,7 +173,7 @@ class Assembler:
 
     def _advance(self, azimuth: float, time_ns: int) -> list[SectorReport]:
         """Move the antenna to an azimuth, and return the sectors that this completes."""
-        found = self._lost(time_ns)
+        found = self._end_if_lost(time_ns)
         if self._begin is None:
             self._phase, self._phase_ns = azimuth, time_ns
             return found + self._record_slices(self._slicer.advance(time_ns))

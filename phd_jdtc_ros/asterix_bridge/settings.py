@@ -15,6 +15,7 @@ from phd_jdtc_ros.asterix.transport import udp
 from phd_jdtc_ros.asterix.writing.tracks import Source
 from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns
 from phd_jdtc_ros.configuration import replaced
+from phd_jdtc_ros.configuration.place_forms import PLACE
 from phd_jdtc_ros.configuration.schema import (
     ConfigError,
     Parameter,
@@ -86,6 +87,7 @@ class OfRadar(OfAnyRadar):
         "Latitude and longitude (WGS84, degrees) and height (m) of the antenna, for the "
         "parameters beside a bag. Empty if the radar reports them (I034/120) or they are "
         "unknown.",
+        form=PLACE,
     )
 
 
@@ -128,6 +130,7 @@ class Out:
         [],
         "Latitude and longitude (degrees) and height (m) of the map's origin, as in the tracker. "
         "Empty for tracks without latitudes and longitudes.",
+        form=PLACE,
     )
     output_heights: str = parameter(
         "pressure",
@@ -233,8 +236,7 @@ def _faults(values: Mapping[str, Any]) -> list[str]:
         if other != name:
             sac, sic = map(int, values[f"{name}.source"])
             faults.append(f"{name}.source: {sac}/{sic} given, {other} has it too")
-        faults += _place_faults(f"{name}.geodetic", values[f"{name}.geodetic"])
-    return faults + _place_faults("world_origin", values["world_origin"])
+    return faults
 
 
 def _address_faults(values: Mapping[str, Any]) -> list[str]:
@@ -253,16 +255,6 @@ def _address_faults(values: Mapping[str, Any]) -> list[str]:
     except ValueError:
         faults.append(f"interface: {interface} given, must be an IPv4 address")
     return faults
-
-
-def _place_faults(name: str, place: list[float]) -> list[str]:
-    if not place:
-        return []
-    try:
-        SystemPlane(place)
-    except ValueError as error:
-        return [f"{name}{str(error).removeprefix('origin')}"]
-    return []
 
 
 def _number(values: Mapping[str, Any], name: str) -> int:

@@ -126,7 +126,7 @@ class InnovationMonitor:
     def fits(self) -> list[Fit]:
         """Return the comparison of each radar's innovations with its noise."""
         self._fits = [
-            _with_verdict(_fit(radar, innovations), before, _learned(radar))
+            _with_verdict(_fit(radar, innovations), before, _learns_noise(radar))
             for radar, innovations, before in zip(
                 self._model.radars, self._innovations, self._fits, strict=True
             )
@@ -162,7 +162,7 @@ def _process_noise(motions: Sequence[MotionModel], dt: float) -> float:
     )
 
 
-def _learned(radar: Sensor) -> bool:
+def _learns_noise(radar: Sensor) -> bool:
     """Return whether the noise of a component is learned."""
     return radar.noise_factor is not None and bool(radar.noise_factor.learned[:2].any())
 

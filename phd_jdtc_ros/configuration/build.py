@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from phd_jdtc_ros.core.gaussian.bounds import Bounds
 from phd_jdtc_ros.core.intake.antenna import MIN_PERIOD_S
-from phd_jdtc_ros.core.intake.input_checks import ReportWatch
+from phd_jdtc_ros.core.intake.input_checks import ReportCheck
 from phd_jdtc_ros.core.intake.poses import Platform
 from phd_jdtc_ros.core.intake.scans import ScanGrouper
 from phd_jdtc_ros.core.intake.turns import Turns
@@ -189,9 +189,9 @@ class TrackerConfig(Tracking):
             for radar, model in zip(self.inputs, self.model.radars, strict=True)
         )
 
-    def watches(self) -> tuple[ReportWatch, ...]:
+    def report_checks(self) -> tuple[ReportCheck, ...]:
         """Return new checks of each sensor's reports, in the configured order."""
-        return tuple(KINDS[sensor.kind].watch(sensor) for sensor in self.inputs)
+        return tuple(KINDS[sensor.kind].report_check(sensor) for sensor in self.inputs)
 
 
 def resolve(

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from phd_jdtc_ros.core.engine import Engine, OnFiltered, give_to_nobody
-from phd_jdtc_ros.core.intake.input_checks import ResultWatch
+from phd_jdtc_ros.core.intake.input_checks import ResultCheck
 from phd_jdtc_ros.core.intake.out_of_sequence import OutOfSequence
 from phd_jdtc_ros.core.intake.turn_history import TurnHistory
 from phd_jdtc_ros.core.pipeline import Pipeline, start_cold
@@ -92,8 +92,8 @@ def new_pipeline(
         engine,
         begin,
         turns=turns,
-        watches=config.watches(),
-        results=ResultWatch(config.model.modes.interval_s),
+        report_checks=config.report_checks(),
+        results=ResultCheck(config.model.modes.interval_s),
         platforms=platforms,
         out_of_sequence=OutOfSequence(engine, len(turns), config.late_reports == "rework"),
         histories=histories,

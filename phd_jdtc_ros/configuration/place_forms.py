@@ -51,7 +51,7 @@ POSE = Form(
 )
 
 
-def _listed(
+def _list_form(
     allowed: str,
     sound: Callable[[list[float]], bool],
     value: Callable[[list[float]], Any] = lambda given: given,
@@ -77,28 +77,28 @@ def is_region(region: Sequence[float]) -> bool:
 
 # Largest biases: range, m; range gain, m per m; azimuth, degrees; time, s.
 MOST_BIAS = (1e5, 0.5, 180.0, 60.0)
-POSITION = _listed(
+POSITION = _list_form(
     "a list of 2 or 3 finite numbers",
     lambda given: len(given) in (2, 3),
     lambda given: (*given, 0.0)[:3],
 )
-PLACE = _listed(
+PLACE = _list_form(
     "empty or a latitude from -90 to 90 degrees, a longitude from -360 to 360 degrees and a height "
     "in metres",
     lambda given: not given or (len(given) == 3 and abs(given[0]) <= 90 and abs(given[1]) <= 360),
 )
-HEIGHT = _listed(
+HEIGHT = _list_form(
     "empty or one height from -10000 to 100000",
     lambda given: not given or (len(given) == 1 and -1e4 <= given[0] <= 1e5),
     lambda given: given[0] if given else None,
 )
-REGION = _listed(
+REGION = _list_form(
     "empty or [x_min, y_min, x_max, y_max], and a margin of at least 0, with the third above the "
     "first and the fourth above the second, all from -1e6 to 1e6",
     lambda given: not given or (is_region(given) and max(map(abs, given)) <= 1e6),
     lambda given: Region(*given) if given else None,
 )
-BIASES = _listed(
+BIASES = _list_form(
     "4 numbers: range within 100000 m, gain within 0.5, azimuth within 180 degrees, time within "
     "60 s",
     lambda given: (

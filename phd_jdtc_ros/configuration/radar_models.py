@@ -11,7 +11,7 @@ from phd_jdtc_ros.core.clutter.grid import GroundGrid, PolarGrid
 from phd_jdtc_ros.core.clutter.map import ClutterMap
 from phd_jdtc_ros.core.clutter.multipath import Multipath
 from phd_jdtc_ros.core.clutter.rate import ClutterCount
-from phd_jdtc_ros.core.intake.input_checks import FAR, SLOW_TURN, ReportWatch
+from phd_jdtc_ros.core.intake.input_checks import FAR, SLOW_TURN, ReportCheck
 from phd_jdtc_ros.core.learned.correlation import Correlation
 from phd_jdtc_ros.core.learned.detection_factor import DetectionFactor
 from phd_jdtc_ros.core.learned.noise_factor import NoiseFactor
@@ -113,7 +113,7 @@ def _sector(begin_deg: float, end_deg: float, compass: bool) -> Coverage:
     return Coverage(math.radians(start), min(math.radians(width), FULL_TURN))
 
 
-def radar_watch(radar: RadarParameters) -> ReportWatch:
+def report_check(radar: RadarParameters) -> ReportCheck:
     """Return the checks of a radar's reports against its configuration."""
     visibility = _visibility(radar)
     whole = visibility.fov.width > FULL_TURN - TURN_TOLERANCE
@@ -123,7 +123,7 @@ def radar_watch(radar: RadarParameters) -> ReportWatch:
         or not radar.named_fields
         or radar.assumed_height is not None
     )
-    return ReportWatch(
+    return ReportCheck(
         by_sectors=radar.sectors > 1,
         whole_turn=whole and not visibility.blind and not radar.rotation_s,
         slant_ranges=radar.rotation_s > SLOW_TURN and radar.max_range > FAR and not ground_known,

@@ -10,12 +10,12 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
-from phd_jdtc_ros.core.intake.input_checks import ReportWatch
+from phd_jdtc_ros.core.intake.input_checks import ReportCheck
 from phd_jdtc_ros.core.sensors.sensor import Sensor
 
 from . import radar_checks
 from .parameters import Parts
-from .radar_models import radar_model, radar_watch
+from .radar_models import radar_model, report_check
 from .radar_parameters import RadarParameters
 from .schema import Parameter, table
 from .sensor_parameters import SensorParameters
@@ -32,12 +32,12 @@ class SensorKind(Generic[S]):
     # Checks of its parameters, each with a line per fault.
     checks: tuple[Callable[[S, Parts], Iterator[str]], ...] = ()
     # Returns the checks of its reports against its configuration.
-    watch: Callable[[S], ReportWatch] = lambda _: ReportWatch()
+    report_check: Callable[[S], ReportCheck] = lambda _: ReportCheck()
 
 
 # By the value of ``kind``. The first one is the default.
 KINDS: Mapping[str, SensorKind[Any]] = {
-    "radar": SensorKind(RadarParameters, radar_model, radar_checks.CHECKS, radar_watch),
+    "radar": SensorKind(RadarParameters, radar_model, radar_checks.CHECKS, report_check),
 }
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from .engine import Engine, OnFiltered, Step, give_to_nobody
-from .intake.input_checks import ReportWatch, ResultWatch
+from .intake.input_checks import ReportCheck, ResultCheck
 from .intake.out_of_sequence import OutOfSequence
 from .intake.posed_reports import PosedReports
 from .intake.poses import Platform, PoseFault
@@ -65,12 +65,12 @@ class Pipeline:
     before the next call.
 
     `begin` is called with the engine and the stamp of a run's first scan before that scan is
-    stepped; it may restore the engine. `turns`, `watches` and `platforms` are in the configured
-    order of the radars; the platform of a fixed radar is None. `out_of_sequence` steps the same
-    engine. `histories` are, by index, those of the turning radars whose out-of-sequence reports are
-    recut; they share their `turns`. `tuned` are the engine's model and rule, which the pipeline
-    adapts to the estimated antenna rotation. `on_filtered` gets the filtered estimates of each
-    step before the smoothing, which takes as long again; the step's event has them too.
+    stepped; it may restore the engine. `turns`, `report_checks` and `platforms` are in the
+    configured order of the radars; the platform of a fixed radar is None. `out_of_sequence` steps
+    the same engine. `histories` are, by index, those of the turning radars whose out-of-sequence
+    reports are recut; they share their `turns`. `tuned` are the engine's model and rule, which the
+    pipeline adapts to the estimated antenna rotation. `on_filtered` gets the filtered estimates of
+    each step before the smoothing, which takes as long again; the step's event has them too.
     """
 
     def __init__(
@@ -80,8 +80,8 @@ class Pipeline:
         begin: Callable[[Engine, int], None],
         *,
         turns: Sequence[Turns],
-        watches: Sequence[ReportWatch],
-        results: ResultWatch,
+        report_checks: Sequence[ReportCheck],
+        results: ResultCheck,
         platforms: Sequence[Platform | None],
         out_of_sequence: OutOfSequence,
         histories: Mapping[int, TurnHistory],
@@ -90,7 +90,7 @@ class Pipeline:
         on_filtered: OnFiltered = give_to_nobody,
     ) -> None:
         self.engine = engine
-        self._turns, self._watches, self._results = turns, watches, results
+        self._turns, self._report_checks, self._results = turns, report_checks, results
         self._grouper, self._out_of_sequence, self._histories = grouper, out_of_sequence, histories
         self._region, self._tuned = region, tuned
         self._posed = PosedReports(platforms)
@@ -120,7 +120,7 @@ class Pipeline:
         in the configured order, and `sector` the sector's number, if the report contains it.
         """
         turns = self._turns[radar]
-        for finding in self._watches[radar].add(detections):
+        for finding in self._report_checks[radar].add(detections):
             if finding != "sectors_not_configured" or not turns.period_s:
                 turns.anomalies[finding] += 1
         history, nominal_s = self._histories.get(radar), turns.nominal_period_s
@@ -187,7 +187,7 @@ class Pipeline:
         since_ns, closed_ns = self._out_of_sequence.since_ns(), self._grouper.closed_ns
         if since_ns is None or closed_ns is None or not since_ns < stamp_ns <= closed_ns:
             return Rejection.LATE
-        if self._out_of_sequence.reported(radar, stamp_ns):
+        if self._out_of_sequence.has_report(radar, stamp_ns):
             return Rejection.DUPLICATE
         if not self._out_of_sequence.spend(stamp_ns, 0):
             return Rejection.LATE_BURST
@@ -247,7 +247,7 @@ class Pipeline:
     def _group_released(self, everything: bool = False) -> list[Scan | Reset]:
         """Return the scans closed by reports that no longer wait for poses, or by all reports."""
         closed: list[Scan | Reset] = []
-        for report in self._posed.released(everything):
+        for report in self._posed.release(everything):
             if report.detections is None:
                 self._drops[report.radar][POSE_MISSING] += 1
                 continue
@@ -304,7 +304,7 @@ class Pipeline:
             since_ns = self._out_of_sequence.since_ns()
             for history in self._histories.values():
                 history.forget_before(event.stamp_ns if since_ns is None else since_ns)
-            due = self._results.stepped(event, step)
+            due = self._results.note_step(event, step)
             yield Stepped(event, step, self._results.scans if due else 0)
 
     def _hand_over(self, filtered: tuple[Estimates, ...]) -> None:

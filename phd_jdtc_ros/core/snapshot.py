@@ -138,12 +138,12 @@ class Stateful(Protocol):
 def shared_state(owner: Stateful) -> dict[str, Any]:
     """Return the state of an object, for `restore_shared`; its values are shared."""
 
-    def saved(value: Any) -> Any:
+    def save(value: Any) -> Any:
         if hasattr(value, "STATE"):
             return shared_state(value)
         return value.bit_generator.state if isinstance(value, np.random.Generator) else copy(value)
 
-    return {name: saved(getattr(owner, name)) for name in owner.STATE}
+    return {name: save(getattr(owner, name)) for name in owner.STATE}
 
 
 def restore_shared(owner: Stateful, state: Mapping[str, Any]) -> None:

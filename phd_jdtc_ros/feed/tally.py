@@ -129,7 +129,7 @@ class Tally:
         """Count a pose that is not used, once for each cause."""
         self.dropped.update({f"pose_{fault.value}" for fault in faults})
 
-    def stepped(self, event: Stepped) -> None:
+    def note_step(self, event: Stepped) -> None:
         """Record whether targets were found."""
         self._targets_seen |= event.step.targets > 0
         self._overdue = event.scans_without_targets or self._overdue

@@ -61,7 +61,7 @@ def from_arguments(
 ) -> dict[str, Any]:
     """Return a node's parameters from files and assignments; later values override."""
 
-    def assigned(assignment: str) -> dict[str, Any]:
+    def assign(assignment: str) -> dict[str, Any]:
         name, separator, value = assignment.partition(":=")
         if not value:
             hint = yaml_files.EMPTY_STRING if separator else ""
@@ -69,6 +69,6 @@ def from_arguments(
         return {name: yaml_files.parse(value, f"-p {yaml_files.one_line(assignment)}")}
 
     sources = [*(partial(load, path, node) for path in paths)]
-    sources += [partial(assigned, assignment) for assignment in assignments]
+    sources += [partial(assign, assignment) for assignment in assignments]
     parts = read_each(lambda source: source(), sources)
     return {name: value for part in parts for name, value in part.items()}

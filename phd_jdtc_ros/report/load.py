@@ -155,8 +155,8 @@ def posed_reports(
         except RejectedMessageError as error:
             if entry.topic in radar_of:
                 dropped[radar_of[entry.topic]][error.reason] += 1
-        yield from pending.released()
-    yield from pending.released(everything=True)
+        yield from pending.release()
+    yield from pending.release(everything=True)
 
 
 def _plots(report: PosedReport, model: Sensor) -> Iterator[RadarPlots]:

@@ -26,7 +26,7 @@ PLACE = Parameter("", [0.0, 0.0], "Latitude and longitude, degrees.", -180.0, 36
 T = TypeVar("T")
 
 
-def converted(
+def converted_parameter(
     default: Any,
     description: str,
     bounds: tuple[float, float],
@@ -44,18 +44,18 @@ def degrees(
     default: float, description: str, bounds: tuple[float, float], name: str, **more: Any
 ) -> Any:
     """Return a field in radians of a parameter in degrees."""
-    return converted(default, description, bounds, math.radians, name, **more)
+    return converted_parameter(default, description, bounds, math.radians, name, **more)
 
 
 def pair(description: str, **more: Any) -> Any:
     """Return a field of x and y."""
-    return converted([0.0, 0.0], description, UNBOUNDED, tuple, length=2, **more)
+    return converted_parameter([0.0, 0.0], description, UNBOUNDED, tuple, length=2, **more)
 
 
 def signal_to_noise(default_db: float, **more: Any) -> Any:
     """Return a field of a linear signal-to-noise ratio, which the document gives in decibels."""
     text, bounds = "Mean signal-to-noise ratio, dB.", (-100.0, 200.0)
-    return converted(default_db, text, bounds, snr_from_db, "snr_db", **more)
+    return converted_parameter(default_db, text, bounds, snr_from_db, "snr_db", **more)
 
 
 def take(

@@ -110,7 +110,7 @@ class TurningRadar:
         parts = [Looks(*nothing, np.zeros(0, dtype=np.int64))]
         for number, flight in enumerate(self.scenario.flights, start=1):
             time = self.passes(flight)
-            seen = self._is_among_nearest(flight, time) & ~self.scenario.hidden(number, time)
+            seen = self._is_among_nearest(flight, time) & ~self.scenario.is_hidden(number, time)
             parts.append(self._looks_at(number, time[seen]))
         return Looks(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
@@ -125,7 +125,7 @@ class TurningRadar:
         time = self.times_at(self.antenna.turns_to(plane[:, 1]) + np.arange(np.ceil(self.end)))
         flight = self.scenario.flights[number - 1]
         time = time[(time >= max(flight.start_s, 0.0)) & (time <= flight.end_s)]
-        found = self._looks_at(number, time[~self.scenario.hidden(number, time)])
+        found = self._looks_at(number, time[~self.scenario.is_hidden(number, time)])
         azimuth = self.measure(state, zero, zero)[0, 1]
         exact = np.stack([found.exact[:, 0], np.full(len(found.exact), azimuth)], axis=1)
         return found._replace(exact=exact)

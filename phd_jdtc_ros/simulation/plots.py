@@ -40,7 +40,7 @@ def plots_of(radar: TurningRadar, rng: np.random.Generator) -> SimulatedPlots:
     own = radar.looks()
     snr = np.array([0.0, *(flight.snr for flight in radar.scenario.flights)])[own.source]
     observed = observe(own.exact, snr, radar.model, rng)
-    targets = _detected(radar, own.time_s, own.exact, observed, own.source, own.source)
+    targets = _detect(radar, own.time_s, own.exact, observed, own.source, own.source)
     parts = (
         targets,
         _clutter(radar, rng),
@@ -55,7 +55,7 @@ def plots_of(radar: TurningRadar, rng: np.random.Generator) -> SimulatedPlots:
     return every.take(np.argsort(every.turns, kind="stable"))
 
 
-def _detected(
+def _detect(
     radar: TurningRadar,
     time_s: FloatArray,
     exact: FloatArray,
@@ -84,7 +84,7 @@ def _reflector_plots(radar: TurningRadar, rng: np.random.Generator) -> Iterator[
             times.append(time)
         true, time = np.concatenate(exact), np.concatenate(times)
         none = np.zeros(len(true), dtype=np.int64)
-        yield _detected(radar, time, true, kind.measure(true, radar.model, rng), none, none)
+        yield _detect(radar, time, true, kind.measure(true, radar.model, rng), none, none)
 
 
 def _mirror_plots(radar: TurningRadar, rng: np.random.Generator) -> Iterator[SimulatedPlots]:
@@ -102,7 +102,7 @@ def _mirror_plots(radar: TurningRadar, rng: np.random.Generator) -> Iterator[Sim
             reflected = observed.seen & mirror.reflects(position, radar.model, rng)
             observed = observed._replace(seen=reflected)
             none = np.zeros(len(exact), dtype=np.int64)
-            yield _detected(radar, own.time_s, exact, observed, none, own.source)
+            yield _detect(radar, own.time_s, exact, observed, none, own.source)
 
 
 def _clutter(radar: TurningRadar, rng: np.random.Generator) -> SimulatedPlots:

@@ -149,7 +149,7 @@ class Scenario:
             for number, flight in enumerate(self.flights, start=1)
         }
 
-    def hidden(self, number: int, time_s: FloatArray) -> BoolArray:
+    def is_hidden(self, number: int, time_s: FloatArray) -> BoolArray:
         """Return whether a target, by number from 1, is in a gap at times after scan 0, (N,)."""
         return in_gap(self.gaps, number, time_s)
 

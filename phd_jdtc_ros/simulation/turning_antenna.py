@@ -7,7 +7,7 @@
       |  detection, noise, clutter               plots_of
     SimulatedPlots of a radar, ordered by time
       |  by turn or by sector                    reports_of
-      |  slant ranges to the plane               to_plane
+      |  slant ranges to the plane               _read
     SimulatedReport: stamp, detections, sources
 
 A seed gives the same plots whether they are reported by turn or by sector.
@@ -24,14 +24,14 @@ import numpy as np
 from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
-from phd_jdtc_ros.core.sensors.slant_range import HeightProjection, over_ground
-from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Coverage, Detections
+from phd_jdtc_ros.core.sensors.slant_range import HeightProjection, to_ground
+from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Coverage, Detections, Truth
 
 from .antenna import Antenna
 from .looks import TurningRadar
 from .plots import SimulatedPlots, plots_of
 from .scenario import Scenario, truth_at
-from .simulate import detect_scan, scan_replies
+from .simulate import detect_scan, scan_replies, simulate_with_sources
 
 # Kinds of plots, the TYP of I048/020.
 PRIMARY, COMBINED = 1, 3
@@ -64,6 +64,26 @@ def simulate_reports(
             reports += _staring_reports(scenario, index, layout, rng, seed)
     reports = [_add_bias(report, scenario) for report in reports]
     return sorted(reports, key=lambda report: (report.stamp_ns, report.radar))
+
+
+def observe(
+    scenario: Scenario, inputs: Sequence[RadarParameters], seed: int
+) -> tuple[list[Truth], list[SimulatedReport]]:
+    """Return the truth at every scan and the reports of all radars, both ordered by stamp.
+
+    Reports of a scan of staring radars have its stamp; see `simulate_reports` for the others.
+    """
+    if scenario.turning:
+        truths = [truth_at(scenario, scan) for scan in range(scenario.scans)]
+        return truths, simulate_reports(scenario, inputs, seed)
+    run = simulate_with_sources(scenario, seed)
+    reports = [
+        SimulatedReport(index, scan.stamp_ns, found, sources[index])
+        for _, scan, sources in run
+        for index, found in enumerate(scan.detections)
+        if found is not None
+    ]
+    return [truth for truth, _, _ in run], reports
 
 
 def check_sites(inputs: Sequence[RadarParameters]) -> None:
@@ -135,7 +155,7 @@ def reports_of(radar: TurningRadar, plots: SimulatedPlots, seed: int = 0) -> lis
         )
         source = plots.source[rows]
         if scenario.transponders is not None:
-            found = _as_read(scenario, _sent(found, layout), source, time_s[rows], layout)
+            found = _read(scenario, _send(found, layout), source, time_s[rows], layout)
         elif layout.fields.height and layout.site is not None:
             found = replace(found, height=_heights(scenario, source, time_s[rows]))
         found = replace(
@@ -165,7 +185,7 @@ def _heights(scenario: Scenario, source: IntArray, time_s: FloatArray) -> FloatA
     return height
 
 
-def _as_read(
+def _read(
     scenario: Scenario,
     found: Detections,
     source: IntArray,
@@ -193,13 +213,13 @@ def to_plane(found: Detections, layout: RadarParameters) -> Detections:
         return found
     height = None if found.height is None else found.height + layout.datum
     distance, azimuth = found.measurement.T
-    ground = over_ground(layout.site, layout.assumed_height, distance, azimuth, height)
+    ground = to_ground(layout.site, layout.assumed_height, distance, azimuth, height)
     return replace(
         found, measurement=np.stack([ground.distance, wrap_angle(ground.azimuth)], axis=1)
     )
 
 
-def _sent(found: Detections, layout: RadarParameters) -> Detections:
+def _send(found: Detections, layout: RadarParameters) -> Detections:
     """Return detections with the replies that the radar's messages contain."""
     return replace(
         found,
@@ -235,8 +255,8 @@ def _staring_reports(
         found, source = detect_scan(scenario, truth, scan, index, rng)
         if not layout.fields.amplitude:
             found = replace(found, amplitude=None)
-        found = _sent(scan_replies(scenario, found, source, scan, index, seed), layout)
+        found = _send(scan_replies(scenario, found, source, scan, index, seed), layout)
         time_s = np.full(len(source), scan * scenario.interval_s)
-        found = _as_read(scenario, found, source, time_s, layout)
+        found = _read(scenario, found, source, time_s, layout)
         reports.append(SimulatedReport(index, truth.stamp_ns, found, source))
     return reports

@@ -108,18 +108,18 @@ def outcome_of(
         raise ConfigError([f"--reference: {reference} given, must be one of {', '.join(names)}"])
     if len(names) < 2:
         raise BagError(f"{source}: radars: {names[0]} alone given, must be at least two to compare")
-    found, recorded = _found(source, config, reference or names[0], seconds)
+    found, recorded = _register(source, config, reference or names[0], seconds)
     parameters = _parameters(config, found)
     if any(r.fields.elevation or r.fields.height or r.site is not None for r in config.radars):
         # Errors are of slant ranges, so the residuals over ground need a second reading.
         config, first = tracker_params.config({**given, **parameters}), found
-        found, recorded = _found(source, config, reference or names[0], seconds)
+        found, recorded = _register(source, config, reference or names[0], seconds)
         parameters = {**parameters, **_parameters(config, found)}
         found = _join(first, found)
     return Outcome(found, parameters, recorded.damage)
 
 
-def _found(
+def _register(
     source: Path, config: TrackerConfig, reference: str, seconds: float
 ) -> tuple[Registration, Recorded]:
     bag = BagReader(source)

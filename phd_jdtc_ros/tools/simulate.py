@@ -15,13 +15,12 @@ from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
-from phd_jdtc_ros.core.types import Detections, Truth
+from phd_jdtc_ros.core.types import Truth
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, yaml_files
-from phd_jdtc_ros.simulation import scenario, scenario_file, sending
+from phd_jdtc_ros.simulation import scenario_file, sending
 from phd_jdtc_ros.simulation.scenario import Scenario
-from phd_jdtc_ros.simulation.simulate import simulate
-from phd_jdtc_ros.simulation.turning_antenna import check_sites, simulate_reports
+from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, check_sites, observe
 
 from . import command
 from .asterix import simulated as simulated_asterix
@@ -84,21 +83,13 @@ def _scans(run: Scenario, config: TrackerConfig, seed: int) -> Iterator[tuple[in
         data = interfaces.encode(truth.to_msg(targets, config.world_frame))
         return targets.stamp_ns, names.TRUTH, data
 
-    def of_radar(index: int, stamp_ns: int, found: Detections) -> tuple[int, str, bytes]:
-        radar = config.radars[index]
-        return stamp_ns, radar.topic, reader_of(radar).to_cdr(found, stamp_ns, radar)
+    def of_radar(report: SimulatedReport) -> tuple[int, str, bytes]:
+        radar, stamp_ns = config.radars[report.radar], report.stamp_ns
+        return stamp_ns, radar.topic, reader_of(radar).to_cdr(report.detections, stamp_ns, radar)
 
-    if run.turning:
-        true = map(of_truth, (scenario.truth_at(run, scan) for scan in range(run.scans)))
-        reports = simulate_reports(run, config.radars, seed)
-        seen = (of_radar(each.radar, each.stamp_ns, each.detections) for each in reports)
-        yield from heapq.merge(true, seen, key=lambda message: message[0])
-        return
-    for targets, scan in simulate(run, seed):
-        yield of_truth(targets)
-        for index, found in enumerate(scan.detections):
-            if found is not None:
-                yield of_radar(index, scan.stamp_ns, found)
+    truths, reports = observe(run, config.radars, seed)
+    parts = map(of_truth, truths), map(of_radar, reports)
+    yield from heapq.merge(*parts, key=lambda message: message[0])
 
 
 def main(argv: Sequence[str]) -> int:

@@ -138,7 +138,7 @@ class OfflineTracker:
                 continue
             self.scans += 1
             self._last_ns = event.scan.stamp_ns
-            self.tally.stepped(event)
+            self.tally.note_step(event)
             self._write_estimates(FILTERED, event.step.filtered)
             self._write_estimates(SMOOTHED, event.step.smoothed)
             self.step_ms.append(self._step_clock.take_ms())

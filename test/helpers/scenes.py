@@ -8,7 +8,7 @@ from scipy import sparse
 
 from phd_jdtc_ros.core.smc import prediction
 from phd_jdtc_ros.core.smc.particle_set import Aged, ParticleSet
-from phd_jdtc_ros.core.smc.proposals.detections_in_plane import Places
+from phd_jdtc_ros.core.smc.proposals.detections_in_plane import InPlane
 from phd_jdtc_ros.core.state_space import OMEGA
 from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.simulation.scenario import paper_scenario
@@ -111,7 +111,7 @@ def scattered(seed=0, count=300, mass=2.0):
 def predict(particles, model, corrector, budget, dt, scan_index, rng):
     """Predict one stored set and all births `dt` seconds ahead."""
     births = [(index, dt) for index in range(len(model.births))]
-    nothing = Places(np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0))
+    nothing = InPlane(np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0))
     return prediction.predict(
         [Aged(particles, dt)], births, nothing, model, corrector, budget, scan_index, rng
     )

@@ -19,7 +19,7 @@ def announced_again():
 
 def test_reported_says_that_the_tracker_compiles_under_its_own_name(peer):
     found = peer.collect(DiagnosticArray, "/diagnostics")
-    with compiling.reported(ARGUMENTS):
+    with compiling.report_compilation(ARGUMENTS):
         compilation._announce()
         assert peer.spin_until(lambda: found)
     (line,) = found[0].status
@@ -29,6 +29,6 @@ def test_reported_says_that_the_tracker_compiles_under_its_own_name(peer):
 
 
 def test_reported_makes_no_node_where_nothing_is_compiled(peer):
-    with compiling.reported(ARGUMENTS):
+    with compiling.report_compilation(ARGUMENTS):
         assert not peer.spin_until(lambda: peer.node.count_publishers("/diagnostics"), 1.0)
     assert compilation.ANNOUNCED == []

@@ -27,7 +27,7 @@ def radar(interval_s=None, scans=9):
     if interval_s is not None:
         for k in range(scans):
             now = 100.0 - (scans - 1 - k) * interval_s
-            health.arrived(now, k, 0.0)
+            health.note_message(now, k, 0.0)
             health.rhythm.beat(now)
     return health
 
@@ -47,7 +47,7 @@ def stepping(step_ms, interval_s=2, wall_s=None):
     pace = StepHealth(Rhythm(6.0), Rhythm(6.0))
     wall_s = interval_s if wall_s is None else wall_s
     for index in range(12):
-        pace.stepped(index * interval_s * 10**9, index * wall_s, step_ms)
+        pace.note_step(index * interval_s * 10**9, index * wall_s, step_ms)
     return pace
 
 
@@ -174,18 +174,18 @@ def test_what_came_during_a_pause_is_neither_lost_nor_an_interval():
     health = radar(1.0)
     health.begin_series()
     assert status(health, 200.0).message == "nothing received yet"
-    health.arrived(200.0, 70, 0.0)
+    health.note_message(200.0, 70, 0.0)
     health.rhythm.beat(200.0)
     assert (health.gaps, health.rhythm.interval_s) == (0, 1.0)
-    health.arrived(201.0, 73, 0.0)
+    health.note_message(201.0, 73, 0.0)
     assert health.gaps == 2
 
 
 def test_publishers_that_alternate_are_an_error_whatever_the_graph_shows():
     health = radar(1.0)
     for k in range(4):
-        health.arrived(100.0 + k, 500 + k, 0.0)
-        health.arrived(100.5 + k, 9 + k, 0.0)
+        health.note_message(100.0 + k, 500 + k, 0.0)
+        health.note_message(100.5 + k, 9 + k, 0.0)
     found = status(health, 104.0)
     assert (found.level, found.message) == (
         ERROR,
@@ -198,13 +198,13 @@ def test_publishers_that_alternate_are_an_error_whatever_the_graph_shows():
 def test_second_publishers_are_errors_once_they_outlive_a_killed_one():
     health = radar(1.0)
     for k in range(40):
-        health.arrived(101.0 + k, 1 + k, 0.0)
+        health.note_message(101.0 + k, 1 + k, 0.0)
         found = status(health, 101.0 + k, TWO if k < 20 else ALONE)
         assert found.level == (WARN if k < 20 else OK)
     assert health.gaps == 0
     health = radar(1.0)
     for after_s, level in ((0.0, WARN), (LEASE_S - 1.0, WARN), (LEASE_S + 1.0, ERROR)):
-        health.arrived(100.0 + after_s, None, 0.0)
+        health.note_message(100.0 + after_s, None, 0.0)
         assert status(health, 100.0 + after_s, TWO).level == level
     assert status(health, 100.0 + LEASE_S + 1.0).level == OK
 
@@ -224,10 +224,10 @@ def test_publisher_that_is_restarted_again_and_again_is_no_error(restart_s):
 )
 def test_lost_messages_are_a_warning_with_the_cause(worked_s, why):
     health = radar(1.0)
-    health.arrived(101.0, 9, worked_s)
+    health.note_message(101.0, 9, worked_s)
     assert status(health, 101.0).level == OK
     # Five are missing, in a second of which the tracker worked that part.
-    health.arrived(102.0, 15, 2 * worked_s)
+    health.note_message(102.0, 15, 2 * worked_s)
     found = status(health, 102.0)
     assert (found.level, found.message) == (WARN, f"5 messages lost in the last 10 s: {why}")
     assert diagnostics.values_of(found)["gaps"] == "5"
@@ -258,7 +258,7 @@ def test_step_times_and_approximations_are_counted_once_there_are_scans():
     pace = StepHealth(Rhythm(2.0), Rhythm(2.0))
     for index, count in enumerate((0, 2, 0, 1)):
         figures = {"approximate_clusters": count, "floored_covariances": 1, "origins": 9}
-        pace.stepped(index * 10**9, float(index), 1.0, 1, figures)
+        pace.note_step(index * 10**9, float(index), 1.0, 1, figures)
     values = diagnostics.values_of(step_status(pace))
     assert (values["approximate_clusters"], values["floored_covariances"]) == ("3", "4")
     assert "origins" not in values

@@ -40,7 +40,7 @@ def test_tools_read_the_sections_that_a_node_reads(tmp_path, text):
     rclpy.init(context=context, args=["--ros-args", "--params-file", str(path)])
     node = rclpy.create_node("tracker", namespace="/north", context=context)
     try:
-        found = parameters.given(node, [sections.read(path)])
+        found = parameters.given_values(node, [sections.read(path)])
     finally:
         node.destroy_node()
         rclpy.shutdown(context=context)

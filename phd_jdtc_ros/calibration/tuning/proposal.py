@@ -65,7 +65,7 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
 def interval_s(found: Mapping[str, Findings]) -> float:
     """Return the nominal interval: the shortest time between two looks of a radar, seconds."""
     shortest = min(each.timing.look_s for each in found.values())
-    return rounded(shortest, 1e-3 * shortest)
+    return round_to_std(shortest, 1e-3 * shortest)
 
 
 def _tracks(found: Findings) -> str:
@@ -76,7 +76,7 @@ def _rotation(found: Findings, now: Now) -> Iterator[Row]:
     timing = found.timing
     source = f"{found.looks:.0f} turns"
     if timing.rotation_s:
-        period, std = rounded(timing.rotation_s, timing.rotation_std_s), timing.rotation_std_s
+        period, std = round_to_std(timing.rotation_s, timing.rotation_std_s), timing.rotation_std_s
         yield Row("rotation_s", period, source, now("rotation_s"), std)
         if not timing.timed or now("sectors"):
             yield Row("sectors", timing.sectors, source, now("sectors"))
@@ -91,7 +91,7 @@ def _noise(found: Findings, now: Now) -> Iterator[Row]:
     values = {"range_std": noise.range_std, "azimuth_std_deg": math.degrees(noise.azimuth_std)}
     for (name, value), log_std in zip(values.items(), noise.log_std, strict=True):
         std = value * float(log_std)
-        yield Row(name, rounded(value, std), _tracks(found), now(name), std)
+        yield Row(name, round_to_std(value, std), _tracks(found), now(name), std)
 
 
 def _max_range(found: Findings, limit: float | None) -> Row:
@@ -103,11 +103,11 @@ def _max_range(found: Findings, limit: float | None) -> Row:
 def _clutter(found: Findings, now: Now, max_range: Any) -> Iterator[Row]:
     rate, given = found.clutter, now("clutter_rate")
     source = f"{rate.count} untracked plots"
-    value = rounded(rate.value, rate.std)
+    value = round_to_std(rate.value, rate.std)
     # A learned clutter rate stays learned.
     learned = isinstance(given, str)
     yield Row("clutter_rate", value, source, given, rate.std, not learned)
-    clutter_range = rounded(found.field.clutter_range, 0.01 * _up(found.field.max_range))
+    clutter_range = round_to_std(found.field.clutter_range, 0.01 * _up(found.field.max_range))
     value = min(clutter_range, max_range)
     yield Row("clutter_max_range", value, source, now("clutter_max_range"))
     if found.land > MOST_LAND:
@@ -121,7 +121,7 @@ def _detection(found: Findings, now: Now, by_band: bool) -> Row:
     One that is learned is replaced by a number, or by the table that it starts from.
     """
     rate, name = found.detection, "detection_probability"
-    value = min(rounded(rate.value, 0.01), MOST_PROBABILITY)
+    value = min(round_to_std(rate.value, 0.01), MOST_PROBABILITY)
     given = now(name)
     numbers = [] if given is None else probability_numbers(given)
     learned, source = isinstance(given, str), f"{rate.count} looks"
@@ -144,7 +144,7 @@ def _amplitudes(found: Findings, now: Now) -> Iterator[Row]:
         return
     alarm, name = levels.false_alarm_probability, "false_alarm_probability"
     known = ALARMS[0] <= alarm <= ALARMS[1]
-    value = rounded(alarm, 0.1 * alarm)
+    value = round_to_std(alarm, 0.1 * alarm)
     source = f"{levels.clutter + levels.targets} amplitudes"
     yield Row(name, value, source, now(name), proposed=known)
     if levels.clutter and known:
@@ -161,9 +161,9 @@ def _amplitudes(found: Findings, now: Now) -> Iterator[Row]:
 
 def _motion(found: Findings) -> Iterator[Row]:
     """Yield the targets' speeds and accelerations, which the motion models must cover."""
-    speed = rounded(found.speed_std * math.sqrt(2.0), 0.1)
+    speed = round_to_std(found.speed_std * math.sqrt(2.0), 0.1)
     yield Row("speeds, m/s", speed, _tracks(found), proposed=False)
-    densities = [rounded(density, 0.1 * density) for density in found.noise.densities]
+    densities = [round_to_std(density, 0.1 * density) for density in found.noise.densities]
     yield Row("accelerations, m^2/s^3", densities, _tracks(found), proposed=False)
 
 
@@ -180,7 +180,7 @@ def _fov(found: Findings, now: Now) -> Iterator[Row]:
     yield Row("fov_deg", value, f"{found.plots} plots", now("fov_deg"))
 
 
-def rounded(value: float, std: float) -> float:
+def round_to_std(value: float, std: float) -> float:
     """Return a value rounded to a twentieth of its standard deviation, and to five digits."""
     if not (math.isfinite(value) and value):
         return 0.0

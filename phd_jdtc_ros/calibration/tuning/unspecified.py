@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from .findings import Findings
-from .proposal import ALARMS, rounded
+from .proposal import ALARMS, round_to_std
 
 # Least displacement by acceleration in a look, as a share of the range's standard deviation.
 LEAST_OFF_COURSE = 0.1
@@ -37,13 +37,13 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
     hard = max(first.noise.densities[1], LEAST_RATIO * calm)
     given: dict[str, Any] = {
         "engine": "gaussian",
-        "interval_s": rounded(look_s, 1e-3 * look_s),
-        "lag": f"{rounded(5.0 * look_s, 0.1 * look_s):g} s",
+        "interval_s": round_to_std(look_s, 1e-3 * look_s),
+        "lag": f"{round_to_std(5.0 * look_s, 0.1 * look_s):g} s",
         "classes": ["target"],
         "motions": ["cv", "ct"],
         "births": [],
         "detection_births.rates": [0.2],
-        "detection_births.velocity_std": rounded(SPEED_MARGIN * first.speed_std, 0.1),
+        "detection_births.velocity_std": round_to_std(SPEED_MARGIN * first.speed_std, 0.1),
         "detection_births.turn_rate_std": 0.02,
         "detection_births.least_probability": 0.005,
         "spawn.rate": 0.0,
@@ -51,15 +51,15 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
         "target.mode_transition": [0.95, 0.05, 0.1, 0.9],
         "target.survival_probability": 0.99,
         "cv.model": "constant_velocity",
-        "cv.noise_density": rounded(calm, calm),
+        "cv.noise_density": round_to_std(calm, calm),
         "ct.model": "coordinated_turn",
-        "ct.noise_density": rounded(hard, hard),
+        "ct.noise_density": round_to_std(hard, hard),
         "ct.turn_noise_density": 1e-4,
     }
     if turning:
         given["estimates_period_s"] = given["interval_s"]
     if len(found) > 1 and whole:
-        given["reorder_s"] = rounded(max(whole), 1e-3 * max(whole))
+        given["reorder_s"] = round_to_std(max(whole), 1e-3 * max(whole))
     return given | _amplitudes(found)
 
 

@@ -76,12 +76,12 @@ def pair(
     doubtful = np.setdiff1d(np.arange(size), explained % size)
     if not known.any() or not len(doubtful):
         return first
-    row, column, _ = gate(plots.widened(doubtful, heights.mean[known, 0]))
+    row, column, _ = gate(plots.widen(doubtful, heights.mean[known, 0]))
     edge = np.unique(target[row] * size + doubtful[column])
     edge = edge[known[edge // size] & plots.compare(edge).probably_garbled]
     if not len(edge):
         return first
-    again = plain(gate, plots.projected(edge))
+    again = plain(gate, plots.project(edge))
     return _replace_pairs(first, again, target, edge, report.detection_std)
 
 
@@ -113,7 +113,7 @@ class _Plots(NamedTuple):
         measured = self.report.detections.measurement[columns]
         return self.projection.at(measured, self.height[columns], height)
 
-    def widened(self, columns: IntArray, heights: FloatArray) -> Detections:
+    def widen(self, columns: IntArray, heights: FloatArray) -> Detections:
         """Return detections with gates that contain their positions at all of the heights."""
         plots, std = self.report.detections.take(columns), self.report.detection_std[columns]
         wide = std.copy()
@@ -122,7 +122,7 @@ class _Plots(NamedTuple):
             wide[:, 0] = np.maximum(wide[:, 0], std[:, 0] + np.abs(shift[:, 0]) / WIDENING)
         return replace(plots, noise_std=wide)
 
-    def projected(self, edge: IntArray) -> Detections:
+    def project(self, edge: IntArray) -> Detections:
         """Return the detection of each edge, projected at the height of its target."""
         target, column = np.divmod(edge, len(self.report))
         height = self.heights.mean[target, 0]

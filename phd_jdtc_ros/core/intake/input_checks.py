@@ -39,7 +39,7 @@ PATIENCE = 30
 
 
 @dataclass
-class ReportWatch:
+class ReportCheck:
     """Checks the reports of one radar."""
 
     by_sectors: bool = True  # Whether the radar is configured to report by sectors
@@ -100,7 +100,7 @@ def _cells(azimuth: FloatArray) -> IntArray:
 
 
 @dataclass
-class ResultWatch:
+class ResultCheck:
     """Checks whether detections lead to targets."""
 
     interval_s: float  # The nominal interval, seconds
@@ -108,7 +108,7 @@ class ResultWatch:
     scans: int = field(init=False, default=0)
     _since_ns: int | None = field(init=False, default=None)
 
-    def stepped(self, scan: Scan, step: Step) -> bool:
+    def note_step(self, scan: Scan, step: Step) -> bool:
         """Return whether targets are overdue, once in `PATIENCE` intervals with detections."""
         if step.targets:
             self.scans, self._since_ns = 0, None

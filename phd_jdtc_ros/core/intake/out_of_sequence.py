@@ -110,7 +110,7 @@ class OutOfSequence:
         for stamp_ns, detections in reports:
             self._changed.setdefault(stamp_ns, {})[radar] = detections
 
-    def reported(self, radar: int, stamp_ns: int) -> bool:
+    def has_report(self, radar: int, stamp_ns: int) -> bool:
         """Return whether a scan contains, or is about to contain, a report of a radar."""
         waiting = self._changed.get(stamp_ns, {})
         if radar in waiting:

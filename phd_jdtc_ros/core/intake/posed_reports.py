@@ -68,7 +68,7 @@ class PosedReports:
             raise ValueError(f"radar: {radar} given, must be one that moves")
         return platform.track.add(stamp_ns, pose)
 
-    def released(self, everything: bool = False) -> Iterator[PosedReport]:
+    def release(self, everything: bool = False) -> Iterator[PosedReport]:
         """Yield the reports that need not wait any longer, or all of them."""
         while self._queue and (everything or self._ready()):
             radar, stamp_ns, detections, _ = self._queue.popleft()

@@ -150,11 +150,11 @@ class Turns:
         number = self._number(report, sector, steps)
         if steps < 0.5 and self._per_turn > 1 and self._repeats(report, number, before):
             self.anomalies["sectors_repeated"] += 1
-            return self._stamped(report, [UnstampedSlice(stamp_ns, detections, UNKNOWN_COVERAGE)])
+            return self._stamp(report, [UnstampedSlice(stamp_ns, detections, UNKNOWN_COVERAGE)])
         start_s, end_s = self._covered_time(report, steps)
         slices, end = self._slices(report, number, start_s, end_s)
         self.state = self.state._replace(end_s=end_s, end=end)
-        return self._stamped(report, slices)
+        return self._stamp(report, slices)
 
     def _out_of_order(
         self, stamp_ns: int, detections: Detections, sector: int | None
@@ -298,7 +298,7 @@ class Turns:
         whole = span > MIN_WHOLE_SPAN or (self._per_turn == 1 and not may_stand)
         return None if whole else UNKNOWN_COVERAGE
 
-    def _stamped(self, report: TimedReport, unstamped: list[UnstampedSlice]) -> list[Slice]:
+    def _stamp(self, report: TimedReport, unstamped: list[UnstampedSlice]) -> list[Slice]:
         """Return slices with strictly increasing stamps."""
         slices, stamp_ns = [], self.state.slice_ns
         for middle_ns, detections, coverage in unstamped:

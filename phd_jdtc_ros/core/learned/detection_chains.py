@@ -151,7 +151,7 @@ class DetectionChains(ReadOnly):
         self, look: Look, prediction: LookPrediction, stamp_ns: int, turn_ns: float
     ) -> DetectionChains:
         """Return the chains after a further look, which was given `prediction`."""
-        known = self._extended(look.label)
+        known = self._extend(look.label)
         own = known._take(np.searchsorted(known.label, look.label))
         new, looks = own._new(stamp_ns, turn_ns)
         covered = np.where(new, 0.0, own.covered) + look.covered
@@ -189,7 +189,7 @@ class DetectionChains(ReadOnly):
         pairs[known] *= 1.0 - detected[:, None]
         return self.changed(pairs=pairs), sums
 
-    def _extended(self, label: IntArray) -> DetectionChains:
+    def _extend(self, label: IntArray) -> DetectionChains:
         """Return these chains with empty ones for further labels."""
         every = np.union1d(self.label, label)
         size = len(every)

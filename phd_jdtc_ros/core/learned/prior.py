@@ -29,15 +29,15 @@ class RatioPrior(NamedTuple):
         Given are the log ratio that the data show, and the inverse of its variance; 0 without data.
         """
         evidence = log_ratio, precision
-        of_right, right, of_scale = _given(self.right, self.scale, *evidence)
-        of_wrong, wrong, of_wide = _given(1.0 - self.right, self.wide, *evidence)
+        of_right, right, of_scale = _posterior(self.right, self.scale, *evidence)
+        of_wrong, wrong, of_wide = _posterior(1.0 - self.right, self.wide, *evidence)
         share = 1.0 / (1.0 + np.exp(np.minimum(of_right - of_wrong, 500.0)))
         mean = right + share * (wrong - right)
         apart = share * (1.0 - share) * (wrong - right) ** 2
         return mean, of_scale + share * (of_wide - of_scale) + apart
 
 
-def _given(
+def _posterior(
     share: float, std: float, log_ratio: FloatArray, precision: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the log weight, the mean and the variance of one of the normal distributions."""

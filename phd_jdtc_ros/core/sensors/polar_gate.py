@@ -59,7 +59,7 @@ def gated_pairs(
 
 def candidate_count(predicted: FloatArray, detections: Detections, noise_std: FloatArray) -> int:
     """Return the number of candidate pairs of `gated_pairs`; about twice the pairs in the gate."""
-    return count_near(_wrapped(detections), *_gates(noise_std), predicted)
+    return count_near(_wrap_azimuths(detections), *_gates(noise_std), predicted)
 
 
 def _near(
@@ -67,7 +67,7 @@ def _near(
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return the pairs within the gate of these deviations; see `gating.near_detections`."""
     gates = _gates(std)
-    lists = cell_lists(_wrapped(detections), *gates)
+    lists = cell_lists(_wrap_azimuths(detections), *gates)
     return near_detections(lists, predicted, std, DETECTION_GATE_SIGMA, gates[1])
 
 
@@ -76,7 +76,7 @@ def _gates(std: FloatArray) -> tuple[float, float]:
     return DETECTION_GATE_SIGMA * float(std[0]), min(DETECTION_GATE_SIGMA * float(std[1]), np.pi)
 
 
-def _wrapped(detections: Detections) -> FloatArray:
+def _wrap_azimuths(detections: Detections) -> FloatArray:
     """Return the measurements with azimuths in (-pi, pi]."""
     measured: FloatArray = detections.measurement.copy()
     measured[:, 1] = wrap_angle(measured[:, 1])

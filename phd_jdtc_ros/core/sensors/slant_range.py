@@ -32,7 +32,7 @@ class Ground(NamedTuple):
     possible: BoolArray  # Whether the height is plausible and within the slant range
 
 
-def over_ground(
+def to_ground(
     site: Site,
     assumed: float | None,
     distance: FloatArray,
@@ -45,15 +45,15 @@ def over_ground(
     Plots have slant ranges, metres, (M,), of which negative ones give negative ground ranges;
     azimuths, radians counter-clockwise from the sensor's x axis, (M,); and may have heights, metres
     above the same surface as the site's, NaN if unknown, or else elevations, radians, (M,). For
-    `assumed` see `supposed_height`.
+    `assumed` see `assumed_height`.
     """
     near = np.abs(distance) <= MAX_SLANT_RANGE
     slant = np.where(near, np.maximum(np.abs(distance), MIN_SLANT_RANGE), MIN_SLANT_RANGE)
     known = np.zeros(len(slant), dtype=bool) if height is None else np.isfinite(height)
-    supposed = supposed_height(site, assumed, slant)
-    given = supposed if height is None else np.where(known, height, supposed)
+    usual = assumed_height(site, assumed, slant)
+    given = usual if height is None else np.where(known, height, usual)
     believed = np.abs(given) <= MAX_HEIGHT
-    sine = site.elevation_of(slant, azimuth, np.where(believed, given, supposed))
+    sine = site.elevation_of(slant, azimuth, np.where(believed, given, usual))
     possible = ~known | ~near | (believed & (np.abs(sine) <= 1.0))
     sine = np.clip(sine, -1.0, 1.0)
     beyond = np.zeros(len(slant), dtype=bool)
@@ -66,7 +66,7 @@ def over_ground(
     return Ground(np.where(near, ground, np.inf), direction, possible)
 
 
-def supposed_height(site: Site, assumed: float | None, distance: FloatArray) -> FloatArray:
+def assumed_height(site: Site, assumed: float | None, distance: FloatArray) -> FloatArray:
     """Return the assumed heights of targets without a measured height, (M,).
 
     `assumed` is in metres, limited to an elevation of 30 degrees near the radar; None for the
@@ -76,14 +76,14 @@ def supposed_height(site: Site, assumed: float | None, distance: FloatArray) -> 
     if assumed is None:
         return np.full(len(distance), own)
     most = MAX_ASSUMED_SINE * distance
-    supposed: FloatArray = own + np.clip(assumed - own, -most, most)
-    return supposed
+    usual: FloatArray = own + np.clip(assumed - own, -most, most)
+    return usual
 
 
 def slant_of(
     site: Site, assumed: float | None, distance: FloatArray, azimuth: FloatArray, height: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the slant ranges and azimuths that `over_ground` projects to positions in the plane.
+    """Return the slant ranges and azimuths that `to_ground` projects to positions in the plane.
 
     The positions are around that of the site, metres and radians. The heights are in metres above
     the same surface as the site's height; NaN if they were unknown.
@@ -91,7 +91,7 @@ def slant_of(
     known, slant = np.isfinite(height), distance
     for _ in range(SETTLING):
         # The assumed height depends on the slant range itself.
-        given = np.where(known, height, supposed_height(site, assumed, slant))
+        given = np.where(known, height, assumed_height(site, assumed, slant))
         slant, measured = site.to_slant(distance, azimuth, given)
         if assumed is None or known.all():
             break
@@ -107,7 +107,7 @@ class HeightProjection:
     # Site on the round earth; None for a flat one, where a slant range without a height is the
     # ground range.
     site: Site | None = None
-    assumed: float | None = None  # See `supposed_height`
+    assumed: float | None = None  # See `assumed_height`
 
     def at(self, measurement: FloatArray, before: FloatArray, height: FloatArray) -> FloatArray:
         """Return plots projected at other heights than before, (M, 2).
@@ -122,5 +122,5 @@ class HeightProjection:
             square = square - np.nan_to_num(height - self.antenna) ** 2
             return np.stack([np.sqrt(np.maximum(square, 0.0)), azimuth], axis=1)
         slant = slant_of(self.site, self.assumed, distance, azimuth, before + self.datum)
-        ground = over_ground(self.site, self.assumed, *slant, height + self.datum)
+        ground = to_ground(self.site, self.assumed, *slant, height + self.datum)
         return np.stack([ground.distance, wrap_angle(ground.azimuth)], axis=1)

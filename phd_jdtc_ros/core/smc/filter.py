@@ -21,7 +21,7 @@ from .particle_set import Aged, ParticleSet
 from .prediction import predict
 from .proposals import birth_newborns
 from .proposals.detected_newborns import redraw_velocities
-from .proposals.detections_in_plane import places
+from .proposals.detections_in_plane import scan_in_plane
 from .resampling import ParticleBudget, resample
 from .update import ParticleSteps
 
@@ -60,7 +60,7 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         model, corrector, index, rng = self.model, self.corrector, self._scan_index, self._rng
         dt = self._interval(scan)
         swept, remaining = partition_swept(self.unswept, scan, model, corrector.labelled)
-        seen = places(scan, model)
+        seen = scan_in_plane(scan, model)
         if corrector.labelled:
             before = swept
             swept = redraw_velocities(before, scan.stamp_ns, seen, model, rng)

@@ -16,14 +16,14 @@ from . import resampling
 from .correction import Corrector
 from .particle_set import Aged, ParticleSet
 from .proposals import proposal
-from .proposals.detections_in_plane import Places
+from .proposals.detections_in_plane import InPlane
 from .resampling import ParticleBudget
 
 
 def predict(
     earlier: Sequence[Aged],
     births: Sequence[tuple[int, float]],
-    seen: Places,
+    seen: InPlane,
     model: TrackerModel,
     corrector: Corrector,
     budget: ParticleBudget,
@@ -71,7 +71,7 @@ def _draw_mode(transition: FloatArray, mode: IntArray, rng: np.random.Generator)
 
 
 def _survivors(
-    particles: ParticleSet, model: TrackerModel, dt: float, seen: Places, rng: np.random.Generator
+    particles: ParticleSet, model: TrackerModel, dt: float, seen: InPlane, rng: np.random.Generator
 ) -> ParticleSet:
     modes = model.modes
     copy = np.repeat(np.arange(len(particles)), particles.multiplicity)

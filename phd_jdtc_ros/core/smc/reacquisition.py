@@ -15,7 +15,7 @@ from ..models.manoeuvre import PROBABILITY, Manoeuvre, manoeuvre
 from ..models.tracker_model import TrackerModel
 from ..sensors.report import Report
 from .particle_set import ParticleSet
-from .proposals.detections_in_plane import Places, places_of
+from .proposals.detections_in_plane import InPlane, report_in_plane
 from .resampling import draw
 
 
@@ -36,7 +36,7 @@ def with_reacquired(
     members = [np.flatnonzero(target == own) for own in out_of_gate.target]
     row = np.concatenate([rows[draw(particles.weight[rows], count, rng)] for rows in members])
     column, since_s = out_of_gate.column.repeat(count), out_of_gate.since_s.repeat(count)
-    seen = places_of(report).take(column)
+    seen = report_in_plane(report).take(column)
     space = model.modes.space
     place, speed = list(space.position), list(space.velocity)
     done = manoeuvre(since_s, model)
@@ -61,7 +61,7 @@ def with_reacquired(
     )
 
 
-def _positions(seen: Places, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+def _positions(seen: InPlane, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
     """Draw a position at each place, (N, 2); return also the log of its proposal density."""
     normal = rng.standard_normal(seen.position.shape)
     factor = np.linalg.cholesky(seen.covariance)

@@ -53,7 +53,7 @@ class AsterixBridge(ManagedNode):
 
     def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("asterix_bridge")
-        given = parameters.given(self, files)
+        given = parameters.given_values(self, files)
         self._bridge = settings.resolve(given, settings.TABLE)
         self._values = self._bridge.values
         parameters.declare(self, self._bridge.table, self._values)

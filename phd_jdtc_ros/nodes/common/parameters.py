@@ -22,7 +22,7 @@ _OWN = ("use_sim_time", "start_type_description_service")
 _LAUNCH_PREFIX = "launch_params_"
 
 
-def given(node: Node, files: Sequence[ParameterFile]) -> dict[str, Any]:
+def given_values(node: Node, files: Sequence[ParameterFile]) -> dict[str, Any]:
     """Return the parameters that the user set on the command line or in files, by dotted name.
 
     They are read from the arguments themselves, so that unknown names are included; rclpy would
@@ -115,7 +115,7 @@ def resolve(
     `flags` are from plain command-line flags and override ROS arguments. `old` has hints by former
     names. All faults are raised as one `ConfigError`.
     """
-    values, faults = check(table, {**given(node, files), **flags}, old)
+    values, faults = check(table, {**given_values(node, files), **flags}, old)
     if faults:
         raise ConfigError(faults)
     declare(node, {parameter.name: parameter for parameter in table}, values)

@@ -36,7 +36,7 @@ class HandOver(RunnableNode):
 
     def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("hand_over")
-        self._settings = settings.resolve(parameters.given(self, files))
+        self._settings = settings.resolve(parameters.given_values(self, files))
         values = self._settings.values
         parameters.declare(self, self._settings.table, values)
         self._warnings = ThrottledWarnings(self.get_logger())

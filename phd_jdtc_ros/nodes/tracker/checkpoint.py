@@ -196,7 +196,7 @@ class Checkpoints:
             return
         self._log.info(f"continuing from {self._path}, {age_s:.1f} s old")
 
-    def stepped(self, engine: Engine) -> None:
+    def note_step(self, engine: Engine) -> None:
         """Count a scan, and write a checkpoint if one is due."""
         self._scans += 1
         if self._every and self._scans % self._every == 0:

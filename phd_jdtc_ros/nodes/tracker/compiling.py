@@ -28,7 +28,7 @@ END_S = 5.0
 
 
 @contextmanager
-def reported(argv: Sequence[str]) -> Iterator[None]:
+def report_compilation(argv: Sequence[str]) -> Iterator[None]:
     """Report each second from the moment that something is compiled until the block ends.
 
     `argv` includes the ROS arguments, which give the tracker its name.

@@ -74,7 +74,7 @@ class StepHealth:
     sums: Counter[str] = field(default_factory=Counter)
     _targets_seen: bool = False
 
-    def stepped(
+    def note_step(
         self,
         stamp_ns: int,
         now_s: float,

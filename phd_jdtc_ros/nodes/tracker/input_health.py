@@ -65,7 +65,7 @@ class InputHealth:
     _worse: bool = False
     _rises: Rises = field(default_factory=Rises)
 
-    def arrived(self, now_s: float, sequence: int | None, worked_s: float) -> None:
+    def note_message(self, now_s: float, sequence: int | None, worked_s: float) -> None:
         """Count a message and those lost before it.
 
         `sequence` is the number that its publisher gave it, and `worked_s` the time that the
@@ -162,7 +162,7 @@ class InputHealth:
             age = f"silent for {now_s - self._last_s:.1f} s"
         silence = "; ".join(filter(None, (age, several, publishers.hint)))
         incompatible = f"incompatible QoS on {self.topic}: {'; '.join(publishers.incompatible)}"
-        shared = self._shared(now_s, silent)
+        shared = self._has_several_publishers(now_s, silent)
         warned = self._rises.recent("warnings", self._warnings, now_s)
         dropped = self._rises.recent("dropped", self.dropped.total() + self.deadlines_missed, now_s)
         lost, where = self._rises.recent("lost", self._lost, now_s), "on the way to the tracker"
@@ -188,7 +188,7 @@ class InputHealth:
             (DiagnosticStatus.OK, True, "receiving"),
         )
 
-    def _shared(self, now_s: float, silent: bool) -> bool:
+    def _has_several_publishers(self, now_s: float, silent: bool) -> bool:
         """Return whether several publishers are alive, by their numbers or by the graph."""
         if self._numbering.several and not silent:
             return True

@@ -176,7 +176,7 @@ class LiveTracker:
         self.inputs.take_poses(lambda: self._pipeline.awaited_pose)
         begin_s = time.monotonic()
         health = self.inputs.radars[index]
-        health.arrived(begin_s, info.get("publication_sequence_number"), self._load.worked_s)
+        health.note_message(begin_s, info.get("publication_sequence_number"), self._load.worked_s)
         radar, waiting = self._settings.config.inputs[index], self._pipeline.waiting
         with self._step_clock:
             events = self._feed.message(index, lambda: reader.from_msg(message, radar))
@@ -192,7 +192,7 @@ class LiveTracker:
             return
         begin_s, frame = time.monotonic(), self._settings.config.world_frame
         health = self.inputs.platforms[topic]
-        health.arrived(begin_s, info.get("publication_sequence_number"), self._load.worked_s)
+        health.note_message(begin_s, info.get("publication_sequence_number"), self._load.worked_s)
         with self._step_clock:
             events = self._feed.pose(topic, lambda: platform_poses.from_msg(message, frame))
             self._update_max_wait_timer(new_scan=bool(self._handle(events or ())))
@@ -239,13 +239,13 @@ class LiveTracker:
         stamp_ns = event.scan.stamp_ns
         self._outputs.publish(SCAN, stamp_ns, event.scan)
         step_ms, now_s = self._step_clock.take_ms(), time.monotonic()
-        self._step_health.stepped(stamp_ns, now_s, step_ms, step.targets, step.figures)
+        self._step_health.note_step(stamp_ns, now_s, step_ms, step.targets, step.figures)
         self.inputs.note_learned(step.figures)
         if event.scans_without_targets:
             self._step_health.scans_without_targets = event.scans_without_targets
             self._node.get_logger().warning(anomalies.no_targets(event.scans_without_targets))
         if self._checkpoints is not None:
-            self._checkpoints.stepped(self._pipeline.engine)
+            self._checkpoints.note_step(self._pipeline.engine)
         self._outputs.publish(
             STEP, stamp_ns, StepResult(stamp_ns, step, step_ms, self._pipeline.engine)
         )

@@ -47,7 +47,7 @@ class Tracker(ManagedNode):
         super().__init__("tracker")
         # The claim comes first, so that other nodes are discovered in the background meanwhile.
         self._claim = NameClaim(self, self._give_way)
-        given = parameters.given(self, files)
+        given = parameters.given_values(self, files)
         self._source = _source(given, parameters.sources(self, files))
         self._settings = settings.resolve(given)
         # While the tracker is not configured, these may differ from the settings and be invalid.
@@ -278,6 +278,6 @@ def main(argv: Sequence[str]) -> int:
     """Run the tracker node."""
     files = arguments.check("tracker", __doc__, argv)
     # This loads all compiled functions while a signal still ends the process at once.
-    with compiling.reported(argv):
+    with compiling.report_compilation(argv):
         importlib.import_module("phd_jdtc_ros.core.gaussian.engine")
     return runtime.run("tracker", lambda: Tracker(files), argv)

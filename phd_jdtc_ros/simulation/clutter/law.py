@@ -18,7 +18,7 @@ from phd_jdtc_ros.core.clutter.amplitude_law import DB_PER_NEPER, level_db
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.targets.amplitude_density import SMALLEST_AMPLITUDE, snr_from_db
 
-from ..checked import by_radar, converted, read, take
+from ..checked import by_radar, converted_parameter, read, take
 
 LAW = Parameter(
     "law",
@@ -43,7 +43,7 @@ class RayleighClutter:
     """Noise, or clutter of many reflectors."""
 
     # Mean square of the envelope relative to that of noise; 1 is noise.
-    level: float = converted(
+    level: float = converted_parameter(
         0.0, "Mean level, dB.", LEVELS_DB, snr_from_db, "level_db", required=True
     )
 

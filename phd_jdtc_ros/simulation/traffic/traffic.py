@@ -12,7 +12,7 @@ import numpy as np
 
 from phd_jdtc_ros.configuration.schema import parameter
 
-from ..checked import converted, pair, signal_to_noise
+from ..checked import converted_parameter, pair, signal_to_noise
 from .flight import ROUNDING_S, Flight, Leg
 from .geodesy import STANDARD_GRAVITY
 
@@ -41,7 +41,7 @@ LONGEST_S = 3600.0
 Range = tuple[float, float]
 
 
-def _ordered(pair: Sequence[float]) -> Range:
+def _order(pair: Sequence[float]) -> Range:
     return min(pair), max(pair)
 
 
@@ -57,15 +57,15 @@ class Traffic:
     radius: float = parameter(
         105e3, "Aircraft end at this distance from the centre, m.", (1e4, 1e6)
     )
-    straight_s: Range = converted(
+    straight_s: Range = converted_parameter(
         list(STRAIGHT_S),
         "Shortest and longest straight flight between turns, s.",
         (1.0, 1e5),
-        _ordered,
+        _order,
         length=2,
     )
-    turn_deg: Range = converted(
-        list(TURN_DEG), "Least and largest turn, degrees.", (0.1, 360.0), _ordered, length=2
+    turn_deg: Range = converted_parameter(
+        list(TURN_DEG), "Least and largest turn, degrees.", (0.1, 360.0), _order, length=2
     )
     snr: float = signal_to_noise(30.0)
     duration_s: float = 0.0  # Length of the run

@@ -102,11 +102,11 @@ def resolve(
     turning = {case.name for case in cases if case.scenario.turning}
     shared = {name for name, each in given.items() if each.get("only_named") is not True}
 
-    def suited(kind: Kind | None) -> list[str]:
+    def suitable(kind: Kind | None) -> list[str]:
         return [name for name in given if kind is None or kind.turning == (name in turning)]
 
     variants = tuple(
-        _variant(name, each, suited, shared, lags or (), assigned, kinds, faults)
+        _variant(name, each, suitable, shared, lags or (), assigned, kinds, faults)
         for name, each in _entries(document, "variants", faults).items()
     )
     goals = mappings(document, "goals", "", faults)
@@ -214,7 +214,7 @@ def _case(
 def _variant(
     name: str,
     given: Mapping[str, Any],
-    suited: Callable[[Kind | None], list[str]],
+    suitable: Callable[[Kind | None], list[str]],
     shared: Collection[str],
     lags: tuple[int, ...],
     assigned: Mapping[str, Any],
@@ -223,7 +223,7 @@ def _variant(
 ) -> Variant:
     """Return a variant.
 
-    `suited` returns the cases that suit a kind. Its default cases are those of them in `shared`.
+    `suitable` returns the cases that suit a kind. Its default cases are those of them in `shared`.
     """
     prefix = f"variants.{name}."
     engines = [kind.name for kind in kinds.values() if kind.is_engine]
@@ -251,7 +251,7 @@ def _variant(
         extraction = ExtractionVariant(name, *(values[key] for key in EXTRACTION_KEYS))
     elif engine:
         parameters = {"engine": engine, **parameters}
-    cases = suited(kind)
+    cases = suitable(kind)
     chosen = given.get("cases", [case for case in cases if case in shared])
     if not isinstance(chosen, list) or not chosen or not set(map(str, chosen)) <= set(cases):
         faults.append(f"{prefix}cases: {chosen!r} given, must be a list of {', '.join(cases)}")

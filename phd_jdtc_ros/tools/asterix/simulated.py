@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from msg_adapters.sent_columns import fill
 from phd_jdtc_ros.asterix.messages import Plot
 from phd_jdtc_ros.asterix.transport import pcap_out
 from phd_jdtc_ros.asterix.writing import plots as plots_out
@@ -25,7 +26,7 @@ from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.sending import Sending
 from phd_jdtc_ros.simulation.turning_antenna import plots_with_replies
 
-from .writing import OWN_SAC, filled_column, plots_of
+from .writing import OWN_SAC, plots_of
 
 # Suffix of a capture. Other files have the data blocks one after the other.
 CAPTURE = ".pcap"
@@ -99,13 +100,13 @@ def _blocks(
 
 def _plots(found: Detections, layout: RadarParameters, number: int) -> list[Plot]:
     """Return plots as a radar measures and sends them, without amplitudes."""
-    above = filled_column(found.height, len(found), math.nan)
+    above = fill(found.height, len(found), math.nan)
     distance, azimuth = found.measurement.T
     azimuth = 0.5 * math.pi - azimuth
     if layout.site is None:
         distance = np.hypot(distance, np.nan_to_num(above - layout.height))
     else:
         azimuth = azimuth - layout.site.yaw_from_east
-    kind = np.maximum(filled_column(found.kind, len(found), 0), 0)
+    kind = np.maximum(fill(found.kind, len(found), 0), 0)
     sent = replace(found, amplitude=None, kind=kind)
     return plots_of(sent, number, distance, azimuth, above + layout.datum)

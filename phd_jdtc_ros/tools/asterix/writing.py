@@ -7,15 +7,16 @@ import heapq
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 
-from msg_adapters import interfaces, names
+from msg_adapters import ground_ranges, interfaces, names
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import reader_of
+from msg_adapters.sent_columns import fill
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.messages import COMBINED, DAY, NONE, PRIMARY, Plot
 from phd_jdtc_ros.asterix.writing import plots as plots_out
@@ -27,7 +28,6 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.intake.turns import Turns
-from phd_jdtc_ros.core.sensors.slant_range import supposed_height
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Coverage, Detections
 
 # SAC of radars without an identifier in the bridge's parameters; their SIC is their index from 1.
@@ -182,9 +182,8 @@ class _Radar:
 
     def __init__(self, config: TrackerConfig, index: int, number: int, noise_dbm: float) -> None:
         self._input = config.radars[index]
-        self._site = self._input.site
         # On the earth, azimuths are from true north, and not from the map's.
-        site = self._site
+        site = self._input.site
         self._yaw = config.model.radars[index].yaw if site is None else site.yaw_from_east
         self._turns: Turns = config.turns()[index]
         self._number = number
@@ -229,31 +228,15 @@ class _Radar:
             yield end_ns, plots_out.service_block(self._number, end_ns, azimuth, turn_s)
 
     def _plots(self, stamp_ns: int, found: Detections) -> list[tuple[int, Plot]]:
-        height = filled_column(found.height, len(found), math.nan) + self._input.datum
-        slant, azimuth = self._slant_ranges(found.measurement, height)
-        azimuth = 0.5 * math.pi - azimuth - self._yaw
+        above = fill(found.height, len(found), math.nan)
+        slant, azimuth = ground_ranges.measure(replace(found, height=above), self._input)
+        azimuth, height = 0.5 * math.pi - azimuth - self._yaw, above + self._input.datum
         plots = plots_of(found, self._number, slant, azimuth, height, self._noise_dbm)
-        own_s = filled_column(found.time_s, len(found), 0.0).tolist()
+        own_s = fill(found.time_s, len(found), 0.0).tolist()
         return [
             (stamp_ns + round(time_s * 1e9), plot)
             for time_s, plot in zip(own_s, plots, strict=True)
         ]
-
-    def _slant_ranges(
-        self, measurement: FloatArray, height: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return slant ranges and azimuths of detections at heights, metres, NaN where unknown."""
-        distance, azimuth = measurement.T
-        if self._site is None:
-            above = height - self._input.datum - self._input.height
-            return np.hypot(distance, np.nan_to_num(above)), azimuth
-        supposed = supposed_height(self._site, self._input.assumed_height, distance)
-        return self._site.to_slant(distance, azimuth, np.where(np.isnan(height), supposed, height))
-
-
-def filled_column(values: Any, count: int, unknown: float) -> Any:
-    """Return an optional column of detections, filled with `unknown` if it is None."""
-    return np.full(count, unknown) if values is None else values
 
 
 def plots_of(
@@ -270,12 +253,12 @@ def plots_of(
     north. A noise level of NaN leaves amplitudes out.
     """
     code, address, kind = (
-        filled_column(column, len(found), UNKNOWN).astype(int)
+        fill(column, len(found), UNKNOWN).astype(int)
         for column in (found.code, found.address, found.kind)
     )
     replied = (code != UNKNOWN) | (address != UNKNOWN)
     kind = np.where(kind != UNKNOWN, kind, np.where(replied, COMBINED, PRIMARY))
-    level = filled_column(found.amplitude, len(found), math.nan)
+    level = fill(found.amplitude, len(found), math.nan)
     dbm = np.full(len(found), math.nan)
     seen = level > 0.0
     dbm[seen] = 20.0 * np.log10(level[seen] / math.sqrt(2.0)) + noise_dbm

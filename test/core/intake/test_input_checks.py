@@ -11,8 +11,8 @@ from phd_jdtc_ros.core.intake.input_checks import (
     FIELD_REPORTS,
     PATIENCE,
     SECTOR_REPORTS,
-    ReportWatch,
-    ResultWatch,
+    ReportCheck,
+    ResultCheck,
 )
 from phd_jdtc_ros.core.types import Detections, Scan
 
@@ -24,8 +24,8 @@ def at(azimuth):
     return Detections(np.stack([np.full(len(azimuth), 1000.0), azimuth], axis=1), None)
 
 
-def noticed(watch, reports):
-    return Counter(finding for report in reports for finding in watch.add(report))
+def noticed(check, reports):
+    return Counter(finding for report in reports for finding in check.add(report))
 
 
 def uniform(count, size, low=-np.pi, high=np.pi):
@@ -33,43 +33,43 @@ def uniform(count, size, low=-np.pi, high=np.pi):
     return [at(rng.uniform(low, high, size)) for _ in range(count)]
 
 
-def watch_of(**changes):
-    return resolve({f"radar_1.{name}": value for name, value in changes.items()}).watches()[0]
+def check_of(**changes):
+    return resolve({f"radar_1.{name}": value for name, value in changes.items()}).report_checks()[0]
 
 
 @pytest.mark.parametrize("sectors", [4, 16])
 def test_sectors_that_are_not_configured_are_noticed(sectors):
     radar = TurningRadar(sectors=sectors, plots=40 * sectors)
     reports = [sent.detections for sent in radar.reports(2 * SECTOR_REPORTS // sectors + 1)]
-    assert noticed(watch_of(), reports)["sectors_not_configured"] > 0
-    configured = watch_of(rotation_s=4.0, sectors=sectors)
+    assert noticed(check_of(), reports)["sectors_not_configured"] > 0
+    configured = check_of(rotation_s=4.0, sectors=sectors)
     assert not noticed(configured, reports)
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 4, 20])
 def test_clutter_all_around_is_not_taken_for_sectors(size):
-    assert not noticed(watch_of(), uniform(500, size))
+    assert not noticed(check_of(), uniform(500, size))
 
 
 def test_the_field_of_view_is_judged_once_by_many_directions():
-    assert not noticed(ReportWatch(by_sectors=False), uniform(100, 20, 0.0, 1.0))
+    assert not noticed(ReportCheck(by_sectors=False), uniform(100, 20, 0.0, 1.0))
     reports = uniform(FIELD_DETECTIONS - 1, 1, -1.0, 1.0)
-    assert not noticed(watch_of(), reports)
+    assert not noticed(check_of(), reports)
     few = FIELD_REPORTS - 1
-    watch, reports = watch_of(), uniform(3 * FIELD_REPORTS, 10, -1.0, 1.0)
-    assert not noticed(watch, reports[:few])
-    assert noticed(watch, reports[few:]) == {"fov_not_configured": 1}
-    assert not noticed(watch_of(fov_deg=[-60.0, 60.0]), reports)
-    assert not noticed(watch_of(rotation_s=4.0), reports)
+    check, reports = check_of(), uniform(3 * FIELD_REPORTS, 10, -1.0, 1.0)
+    assert not noticed(check, reports[:few])
+    assert noticed(check, reports[few:]) == {"fov_not_configured": 1}
+    assert not noticed(check_of(fov_deg=[-60.0, 60.0]), reports)
+    assert not noticed(check_of(rotation_s=4.0), reports)
 
 
 FAR = {"rotation_s": 4.0, "max_range": 110e3, "clutter_max_range": 110e3}
 
 
 def test_slant_ranges_without_a_height_are_noticed_once_where_targets_fly_high():
-    watch = watch_of(**FAR)
-    assert not noticed(watch, [at([])])
-    assert noticed(watch, uniform(30, 10)) == {"slant_ranges": 1}
+    check = check_of(**FAR)
+    assert not noticed(check, [at([])])
+    assert noticed(check, uniform(30, 10)) == {"slant_ranges": 1}
 
 
 @pytest.mark.parametrize(
@@ -83,7 +83,7 @@ def test_slant_ranges_without_a_height_are_noticed_once_where_targets_fly_high()
     ],
 )
 def test_slant_ranges_are_no_matter_where_the_height_is_known_or_small(changes):
-    assert not noticed(watch_of(**{**FAR, **changes}), uniform(30, 10))
+    assert not noticed(check_of(**{**FAR, **changes}), uniform(30, 10))
 
 
 def step(targets, due=True):
@@ -96,17 +96,19 @@ def scans(count, size, interval_s=4.0, first=0):
 
 
 def test_targets_are_overdue_after_scans_with_detections_alone():
-    watch = ResultWatch(4.0)
-    overdue = [watch.stepped(scan, step(0)) for scan in scans(2 * PATIENCE, 5)]
+    check = ResultCheck(4.0)
+    overdue = [check.note_step(scan, step(0)) for scan in scans(2 * PATIENCE, 5)]
     assert np.flatnonzero(overdue).tolist() == [PATIENCE - 1, 2 * (PATIENCE - 1)]
-    assert watch.scans == 2 * PATIENCE
-    watch = ResultWatch(4.0)
-    assert not any(watch.stepped(scan, step(0)) for scan in scans(3 * PATIENCE, 0))
-    overdue = [watch.stepped(scan, step(k == PATIENCE - 1)) for k, scan in enumerate(scans(50, 5))]
+    assert check.scans == 2 * PATIENCE
+    check = ResultCheck(4.0)
+    assert not any(check.note_step(scan, step(0)) for scan in scans(3 * PATIENCE, 0))
+    overdue = [
+        check.note_step(scan, step(k == PATIENCE - 1)) for k, scan in enumerate(scans(50, 5))
+    ]
     assert not any(overdue[:PATIENCE])
-    assert watch.scans == 50 - PATIENCE
-    watch = ResultWatch(4.0)
-    overdue = [watch.stepped(scan, step(0)) for scan in scans(PATIENCE * 16, 5, 0.25)]
+    assert check.scans == 50 - PATIENCE
+    check = ResultCheck(4.0)
+    overdue = [check.note_step(scan, step(0)) for scan in scans(PATIENCE * 16, 5, 0.25)]
     assert sum(overdue) == 1
-    watch = ResultWatch(4.0)
-    assert not any(watch.stepped(scan, step(0, due=False)) for scan in scans(3 * PATIENCE, 5))
+    check = ResultCheck(4.0)
+    assert not any(check.note_step(scan, step(0, due=False)) for scan in scans(3 * PATIENCE, 5))

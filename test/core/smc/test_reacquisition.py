@@ -10,7 +10,7 @@ from phd_jdtc_ros.core.attributes.uniqueness import OutOfGate
 from phd_jdtc_ros.core.models.manoeuvre import PROBABILITY, manoeuvre
 from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
-from phd_jdtc_ros.core.smc.proposals.detections_in_plane import places_of
+from phd_jdtc_ros.core.smc.proposals.detections_in_plane import report_in_plane
 from phd_jdtc_ros.core.smc.reacquisition import with_reacquired
 from phd_jdtc_ros.core.types import Detections
 
@@ -38,7 +38,7 @@ def strayed(seed=3):
     lost = OutOfGate(np.array([0]), np.array([0]), np.array([SINCE_S]))
     rng = np.random.default_rng(seed)
     after = with_reacquired(before, lost, report, config.model, rng)
-    return before, after, places_of(report), config.model
+    return before, after, report_in_plane(report), config.model
 
 
 def test_strays_have_the_evidence_of_the_manoeuvre_that_leads_to_the_detection():

@@ -89,7 +89,7 @@ def build(
     if corrector.labelled:
         ratio, column, start, mu = _within_origins(kernel, earlier, later)
     else:
-        pairs = kernel.gated(later, np.arange(len(later)), KERNEL_GATE_SIGMA)
+        pairs = kernel.gated_pairs(later, np.arange(len(later)), KERNEL_GATE_SIGMA)
         ratio, column, start, mu = _sum_pairs(pairs, earlier, later)
         mu += _birth_intensity(later, model, dt, found)
         if model.spawn.rate > 0.0 and len(earlier):
@@ -173,7 +173,7 @@ def _within_origins(kernel: TransitionDensity, earlier: ParticleSet, later: Part
     group = factorize(np.concatenate(key))[1]
     groups = group[: len(later)], group[len(later) :]
     groups = strata.split_into_strata(kernel, earlier, later, groups, KERNEL_GATE_SIGMA)
-    pairs = kernel.gated(later, np.arange(len(later)), KERNEL_GATE_SIGMA, groups)
+    pairs = kernel.gated_pairs(later, np.arange(len(later)), KERNEL_GATE_SIGMA, groups)
     return _sum_pairs(pairs, earlier, later)
 
 

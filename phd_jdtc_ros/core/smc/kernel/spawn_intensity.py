@@ -49,7 +49,7 @@ def spawn_intensity(
     rows = np.flatnonzero(square > 0.0)
     radius = np.sqrt(square[rows])
     total = np.zeros(len(rows))
-    for row, _, value in kernel.gated(later, rows, radius):
+    for row, _, value in kernel.gated_pairs(later, rows, radius):
         add_by_row(total, row, value)
     intensity = np.zeros(len(later))
     intensity[rows] = total

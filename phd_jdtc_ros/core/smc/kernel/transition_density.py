@@ -60,7 +60,7 @@ class TransitionDensity(NamedTuple):
             result[chosen] = state.take(chosen, axis=0) @ matrix
         return result
 
-    def gated(
+    def gated_pairs(
         self,
         later: ParticleSet,
         rows: IntArray,

@@ -22,7 +22,7 @@ from ...tracks.labels import born_at_detection
 from ...window.entries import UnsweptRows
 from ..kernel.backward_kernel import UnsweptParticles
 from ..particle_set import scale_rows
-from .detections_in_plane import Places
+from .detections_in_plane import InPlane
 
 # Velocities are redrawn if they spread the target's position over more than this many standard
 # deviations of a detection.
@@ -38,7 +38,7 @@ INFLATION = 1.5
 def redraw_velocities(
     swept: Sequence[UnsweptParticles],
     stamp_ns: int,
-    detections: Places,
+    detections: InPlane,
     model: TrackerModel,
     rng: np.random.Generator,
 ) -> list[UnsweptParticles]:
@@ -58,7 +58,7 @@ def redraw_velocities(
 def _redraw_velocities(
     rows: UnsweptParticles,
     dt: float,
-    detections: Places,
+    detections: InPlane,
     model: TrackerModel,
     rng: np.random.Generator,
 ) -> UnsweptParticles:

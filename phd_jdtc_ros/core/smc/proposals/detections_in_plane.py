@@ -15,29 +15,29 @@ from ...sensors.report import Report
 from ...types import Scan
 
 
-class Places(NamedTuple):
+class InPlane(NamedTuple):
     """The detections of a scan in the world frame."""
 
     position: FloatArray  # At the time of the detection, metres, (M, 2)
     covariance: FloatArray  # Square metres, (M, 2, 2)
     time_s: FloatArray  # Time relative to the scan's stamp, seconds, (M,)
 
-    def take(self, rows: IntArray) -> Places:
+    def take(self, rows: IntArray) -> InPlane:
         """Return the detections of these rows."""
-        return Places(*(column[rows] for column in self))
+        return InPlane(*(column[rows] for column in self))
 
-    def sharper_than(self, std: float) -> Places:
+    def sharper_than(self, std: float) -> InPlane:
         """Return the detections whose larger standard deviation is below `std`, metres."""
         return self.take(np.flatnonzero(np.linalg.eigvalsh(self.covariance)[:, 1] < std**2))
 
 
-def places(scan: Scan, model: TrackerModel) -> Places:
-    """Return the places of the detections of all radars in a scan."""
-    none = Places(np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0))
-    found = (places_of(report) for report in model.reports(scan))
-    return Places(*map(np.concatenate, zip(none, *found, strict=True)))
+def scan_in_plane(scan: Scan, model: TrackerModel) -> InPlane:
+    """Return the detections of all radars in a scan."""
+    none = InPlane(np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0))
+    found = (report_in_plane(report) for report in model.reports(scan))
+    return InPlane(*map(np.concatenate, zip(none, *found, strict=True)))
 
 
-def places_of(report: Report) -> Places:
-    """Return the places of one report's detections."""
-    return Places(report.in_plane.position, report.in_plane.covariance, report.time_s)
+def report_in_plane(report: Report) -> InPlane:
+    """Return the detections of one report."""
+    return InPlane(report.in_plane.position, report.in_plane.covariance, report.time_s)

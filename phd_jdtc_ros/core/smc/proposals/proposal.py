@@ -26,7 +26,7 @@ import numpy as np
 from ...arrays import FloatArray, IntArray
 from ...targets import motion
 from ...targets.motion import MotionModel
-from .detections_in_plane import Places
+from .detections_in_plane import InPlane
 
 # Detections enter the proposal if their larger standard deviation is below this multiple of the
 # process noise's.
@@ -40,7 +40,7 @@ MAX_PAIRS = 1 << 22
 
 
 def sample(
-    model: MotionModel, state: FloatArray, dt: float, seen: Places, rng: np.random.Generator
+    model: MotionModel, state: FloatArray, dt: float, seen: InPlane, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
     """Draw the state of every row after `dt` seconds, (N, D); return also the factor on its weight.
 
@@ -56,8 +56,8 @@ def sample(
     if not 0 < len(sharp.position) * len(state) <= MAX_PAIRS:
         return moved, np.ones(len(state))
     # Covariance of the noise and the position, (M, K, 2), and of the innovation, (M, 2, 2).
-    seen_noise = _as_seen(noise, sharp, model)
-    innovation = sharp.covariance + _as_seen(seen_noise.swapaxes(1, 2), sharp, model)
+    seen_noise = _at_detection_time(noise, sharp, model)
+    innovation = sharp.covariance + _at_detection_time(seen_noise.swapaxes(1, 2), sharp, model)
     predictive = _densities(sharp, model.mean(state, dt), model, innovation)
     total = predictive.sum(axis=0)
     guided = np.flatnonzero((total > 0.0) & (rng.random(len(state)) >= BLIND_SHARE))
@@ -71,7 +71,7 @@ def sample(
     return moved, 1.0 / (BLIND_SHARE + (1.0 - BLIND_SHARE) * ratio)
 
 
-def _as_seen(covariance: FloatArray, seen: Places, model: MotionModel) -> FloatArray:
+def _at_detection_time(covariance: FloatArray, seen: InPlane, model: MotionModel) -> FloatArray:
     """Return covariances with the position at each detection's time, for those with the state.
 
     The last axis of the argument, (..., K), has the motion's support; that of the result,
@@ -83,7 +83,7 @@ def _as_seen(covariance: FloatArray, seen: Places, model: MotionModel) -> FloatA
 
 
 def _densities(
-    seen: Places, state: FloatArray, model: MotionModel, covariance: FloatArray, gate: bool = True
+    seen: InPlane, state: FloatArray, model: MotionModel, covariance: FloatArray, gate: bool = True
 ) -> FloatArray:
     """Return N(z_j; x_i, C_j) of every detection and state, zero outside the gate; (M, N)."""
     inverse = np.linalg.inv(covariance)
@@ -115,7 +115,7 @@ def _pull(
     by: IntArray,
     model: MotionModel,
     gain: FloatArray,
-    seen: Places,
+    seen: InPlane,
     rng: np.random.Generator,
 ) -> None:
     """Condition the noise of some rows, in place, on the detection drawn for each.

@@ -8,7 +8,7 @@ from sweep import configuration
 from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
 from phd_jdtc_ros.core.smc.proposals.detected_newborns import redraw_velocities
-from phd_jdtc_ros.core.smc.proposals.detections_in_plane import Places
+from phd_jdtc_ros.core.smc.proposals.detections_in_plane import InPlane
 from phd_jdtc_ros.core.tracks.labels import first_detected, first_predicted
 from phd_jdtc_ros.core.window.entries import Entry, UnsweptRows
 
@@ -40,7 +40,7 @@ def newborn(row_label=BORN, parent=-1, count=4000):
 def seen(positions, std=40.0):
     positions = np.atleast_2d(np.asarray(positions, dtype=float))
     count = len(positions)
-    return Places(positions, np.tile(std**2 * np.eye(2), (count, 1, 1)), np.zeros(count))
+    return InPlane(positions, np.tile(std**2 * np.eye(2), (count, 1, 1)), np.zeros(count))
 
 
 def redrawn(rows, places, seed=0):

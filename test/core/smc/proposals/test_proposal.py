@@ -3,7 +3,7 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from phd_jdtc_ros.core.smc.proposals import proposal
-from phd_jdtc_ros.core.smc.proposals.detections_in_plane import Places
+from phd_jdtc_ros.core.smc.proposals.detections_in_plane import InPlane
 from phd_jdtc_ros.core.targets.motion import ConstantVelocity, CoordinatedTurn
 
 DT = 4.0
@@ -15,7 +15,7 @@ SPREAD = float(np.sqrt(CV.noise_covariance(DT)[0, 0]))
 def seen(position, std=10.0, time_s=0.0):
     position = np.atleast_2d(position)
     count = len(position)
-    return Places(position, np.tile(std**2 * np.eye(2), (count, 1, 1)), np.full(count, time_s))
+    return InPlane(position, np.tile(std**2 * np.eye(2), (count, 1, 1)), np.full(count, time_s))
 
 
 def drawn(model, places, count=40_000, seed=0):
