@@ -7,6 +7,7 @@ import pytest
 from estimate_sets import of_tracks
 from numpy.testing import assert_allclose
 from scipy.optimize import linear_sum_assignment
+from scipy.sparse import csgraph
 
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.tracks.renumbering import GATE, match
@@ -198,6 +199,20 @@ def test_matched_pairs_are_those_of_least_total_distance():
         best = limited[linear_sum_assignment(limited)]
         assert len(rows) == np.count_nonzero(best < 1e6)
         assert_allclose(cost[rows, columns].sum(), best[best < 1e6].sum(), rtol=1e-4)
+
+
+def test_tracks_are_matched_by_scipy_before_1_15(monkeypatch):
+    solve = csgraph.min_weight_full_bipartite_matching
+
+    def earlier(edges):
+        # It refuses indices of eight bytes.
+        assert {edges.indices.dtype, edges.indptr.dtype} == {np.dtype(np.int32)}
+        return solve(edges)
+
+    monkeypatch.setattr(csgraph, solve.__name__, earlier)
+    found = estimates(0, {3: (0.0, 0.0), 5: (9e3, 0.0)})
+    rows, columns = match(found, found)
+    assert (rows.tolist(), columns.tolist()) == ([0, 1], [0, 1])
 
 
 NS = 10**9

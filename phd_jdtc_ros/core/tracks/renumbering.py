@@ -64,7 +64,10 @@ def match(one: Estimates, other: Estimates, moving: bool = False) -> tuple[IntAr
     # A column of its own leaves a target unmatched. The sparse matrix drops weights of zero.
     own = np.arange(len(one))
     edge = np.concatenate([cost[near], np.full(len(one), _NO_MATCH)]) + 1.0
-    at = np.concatenate([rows[near], own]), np.concatenate([columns[near], len(other) + own])
+    start = np.concatenate([rows[near], own])
+    end = np.concatenate([columns[near], len(other) + own])
+    # SciPy before 1.15 matches only with indices of four bytes.
+    at = start.astype(np.int32), end.astype(np.int32)
     edges = csr_array((edge, at), shape=(len(one), len(other) + len(one)))
     row, column = min_weight_full_bipartite_matching(edges)
     pairs = column < len(other)
