@@ -1,8 +1,11 @@
+from dataclasses import fields
+
 import numpy as np
 import pytest
 
 from phd_jdtc_ros.configuration.schema import Parameter
 from phd_jdtc_ros.configuration.tables import GROUPS, TOP, schema
+from phd_jdtc_ros.core.targets.motion import MOTIONS
 
 WHOLE = Parameter("n", 5, "", 0, 10)
 REAL = Parameter("x", 1.0, "", 0.0, 2.0)
@@ -124,3 +127,9 @@ def test_every_parameter_accepts_its_own_default(name, parameter):
     assert parameter.description.endswith(".")
     # A unit alone, or what is left of a sentence, is none.
     assert len(parameter.description.split()) >= 3
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_every_field_of_a_motion_is_a_parameter_of_motions(name):
+    declared = {parameter.name for parameter in GROUPS["motions"]}
+    assert {entry.name for entry in fields(MOTIONS[name])} <= declared
