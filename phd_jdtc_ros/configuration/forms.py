@@ -19,33 +19,28 @@ MOST_LAG_SCANS, MOST_LAG_S = 100, 1e5
 MOST_CLUTTER = 1e6
 # At a correlation of 1, a target that is missed once would never be detected again.
 MOST_CORRELATION = 0.98
-_LAG = re.compile(r"\s*([0-9]+)\s*|\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*s\s*")
+_LAG = re.compile(r"\s*([0-9]{1,9})\s*|\s*([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?\s*s\s*")
 
 
-def _lag(text: str) -> Lag:
-    found = _LAG.fullmatch(text)
+def _lag(given: Any) -> tuple[str, Lag] | None:
+    plain = number(given)
+    found = _LAG.fullmatch(f"{plain:g}" if plain is not None else str(given))
     if found is None:
-        raise ValueError(f"{text!r} is not a lag")
-    return Lag(int(found[1])) if found[1] else Lag(0, float(found[2]))
-
-
-def _read_lag(value: Any) -> str | None:
-    plain = number(value)
-    if plain is not None:
-        value = str(int(plain)) if plain.is_integer() else ""
-    try:
-        lag = _lag(value) if isinstance(value, str) else Lag(-1)
-    except ValueError:
         return None
-    if lag.seconds is not None:
-        return f"{lag.seconds:.10g} s" if 0.0 < lag.seconds <= MOST_LAG_S else None
-    return str(lag.scans) if 0 <= lag.scans <= MOST_LAG_SCANS else None
+    if found[1]:
+        lag = Lag(int(found[1]))
+        return (str(lag.scans), lag) if lag.scans <= MOST_LAG_SCANS else None
+    seconds = _rounded(found[2] + (found[3] or ""))
+    return (f"{seconds:.10g} s", Lag(0, seconds)) if 0.0 < seconds <= MOST_LAG_S else None
 
 
-LAG = Form(
-    f"a whole number of scans from 0 to {MOST_LAG_SCANS}, or seconds above 0 as in '20 s'",
-    _read_lag,
-    _lag,
+def _rounded(word: str) -> float:
+    """Return the number that a word has in canonical notations."""
+    return float(f"{float(word):.10g}")
+
+
+LAG = Form.parsed(
+    f"a whole number of scans from 0 to {MOST_LAG_SCANS}, or seconds above 0 as in '20 s'", _lag
 )
 
 # --- values that may be learned -------------------------------------------------------------------
@@ -74,7 +69,7 @@ def _words_of(value: Any, flag: str, tables: bool) -> _Words | None:
     before = head.split()
     learned = before[:1] == [AUTO]
     try:
-        parts = [[float(word) for word in words] for words in (before[learned:], tail.split())]
+        parts = [[_rounded(word) for word in words] for words in (before[learned:], tail.split())]
     except ValueError:
         return None
     if not (learned or found) or None in map(numbers, parts):
@@ -97,23 +92,20 @@ def _form(
     """
     tables = flag == CORRELATED
 
-    def read(value: Any) -> float | list[float] | str | None:
+    def parse(value: Any) -> tuple[Any, Any] | None:
         words = _words_of(value, flag, tables)
         given = None if words is None else complete(words.numbers, words.learned)
         if words is None or given is None or len(words.after) > (most_after is not None):
             return None
         if any(number(each, 0.0, most_after or 0.0) is None for each in words.after):
             return None
+        found = value_of(words._replace(numbers=given))
         if isinstance(value, str):
             text = [AUTO] * words.learned + _texts(given) + [flag] * words.flag
-            return " ".join([*text, *_texts(words.after)])
-        return given[0] if len(given) == 1 else given or None
+            return " ".join([*text, *_texts(words.after)]), found
+        return given[0] if len(given) == 1 else given, found
 
-    def value(notation: Any) -> Any:
-        words = _words_of(notation, flag, tables)
-        return None if words is None else value_of(words)
-
-    return Form(f"{allowed}; {flag} may follow" if flag and not tables else allowed, read, value)
+    return Form.parsed(f"{allowed}; {flag} may follow" if flag and not tables else allowed, parse)
 
 
 def _texts(given: Sequence[float]) -> list[str]:
@@ -236,24 +228,19 @@ def probability_numbers(given: float | list[float] | str) -> list[float]:
 CLUTTER_LAWS = ("rayleigh", "log_normal", "learned")
 
 
-def _clutter(text: str) -> tuple[str, float]:
-    """Return the law of clutter amplitudes and its level, dB."""
-    law, *level = text.split()
-    return law, float(level[0]) if level else 0.0
-
-
-def _read_clutter(value: Any) -> str | None:
-    law, *level = value.split() if isinstance(value, str) and value.split() else [""]
+def _clutter(given: Any) -> tuple[str, tuple[str, float]] | None:
+    """Return a notation as it is, with the law of clutter amplitudes and its level, dB."""
+    law, *level = given.split() if isinstance(given, str) and given.split() else [""]
     if law not in CLUTTER_LAWS or len(level) > (law != "learned"):
         return None
     try:
-        return value if not level or -100.0 <= float(level[0]) <= 200.0 else None
+        level_db = float(*level)
     except ValueError:
         return None
+    return (given, (law, level_db)) if -100.0 <= level_db <= 200.0 else None
 
 
-CLUTTER = Form(
+CLUTTER = Form.parsed(
     "rayleigh, log_normal or learned; after the first two a level in dB from -100 to 200",
-    _read_clutter,
     _clutter,
 )

@@ -29,24 +29,21 @@ class PoseSource(NamedTuple):
 NO_POSE = PoseSource("", POSE_MESSAGES[0], True)
 
 
-def _pose(text: str) -> PoseSource:
-    topic, *words = text.split() or [""]
-    message = next((word for word in words if word in POSE_MESSAGES), POSE_MESSAGES[0])
-    return PoseSource("" if topic == FIXED else topic, message, STABILISED not in words)
-
-
-def _read_pose(value: Any) -> str | None:
-    topic, *words = value.split() or [""] if isinstance(value, str) else [""]
+def _pose(given: Any) -> tuple[str, PoseSource] | None:
+    if given == FIXED:
+        return FIXED, NO_POSE
+    topic, *words = given.split() or [""] if isinstance(given, str) else [""]
     known = set(words) <= {*POSE_MESSAGES, STABILISED} and len(words) <= 2
-    moving = topic.lower() not in ("", "tf", FIXED) and known
-    return value if moving or value == FIXED else None
+    if topic.lower() in ("", "tf", FIXED) or not known:
+        return None
+    message = next((word for word in words if word in POSE_MESSAGES), POSE_MESSAGES[0])
+    return given, PoseSource(topic, message, STABILISED not in words)
 
 
-POSE = Form(
+POSE = Form.parsed(
     f"{FIXED} or the topic of the platform's poses in the world frame (transforms are not read), "
     f"with {POSE_MESSAGES[1]} after it for geometry_msgs/PoseStamped and {STABILISED} for azimuths "
     "that the platform does not turn",
-    _read_pose,
     _pose,
 )
 

@@ -61,6 +61,15 @@ class Form:
     # Returns the value of the dataclass's field that the canonical notation stands for.
     value: Callable[[Any], Any] = lambda notation: notation
 
+    @staticmethod
+    def parsed(allowed: str, parse: Callable[[Any], tuple[Any, Any] | None]) -> Form:
+        """Return a form whose canonical notations and values are found together by `parse`."""
+
+        def part(index: int) -> Callable[[Any], Any]:
+            return lambda given: (parse(given) or (None, None))[index]
+
+        return Form(allowed, part(0), part(1))
+
 
 @dataclass(frozen=True)
 class Parameter:
