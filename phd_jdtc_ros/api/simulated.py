@@ -21,7 +21,7 @@ from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
-from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, check_sites, observe
+from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, check_sites, truth_and_reports
 
 from .reports import TIME
 from .tables import Column, structured_array
@@ -65,7 +65,7 @@ def simulate(
         raise ConfigError(["platform: given, must be absent, because tables have no poses"])
     check_sites(config.radars)
     names = [kind.name for kind in config.model.modes.classes]
-    truths, reports = observe(run, config.radars, seed)
+    truths, reports = truth_and_reports(run, config.radars, seed)
     return Simulated(
         _detections(reports, config.radars), _truth(truths, run, names), dict(config.values)
     )

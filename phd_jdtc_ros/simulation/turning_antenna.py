@@ -66,7 +66,7 @@ def simulate_reports(
     return sorted(reports, key=lambda report: (report.stamp_ns, report.radar))
 
 
-def observe(
+def truth_and_reports(
     scenario: Scenario, inputs: Sequence[RadarParameters], seed: int
 ) -> tuple[list[Truth], list[SimulatedReport]]:
     """Return the truth at every scan and the reports of all radars, both ordered by stamp.

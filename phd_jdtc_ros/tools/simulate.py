@@ -20,7 +20,7 @@ from phd_jdtc_ros.exit_status import OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, yaml_files
 from phd_jdtc_ros.simulation import scenario_file, sending
 from phd_jdtc_ros.simulation.scenario import Scenario
-from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, check_sites, observe
+from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, check_sites, truth_and_reports
 
 from . import command
 from .asterix import simulated as simulated_asterix
@@ -87,7 +87,7 @@ def _scans(run: Scenario, config: TrackerConfig, seed: int) -> Iterator[tuple[in
         radar, stamp_ns = config.radars[report.radar], report.stamp_ns
         return stamp_ns, radar.topic, reader_of(radar).to_cdr(report.detections, stamp_ns, radar)
 
-    truths, reports = observe(run, config.radars, seed)
+    truths, reports = truth_and_reports(run, config.radars, seed)
     parts = map(of_truth, truths), map(of_radar, reports)
     yield from heapq.merge(*parts, key=lambda message: message[0])
 
