@@ -13,7 +13,7 @@ from ..attributes.reprojection import Paired
 from ..attributes.uniqueness import OutOfGate
 from ..models.detection_birth import Newborn
 from ..models.tracker_model import TrackerModel
-from ..sensors.report import Report
+from ..sensors.report import EarlierSectors, Report
 from ..types import Coverage, Detections
 from ..window.update_steps import Posterior
 from .algebra.kalman import TINY
@@ -115,7 +115,10 @@ class PriorMixture:
         """Probability that each Gaussian is detected, shape (H, R, C)."""
         detectable, sector = self._in_turn, self.report.detections.coverage
         if sector is not None:
-            detectable = detectable * self._measured_in(sector)
+            measured, before = self._measured_in(sector), self._measured_before
+            if before is not None:
+                measured = EarlierSectors.only_in(measured, before)
+            detectable = detectable * measured
         return detectable if self._unseen is None else detectable * self._unseen
 
     @cached_property
@@ -143,11 +146,17 @@ class PriorMixture:
         return sector_probability(self.expected, self.report.sensor, sector)
 
     @cached_property
+    def _measured_before(self) -> FloatArray | None:
+        """Probability that a target is measured in earlier sectors, (H, R, 1); None without any."""
+        earlier = self.report.earlier
+        return None if earlier is None else self._measured_in(earlier.coverage)
+
+    @cached_property
     def _unseen(self) -> FloatArray | None:
         """Factor on the detection probability, (H, R, C) or None; see `EarlierSectors.factor`."""
-        if (earlier := self.report.earlier) is None:
+        earlier, measured = self.report.earlier, self._measured_before
+        if earlier is None or measured is None:
             return None
-        measured = self._measured_in(earlier.coverage)
         return earlier.factor(self.mixture.row_label, self._in_turn, measured)
 
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 # Smallest probability that earlier sectors have not detected a target.
 LEAST_UNSEEN = 1e-3
+# Rounding error of the sum of the probabilities of adjoining sectors.
+ROUNDING = 1e-12
 # Smallest distance of folds from which range rates show their noise, in standard deviations of
 # the noise. Innovations that show it have at most twice this deviation, see `evidence_of`, so that
 # all up to three of their own deviations are of the nearest fold.
@@ -34,6 +36,15 @@ class EarlierSectors:
 
     coverage: Coverage  # Their azimuths
     continued: AntennaPass  # The pass that the report continues
+
+    @staticmethod
+    def only_in(sector: FloatArray, measured: FloatArray) -> FloatArray:
+        """Return the probabilities that targets are measured in a later sector, and not in these.
+
+        Given are those of both, elementwise. Edges may be estimates, so that sectors overlap a
+        little, but a target is measured once.
+        """
+        return np.minimum(sector, 1.0 + ROUNDING - measured)
 
     def factor(
         self, label: IntArray, in_turn: FloatArray, measured: FloatArray

@@ -22,8 +22,8 @@ from ..models import detection_birth, newborn_sampling
 from ..models.competing_sources import competing_sources
 from ..models.detection_birth import Newborn
 from ..models.tracker_model import TrackerModel
-from ..sensors.report import LEAST_UNSEEN, Report
-from ..types import Detections
+from ..sensors.report import LEAST_UNSEEN, EarlierSectors, Report
+from ..types import Coverage, Detections
 from ..window.update_steps import Posterior
 from .correction import Corrector
 from .noise import noise_evidence
@@ -126,7 +126,9 @@ class PriorParticles:
         """Probability that each particle is detected, shape (N,)."""
         detectable, sector = self._in_turn, self.report.detections.coverage
         if sector is not None:
-            measured = self.report.sensor.sector_probability(self._everywhere, sector)
+            measured, before = self._measured_in(sector), self._measured_before
+            if before is not None:
+                measured = EarlierSectors.only_in(measured, before)
             detectable = detectable * measured
         return detectable if self._unseen is None else detectable * self._unseen
 
@@ -157,12 +159,22 @@ class PriorParticles:
         mean: FloatArray = whole / np.where(mass > 0.0, mass, 1.0)
         return mean
 
+    def _measured_in(self, sector: Coverage) -> FloatArray:
+        """Return the probability that each particle is measured in a sector, (N,)."""
+        return self.report.sensor.sector_probability(self._everywhere, sector)
+
+    @cached_property
+    def _measured_before(self) -> FloatArray | None:
+        """Probability that a particle is measured in earlier sectors, (N,); None without any."""
+        earlier = self.report.earlier
+        return None if earlier is None else self._measured_in(earlier.coverage)
+
     @cached_property
     def _unseen(self) -> FloatArray | None:
         """Factor of earlier sectors, shape (N,); None if they saw none of the targets."""
-        if (earlier := self.report.earlier) is None:
+        earlier, measured = self.report.earlier, self._measured_before
+        if earlier is None or measured is None:
             return None
-        measured = self.report.sensor.sector_probability(self._everywhere, earlier.coverage)
         return earlier.factor(self.particles.row_label, self._in_turn, measured)
 
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:

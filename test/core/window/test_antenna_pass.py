@@ -99,6 +99,16 @@ def test_existence_after_two_sectors_is_that_of_a_whole_turn(engine, plots, cloc
 
 
 @pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("plots", PLOTS.values(), ids=PLOTS)
+@pytest.mark.parametrize("overlap", [0.004, 0.018])
+def test_sectors_that_overlap_pass_a_target_once(engine, plots, overlap):
+    sectors = Coverage(EDGE - 0.4, 0.4 + 0.5 * overlap), Coverage(EDGE - 0.5 * overlap, 0.4)
+    for way in (1, -1):
+        found = swept(engine, sectors[::way], plots[::way])
+        assert found == pytest.approx(exact(plots), abs=0.03)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
 def test_miss_of_the_next_turn_counts_again(engine):
     found = swept(engine, SECTORS[:1] * 2, ([], []), between_s=4.0)
     once = swept(engine, SECTORS[:1], ([],))
