@@ -55,6 +55,11 @@ class RadarModel(Sensor):
         return self.visibility.max_range
 
     @property
+    def limits(self) -> tuple[FloatArray, FloatArray]:
+        """Intervals of the ranges and azimuths of its field of view; see `Visibility.limits`."""
+        return self.visibility.limits
+
+    @property
     def field_size(self) -> float:
         """Size of its field of view, radians times metres."""
         return self.visibility.fov.width * self.max_range

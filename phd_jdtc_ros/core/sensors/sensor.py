@@ -189,6 +189,14 @@ class Sensor(ReadOnly, ABC):
         """Largest range of a detection, metres."""
         return math.inf
 
+    @property
+    def limits(self) -> tuple[FloatArray, ...]:
+        """Intervals of each component of a measurement in which targets are detected, (I, 2) each.
+
+        Empty if the sensor sees all targets.
+        """
+        return ()
+
     def polar_place(self, measured: FloatArray) -> FloatArray:
         """Return ranges and azimuths of measurements from the sensor's position, (N, 2)."""
         return polar_geometry.measure(self.to_world(measured), self.position, self.yaw)

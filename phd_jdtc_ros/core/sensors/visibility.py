@@ -113,6 +113,19 @@ class Visibility:
             seen *= np.sum([sector_probability(azimuth, arc, std[:, 1]) for arc in self._arcs], 0)
         return seen
 
+    @cached_property
+    def limits(self) -> tuple[FloatArray, FloatArray]:
+        """Intervals of the ranges and of the azimuths of the field of view, (I, 2) each.
+
+        Azimuths are those of three turns, so that each is inside at any multiple of a turn; there
+        are no intervals if all azimuths are clear.
+        """
+        nearest = self.min_range if self.min_range > 0.0 else -np.inf
+        sides = np.array([(arc.start, arc.start + arc.width) for arc in self._arcs or ()])
+        turns = FULL_TURN * np.arange(-2.0, 1.0)
+        azimuths = (sides.reshape(-1, 1, 2) + turns[:, None]).reshape(-1, 2)
+        return np.array([[nearest, self.max_range]]), azimuths
+
     def _clear(self, azimuth: FloatArray) -> FloatArray:
         """Return 1 for each azimuth in the field of view and not obstructed, and 0 else."""
         clear = sector_probability(azimuth, self.fov)

@@ -272,9 +272,17 @@ def test_every_mode_is_updated_with_the_detection_of_its_hypothesis(monkeypatch)
             )
 
 
-def test_target_that_stays_beyond_the_range_keeps_the_existence_of_an_enumeration():
-    limits = {"radar.max_range": 7010.0, "radar.clutter_max_range": 7010.0}
-    config = lone({"radar.detection_probability": 0.9, **limits})
+FIELDS = {
+    "largest range": {"radar.max_range": 7010.0, "radar.clutter_max_range": 7010.0},
+    "least range": {"radar.min_range": 6990.0},
+    "field of view": {"radar.fov_deg": [-50.0, np.degrees(0.8014)]},
+    "blind sector": {"radar.blind_sectors_deg": [np.degrees(0.8014), 60.0]},
+}
+
+
+@pytest.mark.parametrize("field", FIELDS.values(), ids=FIELDS)
+def test_target_that_stays_at_a_limit_keeps_the_existence_of_an_enumeration(field):
+    config = lone({"radar.detection_probability": 0.9, **field})
     (radar,) = config.model.radars
     mean, std = MEAN.copy(), np.array([100.0, 1.0, 100.0, 1.0, 1e-4])
     mean[[0, 2]] = radar.to_world(np.array([[7e3, 0.8]]))[0]
