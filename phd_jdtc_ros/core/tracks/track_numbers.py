@@ -20,6 +20,8 @@ from .known_aircraft import MARGIN, KnownAircraft, Reach
 # Largest restored number: messages have 32 bits for a track number, and half of the range remains
 # for tracks after the restart.
 MAX_TRACK_NUMBER = 1 << 31
+# Number of labels below which the numbers of ended targets are kept.
+FEW_NUMBERS = 256
 # Rank of two tracks of one aircraft by their states; the lower one is reported.
 PREFERENCE = {CONFIRMED: 0, COASTING: 1, TENTATIVE: 2}
 
@@ -54,6 +56,8 @@ class TrackNumbers:
         self._number = number or {}
         self.count = count
         self.aircraft = aircraft or KnownAircraft()
+        # Number of labels with a number when those of ended targets were last dropped.
+        self._settled = 0
 
     def assign(self, estimates: Estimates, reach: Reach | None = None) -> Estimates:
         """Return the estimates with distinct track numbers in the place of labels; 0 stays 0.
@@ -135,9 +139,15 @@ class TrackNumbers:
         return TrackNumbers(pairs, count, KnownAircraft.from_snapshot(snapshot, count))
 
     def forget_all_but(self, labels: list[IntArray]) -> None:
-        """Drop the numbers of targets that can no longer be reported."""
-        alive = set((np.concatenate(labels) + 1).tolist())
-        self._number = {label: n for label, n in self._number.items() if label in alive}
+        """Drop the numbers of targets that can no longer be reported.
+
+        They are kept until there are twice as many numbers as when some were last dropped: a number
+        that no target has changes nothing.
+        """
+        if len(self._number) > 2 * self._settled + FEW_NUMBERS:
+            alive = set((np.concatenate(labels) + 1).tolist())
+            self._number = {label: n for label, n in self._number.items() if label in alive}
+            self._settled = len(self._number)
 
 
 class NoNumbers(TrackNumbers):

@@ -9,7 +9,7 @@ from runs import ENGINES, stepped, stored_and_read
 from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.tracks import known_aircraft
 from phd_jdtc_ros.core.tracks.known_aircraft import MARGIN, KnownAircraft, LastSeen, Reach
-from phd_jdtc_ros.core.tracks.track_numbers import TrackNumbers
+from phd_jdtc_ros.core.tracks.track_numbers import FEW_NUMBERS, TrackNumbers
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes
 
 REACH = Reach(kept_s=600.0, speed=300.0)
@@ -46,6 +46,17 @@ def test_addresses_bring_their_numbers_back_to_their_aircraft():
     numbers(tracks, 0, (5, 77, 0.0, CONFIRMED))
     assert numbers(tracks, 20, (5, 77, 4e3, COASTING), (40, 77, -3e3, CONFIRMED)) == [1]
     assert numbers(tracks, 24, (5, 77, 5e3, CONFIRMED), (40, 77, -3e3, CONFIRMED)) == [1, 2]
+
+
+def test_numbers_of_ended_targets_are_dropped_before_they_are_many():
+    tracks = TrackNumbers()
+    for label in range(1, 3 * FEW_NUMBERS):
+        assert numbers(
+            tracks, 0, (1, UNKNOWN, 0.0, CONFIRMED), (label + 1, UNKNOWN, 9e4, CONFIRMED)
+        )
+        tracks.forget_all_but([np.array([0, label])])
+    assert len(tracks.in_use) < FEW_NUMBERS + 10
+    assert tracks.in_use[1] == 1
 
 
 @pytest.mark.parametrize(
