@@ -132,5 +132,6 @@ def _before(evidence: FloatArray, learned: FloatArray, before: FloatArray | None
     if before is None:
         return learned
     begun = (evidence > 0.0) & (evidence < RAISED)
-    kept: FloatArray = np.where(np.resize(begun, len(learned)), before, learned)
+    columns = -1, len(evidence)
+    kept: FloatArray = np.where(begun, before.reshape(columns), learned.reshape(columns)).ravel()
     return kept

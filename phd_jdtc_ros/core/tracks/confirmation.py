@@ -58,15 +58,17 @@ def missed_by_all(estimates: Estimates, scan: Scan, model: TrackerModel) -> Floa
     """
     modes, missed = model.modes, np.ones(len(estimates))
     mode = modes.class_of.searchsorted(estimates.class_id)
-    for report in model.reports(scan):
-        sensor = report.sensor
+    for configured, report in zip(model.radars, scan.detections, strict=True):
+        if report is None:
+            continue
+        sensor = configured.at(report.pose)
         measured = sensor.measure(estimates.state)
         detected = sensor.given_detection_probability(measured)
         if detected is None:
             nothing = np.zeros(len(estimates))
             detected = Band().detection_probability(mode, nothing, sensor, modes)
         detected = sensor.learned_detection_probability(detected, measured)
-        missed *= 1.0 - sensor.coverage_probability(measured, report.detections.coverage) * detected
+        missed *= 1.0 - sensor.coverage_probability(measured, report.coverage) * detected
     return missed
 
 
