@@ -12,7 +12,7 @@ from .asterix_rates import CLOUDS
 from .recursion import GAUSSIAN, PARTICLES
 from .step_growth import MEMORY_TARGETS
 from .steps import PAPER
-from .turning import BY_SECTORS, ONE_CLOUD
+from .turning import AT_EVERY_SECTOR, BY_SECTORS, ONE_CLOUD
 
 # Duration of one of the 16 sectors of a turn of 4 s: a plot waits for the end of its sector.
 SECTOR_S = 0.25
@@ -149,6 +149,12 @@ def _step_exponent(summary: Mapping[str, Any]) -> float:
     return at("step_growth", "forms", GAUSSIAN, "exponent")(summary)
 
 
+def _largest_step(summary: Mapping[str, Any]) -> float:
+    if summary["quick"]:
+        raise LookupError("few targets")
+    return float(summary["step_growth"]["forms"][GAUSSIAN]["times"][-1]["median_ms"])
+
+
 def _memory(summary: Mapping[str, Any]) -> float:
     memory = summary["step_growth"]["memory"]
     if memory["targets"] < MEMORY_TARGETS:
@@ -279,12 +285,26 @@ GOALS: tuple[Goal, ...] = (
         )
         for scene, bound in ((PAPER, 1.0), ("200 targets", 8.0), ("1000 targets", 35.0))
     ),
-    _most(
-        "turning",
-        "gaussian: turn of 50 aircraft by 16 sectors, ms",
-        10.0,
-        _turn(BY_SECTORS, GAUSSIAN),
+    *(
+        _most("turning", f"gaussian: turn of 50 aircraft, {form}, ms", bound, _turn(form, GAUSSIAN))
+        for form, bound in ((ONE_CLOUD, 4.0), (BY_SECTORS, 10.0), (AT_EVERY_SECTOR, 20.0))
     ),
+    _least(
+        "peers",
+        "gaussian: step against Stone Soup's GM-PHD, times",
+        20.0,
+        ratio(at("peers", "GM-PHD", "median_ms"), at("peers", GAUSSIAN, "median_ms")),
+    ),
+    *(
+        _most(
+            "live",
+            f"gaussian: latency over DDS, {part}, ms",
+            bound,
+            at("live", GAUSSIAN, "estimate_ms", part),
+        )
+        for part, bound in (("p50", 4.0), ("p99", 8.0))
+    ),
+    _most("step_growth", "gaussian: step, 5000 targets, ms", 250.0, _largest_step),
     _most(
         "step_growth",
         "gaussian: growth of a step in targets, 200 to 5000, exponent",
