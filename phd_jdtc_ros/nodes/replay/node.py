@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Sequence
-from enum import Enum, auto
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -51,15 +50,6 @@ ACKNOWLEDGE_S = 5.0
 POLL_S = 0.05
 
 
-class State(Enum):
-    """The phases of a replay."""
-
-    WAITING = auto()
-    PLAYING = auto()
-    DRAINING = auto()
-    FLUSHING = auto()
-
-
 class SensorReplay(RunnableNode):
     """Publishes a bag's messages with the bytes that were recorded.
 
@@ -98,8 +88,7 @@ class SensorReplay(RunnableNode):
         self._flushed: Future | None = None
         self._paused = bool(self._values["start_paused"])
         self._steps = 0
-        self._state = State.WAITING
-        self._since = time.monotonic()
+        self._enter(self._wait_for_subscribers)
         self._ready_since: float | None = None
         self._playback = Playback(
             bag,
@@ -153,17 +142,10 @@ class SensorReplay(RunnableNode):
         self.get_logger().info(f"published: {', '.join(counts) or 'no scans'}")
 
     def _tick(self) -> None:
-        if self._state is State.WAITING:
-            self._wait_for_subscribers()
-        elif self._state is State.PLAYING:
-            self._play()
-        elif self._state is State.DRAINING:
-            self._drain()
-        else:
-            self._finish_flush()
+        self._phase()
 
-    def _enter(self, state: State) -> None:
-        self._state = state
+    def _enter(self, phase: Callable[[], None]) -> None:
+        self._phase = phase
         self._since = time.monotonic()
 
     def _wait_for_subscribers(self) -> None:
@@ -184,7 +166,7 @@ class SensorReplay(RunnableNode):
             if unconnected:
                 self._play_without(unconnected)
         self._begin()
-        self._enter(State.PLAYING)
+        self._enter(self._play)
 
     def _missing(self) -> list[str]:
         """Return the topics that lack a subscriber, or a tracker, to play to."""
@@ -226,7 +208,7 @@ class SensorReplay(RunnableNode):
             self._publish_group(group)
             self._playback.advance()
         if not self._values["loop"]:
-            self._enter(State.DRAINING)
+            self._enter(self._drain)
         # In lock-step, the first scan of the next pass waits for the last scan of this one too.
         elif self._is_settled():
             self._playback.rewind()
@@ -277,7 +259,7 @@ class SensorReplay(RunnableNode):
             self._end()
         elif self._flush.service_is_ready():
             self._flushed = self._flush.call_async(Trigger.Request())
-            self._enter(State.FLUSHING)
+            self._enter(self._finish_flush)
         elif waited_s > ACKNOWLEDGE_S:
             self._fail(f"service {self._values['flush_service']} is not available")
 
@@ -341,7 +323,7 @@ class SensorReplay(RunnableNode):
 
     def _seek_fault(self, value: Any) -> str:
         """Return the reason for which the replay cannot go to `value`; empty if it can."""
-        if self._state in (State.DRAINING, State.FLUSHING):
+        if self._phase in (self._drain, self._finish_flush):
             return f"{SEEK.name}: {value} given, but the bag has been played to its end"
         seconds = SEEK.coerce(value)
         first, last = self._part_s
