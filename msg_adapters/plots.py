@@ -27,7 +27,7 @@ FIGURES = {
 def of_tracker(classes: int, engine: str | None = "gaussian") -> tuple[str, ...]:
     """Return the names of the tracker's numbers; without `engine` the engine's own are left out."""
     sets = ("total", *(f"class_{k}" for k in range(classes)))
-    figures = () if engine is None else FIGURES[engine]
+    figures = FIGURES.get(engine or "", ())
     return (*(f"cardinality/{key}" for key in sets), "step_ms", *figures)
 
 

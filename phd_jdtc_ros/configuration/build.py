@@ -20,7 +20,7 @@ from phd_jdtc_ros.core.tracks.reporting_rule import ReportingRule, rule_of
 
 from . import checks, replaced
 from .models import platform_of, tracker_model
-from .parameters import LABELLED, Parts, Tracking, engine_of
+from .parameters import ENGINE_OF, LABELLED, Parts, Tracking
 from .radar_parameters import RadarParameters
 from .schema import ConfigError, build, check
 from .schema import name_faults as schema_faults
@@ -236,7 +236,7 @@ def _config(values: dict[str, Any], parts: Parts, plane: Plane | None) -> Tracke
         TrackerConfig,
         values,
         values=values,
-        engine=engine_of(values),
+        engine=ENGINE_OF[top.engine],
         inputs=inputs,
         model=model,
         recursion=RECURSIONS.get(top.engine, Recursion()),

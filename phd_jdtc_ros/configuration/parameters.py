@@ -8,7 +8,6 @@ another.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -23,7 +22,14 @@ from .sensor_parameters import SensorParameters
 # Largest numbers of names: every class needs a matrix logarithm and every name has parameters, so
 # that more names would delay the start by seconds.
 MOST_SENSORS, MOST_CLASSES, MOST_MOTIONS, MOST_BIRTHS = 100, 50, 50, 1000
-ENGINES = ("gaussian", "particles", "phd", "phd_as_printed")
+# The engine for each value of `engine`, by its name in `engines.ENGINES`; some values differ in the
+# filter only.
+ENGINE_OF = {
+    "gaussian": "gaussian",
+    "particles": "particles",
+    "phd": "particles",
+    "phd_as_printed": "particles",
+}
 # The engines whose estimates have labels; the others are PHD filters of particles.
 LABELLED = ("gaussian", "particles")
 
@@ -98,7 +104,7 @@ class Tracking:
         "gaussian",
         "The filter: Gaussian mixtures or particles for each target, the paper's PHD filter with "
         "its corrections (phd), or the PHD filter as printed.",
-        choices=ENGINES,
+        choices=tuple(ENGINE_OF),
     )
     accuracy: str = parameter(
         "normal",
@@ -297,8 +303,3 @@ REFERENCE: dict[str, Any] = {
     "start_3.position": [-10e3, -10.5e3],
     "start_4.position": [1.4e3, 8e3],
 }
-
-
-def engine_of(values: Mapping[str, Any]) -> str:
-    """Return the representation of targets: gaussian, or particles with or without labels."""
-    return "gaussian" if values["engine"] == "gaussian" else "particles"

@@ -2,7 +2,7 @@ import pytest
 from scenes import short_scenario, small
 
 from phd_jdtc_ros.configuration.engines import ENGINES, new_engine
-from phd_jdtc_ros.configuration.parameters import engine_of
+from phd_jdtc_ros.configuration.parameters import ENGINE_OF
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.tables import TOP
 from phd_jdtc_ros.simulation.simulate import simulate
@@ -10,8 +10,7 @@ from phd_jdtc_ros.simulation.simulate import simulate
 
 def test_engines_are_what_the_parameter_may_be():
     (parameter,) = [parameter for parameter in TOP if parameter.name == "engine"]
-    families = {engine_of({"engine": choice}) for choice in parameter.choices}
-    assert families == {*ENGINES}
+    assert {ENGINE_OF[choice] for choice in parameter.choices} == {*ENGINES}
     with pytest.raises(ConfigError, match="engine: 'steam' given, must be one of gaussian"):
         small({"engine": "steam"})
 

@@ -32,7 +32,7 @@ from msg_adapters import (
 from msg_adapters.errors import RejectedMessageError, quote
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.configuration import replaced
-from phd_jdtc_ros.configuration.parameters import engine_of
+from phd_jdtc_ros.configuration.parameters import ENGINE_OF
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import SOURCES, Estimates, Truth
 from phd_jdtc_ros.evaluation.comparison import PointSet
@@ -233,8 +233,7 @@ class Evaluator(RunnableNode):
 
     def _on_parameters(self, values: Mapping[str, Any]) -> None:
         """Take in the tracker's parameters, which it sends once it has discovered this node."""
-        engine = values.get("engine")
-        self._engine = engine_of(values) if isinstance(engine, str) else None
+        self._engine = ENGINE_OF.get(str(values.get("engine")))
         if self._recorder is not None:
             self._recorder.write_parameters(values)
         self._has_parameters = True

@@ -20,11 +20,9 @@ OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 # stepped at about the rate of their stamps. A replay that waits for the tracker keeps it as busy,
 # but at a much higher rate.
 BUSY_SHARE, REAL_TIME = 0.95, 0.9
-# How to reduce the step time, by engine.
-LOAD_ADVICE = {
-    "particles": "turn down accuracy, particles_per_target or lag",
-    "gaussian": "turn down accuracy or lag",
-}
+# How to reduce the step time, of some engines in other ways than of most.
+LOAD_ADVICE = "turn down accuracy or lag"
+OTHER_ADVICE = {"particles": "turn down accuracy, particles_per_target or lag"}
 REGISTRATION_ADVICE = "record a bag and run register"
 # Figures of a step whose sums are in the diagnostics, if the engine has them.
 SUMMED = ("approximate_clusters", "floored_covariances")
@@ -109,7 +107,8 @@ class StepHealth:
         `lost` messages of all radars were lost recently because the tracker is too slow, and `busy`
         is the share of the recent time in which it worked.
         """
-        advice, interval_s = LOAD_ADVICE[self.engine], self.rhythm.interval_s
+        advice = OTHER_ADVICE.get(self.engine, LOAD_ADVICE)
+        interval_s = self.rhythm.interval_s
         lost_text = f"overloaded, {lost} messages lost in the last {WARNING_MEMORY_S:g} s: {advice}"
         slow = self.step_ms is not None and self.step_ms > 1e3 * interval_s
         at_limit = busy > BUSY_SHARE and self.pace.interval_s > REAL_TIME * interval_s
