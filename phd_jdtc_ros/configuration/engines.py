@@ -14,7 +14,7 @@ from phd_jdtc_ros.core.engine import Engine, OnFiltered, give_to_nobody
 from phd_jdtc_ros.core.intake.input_checks import ResultCheck
 from phd_jdtc_ros.core.intake.out_of_sequence import OutOfSequence
 from phd_jdtc_ros.core.intake.turn_history import TurnHistory
-from phd_jdtc_ros.core.pipeline import Pipeline, start_cold
+from phd_jdtc_ros.core.pipeline import Pipeline, SensorStages, start_cold
 from phd_jdtc_ros.core.tracks.common_stamp import Schedule
 from phd_jdtc_ros.core.tracks.region import Everywhere
 
@@ -83,20 +83,17 @@ def new_pipeline(
     on_filtered: OnFiltered = give_to_nobody,
 ) -> Pipeline:
     """Return a pipeline with a new engine; see `Pipeline` for `begin` and `on_filtered`."""
-    engine, turns, platforms = new_engine(config), config.turns(), config.platforms()
-    histories = {}
-    if config.late_reports == "rework" and not any(platforms):
-        histories = {index: TurnHistory(own) for index, own in enumerate(turns)}
+    engine, platforms = new_engine(config), config.platforms()
+    reprocesses = config.late_reports == "rework"
+    histories = (TurnHistory(own, reprocesses and not any(platforms)) for own in config.turns())
+    stages = zip(config.report_checks(), histories, platforms, strict=True)
     return Pipeline(
         config.grouper(),
         engine,
         begin,
-        turns=turns,
-        report_checks=config.report_checks(),
+        sensors=[SensorStages(*each) for each in stages],
         results=ResultCheck(config.model.modes.interval_s),
-        platforms=platforms,
-        out_of_sequence=OutOfSequence(engine, len(turns), config.late_reports == "rework"),
-        histories=histories,
+        out_of_sequence=OutOfSequence(engine, len(config.inputs), reprocesses),
         region=config.region or Everywhere(),
         tuned=(config.model, config.rule),
         on_filtered=on_filtered,

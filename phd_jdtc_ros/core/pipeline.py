@@ -8,8 +8,8 @@ node publishes the estimates, and the offline tracker writes them.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 from .engine import Engine, OnFiltered, Step, give_to_nobody
@@ -20,7 +20,6 @@ from .intake.poses import Platform, PoseFault
 from .intake.scans import Rejection, Reset, ScanGrouper
 from .intake.slices import Slice
 from .intake.turn_history import Recut, TurnHistory
-from .intake.turns import Turns
 from .models.tracker_model import TrackerModel
 from .tracks.region import Everywhere, Region
 from .tracks.reporting_rule import ReportingRule, slowest_s
@@ -53,6 +52,18 @@ class RunEnded:
 Event: TypeAlias = "Stepped | RunEnded"
 
 
+@dataclass
+class SensorStages:
+    """The stages that the reports of one sensor pass before they join those of others in scans."""
+
+    check: ReportCheck
+    # Cuts the reports of a turning radar into slices, again if an out-of-sequence one is inserted.
+    history: TurnHistory
+    platform: Platform | None  # None for a fixed sensor
+    # Numbers of reports that are dropped while they wait for poses, by reason.
+    drops: Counter[str] = field(default_factory=Counter)
+
+
 def start_cold(engine: Engine, stamp_ns: int) -> None:
     """Start a run without restoring the engine."""
 
@@ -65,12 +76,10 @@ class Pipeline:
     before the next call.
 
     `begin` is called with the engine and the stamp of a run's first scan before that scan is
-    stepped; it may restore the engine. `turns`, `report_checks` and `platforms` are in the
-    configured order of the radars; the platform of a fixed radar is None. `out_of_sequence` steps
-    the same engine. `histories` are, by index, those of the turning radars whose out-of-sequence
-    reports are recut; they share their `turns`. `tuned` are the engine's model and rule, which the
-    pipeline adapts to the estimated antenna rotation. `on_filtered` gets the filtered estimates of
-    each step before the smoothing, which takes as long again; the step's event has them too.
+    stepped; it may restore the engine. `sensors` are in the configured order, and `out_of_sequence`
+    steps the same engine. `tuned` are the engine's model and rule, which the pipeline adapts to the
+    estimated antenna rotation. `on_filtered` gets the filtered estimates of each step before the
+    smoothing, which takes as long again; the step's event has them too.
     """
 
     def __init__(
@@ -79,22 +88,19 @@ class Pipeline:
         engine: Engine,
         begin: Callable[[Engine, int], None],
         *,
-        turns: Sequence[Turns],
-        report_checks: Sequence[ReportCheck],
+        sensors: Sequence[SensorStages],
         results: ResultCheck,
-        platforms: Sequence[Platform | None],
         out_of_sequence: OutOfSequence,
-        histories: Mapping[int, TurnHistory],
         region: Region | Everywhere,
         tuned: tuple[TrackerModel, ReportingRule],
         on_filtered: OnFiltered = give_to_nobody,
     ) -> None:
         self.engine = engine
-        self._turns, self._report_checks, self._results = turns, report_checks, results
-        self._grouper, self._out_of_sequence, self._histories = grouper, out_of_sequence, histories
+        self._sensors, self._results = sensors, results
+        self._turns = [sensor.history.turns for sensor in sensors]
+        self._grouper, self._out_of_sequence = grouper, out_of_sequence
         self._region, self._tuned = region, tuned
-        self._posed = PosedReports(platforms)
-        self._drops: list[Counter[str]] = [Counter() for _ in turns]
+        self._posed = PosedReports([sensor.platform for sensor in sensors])
         self._begin, self._on_filtered = begin, on_filtered
         self._begun = False
 
@@ -119,18 +125,16 @@ class Pipeline:
         If no part of the report is used in any scan, the reason is returned. `radar` is the index
         in the configured order, and `sector` the sector's number, if the report contains it.
         """
-        turns = self._turns[radar]
-        for finding in self._report_checks[radar].add(detections):
+        own, turns = self._sensors[radar], self._turns[radar]
+        for finding in own.check.add(detections):
             if finding != "sectors_not_configured" or not turns.period_s:
                 turns.anomalies[finding] += 1
-        history, nominal_s = self._histories.get(radar), turns.nominal_period_s
-        slices: list[Slice] | Rejection
-        if history is None:
-            slices = turns.split(stamp_ns, detections, sector)
-        elif nominal_s and turns.behind(stamp_ns) and self._out_of_sequence.since_ns() is not None:
+        nominal_s = turns.nominal_period_s
+        recuts = own.history.kept and self._out_of_sequence.since_ns() is not None
+        if recuts and nominal_s and turns.behind(stamp_ns):
             slices = self._insert(radar, stamp_ns, detections, sector)
         else:
-            slices = history.split(stamp_ns, detections, sector)
+            slices = own.history.split(stamp_ns, detections, sector)
         if turns.nominal_period_s != nominal_s:
             self._retune_to_rotation()
         if isinstance(slices, Rejection):
@@ -199,7 +203,7 @@ class Pipeline:
         self, radar: int, stamp_ns: int, detections: Detections, sector: int | None
     ) -> list[Slice] | Rejection:
         """Recut the turns of a radar with an out-of-sequence report; no slice is left pending."""
-        turns, history = self._turns[radar], self._histories[radar]
+        turns, history = self._turns[radar], self._sensors[radar].history
         later = history.later(stamp_ns)
         if isinstance(later, Rejection):
             return later
@@ -241,7 +245,8 @@ class Pipeline:
 
         Only reports of moving radars are dropped after `add`, since they wait for their poses.
         """
-        taken, self._drops[radar] = self._drops[radar], Counter()
+        own = self._sensors[radar]
+        taken, own.drops = own.drops, Counter()
         return taken
 
     def _group_released(self, everything: bool = False) -> list[Scan | Reset]:
@@ -249,13 +254,13 @@ class Pipeline:
         closed: list[Scan | Reset] = []
         for report in self._posed.release(everything):
             if report.detections is None:
-                self._drops[report.radar][POSE_MISSING] += 1
+                self._sensors[report.radar].drops[POSE_MISSING] += 1
                 continue
             if report.extrapolated:
                 self._turns[report.radar].anomalies["poses_extrapolated"] += 1
             found = self._group(report.radar, report.stamp_ns, report.detections)
             if isinstance(found, Rejection):
-                self._drops[report.radar][found.value] += 1
+                self._sensors[report.radar].drops[found.value] += 1
             else:
                 closed += found
         return closed
@@ -287,10 +292,9 @@ class Pipeline:
     def _forget_stamps(self) -> None:
         self._grouper.reset()
         self._posed.forget()
-        for turns in self._turns:
-            turns.reset()
-        for history in self._histories.values():
-            history.clear()
+        for sensor in self._sensors:
+            sensor.history.turns.reset()
+            sensor.history.clear()
 
     def _events(self, closed: Sequence[Scan | Reset]) -> Iterator[Event]:
         for event in closed:
@@ -302,8 +306,8 @@ class Pipeline:
                 self._begun = True
             step = self._restrict_to_region(self._out_of_sequence.step(event, self._hand_over))
             since_ns = self._out_of_sequence.since_ns()
-            for history in self._histories.values():
-                history.forget_before(event.stamp_ns if since_ns is None else since_ns)
+            for sensor in self._sensors:
+                sensor.history.forget_before(event.stamp_ns if since_ns is None else since_ns)
             due = self._results.note_step(event, step)
             yield Stepped(event, step, self._results.scans if due else 0)
 

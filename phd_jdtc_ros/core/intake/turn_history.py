@@ -35,19 +35,24 @@ class Recut(NamedTuple):
 
 
 class TurnHistory:
-    """Cuts the reports of one radar, and inserts out-of-sequence reports; see `Turns.split`."""
+    """Cuts the reports of one radar, and inserts out-of-sequence reports; see `Turns.split`.
 
-    def __init__(self, turns: Turns) -> None:
-        self._turns = turns
+    None can be inserted unless reports are `kept`.
+    """
+
+    def __init__(self, turns: Turns, kept: bool = True) -> None:
+        self.turns, self.kept = turns, kept
         self._records: list[_Record] = []
 
     def split(
         self, stamp_ns: int, detections: Detections, sector: int | None
     ) -> list[Slice] | Rejection:
         """Return the slices of a report that is in sequence."""
-        before = self._turns.state
-        slices = self._turns.split(stamp_ns, detections, sector)
-        if self._turns.state is not before and not isinstance(slices, Rejection):
+        before = self.turns.state
+        slices = self.turns.split(stamp_ns, detections, sector)
+        if isinstance(slices, Rejection):
+            return slices
+        if self.kept and self.turns.state is not before:
             if self._records and stamp_ns < self._records[-1].stamp_ns:
                 self._records.clear()  # of another run
             self._records.append(_Record(stamp_ns, detections, sector, before, slices))
@@ -70,11 +75,11 @@ class TurnHistory:
         index = self._index(stamp_ns)
         later = self._records[index:]
         del self._records[index:]
-        anomalies, self._turns.state = Counter(self._turns.anomalies), later[0].before
+        anomalies, self.turns.state = Counter(self.turns.anomalies), later[0].before
         for report in ((stamp_ns, detections, sector), *(record[:3] for record in later)):
             self.split(*report)
         # The anomalies of the later reports were counted when they came.
-        self._turns.anomalies = anomalies
+        self.turns.anomalies = anomalies
         return Recut(
             [own_ns for record in later for own_ns, _ in record.slices],
             [slice_ for record in self._records[index:] for slice_ in record.slices],
