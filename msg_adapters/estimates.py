@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from geometry_msgs.msg import Quaternion
 from sensor_msgs.msg import PointCloud2
 
 from phd_jdtc_ros.core.arrays import IntArray
@@ -182,9 +181,3 @@ def _identity(column: npt.NDArray[Any], numbers: tuple[int, tuple[int, ...]]) ->
     every = np.ones(len(column), dtype=np.bool_)
     found, _ = identities.read(column.astype(np.float64), every, numbers)
     return np.full(len(column), UNKNOWN) if found is None else found
-
-
-def heading(vx: float, vy: float) -> Quaternion:
-    """Return the orientation of a target with the velocity (vx, vy)."""
-    half = 0.5 * float(np.arctan2(vy, vx))
-    return Quaternion(x=0.0, y=0.0, z=float(np.sin(half)), w=float(np.cos(half)))

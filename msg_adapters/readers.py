@@ -29,10 +29,6 @@ class Reader:
     definition: str = ""
     type_hash: str = ""
 
-    def message_class(self) -> Any:
-        """Return the message class, or None if its package is not installed."""
-        return interfaces.installed_class(self.type_name)
-
 
 def _cloud_from_cdr(data: bytes, radar: RadarParameters) -> Report:
     return detections.from_msg(interfaces.decode(data, names.CLOUD), radar)

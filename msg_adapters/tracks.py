@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from geometry_msgs.msg import Point, Pose, PoseStamped, Twist, Vector3
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Twist, Vector3
 from nav_msgs.msg import Odometry, Path
 
 from phd_jdtc_ros.core.arrays import FloatArray
@@ -15,7 +15,6 @@ from phd_jdtc_ros.core.state_space import OMEGA, PLANAR, VX, VY, X, Y
 from phd_jdtc_ros.core.types import Estimates
 
 from . import stamps, vertical
-from .estimates import heading
 
 # Variance of quantities that a planar track does not estimate: height, roll, pitch and their rates.
 UNKNOWN_VARIANCE = 1e6
@@ -113,9 +112,10 @@ def known_heights(track: Sequence[Waypoint]) -> list[float]:
 
 def pose_of(state: FloatArray, height: float = 0.0) -> Pose:
     """Return the pose of a target at a height, metres, facing along its velocity."""
+    half = 0.5 * float(np.arctan2(state[VY], state[VX]))
     return Pose(
         position=Point(x=float(state[X]), y=float(state[Y]), z=height),
-        orientation=heading(state[VX], state[VY]),
+        orientation=Quaternion(x=0.0, y=0.0, z=float(np.sin(half)), w=float(np.cos(half))),
     )
 
 

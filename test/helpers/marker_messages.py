@@ -9,7 +9,6 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from msg_adapters import stamps, vertical
-from msg_adapters.estimates import heading
 from msg_adapters.markers import (
     ELLIPSE_SIDES,
     ELLIPSE_SIGMA,
@@ -22,6 +21,7 @@ from msg_adapters.markers import (
     label_text,
 )
 from msg_adapters.palette import class_rgb
+from msg_adapters.tracks import pose_of
 from phd_jdtc_ros.core.state_space import VX, VY, X, Y
 
 
@@ -37,13 +37,7 @@ def pose_array(estimates, class_id, frame):
     rows, up = estimates.state[mine], heights(estimates)[mine]
     return PoseArray(
         header=stamps.header(estimates.stamp_ns, frame),
-        poses=[
-            Pose(
-                position=_point(row[X], row[Y], height),
-                orientation=heading(row[VX], row[VY]),
-            )
-            for row, (height, _) in zip(rows, up, strict=True)
-        ],
+        poses=[pose_of(row, float(height)) for row, (height, _) in zip(rows, up, strict=True)],
     )
 
 

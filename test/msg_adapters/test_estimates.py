@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_array_equal
 from samples import STAMP_NS, estimates, nothing
 from sensor_msgs.msg import PointField
 
@@ -156,18 +156,6 @@ def test_from_msg_refuses_what_is_not_finite(name, bad):
     message.data = bytes(data)
     with pytest.raises(RejectedMessageError):
         adapter.from_msg(message)
-
-
-@pytest.mark.parametrize(
-    ("velocity", "degrees"),
-    [((1.0, 0.0), 0.0), ((0.0, 2.0), 90.0), ((-3.0, 0.0), 180.0), ((1.0, -1.0), -45.0)],
-)
-def test_heading_turns_about_z_to_the_velocity(velocity, degrees):
-    found = adapter.heading(*velocity)
-    half = np.radians(degrees) / 2.0
-    assert_allclose(
-        [found.x, found.y, found.z, found.w], [0.0, 0.0, np.sin(half), np.cos(half)], atol=1e-15
-    )
 
 
 @pytest.mark.parametrize("given", [estimates(), nothing()], ids=["some", "none"])

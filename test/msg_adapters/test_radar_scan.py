@@ -7,7 +7,7 @@ from message_types import RadarReturn, RadarScan
 from numpy.testing import assert_allclose
 from samples import FRAME, STAMP_NS, radar
 
-from msg_adapters import radar_scan, stamps
+from msg_adapters import interfaces, radar_scan, stamps
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import READERS
 from phd_jdtc_ros.core.types import Detections
@@ -46,7 +46,7 @@ def test_from_msg_rejects_another_frame_a_stamp_without_sense_and_too_many(monke
 
 
 def test_from_msg_reads_the_installed_messages():
-    scan_class = READERS["radar_scan"].message_class()
+    scan_class = interfaces.installed_class(READERS["radar_scan"].type_name)
     if scan_class is None:
         pytest.skip("radar_msgs is not installed")
     empty = scan_class(header=stamps.header(STAMP_NS, FRAME))

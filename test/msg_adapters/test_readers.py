@@ -1,6 +1,6 @@
 import pytest
 
-from msg_adapters import names
+from msg_adapters import interfaces, names
 from msg_adapters.readers import READERS
 from phd_jdtc_ros.configuration.sensor_kinds import TABLES
 
@@ -13,7 +13,7 @@ def test_readers_are_what_sensors_may_be_configured_to_send():
 @pytest.mark.parametrize("name", READERS)
 def test_installed_is_a_message_class_of_the_type(name):
     reader = READERS[name]
-    found = reader.message_class()
+    found = interfaces.installed_class(reader.type_name)
     if reader.type_name == names.CLOUD:
         assert found is not None
     assert found is None or found.__name__ == reader.type_name.rsplit("/", 1)[1]

@@ -135,3 +135,15 @@ def test_heights_are_in_the_pose_and_the_twist_where_they_are_known():
         np.delete(first.pose.covariance, 14).tolist()
         == np.delete(before.pose.covariance, 14).tolist()
     )
+
+
+@pytest.mark.parametrize(
+    ("velocity", "degrees"),
+    [((1.0, 0.0), 0.0), ((0.0, 2.0), 90.0), ((-3.0, 0.0), 180.0), ((1.0, -1.0), -45.0)],
+)
+def test_poses_face_along_the_velocity(velocity, degrees):
+    found = tracks.pose_of(np.array([5.0, velocity[0], 6.0, velocity[1], 0.0])).orientation
+    half = np.radians(degrees) / 2.0
+    np.testing.assert_allclose(
+        [found.x, found.y, found.z, found.w], [0.0, 0.0, np.sin(half), np.cos(half)], atol=1e-15
+    )

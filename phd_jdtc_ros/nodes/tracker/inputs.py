@@ -255,7 +255,7 @@ def queue_depth(radar: SensorParameters) -> int:
 
 
 def _message_class(radar: SensorParameters, reader: Reader) -> Any:
-    message_class = reader.message_class()
+    message_class = interfaces.installed_class(reader.type_name)
     if message_class is None:
         package = reader.type_name.split("/")[0]
         raise ConfigError(
