@@ -120,12 +120,21 @@ class Tracker:
         ------
         ValueError
             If the table is invalid or insufficient; the message names what is missing.
+
+        Warns
+        -----
+        UserWarning
+            If detections contradict the parameters.
         """
         columns = columns_of(detections)
         config = beyond_any_range(self._parameters.config(columns, blank=True))
+        tally = Tally(config)
         reports: dict[int, list[tuple[int, Detections]]] = {}
         for index, report in reports_of(columns, config):
             reports.setdefault(index, []).append((report.stamp_ns, report.detections))
+            tally.on_anomalies(index, report.anomalies)
+        for index, text in tally.about_radars():
+            warnings.warn(f"{config.inputs[index].name}: {text}", stacklevel=2)
         found, timed, faults = {}, {}, []
         for index, name in enumerate(each.name for each in config.inputs):
             try:

@@ -22,11 +22,11 @@ from . import checks, replaced
 from .models import platform_of, tracker_model
 from .parameters import ENGINE_OF, LABELLED, Parts, Tracking
 from .radar_parameters import RadarParameters
-from .schema import ConfigError, build, check
+from .schema import ConfigError, Parameter, build, check
 from .schema import name_faults as schema_faults
 from .sensor_kinds import KINDS
 from .sensor_parameters import SensorParameters
-from .tables import entries, parts_of, schema
+from .tables import GROUPS, entries, parts_of, schema
 
 # Former parameters with their replacements: without a prefix, and of each sensor.
 _FORMER = ({**replaced.TRACKER, **replaced.NODE}, replaced.RADAR)
@@ -203,7 +203,8 @@ def resolve(
     and height: `earth.SystemPlane`. It is None where no place on the earth is allowed.
     """
     table = schema(given)
-    values, faults = check(table.values(), given, *_FORMER, similar=entries(given))
+    checked = _without_unknown_members(given, table)
+    values, faults = check(table.values(), checked, *_FORMER, similar=entries(given))
     if faults:
         raise ConfigError(faults)
     parts = parts_of(values)
@@ -214,6 +215,19 @@ def resolve(
     if faults:
         raise ConfigError(faults)
     return _config(values, parts, plane_about(origin) if plane_about and origin else None)
+
+
+def _without_unknown_members(
+    given: Mapping[str, Any], table: Mapping[str, Parameter]
+) -> Mapping[str, Any]:
+    """Return the given parameters; those of members only if the lists of names have no fault.
+
+    A faulty list is a fault of its own, and not one of each parameter of the names in it.
+    """
+    lists = (group for group in GROUPS if group in given)
+    if all(table[group].coerce(given[group]) is not None for group in lists):
+        return given
+    return {name: value for name, value in given.items() if name in table or "." not in name}
 
 
 def name_faults(given: Mapping[str, Any], table: Collection[str]) -> list[str]:

@@ -157,9 +157,18 @@ def parse(text: str, where: str) -> Any:
     except _RefusedError as error:
         raise ConfigError([f"{where}: line {error.line}: {one_line(error)}"]) from error
     except yaml.YAMLError as error:
-        raise ConfigError([f"{where}: is not YAML: {one_line(error)}"]) from error
+        raise ConfigError([f"{where}: is not YAML: {_place_and_problem(error)}"]) from error
     finally:
         loader.dispose()
+
+
+def _place_and_problem(error: yaml.YAMLError) -> str:
+    """Return the line of a fault and the words about it, without PyYAML's name of the text."""
+    if not isinstance(error, yaml.MarkedYAMLError) or error.problem_mark is None:
+        return one_line(error)
+    mark = error.problem_mark
+    words = ", ".join(filter(None, (error.context, error.problem)))
+    return f"line {mark.line + 1}, column {mark.column + 1}: {one_line(words)}"
 
 
 def load(path: Path) -> Any:

@@ -1,5 +1,6 @@
 """Tables of detections to tables of tracks."""
 
+import contextlib
 import itertools
 import warnings
 
@@ -62,6 +63,14 @@ def test_fit_alone_is_enough_to_track(fitted):
     assert fitted.parameters["radar.range_std"] == pytest.approx(5.0, rel=0.25)
     assert fitted.parameters["radar.azimuth_std_deg"] == pytest.approx(0.5, rel=0.25)
     assert fitted.parameters["interval_s"] == 1.0
+
+
+def test_fit_warns_of_degrees_that_are_read_as_radians():
+    degrees = {**DETECTIONS, "azimuth": np.degrees(DETECTIONS["azimuth"])}
+    expected = r"radar: \d+ azimuths beyond 2 pi rad; probably degrees"
+    # Whether targets are found in such azimuths does not matter.
+    with pytest.warns(UserWarning, match=expected), contextlib.suppress(ValueError):
+        Tracker().fit(degrees)
 
 
 def test_fit_goes_with_other_classes_and_motions():

@@ -37,6 +37,13 @@ def test_resolve_names_the_inputs_and_the_topic_of_one_platform():
     assert build.resolve({}).platforms() == (None, None)
 
 
+def test_resolve_finds_no_faults_in_the_parameters_of_a_faulty_list():
+    given = {"sensors": ["a", "a"], "a.range_std": 30.0, "a.position": [1.0, 2.0], "lagg": 3}
+    listed, unknown = faults_of(given)
+    assert listed.startswith("sensors: ['a', 'a'] given, must be a list of distinct names")
+    assert unknown == "lagg: unknown parameter, did you mean lag?"
+
+
 def test_resolve_lists_every_fault_at_once_with_name_value_and_what_is_allowed():
     faults = faults_of(
         {

@@ -108,6 +108,13 @@ def test_load_refuses_what_is_no_yaml(tmp_path, content):
     assert fault.startswith(f"{path}: is not YAML: ")
 
 
+def test_load_names_the_line_of_broken_yaml(tmp_path):
+    path = write(tmp_path / "p.yaml", "tracker:\n  lag: [1, 2\n  seed: 3\n")
+    (fault,) = faults_of(from_arguments.load, path)
+    assert fault.startswith(f"{path}: is not YAML: line 3, column 7: while parsing a flow sequence")
+    assert "unicode string" not in fault
+
+
 def test_from_arguments_lets_the_last_one_win_and_explains_quotes(tmp_path):
     one = write(tmp_path / "1.yaml", "tracker: {ros__parameters: {lag: 1, seed: 1}}\n")
     two = write(tmp_path / "2.yaml", "tracker: {ros__parameters: {lag: 2, interval_s: 2.5}}\n")

@@ -11,6 +11,7 @@ from pathlib import Path
 from msg_adapters import names
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.asterix_bridge import settings
+from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.types import FILTERED, SOURCES
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
@@ -32,6 +33,8 @@ def _work(arguments: argparse.Namespace) -> int:
     command.require_new("it", arguments.out)
     given = from_arguments.from_arguments(arguments.params_file, arguments.assignments, NAME)
     path = Path(arguments.source)
+    if path.suffix not in ("", ".mcap") and not path.exists():
+        raise BagError(f"{path}: no such recording or bag")
     if path.is_file() and path.suffix != ".mcap":
         return _to_bag(path, arguments, settings.resolve(given))
     return _to_asterix(resources.bag(arguments.source), arguments, given)

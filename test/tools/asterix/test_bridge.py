@@ -201,6 +201,7 @@ def test_trailers_of_datagrams_are_reported_and_no_faults(bridge):
     [
         (b"", 3, "is empty, nothing was recorded"),
         (b"not a recording", 2, "is not a recording of ASTERIX"),
+        (None, 2, "no such recording or bag"),
     ],
 )
 def test_what_is_no_recording_is_refused(bridge, data, status, fault):
