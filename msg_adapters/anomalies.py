@@ -76,23 +76,28 @@ def of_noise(fit: Fit) -> str | None:
     )
 
 
-def of_learned(radar: str, figures: Mapping[str, float], warned: bool = False) -> str | None:
+def figures_of(sensor: str, figures: Mapping[str, float]) -> dict[str, float]:
+    """Return the figures of a sensor among those of a step, by names without the sensor's."""
+    own = f"{sensor}."
+    return {name.removeprefix(own): each for name, each in figures.items() if name.startswith(own)}
+
+
+def of_learned(figures: Mapping[str, float], warned: bool = False) -> str | None:
     """Return the warning about a radar that has proved worse than configured, or None.
 
-    It depends on the figures of a step, see `SensorMemory.figures`, and on whether it was worse
-    until now.
+    It depends on the radar's `figures_of` a step, and on whether it was worse until now.
     """
     worse = []
     least, most, sure = WORSE_DETECTION, WORSE_NOISE, SURE
     if warned:
         least, most, sure = RECOVERED_DETECTION, RECOVERED_NOISE, 0.0
-    found = figures.get(name := f"{radar}.detection_probability")
+    found = figures.get("detection_probability")
     if found is not None:
-        given, std = figures[f"{name}_set"], figures[f"{name}_std"]
+        given, std = (figures[f"detection_probability_{which}"] for which in ("set", "std"))
         if found < least * given and given - found > sure * std:
             worse.append(f"it detects targets with probability {found:.2f} instead of {given:.2f}")
-    for component in _components(radar, "_noise_ratio", figures):
-        ratio = figures[name := f"{radar}.{component}_noise_ratio"]
+    for component in _components("_noise_ratio", figures):
+        ratio = figures[name := f"{component}_noise_ratio"]
         if ratio > most and ratio - 1.0 > sure * figures[f"{name}_std"]:
             worse.append(f"its {_words(component)} noise is {ratio:.2g} times the configured one")
     if not worse:
@@ -100,24 +105,22 @@ def of_learned(radar: str, figures: Mapping[str, float], warned: bool = False) -
     return f"worse than configured, tracked with the learned values: {'; '.join(worse)}"
 
 
-def of_changes(radar: str, figures: Mapping[str, float]) -> str | None:
+def of_changes(figures: Mapping[str, float]) -> str | None:
     """Return the warning about a radar that has changed, or None; see `of_learned`."""
     changed = []
-    if f"{radar}.fewer_detections" in figures:
+    if "fewer_detections" in figures:
         changed.append("it detects fewer targets")
-    for component in _components(radar, "_noisier", figures):
+    for component in _components("_noisier", figures):
         changed.append(f"its {_words(component)} noise is larger")
-    blind = figures.get(f"{radar}.blind_azimuth_deg")
+    blind = figures.get("blind_azimuth_deg")
     if blind is not None:
         changed.append(f"it detects hardly anything about {blind:.0f} degrees from its x axis")
     return f"has changed: {'; '.join(changed)}" if changed else None
 
 
-def _components(sensor: str, ending: str, figures: Iterable[str]) -> Iterator[str]:
+def _components(ending: str, figures: Iterable[str]) -> Iterator[str]:
     """Yield the components of which there is a figure with this ending."""
-    for name in figures:
-        if name.startswith(f"{sensor}.") and name.endswith(ending):
-            yield name.removeprefix(f"{sensor}.").removesuffix(ending)
+    return (name.removesuffix(ending) for name in figures if name.endswith(ending))
 
 
 def _words(component: str) -> str:

@@ -162,8 +162,8 @@ class Tally:
             yield from (f"{radar.topic}: {text}" for own, text in listed if own == index)
         for radar, fit in zip(self._config.inputs, fits, strict=True):
             wrong = anomalies.of_noise(fit)
-            worse = anomalies.of_learned(radar.name, self._figures)
-            changed = anomalies.of_changes(radar.name, self._figures)
-            found = [text for text in (wrong, worse, changed) if text is not None]
+            own = anomalies.figures_of(radar.name, self._figures)
+            texts = wrong, anomalies.of_learned(own), anomalies.of_changes(own)
+            found = [text for text in texts if text is not None]
             yield from (f"{radar.topic}: {text}" for text in found)
         yield from self.about_targets()

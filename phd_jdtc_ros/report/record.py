@@ -38,7 +38,8 @@ def sensor_changes(
     inputs: Iterable[SensorParameters], figures: Mapping[str, float]
 ) -> dict[str, str]:
     """Return the warnings about sensors that have changed, by sensor."""
-    texts = {radar.name: anomalies.of_changes(radar.name, figures) for radar in inputs}
+    names = [radar.name for radar in inputs]
+    texts = {name: anomalies.of_changes(anomalies.figures_of(name, figures)) for name in names}
     return {name: text for name, text in texts.items() if text is not None}
 
 

@@ -2,7 +2,7 @@ import pytest
 
 from msg_adapters import anomalies
 
-NAME = "radar.detection_probability"
+NAME = "detection_probability"
 
 
 def detection(found, std=0.02):
@@ -10,7 +10,7 @@ def detection(found, std=0.02):
 
 
 def noise(ratio, std=0.02):
-    return {"radar.range_noise_ratio": ratio, "radar.range_noise_ratio_std": std}
+    return {"range_noise_ratio": ratio, "range_noise_ratio_std": std}
 
 
 @pytest.mark.parametrize(
@@ -21,7 +21,7 @@ def noise(ratio, std=0.02):
     ],
 )
 def test_radar_that_is_worse_than_set_gives_a_warning_with_the_numbers(figures, said):
-    assert said in anomalies.of_learned("radar", figures)
+    assert said in anomalies.of_learned(figures)
 
 
 @pytest.mark.parametrize(
@@ -29,22 +29,23 @@ def test_radar_that_is_worse_than_set_gives_a_warning_with_the_numbers(figures, 
     [{}, detection(0.85), detection(0.5, std=0.2), noise(1.2), noise(0.5), noise(2.0, std=0.5)],
 )
 def test_radar_that_is_as_set_or_not_known_well_gives_none(figures):
-    assert anomalies.of_learned("radar", figures) is None
+    assert anomalies.of_learned(figures) is None
 
 
 @pytest.mark.parametrize("figures", [detection(0.72), detection(0.5, std=0.2), noise(1.4)])
 def test_warning_stays_until_the_radar_is_clearly_better(figures):
-    assert anomalies.of_learned("radar", figures) is None
-    assert anomalies.of_learned("radar", figures, warned=True) is not None
+    assert anomalies.of_learned(figures) is None
+    assert anomalies.of_learned(figures, warned=True) is not None
 
 
 @pytest.mark.parametrize("figures", [{}, detection(0.8), noise(1.2)])
 def test_warning_ends_when_the_radar_is_clearly_better(figures):
-    assert anomalies.of_learned("radar", figures, warned=True) is None
+    assert anomalies.of_learned(figures, warned=True) is None
 
 
-def test_other_radars_figures_do_not_matter():
-    assert anomalies.of_learned("other", {**detection(0.5), **noise(2.0)}) is None
+def test_figures_of_a_radar_are_not_those_of_others():
+    figures = {"radar.range_noisier": 1.0, "radar_2.range_noisier": 2.0, "hypotheses": 3.0}
+    assert anomalies.figures_of("radar", figures) == {"range_noisier": 1.0}
 
 
 def test_an_anomaly_that_only_its_decoder_knows_is_named():

@@ -52,7 +52,7 @@ class InputHealth:
     anomalies: Counter[str] = field(default_factory=Counter)
     dropped: Counter[str] = field(default_factory=Counter)
     fit: Fit | None = None  # The radar's innovations compared with its noise, if known
-    # Values learned of the radar, without its name; see `SensorMemory.figures`.
+    # What has been learned of the radar, see `anomalies.figures_of`.
     learned: Mapping[str, float] = field(default_factory=dict)
     _last_s: float | None = None
     _worked_s: float = 0.0
@@ -169,10 +169,9 @@ class InputHealth:
         if self.lost_by_overload(now_s):
             where = "the tracker is too slow, see its step time"
         noise = None if self.fit is None else anomalies.of_noise(self.fit)
-        learned = {f"{self.name}.{key}": value for key, value in self.learned.items()}
-        worse = anomalies.of_learned(self.name, learned, self._worse)
+        worse = anomalies.of_learned(self.learned, self._worse)
         self._worse = worse is not None
-        changed = anomalies.of_changes(self.name, learned)
+        changed = anomalies.of_changes(self.learned)
         return first(
             (ERROR, shared, f"several publishers on {self.topic}, must be one"),
             (ERROR, publishers.incompatible, incompatible),

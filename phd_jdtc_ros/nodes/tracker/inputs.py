@@ -75,12 +75,7 @@ class Inputs:
     def note_learned(self, figures: Mapping[str, float]) -> None:
         """Pass on what was learned of each radar, from a step's figures to the radar's health."""
         for health in self.radars:
-            own = f"{health.name}."
-            health.learned = {
-                name.removeprefix(own): value
-                for name, value in figures.items()
-                if name.startswith(own)
-            }
+            health.learned = anomalies.figures_of(health.name, figures)
 
     def subscribe(
         self,
