@@ -10,7 +10,6 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.lifecycle import LifecycleNode
-from rclpy.timer import Timer
 
 from msg_adapters import anomalies, platform_poses
 from msg_adapters.outputs import SCAN, STEP, StepResult
@@ -59,9 +58,10 @@ class LiveTracker:
         self._active = False
         self._step_clock = StepClock()
         self._outputs = Outputs(node, settings, self._output_health)
-        self._max_wait_timer: Timer | None = None
-        if wait_s := settings.node["max_wait_s"]:
-            self._max_wait_timer = steady_timer(node, wait_s, self._on_max_wait, autostart=False)
+        # The timer is never started if scans wait without a limit.
+        self._max_wait_s = settings.node["max_wait_s"]
+        period_s = self._max_wait_s or 1.0
+        self._max_wait_timer = steady_timer(node, period_s, self._on_max_wait, autostart=False)
         try:
             self._checkpoints = self._make_checkpoints()
             # Publishers discover the subscriptions while the engine loads its compiled loops.
@@ -102,9 +102,7 @@ class LiveTracker:
     def destroy(self) -> None:
         """Destroy all subscriptions, timers and publishers."""
         self.inputs.destroy()
-        if self._max_wait_timer is not None:
-            self._node.destroy_timer(self._max_wait_timer)
-            self._max_wait_timer = None
+        self._node.destroy_timer(self._max_wait_timer)
         self._outputs.destroy()
 
     def start(self) -> None:
@@ -164,8 +162,7 @@ class LiveTracker:
             self._checkpoints.discard()
         self._outputs.begin_run()
         self._step_health.begin_series()
-        if self._max_wait_timer is not None:
-            self._max_wait_timer.cancel()
+        self._max_wait_timer.cancel()
 
     def _on_message(
         self, index: int, reader: Reader, message: Any, info: Mapping[str, int]
@@ -200,17 +197,14 @@ class LiveTracker:
 
     def _update_max_wait_timer(self, new_scan: bool) -> None:
         """Start the timer if a new scan waits for reports; cancel it if no scan waits."""
-        if self._max_wait_timer is None:
-            return
         if not self._pipeline.waiting:
             self._max_wait_timer.cancel()
-        elif new_scan:
+        elif new_scan and self._max_wait_s:
             self._max_wait_timer.reset()
 
     def _on_max_wait(self) -> None:
         begin_s = time.monotonic()
-        if self._max_wait_timer is not None:
-            self._max_wait_timer.cancel()
+        self._max_wait_timer.cancel()
         with self._step_clock:
             closed = self._handle(self._feed.close_scans())
         self._step_health.closed_by_wait += closed
