@@ -31,15 +31,8 @@ def propagate(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the probabilities of edges, (E,), and of targets without one, (T,).
 
-    Parameters
-    ----------
-    targets, size : int
-        T and M.
-    target, detection : int arrays of shape (E,)
-    odds : array of shape (E,)
-        Odds of each edge against both its target and its detection having none.
-    iterations : int
-        Largest number of iterations.
+    `targets` and `size` are T and M, `target` and `detection` the edges, and `odds` those of each
+    edge against both its target and its detection having none.
 
     References
     ----------

@@ -31,17 +31,8 @@ class Shares(NamedTuple):
 def bernoulli(target: IntArray, targets: int, weight: FloatArray, claims: Claims) -> Shares:
     """Return the factors by which the detections change the weights of Bernoulli targets.
 
-    Parameters
-    ----------
-    target : int array of shape (N,)
-        The target of each row, below `targets`.
-    targets : int
-        T.
-    weight : array of shape (N,)
-        Prior weight of each row.
+    `target`, (N,), is the target of each row, below `targets`, T, and `weight` its prior weight.
 
-    Notes
-    -----
     Let r be the existence probability of the target, r p_D the probability that it is detected, and
     p_z and p_0 the marginal probabilities of its association with detection z and with none. Then
     w <- w [p_0 (1 - p_D) / (1 - r p_D) + sum_z p_z p_D L_z / sum_s p_D L_z w].

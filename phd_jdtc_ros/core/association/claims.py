@@ -37,11 +37,7 @@ class Claims:
 def undetected(existence: FloatArray, missed: FloatArray) -> FloatArray:
     """Return the existence probabilities of targets after a missed detection.
 
-    Parameters
-    ----------
-    existence : array of shape (T,)
-        Prior existence probabilities.
-    missed : array of shape (T,)
-        Probability that each target exists and is not detected.
+    `existence`, (T,), has the prior ones, and `missed`, (T,), the probabilities that each target
+    exists and is not detected.
     """
     return missed / np.maximum(1.0 - existence + missed, LEAST_MISSED)

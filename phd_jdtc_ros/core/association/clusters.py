@@ -38,12 +38,7 @@ def _root(cluster: IntArray, node: int) -> int:
 def clusters_of(targets: int, size: int, target: Int1, detection: Int1) -> IntArray:
     """Return the first node of each node's cluster, shape (T + M,).
 
-    Parameters
-    ----------
-    targets, size : int
-        T and M.
-    target, detection : int arrays of shape (E,)
-        The edges.
+    `targets` and `size` are T and M, and `target` and `detection`, (E,), the edges.
     """
     cluster = np.arange(targets + size)
     for edge in range(len(target)):

@@ -156,13 +156,8 @@ def matching_probabilities(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the probabilities that edges are matched, (E,), and that nodes are unmatched, (N,).
 
-    They are zero in clusters without steps.
-
-    Parameters
-    ----------
-    plan : Plan
-    weight, free : arrays of shape (E,) and (N,)
-        Factors of a matching: for each of its edges, and for each unmatched node.
+    They are zero in clusters without steps. `weight`, (E,), and `free`, (N,), are the factors of a
+    matching for each of its edges and for each unmatched node.
     """
     edge, unmatched = np.zeros(len(weight)), np.zeros(len(free))
     for cluster in range(len(plan.first) - 1):
@@ -181,13 +176,8 @@ def node_prices(graph: Graph, log_odds: Float1) -> FloatArray:
 
     The prices of an edge's two nodes sum to at least its log odds. Targets bid for detections as in
     an auction, so that the prices of a cluster exceed the log weight of its best matching by at
-    most `SLACK`, or by `LEAST_RISE` for each target.
-
-    Parameters
-    ----------
-    graph : Graph
-    log_odds : array of shape (E,)
-        Log odds of each edge against leaving both its nodes unmatched.
+    most `SLACK`, or by `LEAST_RISE` for each target. The log odds, (E,), are those of each edge
+    against leaving both its nodes unmatched.
 
     References
     ----------

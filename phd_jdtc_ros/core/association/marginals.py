@@ -79,29 +79,15 @@ def edge_probabilities(
 ) -> tuple[FloatArray, FloatArray, int]:
     """Return the marginal probabilities of single-source, single-detection associations.
 
-    Parameters
-    ----------
-    most_work : int
-        Bound on the work for each target; see `MOST_WORK`.
-    targets : int
-        Number of targets, T.
-    target, detection : int arrays of shape (E,)
-        The edges, each once.
-    odds : array of shape (E,)
-        Odds of the detection against none for this target alone: the mass of the edge, divided by
-        the probability that the target has no detection.
-    clutter : array of shape (M,)
-        Intensity of all other sources of each detection, in the units of `odds`.
+    They are, for each edge, that the target is the detection's source, (E,), and for each target
+    that it has no detection, because it was missed or does not exist, (T,). The number of clusters
+    follows that were too large for exact sums: their probabilities come from belief propagation,
+    and may be overconfident. `most_work` bounds the work for each target; see `MOST_WORK`.
 
-    Returns
-    -------
-    edge : array of shape (E,)
-        Probability that the target is the detection's source.
-    none : array of shape (T,)
-        Probability that the target has no detection, because it was missed or does not exist.
-    approximate : int
-        Number of clusters that were too large for exact sums. Their probabilities come from belief
-        propagation and may be overconfident.
+    `target` and `detection`, (E,), are the edges, each once. `odds`, (E,), are those of the
+    detection against none for this target alone: the mass of the edge, divided by the probability
+    that the target has no detection. `clutter`, (M,), is the intensity of all other sources of each
+    detection in the same units.
     """
     count, size, contested = len(odds), len(clutter), 0
     log_odds, share = np.empty(count), np.zeros(count)

@@ -49,8 +49,6 @@ def identity_conflicts(
     shows, negative without one, (M,), and the existence probability of each target, given that it
     is not the source of a detection, (T,).
 
-    Notes
-    -----
     If a new target is the source of a detection, an old one is not, and exists with probability
     r' = r (1 - p_D) / (1 - r p_D). With the belief b in the identity, the old target leaves it free
     with probability 1 - r' b. The reply of a new target may also be garbled.

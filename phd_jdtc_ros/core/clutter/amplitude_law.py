@@ -103,8 +103,6 @@ class LogNormal:
 class Learned(ReadOnly):
     """Histogram, in half decibels, of the levels of detections that no target claims.
 
-    Notes
-    -----
     The shares of the cells have a Dirichlet prior of `PRIOR_NOISE` detections of noise above the
     threshold, and therefore the predictive density (prior + count) / sum. It has the weight `1 -
     UNIFORM_SHARE`; the rest of the law is uniform over 100 dB. The density of a level is at least

@@ -48,8 +48,6 @@ MAX_TURNS = 1.001 * MEMORY_TURNS
 class ClutterMap(ReadOnly):
     """False detections remembered by cell.
 
-    Notes
-    -----
     A cell's clutter is the sum of uniform clutter with a known rate and of local clutter. A
     detection counts k turns later with exp(-k / MEMORY_TURNS) - exp(-k / RECENT_TURNS). With n
     detections in T turns that count, the local rate is (PRIOR_TURNS GATHERED A / CELLS + b n^2 / (n

@@ -50,8 +50,6 @@ def sums_of(
 class Correlation(ReadOnly):
     """Correlation of the detections of a target in consecutive looks of a sensor.
 
-    Notes
-    -----
     The detections of a target are a Markov chain: with the detection probability p and the
     correlation c it is detected with p + c (1 - p) after a detection and with p (1 - c) after a
     miss, so that p is its stationary mean. The correlation of pairs (x, y) with the expectations

@@ -53,8 +53,6 @@ class Look(NamedTuple):
 class LookPrediction:
     """Detection probability of the next look, given the previous one; arrays of shape (K,).
 
-    Notes
-    -----
     With the detection probability p, the correlation c, and the probabilities L and D that the
     previous look covered the target and detected it, the target is detected with
     p (1 - c L) + c D. The columns are c L and c D.

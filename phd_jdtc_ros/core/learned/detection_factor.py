@@ -50,8 +50,6 @@ class TrialSums(NamedTuple):
 class DetectionFactor(ReadOnly):
     """Expected and actual detections of known targets, as remembered by cell.
 
-    Notes
-    -----
     The true probability is the configured one times a factor. h detections where e were expected
     show the factor (k + h) / (k + e), with k = `PRIOR_WEIGHT`: for a constant probability this is
     the mean of a Beta distribution, scaled. Its log has the precision n p / (1 - p) after n looks

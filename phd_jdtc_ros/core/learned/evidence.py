@@ -24,8 +24,6 @@ def evidence_of(square: float, part: float) -> tuple[float, float]:
     is the share of the sensor's variance R in the expected value; NaN if the detection has a noise
     of its own.
 
-    Notes
-    -----
     In one dimension the innovation v has the variance S = H P H' + R; `square` is v^2 / S, and
     `part` is R / S. v^2 - H P H' has the mean R, whichever R was assumed. Its variance is 2 S^2, so
     that its weight is the square of `part`. In more dimensions w = S^-1 v has the variances

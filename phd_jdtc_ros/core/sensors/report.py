@@ -55,8 +55,6 @@ class EarlierSectors:
         each row's target, (N,), and the probabilities that a whole turn detects a target, and that
         it is measured in these sectors, (N, ...).
 
-        Notes
-        -----
         An antenna passes a target once. If p_A and p_B are the probabilities that it is detected in
         the earlier sectors and in this one, it is detected in this one with p_B / (1 - p_A), given
         that the earlier ones have not detected it.

@@ -27,8 +27,6 @@ def noise_evidence(
     (N,), its state, (N, D), and its measurement, (N, Z); and the particle, the detection and the
     association probability of each pair, (P,).
 
-    Notes
-    -----
     For Gaussians, E (z - h(x))^2 over the posterior is R (1 + p (u - 1)), with the innovation's
     square u relative to its variance S, and p = R / S. So u follows from the posterior particles,
     and p from the spread of the prior ones. Components are taken one by one.

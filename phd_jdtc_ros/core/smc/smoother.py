@@ -35,8 +35,6 @@ def bernoulli_death_term(
 ) -> FloatArray:
     """Return the death factor of each component as a Bernoulli target.
 
-    Notes
-    -----
     Deviation from Sec. II-B: after an update the posterior is a Poisson part plus Bernoulli
     components a_j, and for component j
     phi_j = (1 - B_j) / (1 - sum_s P_s(s) a_j(s)), with B_j = sum_s a_j(s) B(s) clipped at 1.
@@ -74,8 +72,6 @@ def backward_step(
     over the interval to t + 1, and `backward` is B(s), the smoothed mass w_{t+1|k} of the later set
     that it explains, divided by its weight; both (N,).
 
-    Notes
-    -----
     Sec. IV-C, Step 4: a_{j,t|k}(s) = a_{j,t|t}(s) [B(s) + (1 - P_s) phi_j]; for the Poisson part
     phi is 1. Deviation: the superscript of w_{t+1|k} in the numerator is (q), not (s).
     """

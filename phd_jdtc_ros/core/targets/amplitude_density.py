@@ -34,8 +34,6 @@ def log_clutter_density(amplitude: FloatArray) -> FloatArray:
 def log_target_density(amplitude: FloatArray, snr_band: tuple[float, float]) -> FloatArray:
     """Return log g_c(a) for a target whose linear mean SNR lies in `snr_band`; elementwise.
 
-    Notes
-    -----
     Sec. V, g_a(a | d1, d2). Deviation: the printed denominator has a plus sign, with which the
     density integrates to 0.485 and 0.250 for the paper's two classes; with a minus sign the
     integral is one.
@@ -58,8 +56,6 @@ def threshold_for(false_alarm: float) -> float:
 def detection_probability(threshold: float, snr_band: tuple[float, float]) -> float:
     """Return p_D of a class: the mass of its amplitude density above the threshold tau.
 
-    Notes
-    -----
     Sec. V, p_D^tau. Deviation: printed as a function of a; it depends on class and tau alone, and
     has this closed form in the exponential integral E1.
     """

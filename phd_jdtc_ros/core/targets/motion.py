@@ -117,8 +117,6 @@ class ConstantVelocity(MotionModel):
 class CoordinatedTurn(MotionModel):
     """Coordinated turn with unknown turn rate.
 
-    Notes
-    -----
     Sec. V, F_{k,CT} and Q_{k,CT}. Deviation: the printed position terms -cos(wT)/w do not vanish
     at T = 0; the integral of the rotating velocity gives -(1 - cos wT)/w in the first row and
     +(1 - cos wT)/w in the third. Both quotients are written with the half angle a = wT/2, as
@@ -150,8 +148,6 @@ class CoordinatedTurn(MotionModel):
     def jacobian(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
         """Return the derivatives of `mean` at each row's state; shape (N, D, D).
 
-        Notes
-        -----
         With s = sin(wT)/w and c = (1 - cos wT)/w, their derivatives by w are
         (T cos wT - s)/w and (T sin wT - c)/w. Below `STRAIGHT` their series replace them.
         """

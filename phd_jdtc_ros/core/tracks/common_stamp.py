@@ -43,17 +43,8 @@ class Schedule:
 
 
 def predict(estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeSpace) -> Estimates:
-    """Return the estimates at a later stamp.
+    """Return the estimates at a later stamp, given the time of each, (N,).
 
-    Parameters
-    ----------
-    estimates : Estimates
-        Of N targets.
-    time_ns : int array of shape (N,)
-        Time of each estimate.
-
-    Notes
-    -----
     The mean follows its coordinated turn, and the covariance is predicted to first order. The
     process noise is the mean over the class's motion models.
     """
@@ -109,8 +100,6 @@ def interpolate(
 
     `between_ns` has the times of both, row by row.
 
-    Notes
-    -----
     Positions follow the cubic Hermite spline of the positions and velocities at both ends.
     Everything else is linear in time.
     """
@@ -152,19 +141,10 @@ def at_stamp(
 ) -> Estimates:
     """Return the targets at a stamp, given estimates at the times of their updates.
 
-    Parameters
-    ----------
-    estimates : Estimates
-        Includes unreported targets; a target may have estimates at several times.
-    time_ns : int array
-        Time of each estimate.
-    threshold : float
-        Existence probability above which a target is reported.
-
-    Notes
-    -----
-    A target is interpolated between its last update up to the stamp and its first update after it.
-    Without a later update it is predicted.
+    The estimates include unreported targets, and a target may have several, at different times. It
+    is interpolated between its last update up to the stamp and its first update after it, or
+    predicted without a later one, and is reported if its existence probability is above the
+    threshold.
     """
     order = np.lexsort((time_ns, estimates.track_id))
     order = order[estimates.track_id[order] != 0]
@@ -196,12 +176,8 @@ def between(
 ) -> Estimates:
     """Return the targets at a stamp, given the rows to interpolate between and those to predict.
 
-    Parameters
-    ----------
-    before, after : int arrays or slices
-        Targets before the stamp, and the same targets after it; ascending.
-    alone : int array or slice
-        Targets up to the stamp that have no later estimate; ascending.
+    `before` and `after` are the rows of the same targets before and after the stamp, and `alone`
+    those of targets up to the stamp that have no later estimate; all are ascending.
     """
     parts = []
     if len(time_ns[alone]):

@@ -149,17 +149,10 @@ def _next_columns(
 ) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
     """Return when each track was last detected, its state, and the last columns of its record.
 
-    Parameters
-    ----------
-    survival : array of shape (C,)
-        Probability of each class to survive a nominal interval.
-    confirm, delete, hidden, record_weight : arrays of shape (C,)
-        See `ReportingRule`.
-    label, ..., factor_before : arrays
-        Columns of the `ConfirmationRecords` before the scan.
+    `survival`, (C,), is the probability of each class to survive a nominal interval; the next four
+    are those of the `ReportingRule`, and from `label` on the columns of the `ConfirmationRecords`
+    before the scan.
 
-    Notes
-    -----
     A detection raises the odds of existence. The odds of a track that is missed are corrected by
     its own record.
     """
@@ -239,14 +232,9 @@ class TrackStates:
     ) -> Estimates:
         """Return the reported estimates of a scan, with their states.
 
-        Parameters
-        ----------
-        estimates : Estimates
-            All with an existence probability above `ReportingRule.least`.
-        swept : int array
-            Labels of the targets that the scan swept, ascending.
-        unswept_ns : collection of int
-            Stamps of earlier scans with tracks that no later scan has swept.
+        The estimates are all with an existence probability above `ReportingRule.least`. `swept` are
+        the labels of the targets that the scan swept, ascending, and `unswept_ns` the stamps of
+        earlier scans with tracks that no later scan has swept.
         """
         if not self.rule.labelled:
             return self._of_reported_classes(estimates)
@@ -329,10 +317,7 @@ class TrackStates:
     def from_snapshot(self, snapshot: Snapshot) -> None:
         """Restore the states from a snapshot.
 
-        Raises
-        ------
-        ValueError
-            If the tracker cannot have stored these values.
+        Raise `ValueError` if the tracker cannot have stored these values.
         """
         self._records = from_snapshot(ConfirmationRecords, snapshot, "tracks", {})
         self._noted = PastStates.of(from_snapshot(NotedStates, snapshot, "noted", {}))

@@ -152,10 +152,7 @@ class KnownAircraft:
     def from_snapshot(snapshot: Snapshot, count: int) -> KnownAircraft:
         """Return the stored aircraft, with numbers up to `count`.
 
-        Raises
-        ------
-        ValueError
-            If the tracker cannot have stored these values.
+        Raise `ValueError` if the tracker cannot have stored these values.
         """
         table = from_snapshot(Seen, snapshot, "aircraft", {"A": 2})
         if table.number.max(initial=0) > count or len(table.number) > MAX_AIRCRAFT:

@@ -29,17 +29,10 @@ class Region:
     margin: float = 0.0
 
     def depth(self, position: FloatArray) -> FloatArray:
-        """Return the depth of positions inside the core region, metres; negative outside.
+        """Return the depth of positions, (N, 2), inside the core region, metres, (N,).
 
-        Parameters
-        ----------
-        position : array of shape (N, 2)
-            World frame, metres.
-
-        Returns
-        -------
-        array of shape (N,)
-            Distance to the nearest side; outside, negative distance to the farthest side crossed.
+        It is the distance to the nearest side; outside, the negative distance to the farthest side
+        crossed.
         """
         low = position - np.array([self.x_min, self.y_min])
         high = np.array([self.x_max, self.y_max]) - position

@@ -33,20 +33,12 @@ _MIN_EIGENVALUE = 2e-6
 
 
 def match(one: Estimates, other: Estimates, moving: bool = False) -> tuple[IntArray, IntArray]:
-    """Match two sets of estimates of one stamp, and return the rows of the same targets.
+    """Match two sets of estimates of one stamp, and return the rows of the same targets, in pairs.
 
-    Parameters
-    ----------
-    moving : bool
-        Whether velocities are compared too.
-
-    Returns
-    -------
-    tuple of two int arrays
-        Rows of the first and of the second set, pair by pair. The assignment minimises the total
-        square Mahalanobis distance, by the sum of the covariances. Pairs are within `GATE` or
-        `MOVING_GATE`, and only the `NEIGHBOURS` nearest targets are candidates. Time and memory
-        grow with the number of targets.
+    The assignment minimises the total square Mahalanobis distance of positions, and of velocities
+    too if targets are `moving`, by the sum of the covariances. Pairs are within `GATE` or
+    `MOVING_GATE`, and only the `NEIGHBOURS` nearest targets are candidates. Time and memory grow
+    with the number of targets.
     """
     # This is imported here because only out-of-sequence reports need it, and a live node starts
     # sooner.
@@ -118,14 +110,9 @@ def continue_numbers(
 ) -> dict[int, int]:
     """Return the track numbers by label after scans were reprocessed.
 
-    Parameters
-    ----------
-    earlier, latest : mappings of label to number
-        Numbers before these scans, and after their first processing.
-    before, after : Estimates
-        Estimates after the first processing and after the second; `track_id` is still label + 1.
-    first : int
-        Index of the first reprocessed scan.
+    `earlier` and `latest` are the numbers by label before these scans and after their first
+    processing, and `before` and `after` the estimates after the first processing and after the
+    second; `track_id` is still label + 1. `first` is the index of the first reprocessed scan.
     """
     numbers = {
         label: number

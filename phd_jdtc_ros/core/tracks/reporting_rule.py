@@ -75,19 +75,9 @@ def rule_of(
 ) -> ReportingRule:
     """Return the rule of given thresholds; thresholds of 0 are derived from the model.
 
-    Parameters
-    ----------
-    labelled : bool
-        Whether estimates have labels.
-    confirm, delete : float
-        `confirm_probability` and `delete_probability`.
-    coasting_scans : float
-        `ReportingRule.coasting_s` in intervals, or in turns if these are longer.
-    report_resting : bool
-        Whether targets of a class that is only stationary are reported.
+    `coasting_scans` is `ReportingRule.coasting_s` in intervals, or in turns if these are longer,
+    and the others are parameters of the same name, or with ``_probability``.
 
-    Notes
-    -----
     In each scan a false report costs as much as a missed target. Withdrawing or resuming a report
     costs as much again. With detection probability p, a track that was deleted although its target
     exists returns in the next scan with probability p; with the same probability a false confirmed
@@ -127,8 +117,6 @@ def _misses(kind: ClassModel, sensors: tuple[Sensor, ...]) -> FloatArray:
 def _record_weight(missed: FloatArray) -> float:
     """Return the weight of a class's detection probability, in expected misses.
 
-    Notes
-    -----
     It is the shape parameter of the gamma distribution with the mean and the variance of the
     probability that all radars miss a target of the class. A given detection probability is the
     same for all targets.

@@ -37,14 +37,7 @@ class Numbers(NamedTuple):
 class TrackNumbers:
     """Maps labels to track numbers, in the order in which tracks are first reported.
 
-    Parameters
-    ----------
-    number : dict of label to number, or None
-        The numbers in use.
-    count : int
-        The last assigned number; the first is 1.
-    aircraft : KnownAircraft or None
-        Aircraft with known addresses.
+    `number` are those in use by label, and `count` is the last assigned one; the first is 1.
     """
 
     def __init__(
@@ -62,10 +55,7 @@ class TrackNumbers:
     def assign(self, estimates: Estimates, reach: Reach | None = None) -> Estimates:
         """Return the estimates with distinct track numbers in the place of labels; 0 stays 0.
 
-        Parameters
-        ----------
-        reach : Reach or None
-            Reach of aircraft whose tracks have ended; None if no radar reports identities.
+        `reach` is that of aircraft whose tracks have ended, None if no radar reports identities.
         """
         if reach is None or estimates.attributes is None:
             return self._with_numbers(estimates)

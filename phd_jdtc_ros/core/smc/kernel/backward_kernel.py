@@ -70,8 +70,6 @@ def build(
 
     `found` has the targets born at the detections of the later scan, by radar.
 
-    Notes
-    -----
     Sec. IV-C, Step 4: K[q, s] = P_s h[r_s, r_q] f_{r_q}(x_q | x_s) within a class, and
     mu_q = gamma(x_q, o_q) + sum_s w_{t|t}(s) K[q, s] + sum_s w_{t|t}(s) beta(q | s), the last sum
     over all classes. As in the paper, the spawn intensity is part of mu and not of the numerator.

@@ -4,8 +4,6 @@ Hardly any particle drawn from the prior explains a detection of a precise radar
 noise is not small against a detection's standard deviations, part of the particles therefore draw
 their noise conditioned on the detection. Importance weights keep the predicted density unchanged.
 
-Notes
------
 Let m be a particle's position without noise, Q the covariance of the noise in position, R_j the
 covariance of detection z_j, and S_j = Q + R_j. The proposal is a mixture of the process noise, with
 share a, and of the noise given each detection, with shares (1 - a) N(z_j; m, S_j) / sum_i N(z_i; m,
