@@ -31,7 +31,7 @@ class GaussianEngine(FixedLagEngine[Mixture, Link]):
 
     def _smoothed_at(self, stamp_ns: int, lag: int, threshold: float) -> Estimates:
         self._lineages.extend(self._window)
-        around = self._lineages.smooth(stamp_ns)
+        around = self._lineages.smooth(stamp_ns, threshold)
         self.forward.on_stage_end("backward")
         at = self.forward.dynamics, stamp_ns, lag, threshold
         return extract_at(self._lineages, around, *at)

@@ -7,6 +7,7 @@ stay there, so that a scan costs only the smoothing of the targets that it updat
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -14,16 +15,33 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..arrays import BoolArray, FloatArray, IntArray
-from ..compilation import Int1, Int2, compiled
+from ..compilation import Bool1, Float2, Float3, Int1, Int2, compiled
 from ..window.entries import Entry, Source
-from .algebra.hindsight import Edges, Gaussians, Pairs, Predicted, Updates, go_back
+from .algebra.hindsight import (
+    BEFORE,
+    COLUMNS,
+    EDGE,
+    FIRST_ROW,
+    LABEL,
+    PREDICTED,
+    ROW,
+    STAMP,
+    Edges,
+    Gaussians,
+    Pairs,
+    Predicted,
+    go_back,
+)
+from .algebra.vectors import total_of
 from .mixture import Mixture
 from .prediction import Moves
 from .reduction import Ancestry
 
-# The tables are filled again when hypotheses of dropped entries are more than those of the window
-# by this number.
-MOST_DROPPED = 1024
+# Room of the tables, as a multiple of the window's rows when they are made, beside the largest
+# scan's, which may not fit before the end; and the least room, of which a few targets take little.
+ROOM, LEAST_ROOM = 1.2, 1024
+# Bound on the rounding of an existence probability.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -35,33 +53,32 @@ class Link:
     ancestry: Ancestry  # From the predicted hypotheses to the kept ones
 
 
-class _Table:
-    """Columns of equal length that grow at the end."""
+class _Ring:
+    """Columns of equal length in which the rows of a scan are adjacent, and replace the oldest."""
 
-    def __init__(self) -> None:
-        self.size = self._room = 0
-        self._columns: list[Any] = []  # With room for more rows
+    def __init__(self, room: int, columns: Sequence[Any]) -> None:
+        self.columns = [np.empty((room, *own.shape[1:]), own.dtype) for own in columns]
+        self._room = room
+        self._held: deque[tuple[int, int]] = deque()  # First row and end of each scan, oldest first
 
-    @property
-    def columns(self) -> list[Any]:
-        """The columns' rows so far."""
-        return [column[: self.size] for column in self._columns]
+    def append(self, *columns: Any) -> int:
+        """Append the rows of a scan; return the first one, or -1 if there is no room."""
+        oldest, begin = (self._held[0][0], self._held[-1][1]) if self._held else (0, 0)
+        size, room = len(columns[0]), self._room
+        if begin < oldest:
+            room = oldest - 1  # a ring that is full would seem empty
+        elif begin + size > room:
+            begin, room = 0, oldest - 1
+        if begin + size > room:
+            return -1
+        self._held.append((begin, begin + size))
+        for own, new in zip(self.columns, columns, strict=True):
+            own[begin : begin + size] = new
+        return begin
 
-    def append(self, *columns: Any) -> None:
-        """Append rows."""
-        begin, self.size = self.size, self.size + len(columns[0])
-        if not self._columns or self.size > self._room:
-            self._room = 2 * self.size
-            roomy = [np.empty((self._room, *own.shape[1:]), own.dtype) for own in columns]
-            for before, own in zip(self._columns, roomy, strict=False):
-                own[:begin] = before[:begin]
-            self._columns = roomy
-        for own, new in zip(self._columns, columns, strict=True):
-            own[begin : self.size] = new
-
-    def clear(self) -> None:
-        """Drop all rows."""
-        self.size = 0
+    def drop(self) -> None:
+        """Drop the rows of the oldest scan."""
+        self._held.popleft()
 
 
 class _Place(NamedTuple):
@@ -69,7 +86,9 @@ class _Place(NamedTuple):
 
     stored: Mixture
     rows: slice
-    update: IntArray  # The update of each row
+    update: IntArray  # Number of the update of each row
+    updates: int  # Number of updates
+    linked: bool
 
 
 class Around(NamedTuple):
@@ -79,15 +98,18 @@ class Around(NamedTuple):
     after: IntArray  # First later update; -1 for none, (T,)
 
 
-# Columns of the result of `_updates`; of rows, the first and the end.
-LABEL, BEFORE, ROW, PREDICTED, EDGE, COLUMNS = 0, 1, 2, 4, 6, 8
-
-
 @compiled
-def _updates(label: Int1, target: Int1, earlier: Int1, known: Int1, child: Int1) -> IntArray:
+def _updates(
+    stamp_ns: int,
+    label: Int1,
+    target: Int1,
+    earlier: Int1,
+    dropped: int,
+    known: Int2,
+    child: Int1,
+    first: Int1,
+) -> IntArray:
     """Return the updates of a scan: those of its targets, and then of those that it dropped.
-
-    The rows of the other tables are counted within the scan.
 
     Parameters
     ----------
@@ -96,11 +118,14 @@ def _updates(label: Int1, target: Int1, earlier: Int1, known: Int1, child: Int1)
     target : int array of shape (H,)
         Target of each updated hypothesis.
     earlier : int array of shape (E,)
-        Update of each hypothesis that the scan continues; -1 if it has left the window.
-    known : int array
-        Label of each earlier update.
+        Number of the update of each hypothesis that the scan continues; -1 if it has left the
+        window.
+    dropped, known : int, and int array of shape (U, COLUMNS)
+        The number of the first earlier update, and all of them.
     child : int array
         Updated hypothesis of each edge.
+    first : int array
+        First rows of the scan: of hypotheses, predicted ones, pairs, factors and edges.
     """
     count, update, latest = len(label), -1, -1
     found = np.zeros((len(label) + len(earlier), COLUMNS), np.int64)
@@ -121,53 +146,122 @@ def _updates(label: Int1, target: Int1, earlier: Int1, known: Int1, child: Int1)
             continue
         if earlier[at] != latest:
             latest = earlier[at]
+            own = known[latest - dropped, LABEL]
             update, end = 0, len(label)
             while update < end:
                 middle = (update + end) // 2
-                if label[middle] < known[latest]:
+                if label[middle] < own:
                     update = middle + 1
                 else:
                     end = middle
-            if update == len(label) or label[update] != known[latest]:
+            if update == len(label) or label[update] != own:
                 update = count
-                found[update, LABEL] = known[latest]
+                found[update, LABEL] = own
                 count += 1
             found[update, BEFORE] = latest
             found[update, PREDICTED] = at
         found[update, PREDICTED + 1] = at + 1
+    for one in range(count):
+        found[one, STAMP] = stamp_ns
+        for end in range(2):
+            found[one, ROW + end] += first[0]
+            found[one, PREDICTED + end] += first[1]
+            found[one, EDGE + end] += first[4]
+        for table in range(4):
+            found[one, FIRST_ROW + table] = first[table]
     return found[:count]
 
 
 @compiled
-def _around(before: Int1, row: Int2, past: int) -> tuple[BoolArray, IntArray]:
+def _around(updates: Int2, dropped: int, past: int) -> tuple[BoolArray, IntArray]:
     """Return which of the updates up to a stamp are the latest, and the first later ones.
 
     `past` is the number of updates up to the stamp; -1 stands for no later one.
     """
     latest, after = np.empty(past, np.bool_), np.empty(past, np.int64)
     for one in range(past):
-        latest[one] = row[one, 1] > row[one, 0]
+        latest[one] = updates[one, ROW + 1] > updates[one, ROW]
         after[one] = -1
-        if before[one] >= 0:
-            latest[before[one]] = False
-    for one in range(past, len(before)):
-        if 0 <= before[one] < past and row[one, 1] > row[one, 0]:
-            after[before[one]] = one
+        if updates[one, BEFORE] >= dropped:
+            latest[updates[one, BEFORE] - dropped] = False
+    for one in range(past, len(updates)):
+        before = updates[one, BEFORE] - dropped
+        if 0 <= before < past and updates[one, ROW + 1] > updates[one, ROW]:
+            after[before] = one
     return latest, after
 
 
 @compiled
-def _hypotheses(updates: Int1, row: Int2) -> tuple[IntArray, IntArray]:
-    """Return the place of the update and the row of each hypothesis of updates."""
+def _reportable(
+    threshold: float,
+    needed: Bool1,
+    dropped: int,
+    updates: Int2,
+    weight: Float3,
+    survival: Float2,
+) -> BoolArray:
+    """Return the updates of targets whose smoothed existence may exceed a threshold.
+
+    It does if the existence at an update that is `needed` may. `weight` and `survival` are those of
+    all updated and predicted hypotheses.
+
+    Notes
+    -----
+    Survivors have at most the smoothed existence e at the next update, and dead targets have the
+    factor (1 - e) / (1 - filtered survivors); see `Lineages.smooth`.
+    """
+    existence, found = np.full(len(updates), -1.0), np.zeros(len(updates), np.bool_)
+    for one in range(len(updates) - 1, -1, -1):
+        if existence[one] < 0.0:  # it is the target's last one
+            existence[one] = 0.0
+            for row in range(updates[one, ROW], updates[one, ROW + 1]):
+                for mode in range(weight.shape[1]):
+                    existence[one] += total_of(weight[row, mode])
+        found[one] = found[one] or (needed[one] and existence[one] > threshold - ROUNDING)
+        before, alive, died, dead = updates[one, BEFORE] - dropped, existence[one], 0.0, 1.0
+        if before < 0:
+            continue
+        begin, first = updates[before, ROW], updates[one, PREDICTED]
+        for row in range(first, updates[one, PREDICTED + 1]):
+            for mode in range(weight.shape[1]):
+                own = total_of(weight[begin + row - first, mode])
+                died += (1.0 - survival[row, mode]) * own
+                dead -= survival[row, mode] * own
+        existence[before] = alive + max(1.0 - alive, 0.0) * (died / dead if dead > 0.0 else 0.0)
+        found[before] = found[one]
+    for one in range(len(updates)):
+        before = updates[one, BEFORE] - dropped
+        found[one] = found[one] or (before >= 0 and found[before])
+    return found
+
+
+@compiled
+def _hypotheses(chosen: Int1, updates: Int2) -> tuple[IntArray, IntArray]:
+    """Return the place of the update and the row of each hypothesis of chosen updates."""
     count = 0
-    for one in updates:
-        count += row[one, 1] - row[one, 0]
+    for one in chosen:
+        count += updates[one, ROW + 1] - updates[one, ROW]
     of, rows, at = np.empty(count, np.int64), np.empty(count, np.int64), 0
-    for place in range(len(updates)):
-        for own in range(row[updates[place], 0], row[updates[place], 1]):
+    for place in range(len(chosen)):
+        one = chosen[place]
+        for own in range(updates[one, ROW], updates[one, ROW + 1]):
             of[at], rows[at] = place, own
             at += 1
     return of, rows
+
+
+def _columns(link: Link) -> tuple[Sequence[Any], ...]:
+    """Return the columns of each table for a link: predicted ones, pairs, factors and edges."""
+    moves, ancestry = link.moves, link.ancestry
+    predicted = moves.change, moves.survival, moves.place
+    pairs = moves.mean, moves.factored, moves.gain, moves.base
+    return predicted, pairs, (moves.factor,), (ancestry.child, ancestry.parent, ancestry.share)
+
+
+def _ring_for(parts: Sequence[Sequence[Any]]) -> _Ring:
+    """Return a ring with room for parts that have these columns."""
+    sizes = [len(columns[0]) for columns in parts]
+    return _Ring(max(round(ROOM * sum(sizes)) + max(sizes), LEAST_ROOM), parts[0])
 
 
 def _count_until(window: Sequence[Entry[Mixture, Link]], stamp_ns: int) -> int:
@@ -182,51 +276,67 @@ class Lineages:
     """The updates of the entries of a window, oldest first."""
 
     def __init__(self) -> None:
+        self._begin()
+
+    def _begin(self) -> None:
+        """Drop everything."""
         self._places: dict[int, _Place] = {}  # By stamp, ascending
-        self._pairs_of_modes: tuple[IntArray, IntArray] | None = None
-        self._updates = _Table()  # The columns of `Updates`, and each one's stamp and label
-        none, pairs = np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.int64)
-        self._updates.append(none, pairs, pairs, pairs, none, none)
-        self._done = 0  # Number of updates that have been smoothed
-        self._edges, self._predicted, self._pairs = _Table(), _Table(), _Table()
-        self._filtered, self._smoothed = _Table(), _Table()
-        self._tables = (
-            *(self._updates, self._edges, self._predicted, self._pairs),
-            *(self._filtered, self._smoothed),
-        )
+        self._updates = np.zeros((0, COLUMNS), dtype=np.int64)
+        self._dropped = 0  # Number of the first update
+        self._done = 0  # Number of updates, dropped ones included, that have been smoothed
+        self._gaussians = _Ring(0, ())  # Filtered and smoothed ones
+        self._links: tuple[_Ring, ...] = ()  # Predicted hypotheses, pairs, factors and edges
+        self._pairs_of_modes: tuple[IntArray, ...] = ()  # See `Moves.pairs`
 
     def extend(self, window: Sequence[Entry[Mixture, Link]]) -> None:
         """Append the new entries of a window; begin again if it does not continue these entries."""
-        if not self._continued_by(window):
-            self._places.clear()
-            self._done = 0
-            for table in self._tables:
-                table.clear()
         latest_ns = next(reversed(self._places), -1)
-        for entry in window[_count_until(window, latest_ns) :]:
+        new = window[_count_until(window, latest_ns) :]
+        if self._continued_by(window):
+            self._drop_before(window[0].stamp_ns)
+            if all(map(self._append, new)):
+                return
+        self._begin()
+        self._make_room(window)
+        for entry in window:
             self._append(entry)
 
     def _continued_by(self, window: Sequence[Entry[Mixture, Link]]) -> bool:
         """Return whether a window has these entries, except dropped ones, and then later ones.
 
-        An entry depends on all before it, so that the latest one shows whether any has changed. If
-        most rows of the tables are of dropped entries, the answer is no.
+        An entry depends on all before it, so that the latest one shows whether any has changed.
         """
         if not self._places:
             return False
         latest_ns, latest = next(reversed(self._places.items()))
         known = _count_until(window, latest_ns)
-        first = self._places.get(window[0].stamp_ns) if known else None
         return (
-            first is not None
+            known > 0
+            and window[0].stamp_ns in self._places
             and window[known - 1].stored is latest.stored
-            and 2 * first.rows.start <= self._filtered.size + MOST_DROPPED
         )
 
-    def smooth(self, since_ns: int = -1) -> Around:
+    def _drop_before(self, stamp_ns: int) -> None:
+        """Drop the entries before a stamp."""
+        first = self._dropped
+        for earlier_ns in [one for one in self._places if one < stamp_ns]:
+            place = self._places.pop(earlier_ns)
+            self._dropped += place.updates
+            for ring in (self._gaussians, *(self._links if place.linked else ())):
+                ring.drop()
+        self._updates = self._updates[self._dropped - first :]
+
+    def _make_room(self, window: Sequence[Entry[Mixture, Link]]) -> None:
+        """Make tables with room for the entries of a window."""
+        links = [_columns(entry.link) for entry in window if entry.link is not None]
+        self._gaussians = _ring_for([2 * entry.stored.gaussians for entry in window])
+        self._links = tuple(map(_ring_for, zip(*links, strict=True)))
+
+    def smooth(self, since_ns: int = -1, threshold: float = -1.0) -> Around:
         """Smooth the updates that new ones continue, if a stamp from this one on needs them.
 
-        Returns the updates around that stamp.
+        Returns the updates around that stamp, without targets whose existence probability cannot
+        exceed the threshold: these are not smoothed.
 
         Notes
         -----
@@ -245,48 +355,55 @@ class Lineages:
         Kim, "Dynamic linear models with Markov-switching", Journal of Econometrics 60, 1994.
         """
         around = self.around(since_ns)
-        first, self._done = self._done, self._updates.size
-        if self._pairs_of_modes is None or first == self._done:
+        first, self._done = self._done, self._dropped + len(self._updates)
+        if not self._links:
             return around
-        before, row, predicted, edge, stamp, _ = self._updates.columns
-        needed = stamp > since_ns
+        needed = self._updates[:, STAMP] > since_ns
         needed[around.before] = True
+        predicted, pairs, factors, edges = (ring.columns for ring in self._links)
+        columns, known = self._gaussians.columns, (self._dropped, self._updates)
+        needed &= _reportable(threshold, needed, *known, columns[0], predicted[1])
+        kept = needed[around.before]
+        around = Around(around.before[kept], around.after[kept])
+        if first == self._done:
+            return around
+        of, to = self._pairs_of_modes
         go_back(
-            *self._pairs_of_modes,
-            first,
-            (-stamp).argsort(kind="stable"),
+            of,
+            to,
+            first - self._dropped,
+            self._dropped,
             needed,
-            Updates(before, row, predicted, edge),
-            Edges(*self._edges.columns),
-            Predicted(*self._predicted.columns),
-            Pairs(*self._pairs.columns),
-            Gaussians(*self._filtered.columns),
-            Gaussians(*self._smoothed.columns),
+            self._updates,
+            Edges(*edges),
+            Predicted(*predicted),
+            Pairs(*pairs, *factors),
+            Gaussians(*columns[:3]),
+            Gaussians(*columns[3:]),
         )
         return around
 
     def smoothed(self, stamp_ns: int) -> Mixture:
         """Return the smoothed hypotheses of an entry."""
         place = self._places[stamp_ns]
-        columns = (column[place.rows].copy() for column in self._smoothed.columns)
+        columns = (column[place.rows].copy() for column in self._gaussians.columns[3:])
         return place.stored.with_gaussians(*columns)
 
     def around(self, stamp_ns: int) -> Around:
         """Return the updates around a stamp."""
-        before, row, _, _, stamp, _ = self._updates.columns
-        past = int(stamp.searchsorted(stamp_ns, side="right"))
-        latest, after = _around(before, row, past)
+        past = int(self._updates[:, STAMP].searchsorted(stamp_ns, side="right"))
+        latest, after = _around(self._updates, self._dropped, past)
         place = latest.nonzero()[0]
         return Around(place, after[place])
 
     def stamps(self, updates: IntArray) -> IntArray:
         """Return the stamps of updates."""
-        stamps: IntArray = self._updates.columns[4][updates]
+        stamps: IntArray = self._updates[updates, STAMP]
         return stamps
 
     def labels(self, updates: IntArray) -> IntArray:
         """Return the labels of the targets of updates."""
-        labels: IntArray = self._updates.columns[5][updates]
+        labels: IntArray = self._updates[updates, LABEL]
         return labels
 
     def hypotheses(
@@ -296,30 +413,37 @@ class Lineages:
 
         The rows are those of the returned Gaussians.
         """
-        weight, mean, covariance = self._smoothed.columns
-        return *_hypotheses(updates, self._updates.columns[1]), (weight, mean, covariance)
+        weight, mean, covariance = self._gaussians.columns[3:]
+        return *_hypotheses(updates, self._updates), (weight, mean, covariance)
 
-    def _append(self, entry: Entry[Mixture, Link]) -> None:
-        """Append the updates of an entry: those of its targets, and of those that it dropped."""
+    def _append(self, entry: Entry[Mixture, Link]) -> bool:
+        """Append the updates of an entry: those of its targets, and of those that it dropped.
+
+        Returns whether there is room.
+        """
         stored, link = entry.stored, entry.link
-        nobody = np.zeros(0, dtype=np.int64)
-        earlier = np.concatenate([nobody, *map(self._updates_of, entry.sources)])
-        child = nobody if link is None else link.ancestry.child
-        first, update, known = self._filtered.size, self._updates.size, self._updates.columns[5]
-        found = _updates(stored.label, stored.target, earlier, known, child)
-        label, before, row = found[:, LABEL], found[:, BEFORE], found[:, ROW:PREDICTED]
-        if link is not None and (before >= 0).any():
-            predicted = self._predicted.size + found[:, PREDICTED:EDGE]
-            edge = self._edges.size + found[:, EDGE:]
-            self._append_link(link)
-        else:
-            predicted = edge = np.zeros_like(row)
-        stamp = np.full(len(label), entry.stamp_ns)
-        self._updates.append(before, first + row, predicted, edge, stamp, label)
-        for table in (self._filtered, self._smoothed):
-            table.append(*stored.gaussians)
-        rows = slice(first, self._filtered.size)
-        self._places[entry.stamp_ns] = _Place(stored, rows, update + stored.target)
+        child = earlier = np.zeros(0, dtype=np.int64)
+        first = np.zeros(5, dtype=np.int64)
+        first[0] = self._gaussians.append(*stored.gaussians, *stored.gaussians)
+        if link is not None:
+            if not self._links:
+                return False
+            child, self._pairs_of_modes = link.ancestry.child, link.moves.pairs
+            earlier = np.concatenate([earlier, *map(self._updates_of, entry.sources)])
+            columns = zip(self._links, _columns(link), strict=True)
+            first[1:] = [ring.append(*own) for ring, own in columns]
+        if first.min() < 0:
+            return False
+        known = self._dropped, self._updates
+        updates = _updates(
+            *(entry.stamp_ns, stored.label, stored.target, earlier, *known, child, first)
+        )
+        numbers = self._dropped + len(self._updates) + stored.target
+        rows = slice(int(first[0]), int(first[0]) + len(stored))
+        place = _Place(stored, rows, numbers, len(updates), link is not None)
+        self._places[entry.stamp_ns] = place
+        self._updates = np.concatenate((self._updates, updates))
+        return True
 
     def _updates_of(self, source: Source) -> IntArray:
         """Return the update of each row of a source; -1 if it has left the window."""
@@ -327,13 +451,3 @@ class Lineages:
             return np.full(source.size, -1)
         update = self._places[source.stamp_ns].update
         return update if source.rows is None else update[source.rows]
-
-    def _append_link(self, link: Link) -> None:
-        """Append the columns of a link, with the rows that they refer to counted in the tables."""
-        moves, one = link.moves, link.ancestry
-        parent = np.where(one.parent >= 0, self._predicted.size + one.parent, -1)
-        place = np.where(moves.place >= 0, self._pairs.size + moves.place, -1)
-        self._edges.append(self._filtered.size + one.child, parent, one.share)
-        self._predicted.append(moves.change, moves.survival, place)
-        self._pairs.append(moves.mean, moves.factor, moves.gain, moves.base)
-        self._pairs_of_modes = moves.pairs

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from ..compilation import (
     Float4,
     Int1,
     Int2,
-    compiled,
     in_place,
 )
 from ..snapshot import MAX_STATE, floats, integers
@@ -64,8 +63,11 @@ class Moves:
     survival: Annotated[FloatArray, floats("PO", 0.0, 1.0)]
     # Predicted mean of each pair, (A, D).
     mean: Annotated[FloatArray, floats("AD", -MAX_STATE, MAX_STATE)]
-    # Factors of each pair's predicted covariance, (A, D, D); see `blocks.factorise`.
-    factor: Annotated[FloatArray, floats("ADD", -MOST_FACTOR, MOST_FACTOR)]
+    # Factors of the predicted covariances, (F, D, D), where several pairs lead to the same mode, so
+    # that the backward step compares them; see `blocks.factorise`.
+    factor: Annotated[FloatArray, floats("FDD", -MOST_FACTOR, MOST_FACTOR)]
+    # Row of each pair's factor, (A,); -1 for none.
+    factored: Annotated[IntArray, integers("A", -1, below="F")]
     # Gain of the backward step, (A, D, D). Given a later Gaussian of mean m and covariance P, the
     # earlier one has its own mean plus gain (m - mean), and the covariance base + gain P gain'.
     gain: Annotated[FloatArray, floats("ADD", -MOST_GAIN, MOST_GAIN)]
@@ -77,13 +79,14 @@ class Moves:
 
 
 class _Predicted(NamedTuple):
-    """The later hypotheses, and the columns of `Moves` from `mean` on, with room for all pairs."""
+    """The later hypotheses, zeros at first, and the columns of `Moves` from `mean` on."""
 
     weight: Float3
     mean: Float3
     covariance: Float4
     pair_mean: Float2
     factor: Float3
+    factored: Int1
     gain: Float3
     base: Float3
     place: Int2
@@ -95,7 +98,42 @@ class _Scratch(NamedTuple):
     spread: Float3  # Predicted covariance of each pair, (K, D, D)
     share: Float1  # Share of each pair in its later mode, (K,)
     total: Float1  # Weight of each later mode, (R,)
+    factor: Float2  # Factor of a predicted covariance that is not kept, (D, D)
     moved: Moved
+
+
+class _Places(NamedTuple):
+    """Columns of `Moves`: `place`, and `factored` with room for all pairs."""
+
+    place: Int2
+    factored: Int1
+
+
+@in_place
+def _write_places(
+    weight: Float3, source: Int1, of: Int1, to: Int1, change: Float2, found: _Places
+) -> tuple[int, int]:
+    """Write the places of the pairs that have weight; return their number, and that of factors."""
+    (count, _, classes), active, factors = weight.shape, 0, 0
+    place, factored = found
+    for row in range(count):
+        for pair in range(len(of)):
+            some = False
+            for class_id in range(classes):
+                some = some or weight[row, of[pair], class_id] > 0.0
+            place[row, pair] = -1
+            if some and change[source[row], pair] > 0.0:
+                place[row, pair], factored[active] = active, -1
+                active += 1
+        for pair in range(len(of)):
+            several = False
+            for other in range(len(of)):
+                rival = other != pair and to[other] == to[pair]
+                several = several or (rival and place[row, other] >= 0)
+            if several and place[row, pair] >= 0:
+                factored[place[row, pair]] = factors
+                factors += 1
+    return active, factors
 
 
 @in_place
@@ -113,30 +151,25 @@ def _predict(
     transition: Float4,
     later: _Predicted,
     scratch: _Scratch,
-) -> int:
-    """Write the later hypotheses; return the number of pairs that have weight.
+) -> None:
+    """Write the later hypotheses and the moves.
 
     `source` is the interval of each hypothesis; the parameters from `turns` to `transition` are by
     mode or interval.
     """
-    (count, modes, classes), active = weight.shape, 0
-    spread, share, total, moved = scratch
+    count, modes, classes = weight.shape
+    spread, share, total, spare, moved = scratch
     for row in range(count):
         own = source[row]
         for mode in range(modes):
             total[mode] = 0.0
         for pair in range(len(of)):
-            share[pair], some = 0.0, False
+            share[pair] = 0.0
             for class_id in range(classes):
                 arriving = change[own, pair] * weight[row, of[pair], class_id]
                 later.weight[row, to[pair], class_id] += arriving
                 share[pair] += arriving
-                some = some or weight[row, of[pair], class_id] > 0.0
             total[to[pair]] += share[pair]
-            later.place[row, pair] = -1
-            if some and change[own, pair] > 0.0:
-                later.place[row, pair] = active
-                active += 1
         for pair in range(len(of)):
             at, mode = later.place[row, pair], to[pair]
             if at < 0:
@@ -148,9 +181,11 @@ def _predict(
                 for k in range(i + 1):
                     found = moved.covariance[i, k] + noise[own, mode, i, k]
                     spread[pair, i, k] = spread[pair, k, i] = found
-            factorise(spread[pair], later.factor[at])
+            kept = later.factored[at]
+            factor = later.factor[kept] if kept >= 0 else spare
+            factorise(spread[pair], factor)
             for i in range(SIZE):
-                write(solved(later.factor[at], moved.cross[i]), gain[i])
+                write(solved(factor, moved.cross[i]), gain[i])
                 for k in range(i + 1):
                     base[i, k] = base[k, i] = before[i, k] - dot(gain[i], moved.cross[k])
             if share[pair] > 0.0:
@@ -166,54 +201,6 @@ def _predict(
             if not total[mode] > 0.0:  # it cannot be reached
                 around = later.covariance[row, mode]
                 copy_gaussian(mean[row, mode], covariance[row, mode], later.mean[row, mode], around)
-    return active
-
-
-@compiled
-def _predicted(
-    weight: Float3,
-    mean: Float3,
-    covariance: Float4,
-    source: Int1,
-    of: Int1,
-    to: Int1,
-    turns: Bool1,
-    dt: Float1,
-    change: Float2,
-    noise: Float4,
-    transition: Float4,
-) -> tuple[Any, ...]:
-    """Return the later weights, means and covariances, and the columns of `Moves` from `mean` on.
-
-    For the parameters see `_predict`.
-    """
-    (count, modes), pairs = weight.shape[:2], len(of)
-    most = count * pairs
-    later = _Predicted(
-        np.zeros(weight.shape),
-        np.zeros(mean.shape),
-        np.zeros(covariance.shape),
-        np.empty((most, SIZE)),
-        np.empty((most, SIZE, SIZE)),
-        np.empty((most, SIZE, SIZE)),
-        np.empty((most, SIZE, SIZE)),
-        np.empty((count, pairs), np.int64),
-    )
-    scratch = _Scratch(np.empty((pairs, SIZE, SIZE)), np.empty(pairs), np.empty(modes), new_moved())
-    active = _predict(
-        *(weight, mean, covariance, source, of, to, turns, dt, change, noise, transition, later),
-        scratch,
-    )
-    return (
-        later.weight,
-        later.mean,
-        later.covariance,
-        later.pair_mean[:active],
-        later.factor[:active],
-        later.gain[:active],
-        later.base[:active],
-        later.place,
-    )
 
 
 def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Moves]:
@@ -233,16 +220,46 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
     source = np.arange(len(earlier)).repeat([len(part.mixture) for part in earlier])
     dt = np.array([part.dt for part in earlier])
     survival, change, noise, transition, snr = dynamics.over(dt)
-    weight, mean, covariance, *of_pairs = _predicted(
+    count, modes, pairs = len(before), len(dynamics.turns), len(dynamics.pairs[0])
+    places = _Places(np.empty((count, pairs), np.int64), np.empty(count * pairs, np.int64))
+    active, factors = _write_places(before.weight, source, *dynamics.pairs, change, places)
+    later = _Predicted(
+        np.zeros(before.weight.shape),
+        np.zeros(before.mean.shape),
+        np.zeros(before.covariance.shape),
+        np.empty((active, SIZE)),
+        np.empty((factors, SIZE, SIZE)),
+        places.factored[:active],
+        np.empty((active, SIZE, SIZE)),
+        np.empty((active, SIZE, SIZE)),
+        places.place,
+    )
+    scratch = _Scratch(
+        *(np.empty((pairs, SIZE, SIZE)), np.empty(pairs), np.empty(modes)),
+        *(np.empty((SIZE, SIZE)), new_moved()),
+    )
+    _predict(
         *(*before.gaussians, source, *dynamics.pairs, dynamics.turns, dt),
-        *(change, noise, transition),
+        *(change, noise, transition, later, scratch),
     )
     diffused = [_diffused(part.mixture.snr, one) for part, one in zip(earlier, snr, strict=True)]
-    of_row = change.take(source, axis=0), survival.take(source, axis=0)
     moved = before.changed(
-        weight=weight, mean=mean, covariance=covariance, snr=np.concatenate(diffused)
+        weight=later.weight,
+        mean=later.mean,
+        covariance=later.covariance,
+        snr=np.concatenate(diffused),
     )
-    return moved, Moves(dynamics.pairs, *of_row, *of_pairs)
+    return moved, Moves(
+        dynamics.pairs,
+        change.take(source, axis=0),
+        survival.take(source, axis=0),
+        later.pair_mean,
+        later.factor,
+        later.factored,
+        later.gain,
+        later.base,
+        later.place,
+    )
 
 
 def _diffused(snr: FloatArray, transition: FloatArray | None) -> FloatArray:
@@ -291,9 +308,16 @@ def spawn(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: f
             continue
         place = np.where(parent, parent.cumsum() - 1, -1)
         transition = dynamics.over(np.array([dt])).transition[0]
-        spawned = _spawned(
+        shape = count, len(dynamics.turns)
+        spawned = _Spawned(
+            np.zeros((*shape, mixture.weight.shape[2])),
+            np.empty((*shape, SIZE)),
+            np.empty((*shape, SIZE, SIZE)),
+        )
+        matched = _Matched(np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE)), new_moved())
+        _spawn(
             *(rate, mixture.target, place, mixture.existence, *mixture.gaussians),
-            *(*dynamics.spawned, transition, dynamics.turns, dt, count),
+            *(*dynamics.spawned, transition, dynamics.turns, dt, spawned, matched),
         )
         row_label = np.arange(label, label + count)
         parts.append(Mixture(row_label, *spawned, dynamics.unknown_snr(count)))
@@ -302,7 +326,7 @@ def spawn(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: f
 
 
 class _Spawned(NamedTuple):
-    """The weights and Gaussians of the spawned targets."""
+    """The weights, zeros at first, and Gaussians of the spawned targets."""
 
     weight: Float3
     mean: Float3
@@ -317,8 +341,8 @@ class _Matched(NamedTuple):
     moved: Moved
 
 
-@compiled
-def _spawned(
+@in_place
+def _spawn(
     rate: float,
     target: Int1,
     place: Int1,
@@ -331,19 +355,14 @@ def _spawned(
     transition: Float3,
     turns: Bool1,
     dt: float,
-    count: int,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the columns of `_Spawned`; see `Dynamics.spawned`.
+    found: _Spawned,
+    matched: _Matched,
+) -> None:
+    """Write the spawned targets; see `Dynamics.spawned`.
 
     `place` is the row of each parent's spawned target, (T,), or -1.
     """
     modes, classes = weight.shape[1:]
-    found = _Spawned(
-        np.zeros((count, modes, classes)),
-        np.empty((count, modes, SIZE)),
-        np.empty((count, modes, SIZE, SIZE)),
-    )
-    matched = _Matched(np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE)), new_moved())
     centre, around = matched.mean, matched.covariance
     for row in range(len(target)):
         one, whole = place[target[row]], existence[target[row]]
@@ -368,4 +387,3 @@ def _spawned(
                 for k in range(i + 1):
                     total = matched.moved.covariance[i, k] + noise[mode, i, k]
                     found.covariance[one, mode, i, k] = found.covariance[one, mode, k, i] = total
-    return found.weight, found.mean, found.covariance

@@ -30,7 +30,7 @@ from phd_jdtc_ros.core.snapshot import Snapshot
 
 from ..common.health import WARNING_PERIOD_S
 
-MAGIC = b"phd_jdtc_ros checkpoint 4\n"
+MAGIC = b"phd_jdtc_ros checkpoint 5\n"
 # Largest file; its content and its arrays are in memory together, at most 256 MB.
 MAX_BYTES = 120 << 20
 # Largest header, whose parsing needs some twenty times its size.

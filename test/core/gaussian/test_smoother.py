@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from runs import stepped
+from scenes import short_scenario, small
 from sweep import ROTATION_S, START_NS, configuration, scans
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian import extraction, lineages, smoother
 from phd_jdtc_ros.core.window.entries import Entry, Source
+from phd_jdtc_ros.simulation.simulate import simulate
 
 SECTORED = {"engine": "gaussian", "estimates_period_s": ROTATION_S, "lag": 4}
 
@@ -114,22 +117,33 @@ def test_window_of_no_targets_has_none():
     assert [len(mixture) for mixture in found] == [0] * (len(entries) - 1)
 
 
-def test_window_that_grows_is_smoothed_as_one_that_was_always_whole():
-    entries = window(7)
-    grown = lineages.Lineages()
-    for end in range(50, len(entries) + 1):
-        since_ns = entries[end - 40].stamp_ns
-        assert grown._continued_by(entries[:end]) == (end > 50)
-        grown.extend(entries[:end])
-        grown.smooth(since_ns)
+def test_window_that_slides_is_smoothed_as_one_that_was_always_whole(monkeypatch):
+    monkeypatch.setattr(lineages, "LEAST_ROOM", 1)
+    entries, most, again, wrapped = window(9), 40, 0, 0
+    slid = lineages.Lineages()
+    for end in range(20, len(entries) + 1):
+        part = entries[max(end - most, 0) : end]
+        since_ns = part[-min(len(part), 30)].stamp_ns
+        assert slid._continued_by(part) == (end > 20)
+        tables = slid._gaussians
+        slid.extend(part)
+        again += slid._gaussians is not tables
+        wrapped += slid._gaussians._held[-1] < slid._gaussians._held[0]
+        slid.smooth(since_ns)
         whole = lineages.Lineages()
-        whole.extend(entries[:end])
+        whole.extend(part)
         whole.smooth()
-        before, after = grown.around(since_ns)
-        updates = np.concatenate([before, after[after >= 0]])
-        found, expected = (each.hypotheses(updates)[1] for each in (grown, whole))
-        for own, other in zip(found, expected, strict=True):
+        for own, other in zip(gaussians(slid, since_ns), gaussians(whole, since_ns), strict=True):
             np.testing.assert_array_equal(own, other)
+    assert wrapped > 10  # the rows of new scans replaced those of dropped ones
+    assert again < 20
+
+
+def gaussians(smoothed, stamp_ns):
+    """Return the smoothed Gaussians of the updates around a stamp."""
+    before, after = smoothed.around(stamp_ns)
+    place, rows, columns = smoothed.hypotheses(np.concatenate([before, after[after >= 0]]))
+    return place, *(column[rows] for column in columns)
 
 
 def test_updates_around_a_stamp_are_the_last_before_it_and_the_first_after_it():
@@ -145,6 +159,26 @@ def test_updates_around_a_stamp_are_the_last_before_it_and_the_first_after_it():
             later = [stamp for stamp in stamps if stamp > entry.stamp_ns]
             assert every.stamps(np.array([one])) == max(earlier)
             assert (every.stamps(np.array([other])).tolist() if other >= 0 else []) == later[:1]
+
+
+@pytest.mark.parametrize("threshold", [-1.0, 0.1, 0.5])
+def test_targets_that_cannot_be_reported_are_not_smoothed_and_the_others_are_the_same(threshold):
+    engine, left_out = new_engine(small({"engine": "gaussian", "lag": 4})), 0
+    stepped(engine, [scan for _, scan in simulate(short_scenario(8), 3)])
+    dynamics, entries = engine.forward.dynamics, engine._window
+    for entry in entries[:-1]:
+        whole, part = lineages.Lineages(), lineages.Lineages()
+        for each in (whole, part):
+            each.extend(entries)
+        stamp_ns = entry.stamp_ns + 10**9  # between scans, so that targets are interpolated
+        every, some = whole.smooth(stamp_ns), part.smooth(stamp_ns, threshold)
+        left_out += len(every.before) - len(some.before)
+        expected = smoother.extract_at(whole, every, dynamics, stamp_ns, 2, threshold)
+        found = smoother.extract_at(part, some, dynamics, stamp_ns, 2, threshold)
+        assert len(expected) > 0
+        for name in ("track_id", "state", "covariance", "weight"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+    assert (left_out > 0) == (threshold > 0.0)
 
 
 @pytest.mark.parametrize("threshold", [1e-3, 0.5])

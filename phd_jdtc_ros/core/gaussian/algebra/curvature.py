@@ -39,7 +39,6 @@ class Moved(NamedTuple):
     turned: Float1  # (D,)
 
 
-@inner
 def new_moved() -> Moved:
     """Return the arrays for one Gaussian at a time."""
     matrices = np.zeros((4, SIZE, SIZE))

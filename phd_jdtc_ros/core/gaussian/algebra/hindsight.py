@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import FloatArray, IntArray
+from ...arrays import BoolArray, FloatArray, IntArray
 from ...compilation import (
     Bool1,
     Float1,
@@ -16,7 +16,6 @@ from ...compilation import (
     Float4,
     Int1,
     Int2,
-    compiled,
     in_place,
     inner,
 )
@@ -47,15 +46,12 @@ class Gaussians(NamedTuple):
     covariance: Float4
 
 
-class Updates(NamedTuple):
-    """U updates of single targets, oldest first, and the rows of each in the other tables."""
-
-    before: Int1  # The update that each continues; -1 for none
-    # First row and end, (U, 2), of the updated hypotheses, of the predicted ones, and of the edges
-    # between them.
-    row: Int2
-    predicted: Int2
-    edge: Int2
+# Columns of the U updates of single targets, oldest first, (U, COLUMNS): the stamp, the label, and
+# the number of the update that each continues, -1 for none. Then the first row and the end, in the
+# other tables, of its updated hypotheses, of the predicted ones, and of the edges between them. The
+# others are the first rows of its scan, from which the rows that tables refer to are counted.
+STAMP, LABEL, BEFORE, ROW, PREDICTED, EDGE = 0, 1, 2, 3, 5, 7
+FIRST_ROW, FIRST_PREDICTED, FIRST_PAIR, FIRST_FACTOR, COLUMNS = 9, 10, 11, 12, 13
 
 
 class Edges(NamedTuple):
@@ -78,9 +74,10 @@ class Pairs(NamedTuple):
     """The predictions from one motion mode to another; see `prediction.Moves`."""
 
     mean: Float2
-    factor: Float3
+    factored: Int1
     gain: Float3
     base: Float3
+    factor: Float3  # A table with rows of its own
 
 
 class _Scratch(NamedTuple):
@@ -111,7 +108,7 @@ def _clear(mean: FloatArray, covariance: FloatArray) -> None:
 
 @inner
 def _write_predicted(
-    updates: Updates, one: int, edges: Edges, later: Gaussians, scratch: _Scratch, ahead: Gaussians
+    update: IntArray, edges: Edges, later: Gaussians, scratch: _Scratch, ahead: Gaussians
 ) -> None:
     """Write the predicted hypotheses of an update, given their smoothed children.
 
@@ -120,15 +117,16 @@ def _write_predicted(
     them in proportion to their filtered weights. A hypothesis without children has no weight.
     """
     modes, classes = later.weight.shape[1:]
-    first, count = updates.predicted[one, 0], updates.predicted[one, 1] - updates.predicted[one, 0]
-    begin, end = updates.edge[one, 0], updates.edge[one, 1]
+    first, count = update[FIRST_ROW], update[PREDICTED + 1] - update[PREDICTED]
+    offset = update[FIRST_PREDICTED] - update[PREDICTED]
+    begin, end = update[EDGE], update[EDGE + 1]
     part, whole = scratch.part, scratch.ahead
     for to in range(count):
         for mode in range(modes):
             for class_id in range(classes):
                 ahead.weight[to, mode, class_id] = 0.0
     for edge in range(begin, end):
-        to, child = edges.parent[edge] - first, edges.child[edge]
+        to, child = edges.parent[edge] + offset, edges.child[edge] + first
         for mode in range(modes):
             part[edge - begin, mode] = 0.0
             for class_id in range(classes if 0 <= to < count else 0):
@@ -141,13 +139,13 @@ def _write_predicted(
             if whole[to, mode] > 0.0:
                 _clear(ahead.mean[to, mode], ahead.covariance[to, mode])
     for edge in range(begin, end):
-        to, child = edges.parent[edge] - first, edges.child[edge]
+        to, child = edges.parent[edge] + offset, edges.child[edge] + first
         for mode in range(modes):
             if part[edge - begin, mode] > 0.0:
                 part[edge - begin, mode] /= whole[to, mode]
                 add_mean(part[edge - begin, mode], later.mean[child, mode], ahead.mean[to, mode])
     for edge in range(begin, end):
-        to, child = edges.parent[edge] - first, edges.child[edge]
+        to, child = edges.parent[edge] + offset, edges.child[edge] + first
         for mode in range(modes):
             if part[edge - begin, mode] > 0.0:
                 own, around = later.mean[child, mode], later.covariance[child, mode]
@@ -162,6 +160,7 @@ def _write_fit(
     to: IntArray,
     place: IntArray,
     pairs: Pairs,
+    update: IntArray,
     later: FloatArray,
     scratch: _Scratch,
 ) -> None:
@@ -181,8 +180,9 @@ def _write_fit(
             continue
         for one in range(len(active)):
             if to[active[one]] == mode:
-                at = place[active[one]]
-                factor, predicted = pairs.factor[at], pairs.mean[at]
+                at = update[FIRST_PAIR] + place[active[one]]
+                factor = pairs.factor[update[FIRST_FACTOR] + pairs.factored[at]]
+                predicted = pairs.mean[at]
                 square = square_distance(factor, later[mode], predicted, scratch.vector)
                 density = 0.5 * (log_determinant(factor) - square)
                 fit[one] = density if math.isfinite(density) else LEAST_DENSITY
@@ -244,6 +244,7 @@ def _active(
     prior: tuple[FloatArray, FloatArray],
     place: IntArray,
     pairs: Pairs,
+    update: IntArray,
     later: Gaussians,
     part: int,
     scratch: _Scratch,
@@ -258,7 +259,7 @@ def _active(
             scratch.active[count] = pair
             count += 1
     active = scratch.active[:count]
-    _write_fit(active, of, to, place, pairs, later.mean[part], scratch)
+    _write_fit(active, of, to, place, pairs, update, later.mean[part], scratch)
     for mode in range(len(predicted)):
         for class_id in range(predicted.shape[1]):
             predicted[mode, class_id] = 0.0
@@ -286,6 +287,7 @@ def _write_row(
     at: int,
     predicted: Predicted,
     pairs: Pairs,
+    update: IntArray,
     row: int,
     later: Gaussians,
     part: int,
@@ -295,11 +297,11 @@ def _write_row(
     """Write a row's smoothed modes, matched over its pairs; return their weight."""
     mass, total, place = scratch.mass, 0.0, predicted.place[row]
     prior = own.weight[at], predicted.change[row]
-    active = _active(of, to, prior, place, pairs, later, part, scratch)
+    active = _active(of, to, prior, place, pairs, update, later, part, scratch)
     weight, mean, covariance = smoothed.weight[at], smoothed.mean[at], smoothed.covariance[at]
     for one in range(len(active)):
         if mass[one] > 0.0:
-            pair, before = place[active[one]], of[active[one]]
+            pair, before = update[FIRST_PAIR] + place[active[one]], of[active[one]]
             columns = own.mean[at, before], pairs.mean[pair], pairs.gain[pair], pairs.base[pair]
             after = to[active[one]]
             given = later.mean[part, after], later.covariance[part, after]
@@ -349,9 +351,9 @@ def _add_deaths(
 def _go_back(
     of: Int1,
     to: Int1,
-    order: Int1,
+    dropped: int,
     needed: Bool1,
-    updates: Updates,
+    updates: Int2,
     edges: Edges,
     predicted: Predicted,
     pairs: Pairs,
@@ -362,17 +364,16 @@ def _go_back(
 ) -> None:
     """Smooth the updates that changed ones continue, and mark them as changed."""
     modes, classes = own.weight.shape[1:]
-    for place in range(len(order)):
-        one = order[place]
-        before = updates.before[one]
+    for one in range(len(updates) - 1, -1, -1):
+        update, before = updates[one], updates[one, BEFORE] - dropped
         if before < 0 or not scratch.changed[one] or not needed[before]:
             continue
         scratch.changed[before] = True
-        begin, alive, dead = updates.row[before, 0], 0.0, 1.0
-        first_row, end_row = updates.predicted[one, 0], updates.predicted[one, 1]
-        kept = updates.edge[one, 0] < updates.edge[one, 1]
+        begin, alive, dead = updates[before, ROW], 0.0, 1.0
+        first_row, end_row = update[PREDICTED], update[PREDICTED + 1]
+        kept = update[EDGE] < update[EDGE + 1]
         if kept:
-            _write_predicted(updates, one, edges, smoothed, scratch, ahead)
+            _write_predicted(update, edges, smoothed, scratch, ahead)
         for row in range(first_row, end_row):
             part, at = row - first_row, begin + row - first_row
             for mode in range(modes):
@@ -381,7 +382,7 @@ def _go_back(
                     smoothed.weight[at, mode, class_id] = 0.0
             if kept and total_of(scratch.ahead[part]) > 0.0:
                 alive += _write_row(
-                    of, to, own, at, predicted, pairs, row, ahead, part, scratch, smoothed
+                    of, to, own, at, predicted, pairs, update, row, ahead, part, scratch, smoothed
                 )
         death = (1.0 - min(alive, 1.0)) / dead if dead > 0.0 else 0.0
         for row in range(first_row, end_row):
@@ -389,14 +390,13 @@ def _go_back(
             _add_deaths(death, survival, own, at, smoothed)
 
 
-@compiled
 def go_back(
-    of: Int1,
-    to: Int1,
+    of: IntArray,
+    to: IntArray,
     first: int,
-    order: Int1,
-    needed: Bool1,
-    updates: Updates,
+    dropped: int,
+    needed: BoolArray,
+    updates: IntArray,
     edges: Edges,
     predicted: Predicted,
     pairs: Pairs,
@@ -411,37 +411,34 @@ def go_back(
         The pairs of motion modes of `prediction.Moves`.
     first : int
         The first new update.
-    order : int array of shape (U,)
-        The updates of later scans first, and those of one scan in the order of the tables, in which
-        memory is read ahead.
+    dropped : int
+        Number of the first update.
     needed : bool array of shape (U,)
         Whether each update is still of use; the others are left as they are.
     own, smoothed : Gaussians
         The filtered and the smoothed hypotheses; those of new updates are equal.
     """
-    modes, classes = own.weight.shape[1:]
-    changed, rows, most_edges = np.empty(len(order), np.bool_), 0, 0
-    for one in range(len(order)):
-        changed[one] = one >= first
-        rows = max(rows, updates.predicted[one, 1] - updates.predicted[one, 0])
-        most_edges = max(most_edges, updates.edge[one, 1] - updates.edge[one, 0])
+    (modes, classes), count = own.weight.shape[1:], len(of)
+    rows = (updates[:, PREDICTED + 1] - updates[:, PREDICTED]).max()
+    most_edges = (updates[:, EDGE + 1] - updates[:, EDGE]).max()
     ahead = Gaussians(
         np.empty((rows, modes, classes)),
         np.empty((rows, modes, SIZE)),
         np.empty((rows, modes, SIZE, SIZE)),
     )
     scratch = _Scratch(
-        changed,
-        np.empty(len(of), np.int64),
-        np.empty(len(of)),
-        np.empty(len(of)),
-        np.empty((len(of), classes)),
-        np.empty((len(of), SIZE)),
-        np.empty((len(of), SIZE, SIZE)),
+        np.arange(len(updates)) >= first,
+        np.empty(count, np.int64),
+        np.empty(count),
+        np.empty(count),
+        np.empty((count, classes)),
+        np.empty((count, SIZE)),
+        np.empty((count, SIZE, SIZE)),
         np.empty(SIZE),
         np.empty((most_edges, modes)),
         np.empty((rows, modes)),
         np.empty((modes, classes)),
         np.empty(modes),
     )
-    _go_back(of, to, order, needed, updates, edges, predicted, pairs, own, smoothed, ahead, scratch)
+    tables = edges, predicted, pairs, own, smoothed
+    _go_back(of, to, dropped, needed, updates, *tables, ahead, scratch)
