@@ -260,10 +260,11 @@ def _refine(line: Antenna, seen: Sightings, weight: FloatArray, usual: float) ->
     ridge = (AZIMUTH_STD / RATE_STD) ** 2
     last_s = float(seen.time_s[-1])
     line = Antenna(last_s, line.azimuth_at(last_s), line.rate)
+    since_s = seen.time_s - last_s
     for farthest in REFINEMENT_GATES:
-        off = line.residual(*seen)
+        passed = line.rate * since_s
+        off = wrap_angle(seen.azimuth - line.azimuth - passed)
         used = weight * (np.abs(off) <= farthest)
-        passed = line.rate * (seen.time_s - last_s)
         across = used @ passed
         normal = np.array([[used.sum() + 1e-9, across], [across, used @ passed**2 + ridge]])
         prior = ridge * math.log(usual / abs(line.rate))

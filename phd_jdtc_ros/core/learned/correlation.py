@@ -72,8 +72,8 @@ class Correlation(ReadOnly):
     def value(self) -> float:
         """The correlation."""
         estimate, precision = self._estimate
-        found, _ = PRIOR.posterior(np.array(estimate - self.start), np.array(precision))
-        return min(max(self.start + float(found), LEAST), MOST)
+        found, _ = PRIOR.posterior(np.array([estimate - self.start]), np.array([precision]))
+        return min(max(self.start + float(found[0]), LEAST), MOST)
 
     @property
     def std(self) -> float:

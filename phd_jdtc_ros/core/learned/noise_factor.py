@@ -63,7 +63,7 @@ class NoiseFactor(ReadOnly):
         log_ratio = np.log(np.minimum(np.maximum(shown, LEAST**2), MOST**2))
         return PRIOR.posterior(log_ratio, 0.5 * self.weight)
 
-    @property
+    @cached_property
     def variance(self) -> FloatArray:
         """Factor of each variance, shape (Z,)."""
         factor: FloatArray = np.exp(self._posterior[0])

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from ..arrays import FloatArray
 
 
-class RatioPrior(NamedTuple):
+@dataclass(frozen=True)
+class RatioPrior:
     """Prior of the log ratio of a learned value to the configured one.
 
     The prior is a mixture of two normal distributions. The posterior stays at the configured value
@@ -21,27 +23,27 @@ class RatioPrior(NamedTuple):
     scale: float  # Standard deviation of the log ratio about 0, if it is right
     wide: float  # Standard deviation of the log ratio about 0, if it is wrong
 
+    @cached_property
+    def _components(self) -> tuple[FloatArray, FloatArray]:
+        """Log weights and variances of both normal distributions, (2, 1)."""
+        share, std = np.array([[self.right], [1.0 - self.right]]), (self.scale, self.wide)
+        return np.log(share), np.array([[one**2] for one in std])
+
     def posterior(
         self, log_ratio: FloatArray, precision: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the mean and the variance of log ratios, elementwise.
+        """Return the mean and the variance of K log ratios, (K,).
 
-        Given are the log ratio that the data show, and the inverse of its variance; 0 without data.
+        Given are the log ratios that the data show, and the inverses of their variances, (K,); 0
+        without data.
         """
-        evidence = log_ratio, precision
-        of_right, right, of_scale = _posterior(self.right, self.scale, *evidence)
-        of_wrong, wrong, of_wide = _posterior(1.0 - self.right, self.wide, *evidence)
-        share = 1.0 / (1.0 + np.exp(np.minimum(of_right - of_wrong, 500.0)))
+        log_share, square = self._components
+        # Variance of the shown log ratio relative to that of its error.
+        spread = 1.0 + precision * square
+        weight = log_share - 0.5 * np.log(spread) - 0.5 * precision * log_ratio**2 / spread
+        right, wrong = log_ratio * (1.0 - 1.0 / spread)
+        of_scale, of_wide = square / spread
+        share = 1.0 / (1.0 + np.exp(np.minimum(weight[0] - weight[1], 500.0)))
         mean = right + share * (wrong - right)
         apart = share * (1.0 - share) * (wrong - right) ** 2
         return mean, of_scale + share * (of_wide - of_scale) + apart
-
-
-def _posterior(
-    share: float, std: float, log_ratio: FloatArray, precision: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the log weight, the mean and the variance of one of the normal distributions."""
-    # Variance of the shown log ratio relative to that of its error.
-    spread = 1.0 + precision * std**2
-    weight = np.log(share) - 0.5 * np.log(spread) - 0.5 * precision * log_ratio**2 / spread
-    return weight, log_ratio * (1.0 - 1.0 / spread), std**2 / spread

@@ -70,4 +70,4 @@ def trimmed(
         return window
     kept = [entry for entry in window if entry.stamp_ns not in dropped]
     stamps = {entry.stamp_ns for entry in kept}
-    return [e.unlinked if e.source_stamps.isdisjoint(stamps) else e for e in kept]
+    return [entry if entry.source_stamps & stamps else entry.unlinked for entry in kept]
