@@ -98,8 +98,8 @@ def test_edited_and_changed_list_every_fault():
 def test_changed_parameter_can_be_taken_over_by_a_running_engine(name):
     small = resolve(SMALL)
     value = small.values[name]
-    usual = not value if isinstance(value, bool) else 0.3
-    other = OTHERS.get(name, [0.1, 0.05] if isinstance(value, list) else usual)
+    by_type = {bool: not value, int: 1, list: [0.1, 0.05]}
+    other = OTHERS.get(name, by_type.get(type(value), 0.3))
     scans = [scan for _, scan in simulate(paper_scenario(small.config.model.radars), 0)[:6]]
     engine = new_engine(small.config)
     for scan in scans[:3]:
