@@ -85,7 +85,7 @@ def _nodes(context, share):
     demo = arguments.demo(bag, given["params_file"], tracker_name, Path(out))
     scans = BagReader(demo.bag).counts[names.TRUTH]
     topics = [source.topic for source in demo.config.inputs]
-    poses = list(demo.config.carried)
+    poses = list(demo.config.radars_by_platform)
     tracker = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(f"{share}/launch/tracker.launch.py"),
         # Nothing may be lost between two nodes that wait for each other.

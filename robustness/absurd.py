@@ -285,7 +285,7 @@ def _truth(stamp_ns: int) -> Truth:
 def _hand_over(cloud: PointCloud2) -> None:
     """Join the estimates of two trackers, one of which sends a spoilt cloud."""
     found = estimates.from_msg(cloud)
-    if checks.why_not(found) is not None:
+    if checks.fault_of(found) is not None:
         return
     picture = JointPicture(REGIONS, 2e3, 0.0, 5.0)
     done = []

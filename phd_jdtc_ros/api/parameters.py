@@ -20,7 +20,7 @@ from .reports import POSITION, TIME
 
 # Defaults for tables. Those of the node describe a scenario with known birth places; these describe
 # targets of one class that may appear anywhere in the radars' coverage.
-USUAL: Mapping[str, Any] = {
+DEFAULTS: Mapping[str, Any] = {
     "sensors": ["radar"],
     "classes": ["target"],
     "amplitude": "none",
@@ -31,13 +31,13 @@ USUAL: Mapping[str, Any] = {
 }
 # Expected number of births of all classes per interval.
 BIRTHS = 0.2
-OF_RADARS: Mapping[str, Any] = {
+RADAR_DEFAULTS: Mapping[str, Any] = {
     "fields.amplitude": "",
     "detection_probability": 0.9,
     "clutter_rate": "auto",
 }
 # Parameters without a default; the user or a recording must provide them.
-NEEDED, NEEDED_OF_RADARS = ("interval_s",), ("range_std", "azimuth_std_deg", "max_range")
+REQUIRED, REQUIRED_OF_RADARS = ("interval_s",), ("range_std", "azimuth_std_deg", "max_range")
 # Optional columns, named like the parameters of `fields`, that are used if present.
 RECOGNISED = (
     *("amplitude", "elevation", "height", "code", "address", "kind", "sector"),
@@ -50,7 +50,8 @@ class Parameters:
     """A tracker's parameters from the user and from a recording, by dotted name."""
 
     given: Mapping[str, Any]
-    whole: bool = False  # Whether the node's defaults complete them, as with a parameter file
+    # Whether missing ones have the node's defaults, as with a parameter file, and not `DEFAULTS`.
+    for_node: bool = False
     # Values estimated from a recording; given parameters take precedence.
     found: Mapping[str, Any] = field(default_factory=dict)
 
@@ -58,7 +59,7 @@ class Parameters:
     def of(given: Any) -> Parameters:
         """Return the given parameters, from a mapping, the path of a parameter file, or None."""
         if isinstance(given, (str, os.PathLike)):
-            return Parameters(from_arguments.load(Path(given)), whole=True)
+            return Parameters(from_arguments.load(Path(given)), for_node=True)
         if given is None or isinstance(given, Mapping):
             return Parameters(dict(flatten(given or {})))
         raise ConfigError(
@@ -68,19 +69,19 @@ class Parameters:
     @property
     def radars(self) -> Sequence[str]:
         """Names of the radars."""
-        names = {**({} if self.whole else USUAL), **self.given}.get("sensors", ())
+        names = {**({} if self.for_node else DEFAULTS), **self.given}.get("sensors", ())
         listed = names if isinstance(names, (list, tuple)) else ()
         return [name for name in listed if isinstance(name, str)]
 
-    def config(self, columns: Collection[str] = (), blank: bool = False) -> TrackerConfig:
+    def config(self, columns: Collection[str] = (), incomplete: bool = False) -> TrackerConfig:
         """Return the configuration for a table with these columns.
 
-        Noise, range and interval may be missing in a `blank` one, which only reads tables.
+        Noise, range and interval may be missing in an `incomplete` one, which only reads tables.
 
         Raise `ConfigError` with all faults.
         """
         values = self.values(columns)
-        faults = [] if self.whole or blank else self._missing(values, columns)
+        faults = [] if self.for_node or incomplete else self._missing(values, columns)
         of_radars = {parameter.name for parameter in GROUPS["sensors"]}
         faults += [
             f"{name}: unknown parameter, did you mean {self.radars[0]}.{name}?"
@@ -105,15 +106,15 @@ class Parameters:
 
     def values(self, columns: Collection[str] = ()) -> dict[str, Any]:
         """Return the parameters that differ from the node's, for a table with these columns."""
-        if self.whole:
+        if self.for_node:
             return {**self.found, **self.given}
         known = {**self._usable(), **self.given}
-        values = dict(USUAL)
-        classes = known.get("classes", USUAL["classes"])
+        values = dict(DEFAULTS)
+        classes = known.get("classes", DEFAULTS["classes"])
         if isinstance(classes, Sequence):
             values["detection_births.rates"] = [BIRTHS / max(len(classes), 1)] * len(classes)
         for name in self.radars:
-            values.update({f"{name}.{what}": value for what, value in OF_RADARS.items()})
+            values.update({f"{name}.{what}": value for what, value in RADAR_DEFAULTS.items()})
             values.update(_fields(name, columns))
             if known.get(f"{name}.fields.time") == TIME:
                 values[f"{name}.time_reference"] = "epoch"
@@ -123,7 +124,7 @@ class Parameters:
 
     def _usable(self) -> dict[str, Any]:
         """Return the estimated parameters that fit the given classes and motion models."""
-        table = schema({**USUAL, **self.found, **self.given})
+        table = schema({**DEFAULTS, **self.found, **self.given})
         found = {name: value for name, value in self.found.items() if name in table}
         if "classes" in self.given:
             found.pop("detection_births.rates", None)
@@ -135,12 +136,12 @@ class Parameters:
         of_radars = [
             f"{radar}.{what}"
             for radar in self.radars
-            for what in NEEDED_OF_RADARS
+            for what in REQUIRED_OF_RADARS
             if not (positions and what == "azimuth_std_deg")
         ]
         return [
             f"{name}: is missing, must be given or estimated by fit"
-            for name in (*NEEDED, *of_radars)
+            for name in (*REQUIRED, *of_radars)
             if name not in values
         ]
 
@@ -154,14 +155,14 @@ class Parameters:
 
         Detections of `timed` radars have individual times.
         """
-        found = {} if self.whole else unspecified.parameters(findings, timed)
+        found = {} if self.for_node else unspecified.parameters(findings, timed)
         found["interval_s"] = proposal.interval_s(findings)
         for radar, each in findings.items():
-            if not self.whole:
+            if not self.for_node:
                 found.update(_fields(radar, columns))
             rows = proposal.rows(each, self.given, radar)
             found.update({f"{radar}.{row.name}": row.value for row in rows if row.proposed})
-        return Parameters(self.given, self.whole, found)
+        return Parameters(self.given, self.for_node, found)
 
 
 def _fields(radar: str, columns: Collection[str]) -> dict[str, str]:

@@ -24,8 +24,8 @@ from .tables import Columns, numbers, require_column, rows_by_stamp, stamps_ns
 POSITION, POSITION_STD = ("x", "y"), "position_std"
 TIME = "time"
 # Detections with individual times are reported in parts of a turn, as the tracker splits turns, or
-# in parts of USUAL_S seconds if the time of a turn is unknown.
-PARTS_OF_A_TURN, USUAL_S = 8, 1.0
+# in parts of DEFAULT_PART_S seconds if the time of a turn is unknown.
+PARTS_OF_A_TURN, DEFAULT_PART_S = 8, 1.0
 
 
 class RadarReport(NamedTuple):
@@ -51,8 +51,8 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[RadarReport]:
         stamp_ns = _ends_ns(time_ns[rows], radar) if timed else time_ns[rows]
         parts = {int(stamp_ns[part[0]]): part for part in rows_by_stamp(stamp_ns)}
         if timed:
-            quiet = _quiet_ns([*parts], _step_ns(radar))
-            parts |= dict.fromkeys(quiet, np.arange(0))
+            empty_ns = _empty_ns([*parts], _step_ns(radar))
+            parts |= dict.fromkeys(empty_ns, np.arange(0))
         found += [RadarReport(index, _report(ns, sent, part, radar)) for ns, part in parts.items()]
     return sorted(found, key=lambda each: (each.report.stamp_ns, each.radar))
 
@@ -83,7 +83,7 @@ def _rows_of_radars(columns: Columns, radars: Sequence[RadarParameters]) -> Iter
 
 
 def _step_ns(radar: RadarParameters) -> int:
-    return round((radar.rotation_s / PARTS_OF_A_TURN or USUAL_S) * 1e9)
+    return round((radar.rotation_s / PARTS_OF_A_TURN or DEFAULT_PART_S) * 1e9)
 
 
 def _ends_ns(time_ns: IntArray, radar: RadarParameters) -> IntArray:
@@ -92,13 +92,13 @@ def _ends_ns(time_ns: IntArray, radar: RadarParameters) -> IntArray:
     return ends
 
 
-def _quiet_ns(ends_ns: Sequence[int], step_ns: int) -> list[int]:
+def _empty_ns(ends_ns: Sequence[int], step_ns: int) -> list[int]:
     """Return the ends of the parts without detections; gaps longer than a turn are left out."""
-    quiet: list[int] = []
+    empty_ns: list[int] = []
     for begin, end in pairwise(ends_ns):
         if end - begin < PARTS_OF_A_TURN * step_ns:
-            quiet += range(begin + step_ns, end, step_ns)
-    return quiet
+            empty_ns += range(begin + step_ns, end, step_ns)
+    return empty_ns
 
 
 def _columns_of(columns: Columns, config: TrackerConfig, index: int) -> selection.Columns:
@@ -153,7 +153,7 @@ def _report(
     return selection.select(stamp_ns, radar, own)
 
 
-def beyond_any_range(config: TrackerConfig) -> TrackerConfig:
+def without_max_range(config: TrackerConfig) -> TrackerConfig:
     """Return a configuration that also reads detections beyond the radars' maximum ranges."""
     inputs = tuple(replace(radar, max_range=math.inf) for radar in config.radars)
     return replace(config, inputs=inputs)

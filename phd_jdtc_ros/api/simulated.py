@@ -116,8 +116,8 @@ def _number(column: Column) -> Column:
 
 
 def _truth(truths: Sequence[Truth], run: Scenario, class_names: Sequence[str]) -> Column:
-    known = max([-1, *(target.class_id for target in run.targets)])
-    names = [*class_names, *(f"class_{k}" for k in range(len(class_names), known + 1))]
+    highest = max([-1, *(target.class_id for target in run.targets)])
+    names = [*class_names, *(f"class_{k}" for k in range(len(class_names), highest + 1))]
     dtype = [
         *((TIME, np.float64), ("label", np.int64), ("class", f"U{max(map(len, names))}")),
         *((name, np.float64) for name in ("x", "y", "vx", "vy", "height")),

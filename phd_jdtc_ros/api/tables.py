@@ -81,7 +81,7 @@ def numbers(columns: Columns, name: str) -> FloatArray:
     try:
         return column.astype(np.float64)
     except (TypeError, ValueError):
-        raise _unfit(name, column, float, "a number") from None
+        raise _invalid(name, column, float, "a number") from None
 
 
 def require_column(columns: Columns, name: str) -> Column:
@@ -153,12 +153,12 @@ def _dates(name: str, column: Column) -> Column:
     try:
         return np.array([date(text) for text in column.tolist()], dtype="datetime64[ns]")
     except ValueError:
-        raise _unfit(
+        raise _invalid(
             name, column, date, "seconds or a date such as 2026-01-31T12:00:00.5"
         ) from None
 
 
-def _unfit(name: str, column: Column, fits: Callable[[Any], Any], what: str) -> ValueError:
+def _invalid(name: str, column: Column, fits: Callable[[Any], Any], what: str) -> ValueError:
     """Return the error that names the first invalid value of a column."""
     for row, value in enumerate(column.tolist(), start=1):
         try:

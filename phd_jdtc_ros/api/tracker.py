@@ -19,7 +19,7 @@ from phd_jdtc_ros.feed.tally import Tally
 from phd_jdtc_ros.quoting import counts_text
 
 from .parameters import Parameters
-from .reports import TIME, beyond_any_range, report_of, reports_of
+from .reports import TIME, report_of, reports_of, without_max_range
 from .tables import Column, Table, columns_of, stamps_ns, table_of
 
 
@@ -95,7 +95,7 @@ class Tracker:
         self._run: _Run | None = None
         self.dropped: Counter[str] = Counter()
         # This raises for invalid values, but not for parameters that are still missing.
-        self._parameters.config(blank=True)
+        self._parameters.config(incomplete=True)
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -127,7 +127,7 @@ class Tracker:
             If detections contradict the parameters.
         """
         columns = columns_of(detections)
-        config = beyond_any_range(self._parameters.config(columns, blank=True))
+        config = without_max_range(self._parameters.config(columns, incomplete=True))
         tally = Tally(config)
         reports: dict[int, list[tuple[int, Detections]]] = {}
         for index, report in reports_of(columns, config):
@@ -227,7 +227,7 @@ class Tracker:
         return found
 
     def _empty(self) -> Tracks:
-        names = self._parameters.config(blank=True).values["classes"]
+        names = self._parameters.config(incomplete=True).values["classes"]
         return Tracks(table_of([], names), table_of([], names))
 
     def _warn(self, run: _Run) -> None:
@@ -272,10 +272,10 @@ class _Run:
 
     def warnings(self) -> Iterable[str]:
         """Yield each warning once."""
-        used, dropped = self.tally.used, self.tally.dropped
-        if used.lost:
-            reasons = counts_text(dropped)
-            yield f"{used.lost.total()} of {used.offered} detections were not used: {reasons}"
+        counts = self.tally.detections
+        if counts.lost:
+            reasons = counts_text(self.tally.dropped)
+            yield f"{counts.lost.total()} of {counts.offered} detections were not used: {reasons}"
         for radar, text in self.tally.about_radars():
             yield f"{self.config.inputs[radar].name}: {text}"
         yield from self.tally.about_targets()

@@ -15,9 +15,9 @@ from .messages import DAY, NONE, TICKS_PER_S, Message
 NS_PER_TICK = 10**9 // TICKS_PER_S
 NS_PER_DAY = DAY * NS_PER_TICK
 # A clock error must show in this many consecutive messages, because a single one may be delayed.
-LEAST_OFF = 3
+MIN_ERRORS = 3
 # Number of first messages whose median gives the clock error.
-FIRST = 15
+FIRST_MESSAGES = 15
 # Latest time that fits a stamp, which has 31 bits of seconds since 1970, less a day of margin
 # because a slice ends after its plots.
 LAST_NS = (2**31 - 1) * 10**9 - NS_PER_DAY
@@ -68,8 +68,9 @@ class RadarClock:
     def can_decide(self, message: Message, received_ns: int | None) -> bool:
         """Return whether the first messages suffice to decide about the clock error.
 
-        A single message with a correct time suffices; otherwise the median of `FIRST` errors
-        decides. Calls of `time_ns` should wait for this, so that all messages get the same shift.
+        A single message with a correct time suffices; otherwise the median of
+        `FIRST_MESSAGES` errors decides. Calls of `time_ns` should wait for this, so that all
+        messages get the same shift.
         """
         if self._decided:
             return True
@@ -81,7 +82,7 @@ class RadarClock:
             return not self._first_errors  # it is dated by its receipt
         error_ns = received_ns - self._nearest(message, received_ns)
         self._first_errors.append(error_ns)
-        return abs(error_ns) <= self._limit_ns or len(self._first_errors) >= FIRST
+        return abs(error_ns) <= self._limit_ns or len(self._first_errors) >= FIRST_MESSAGES
 
     def decide(self) -> None:
         """Decide about the clock error from the messages so far."""
@@ -144,9 +145,9 @@ class RadarClock:
         if abs(offset_ns - self.shift_ns) <= self._limit_ns:
             self._recent_errors.clear()
             return
-        self._recent_errors = errors = [*self._recent_errors, offset_ns][-LEAST_OFF:]
+        self._recent_errors = errors = [*self._recent_errors, offset_ns][-MIN_ERRORS:]
         # A clock error is constant. Scattered errors do not come from a clock.
-        if len(errors) < LEAST_OFF or max(errors) - min(errors) > self._limit_ns:
+        if len(errors) < MIN_ERRORS or max(errors) - min(errors) > self._limit_ns:
             return
         self._recent_errors = []
         self.shift_ns = offset_ns if abs(offset_ns) > self._limit_ns else 0

@@ -36,7 +36,7 @@ MAX_PREDICTION_S = 10.0
 
 
 @dataclass(frozen=True)
-class OfAnyRadar:
+class RadarDefaults:
     """Parameters that apply to all radars and can be overridden under a radar's name."""
 
     sectors: int = parameter(
@@ -73,7 +73,7 @@ class OfAnyRadar:
 
 
 @dataclass(frozen=True)
-class OfRadar(OfAnyRadar):
+class RadarParameters(RadarDefaults):
     """Parameters of each radar."""
 
     source: list[float] = parameter(
@@ -92,7 +92,7 @@ class OfRadar(OfAnyRadar):
 
 
 @dataclass(frozen=True)
-class In(OfAnyRadar):
+class InputParameters(RadarDefaults):
     """Parameters of incoming plots."""
 
     radars: list[str] = parameter(
@@ -111,7 +111,7 @@ class In(OfAnyRadar):
 
 
 @dataclass(frozen=True)
-class Out:
+class OutputParameters:
     """Parameters of outgoing tracks."""
 
     output_period_s: float = parameter(
@@ -141,7 +141,7 @@ class Out:
 
 
 @dataclass(frozen=True)
-class OfNode:
+class NodeParameters:
     """Parameters of the node only."""
 
     autostart: bool = parameter(True, "Configure and activate the node at the start.")
@@ -167,13 +167,13 @@ class OfNode:
     )
 
 
-RADAR = table(OfRadar)
-OF_FILES = (*table(In), *table(Out))
-TABLE = (*OF_FILES, *table(OfNode))
+RADAR = table(RadarParameters)
+OF_FILES = (*table(InputParameters), *table(OutputParameters))
+TABLE = (*OF_FILES, *table(NodeParameters))
 
 
 class Amplitudes(NamedTuple):
-    """The conversion of a radar's amplitudes; see `OfAnyRadar`."""
+    """The conversion of a radar's amplitudes; see `RadarDefaults`."""
 
     choice: str
     noise_dbm: float
@@ -198,7 +198,7 @@ class Bridge:
         return PlotStream(self.radars, self.others, clock, PlotTurns)
 
 
-def output_of(bridge: Bridge, monosensor: bool, call_signs: CallSigns) -> TrackOutput:
+def track_output(bridge: Bridge, monosensor: bool, call_signs: CallSigns) -> TrackOutput:
     """Return the encoder of estimates; `call_signs` may grow with the radars' plots."""
     values = bridge.values
     origin = values["world_origin"]

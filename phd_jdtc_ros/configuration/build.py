@@ -169,7 +169,7 @@ class TrackerConfig(Tracking):
         )
 
     @property
-    def carried(self) -> dict[str, list[int]]:
+    def radars_by_platform(self) -> dict[str, list[int]]:
         """Indices of the moving radars, by the topic of their platform's poses."""
         radars: dict[str, list[int]] = {}
         for index, radar in enumerate(self.inputs):

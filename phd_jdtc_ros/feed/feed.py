@@ -71,7 +71,7 @@ class Feed:
         on_filtered: OnFiltered = give_to_nobody,
     ) -> None:
         self.pipeline = new_pipeline(config, begin, on_filtered)
-        self._radars, self._carried = len(config.inputs), config.carried
+        self._radars, self._radars_by_platform = len(config.inputs), config.radars_by_platform
         self._notices, self._monitors = notices, monitors
 
     def message(self, radar: int, read: Callable[[], Report]) -> Iterator[Event] | None:
@@ -107,9 +107,9 @@ class Feed:
         return self._add_pose(topic, stamp_ns, pose)
 
     def _add_pose(self, topic: str, stamp_ns: int, pose: Pose) -> Iterator[Event]:
-        """Give each radar of a platform its pose, after the events of the radar before."""
+        """Give a pose to the radars of a platform, one after the other, each with its events."""
         faults = []
-        for radar in self._carried[topic]:
+        for radar in self._radars_by_platform[topic]:
             events = self.pipeline.add_pose(radar, stamp_ns, pose)
             if isinstance(events, PoseFault):
                 faults.append(events)

@@ -34,8 +34,8 @@ PARAMETERS = {
 
 
 @dataclass
-class UsedDetections:
-    """Counts the detections of a recording, and the unused ones."""
+class DetectionCounts:
+    """Counts all detections of a recording, and the unused ones by reason."""
 
     # All detections; an unreadable message counts as one, because its number is unknown.
     offered: int = 0
@@ -73,8 +73,8 @@ class UsedDetections:
             for reason, count in self.lost.most_common(MAX_LISTED)
         )
         return (
-            f"{self.offered - lost} of {self.offered} detections could be used; dropped most by: "
-            f"{listed}"
+            f"{self.offered - lost} of {self.offered} detections could be used; "
+            f"most frequent reasons: {listed}"
         )
 
 
@@ -84,7 +84,7 @@ class Tally:
     def __init__(self, config: TrackerConfig) -> None:
         self._config = config
         self.dropped: Counter[str] = Counter()
-        self.used = UsedDetections()
+        self.detections = DetectionCounts()
         self._warned: list[Counter[str]] = [Counter() for _ in config.inputs]
         self._turns_s = [0.0] * len(config.inputs)
         self._without_amplitude: set[int] = set()
@@ -94,24 +94,24 @@ class Tally:
     def on_unreadable(self, radar: int, error: RejectedMessageError) -> None:
         """Count a message that is not a valid report."""
         self.dropped[error.reason] += 1
-        self.used.unreadable(error.reason)
+        self.detections.unreadable(error.reason)
 
     def on_report(self, radar: int, report: Report) -> None:
         """Count a report's detections, used and dropped."""
         self.dropped.update(report.dropped)
-        self.used.read(len(report.detections), report.dropped)
+        self.detections.read(len(report.detections), report.dropped)
         if report.detections.amplitude is None and self._config.inputs[radar].measures_amplitude:
             self._without_amplitude.add(radar)
 
     def on_rejection(self, radar: int, reason: str, report: Report) -> None:
         """Count the detections of a report of which no part belongs to a scan."""
         self.dropped[reason] += 1
-        self.used.refuse(reason, len(report.detections))
+        self.detections.refuse(reason, len(report.detections))
 
     def on_drops(self, radar: int, reasons: Counter[str]) -> None:
         """Count the reports that were dropped while they waited for poses."""
         self.dropped.update(reasons)
-        self.used.lose_reports(reasons)
+        self.detections.lose_reports(reasons)
 
     def on_anomalies(self, radar: int, counts: Counter[str]) -> None:
         """Count contradictions of the configuration."""

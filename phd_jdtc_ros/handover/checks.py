@@ -6,7 +6,7 @@ import numpy as np
 
 from phd_jdtc_ros.core.types import Estimates
 
-# Upper bound of the targets of one stamp, which limits work and memory.
+# Largest number of targets of one stamp, which bounds work and memory.
 MOST_TARGETS = 10_000
 # An eigenvalue of a correlation matrix below this is not explained by FLOAT32 rounding.
 ROUNDING = -1e-6
@@ -14,7 +14,7 @@ ROUNDING = -1e-6
 _SLACK = 0.5
 
 
-def why_not(found: Estimates) -> tuple[str, str] | None:
+def fault_of(found: Estimates) -> tuple[str, str] | None:
     """Return why estimates cannot be joined, as a key and a sentence; None if they can.
 
     Tracks must have unique numbers. Covariances of position and velocity must be positive
@@ -23,15 +23,15 @@ def why_not(found: Estimates) -> tuple[str, str] | None:
     """
     if len(found) > MOST_TARGETS:
         return "oversize", f"{len(found)} targets, at most {MOST_TARGETS} are allowed"
-    tracks, times = np.unique(found.track_id, return_counts=True)
+    tracks, counts = np.unique(found.track_id, return_counts=True)
     if (tracks <= 0).any():
-        count = int(times[tracks <= 0].sum())
+        count = int(counts[tracks <= 0].sum())
         return "unlabelled", (
             f"{count} of {len(found)} targets have track_id 0, must be above 0: a tracker with "
             "engine: phd has no tracks"
         )
-    if (times > 1).any():
-        return "schema", f"track_id {tracks[times > 1][0]} is given twice, must be once"
+    if (counts > 1).any():
+        return "schema", f"track_id {tracks[counts > 1][0]} is given twice, must be once"
     axes = [*found.space.position, *found.space.velocity]
     covariance = found.covariance[:, axes][:, :, axes]
     variance = np.einsum("tii->ti", covariance)

@@ -204,11 +204,11 @@ class Handover:
 
     def _forget(self, found: Sequence[Estimates], present: Collection[int]) -> None:
         """Forget tracks that have ended; a tracker does not reuse a number."""
-        there = {tracker: set(found[tracker].track_id.tolist()) for tracker in present}
+        current = {tracker: set(found[tracker].track_id.tolist()) for tracker in present}
 
         def stays(track: Track) -> bool:
             tracker, number = track
-            return tracker not in there or number in there[tracker]
+            return tracker not in current or number in current[tracker]
 
         for track in [track for track in self._number if not stays(track)]:
             self._release(track)

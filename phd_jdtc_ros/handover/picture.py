@@ -21,7 +21,7 @@ from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates
 
 from .ownership import Handover, Numbers
 from .restarts import TrackSeries
-from .synchroniser import Gathered, Gathering, Refused, too_many
+from .synchroniser import Gathered, Gathering, Refusal, too_many
 
 # Window of stamps in which most must have estimates of all live trackers; otherwise the trackers
 # have no common stamps.
@@ -119,8 +119,8 @@ class JointPicture:
             and self._run.gathered[FILTERED].jumps_back(tracker, stamp_ns)
         )
 
-    def add(self, tracker: int, source: str, found: Estimates) -> list[Joint] | Refused:
-        """Add the filtered or smoothed estimates of a tracker, which pass `checks.why_not`.
+    def add(self, tracker: int, source: str, found: Estimates) -> list[Joint] | Refusal:
+        """Add the filtered or smoothed estimates of a tracker, which pass `checks.fault_of`.
 
         Returns the joint estimates that are now complete, in the order of time for each source and
         run; or why these estimates are refused.
@@ -131,7 +131,7 @@ class JointPicture:
         if self.jumps_back(tracker, source, found.stamp_ns):
             done = self._begin(self._run.gathered[FILTERED].expected_ns())
         closed = self._run.gathered[source].add(tracker, found)
-        if isinstance(closed, Refused):
+        if isinstance(closed, Refusal):
             return closed
         if source == FILTERED:
             return done + self._join_filtered(closed)
@@ -183,14 +183,14 @@ class JointPicture:
             latest = gathered[FILTERED].latest_ns(tracker)
         return latest is None or stamp_ns > latest
 
-    def _add_to_before(self, tracker: int, source: str, found: Estimates) -> list[Joint] | Refused:
+    def _add_to_before(self, tracker: int, source: str, found: Estimates) -> list[Joint] | Refusal:
         """Add estimates of the previous run; smoothed ones still get its numbers."""
         before = self._before
         closed = before.gathered[source].add(tracker, found)
-        if isinstance(closed, Refused):
+        if isinstance(closed, Refusal):
             return closed
         if source == FILTERED or before.closed:
-            return Refused.LATE
+            return Refusal.LATE
         before.smoothed += closed
         return self._join_smoothed(before)
 

@@ -30,45 +30,45 @@ class TrackSeries:
 
     def __init__(self) -> None:
         self._count = 0
-        # Stamps after which series began, ascending, and the series' numbers.
-        self._begun: list[tuple[int, int]] = []
+        # Stamp after which each recent series began, ascending, and the series' number.
+        self._series: list[tuple[int, int]] = []
         self._highest = 0
-        self._there: Estimates | None = None
+        self._newest: Estimates | None = None
         self._last_ns = 0
 
     def take(self, stamp_ns: int, found: Estimates | None) -> None:
         """Add the filtered estimates of a stamp, None if the tracker has none; stamps increase."""
-        before = self._there
+        before = self._newest
         if found is None:
             if before is not None and stamp_ns - before.stamp_ns > SILENT_S * 1e9:
-                self._there = None
+                self._newest = None
             return
-        self._there = found
+        self._newest = found
         if not len(found):
             return
-        goes_on = before is not None and _goes_on(before, found)
-        if not goes_on and int(found.track_id.min()) <= self._highest:
+        continues = before is not None and _continues(before, found)
+        if not continues and int(found.track_id.min()) <= self._highest:
             self._count += 1
             # Everything after the last track of the earlier series belongs to this one, because
             # the smoother reports a target before the filter does.
-            self._begun.append((self._last_ns, self._count))
+            self._series.append((self._last_ns, self._count))
             self._highest = 0
         self._highest = max(self._highest, int(found.track_id.max()))
         self._last_ns = stamp_ns
         oldest_ns = stamp_ns - round(KEPT_S * 1e9)
-        self._begun = [entry for entry in self._begun if entry[0] >= oldest_ns]
+        self._series = [entry for entry in self._series if entry[0] >= oldest_ns]
 
     def renumber(self, found: Estimates) -> Estimates:
         """Return estimates with track numbers that are unique over all series."""
         if not self._count:
             return found
-        series = self._begun[0][1] - 1 if self._begun else self._count
-        for after_ns, number in self._begun:
+        series = self._series[0][1] - 1 if self._series else self._count
+        for after_ns, number in self._series:
             series = number if found.stamp_ns > after_ns else series
         return replace(found, track_id=found.track_id + SERIES * series)
 
 
-def _goes_on(before: Estimates, found: Estimates) -> bool:
+def _continues(before: Estimates, found: Estimates) -> bool:
     """Return whether most tracks are near the earlier track with the same number."""
     _, old, new = np.intersect1d(before.track_id, found.track_id, return_indices=True)
     moved = np.hypot(*(found.position[new] - before.position[old]).T)

@@ -30,12 +30,12 @@ HYSTERESIS = 0.2
 SMOOTHED_WAIT_S = 8.0
 # Upper bound of every waiting time, seconds.
 LONGEST_S = 600.0
-# Upper bound of the trackers, because each pair of them is compared at every stamp.
+# Largest number of trackers, because each pair of them is compared at every stamp.
 MOST_TRACKERS = 50
 
 
 @dataclass(frozen=True)
-class OfTracker:
+class TrackerParameters:
     """Parameters of each tracker."""
 
     node: str = parameter("", "Full name of the tracker's node; /NAME/tracker if empty.")
@@ -45,7 +45,7 @@ class OfTracker:
 
 
 @dataclass(frozen=True)
-class HandOver:
+class HandOverParameters:
     """Parameters of the hand-over node."""
 
     trackers: list[str] = parameter(
@@ -56,8 +56,8 @@ class HandOver:
     )
     hysteresis: float = parameter(
         0.0,
-        "Distance beyond a seam at which a target changes over, m; at most the smallest margin; 0 "
-        "for a fifth of it.",
+        "Distance beyond a seam at which a target is handed over, m; at most the smallest "
+        "margin; 0 for a fifth of it.",
         NOT_NEGATIVE,
     )
     max_delay_s: float = parameter(
@@ -68,7 +68,7 @@ class HandOver:
     )
 
 
-TRACKER, TABLE = table(OfTracker), table(HandOver)
+TRACKER, TABLE = table(TrackerParameters), table(HandOverParameters)
 
 
 @dataclass(frozen=True)

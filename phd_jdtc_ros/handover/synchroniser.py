@@ -31,7 +31,7 @@ def too_many(waiting: Collection[Gathered], most: int | None) -> bool:
     return len(waiting) > most or targets > most * TARGETS_OF_A_STAMP
 
 
-class Refused(Enum):
+class Refusal(Enum):
     """Reason why estimates are refused."""
 
     DUPLICATE = "duplicate"
@@ -100,7 +100,7 @@ class Gathering:
         """Return whether a stamp is older than the tracker's latest one."""
         return stamp_ns < self._latest.get(tracker, stamp_ns)
 
-    def add(self, tracker: int, found: Estimates) -> list[Gathered] | Refused:
+    def add(self, tracker: int, found: Estimates) -> list[Gathered] | Refusal:
         """Add the estimates of a tracker; return the stamps that are now closed, oldest first.
 
         They are without the trackers that have no estimates of them. Estimates are refused if their
@@ -108,10 +108,10 @@ class Gathering:
         """
         stamp = found.stamp_ns
         if stamp == self._latest.get(tracker) or tracker in self._pending.get(stamp, {}):
-            return Refused.DUPLICATE
+            return Refusal.DUPLICATE
         self._record(tracker, stamp)
         if self._closed_ns is not None and stamp <= self._closed_ns:
-            return Refused.LATE
+            return Refusal.LATE
         self._pending.setdefault(stamp, {})[tracker] = found
         # The newest tracker is never silent, so at least one is awaited.
         awaited = [self._latest.get(k) for k in range(self.trackers) if k not in self._silent]

@@ -121,7 +121,7 @@ class Intact:
 def input_types(config: TrackerConfig) -> dict[str, str]:
     """Return the message types of the topics of the radars, and of their platforms' poses."""
     types = {radar.topic: reader_of(radar).type_name for radar in config.inputs}
-    for topic, carried in config.carried.items():
+    for topic, carried in config.radars_by_platform.items():
         types[topic] = platform_poses.TYPES[config.inputs[carried[0]].pose.message]
     return types
 
@@ -138,7 +138,7 @@ def posed_reports(
     `inputs` are the layouts of the radars' messages. `dropped` gains, by radar, the counts of
     rejected messages and points. The bag is read up to `until_ns`.
     """
-    pending, carried = PosedReports(config.platforms()), config.carried
+    pending, carried = PosedReports(config.platforms()), config.radars_by_platform
     radar_of = {radar.topic: index for index, radar in enumerate(inputs)}
     for entry in intact.messages([*radar_of, *carried], until_ns):
         try:

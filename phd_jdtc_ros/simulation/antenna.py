@@ -79,7 +79,7 @@ class Antenna:
         return ahead
 
 
-def usual_antenna(radar: int) -> Antenna:
+def default_antenna(radar: int) -> Antenna:
     """Return the default antenna of a scenario's k-th radar.
 
     The first radar begins at its y axis, and each further one a golden angle behind the previous

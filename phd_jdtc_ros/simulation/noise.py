@@ -10,7 +10,7 @@ from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, wrap_angle
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
 
-class Observed(NamedTuple):
+class Observation(NamedTuple):
     """A radar's measurements of targets or reflectors."""
 
     # Range and azimuth with noise, metres and radians, (N, 2); ranges are not negative, azimuths

@@ -81,8 +81,8 @@ def platform(
     if not given:
         return None
     block = read(PlatformBlock, given, "platform.", faults, ("legs",))
-    ways = legs(given, "platform.", faults)
-    if block is None or not ways:
+    flight_legs = legs(given, "platform.", faults)
+    if block is None or not flight_legs:
         return None
     known = [radar.name for radar in radars]
     found = [
@@ -99,7 +99,7 @@ def platform(
     faults += found
     if not found:
         with collecting_faults("platform.", faults):
-            motion = Flight(0, 0.0, 0.0, block.position, block.velocity, ways)
+            motion = Flight(0, 0.0, 0.0, block.position, block.velocity, flight_legs)
             carried = tuple(map(known.index, block.radars))
             return MovingPlatform(motion, carried, block.pose_interval_s)
     return None

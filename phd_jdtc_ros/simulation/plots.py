@@ -11,7 +11,7 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
 from phd_jdtc_ros.core.types import FULL_TURN
 
 from .looks import TurningRadar
-from .noise import Observed
+from .noise import Observation
 from .simulate import false_detections, observe, range_rates
 from .traffic.flight import Flight, Leg
 
@@ -59,7 +59,7 @@ def _detect(
     radar: TurningRadar,
     time_s: FloatArray,
     exact: FloatArray,
-    observed: Observed,
+    observed: Observation,
     source: IntArray,
     replying: IntArray,
 ) -> SimulatedPlots:

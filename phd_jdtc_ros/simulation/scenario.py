@@ -17,7 +17,7 @@ from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 from phd_jdtc_ros.core.types import UNKNOWN, Detections, Pose, Truth
 
-from .antenna import Antenna, usual_antenna
+from .antenna import Antenna, default_antenna
 from .clutter.echoes import Echoes
 from .clutter.law import NOISE, ClutterLaw
 from .clutter.mirrors import Mirror
@@ -69,7 +69,7 @@ class Scenario:
                 ]
             )
         if not self.antennas:
-            usual = tuple(usual_antenna(index) for index in range(len(self.radars)))
+            usual = tuple(default_antenna(index) for index in range(len(self.radars)))
             object.__setattr__(self, "antennas", usual)
 
     def law(self, radar: int) -> ClutterLaw:
@@ -141,7 +141,7 @@ class Scenario:
 
     @cached_property
     def replies_of(self) -> dict[int, ReplyContent]:
-        """The transponder settings of each target, by number from 1; empty without transponders."""
+        """The content of each target's replies, by number from 1; empty without transponders."""
         if self.transponders is None:
             return {}
         return {

@@ -11,7 +11,7 @@ from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, parameter
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
-from .antenna import Antenna, usual_antenna
+from .antenna import Antenna, default_antenna
 from .checked import mapping, place, read, read_by_radar
 from .clutter import echoes, law
 from .clutter.mirrors import mirrors
@@ -126,7 +126,7 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         scans=timing.scans,
         targets=tuple(every),
         radars=radars,
-        antennas=tuple(each or usual_antenna(index) for index, each in enumerate(antennas)),
+        antennas=tuple(each or default_antenna(index) for index, each in enumerate(antennas)),
         most_radars=timing.most_radars,
         clutter=clutter,
         echoes=echo_laws,

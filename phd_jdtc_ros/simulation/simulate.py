@@ -13,7 +13,7 @@ from phd_jdtc_ros.core.types import FULL_TURN, Detections, Scan, Truth
 from .clutter.echoes import Echoes
 from .clutter.law import NOISE, ClutterLaw
 from .clutter.reflectors import Reflectors
-from .noise import Observed, polar, with_noise
+from .noise import Observation, polar, with_noise
 from .scenario import Scenario, truth_at
 
 
@@ -73,7 +73,7 @@ def range_rates(
 
 def observe(
     exact: FloatArray, snr: FloatArray, radar: RadarModel, rng: np.random.Generator
-) -> Observed:
+) -> Observation:
     """Return the measurements of targets with these true ranges and azimuths, (N, 2), m and rad.
 
     `snr`, shape (N,), has mean signal-to-noise ratios, linear. A target is detected if its
@@ -89,7 +89,7 @@ def observe(
         envelope = np.sqrt(radar.threshold**2 + envelope**2)
     else:
         found = envelope > radar.threshold
-    return Observed(noisy, envelope, found & visible)
+    return Observation(noisy, envelope, found & visible)
 
 
 def false_detections(

@@ -38,14 +38,14 @@ class ReplyContent(NamedTuple):
     address: int
     level: float  # Initial height, metres
     climb: float  # Climb rate, metres per second
-    since_s: float  # Start of the climb, seconds after scan 0
-    for_s: float  # Duration of the climb, seconds
+    climb_start_s: float  # Start of the climb, seconds after scan 0
+    climb_duration_s: float  # Duration of the climb, seconds
 
     def height(self, time_s: FloatArray) -> FloatArray:
         """Return the heights and climb rates at times after scan 0, shape (N, 2)."""
-        flown = time_s - self.since_s
-        climbed = self.climb * np.clip(flown, 0.0, self.for_s)
-        rate = np.where((flown >= 0.0) & (flown < self.for_s), self.climb, 0.0)
+        flown = time_s - self.climb_start_s
+        climbed = self.climb * np.clip(flown, 0.0, self.climb_duration_s)
+        rate = np.where((flown >= 0.0) & (flown < self.climb_duration_s), self.climb, 0.0)
         landed = self.level + climbed < 0.0
         both = np.stack([self.level + climbed, rate], axis=1)
         return np.where(landed[:, None], 0.0, both)
@@ -85,21 +85,23 @@ class Transponders:
         level, climb = rng.uniform(*LEVELS), rng.uniform(*CLIMB)
         # One third of the targets keep their level, one third climb and one third descend.
         sense = int(rng.integers(-1, 2))
-        since_s, for_s = rng.uniform(0.0, duration_s), rng.uniform(*CLIMB_S)
+        climb_start_s, climb_duration_s = rng.uniform(0.0, duration_s), rng.uniform(*CLIMB_S)
         begins, ends = (np.hypot(*velocity) for velocity in (flight.velocity, flight.end_velocity))
         if flight.height or begins < GROUND_SPEED:
             level, sense = flight.height, 0
         elif begins < RUNWAY_SPEED:
-            since_s, for_s, sense, level = flight.start_s, level / climb, 1, 0.0
+            climb_start_s, climb_duration_s, sense, level = flight.start_s, level / climb, 1, 0.0
         elif ends < RUNWAY_SPEED:
-            for_s, sense = level / climb, -1
-            since_s = flight.end_s - for_s
+            climb_duration_s, sense = level / climb, -1
+            climb_start_s = flight.end_s - climb_duration_s
         if rng.random() >= self.mode_s_share:
             address = UNKNOWN
         if not equipped:
             code = address = UNKNOWN
         climb *= sense
-        return ReplyContent(code, address, float(level), float(climb), float(since_s), float(for_s))
+        return ReplyContent(
+            code, address, float(level), float(climb), float(climb_start_s), float(climb_duration_s)
+        )
 
     def with_replies(
         self,

@@ -131,7 +131,7 @@ def _events(
     for report in reports:
         while posed_ns < report.stamp_ns and (known := next(poses, None)) is not None:
             posed_ns = known[0]
-            for topic in config.carried:
+            for topic in config.radars_by_platform:
                 yield from feed.pose(topic, lambda: known) or ()
         bias = config.radars[report.radar].bias
         stamp_ns, detections = bias.remove_from(report.stamp_ns, report.detections)

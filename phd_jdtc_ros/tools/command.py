@@ -92,8 +92,8 @@ def add_cutoff_argument(parser: argparse.ArgumentParser) -> None:
         type=at_least(SMALL, "m"),
         default=CUTOFF,
         metavar="METRES",
-        help=f"c of OSPA and GOSPA ({CUTOFF:g}): about the distance at which an estimate is no "
-        "longer of a target",
+        help=f"c of OSPA and GOSPA ({CUTOFF:g}): the distance at which an estimate no longer "
+        "belongs to a target",
     )
 
 

@@ -86,7 +86,7 @@ def _run(path: Path, config: TrackerConfig) -> Record:
     found = load.record(path, config)
     for source, of_source in _by_source(found).items():
         for own in of_source:
-            reason = checks.why_not(own)
+            reason = checks.fault_of(own)
             if reason is not None:
                 where = f"{path}: {names.estimates(source)} at {own.stamp_ns * 1e-9:.3f} s"
                 raise ConfigError([f"{where}: {reason[1]}"])
@@ -121,7 +121,7 @@ def main(argv: Sequence[str]) -> int:
         "--hysteresis",
         type=float,
         metavar="METRES",
-        help="how far beyond a seam a target changes over; a fifth of the smallest margin",
+        help="how far beyond a seam a target is handed over; a fifth of the smallest margin",
     )
     parser.add_argument(
         "--smoothed-wait",

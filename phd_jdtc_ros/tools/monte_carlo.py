@@ -142,8 +142,8 @@ def _plan(arguments: argparse.Namespace, kinds: Kinds) -> tuple[Study, Plan]:
 def main(argv: Sequence[str], busy: Callable[[], int] = lambda: 0, kinds: Kinds = KINDS) -> int:
     """Run the study tool.
 
-    `busy` returns how many processors of this machine are taken, and `kinds` are the kinds of
-    tracker that variants may be of.
+    `busy` returns the number of this machine's processors that other work uses, and `kinds` are
+    the kinds of tracker that variants can have.
     """
     parser = ArgumentParser("monte_carlo", description=__doc__)
     parser.add_argument(
@@ -153,7 +153,7 @@ def main(argv: Sequence[str], busy: Callable[[], int] = lambda: 0, kinds: Kinds 
     parser.add_argument(
         "--in-full",
         action="store_true",
-        help="all runs also of those cases and variants that the study has a run_share for",
+        help="do all runs of every case and variant, whatever its run_share",
     )
     parser.add_argument(
         "--first-seed",
@@ -167,10 +167,10 @@ def main(argv: Sequence[str], busy: Callable[[], int] = lambda: 0, kinds: Kinds 
     place.add_argument("--workers", type=int, default=cpus, help="local processes (%(default)s)")
     place.add_argument("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster")
     parser.add_argument(
-        "--case", action="append", default=[], help="only this one; may be repeated"
+        "--case", action="append", default=[], help="run only this case; may be repeated"
     )
     parser.add_argument(
-        "--variant", action="append", default=[], help="only this one; may be repeated"
+        "--variant", action="append", default=[], help="run only this variant; may be repeated"
     )
     command.add_assignments_argument(parser)
     command.add_cutoff_argument(parser)

@@ -42,7 +42,7 @@ def write_bag(directory: Path, run: Scenario, config: TrackerConfig, seed: int) 
             kind = reader_of(radar)
             layout = Topic(radar.topic, kind.type_name, DEPTH)
             bag.add_topic(replace(layout, definition=kind.definition, type_hash=kind.type_hash))
-        for topic in config.carried:
+        for topic in config.radars_by_platform:
             bag.add_topic(Topic(topic, platform_poses.TYPES[config.pose_message], DEPTH))
         bag.add_topic(Topic(names.TRUTH, names.CLOUD, DEPTH))
         # By stamp; then poses, truth, detections.
@@ -72,7 +72,7 @@ def _poses(run: Scenario, config: TrackerConfig) -> Iterator[tuple[int, str, byt
         data = platform_poses.to_cdr(
             pose, stamp_ns, config.world_frame, config.pose_message, PLATFORM
         )
-        for topic in config.carried:
+        for topic in config.radars_by_platform:
             yield stamp_ns, topic, data
 
 
@@ -101,7 +101,7 @@ def main(argv: Sequence[str]) -> int:
         "--asterix",
         type=Path,
         metavar="FILE",
-        help="what the radars send, as ASTERIX; a capture with times of receipt if it ends with "
+        help="file for the radars' ASTERIX output; a capture with times of receipt if it ends with "
         f"{simulated_asterix.CAPTURE}",
     )
     command.add_parameter_arguments(
@@ -130,8 +130,8 @@ def main(argv: Sequence[str]) -> int:
         if arguments.asterix is not None:
             blocks = simulated_asterix.write(arguments.asterix, run, config, sent, arguments.seed)
             print(f"{arguments.asterix}: {blocks} data blocks")
-        several = "radar" if len(radars) == 1 else "radars"
-        print(f"{arguments.out}: {run.scans} scans, {len(radars)} {several}, seed {arguments.seed}")
+        noun = "radar" if len(radars) == 1 else "radars"
+        print(f"{arguments.out}: {run.scans} scans, {len(radars)} {noun}, seed {arguments.seed}")
         return OK
 
     return command.run(parser, argv, work)

@@ -88,7 +88,7 @@ class OfflineTracker:
             radar = self._config.inputs[index]
             reader = reader_of(radar)
             return self._feed.message(index, lambda: reader.from_cdr(entry.data, radar)) or ()
-        kind = self._config.inputs[self._config.carried[entry.topic][0]].pose.message
+        kind = self._config.inputs[self._config.radars_by_platform[entry.topic][0]].pose.message
         frame = self._config.world_frame
         pose = partial(platform_poses.from_cdr, entry.data, kind, frame)
         return self._feed.pose(entry.topic, pose) or ()
@@ -201,7 +201,7 @@ def _outcome(tracker: OfflineTracker, source: Path, out: Path) -> int:
     print(f"{out}: {tracker.scans} scans tracked, dropped: {drops}")
     for warning in tracker.warnings():
         print(f"track_bag: {warning}", file=sys.stderr)
-    fault = tracker.tally.used.fault()
+    fault = tracker.tally.detections.fault()
     if fault is None:
         return OK
     print(f"track_bag: {source}: {fault}", file=sys.stderr)

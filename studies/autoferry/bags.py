@@ -63,7 +63,7 @@ def write_bag(directory: Path, recording: Recording, config: TrackerConfig) -> N
     with BagWriter(directory) as bag:
         for radar in config.inputs:
             bag.add_topic(Topic(radar.topic, reader_of(radar).type_name, DEPTH))
-        for topic in config.carried:
+        for topic in config.radars_by_platform:
             bag.add_topic(Topic(topic, platform_poses.TYPES[config.pose_message], DEPTH))
         bag.add_topic(Topic(names.TRUTH, names.CLOUD, DEPTH))
         for stamp_ns, topic, data in _messages(recording, config):
@@ -80,7 +80,7 @@ def _messages(recording: Recording, config: TrackerConfig) -> Iterator[tuple[int
         if stamp_ns > posed_ns:
             kind = config.pose_message
             data = platform_poses.to_cdr(look.own, stamp_ns, frame, kind, OWN_SHIP)
-            for topic in config.carried:
+            for topic in config.radars_by_platform:
                 yield stamp_ns, topic, data
             posed_ns = stamp_ns
         if look.sensor == SENSORS[0]:
@@ -95,7 +95,7 @@ def _messages(recording: Recording, config: TrackerConfig) -> Iterator[tuple[int
 def of_bag(path: Path) -> Recording:
     """Return the radar's data in a bag written by `write_bag`."""
     config, bag = resolve(parameters(lidar=False)), BagReader(path)
-    (radar,), (odometry,) = config.inputs, config.carried
+    (radar,), (odometry,) = config.inputs, config.radars_by_platform
     types = {radar.topic: names.CLOUD, names.TRUTH: names.CLOUD}
     bag.require({**types, odometry: platform_poses.TYPES[config.pose_message]})
     own: dict[int, Pose] = {}

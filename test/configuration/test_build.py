@@ -32,7 +32,7 @@ def test_resolve_names_the_inputs_and_the_topic_of_one_platform():
     assert not first.compass
     assert not first.amplitude_in_db
     config = build.resolve({"radar_1.pose": "/ship", "radar_2.pose": "/ship"})
-    assert config.carried == {"/ship": [0, 1]}
+    assert config.radars_by_platform == {"/ship": [0, 1]}
     assert all(config.platforms())
     assert build.resolve({}).platforms() == (None, None)
 

@@ -7,7 +7,7 @@ from msg_adapters.selection import Report
 from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.core.types import Detections, Pose
 from phd_jdtc_ros.feed.feed import Feed
-from phd_jdtc_ros.feed.tally import Tally, UsedDetections
+from phd_jdtc_ros.feed.tally import DetectionCounts, Tally
 
 MOVING = {"radar_1.pose": "/ship", "radar_2.pose": "/ship"}
 
@@ -33,25 +33,25 @@ def test_feed_counts_a_pose_that_comes_twice_once_for_all_its_radars():
 
 
 def test_half_of_the_detections_or_none_is_no_fault():
-    used = UsedDetections()
+    used = DetectionCounts()
     used.read(5, {"range": 5})
     assert used.fault() is None
-    assert UsedDetections().fault() is None
+    assert DetectionCounts().fault() is None
 
 
 def test_less_than_half_is_reported_with_the_main_reasons_and_their_parameters():
-    used = UsedDetections()
+    used = DetectionCounts()
     used.read(20, {"range": 10, "azimuth": 1, "not_finite": 2})
     used.refuse("late", 9)
     used.unreadable("schema")
     assert used.fault() == (
-        "11 of 34 detections could be used; dropped most by: range 10 (max_range), late 9 "
+        "11 of 34 detections could be used; most frequent reasons: range 10 (max_range), late 9 "
         "(reorder_s, late_reports), not_finite 2 (fields)"
     )
 
 
 def test_report_that_waited_for_a_pose_in_vain_counts_with_its_detections():
-    used = UsedDetections()
+    used = DetectionCounts()
     for _ in range(4):
         used.read(10, {})
     used.lose_reports({"pose_missing": 3})

@@ -7,7 +7,7 @@ from estimate_sets import of_tracks
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, UNKNOWN, Attributes
 from phd_jdtc_ros.handover.picture import LATEST_STAMPS, JointPicture
-from phd_jdtc_ros.handover.synchroniser import Refused
+from phd_jdtc_ros.handover.synchroniser import Refusal
 
 NS = 10**9
 # Parted at x = 0, with an overlap of 10 km on each side.
@@ -106,7 +106,7 @@ def test_smoothed_stamps_that_come_again_are_late_and_begin_no_new_run(picture):
     for stamp in (96, 100, 104):
         assert not picture.jumps_back(WEST, SMOOTHED, stamp * NS)
         again = picture.add(WEST, SMOOTHED, estimates(stamp, {7: -30e3}, lag=1))
-        assert again in (Refused.LATE, Refused.DUPLICATE)
+        assert again in (Refusal.LATE, Refusal.DUPLICATE)
     done = add(picture, FILTERED, 116, {7: -30e3}, {5: 30e3})
     assert done == [(FILTERED, 116, [1, 2]), (SMOOTHED, 108, [1, 2])]
 
@@ -120,7 +120,7 @@ def test_what_is_late_of_the_run_before_begins_no_other_run(picture):
     # The eastern tracker has not jumped back yet.
     for stamp in (108, 112):
         assert not picture.jumps_back(EAST, FILTERED, stamp * NS)
-        assert picture.add(EAST, FILTERED, estimates(stamp, {5: 30e3})) is Refused.LATE
+        assert picture.add(EAST, FILTERED, estimates(stamp, {5: 30e3})) is Refusal.LATE
     assert not picture.jumps_back(EAST, FILTERED, 0)
     done = picture.add(EAST, FILTERED, estimates(0, {5: 30e3}))
     assert numbered(done) == [(FILTERED, 0, [3, 4])]
@@ -158,7 +158,7 @@ def test_after_a_flush_stamps_go_on_in_a_new_run_and_none_is_published_twice(pic
     add(picture, SMOOTHED, 100, {7: -30e3}, {5: 30e3}, lag=1)
     picture.add(WEST, FILTERED, estimates(108, {7: -30e3}))
     assert numbered(picture.close_all()) == [(FILTERED, 108, [1]), (SMOOTHED, 100, [1, 2])]
-    assert picture.add(EAST, FILTERED, estimates(108, {5: 30e3})) is Refused.LATE
+    assert picture.add(EAST, FILTERED, estimates(108, {5: 30e3})) is Refusal.LATE
     assert add(picture, FILTERED, 112, {7: -30e3}, {5: 30e3}) == [(FILTERED, 112, [3, 4])]
     found = add(picture, SMOOTHED, 104, {7: -30e3}, {5: 30e3}, lag=1)
     assert found == [(SMOOTHED, 104, [1, 2])]
@@ -198,7 +198,7 @@ def test_a_stamp_that_was_wrong_is_forgotten_with_a_new_run():
     for stamp in (104, 10**6):
         picture.add(WEST, FILTERED, estimates(stamp, {7: -30e3}))
     late = estimates(108, {5: 30e3})
-    assert picture.add(EAST, FILTERED, late) is Refused.LATE
+    assert picture.add(EAST, FILTERED, late) is Refusal.LATE
     assert picture.ahead_of(late.stamp_ns) == {WEST}
     picture.begin_again()
     assert picture.add(EAST, FILTERED, late) == []
@@ -216,7 +216,7 @@ def test_targets_of_a_tracker_that_misses_a_stamp_keep_their_numbers():
     # The eastern one is too late for some stamps.
     for stamp in (112, 116, 120):
         picture.add(WEST, FILTERED, estimates(stamp, tracks[WEST]))
-    assert picture.add(EAST, FILTERED, estimates(120, tracks[EAST])) is Refused.LATE
+    assert picture.add(EAST, FILTERED, estimates(120, tracks[EAST])) is Refusal.LATE
     picture.add(EAST, FILTERED, estimates(124, tracks[EAST]))
     done = picture.add(WEST, FILTERED, estimates(124, tracks[WEST]))
     assert numbered(done) == [(FILTERED, 124, [1, 2, 3])]

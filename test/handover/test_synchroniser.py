@@ -4,7 +4,7 @@ from itertools import permutations
 import pytest
 from estimate_sets import of_tracks
 
-from phd_jdtc_ros.handover.synchroniser import TARGETS_OF_A_STAMP, Gathering, Refused, too_many
+from phd_jdtc_ros.handover.synchroniser import TARGETS_OF_A_STAMP, Gathering, Refusal, too_many
 
 
 def at(stamp):
@@ -14,7 +14,7 @@ def at(stamp):
 def add(gathering, tracker, stamp):
     """Return what a report closes: stamps, with the trackers that are in each."""
     closed = gathering.add(tracker, at(stamp))
-    if isinstance(closed, Refused):
+    if isinstance(closed, Refusal):
         return closed
     return {next(iter(one.values())).stamp_ns // 10**9: sorted(one) for one in closed}
 
@@ -28,7 +28,7 @@ def test_stamps_are_closed_when_all_have_reported_or_at_the_end():
     for stamp in (0, 1000):
         assert add(gathering, 0, stamp) == {}
     assert [sorted(one) for one in gathering.close_all()] == [[0], [0]]
-    assert add(gathering, 1, 1000) is Refused.LATE
+    assert add(gathering, 1, 1000) is Refusal.LATE
 
 
 def test_order_of_arrival_makes_no_difference():
@@ -59,7 +59,7 @@ def test_a_stamp_waits_for_a_tracker_until_the_newest_is_later_by_more_than_the_
     assert gathering.behind_s(1) == pytest.approx(10.0)
     # From then on nothing waits for it, until it has caught up.
     assert add(gathering, 0, 12) == {12: [0]}
-    assert add(gathering, 1, 11) is Refused.LATE
+    assert add(gathering, 1, 11) is Refusal.LATE
     assert gathering.silent == set()
     assert add(gathering, 0, 16) == {}
     assert add(gathering, 1, 16) == {16: [0, 1]}
@@ -116,10 +116,10 @@ def test_until_when_something_may_be_on_its_way_follows_the_trackers_own_interva
 def test_what_comes_twice_is_refused_and_a_jump_back_is_known():
     gathering = Gathering(2, 5.0)
     add(gathering, 0, 4)
-    assert add(gathering, 0, 4) is Refused.DUPLICATE
+    assert add(gathering, 0, 4) is Refusal.DUPLICATE
     add(gathering, 0, 8)
     # It waits for the other one still.
-    assert add(gathering, 0, 4) is Refused.DUPLICATE
+    assert add(gathering, 0, 4) is Refusal.DUPLICATE
     assert gathering.jumps_back(0, 3 * 10**9)
     assert not gathering.jumps_back(1, 3 * 10**9)
     assert not gathering.jumps_back(0, 8 * 10**9)
@@ -130,7 +130,7 @@ def test_stamps_and_targets_that_wait_are_bounded():
     closed = [add(gathering, 0, stamp) for stamp in range(1, 21)]
     assert closed == [{}] * 5 + [{stamp: [0]} for stamp in range(1, 16)]
     assert gathering.overflow == 15
-    assert add(gathering, 1, 3) is Refused.LATE
+    assert add(gathering, 1, 3) is Refusal.LATE
     assert add(gathering, 1, 18) == {16: [0], 17: [0], 18: [0, 1]}
     few, many = [at(1)], [at(1), at(2)]
     crowded = of_tracks(dict.fromkeys(range(3 * TARGETS_OF_A_STAMP), (0.0, 0.0)))

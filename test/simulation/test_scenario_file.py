@@ -56,7 +56,7 @@ def test_resolve_reads_turns_and_antennas():
     )
     found = resolve(antennas={"radar_2": {"bearing_deg": 90.0, "clockwise": False}})
     assert found.antennas == (
-        scenario.usual_antenna(0),
+        scenario.default_antenna(0),
         scenario.Antenna(pytest.approx(math.pi / 2.0), False),
     )
 

@@ -183,7 +183,9 @@ def test_track_bag_fails_where_less_than_half_of_the_detections_is_used(short_ba
     ]
     status, out = track(short_bag, *near)
     assert status == 3
-    assert any("detections could be used; dropped most by: range" in line for line in faults())
+    assert any(
+        "detections could be used; most frequent reasons: range" in line for line in faults()
+    )
     assert len(recorded(out, "smoothed")) == 8
 
 

@@ -39,7 +39,7 @@ def open_recording(path: Path) -> Iterator[bytes | mmap.mmap]:
 
 
 def kind_of(data: bytes | mmap.mmap) -> str:
-    """Return the format of a recording; raise `RecordingError` if it is none."""
+    """Return the format of a recording; raise `RecordingError` if it is unknown."""
     if pcap.is_capture(data[:4]):
         return CAPTURE
     if _envelope(data, 0):

@@ -201,7 +201,7 @@ class AsterixBridge(ManagedNode):
         self._clouds += 1
         alone = len(self._stream.radars) == 1
         if self._output is None:
-            self._output = settings.output_of(self._bridge, alone, self._stream.call_signs)
+            self._output = settings.track_output(self._bridge, alone, self._stream.call_signs)
         # Radars without a name in the parameters become known while the bridge runs.
         self._output.source = replace(self._output.source, monosensor=alone)
         try:

@@ -15,7 +15,7 @@ from msg_adapters.errors import RejectedMessageError, quote
 from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates
 from phd_jdtc_ros.handover import checks, settings
 from phd_jdtc_ros.handover.picture import Joint, JointPicture
-from phd_jdtc_ros.handover.synchroniser import Refused
+from phd_jdtc_ros.handover.synchroniser import Refusal
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 from phd_jdtc_ros.quoting import counts_text
 
@@ -97,13 +97,13 @@ class HandOver(RunnableNode):
             self.get_logger().warning(f"{name}: its stamps went back; a new run begins")
         done = self._picture.add(tracker, source, found)
         if (
-            done is Refused.LATE
+            done is Refusal.LATE
             and source == FILTERED
             and self._only_quiet_are_ahead(found.stamp_ns)
         ):
             self._publish(self._picture.begin_again())
             done = self._picture.add(tracker, source, found)
-        if isinstance(done, Refused):
+        if isinstance(done, Refusal):
             own.refuse(done.value)
         else:
             self._publish(done)
@@ -147,7 +147,7 @@ class HandOver(RunnableNode):
             raise RejectedMessageError(
                 "classes", f"{classes} classes, must be {self._classes} as in the first estimates"
             )
-        reason = checks.why_not(found)
+        reason = checks.fault_of(found)
         if reason is not None:
             raise RejectedMessageError(*reason)
         self._frame = allowed

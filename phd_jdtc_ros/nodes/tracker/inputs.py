@@ -64,7 +64,7 @@ class Inputs:
                 topics.full_name(node, topic, f"{config.inputs[carried[0]].name}.pose"),
                 Rhythm(nominal_s),
             )
-            for topic, carried in config.carried.items()
+            for topic, carried in config.radars_by_platform.items()
         }
         self._now_s = self._checked_s = time.monotonic()
         self._warnings = ThrottledWarnings(node.get_logger())
@@ -95,7 +95,7 @@ class Inputs:
             depth = queue_depth(radar)
             self._listeners.append(Listener(self._node, kind, radar.topic, take, health, depth))
         for topic, health in self.platforms.items():
-            message = config.inputs[config.carried[topic][0]].pose.message
+            message = config.inputs[config.radars_by_platform[topic][0]].pose.message
             kind = interfaces.message_class(platform_poses.TYPES[message])
             take = partial(on_pose, topic)
             self._listeners.append(Listener(self._node, kind, topic, take, health, POSE_DEPTH))

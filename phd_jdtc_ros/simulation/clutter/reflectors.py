@@ -19,7 +19,7 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
 from ..checked import mappings, read
-from ..noise import Observed, with_noise
+from ..noise import Observation, with_noise
 from .law import NOISE, ClutterLaw, law_of
 
 # Largest number of points of a line, which bounds the memory for a small spacing.
@@ -69,12 +69,14 @@ class Reflectors:
     detection_probability: float
     law: ClutterLaw = NOISE  # Law of the envelopes
 
-    def measure(self, exact: FloatArray, radar: RadarModel, rng: np.random.Generator) -> Observed:
+    def measure(
+        self, exact: FloatArray, radar: RadarModel, rng: np.random.Generator
+    ) -> Observation:
         """Return a radar's measurements of reflectors at true ranges and azimuths, (N, 2)."""
         found = rng.random(len(exact)) < self.detection_probability
         visible = radar.visibility.sees(exact) > 0.0
         amplitude = self.law.draw(radar.threshold, len(exact), rng)
-        return Observed(with_noise(exact, radar, rng), amplitude, found & visible)
+        return Observation(with_noise(exact, radar, rng), amplitude, found & visible)
 
 
 def reflectors(

@@ -65,20 +65,20 @@ def manoeuvres(
     faults += found
     if repeated is None or found or duration_s <= 0.0:
         return ()
-    return tuple(_race(repeated, row, origin, duration_s) for row in rows)
+    return tuple(_racetrack(repeated, row, origin, duration_s) for row in rows)
 
 
 def _flyable(speed_kt: float, bank_deg: float) -> bool:
     return speed_kt > 0.0 and 0.0 < bank_deg <= MOST_BANK_DEG
 
 
-def _race(
+def _racetrack(
     repeated: Manoeuvres,
     row: Sequence[float],
     origin: tuple[float, float],
     duration_s: float,
 ) -> Flight:
-    """Return the flight of a row; its rate of turn is g tan(bank) / speed."""
+    """Return the racetrack of a row; its rate of turn is g tan(bank) / speed."""
     speed = row[0] * MPS_PER_KT
     rate = STANDARD_GRAVITY * math.tan(math.radians(row[1])) / speed
     straight = Leg(repeated.straight_nm * METRES_PER_NM / speed)

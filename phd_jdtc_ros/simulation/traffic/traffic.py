@@ -82,8 +82,8 @@ def draw(traffic: Traffic) -> tuple[Flight, ...]:
         (traffic.entering, _entering),
     )
     return tuple(
-        drawn(traffic, np.random.default_rng([traffic.seed, kind, number]))
-        for kind, (count, drawn) in enumerate(kinds)
+        draw_one(traffic, np.random.default_rng([traffic.seed, kind, number]))
+        for kind, (count, draw_one) in enumerate(kinds)
         for number in range(count)
     )
 
@@ -92,14 +92,14 @@ def _in_the_air(traffic: Traffic, rng: np.random.Generator) -> Flight:
     kind = rng.random()
     if kind >= ARRIVALS + DEPARTURES:
         return _overflight(traffic, rng)
-    way = _within(traffic, _climb(traffic, rng))
-    length_s = way.end_s - way.start_s
+    flight = _within(traffic, _climb(traffic, rng))
+    length_s = flight.end_s - flight.start_s
     if kind < ARRIVALS:
-        way = _reverse(way)
+        flight = _reverse(flight)
     # The flight may begin before the run or end after it, but covers at least a quarter of it.
-    there_s = min(0.25 * traffic.duration_s, length_s)
-    start_s = rng.uniform(there_s - length_s, traffic.duration_s - there_s)
-    return _cut(replace(way, start_s=start_s), 0.0, traffic.duration_s)
+    overlap_s = min(0.25 * traffic.duration_s, length_s)
+    start_s = rng.uniform(overlap_s - length_s, traffic.duration_s - overlap_s)
+    return _cut(replace(flight, start_s=start_s), 0.0, traffic.duration_s)
 
 
 def _climb(traffic: Traffic, rng: np.random.Generator) -> Flight:
@@ -119,8 +119,8 @@ def _climb(traffic: Traffic, rng: np.random.Generator) -> Flight:
 def _overflight(traffic: Traffic, rng: np.random.Generator) -> Flight:
     speed = rng.uniform(*CRUISE_SPEED)
     legs = list(_vectors(traffic, rng, speed, LONGEST_S))
-    way = _anywhere(traffic, rng, 0.9 * traffic.radius, speed, legs)
-    return _cut(_within(traffic, way), 0.0, traffic.duration_s)
+    flight = _anywhere(traffic, rng, 0.9 * traffic.radius, speed, legs)
+    return _cut(_within(traffic, flight), 0.0, traffic.duration_s)
 
 
 def _entering(traffic: Traffic, rng: np.random.Generator) -> Flight:
@@ -130,9 +130,9 @@ def _entering(traffic: Traffic, rng: np.random.Generator) -> Flight:
     # A start exactly on the edge would count as having left.
     place = traffic.radius - 1.0, bearing
     legs = _vectors(traffic, rng, speed, LONGEST_S)
-    way = _within(traffic, _flight(traffic, place, speed, inward, legs))
-    start_s = rng.uniform(-way.end_s, traffic.duration_s)
-    return _cut(replace(way, start_s=start_s), 0.0, traffic.duration_s)
+    flight = _within(traffic, _flight(traffic, place, speed, inward, legs))
+    start_s = rng.uniform(-flight.end_s, traffic.duration_s)
+    return _cut(replace(flight, start_s=start_s), 0.0, traffic.duration_s)
 
 
 def _taxiing(traffic: Traffic, rng: np.random.Generator) -> Flight:

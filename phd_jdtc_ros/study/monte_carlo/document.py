@@ -64,7 +64,7 @@ EXTRACTION = (
     Parameter("extraction", "components", "", choices=tuple(EXTRACTIONS)),
 )
 EXTRACTION_KEYS = tuple(parameter.name for parameter in EXTRACTION)
-# The choices of the labelled filter, and the ones that Gaussians do not support.
+# The choices of the labelled filter, and those that the Gaussian engine does not support.
 LABELLED_CHOICES = {"engine": "gaussian", **{each.name: each.default for each in EXTRACTION}}
 OTHER_CHOICES = {"engine": "phd", "death_term": "paper", "extraction": "clusters"}
 CASE = (
@@ -94,7 +94,7 @@ def resolve(
     """
     if not isinstance(document, Mapping):
         raise ConfigError(["study: must be a mapping"])
-    faults = _own_faults("-p ", assigned)
+    faults = _reserved_faults("-p ", assigned)
     lags = take([LAGS], document, "", faults, ("cases", "variants", "goals")).get("lags")
     given = _entries(document, "cases", faults)
     checked = [_case(name, each, load_scene, assigned, faults) for name, each in given.items()]
@@ -161,7 +161,7 @@ def _entries(
 def _parameters(given: Mapping[str, Any], prefix: str, faults: list[str]) -> dict[str, Any]:
     """Return the parameters of the tracker by dotted name."""
     parameters = dict(flatten(mapping(given, "parameters", faults, prefix)))
-    faults += _own_faults(f"{prefix}parameters.", parameters)
+    faults += _reserved_faults(f"{prefix}parameters.", parameters)
     return parameters
 
 
@@ -178,9 +178,9 @@ def _case(
     values = take([SOURCE, ONLY_NAMED, SHARE, *optional], given, prefix, faults, CASE)
     left_out = mapping(given, "ignored", faults, prefix)
     ignored = Ignored(**take(IGNORED, left_out, f"{prefix}ignored.", faults))
-    answers = list[str]()
-    replies = transponders(given, answers)
-    faults += [f"{prefix}{fault}" for fault in answers]
+    reply_faults: list[str] = []
+    replies = transponders(given, reply_faults)
+    faults += [f"{prefix}{fault}" for fault in reply_faults]
     of_case = _parameters(given, prefix, faults)
     source = values.get("scenario")
     if source is None:
@@ -229,9 +229,9 @@ def _variant(
     engines = [kind.name for kind in kinds.values() if kind.is_engine]
     wanted = [SHARE, *EXTRACTION, *([LAGS] if "lags" in given else [])]
     if "engine" in given:
-        wanted.append(_word("engine", engines))
+        wanted.append(_choice("engine", engines))
     if "kind" in given or "engine" not in given:
-        wanted.append(_word("kind", kinds))
+        wanted.append(_choice("kind", kinds))
     values = take(wanted, given, prefix, faults, VARIANT)
     engine = values.get("engine")
     kind = kinds.get(str(values.get("kind", engine)))
@@ -281,24 +281,24 @@ def _goal(
         words["relative_to"] = variants
     if "relative_case" in given:
         words["relative_case"] = cases
-    wanted = [LAG, *(_word(key, allowed) for key, allowed in words.items())]
+    wanted = [LAG, *(_choice(key, allowed) for key, allowed in words.items())]
     values = take(wanted, given, prefix, faults, GOAL)
     bounds = [key for key in BOUNDS if key in given]
     if len(bounds) != 1 or BOUND.coerce(given[bounds[0]]) is None:
         faults.append(
             f"{prefix}at_most: exactly one of at_most and at_least must be given, a number"
         )
-    usual = {"relative_to": None, "relative_case": values.get("case")}
+    defaults = {"relative_to": None, "relative_case": values.get("case")}
     return Goal(
         name=str(given.get("name", prefix)),
         bound=given[bounds[0]] if bounds else math.nan,
         at_most=bounds == ["at_most"],
-        **{**dict.fromkeys(("lag", *words)), **usual, **values},
+        **{**dict.fromkeys(("lag", *words)), **defaults, **values},
     )
 
 
-def _word(key: str, allowed: Iterable[str]) -> Parameter:
-    """Return the required parameter that is one of these words."""
+def _choice(key: str, allowed: Iterable[str]) -> Parameter:
+    """Return a required parameter whose value is one of these words."""
     return Parameter(key, "", "", choices=tuple(allowed), required=True)
 
 
@@ -310,7 +310,7 @@ def _tracker_faults(study: Study) -> Iterator[tuple[str, list[str]]]:
             if variant.kind.tuned and case.name in variant.cases and variant.parameters:
                 given = study.parameters(case, variant)
                 if given.get("engine") == "gaussian":
-                    faults += _of_particles(variant)
+                    faults += _gaussian_faults(variant)
                 try:
                     tracker_config.resolve(given)
                 except ConfigError as error:
@@ -319,8 +319,8 @@ def _tracker_faults(study: Study) -> Iterator[tuple[str, list[str]]]:
             yield variant.name, list(dict.fromkeys(faults))
 
 
-def _of_particles(variant: Variant) -> list[str]:
-    """Return a fault for each choice of a variant that Gaussians do not have."""
+def _gaussian_faults(variant: Variant) -> list[str]:
+    """Return a fault for each choice of a variant that the Gaussian engine does not support."""
     own = {"engine": variant.parameters.get("engine")}
     if variant.extraction is not None:
         own |= dict(zip(EXTRACTION_KEYS, variant.extraction[1:], strict=True))
@@ -331,5 +331,5 @@ def _of_particles(variant: Variant) -> list[str]:
     ]
 
 
-def _own_faults(prefix: str, parameters: Mapping[str, Any]) -> list[str]:
+def _reserved_faults(prefix: str, parameters: Mapping[str, Any]) -> list[str]:
     return [f"{prefix}{name}: is set by the study itself" for name in OWN if name in parameters]

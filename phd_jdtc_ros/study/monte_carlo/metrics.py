@@ -180,7 +180,7 @@ class CpuTime(RunAccumulator):
         return (self.cpu_ms,)
 
 
-class Coast(RunAccumulator):
+class ReflectorsAndDelays(RunAccumulator):
     """Estimates of reflectors, and targets found late.
 
     ``five_scans_old`` counts targets at the end of their first `YOUNG_SCANS` scans, and ``late``
@@ -196,8 +196,8 @@ class Coast(RunAccumulator):
             "",
             ".3f",
             mean("on_reflectors"),
-            "Mean number per turn, after the first twenty, of estimates within 100 m of what "
-            "answers and is no target, such as a quay, and farther than that from every target.",
+            "Mean number per turn, after the first twenty, of estimates within 100 m of a "
+            "reflector such as a quay, and farther than that from every target.",
             STUDY,
         ),
         Metric(
@@ -206,8 +206,8 @@ class Coast(RunAccumulator):
             "",
             ".1%",
             share("late", "five_scans_old"),
-            "Share of the targets that no estimate within 200 m was of in their first five scans "
-            "or turns.",
+            "Share of the targets to which no estimate within 200 m was assigned in their first "
+            "five scans or turns.",
             STUDY,
         ),
     )
@@ -243,7 +243,7 @@ def _near(position: FloatArray, places: FloatArray) -> BoolArray:
     return near
 
 
-OF_STUDY = (OtherOspa, OspaAfterBirth, MedianError, Promptness, CpuTime, Coast)
+OF_STUDY = (OtherOspa, OspaAfterBirth, MedianError, Promptness, CpuTime, ReflectorsAndDelays)
 ACCUMULATORS: tuple[type[Accumulator], ...] = (*accumulators.ACCUMULATORS, *OF_STUDY)
 VALUES = tuple(name for each in ACCUMULATORS for name in each.names)
 

@@ -74,7 +74,7 @@ def _rows(task: Task, variant: Variant, scores: Scores) -> Iterator[list[Any]]:
 
 
 def _cell(value: float) -> str:
-    """Return a value of three decimals as text that is read back exactly."""
+    """Return a value as text of 15 digits, which restores values of three decimals exactly."""
     return "" if math.isnan(value) else f"{value:.15g}"
 
 

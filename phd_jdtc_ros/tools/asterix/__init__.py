@@ -1,1 +1,1 @@
-"""Recordings of ASTERIX to bags and back, by `asterix_bridge` and `simulate`."""
+"""Converts recordings of ASTERIX to bags and back, for `asterix_bridge` and `simulate`."""

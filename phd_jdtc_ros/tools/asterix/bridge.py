@@ -1,4 +1,4 @@
-"""Recordings of ASTERIX to bags, and bags to ASTERIX. Without arguments: the node, with UDP."""
+"""Converts recordings of ASTERIX to bags and back; without arguments it is the node, with UDP."""
 
 from __future__ import annotations
 
@@ -98,13 +98,13 @@ def _parser() -> ArgumentParser:
     parser.add_argument(
         "--plots",
         action="store_true",
-        help="of a bag: its detections as CAT048 and CAT034, and not its estimates as CAT062",
+        help="for a bag: write its detections as CAT048 and CAT034, not its estimates as CAT062",
     )
     parser.add_argument(
         "--estimates",
         choices=SOURCES,
         default=FILTERED,
-        help="of a bag: which estimates become CAT062 (%(default)s)",
+        help="for a bag: the estimates to write as CAT062 (%(default)s)",
     )
     parser.add_argument(
         "--date",
@@ -118,7 +118,7 @@ def _parser() -> ArgumentParser:
         type=int,
         action="append",
         default=[],
-        help="of captures: only datagrams to this UDP port; may be repeated",
+        help="for captures: read only datagrams to this UDP port; may be repeated",
     )
     command.add_params_file_argument(parser)
     command.add_assignments_argument(parser)

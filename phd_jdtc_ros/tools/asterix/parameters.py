@@ -95,11 +95,11 @@ def propose(states: Sequence[RadarState], disorder_s: float) -> Proposal | None:
     _set_equipped_probability(proposed, together)
     if disorder_s > MAX_DISORDER_S:
         proposed.hints.append(
-            f"a cloud is stamped {disorder_s:.0f} s before one that came earlier: the clock of a "
-            "radar is wrong; reorder_s is left at its default"
+            f"a cloud is stamped {disorder_s:.0f} s before one that arrived earlier: the clock of "
+            "a radar is wrong; reorder_s is left at its default"
         )
     elif len(together) > 1 and disorder_s:
-        comment = "largest age of a cloud behind the newest stamp when it came"
+        comment = "largest age of a cloud relative to the newest stamp at its arrival"
         proposed.set("reorder_s", math.ceil(10.0 * disorder_s) / 10.0, comment)
     for radar in (state.settings.name for state in active if state not in together):
         own = [name for name in proposed.values if name.startswith(f"{radar}.")]
@@ -133,7 +133,7 @@ def measure(proposed: Proposal, bag: Path) -> None:
 
 
 def _set_detection_probability(proposed: Proposal, radar: str, measured: float) -> None:
-    """Set detection probabilities that fall with the range from a measured mean, to learn from.
+    """Set detection probabilities to learn from, which fall with range from a measured mean.
 
     A constant probability would be too high at long ranges, where misses are correlated, and lose
     tracks.

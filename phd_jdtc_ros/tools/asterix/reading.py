@@ -1,4 +1,4 @@
-"""Recordings of ASTERIX to bags: clouds of each radar, and parameters for a tracker."""
+"""Converts recordings of ASTERIX to bags: clouds of each radar, with a tracker's parameters."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ LEAST_USED = 0.5
 # Descriptions of other categories, for the message that they are not used.
 TRACKS = "tracks of another tracker, not plots"
 PLACES = (
-    "reports of positions, not polar plots; a driver can publish their ranges and azimuths about a "
-    "place as a radar's"
+    "position reports, not polar plots; a driver can convert them to ranges and azimuths about a "
+    "place, and publish these as a radar's"
 )
 OTHERS = {11: TRACKS, 30: TRACKS, 62: TRACKS, 20: PLACES, 21: PLACES}
-STATUS = "no reports of targets"
+STATUS = "no target reports"
 # Radars that are not selected, redundant lines, and messages without a target.
 LEFT_OUT_ON_PURPOSE = (
     "unknown_radar",
@@ -47,7 +47,7 @@ LEFT_OUT_ON_PURPOSE = (
 
 
 @dataclass
-class Converted:
+class Conversion:
     """The counts of a conversion to a bag."""
 
     stream: PlotStream
@@ -113,7 +113,7 @@ class Converted:
 
 def convert(
     path: Path, out: Path, bridge: Bridge, midnight_ns: int | None, ports: Iterable[int]
-) -> Converted:
+) -> Conversion:
     """Write the clouds of a recording into a new bag, with parameters for a tracker beside it.
 
     `midnight_ns` is the beginning of the recording's day; see `framing.datagrams`. If ports are
@@ -121,7 +121,7 @@ def convert(
     no recording of ASTERIX, or the bag cannot be written.
     """
     clock = StreamClock(midnight_ns or 0, bridge.values["max_clock_offset_s"])
-    done = Converted(bridge.stream(clock))
+    done = Conversion(bridge.stream(clock))
     try:
         with framing.open_recording(path) as data:
             if not len(data):
@@ -146,7 +146,7 @@ def convert(
 
 
 def _reports(
-    data: Any, done: Converted, midnight_ns: int | None, ports: frozenset[int]
+    data: Any, done: Conversion, midnight_ns: int | None, ports: frozenset[int]
 ) -> Iterator[tuple[RadarState, SectorReport]]:
     """Yield the reports of a recording in the order in which they are complete."""
     for received in framing.datagrams(data, midnight_ns, done.recording):
@@ -162,7 +162,7 @@ def _reports(
 
 
 def _write(
-    bag: BagWriter, done: Converted, bridge: Bridge, state: RadarState, report: SectorReport
+    bag: BagWriter, done: Conversion, bridge: Bridge, state: RadarState, report: SectorReport
 ) -> None:
     name = state.settings.name
     topic = names.detections(name)

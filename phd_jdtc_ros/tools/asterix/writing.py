@@ -81,7 +81,7 @@ def write_tracks(
     """
     bag.require({topic: names.CLOUD})
     call_signs = CallSigns()
-    output = settings.output_of(bridge, len(radars) == 1, call_signs)
+    output = settings.track_output(bridge, len(radars) == 1, call_signs)
     recorded = [radar for radar in radars if bag.types.get(radar) == names.CLOUD]
     period_ns = round(bridge.values["output_period_s"] * 1e9)
     done = ConversionCounts("tracks")

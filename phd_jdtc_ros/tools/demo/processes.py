@@ -162,7 +162,7 @@ def run(
     new_engine(config)
     given: dict[str, object] = {
         f"qos_overrides.{topic}.subscription.reliability": "reliable"
-        for topic in [*(radar.topic for radar in config.inputs), *config.carried]
+        for topic in [*(radar.topic for radar in config.inputs), *config.radars_by_platform]
     }
     if config.plane is not None:  # for viewers with a map of the earth
         given["outputs"] = f"[{', '.join([*tracker_node.Node().outputs, 'navsat'])}]"

@@ -31,7 +31,7 @@ def test_radars_of_a_profile_are_where_the_bag_has_them(given, capsys):
     expected = tracker_params.config(bag_parameters.read(bag("coastal_ship")))
 
     assert scene.other_places(expected.values, config.values) == {}
-    assert list(config.carried) == ["/own_ship/odometry"]
+    assert list(config.radars_by_platform) == ["/own_ship/odometry"]
     said = capsys.readouterr().err
     assert said.startswith("demo: mast.position, mast.yaw_deg, mast.pose as in ")
     assert "recorded" not in said
