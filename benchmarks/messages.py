@@ -14,7 +14,7 @@ import numpy as np
 
 from msg_adapters import plots
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.core.engine import OnFiltered, Step, give_to_nobody
+from phd_jdtc_ros.core.engine import OnFiltered, Step, ignore_filtered
 from phd_jdtc_ros.core.state_space import PLANAR
 from phd_jdtc_ros.core.types import Detections, Estimates, Scan
 
@@ -71,7 +71,7 @@ def step_at_no_cost(engine: Any, found: Estimates, classes: int) -> None:
     figures = {name: 0.0 for names in plots.FIGURES.values() for name in names}
     always = Step(filtered=(found,), smoothed=(found,), class_mass=mass, figures=figures)
 
-    def step(scan: Scan, on_filtered: OnFiltered = give_to_nobody) -> Step:
+    def step(scan: Scan, on_filtered: OnFiltered = ignore_filtered) -> Step:
         on_filtered(always.filtered)
         return always
 

@@ -10,7 +10,7 @@ import importlib
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from phd_jdtc_ros.core.engine import Engine, OnFiltered, give_to_nobody
+from phd_jdtc_ros.core.engine import Engine, OnFiltered, ignore_filtered
 from phd_jdtc_ros.core.intake.input_checks import ResultCheck
 from phd_jdtc_ros.core.intake.out_of_sequence import OutOfSequence
 from phd_jdtc_ros.core.intake.turn_history import TurnHistory
@@ -80,7 +80,7 @@ ENGINES: dict[str, Callable[[TrackerConfig], Engine]] = {
 def new_pipeline(
     config: TrackerConfig,
     begin: Callable[[Engine, int], None] = start_cold,
-    on_filtered: OnFiltered = give_to_nobody,
+    on_filtered: OnFiltered = ignore_filtered,
 ) -> Pipeline:
     """Return a pipeline with a new engine; see `Pipeline` for `begin` and `on_filtered`."""
     engine, platforms = new_engine(config), config.platforms()
@@ -95,6 +95,6 @@ def new_pipeline(
         results=ResultCheck(config.model.modes.interval_s),
         out_of_sequence=OutOfSequence(engine, len(config.inputs), reprocesses),
         region=config.region or Everywhere(),
-        tuned=(config.model, config.rule),
+        configured=(config.model, config.rule),
         on_filtered=on_filtered,
     )

@@ -26,10 +26,10 @@ The path of the data, with the package of each step::
 `models` combines targets, sensors and clutter into the model that both engines share.
 `window` depends on neither particles nor Gaussians, only on rows with the label of their target.
 `engine` is the interface of both engines. `snapshot` stores values as named arrays and checks them
-against bounds that are declared with their fields. `compilation` compiles functions over arrays,
-and `bisection` finds places in ascending ones for them.
+against bounds that are declared with their fields. `compilation` compiles functions of arrays, and
+`bisection` searches ascending arrays in compiled functions.
 
-The packages import downwards only, see the contracts in ``pyproject.toml``::
+The packages import downwards only; contracts in ``pyproject.toml`` enforce this::
 
     pipeline
     gaussian, smc

@@ -14,15 +14,15 @@ IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 # scipy ships no type information.
 SparseArray = Any
-# Golden ratio less 1: the fractional parts of its multiples are spread evenly, whatever their
-# number.
+# The golden ratio minus 1: the fractional parts of its first n multiples are evenly spread for
+# every n.
 GOLDEN_RATIO = 0.5 * (5.0**0.5 - 1.0)
 # Mean length of a run of equal values above which a sum by runs is faster.
 SHORT_RUN = 4
 # Number of values up to which the test for runs costs more than it saves.
 FEW_VALUES = 64
 # Largest number of cells per entry at which a table of all cells is faster than a sort of entries.
-CELLS_AN_ENTRY = 8
+CELLS_PER_ENTRY = 8
 
 
 def read_only(array: npt.ArrayLike, dtype: npt.DTypeLike = np.float64) -> Any:
@@ -30,15 +30,15 @@ def read_only(array: npt.ArrayLike, dtype: npt.DTypeLike = np.float64) -> Any:
 
     A contiguous array of this type is not copied: the result is a read-only view of it.
     """
-    # Arguments are passed by position, because names take a third of the time of these calls, and
-    # `setflags` because it takes a quarter of the time of `flags`.
+    # Names of arguments would take a third of the time of these calls, and `flags` takes four times
+    # as long as `setflags`.
     view: Any = np.ascontiguousarray(array, dtype).view()
     view.setflags(False)
     return view
 
 
-# Array types and their elements, as dtype objects, because NumPy looks up types at each call.
-_ELEMENTS = (
+# The dtype of each array type; dtype objects, because NumPy looks up other types at each call.
+_DTYPES = (
     (FloatArray, np.dtype(np.float64)),
     (IntArray, np.dtype(np.int64)),
     (BoolArray, np.dtype(np.bool_)),
@@ -46,21 +46,21 @@ _ELEMENTS = (
 
 
 @cache
-def _array_fields(kind: Any) -> dict[str, np.dtype[Any]]:
-    """Return the elements of a dataclass's fields that are arrays, or None, by name."""
-    hints = get_type_hints(kind)
+def _array_fields(cls: Any) -> dict[str, np.dtype[Any]]:
+    """Return the dtype of each array field of a dataclass, optional ones included, by name."""
+    hints = get_type_hints(cls)
     return {
-        each.name: element
-        for each in fields(kind)
-        for array, element in _ELEMENTS
+        each.name: dtype
+        for each in fields(cls)
+        for array, dtype in _DTYPES
         if array in (hints[each.name], *get_args(hints[each.name]))
     }
 
 
 @cache
-def _cached_properties(kind: Any) -> tuple[str, ...]:
+def _cached_properties(cls: Any) -> tuple[str, ...]:
     """Return the names of a class's cached properties."""
-    members = ((name, value) for base in kind.__mro__ for name, value in vars(base).items())
+    members = ((name, value) for base in cls.__mro__ for name, value in vars(base).items())
     return tuple({name for name, value in members if isinstance(value, cached_property)})
 
 
@@ -71,28 +71,28 @@ class ReadOnly:
     """Base of frozen dataclasses, whose arrays become read-only and get their declared type."""
 
     def __post_init__(self) -> None:
-        kind: Any = type(self)
-        own, elements = self.__dict__, _array_fields(kind)
-        for name in elements:
+        cls: Any = type(self)
+        own = self.__dict__
+        for name, dtype in _array_fields(cls).items():
             if own[name] is not None:
-                own[name] = read_only(own[name], elements[name])
+                own[name] = read_only(own[name], dtype)
 
     def changed(self: ValueT, **values: Any) -> ValueT:
         """Return this value with some fields changed; faster than `dataclasses.replace`.
 
-        It is for values that are valid by construction: they are not checked, and the given arrays
-        themselves become read-only.
+        The new values must be valid: they are not checked, and the given arrays themselves become
+        read-only.
         """
-        kind: Any = type(self)
-        other: ValueT = object.__new__(kind)
-        own, elements = other.__dict__, _array_fields(kind)
+        cls: Any = type(self)
+        other: ValueT = object.__new__(cls)
+        own, arrays = other.__dict__, _array_fields(cls)
         own.update(self.__dict__, **values)
-        for name in _cached_properties(kind):
+        for name in _cached_properties(cls):
             if name in own:
                 del own[name]
-        for name in values:
-            if name in elements and values[name] is not None:
-                values[name].setflags(False)
+        for name, value in values.items():
+            if name in arrays and value is not None:
+                value.setflags(False)
         return other
 
 
@@ -114,7 +114,7 @@ def wrap_angle(angle: FloatArray) -> FloatArray:
 
 
 def median(value: FloatArray) -> float:
-    """Return the median of values, at least one; for few, a tenth of the time of NumPy's."""
+    """Return the median of at least one value; for few values ten times as fast as NumPy's."""
     ordered, half = value.copy(), value.size // 2
     ordered.sort()
     return float(ordered[half] if value.size % 2 else 0.5 * (ordered[half - 1] + ordered[half]))
@@ -189,7 +189,7 @@ def distinct_cells(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:
     For many entries, a table of all cells replaces the sort of `numpy.unique`, which would take
     half of the time of an update with particles.
     """
-    if cells > CELLS_AN_ENTRY * len(cell):
+    if cells > CELLS_PER_ENTRY * len(cell):
         found, place = np.unique(cell, return_inverse=True)
         return found, place.ravel()
     table = np.zeros(cells, dtype=np.int64)

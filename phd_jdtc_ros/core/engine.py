@@ -17,18 +17,18 @@ from .types import Estimates, Scan
 OnFiltered: TypeAlias = "Callable[[tuple[Estimates, ...]], None]"
 
 
-def give_to_nobody(_: tuple[Estimates, ...]) -> None:
-    """Ignore filtered estimates until the step is complete."""
+def ignore_filtered(_: tuple[Estimates, ...]) -> None:
+    """Ignore the filtered estimates, which the complete step has too."""
 
 
 @dataclass(frozen=True)
 class Step:
     """The estimates and figures of one step."""
 
-    # Estimates that are due: at the scan's stamp, or at the schedule's stamps until then.
+    # Estimates that are due: at the scan's stamp, or at the schedule's stamps up to it.
     filtered: tuple[Estimates, ...]
-    # Estimates whose lag has passed. With a lag in scans there are none while the window fills, and
-    # then one per step.
+    # Estimates whose lag has passed. With a lag in scans, there are none until the window is full,
+    # and one per step afterwards.
     smoothed: tuple[Estimates, ...]
     class_mass: FloatArray  # Expected number of targets of each class after the update, (C,)
     figures: Mapping[str, float]  # Diagnostics of the engine by name
@@ -41,10 +41,10 @@ class Step:
 
 @dataclass(frozen=True)
 class EngineState:
-    """The state of an engine before a scan, for reprocessing from there.
+    """The state of an engine before a scan, from which later scans can be reprocessed.
 
-    It shares its sets with the engine, which never modifies them, so that it costs only references.
-    Unlike a `Snapshot` it cannot be stored.
+    It is cheap, because it shares its sets with the engine, which never modifies them. Unlike a
+    `Snapshot` it cannot be stored.
     """
 
     stamp_ns: int | None  # Stamp of the previous scan; None before the first
@@ -67,7 +67,7 @@ class Reprocessed:
 class Engine(Protocol):
     """A filter with a smoother."""
 
-    def step(self, scan: Scan, on_filtered: OnFiltered = give_to_nobody) -> Step:
+    def step(self, scan: Scan, on_filtered: OnFiltered = ignore_filtered) -> Step:
         """Predict to the scan, update with it, and smooth.
 
         `on_filtered` gets the filtered estimates of the step, before the smoothing. Raise
@@ -97,12 +97,13 @@ class Engine(Protocol):
         """Return the engine's state, from which later scans can be reprocessed."""
 
     def reprocess(self, scans: Sequence[tuple[EngineState, Scan]]) -> Reprocessed:
-        """Reprocess scans, with other scans between them or other reports in them.
+        """Reprocess scans after a scan was inserted among them, or reports were added to them.
 
-        The engine is then in the state that it would have if it had stepped these scans at once.
-        Only published track numbers remain: a target keeps its number, and no number is used for
-        another target. Given is every scan from some stamp on, in ascending order. The engine
-        returns to the first `EngineState`; only the model and the rule of the others are used.
+        `scans` has every scan from some stamp on, in ascending order, with the state before it. The
+        engine returns to the first `EngineState`; only the model and the rule of the others are
+        used. Afterwards its state is as if it had stepped these scans in the first place, except
+        that published track numbers remain: a target keeps its number, and no number is used for
+        another target.
         """
 
     def snapshot(self) -> Snapshot:

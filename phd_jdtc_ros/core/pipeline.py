@@ -1,8 +1,8 @@
 """The pipeline from reports to estimates, which the live node and the offline tracker share.
 
 Reports of turning radars are cut into slices, reports of moving radars get the pose of their radar,
-reports are grouped into scans, scans step the engine, and jumps of the stamps end runs. The live
-node publishes the estimates, and the offline tracker writes them.
+reports are grouped into scans, the engine is stepped through the scans, and a jump of the stamps
+ends a run. The live node publishes the estimates, and the offline tracker writes them.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
-from .engine import Engine, OnFiltered, Step, give_to_nobody
+from .engine import Engine, OnFiltered, Step, ignore_filtered
 from .intake.input_checks import ReportCheck, ResultCheck
 from .intake.out_of_sequence import OutOfSequence
 from .intake.posed_reports import PosedReports
@@ -25,9 +25,9 @@ from .tracks.region import Everywhere, Region
 from .tracks.reporting_rule import ReportingRule, slowest_s
 from .types import Detections, Estimates, Pose, Scan
 
-# Counts reports of moving radars that are dropped because the radar's pose is unknown.
+# Reason for which reports of moving radars are dropped: the radar's pose is unknown.
 POSE_MISSING = "pose_missing"
-# Counts reports, or slices of turns, of closed scans that are reprocessed.
+# Anomaly: a report, or a slice of a turn, is late, and its closed scan is reprocessed.
 REPROCESSED = "late_reworked"
 
 
@@ -77,9 +77,10 @@ class Pipeline:
 
     `begin` is called with the engine and the stamp of a run's first scan before that scan is
     stepped; it may restore the engine. `sensors` are in the configured order, and `out_of_sequence`
-    steps the same engine. `tuned` are the engine's model and rule, which the pipeline adapts to the
-    estimated antenna rotation. `on_filtered` gets the filtered estimates of each step before the
-    smoothing, which takes as long again; the step's event has them too.
+    steps the same engine. `configured` are the model and the rule that the pipeline adapts to the
+    estimated antenna rotation for the engine. `on_filtered` gets the filtered estimates of each
+    step before the smoothing, which takes about as long as the filter; the step's event has them
+    too.
     """
 
     def __init__(
@@ -92,14 +93,14 @@ class Pipeline:
         results: ResultCheck,
         out_of_sequence: OutOfSequence,
         region: Region | Everywhere,
-        tuned: tuple[TrackerModel, ReportingRule],
-        on_filtered: OnFiltered = give_to_nobody,
+        configured: tuple[TrackerModel, ReportingRule],
+        on_filtered: OnFiltered = ignore_filtered,
     ) -> None:
         self.engine = engine
         self._sensors, self._results = sensors, results
         self._turns = [sensor.history.turns for sensor in sensors]
         self._grouper, self._out_of_sequence = grouper, out_of_sequence
-        self._region, self._tuned = region, tuned
+        self._region, self._configured = region, configured
         self._posed = PosedReports([sensor.platform for sensor in sensors])
         self._begin, self._on_filtered = begin, on_filtered
         self._begun = False
@@ -127,6 +128,7 @@ class Pipeline:
         """
         own, turns = self._sensors[radar], self._turns[radar]
         for finding in own.check.add(detections):
+            # Sectors need no configuration once the rotation period is known.
             if finding != "sectors_not_configured" or not turns.period_s:
                 turns.anomalies[finding] += 1
         nominal_s = turns.nominal_period_s
@@ -157,19 +159,19 @@ class Pipeline:
 
     def retune(self, model: TrackerModel, rule: ReportingRule) -> None:
         """Use another model and rule from the next scan on; their structure must be the same."""
-        self._tuned = model, rule
+        self._configured = model, rule
         self._retune_to_rotation()
 
     def _retune_to_rotation(self) -> None:
         """Adapt the engine's model and rule to the antennas' estimated rotation periods."""
-        model, rule = self._tuned
+        model, rule = self._configured
         radars = tuple(
             replace(radar, rotation_s=turns.nominal_period_s or radar.rotation_s)
             for radar, turns in zip(model.radars, self._turns, strict=True)
         )
-        tuned = replace(model, radars=radars)
-        factor = slowest_s(tuned) / slowest_s(model)
-        self.engine.retune(tuned, rule.scaled_coasting(factor))
+        adapted = replace(model, radars=radars)
+        factor = slowest_s(adapted) / slowest_s(model)
+        self.engine.retune(adapted, rule.scaled_coasting(factor))
 
     def period_s(self, radar: int) -> float:
         """Return the estimated rotation period of a radar, seconds; 0 if unknown."""
@@ -230,7 +232,7 @@ class Pipeline:
 
     def _select_in_region(self, radar: int, detections: Detections) -> Detections:
         """Return the detections of a radar within the region."""
-        return self._region.select_detections(detections, self._tuned[0].radars[radar])
+        return self._region.select_detections(detections, self._configured[0].radars[radar])
 
     def add_pose(self, radar: int, stamp_ns: int, pose: Pose) -> Iterator[Event] | PoseFault:
         """Add a pose of the platform of a moving radar, given its index in the configured order.
@@ -304,15 +306,15 @@ class Pipeline:
             if not self._begun:
                 self._begin(self.engine, event.stamp_ns)
                 self._begun = True
-            step = self._restrict_to_region(self._out_of_sequence.step(event, self._hand_over))
+            step = self._restrict_to_region(self._out_of_sequence.step(event, self._pass_on))
             since_ns = self._out_of_sequence.since_ns()
             for sensor in self._sensors:
                 sensor.history.forget_before(event.stamp_ns if since_ns is None else since_ns)
             due = self._results.note_step(event, step)
             yield Stepped(event, step, self._results.scans if due else 0)
 
-    def _hand_over(self, filtered: tuple[Estimates, ...]) -> None:
-        """Give filtered estimates within the region to `on_filtered`."""
+    def _pass_on(self, filtered: tuple[Estimates, ...]) -> None:
+        """Pass filtered estimates within the region to `on_filtered`."""
         self._on_filtered(self._region.select_estimates(filtered))
 
     def _restrict_to_region(self, step: Step) -> Step:

@@ -10,7 +10,7 @@ from msg_adapters.errors import RejectedMessageError
 from msg_adapters.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.engines import new_pipeline
-from phd_jdtc_ros.core.engine import Engine, OnFiltered, give_to_nobody
+from phd_jdtc_ros.core.engine import Engine, OnFiltered, ignore_filtered
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, start_cold
@@ -68,7 +68,7 @@ class Feed:
         notices: Notices,
         monitors: Sequence[Monitor] = (),
         begin: Callable[[Engine, int], None] = start_cold,
-        on_filtered: OnFiltered = give_to_nobody,
+        on_filtered: OnFiltered = ignore_filtered,
     ) -> None:
         self.pipeline = new_pipeline(config, begin, on_filtered)
         self._radars, self._radars_by_platform = len(config.inputs), config.radars_by_platform

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from ..engine import Engine, EngineState, OnFiltered, Step, give_to_nobody
+from ..engine import Engine, EngineState, OnFiltered, Step, ignore_filtered
 from ..types import Detections, Estimates, Scan
 from .slices import Slice
 
@@ -52,7 +52,7 @@ class OutOfSequence:
         self._changed: dict[int, dict[int, Detections | None]] = {}
         self._saved = 0.0
 
-    def step(self, scan: Scan, on_filtered: OnFiltered = give_to_nobody) -> Step:
+    def step(self, scan: Scan, on_filtered: OnFiltered = ignore_filtered) -> Step:
         """Reprocess waiting reports, then step the engine; return the estimates of both, in order.
 
         Without reprocessing, only step the engine. See `Engine.step` for `on_filtered`.

@@ -53,7 +53,7 @@ class PosedReports:
 
     @property
     def awaited(self) -> int | None:
-        """The radar of the first report that is held back; None if none is."""
+        """The radar of the first report that is held back; None without one."""
         return self._queue[0].radar if self._queue else None
 
     def add(self, radar: int, slices: Sequence[tuple[int, Detections]]) -> None:
@@ -86,5 +86,6 @@ class PosedReports:
         if platform is None or platform.reaches(first.stamp_ns, first.detections):
             return True
         overdue_ns = first.latest_ns + platform.track.max_age_s * 1e9
+        # A report from before this stamp begins a new run: the old one gets no more poses.
         back_ns = first.latest_ns - platform.track.reset_threshold_s * 1e9
         return any(each.latest_ns > overdue_ns or each.latest_ns < back_ns for each in self._queue)

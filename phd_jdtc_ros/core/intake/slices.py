@@ -25,48 +25,48 @@ class UnstampedSlice(NamedTuple):
     coverage: Coverage | None  # None for the radar's whole field
 
 
-class TimedReport(NamedTuple):
-    """A report, with its times in seconds."""
+class RadarReport(NamedTuple):
+    """A radar's report, with its times in seconds."""
 
     stamp_ns: int
     detections: Detections
     stamp_s: float  # Stamp of the report
     timed: bool  # Whether detections have times of their own
-    own_s: FloatArray  # Times of the detections, (M,); empty if they have none
+    detection_s: FloatArray  # Times of the detections, (M,); empty if they have none of their own
     azimuth: FloatArray  # Azimuths of the detections, radians, (M,)
 
     @staticmethod
-    def of(stamp_ns: int, detections: Detections) -> TimedReport:
-        """Return a report with the times of its stamp and its detections."""
+    def of(stamp_ns: int, detections: Detections) -> RadarReport:
+        """Return a report with its times."""
         stamp_s, time_s = stamp_ns * 1e-9, detections.time_s
-        own_s = np.zeros(0) if time_s is None else stamp_s + time_s
+        detection_s = np.zeros(0) if time_s is None else stamp_s + time_s
         azimuth = detections.measurement[:, 1]
-        return TimedReport(stamp_ns, detections, stamp_s, time_s is not None, own_s, azimuth)
+        return RadarReport(stamp_ns, detections, stamp_s, time_s is not None, detection_s, azimuth)
 
 
 def cut(
-    report: TimedReport,
+    report: RadarReport,
     period_s: float,
     between_s: tuple[float, float],
     between: tuple[float, float],
 ) -> list[UnstampedSlice]:
     """Return the slices of a report of detections with times of their own, oldest first.
 
-    `between_s` and `between` have the begin and the end of the time that the report covers, and the
+    `between_s` has the start and the end of the time that the report covers, and `between` the
     antenna's directions at these times, radians.
     """
     start_s, end_s = between_s
     count = round(SLICES * (end_s - start_s) / period_s)
     if count <= 1:
-        own_ns = round((0.5 * (start_s + end_s) - report.stamp_s) * 1e9)
-        return [UnstampedSlice(report.stamp_ns + own_ns, report.detections, arc(*between))]
+        offset_ns = round((0.5 * (start_s + end_s) - report.stamp_s) * 1e9)
+        return [UnstampedSlice(report.stamp_ns + offset_ns, report.detections, arc(*between))]
     edges_s, edges = np.linspace(start_s, end_s, count + 1), np.linspace(*between, count + 1)
-    middle_ns = np.rint((0.5 * (edges_s[1:] + edges_s[:-1]) - report.stamp_s) * 1e9)
-    index = np.searchsorted(edges_s[1:-1], report.own_s, side="right")
+    offsets_ns = np.rint((0.5 * (edges_s[1:] + edges_s[:-1]) - report.stamp_s) * 1e9)
+    index = np.searchsorted(edges_s[1:-1], report.detection_s, side="right")
     parts = [report.detections.take(np.flatnonzero(index == k)) for k in range(count)]
     return [
-        UnstampedSlice(report.stamp_ns + int(own_ns), part, arc(*ends))
-        for own_ns, part, ends in zip(middle_ns, parts, pairwise(edges), strict=True)
+        UnstampedSlice(report.stamp_ns + int(offset_ns), part, arc(*ends))
+        for offset_ns, part, ends in zip(offsets_ns, parts, pairwise(edges), strict=True)
     ]
 
 

@@ -30,7 +30,7 @@ from .antenna import MIN_PERIOD_S, AntennaTrack
 from .horizon import Horizon
 from .scans import Rejection
 from .sectors import coverage_of, is_sector, smallest_arc
-from .slices import SLICES, Slice, TimedReport, UnstampedSlice, arc, cut
+from .slices import SLICES, RadarReport, Slice, UnstampedSlice, arc, cut
 
 # Largest difference between the antenna's directions at the end of one report and at the start of
 # the next that is removed, radians.
@@ -40,7 +40,7 @@ MAX_EDGE_DIFFERENCE = 0.3
 MIN_DETECTIONS = 5
 # Such a report covers the whole field if its azimuths span more than this, radians.
 MIN_WHOLE_SPAN = 0.75 * FULL_TURN
-# The antenna may stand if they span less than this, radians.
+# The antenna may be standing still if they span less than this, radians.
 MAX_STANDING_SPAN = 0.25 * FULL_TURN
 # A detection is late if it precedes its report's interval by more than this share of a turn.
 MAX_LATENESS = 0.5 / SLICES
@@ -140,10 +140,10 @@ class Turns:
             return self._out_of_order(stamp_ns, detections, sector)
         if self.state.last_ns is not None and stamp_ns < self.state.last_ns:
             self.reset()
-        report = TimedReport.of(stamp_ns, detections)
+        report = RadarReport.of(stamp_ns, detections)
         self._follow(report)
         if not self.nominal_period_s or (not report.timed and self._per_turn == 1):
-            self._remember(report, report.own_s)
+            self._remember(report, report.detection_s)
             self.state = self.state._replace(slice_ns=stamp_ns)
             return [(stamp_ns, detections)]
         steps, before = self._reports_due(report.stamp_s), self.state.number
@@ -159,7 +159,7 @@ class Turns:
     def _out_of_order(
         self, stamp_ns: int, detections: Detections, sector: int | None
     ) -> list[Slice] | Rejection:
-        """Return the slices of a report that is no newer than the latest; the state stays."""
+        """Return the slices of a report no newer than the latest; the state does not change."""
         if not self.nominal_period_s:
             return [(stamp_ns, detections)]
         if stamp_ns == self.state.last_ns:
@@ -167,17 +167,19 @@ class Turns:
         if detections.time_s is not None:
             return Rejection.LATE
         # Without times it keeps its stamp, and its scan may still be open.
-        known = UNKNOWN_COVERAGE if sector is None else self._coverage(sector)
-        return [(stamp_ns, detections.changed(coverage=known))]
+        coverage = UNKNOWN_COVERAGE if sector is None else self._coverage(sector)
+        return [(stamp_ns, detections.changed(coverage=coverage))]
 
-    def _follow(self, report: TimedReport) -> None:
+    def _follow(self, report: RadarReport) -> None:
         """Update the antenna's track by a report's detections."""
         before, horizon = self.state.track, self.state.horizon
         track, timed = before, not math.isnan(horizon.lead_s)
         if report.timed:
             # Detections' own times replace a track that was estimated from stamps.
             track = before if timed else AntennaTrack(self.nominal_period_s)
-            track = track.follow(report.stamp_s, report.own_s, report.azimuth, self.min_period_s)
+            track = track.follow(
+                report.stamp_s, report.detection_s, report.azimuth, self.min_period_s
+            )
         elif not timed:
             azimuth, min_period_s = report.azimuth, max(1.9 * horizon.interval_s, self.min_period_s)
             if len(azimuth):
@@ -206,7 +208,7 @@ class Turns:
             return 1.0
         return (stamp_s - last_s) / duration_s
 
-    def _number(self, report: TimedReport, sector: int | None, steps: float) -> int | None:
+    def _number(self, report: RadarReport, sector: int | None, steps: float) -> int | None:
         """Return the sector's number: the reported one, or the next one for an empty report."""
         before, step, antenna = self.state.number, self.state.step, self.state.track.antenna
         if antenna is not None:
@@ -223,11 +225,13 @@ class Turns:
         self.state = self.state._replace(number=sector, step=step)
         return sector
 
-    def _repeats(self, report: TimedReport, number: int | None, before: int | None) -> bool:
-        """Return whether an early report repeats what has been reported already."""
+    def _repeats(self, report: RadarReport, number: int | None, before: int | None) -> bool:
+        """Return whether a report that comes too early repeats an earlier one."""
         if number is not None:
             return number == before
-        return not report.timed or bool(report.own_s.max(initial=-math.inf) < self.state.end_s)
+        return not report.timed or bool(
+            report.detection_s.max(initial=-math.inf) < self.state.end_s
+        )
 
     def _coverage(self, sector: int) -> Coverage:
         """Return the coverage of a sector in true azimuths."""
@@ -235,19 +239,23 @@ class Turns:
         start = math.remainder(measured.start - self.azimuth_bias, FULL_TURN)
         return Coverage(start, measured.width)
 
-    def _remember(self, report: TimedReport, own_s: FloatArray) -> None:
+    def _remember(self, report: RadarReport, detection_s: FloatArray) -> None:
         """Update the horizon by a report's stamp and its plausible detection times."""
-        horizon = self.state.horizon.after(report.stamp_s, own_s, self.period_s)
+        horizon = self.state.horizon.after(report.stamp_s, detection_s, self.period_s)
         self.state = self.state._replace(horizon=horizon)
 
-    def _covered_time(self, report: TimedReport, steps: float) -> tuple[float, float]:
-        """Return the begin and the end of the time that a report covers, seconds."""
-        before_s, length_s, own_s = self.state.end_s, self.report_duration_s, report.own_s
+    def _covered_time(self, report: RadarReport, steps: float) -> tuple[float, float]:
+        """Return the start and the end of the time that a report covers, seconds."""
+        before_s, length_s, detection_s = (
+            self.state.end_s,
+            self.report_duration_s,
+            report.detection_s,
+        )
         period_s = self.period_s
         if report.timed and (antenna := self.state.track.antenna) is not None:
-            own_s = own_s[antenna.fits(own_s, report.azimuth)]
-            self.anomalies["times_disagree"] += report.own_s.size - own_s.size
-        self._remember(report, own_s)
+            detection_s = detection_s[antenna.fits(detection_s, report.azimuth)]
+            self.anomalies["times_disagree"] += report.detection_s.size - detection_s.size
+        self._remember(report, detection_s)
         lead_s = self.state.horizon.lead_s if report.timed else 0.5 * length_s
         lead_s = 0.0 if math.isnan(lead_s) else lead_s
         # No time is covered twice; for the first report `before_s` is NaN.
@@ -255,16 +263,16 @@ class Turns:
         start_s, lost = end_s - MAX_COVERED_TURNS * period_s, round(steps) >= 2
         if lost or math.isnan(before_s):
             # A detection from the gap shows that its part of the gap was not lost.
-            start_s = max(start_s, min(end_s - length_s, own_s.min(initial=math.inf)))
+            start_s = max(start_s, min(end_s - length_s, detection_s.min(initial=math.inf)))
         start_s = float(np.fmax(start_s, before_s))
         if lost and not math.isnan(before_s):
             self.anomalies["clouds_missing"] += round((start_s - before_s) / length_s)
-        late = own_s < start_s - MAX_LATENESS * period_s
-        self.anomalies["detections_late"] += own_s[late].size
+        late = detection_s < start_s - MAX_LATENESS * period_s
+        self.anomalies["detections_late"] += detection_s[late].size
         return start_s, end_s
 
     def _slices(
-        self, report: TimedReport, number: int | None, start_s: float, end_s: float
+        self, report: RadarReport, number: int | None, start_s: float, end_s: float
     ) -> tuple[list[UnstampedSlice], float]:
         """Return the slices of a report, and the antenna's direction at its end, radians or NaN."""
         stamp_ns, detections = report.stamp_ns, report.detections
@@ -282,7 +290,7 @@ class Turns:
         else:
             start, end = antenna.azimuth_at(start_s), antenna.azimuth_at(end_s)
             if start_s == self.state.end_s and not math.isnan(self.state.end):
-                # Joined edges leave out no azimuth between two reports, and cover none twice.
+                # With joined edges, no azimuth between two reports is left out or covered twice.
                 off = math.remainder(start - self.state.end, FULL_TURN)
                 start -= off if abs(off) < MAX_EDGE_DIFFERENCE else 0.0
             start = start if (end - start) * antenna.rate > 0.0 else end
@@ -290,7 +298,7 @@ class Turns:
             return [UnstampedSlice(stamp_ns, detections, arc(start, end))], end
         return cut(report, self.period_s, (start_s, end_s), (start, end)), end
 
-    def _unclear_coverage(self, report: TimedReport) -> Coverage | None:
+    def _unclear_coverage(self, report: RadarReport) -> Coverage | None:
         """Return the coverage of a report while the antenna's motion is unknown."""
         shown = len(report.detections) >= MIN_DETECTIONS
         span = smallest_arc(report.azimuth)[1] if shown else 0.0
@@ -298,7 +306,7 @@ class Turns:
         whole = span > MIN_WHOLE_SPAN or (self._per_turn == 1 and not may_stand)
         return None if whole else UNKNOWN_COVERAGE
 
-    def _stamp(self, report: TimedReport, unstamped: list[UnstampedSlice]) -> list[Slice]:
+    def _stamp(self, report: RadarReport, unstamped: list[UnstampedSlice]) -> list[Slice]:
         """Return slices with strictly increasing stamps."""
         slices, stamp_ns = [], self.state.slice_ns
         for middle_ns, detections, coverage in unstamped:

@@ -99,7 +99,8 @@ class Detections(ReadOnly):
     # 7 Mode S and primary; `UNKNOWN` otherwise. None if the radar reports none.
     kind: IntArray | None = None
     # Correlation of the errors of both components of a measurement, (M,); NaN, or None for all, if
-    # it is unknown. Unknown ones count as independent, as those of a polar radar do in any case.
+    # it is unknown. Errors with an unknown correlation, and those of a polar radar, are taken as
+    # independent.
     noise_correlation: FloatArray | None = None
 
     def __post_init__(self) -> None:

@@ -101,8 +101,8 @@ class Estimates(_Targets):
     state: Annotated[FloatArray, floats("TD", -MAX_STATE, MAX_STATE)]
     # Covariance of the state, in the same units, (T, D, D).
     covariance: Annotated[FloatArray, covariances("TDD", MAX_STATE)]
-    # Existence probability of the target, the mass of its component, (T,); biased with the PHD
-    # filter.
+    # Existence probability of the target, which is the mass of its component, (T,). That of the PHD
+    # filter is biased.
     weight: Annotated[FloatArray, floats("T", 0.0, MAX_MASS)]
     class_probability: Annotated[FloatArray, floats("TC", 0.0, MAX_MASS)]  # (T, C)
     class_id: Annotated[IntArray, integers("T", 0, below="C")]  # (T,)
@@ -145,7 +145,7 @@ class Estimates(_Targets):
         return self.changed(attributes=known, **columns)
 
     def select(self, mask: BoolArray) -> Estimates:
-        """Return the estimates of a mask's rows; all of them are returned as they are."""
+        """Return the estimates that a mask selects: these themselves if it selects all."""
         (rows,) = mask.nonzero()
         return self if rows.size == mask.size else self.take(rows)
 

@@ -10,7 +10,7 @@ from typing import ClassVar, Generic
 import numpy as np
 
 from ..arrays import contains
-from ..engine import EngineState, Lag, OnFiltered, Reprocessed, Step, give_to_nobody
+from ..engine import EngineState, Lag, OnFiltered, Reprocessed, Step, ignore_filtered
 from ..models.clutter_raster import ClutterRaster, raster
 from ..models.tracker_model import TrackerModel
 from ..snapshot import (
@@ -104,7 +104,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         self._window, self._filtered, self._stamps = [], {}, []
         self._given_ns = -1, -1
 
-    def step(self, scan: Scan, on_filtered: OnFiltered = give_to_nobody) -> Step:
+    def step(self, scan: Scan, on_filtered: OnFiltered = ignore_filtered) -> Step:
         """Filter one scan and smooth the stamps whose lag is reached; see `Engine.step`."""
         modes = self.forward.model.modes
         filtered = []
