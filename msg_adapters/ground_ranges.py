@@ -10,8 +10,8 @@ from phd_jdtc_ros.core.sensors.slant_range import (
     MAX_HEIGHT,
     MIN_SLANT_RANGE,
     Ground,
-    slant_of,
     to_ground,
+    to_slant,
 )
 from phd_jdtc_ros.core.types import Detections
 
@@ -36,8 +36,8 @@ def read(
         elevation = np.where(finite, elevation, 0.0)
     distance = np.where(finite, distance, 0.0)
     if radar.site is not None:
-        angle = np.where(finite, azimuth, 0.0)
-        found = to_ground(radar.site, radar.assumed_height, distance, angle, height, elevation)
+        plots = distance, np.where(finite, azimuth, 0.0), height, elevation
+        found = to_ground(radar.site, radar.assumed_height, *plots)
     else:
         found = _flat(distance, azimuth, elevation, height, radar.height + radar.datum)
     return found._replace(possible=found.possible | ~finite | (distance < 0.0))
@@ -78,7 +78,7 @@ def measure(detections: Detections, radar: RadarParameters) -> tuple[FloatArray,
         return np.hypot(distance, np.nan_to_num(height - radar.height)), azimuth
     unknown = np.full(len(distance), np.nan)
     known = message_height(detections, radar) if radar.fields.height else unknown
-    return slant_of(site, radar.assumed_height, distance, azimuth, known)
+    return to_slant(site, radar.assumed_height, distance, azimuth, known)
 
 
 def message_height(detections: Detections, radar: RadarParameters) -> FloatArray:

@@ -56,7 +56,7 @@ def test_detection_probability_is_a_number_a_table_or_is_learned_and_may_be_corr
     value, probability, learned, correlation
 ):
     radar = radar_of(detection_probability=value)
-    found = radar.given_detection_probability(np.array([[5e3, 0.0]]))
+    found = radar.configured_detection_probability(np.array([[5e3, 0.0]]))
     np.testing.assert_allclose(found, [probability])
     assert (radar.detection_factor is not None) == learned
     chain = radar.correlation and (radar.correlation.start, radar.correlation.learned)
@@ -70,14 +70,14 @@ def test_particles_refuse_outliers():
 
 def test_correlated_detections_may_follow_from_the_snr_bands():
     radar = radar_of(detection_probability="correlated 0.5")
-    assert radar.given_detection_probability(np.zeros((1, 2))) is None
+    assert radar.configured_detection_probability(np.zeros((1, 2))) is None
     assert radar.correlation.start == 0.5
 
 
 @pytest.mark.parametrize("value", [0.0, "auto"])
 def test_detection_probability_may_follow_from_the_snr_bands(value):
     radar = radar_of(detection_probability=value)
-    assert radar.given_detection_probability(np.zeros((1, 2))) is None
+    assert radar.configured_detection_probability(np.zeros((1, 2))) is None
     assert (radar.detection_factor is not None) == (value == "auto")
 
 

@@ -41,7 +41,7 @@ class PositionSensor(Sensor):
             self.to_world(detections.measurement), axes, self.noise_std_of(detections)
         )
 
-    def drawn_in_plane(self, detections, normal):
+    def draw_in_plane(self, detections, normal):
         position = self.to_world(detections.measurement)
         return position[:, None] + normal * self.noise_std_of(detections)[:, None]
 

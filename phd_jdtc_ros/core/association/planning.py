@@ -1,7 +1,7 @@
-"""The order in which the edges of clusters are passed, with few nodes open at a time.
+"""The order in which the edges of clusters are processed, with few nodes open at a time.
 
-A node, target or detection, is open from its first edge to its last one. Each step takes a node
-with all its edges that are left: the one that opens the fewest others.
+A node, target or detection, is open from its first edge to its last one. Each step processes all
+remaining edges of one node: of the one that opens the fewest others.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ from ..arrays import IntArray
 from ..compilation import Int1, compiled, inner
 from .clusters import Graph
 
-# A cluster with tables of more entries, 32 MiB, is left out.
+# A cluster whose tables have more entries in total, 32 MiB, is left out.
 MOST_ENTRIES = 1 << 22
-# Scores of nodes: for each node that would open, if none beside it is open yet, and when closed.
+# Parts of a node's score: for each node that its step would open; if neither the node nor any of
+# its neighbours is open; and the score of a closed node.
 OPENS, APART, CLOSED = 1 << 20, 1 << 42, 1 << 60
 
 
@@ -40,10 +41,10 @@ class Plan(NamedTuple):
 
 
 @inner
-def _opened(
+def _open_node(
     graph: Graph, node: int, score: IntArray, place: IntArray, members: IntArray, width: int
 ) -> int:
-    """Open a node, if it is not; return how many are open.
+    """Open a node that is not open yet; return how many nodes are open.
 
     The node with the least score is next: the one that opens the fewest nodes, and among those the
     one with the most edges left.
@@ -62,7 +63,7 @@ def _opened(
 def plan(graph: Graph, most_work: int) -> Plan:
     """Return the steps of clusters that are affordable.
 
-    `most_work` is for each target of a cluster, in entries of a table times edges.
+    `most_work` limits the work for each target of a cluster, in edges times entries of a table.
     """
     left = graph.start[1:] - graph.start[:-1]
     score, place = APART + left * (OPENS - 1), np.full_like(left, -1)
@@ -76,7 +77,7 @@ def plan(graph: Graph, most_work: int) -> Plan:
         low, high = graph.first[cluster], graph.first[cluster + 1]
         budget = most_work * (graph.middle[cluster] - low)
         width = entries = 0
-        found, gone = edge_start[step], node_start[step]
+        found, closed = edge_start[step], node_start[step]
         last = found + (graph.start[high] - graph.start[low]) // 2
         while found < last:
             table_before[step] = 1 << width
@@ -84,44 +85,43 @@ def plan(graph: Graph, most_work: int) -> Plan:
             for candidate in range(low + 1, high):
                 if score[candidate] < score[chosen]:
                     chosen = candidate
-            width = _opened(graph, chosen, score, place, members, width)
+            width = _open_node(graph, chosen, score, place, members, width)
             for link in graph.link[graph.start[chosen] : graph.start[chosen + 1]]:
                 near = graph.target[link] + graph.detection[link] - chosen
                 if left[near]:
-                    width = _opened(graph, near, score, place, members, width)
+                    width = _open_node(graph, near, score, place, members, width)
                     bits = 1 << place[chosen], 1 << place[near]
                     edge[found], lower_bit[found], upper_bit[found] = link, min(bits), max(bits)
                     left[near] -= 1
                     score[near] += 1
                     found += 1
             left[chosen] = 0
-            table_size[step] = 1 << min(width, 40)  # more is beyond all bounds anyway
+            table_size[step] = 1 << min(width, 40)  # exceeds all limits
             entries += table_size[step]
             budget -= (found - edge_start[step]) * table_size[step]
             if budget < 0 or entries > MOST_ENTRIES:
                 step = first[cluster]
                 break
-            still = 0
+            still_open = 0
             for index in range(width):
                 member = members[index]
                 if left[member]:
-                    members[still], place[member] = member, still
-                    still += 1
+                    members[still_open], place[member] = member, still_open
+                    still_open += 1
                 else:
                     score[member] = CLOSED
-                    node[gone], node_bit[gone] = member, 1 << index
-                    gone += 1
-            width = still
+                    node[closed], node_bit[closed] = member, 1 << index
+                    closed += 1
+            width = still_open
             step += 1
-            edge_start[step], node_start[step] = found, gone
+            edge_start[step], node_start[step] = found, closed
         first[cluster + 1] = step
-    edge_start, node_start = edge_start[: step + 1], node_start[: step + 1]
     return Plan(
         first,
         table_before[:step],
         table_size[:step],
-        edge_start,
-        node_start,
+        edge_start[: step + 1],
+        node_start[: step + 1],
         edge,
         lower_bit,
         upper_bit,

@@ -142,7 +142,7 @@ class AttributesAt(NamedTuple):
         """
         projection, detections = report.sensor.height_projection, report.detections
         if projection is None or detections.height is None:
-            return reprojection.plain(gate, detections)
+            return reprojection.pair_as_reported(gate, detections)
         heights = self.memory.predict(label, self.stamp_ns).beliefs.heights
         return reprojection.pair(
             gate, target, heights, report, projection, self.memory.model.height

@@ -21,8 +21,8 @@ from .height import HeightModel, Heights, HeightUpdate, compare
 
 # Smallest probability of a height that is used to project plots.
 MIN_KNOWN = 0.5
-# Ratio of the shift of a plot by another height to the standard deviation that widens its gate: the
-# shifted plot is then well inside the gate.
+# A widened gate has a standard deviation larger by the shift of the plot over this number, so that
+# the shifted plot is well inside the gate.
 WIDENING = 3.0
 
 # Returns rows, detections and log likelihoods of the pairs in gates, (P,), (P,) and (P, ...).
@@ -48,8 +48,8 @@ class Paired(NamedTuple):
         )
 
 
-def plain(gate: Gate, detections: Detections) -> Paired:
-    """Return the pairs of detections with their own projection."""
+def pair_as_reported(gate: Gate, detections: Detections) -> Paired:
+    """Return the pairs in the gates of detections that keep their own projection."""
     row, column, log_likelihood = gate(detections)
     return Paired(row, column, log_likelihood, column, detections)
 
@@ -64,11 +64,11 @@ def pair(
 ) -> Paired:
     """Return the pairs of a report's detections, some of them projected at heights of the targets.
 
-    Given are the target of each of the engine's rows, (N,), and the heights of all targets at the
-    scan's stamp.
+    `target` has the target of each of the engine's rows, (N,), and `heights` the heights of all
+    targets at the scan's stamp.
     """
     plots, size = _Plots(report, heights, projection, model), len(report)
-    first = plain(gate, report.detections)
+    first = pair_as_reported(gate, report.detections)
     edge = np.unique(target[first.row] * size + first.column)
     known = heights.known > MIN_KNOWN
     # A detection is doubtful unless its height is that of a target whose gate contains it.
@@ -81,7 +81,7 @@ def pair(
     edge = edge[known[edge // size] & plots.compare(edge).probably_garbled]
     if not len(edge):
         return first
-    again = plain(gate, plots.project(edge))
+    again = pair_as_reported(gate, plots.project(edge))
     return _replace_pairs(first, again, target, edge, report.detection_std)
 
 

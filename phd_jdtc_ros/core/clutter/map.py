@@ -27,7 +27,7 @@ GATHERED = 6.0
 # Number of detections that a moving target leaves in a cell before it has a track; a reflector must
 # have more.
 PASSING = 2.0
-# Share of turns with a detection below which a cell is probably no reflector.
+# Share of turns with a detection below which a cell probably contains no reflector.
 MIN_SHARE = 0.15
 # Weight of the prior density, in turns.
 PRIOR_TURNS = 5.0
@@ -50,11 +50,14 @@ class ClutterMap(ReadOnly):
 
     A cell's clutter is the sum of uniform clutter with a known rate and of local clutter. A
     detection counts k turns later with exp(-k / MEMORY_TURNS) - exp(-k / RECENT_TURNS). With n
-    detections in T turns that count, the local rate is (PRIOR_TURNS GATHERED A / CELLS + b n^2 / (n
-    + PASSING + MIN_SHARE T)) / (PRIOR_TURNS + T): the mean after a Gamma prior, except for the two
-    factors of n. They keep quays from becoming targets, and moving ships from being masked by their
-    own first detections. The neighbourhood determines the prior: A is its number of detections per
-    turn beyond one reflector and uniform clutter, counted without delay, and b rises with A from
+    detections in T turns that count, the local rate is::
+
+        (PRIOR_TURNS GATHERED A / CELLS + b n^2 / (n + PASSING + MIN_SHARE T)) / (PRIOR_TURNS + T)
+
+    This is the posterior mean with a Gamma prior, except for the two factors of n: b keeps quays
+    from becoming targets, and n / (n + ...) keeps moving ships from being masked by their own first
+    detections. The neighbourhood determines the prior: A is its number of detections per turn
+    beyond one reflector and uniform clutter, counted without delay, and b rises with A from
     ALONE_FACTOR to REFLECTOR_FACTOR; see `neighbourhood`.
     """
 

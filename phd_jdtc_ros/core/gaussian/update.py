@@ -175,7 +175,7 @@ class PriorMixture:
     def posterior(
         self, pairs: Paired, evidence: Evidence | None, log_other: FloatArray
     ) -> Posterior[Branched]:
-        """Return the updated hypotheses: a missed one, and one for each detection in the gate.
+        """Return the updated hypotheses: one without a detection, and one for each in the gate.
 
         Only the most probable hypotheses of each target are kept.
 
@@ -191,19 +191,19 @@ class PriorMixture:
         coarse, factor = self._coarse(pairs, readings), self._log_factor(pairs, evidence)
         others = amplitudes.largest, factor, log_other
         gated = PairLikelihoods(pairs.row, pairs.column, coarse, *others)
-        counted, amplitude = likely(self.mixture, self.detectable, gated, amplitudes.relative)
-        if len(counted) < len(factor):
-            pairs, factor = pairs.take(counted), factor.take(counted)
-            evidence = None if evidence is None else evidence.take(counted)
+        kept, amplitude = likely(self.mixture, self.detectable, gated, amplitudes.relative)
+        if len(kept) < len(factor):
+            pairs, factor = pairs.take(kept), factor.take(kept)
+            evidence = None if evidence is None else evidence.take(kept)
 
         found = iterated_update(
             self.mixture, pairs.row, pairs.projected_index, readings, self.measured
         )
         exact = found.log_likelihood.reshape(-1, self.mixture.mean.shape[1])
         others = amplitudes.largest, factor, log_other
-        located = PairLikelihoods(pairs.row, pairs.column, exact, *others)
+        likelihoods = PairLikelihoods(pairs.row, pairs.column, exact, *others)
         association = associate(
-            self.mixture, self.detectable, amplitude, located, self.steps.bounds
+            self.mixture, self.detectable, amplitude, likelihoods, self.steps.bounds
         )
         return Posterior(
             rows=self._branch(association, found, amplitudes),

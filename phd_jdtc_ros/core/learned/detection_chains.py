@@ -1,7 +1,8 @@
 """The last look of a sensor at each target: whether it covered the target, and detected it.
 
-With correlated misses a target that was missed is probably missed again. The detections of a target
-are a Markov chain from look to look, whose state is as certain as the association.
+With correlated misses, a target that was missed is probably missed again. The detections of a
+target are a Markov chain from look to look. Its state is known with the probabilities of the
+association.
 """
 
 from __future__ import annotations

@@ -43,7 +43,7 @@ class AmplitudeModel:
     ) -> FloatArray:
         """Return p_D of every hypothesis from its signal-to-noise ratio, (N,).
 
-        A sensor's `given_detection_probability` takes its place.
+        A sensor's `configured_detection_probability` takes its place.
         """
         return sensor.class_detection_probability(modes.classes)[modes.class_of[mode]]
 

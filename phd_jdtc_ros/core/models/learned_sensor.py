@@ -66,7 +66,7 @@ class LearnedSensor(ReadOnly):
         }
         changed = {name: value for name, value in learned.items() if value is not None}
         if noise is not None:
-            changed |= sensor.noise_times(noise)
+            changed |= sensor.scaled_noise(noise)
         return sensor.changed(**changed) if changed else sensor
 
     def earlier_sectors(self, report: Report) -> EarlierSectors | None:

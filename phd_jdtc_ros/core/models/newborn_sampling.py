@@ -41,7 +41,7 @@ def sample(
     share = np.cumsum(per_mode, axis=1) / per_mode.sum(axis=1, keepdims=True)
     mode = (uniform[..., :1] >= share[:, None, :-1]).sum(axis=2).ravel()
 
-    position = report.sensor.drawn_in_plane(report.detections, normal[..., :2])
+    position = report.sensor.draw_in_plane(report.detections, normal[..., :2])
     state = np.zeros((len(newborn) * count, size))
     state[:, list(space.velocity)] = births.velocity_std * normal[..., 2:4].reshape(-1, 2)
     state[:, list(space.position)] = position.reshape(-1, 2)

@@ -29,7 +29,6 @@ LEAST_EXPECTED = 0.01
 # Number of open trials and chains below which those of targets that have ended are kept.
 FEW_ENTRIES = 256
 
-
 NOTHING_LEARNED = LearnedSensor()
 
 
@@ -45,8 +44,8 @@ class SensorMemory:
     trials: OpenTrials = field(default_factory=OpenTrials)  # Trials that do not count yet
     # Recent looks of all sensors; births at detections depend on what others have missed.
     looks: RecentLooks = field(default_factory=RecentLooks.of_none)
-    # Number of open trials and chains when those of ended targets were last dropped.
-    settled: int = 0
+    # Number of open trials and chains after those of ended targets were last dropped.
+    entries_kept: int = 0
     # A configured sensor, its learned values, and the sensor with these, by name.
     _cache: dict[str, tuple[Sensor, LearnedSensor, Sensor]] = field(
         default_factory=dict, init=False, repr=False
@@ -134,7 +133,7 @@ class SensorMemory:
     def others_looked(self, report: Report) -> bool:
         """Return whether another sensor has looked recently, and the report's own has not.
 
-        The interval since the previous scan is then none of the sensor's.
+        The interval since the previous scan then says nothing about the sensor's own interval.
         """
         own = self.looks.sensor == self._index(report)
         return len(own) > 0 and not own.any()
@@ -231,18 +230,18 @@ class SensorMemory:
         self._set(report.sensor, self._of(report.sensor).after_look(report, look))
 
     def forget_ended(self, labels: Iterable[IntArray]) -> None:
-        """Drop trials and chains of ended targets, when there are twice as many as before.
+        """Drop trials and chains of ended targets, once their number has doubled.
 
-        `labels` are those of the living targets, in parts.
+        `labels` has the labels of the living targets, in any number of arrays.
         """
-        if self._entries > 2 * self.settled + FEW_ENTRIES:
+        if self._entries > 2 * self.entries_kept + FEW_ENTRIES:
             living = np.unique(np.concatenate(list(labels)))
             self.trials = self.trials.of(living)
             self.sensors = {
                 name: own if own.chains is None else own.changed(chains=own.chains.of(living))
                 for name, own in self.sensors.items()
             }
-            self.settled = self._entries
+            self.entries_kept = self._entries
 
     @property
     def _entries(self) -> int:

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
+from ..types import FULL_TURN
 from .candidates import CHUNK_PAIRS, chunks, expand
 
-FULL_TURN = 2.0 * np.pi
 MOST_RANGE_CELLS = 64
 MOST_AZIMUTH_CELLS = 256
 # Factor on the gates for which detections are listed, so that rounding cannot put a particle at the
@@ -42,7 +42,7 @@ class Cells(NamedTuple):
 class _Gates(NamedTuple):
     """Gates of detections, each with the cells from `first` to `last` that it touches, (G,).
 
-    Detections are repeated one turn to either side: gates across +-pi are no special case.
+    Detections are repeated one turn to either side, so that gates across +-pi need no special case.
     """
 
     detection: IntArray
@@ -113,9 +113,9 @@ def cell_lists(measured: FloatArray, range_gate: float, azimuth_gate: float) -> 
 def count_near(
     measured: FloatArray, range_gate: float, azimuth_gate: float, predicted: FloatArray
 ) -> int:
-    """Return the number of entries in the lists of the cells of points, (N, 2), without lists.
+    """Return how many entries the lists of the cells of points, (N, 2), have together.
 
-    For the other parameters see `cell_lists`.
+    The lists are not made. For the other parameters see `cell_lists`.
     """
     cells, gates = _gates(measured, range_gate, azimuth_gate)
     azimuths, ranges = cells.shape
@@ -132,11 +132,11 @@ def count_near(
 def near_detections(
     lists: CellLists, predicted: FloatArray, std: FloatArray, sigmas: float, azimuth_gate: float
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return particle, ascending, and detection of each pair within the gate, (P,), and its square.
+    """Return the particle, ascending, the detection and the square distance of pairs in the gate.
 
-    The square is that of the distance in standard deviations, `std`, metres and radians. The gate
-    is `sigmas` of these, with a half width in azimuth of at most pi. Predictions are (range,
-    azimuth in (-pi, pi]), (N, 2).
+    Distances are in standard deviations; `std` has those of range and azimuth, metres and radians.
+    The gate is `sigmas` of these, with a half width in azimuth of at most pi. Predictions are
+    (range, azimuth in (-pi, pi]), (N, 2).
     """
     cell = lists.cells.of(predicted)
     count = np.diff(lists.start).take(cell)

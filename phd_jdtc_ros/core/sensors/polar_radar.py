@@ -39,14 +39,14 @@ class RadarModel(Sensor):
     # Additional standard deviation of ranges, metres per metre of range.
     range_growth: float = 0.0
 
-    def noise_times(self, factor: NoiseFactor) -> dict[str, Any]:
-        """Return the fields that describe its noise, with deviations times learned factors."""
+    def scaled_noise(self, factor: NoiseFactor) -> dict[str, Any]:
+        """Return the fields of its noise, with deviations multiplied by learned factors."""
         in_range, in_azimuth, _ = factor.of_std.tolist()
         return {
             "range_std": in_range * self.range_std,
             "range_growth": in_range * self.range_growth,
             "azimuth_std": in_azimuth * self.azimuth_std,
-            **super().noise_times(factor),
+            **super().scaled_noise(factor),
         }
 
     @property
@@ -103,7 +103,7 @@ class RadarModel(Sensor):
         axes[:, 0, 1] = -axes[:, 1, 0]
         return PlanePlots(self.to_world(measured), axes, sides)
 
-    def drawn_in_plane(self, detections: Detections, normal: FloatArray) -> FloatArray:
+    def draw_in_plane(self, detections: Detections, normal: FloatArray) -> FloatArray:
         """Return positions drawn from detections' noise, given (M, K, 2) normals; (M, K, 2)."""
         measured = (
             detections.measurement[:, None, :] + normal * self.noise_std_of(detections)[:, None]
@@ -127,7 +127,7 @@ class RadarModel(Sensor):
             usual[:, 0] = np.hypot(self.range_std, self.range_growth * measurement[:, 0])
         return usual
 
-    def given_detection_probability(
+    def configured_detection_probability(
         self, measured: FloatArray, std: FloatArray | None = None
     ) -> FloatArray | None:
         """Return the configured p_D at (range, azimuth), (N,); see `Sensor`."""

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 LEAST_UNSEEN = 1e-3
 # Rounding error of the sum of the probabilities of adjoining sectors.
 ROUNDING = 1e-12
-# Smallest distance of folds from which range rates show their noise, in standard deviations of
-# the noise. Innovations that show it have at most twice this deviation, see `evidence_of`, so that
-# all up to three of their own deviations are of the nearest fold.
+# Smallest distance of folds, in standard deviations of the noise, with which the noise of range
+# rates can be learned. `evidence_of` uses innovations whose standard deviation is at most twice the
+# noise's, so that the nearest fold is the true one up to three such deviations.
 LEAST_FOLDS_APART = 12.0
 
 
@@ -51,9 +51,9 @@ class EarlierSectors:
     ) -> FloatArray | None:
         """Return the factor on the probability of a detection, shape (N, ...).
 
-        It is None if these sectors can have detected none of the targets. Given are the label of
-        each row's target, (N,), and the probabilities that a whole turn detects a target, and that
-        it is measured in these sectors, (N, ...).
+        It is None if these sectors cannot have detected any of the targets. `label` has the label
+        of each row's target, (N,), `in_turn` the probability that a whole turn detects the target,
+        and `measured` the probability that it is measured in these sectors, (N, ...).
 
         An antenna passes a target once. If p_A and p_B are the probabilities that it is detected in
         the earlier sectors and in this one, it is detected in this one with p_B / (1 - p_A), given
@@ -143,16 +143,16 @@ class Report(ReadOnly):
     def sensors_own_rate_std(self, rates: Rates) -> FloatArray:
         """Return the sensor's standard deviations of the detections' range rates, (M,).
 
-        They are NaN where the range rate is unknown or has a deviation of its own, and where
-        innovations may be of any fold.
+        They are NaN where the noise cannot be learned: where the range rate is unknown or has its
+        own standard deviation, and where folds are too close together.
         """
         model, own = rates.model, self.detections.range_rate_std
-        shows = np.isfinite(rates.rate)
+        usable = np.isfinite(rates.rate)
         if own is not None:
-            shows &= ~np.isfinite(own)
+            usable &= ~np.isfinite(own)
         if model.ambiguity:
-            shows &= model.ambiguity >= LEAST_FOLDS_APART * rates.std
-        return np.where(shows, rates.std, np.nan)
+            usable &= model.ambiguity >= LEAST_FOLDS_APART * rates.std
+        return np.where(usable, rates.std, np.nan)
 
     @cached_property
     def _by_class(self) -> list[FloatArray]:

@@ -1,4 +1,4 @@
-"""Base class of a sensor for engines: measurements, coverage, clutter, and positions in the plane.
+"""Base class of sensors, for engines: measurements, coverage, clutter, positions in the plane.
 
 `polar_radar.RadarModel` is the only subclass. Engines, births, the region, clutter learning and the
 reporting rule depend only on this class. A new kind of sensor implements the abstract members; the
@@ -91,8 +91,8 @@ class Sensor(ReadOnly, ABC):
             return self
         return self.changed(position=pose.position, yaw=pose.yaw, velocity=pose.velocity)
 
-    def noise_times(self, factor: NoiseFactor) -> dict[str, Any]:
-        """Return the fields that describe its noise, with deviations times learned factors."""
+    def scaled_noise(self, factor: NoiseFactor) -> dict[str, Any]:
+        """Return the fields of its noise, with deviations multiplied by learned factors."""
         own = self.range_rate
         if own is None or not factor.learned[-1]:
             return {}
@@ -106,8 +106,8 @@ class Sensor(ReadOnly, ABC):
     def with_known_targets(self: SensorT, measured: FloatArray, existence: FloatArray) -> SensorT:
         """Return the sensor with the false detections that the known targets cause.
 
-        Given are the expected measurement, (T, Z), and the existence probability of each target,
-        (T,).
+        `measured` has the expected measurement of each target, (T, Z), and `existence` its
+        existence probability, (T,).
         """
         if self.multipath is None:
             return self
@@ -115,7 +115,7 @@ class Sensor(ReadOnly, ABC):
 
     @cached_property
     def axes(self) -> IntArray:
-        """Axes of the position and of the velocity, (4,)."""
+        """Indices of the axes of position and velocity in a state, (4,)."""
         return np.array([*self.space.position, *self.space.velocity])
 
     @cached_property
@@ -145,7 +145,7 @@ class Sensor(ReadOnly, ABC):
         """Return the detections as positions with covariances, for births and proposals."""
 
     @abstractmethod
-    def drawn_in_plane(self, detections: Detections, normal: FloatArray) -> FloatArray:
+    def draw_in_plane(self, detections: Detections, normal: FloatArray) -> FloatArray:
         """Return positions drawn from detections' noise, given (M, K, Z) normals; (M, K, 2)."""
 
     def noise_std_of(self, detections: Detections) -> FloatArray:
@@ -216,8 +216,8 @@ class Sensor(ReadOnly, ABC):
         """Return the probability that a report covers each target, (N,).
 
         Only a covered target can be missed. A plot belongs to the sector of its measured azimuth.
-        Given are the predicted measurements, (N, Z), and their standard deviations without the
-        sensor's noise; None if the positions are certain.
+        `predicted` has the predicted measurements, (N, Z), and `std` their standard deviations
+        without the sensor's noise; None if the positions are certain.
         """
         return np.ones(len(predicted))
 
@@ -236,7 +236,7 @@ class Sensor(ReadOnly, ABC):
         """Return a mask of the circles that the antenna may have swept for a report, (T,)."""
         return np.ones(len(position), dtype=np.bool_)
 
-    def given_detection_probability(
+    def configured_detection_probability(
         self, measured: FloatArray, std: FloatArray | None = None
     ) -> FloatArray | None:
         """Return the configured p_D of covered targets, (N,); None if it follows from the SNR.
@@ -254,7 +254,7 @@ class Sensor(ReadOnly, ABC):
         return self.detection_factor.probability(configured, self.polar_place(measured))
 
     def miss_probability(self, log_snr: FloatArray) -> FloatArray:
-        """Return 1 - p_D of targets of given ln(1 + SNR), elementwise; at the best range."""
+        """Return 1 - p_D of targets of given ln(1 + SNR), at the range at which it is least."""
         return -np.expm1(-0.5 * self.threshold**2 * np.exp(-log_snr))
 
     def class_detection_probability(self, classes: tuple[ClassModel, ...]) -> FloatArray:
@@ -278,21 +278,22 @@ class Sensor(ReadOnly, ABC):
             log_density = amplitude_density.log_target_density
             density = np.stack([log_density(amplitude, band) for band in bands])
         found = self.log_detected(log_p_d, density, detections.measurement)
-        # The sum has a row for each class, which a probability given at the measurements lacks.
+        # A configured probability is the same for all classes and has no axis for them.
         return np.zeros((len(classes), len(detections))) + found
 
     def log_detected(
         self, log_p_d: FloatArray, log_density: FloatArray | None, measurement: FloatArray
     ) -> FloatArray:
-        """Return log p_D g^tau(a), given p_D and the product as they follow from the SNR.
+        """Return log p_D g^tau(a) of detections, or log p_D where the amplitude is unknown.
 
-        All can be broadcast to (..., M). A configured or learned p_D at the measurements takes the
-        place of the given one. The result is log p_D for an unknown amplitude, NaN in the density,
-        and without amplitudes.
+        `log_p_d` and `log_density` are log p_D and log p_D g^tau(a) as they follow from the SNR,
+        which can be broadcast to (..., M). The density is NaN for unknown amplitudes, and None
+        without amplitudes. A configured or learned p_D at the measurements replaces that of the
+        SNR.
         """
-        from_snr, given = log_p_d, self.given_detection_probability(measurement)
-        if given is not None:
-            log_p_d = np.log(given)
+        from_snr, configured = log_p_d, self.configured_detection_probability(measurement)
+        if configured is not None:
+            log_p_d = np.log(configured)
         if self.detection_factor is not None:
             log_p_d = np.log(self.learned_detection_probability(np.exp(log_p_d), measurement))
         if log_density is None:

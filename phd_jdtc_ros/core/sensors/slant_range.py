@@ -20,8 +20,8 @@ MAX_HEIGHT = 30e3
 MIN_SLANT_RANGE = 1e-3
 # Largest sine of the elevation at an assumed height: 30 degrees.
 MAX_ASSUMED_SINE = 0.5
-# Most iterations of the inverse projection; each leaves less than a third of the error.
-SETTLING = 25
+# Number of iterations of the inverse projection; each leaves less than a third of the error.
+ITERATIONS = 25
 
 
 class Ground(NamedTuple):
@@ -42,19 +42,27 @@ def to_ground(
 ) -> Ground:
     """Return the positions of plots in the plane.
 
-    Plots have slant ranges, metres, (M,), of which negative ones give negative ground ranges;
-    azimuths, radians counter-clockwise from the sensor's x axis, (M,); and may have heights, metres
-    above the same surface as the site's, NaN if unknown, or else elevations, radians, (M,). For
-    `assumed` see `assumed_height`.
+    Parameters
+    ----------
+    assumed : float or None
+        See `assumed_height`.
+    distance : array of shape (M,)
+        Slant ranges, metres; negative ones give negative ground ranges.
+    azimuth : array of shape (M,)
+        Radians counter-clockwise from the sensor's x axis.
+    height : array of shape (M,) or None
+        Metres above the same surface as the site's height; NaN if unknown.
+    elevation : array of shape (M,) or None
+        Radians; used for plots without a height.
     """
     near = np.abs(distance) <= MAX_SLANT_RANGE
     slant = np.where(near, np.maximum(np.abs(distance), MIN_SLANT_RANGE), MIN_SLANT_RANGE)
     known = np.zeros(len(slant), dtype=bool) if height is None else np.isfinite(height)
-    usual = assumed_height(site, assumed, slant)
-    given = usual if height is None else np.where(known, height, usual)
-    believed = np.abs(given) <= MAX_HEIGHT
-    sine = site.elevation_of(slant, azimuth, np.where(believed, given, usual))
-    possible = ~known | ~near | (believed & (np.abs(sine) <= 1.0))
+    default = assumed_height(site, assumed, slant)
+    given = default if height is None else np.where(known, height, default)
+    plausible = np.abs(given) <= MAX_HEIGHT
+    sine = site.elevation_of(slant, azimuth, np.where(plausible, given, default))
+    possible = ~known | ~near | (plausible & (np.abs(sine) <= 1.0))
     sine = np.clip(sine, -1.0, 1.0)
     beyond = np.zeros(len(slant), dtype=bool)
     if elevation is not None:
@@ -69,27 +77,27 @@ def to_ground(
 def assumed_height(site: Site, assumed: float | None, distance: FloatArray) -> FloatArray:
     """Return the assumed heights of targets without a measured height, (M,).
 
-    `assumed` is in metres, limited to an elevation of 30 degrees near the radar; None for the
-    height of the site. The distances are slant ranges.
+    `assumed` is the height that the radar assumes, metres, or None for the height of the site. It
+    is limited to an elevation of 30 degrees near the radar. `distance` has slant ranges.
     """
     own = site.geodetic[2]
     if assumed is None:
         return np.full(len(distance), own)
     most = MAX_ASSUMED_SINE * distance
-    usual: FloatArray = own + np.clip(assumed - own, -most, most)
-    return usual
+    limited: FloatArray = own + np.clip(assumed - own, -most, most)
+    return limited
 
 
-def slant_of(
+def to_slant(
     site: Site, assumed: float | None, distance: FloatArray, azimuth: FloatArray, height: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the slant ranges and azimuths that `to_ground` projects to positions in the plane.
+    """Return the slant ranges and azimuths that `to_ground` projects to positions.
 
-    The positions are around that of the site, metres and radians. The heights are in metres above
-    the same surface as the site's height; NaN if they were unknown.
+    The positions are relative to the site, metres and radians. The heights are in metres above the
+    same surface as the site's height; NaN if they were unknown.
     """
     known, slant = np.isfinite(height), distance
-    for _ in range(SETTLING):
+    for _ in range(ITERATIONS):
         # The assumed height depends on the slant range itself.
         given = np.where(known, height, assumed_height(site, assumed, slant))
         slant, measured = site.to_slant(distance, azimuth, given)
@@ -112,15 +120,16 @@ class HeightProjection:
     def at(self, measurement: FloatArray, before: FloatArray, height: FloatArray) -> FloatArray:
         """Return plots projected at other heights than before, (M, 2).
 
-        Given are ground ranges and azimuths, (M, 2), and the heights of the present and of the new
-        projection above the world's zero, (M,), NaN if unknown. A plot with a height above its
-        slant range is projected to the radar's own position.
+        `measurement` has ground ranges and azimuths, (M, 2), that were projected at the heights
+        `before`; `height` has the new ones. Heights are above the world's zero, metres, (M,); NaN
+        if unknown. A plot whose height exceeds its slant range is projected to the radar's own
+        position.
         """
         distance, azimuth = measurement.T
         if self.site is None:
             square = distance**2 + np.nan_to_num(before - self.antenna) ** 2
             square = square - np.nan_to_num(height - self.antenna) ** 2
             return np.stack([np.sqrt(np.maximum(square, 0.0)), azimuth], axis=1)
-        slant = slant_of(self.site, self.assumed, distance, azimuth, before + self.datum)
+        slant = to_slant(self.site, self.assumed, distance, azimuth, before + self.datum)
         ground = to_ground(self.site, self.assumed, *slant, height + self.datum)
         return np.stack([ground.distance, wrap_angle(ground.azimuth)], axis=1)

@@ -49,7 +49,7 @@ class ParticleSteps:
     def with_newborn(
         self, rows: ParticleSet, newborn: Newborn, label: int
     ) -> tuple[ParticleSet, Newborn]:
-        """Return the intensity with the newborn targets that fit, and these targets."""
+        """Return the intensity with as many newborn targets as it may have, and these targets."""
         model, rng = self.model, self.rng
         newborn, each = detection_birth.limit_newborns(newborn, model.detection_births)
         state, mode, weight, detection = newborn_sampling.sample(newborn, model, each, rng)
@@ -107,14 +107,14 @@ class PriorParticles:
         return self.particles.weight * (1.0 - self.detectable)
 
     @cached_property
-    def _everywhere(self) -> FloatArray:
+    def _all_measured(self) -> FloatArray:
         """Measurements of all particles, including those beyond the sensor's range, (N, Z)."""
         return self.report.sensor.measure(self.particles.state)
 
     @cached_property
     def measured(self) -> FloatArray:
         """Measurements of the particles within the sensor's range, shape (N, Z)."""
-        return self.report.sensor.reachable(self._everywhere)
+        return self.report.sensor.reachable(self._all_measured)
 
     @property
     def measured_by_target(self) -> FloatArray:
@@ -135,7 +135,7 @@ class PriorParticles:
     @cached_property
     def _in_turn(self) -> FloatArray:
         """Probability that each particle is detected in a whole turn, shape (N,)."""
-        seen = self.report.sensor.coverage_probability(self._everywhere, None) * self.report.share
+        seen = self.report.sensor.coverage_probability(self._all_measured, None) * self.report.share
         prediction = self.report.informative_prediction
         if prediction is None:
             return seen * self._usual
@@ -145,12 +145,12 @@ class PriorParticles:
     def _usual(self) -> FloatArray:
         """Detection probability of each particle, if covered, whatever the last look saw, (N,)."""
         report, model, particles = self.report, self.steps.model, self.particles
-        probability = report.sensor.given_detection_probability(self._everywhere)
+        probability = report.sensor.configured_detection_probability(self._all_measured)
         if probability is None:
             probability = model.amplitudes.detection_probability(
                 particles.mode, particles.log_snr, report.sensor, model.modes
             )
-        return report.sensor.learned_detection_probability(probability, self._everywhere)
+        return report.sensor.learned_detection_probability(probability, self._all_measured)
 
     def _mean(self, values: FloatArray) -> FloatArray:
         """Return the mean of each target's values, (N,) to (T,)."""
@@ -161,7 +161,7 @@ class PriorParticles:
 
     def _measured_in(self, sector: Coverage) -> FloatArray:
         """Return the probability that each particle is measured in a sector, (N,)."""
-        return self.report.sensor.sector_probability(self._everywhere, sector)
+        return self.report.sensor.sector_probability(self._all_measured, sector)
 
     @cached_property
     def _measured_before(self) -> FloatArray | None:
@@ -211,8 +211,8 @@ class PriorParticles:
         if evidence is not None:
             log_likelihood += evidence.log_factor
         if self._unseen is not None:
-            # The mean of each target: a factor of each particle would raise the few that the miss
-            # in the earlier sectors has left there.
+            # The mean of each target is used: with a factor for each particle, the few particles
+            # that the miss has left in the earlier sectors would gain weight.
             mean = self._mean(self._unseen)
             log_likelihood += np.log(np.maximum(mean, LEAST_UNSEEN)).take(self.target.take(row))
         if report.informative_prediction is not None:
@@ -247,5 +247,5 @@ class PriorParticles:
             return None
         readings = report.project_as(pairs.projected)
         own = pairs.row, pairs.projected_index
-        rows = self.target, self.mass, self.particles.state, self._everywhere
+        rows = self.target, self.mass, self.particles.state, self._all_measured
         return noise_evidence(readings, *rows, own, probability)

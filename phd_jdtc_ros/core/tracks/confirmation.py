@@ -63,7 +63,7 @@ def missed_by_all(estimates: Estimates, scan: Scan, model: TrackerModel) -> Floa
             continue
         sensor = configured.at(report.pose)
         measured = sensor.measure(estimates.state)
-        detected = sensor.given_detection_probability(measured)
+        detected = sensor.configured_detection_probability(measured)
         if detected is None:
             nothing = np.zeros(len(estimates))
             detected = Band().detection_probability(mode, nothing, sensor, modes)
@@ -82,8 +82,7 @@ def stationary_probability(estimates: Estimates, model: TrackerModel) -> FloatAr
     bound = stationary.stationary_speed(model.radars)
     if bound == 0.0:
         return np.zeros(len(estimates))
-    axes = list(estimates.space.velocity)
-    covariance = estimates.covariance[:, axes][:, :, axes]
+    covariance = estimates.velocity_covariance
     slower = stationary.probability_slower(estimates.velocity, covariance, bound)
     alone = model.detection_births.stationary(slower, bound)
     return stationary.among_reflectors(alone, _among_reflectors(estimates, model))
@@ -173,7 +172,7 @@ def _next_columns(
             factor[one], covered = factor_before[at], miss_probability < MAX_MISS_PROBABILITY
             intervals = (stamp_ns - latest_ns[at]) / durations.interval
             lower = odds < _odds(existence_before[at] * survival[kind] ** intervals)
-            # A target at the edge of a slice may be in either of two: the other one is not a miss.
+            # A target at the edge of two slices is detected in one of them; the other is no miss.
             same_turn = stamp_ns - detected_ns[one] < durations.same_turn
             is_missed = covered and lower and not same_turn
         is_detected = not known or (covered and not lower)
@@ -259,9 +258,11 @@ class TrackStates:
         """Return the records of a scan's tracks; `rows` has these by ascending label."""
         rule, modes = self.rule, model.modes
         tracks = _Tracks(
-            *(estimates.track_id[rows], estimates.weight[rows], estimates.class_id[rows]),
-            missed_by_all(estimates, scan, model)[rows],
-            stationary_probability(estimates, model)[rows],
+            label=estimates.track_id[rows],
+            existence=estimates.weight[rows],
+            class_id=estimates.class_id[rows],
+            miss_probability=missed_by_all(estimates, scan, model)[rows],
+            stationary=stationary_probability(estimates, model)[rows],
         )
         durations = _Durations(
             interval=1e9 * modes.interval_s,

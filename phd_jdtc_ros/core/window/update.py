@@ -15,7 +15,7 @@ from ..arrays import sum_by
 from ..association.claims import undetected
 from ..attributes.evidence import Evidence
 from ..attributes.memory import AttributeMemory, AttributesAt
-from ..attributes.reprojection import Paired, plain
+from ..attributes.reprojection import Paired, pair_as_reported
 from ..attributes.uniqueness import OutOfGate
 from ..learned.detection_chains import Look
 from ..models import detection_limit
@@ -42,7 +42,7 @@ class UpdatedScan(Generic[RowsT]):
 class Updated(UpdatedScan[RowsT]):
     """Rows after one report."""
 
-    report: Report  # With what was learned before it
+    report: Report  # The report as `SensorMemory.prepare` returned it
     look: Look | None  # The report as a look at its targets; None if nothing is learned from it
 
 
@@ -116,7 +116,7 @@ def _with_known_targets(report: Report, prior: Prior[RowsT]) -> Report:
 def _gate_pairs(prior: Prior[RowsT], report: Report, attributes: AttributesAt | None) -> Paired:
     """Return the gated pairs of rows and detections."""
     if attributes is None:
-        return plain(prior.gate, report.detections)
+        return pair_as_reported(prior.gate, report.detections)
     return attributes.pair(prior.gate, prior.label, prior.target, report)
 
 

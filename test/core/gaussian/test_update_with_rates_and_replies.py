@@ -10,7 +10,7 @@ from matchings import posterior
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.association import marginals
-from phd_jdtc_ros.core.attributes.reprojection import plain
+from phd_jdtc_ros.core.attributes.reprojection import pair_as_reported
 from phd_jdtc_ros.core.gaussian.algebra import kalman, range_rate
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
@@ -59,7 +59,7 @@ class Register:
         return self
 
     def pair(self, gate, label, target, report):
-        return plain(gate, report.detections)
+        return pair_as_reported(gate, report.detections)
 
     def out_of_gate(self, label, target, column, detections):
         return None

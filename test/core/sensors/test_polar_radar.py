@@ -184,7 +184,7 @@ def test_unknown_amplitude_is_as_one_that_no_radar_reports():
     assert clutter[1] == RADAR.log_clutter_intensity(none)[1]
 
 
-def test_given_detection_probability_takes_the_place_of_that_of_the_bands():
+def test_configured_detection_probability_replaces_that_of_the_bands():
     given = replace(
         RADAR, visibility=replace(RADAR.visibility, ranges=(0.0,), probabilities=(0.5,))
     )

@@ -32,7 +32,7 @@ def test_sensor_without_coverage_or_map_sees_everything_in_uniform_clutter():
     measured = SENSOR.measure(STATE)
     assert SENSOR.coverage_probability(measured, UNKNOWN_COVERAGE).tolist() == [1.0, 1.0]
     assert SENSOR.may_have_swept(STATE[:, :2], np.ones(2), DETECTIONS).all()
-    assert SENSOR.given_detection_probability(measured) is None
+    assert SENSOR.configured_detection_probability(measured) is None
     np.testing.assert_allclose(SENSOR.log_clutter_intensity(DETECTIONS), np.log(2e-6))
     assert not SENSOR.neighbourhood_density(DETECTIONS.measurement, STATE[:, :2]).any()
 

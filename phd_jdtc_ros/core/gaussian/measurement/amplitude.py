@@ -53,7 +53,7 @@ def detection_probability(
     classes, (count, modes, size) = snr.shape[1], expected.measured.shape
     flat, std = expected.measured.reshape(-1, size), expected.std.reshape(-1, size)
     seen = sensor.coverage_probability(flat, None, std).reshape(count, modes, 1)
-    given = sensor.given_detection_probability(flat, std)
+    given = sensor.configured_detection_probability(flat, std)
     if given is None:
         cell = dynamics.cell_probability(sensor)
         mean = _mean_over_cells(snr, cell)

@@ -63,7 +63,7 @@ def sum_modes(weight: FloatArray) -> FloatArray:
 
 
 class _Sources(NamedTuple):
-    """The log scale, the intensities and their sum, as of `CompetingSources`."""
+    """The log scale, the intensities and their sum, as in `CompetingSources`."""
 
     scale: Float1
     intensity: Float2
@@ -218,7 +218,8 @@ def _likely(
     for one in range(len(alone)):
         alone[one] = 1.0 - existence[one]
         start[one + 2] += start[one + 1]
-    # `start` has the place of a target's next pair one entry further, and at last their end.
+    # While the pairs are sorted, `start[one + 1]` is the place of the next pair of target `one`;
+    # afterwards it is the end of its pairs.
     for pair in range(len(row)):
         one = target[row[pair]] + 1
         order[start[one]] = pair
@@ -252,11 +253,11 @@ def likely(
 ) -> tuple[IntArray, FloatArray]:
     """Return the pairs that may exceed `LEAST_SHARE` of both their target and their detection.
 
-    With them comes the likelihood of each pair's amplitude by class, p_D g(a) relative to the
+    The second value is the likelihood of each pair's amplitude by class, p_D g(a) relative to the
     largest of its detection, (P, C).
 
-    Another target may claim a detection, however probable it is for this one. So a target's share
-    is computed from the part of each detection that remains if all other targets claim it.
+    Another target may claim a detection, however probable it is for this one. A target's share is
+    therefore computed from the part of each detection that remains if all other targets claim it.
 
     Parameters
     ----------
@@ -270,7 +271,7 @@ def likely(
 
 
 class _Weights(NamedTuple):
-    """The hypotheses after the update: those that are missed, and then those of the pairs, (N,)."""
+    """The N hypotheses after the update: first those of missed detections, then those of pairs."""
 
     target: Int1
     weight: Float3  # (N, R, C)
