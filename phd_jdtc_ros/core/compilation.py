@@ -1,4 +1,4 @@
-"""Compiles functions over arrays with numba, where it is installed.
+"""Compiles functions of arrays with numba, where it is installed.
 
 A compiled function is plain Python with loops. Without numba it is interpreted, with the same
 results, about twenty times slower. Arrays that come from Python are contiguous, and the types in
@@ -38,10 +38,10 @@ def _numba() -> Any:
 
 
 numba = _numba()
-# Names of functions that no directory could store: they are compiled again at every start.
+# Names of functions whose code no directory could store: they are compiled at every start.
 NOT_STORED: list[str] = []
-# Functions to call once, when the first function is compiled that was not stored.
-ANNOUNCED: list[Callable[[], None]] = []
+# Functions that are called once, when the first function is compiled whose code was not stored.
+ON_COMPILATION: list[Callable[[], None]] = []
 
 # Arrays with this number of axes: a compiled function only reads those that are parameters, and may
 # write into those of a named tuple.
@@ -72,7 +72,7 @@ def compiled(function: FunctionT, *, counted: bool = True) -> FunctionT:
     hints = get_type_hints(function, include_extras=True)
     hints.pop("return", None)
     signature = tuple(_type_of(hint) for hint in hints.values())
-    # It is never called from C.
+    # Compiled functions are never called from C.
     options = {**_OPTIONS, "no_cfunc_wrapper": True, "_nrt": counted}
     done: Any
     with _without_collection():
@@ -97,7 +97,7 @@ def in_place(function: FunctionT) -> FunctionT:
 
 @contextmanager
 def _without_collection() -> Iterator[None]:
-    """Suspend garbage collection, which visits all new objects: a tenth of a compilation."""
+    """Suspend garbage collection, which takes a tenth of the time of a compilation."""
     collects = gc.isenabled()
     gc.disable()
     try:
@@ -109,12 +109,12 @@ def _without_collection() -> Iterator[None]:
 
 @cache
 def _announce() -> None:
-    """Log once that compilation has begun, and call the functions in `ANNOUNCED`."""
-    for tell in ANNOUNCED:
-        tell()
+    """Log once that compilation has begun, and call the functions in `ON_COMPILATION`."""
+    for notify in ON_COMPILATION:
+        notify()
     logging.getLogger(__name__).warning(
         "compiling the tracker, once for each installation: it takes some forty seconds; "
-        "compile_engines does it ahead"
+        "compile_engines does it beforehand"
     )
 
 

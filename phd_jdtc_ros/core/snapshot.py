@@ -91,7 +91,7 @@ class _Array:
             raise ValueError(f"{name}: must increase")
         if self.covariances:
             _require_covariances(name, array)
-        # Compiled functions take arrays of eight bytes an element only, and files may have others.
+        # Compiled functions take only elements of eight bytes, and files may have others.
         return np.asarray(array, f"{self.kind}8", "C") if self.shape else array.item()
 
 
@@ -110,9 +110,12 @@ class _Sparse:
         snapshot.arrays[f"{name}.shape"] = np.array(value.shape, dtype=np.int64)
 
     def get(self, snapshot: Snapshot, name: str, sizes: dict[str, int]) -> Any:
-        bounds = {"data": _Array("f", "n", 0.0, self.high)}
-        bounds |= {part: _Array("i", part[0], 0, MAX_INDEX) for part in ("indices", "shape")}
-        bounds["indptr"] = _Array("i", "p", 0, MAX_INDEX)
+        bounds = {
+            "data": _Array("f", "n", 0.0, self.high),
+            "indices": _Array("i", "i", 0, MAX_INDEX),
+            "shape": _Array("i", "s", 0, MAX_INDEX),
+            "indptr": _Array("i", "p", 0, MAX_INDEX),
+        }
         parts = {part: bound.get(snapshot, f"{name}.{part}", {}) for part, bound in bounds.items()}
         shape = tuple(parts.pop("shape").tolist())
         _require_shape(name, shape, self.shape, sizes)
@@ -167,11 +170,11 @@ def integers(
     ascending: bool = False,
     key: str = "",
 ) -> _Stored:
-    """Declare an array of integers with bounds, included.
+    """Declare an array of integers with inclusive bounds.
 
-    The shape has a letter for each axis; axes of the same letter have the same size. With the
-    letter of an axis in `below`, all numbers are below the size of that axis. The key is the name
-    of the array in snapshots, if it is not the field's.
+    The shape has a letter for each axis; axes of the same letter have the same size. If `below` is
+    the letter of an axis, all numbers are below the size of that axis. `key` is the name of the
+    array in snapshots, if it is not the field's.
     """
     return _Array("i", shape, low, high, below, ascending, key=key)
 
@@ -197,10 +200,10 @@ def sparse_columns(shape: str) -> _Stored:
 
 
 @cache
-def _fields(kind: type[Any]) -> dict[str, tuple[_Stored, bool]]:
+def _fields(cls: type[Any]) -> dict[str, tuple[_Stored, bool]]:
     """Return the declared fields of a value type, and whether each may be None."""
     declared = {}
-    for name, hint in get_type_hints(kind, include_extras=True).items():
+    for name, hint in get_type_hints(cls, include_extras=True).items():
         for stored in getattr(hint, "__metadata__", ()):
             declared[name] = stored, type(None) in get_args(get_args(hint)[0])
     return declared
@@ -215,7 +218,7 @@ def to_snapshot(value: Any, snapshot: Snapshot, name: str) -> None:
 
 
 def from_snapshot(
-    kind: type[T], snapshot: Snapshot, name: str, sizes: Mapping[str, int], **others: Any
+    cls: type[T], snapshot: Snapshot, name: str, sizes: Mapping[str, int], **others: Any
 ) -> T:
     """Return a stored value of a dataclass or named tuple with declared fields.
 
@@ -224,11 +227,11 @@ def from_snapshot(
     array is missing, or the tracker could not have stored it.
     """
     known, values = dict(sizes), others
-    for part, (stored, optional) in _fields(cast(Any, kind)).items():
+    for part, (stored, optional) in _fields(cast(Any, cls)).items():
         full = f"{name}.{stored.key or part}"
         absent = optional and full not in snapshot.arrays
         values[part] = None if absent else stored.get(snapshot, full, known)
-    return kind(**values)
+    return cls(**values)
 
 
 def _require_shape(name: str, shape: tuple[int, ...], axes: str, sizes: dict[str, int]) -> None:
@@ -243,7 +246,7 @@ def _require_shape(name: str, shape: tuple[int, ...], axes: str, sizes: dict[str
 def _require_covariances(name: str, array: AnyArray) -> None:
     """Raise ValueError unless all matrices, (..., D, D), are covariances.
 
-    The numbers are finite. Axes of zero variance are allowed.
+    They must be finite; axes of zero variance are allowed.
     """
     axes = np.arange(array.shape[-1])
     variance = array[..., axes, axes]

@@ -104,7 +104,7 @@ def gospa(truth: FloatArray, estimate: FloatArray, cutoff: float, order: float) 
     """Return the generalised optimal sub-pattern assignment distance of two sets of positions.
 
     Unlike OSPA it is not divided by the number of targets, and a missed target and a false one cost
-    the same near each other and far apart. The parameters are as of `ospa`, but a pair at the
+    the same near each other and far apart. The parameters are as in `ospa`, but a pair at the
     distance c costs as much as a missed and a false target.
 
     It is that of Proposition 1 of the reference: the best of all partial assignments, with alpha =

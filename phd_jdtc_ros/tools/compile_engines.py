@@ -20,7 +20,7 @@ CORE = "phd_jdtc_ros.core"
 # are nearly all the rest.
 ASSOCIATION = f"{CORE}.gaussian.measurement.pairs"
 OTHERS = (
-    *("algebra.hindsight", "prediction", "measurement.gating", "reduction", "extraction"),
+    *("algebra.backward_step", "prediction", "measurement.gating", "reduction", "extraction"),
     *("measurement.amplitude", "lineages"),
 )
 

@@ -31,4 +31,4 @@ def test_reported_says_that_the_tracker_compiles_under_its_own_name(peer):
 def test_reported_makes_no_node_where_nothing_is_compiled(peer):
     with compiling.report_compilation(ARGUMENTS):
         assert not peer.spin_until(lambda: peer.node.count_publishers("/diagnostics"), 1.0)
-    assert compilation.ANNOUNCED == []
+    assert compilation.ON_COMPILATION == []

@@ -180,10 +180,10 @@ def update(
 ) -> Belief:
     """Return the belief after an association.
 
-    Given are the row of each edge's target in the belief, the probability of each edge, given that
-    its target exists, (E,), and the probability that a target has none of its edges, (T,). Given
-    its detection, a target's identity is independent of the other targets' associations. The update
-    is therefore exact, except for the candidates that are dropped.
+    `target` has the row of each edge's target in the belief, `probability` that of each edge, given
+    that its target exists, (E,), and `missed` the probability that a target has none of its edges,
+    (T,). Given its detection, a target's identity is independent of the other targets'
+    associations. The update is therefore exact, except for the candidates that are dropped.
     """
     prior = found.prior.weight
     joint = prior[target] * found.likelihood

@@ -45,9 +45,9 @@ def identity_conflicts(
 ) -> Conflicts:
     """Return the probabilities that known targets have the detections' identities.
 
-    Given are the target and the detection of each edge, (E,), the identity that each detection
-    shows, negative without one, (M,), and the existence probability of each target, given that it
-    is not the source of a detection, (T,).
+    `target` and `column` have the target and the detection of each edge, (E,), and `reply` the
+    identity that each detection shows, negative without one, (M,). `undetected` is the existence
+    probability of each target, given that it is not the source of any detection, (T,).
 
     If a new target is the source of a detection, an old one is not, and exists with probability
     r' = r (1 - p_D) / (1 - r p_D). With the belief b in the identity, the old target leaves it free
@@ -72,9 +72,10 @@ def find_out_of_gate(
 ) -> OutOfGate | None:
     """Return the targets whose identities detections show outside their gates, or None.
 
-    Given are the identity of each target and the time of its last detection, (T,), the identity
-    that each detection shows and its time, (M,), and the targets and detections of the pairs in
-    gates, (P,). Identities are negative if unknown; times are in nanoseconds.
+    `identity` and `seen_ns` have the identity of each target and the time of its last detection,
+    (T,), `reply` and `reply_ns` the identity that each detection shows and its time, (M,), and
+    `near` the targets and detections of the pairs in gates, (P,). Identities are negative if
+    unknown; times are in nanoseconds.
     """
     away = (identity[:, None] == reply) & (reply >= 0)
     away[near] = False

@@ -64,8 +64,8 @@ def update(
 ) -> IntArray:
     """Return the times of targets, (T, S), after an association at a scan's stamp.
 
-    Given are the target and the detection of each edge, and its probability, given that its target
-    exists, (E,).
+    `target` and `column` have the target and the detection of each edge, and `probability` that of
+    the edge, given that its target exists, (E,).
     """
     sure = np.flatnonzero(probability >= MIN_PROBABILITY)
     sensors = sensors_of(detections)[column[sure]]

@@ -36,8 +36,8 @@ class Grid(Protocol):
     def places(self, measurement: FloatArray, world: FloatArray) -> FloatArray:
         """Return row and column of each detection, (2, M); cell centres are integers.
 
-        Given are range and azimuth, metres and radians, and the same in the world frame, metres,
-        (M, 2).
+        `measurement` has range and azimuth, metres and radians, and `world` the same places in the
+        world frame, metres, (M, 2).
         """
 
     def world(self, places: FloatArray, radar: ToWorld) -> FloatArray:

@@ -16,7 +16,7 @@ The path of one scan, with the module of each step::
       |  merge similar hypotheses            reduction
     stored mixture t+1                       (filter: the steps in order)
       |  link to mixture t                   lineages: the updates of each target
-      |  backward over the lag window        lineages; algebra.hindsight
+      |  backward over the lag window        lineages; algebra.backward_step
     smoothed hypotheses
       |  extract targets at a stamp          smoother, extraction
     Estimates                                engine

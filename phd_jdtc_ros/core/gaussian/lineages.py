@@ -17,7 +17,7 @@ import numpy as np
 from ..arrays import BoolArray, FloatArray, IntArray
 from ..compilation import Bool1, Float2, Float3, Int1, Int2, compiled
 from ..window.entries import Entry, Source
-from .algebra.hindsight import (
+from .algebra.backward_step import (
     BEFORE,
     COLUMNS,
     EDGE,

@@ -1,8 +1,8 @@
 """Estimates the motion of a turning antenna from the times and azimuths of its detections.
 
-The antenna points at every detection when it makes it, whether the detection is true or false.
-Azimuth against time is therefore a line. Each report fits the line again to the detections of the
-last two turns. Azimuths are circular, so the line cannot slip by a whole turn.
+The antenna points at every detection, true or false, at the detection's time. Azimuth against time
+is therefore a line. After each report, the line is fitted again to the detections of the last two
+turns. Azimuths are circular, so that the line cannot slip by a whole turn.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ MIN_FOR_OUTLIERS = 3
 # and this number of seconds.
 MAX_MEDIAN_DEVIATIONS = 4.0
 MIN_OUTLIER_S = 1.0
-# Largest number of detections that are used, regularly selected.
+# Largest number of detections that are used; of more, an even selection is used.
 MAX_SIGHTINGS = 250
 # Smallest number of detections that show the motion without older ones, and smallest share of a
 # turn over which they extend.
@@ -65,10 +65,10 @@ MAX_PERIOD_S = 60.0
 MIN_SEARCHED = 30
 # Smallest coherence of these detections with the line, from 0 to 1; chance gives 0.5 with so few.
 MIN_COHERENCE = 0.85
-# Required advantage over an antenna that stands: a target that is seen at one azimuth once a second
-# also agrees with a period of one second.
+# Required advantage over an antenna that stands still: a target that is seen at one azimuth once a
+# second also agrees with a period of one second.
 MIN_TURNING_ADVANTAGE = 15.0
-# Time in which the search begins, seconds, because the antenna may have just started.
+# The detections of this time are searched first, seconds: the antenna may have just started.
 FIRST_SEARCH_S = 15.0
 # Difference of the searched rates, in turns over the searched time.
 RATE_STEP = 0.1
@@ -117,7 +117,7 @@ class Sightings(NamedTuple):
     azimuth: FloatArray = np.zeros(0)
 
     def since(self, oldest_s: float) -> Sightings:
-        """Return at most `MAX_SIGHTINGS` sightings after a time, regularly selected."""
+        """Return the sightings after a time, at most `MAX_SIGHTINGS`, evenly selected."""
         (kept,) = (self.time_s > oldest_s).nonzero()
         if kept.size > MAX_SIGHTINGS:
             kept = kept[:: math.ceil(kept.size / MAX_SIGHTINGS)]
@@ -161,8 +161,9 @@ class AntennaTrack(NamedTuple):
     ) -> AntennaTrack:
         """Return the estimate after a report.
 
-        `now_s` is the stamp of the report, in seconds as the detections' times, (M,); azimuths are
-        radians counter-clockwise, (M,). `min_period_s` bounds the search for an unknown period.
+        `now_s` is the stamp of the report, seconds. Its detections have times, seconds, and
+        azimuths, radians counter-clockwise, (M,). `min_period_s` bounds the search for an unknown
+        period.
         """
         period_s, line = self.period_s, self.antenna
         if line is not None and now_s - line.time_s > MAX_UNSEEN * period_s:
@@ -196,17 +197,17 @@ class AntennaTrack(NamedTuple):
         rate = math.copysign(FULL_TURN / period_s, self.antenna.rate)
         return self._replace(antenna=self.antenna._replace(rate=rate))
 
-    def _lines(self, seen: Sightings, weight: FloatArray, usual: float) -> Iterator[Antenna]:
+    def _lines(self, seen: Sightings, weight: FloatArray, rate: float) -> Iterator[Antenna]:
         """Yield candidate lines: the previous one refined, then the best of a search.
 
-        `usual` is the rate of the current period, radians per second.
+        `rate` is that of the current period, radians per second.
         """
         if self.antenna is not None:
-            yield _refine(self.antenna, seen, weight, usual)
+            yield _refine(self.antenna, seen, weight, rate)
         log_prior = -0.5 * (np.log(RATES) / RATE_STD) ** 2
-        (fit, line), (other, _) = search_lines(seen, weight, usual * RATES, log_prior)
+        (fit, line), (other, _) = search_lines(seen, weight, rate * RATES, log_prior)
         if weight.sum() * (fit**2 - other**2) >= MIN_ADVANTAGE:
-            yield _refine(line, seen, weight, usual)
+            yield _refine(line, seen, weight, rate)
 
     def _search(self, now_s: float, seen: Sightings, min_period_s: float) -> AntennaTrack:
         """Return the estimate for an unknown period, which is searched at intervals."""
@@ -215,7 +216,7 @@ class AntennaTrack(NamedTuple):
         )
         if len(seen.time_s) < MIN_SEARCHED or now_s < due_s:
             return self._replace(sightings=seen)
-        for longest_s in (FIRST_SEARCH_S, MAX_PERIOD_S):  # the antenna may have just started
+        for longest_s in (FIRST_SEARCH_S, MAX_PERIOD_S):
             latest = seen.since(float(seen.time_s.max()) - longest_s)
             count, span_s = len(latest.time_s), float(np.ptp(latest.time_s))
             if count < MIN_SEARCHED or span_s < MIN_TURNS * min_period_s:
@@ -241,17 +242,18 @@ def search_lines(
 ) -> list[tuple[float, Antenna]]:
     """Return the best line of each direction, the better first, with its fit from 0 to 1.
 
-    The weights are (M,); the candidate rates, radians per second, and the logarithms of their prior
-    are (R,).
+    Each sighting has a weight, (M,), and each candidate rate, radians per second, the logarithm of
+    its prior, (R,).
     """
     last_s, sighted = float(seen.time_s[-1]), weight * np.exp(1j * seen.azimuth)
     back = np.exp(-1j * rates[:, None] * (seen.time_s - last_s))
     found = []
-    for way, unturned in ((1, back), (-1, back.conj())):
-        mean = unturned @ sighted
-        best = int(np.argmax(CONCENTRATION * np.abs(mean) + log_prior))
-        line = Antenna(last_s, float(np.angle(mean[best])), way * float(rates[best]))
-        found.append((float(abs(mean[best]) / weight.sum()), line))
+    for sign, rotation in ((1, back), (-1, back.conj())):
+        # Each sum points to the azimuth at the last detection, if the antenna has that rate.
+        total = rotation @ sighted
+        best = int(np.argmax(CONCENTRATION * np.abs(total) + log_prior))
+        line = Antenna(last_s, float(np.angle(total[best])), sign * float(rates[best]))
+        found.append((float(abs(total[best]) / weight.sum()), line))
     return sorted(found, reverse=True)
 
 

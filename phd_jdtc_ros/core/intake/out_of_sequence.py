@@ -100,8 +100,8 @@ class OutOfSequence:
     def insert(self, radar: int, replaced_ns: Sequence[int], reports: Sequence[Slice]) -> None:
         """Insert reports of a radar into closed scans, at the next reprocessing.
 
-        They replace those of some stamps. Their own stamps are after `since_ns`, and not after the
-        last scan.
+        They replace the radar's reports at the stamps `replaced_ns`. Their own stamps are after
+        `since_ns`, and not after the last scan.
         """
         stamps = {kept.scan.stamp_ns for kept in self._pending} | self._changed.keys()
         for stamp_ns in replaced_ns:
@@ -142,8 +142,8 @@ class OutOfSequence:
     def _changed_scans(self, kept: Sequence[_PendingScan]) -> list[_PendingScan]:
         """Return scans with the changed reports, each with an engine state.
 
-        That of the first is the state before it. Those of the others only give the models in use at
-        their stamps; see `Engine.reprocess`.
+        The first has the engine's state before it. The states of the others only have the models
+        that were in use at their stamps; see `Engine.reprocess`.
         """
         scans = {own.scan.stamp_ns: own for own in kept}
         latest = kept[0].before

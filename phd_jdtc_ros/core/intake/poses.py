@@ -97,8 +97,8 @@ class PoseTrack:
         self._append(new)
         return None
 
-    def segment(self, stamp_ns: int) -> tuple[_Known, _Known] | None:
-        """Return the two poses for the velocity at a stamp; None if there are none.
+    def poses_for_velocity(self, stamp_ns: int) -> tuple[_Known, _Known] | None:
+        """Return the two poses from which the velocity at a stamp follows; None without two.
 
         The second is the first pose at or after the stamp, or else the last one. The first is at
         least `VELOCITY_S` earlier, without a jump in between. Later poses have no influence, so the
@@ -213,28 +213,29 @@ class Platform:
                 pose = replace(pose, velocity=velocity)
         if detections.time_s is None or not len(detections):
             return replace(detections, pose=pose), extrapolated
-        own = []
+        poses = []
         times_ns = [stamp_ns + round(time_s * 1e9) for time_s in detections.time_s.tolist()]
-        for own_ns in times_ns:
-            then, beyond = self.track.at(own_ns)
-            if then is None:
+        for time_ns in times_ns:
+            at_time, beyond = self.track.at(time_ns)
+            if at_time is None:
                 return None, False
-            mounted = self.mount.on(then)
-            own.append((*mounted.position, mounted.yaw))
+            mounted = self.mount.on(at_time)
+            poses.append((*mounted.position, mounted.yaw))
             extrapolated |= beyond
-        x, y, yaw = np.transpose(own)
+        x, y, yaw = np.transpose(poses)
         distance, azimuth = detections.measurement.T
         bearing = azimuth + yaw
         toward = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
         east = x + distance * toward[:, 0] - pose.position[0]
         north = y + distance * toward[:, 1] - pose.position[1]
-        seen = np.stack([np.hypot(east, north), np.arctan2(north, east) - pose.yaw], axis=1)
-        seen[:, 1] = wrap_angle(seen[:, 1])
+        angle = wrap_angle(np.arctan2(north, east) - pose.yaw)
+        measurement = np.stack([np.hypot(east, north), angle], axis=1)
         rate = detections.range_rate
         if rate is not None:  # relative to the radar's velocity at the stamp
-            change = np.array([self.velocity(own_ns) or pose.velocity for own_ns in times_ns])
-            rate = rate + ((change - pose.velocity) * toward).sum(axis=1)
-        posed = replace(detections, measurement=seen, pose=pose, range_rate=rate)
+            velocity_at = [self.velocity(time_ns) or pose.velocity for time_ns in times_ns]
+            change = np.array(velocity_at) - pose.velocity
+            rate = rate + (change * toward).sum(axis=1)
+        posed = replace(detections, measurement=measurement, pose=pose, range_rate=rate)
         return posed, extrapolated
 
     def velocity(self, stamp_ns: int) -> tuple[float, float] | None:
@@ -242,7 +243,7 @@ class Platform:
 
         It follows from the last poses, and includes the motion by the platform's rotation.
         """
-        known = self.track.segment(stamp_ns)
+        known = self.track.poses_for_velocity(stamp_ns)
         if known is None:
             return None
         first, second = known

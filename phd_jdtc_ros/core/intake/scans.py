@@ -147,10 +147,7 @@ class ScanGrouper:
         return [event for stamp_ns in sorted(self._pending) for event in self._close(stamp_ns)]
 
     def _close_complete(self) -> list[Scan | Reset]:
-        """Close the oldest scans that enough later ones follow.
-
-        A complete scan needs none, and an incomplete one needs one.
-        """
+        """Close pending scans, oldest first, up to the first one that has to wait."""
         events: list[Scan | Reset] = []
         stamps = sorted(self._pending)
         while stamps and self._closable(stamps):
@@ -158,10 +155,13 @@ class ScanGrouper:
         return events
 
     def _closable(self, stamps: list[int]) -> bool:
-        """Return whether the oldest of the pending stamps need not wait."""
+        """Return whether the oldest of the pending stamps need not wait.
+
+        Without `reorder_s` only an incomplete scan waits: for the next stamp.
+        """
         if self.reorder_s:
             return self._is_final(stamps[0])
-        return len(stamps) > 1 or self._complete(stamps[0])
+        return len(stamps) > 1 or self._is_complete(stamps[0])
 
     def _is_final(self, stamp_ns: int) -> bool:
         """Return whether no live radar can still report a stamp in time.
@@ -179,7 +179,7 @@ class ScanGrouper:
                 return False
         return True
 
-    def _complete(self, stamp_ns: int) -> bool:
+    def _is_complete(self, stamp_ns: int) -> bool:
         live = {r for r in range(self.radars) if self._misses[r] < MISSES_UNTIL_SILENT}
         return live <= self._pending[stamp_ns].keys()
 

@@ -66,10 +66,9 @@ class AntennaPass(NamedTuple):
         return AntennaPass(stamp_ns, math.remainder(start, FULL_TURN), width, *seen)
 
     def detecting(self, label: IntArray, detected: FloatArray) -> AntennaPass:
-        """Return the pass after detections of targets.
+        """Return the pass after detections of targets of ascending labels, (T,).
 
-        Given are their ascending labels, and the probability that each was detected, given that it
-        exists, (T,).
+        `detected` is the probability that each was detected, given that it exists, (T,).
         """
         place = self.stamp_ns, self.start, self.width
         before = self.label, self.unseen, self.seen_ns

@@ -34,7 +34,7 @@ class RatioPrior:
     ) -> tuple[FloatArray, FloatArray]:
         """Return the mean and the variance of K log ratios, (K,).
 
-        Given are the log ratios that the data show, and the inverses of their variances, (K,); 0
+        `log_ratio` has those that the data show, and `precision` the inverses of their variances; 0
         without data.
         """
         log_share, square = self._components

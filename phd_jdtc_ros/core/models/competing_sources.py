@@ -74,8 +74,8 @@ def competing_sources(
 ) -> CompetingSources:
     """Return the competing sources, scaled with the likelihoods of the known targets.
 
-    Given are the result of `log_intensities`, and the detection and log p_D L_z of each pair with a
-    known target, (P,).
+    `log_other` is the result of `log_intensities`; `column` and `log_likelihood` have the detection
+    and log p_D L_z of each pair with a known target, (P,).
     """
     scale = log_other.max(axis=0)
     np.maximum.at(scale, column, log_likelihood)

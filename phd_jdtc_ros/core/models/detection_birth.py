@@ -62,14 +62,14 @@ class DetectionBirthModel(ReadOnly):
         earlier: Sequence[Newborn] = (),
         looks: EarlierLooks | None = None,
     ) -> FloatArray:
-        """Return log of the unknown targets' intensity at each detection, shape (C, M).
+        """Return the log intensity of unknown targets at each detection, shape (C, M).
 
-        These targets appeared since the sensor's previous report and were missed by the looks of
-        others in between, see `EarlierLooks`; in the last `dt` seconds if the previous report is
-        unknown, or since the antenna's previous pass if the report covers a sector. The intensity
-        is the product of the birth rate over the field of view, of p_D g^tau of each class, of the
-        density of the range rate, and of the probability that the scan's earlier reports missed the
-        target. `earlier` has the newborn targets of these reports.
+        These targets appeared since the sensor's previous report, and the looks of other sensors in
+        between missed them, see `EarlierLooks`. If the previous report is unknown, they appeared in
+        the last `dt` seconds; if the report covers a sector, since the antenna's previous pass. The
+        intensity is the product of the birth rate over the field of view, of p_D g^tau of each
+        class, of the density of the range rate, and of the probability that the scan's earlier
+        reports missed the target. `earlier` has the newborn targets of these reports.
         """
         sensor = report.sensor
         place = sensor.to_world(report.detections.measurement)
@@ -164,7 +164,7 @@ def missed_by(reports: Sequence[Report], position: FloatArray, modes: ModeSpace)
 
 
 def limit_newborns(newborn: Newborn, model: DetectionBirthModel) -> tuple[Newborn, int]:
-    """Return the newborn targets that fit in the model's `most` particles, and each one's number.
+    """Return the newborn targets that the model's `most` particles allow, and the number for each.
 
     The number of particles per detection is reduced first; then the detections with the least
     newborn mass are left out.

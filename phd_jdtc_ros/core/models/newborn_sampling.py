@@ -121,8 +121,8 @@ def _known_velocity(
 ) -> FloatArray:
     """Return velocities drawn given the range rates of their detections, shape (N, 2).
 
-    Given are the positions at the time of the detection, the velocities drawn from the prior, (N,
-    2), the range rate of each row, and uniform numbers that select the fold, (N,).
+    `position` has the positions at the time of the detection, and `drawn` the velocities drawn from
+    the prior, (N, 2). The uniform numbers, (N,), select the fold.
     """
     toward = sensor.line_of_sight(position)
     radial = (drawn * toward).sum(axis=1)

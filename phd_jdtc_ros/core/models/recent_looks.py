@@ -44,11 +44,9 @@ class RecentLooks(NamedTuple):
         own, sector = report.sensor, report.detections.coverage
         edges = (0.0, 0.0) if sector is None else (sector.start, sector.width)
         look = report.stamp_ns, sensor, (*own.position, own.yaw), edges, report.share
-        return RecentLooks(
-            *(
-                np.concatenate([column[-MOST + 1 :], [value]])
-                for column, value in zip(self, look, strict=True)
-            )
+        return RecentLooks._make(
+            np.concatenate([column[-MOST + 1 :], [value]])
+            for column, value in zip(self, look, strict=True)
         )
 
     def since_last(self, report: Report, sensor: int) -> tuple[int, IntArray] | None:

@@ -38,8 +38,8 @@ def probability_slower(mean: FloatArray, covariance: FloatArray, bound: float) -
 def at_even_odds(probability: FloatArray, bound: float, velocity_std: float) -> FloatArray:
     """Return probabilities of being slower than a bound, for even prior odds, elementwise.
 
-    The given ones are under a prior velocity with standard deviation `velocity_std` along each
-    axis. They are unchanged if newborn targets are all slower, or all faster.
+    `probability` is under a prior velocity with standard deviation `velocity_std` along each axis.
+    It is returned unchanged if newborn targets are all slower, or all faster.
     """
     prior = -math.expm1(-0.5 * (bound / velocity_std) ** 2)
     rest, motion = probability * (1.0 - prior), (1.0 - probability) * prior
@@ -50,9 +50,9 @@ def at_even_odds(probability: FloatArray, bound: float, velocity_std: float) -> 
 def among_reflectors(probability: FloatArray, reflectors: FloatArray) -> FloatArray:
     """Return probabilities of being stationary beside fixed clutter, elementwise.
 
-    Given are the probability of being stationary in a place without clutter, and the probability,
-    below 1, that a target's neighbourhood is fixed clutter. The odds are divided by the probability
-    that the neighbourhood is not fixed clutter. A probability of zero stays zero.
+    `probability` is that of being stationary in a place without clutter, and `reflectors`, below 1,
+    that of fixed clutter in a target's neighbourhood. The odds are divided by the probability that
+    the neighbourhood has no fixed clutter. A probability of zero stays zero.
     """
     motion = (1.0 - probability) * (1.0 - reflectors)
     return probability / (probability + motion)

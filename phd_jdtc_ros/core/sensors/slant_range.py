@@ -20,8 +20,9 @@ MAX_HEIGHT = 30e3
 MIN_SLANT_RANGE = 1e-3
 # Largest sine of the elevation at an assumed height: 30 degrees.
 MAX_ASSUMED_SINE = 0.5
-# Number of iterations of the inverse projection; each leaves less than a third of the error.
-ITERATIONS = 25
+# Largest number of iterations of the inverse projection; each leaves less than a third of the
+# error.
+MOST_ITERATIONS = 25
 
 
 class Ground(NamedTuple):
@@ -97,7 +98,7 @@ def to_slant(
     same surface as the site's height; NaN if they were unknown.
     """
     known, slant = np.isfinite(height), distance
-    for _ in range(ITERATIONS):
+    for _ in range(MOST_ITERATIONS):
         # The assumed height depends on the slant range itself.
         given = np.where(known, height, assumed_height(site, assumed, slant))
         slant, measured = site.to_slant(distance, azimuth, given)

@@ -97,9 +97,9 @@ class Visibility:
     def sees(self, measured: FloatArray, std: FloatArray | None = None) -> FloatArray:
         """Return the probability that targets are in the field of view, (N,).
 
-        Given are expected ranges and azimuths, (N, 2), and their standard deviations; without these
-        the result is 1 or 0. The range and the azimuth count as independent, which matters only
-        where a limit of the range and one of the azimuth are both within the density.
+        `measured` has expected ranges and azimuths, (N, 2), and `std` their standard deviations;
+        without these the result is 1 or 0. The range and the azimuth are taken as independent,
+        which matters only near a corner of the field of view.
         """
         distance, azimuth = measured[:, 0], measured[:, 1]
         if std is None:

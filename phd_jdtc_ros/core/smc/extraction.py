@@ -98,15 +98,15 @@ def estimates(
     state = np.stack([sum_by(group, share * axis, count) for axis in offset], axis=1)
     for axis in range(dimension):
         offset[axis] -= state[:, axis].take(group)
-    left = 1.0 / sum_by(group, share**2, count)
-    prior = PRIOR_PARTICLES / (left + PRIOR_PARTICLES)
+    effective = 1.0 / sum_by(group, share**2, count)
+    prior = PRIOR_PARTICLES / (effective + PRIOR_PARTICLES)
     # The weights in the covariance sum to one in every group.
     drawn = particles.multiplicity.take(row).astype(np.float64)
     drawn /= sum_by(group, drawn, count).take(group)
-    counted = share + prior.take(group) * (drawn - share)
+    blended = share + prior.take(group) * (drawn - share)
     covariance = np.empty((count, dimension, dimension))
     for i in range(dimension):
-        spread = counted * offset[i]
+        spread = blended * offset[i]
         for j in range(i, dimension):
             covariance[:, i, j] = covariance[:, j, i] = sum_by(group, spread * offset[j], count)
     covariance += prior[:, None, None] * _noise(

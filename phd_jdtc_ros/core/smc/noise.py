@@ -23,9 +23,10 @@ def noise_evidence(
 ) -> NoiseEvidence:
     """Return the evidence of the pairs of particles and detections on the sensor's noise.
 
-    Given are each particle's target, whose particles are consecutive, its weight before the update,
-    (N,), its state, (N, D), and its measurement, (N, Z); and the particle, the detection and the
-    association probability of each pair, (P,).
+    `target`, `mass`, `state` and `measured` have each particle's target, whose particles are
+    consecutive, its weight before the update, (N,), its state, (N, D), and its measurement, (N, Z).
+    `pairs` has the particle and the detection of each pair, and `probability` its association
+    probability, (P,).
 
     For Gaussians, E (z - h(x))^2 over the posterior is R (1 + p (u - 1)), with the innovation's
     square u relative to its variance S, and p = R / S. So u follows from the posterior particles,

@@ -32,11 +32,11 @@ def predict(
 ) -> ParticleSet:
     """Predict the intensity to a scan: survivors, spawned targets, births.
 
-    Given are the stored sets that the scan continues, the index of each birth term to draw with the
-    time since its last draw, seconds, and the detections of the scan, which are used in the
-    proposal of the survivors' process noise. Every copy of a row has its own process noise. All
-    weight is in the Poisson part, and parents are rows of the concatenated stored sets. The scan's
-    index determines the labels of births and spawned targets.
+    The scan continues the `earlier` sets. `births` has the index of each birth term to draw, and
+    the time since its last draw, seconds. The scan's detections, `seen`, are used in the proposal
+    of the survivors' process noise. Every copy of a row has its own process noise. All weight is in
+    the Poisson part, and parents are rows of the concatenated stored sets. The scan's index
+    determines the labels of births and spawned targets.
 
     Sec. IV-C, Step 1. Deviation: the steps of survival and birth, which the paper omits, are added,
     and the spawn weight includes the parent's weight, rate and mode.

@@ -78,7 +78,7 @@ def predict(estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeS
 def _steps(space: StateSpace) -> tuple[FloatArray, FloatArray]:
     """Return the step along each axis, (D,), and the shifts of a state, (1 + 2 D, D).
 
-    The first shift is zero; those up by the step along each axis follow, and then those down.
+    The first shift is zero; then follow the steps up along each axis, and then those down.
     """
     step = np.full(len(space), STEP)
     step[space.turn_rate] = TURN_STEP

@@ -95,7 +95,7 @@ class KnownAircraft:
     ) -> int | None:
         """Return the number of the aircraft with an address at a place; None if it is a new one.
 
-        Among several, the most recent one is returned, and then the one with the smallest number.
+        Of several, the one detected last is returned; of these, the one with the smallest number.
         """
         possible = [
             number

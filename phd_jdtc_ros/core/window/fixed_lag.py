@@ -46,7 +46,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
     """
 
     STATE: ClassVar[tuple[str, ...]] = (
-        *("forward", "_states", "_window", "_filtered", "_stamps", "_given_ns"),
+        *("forward", "_states", "_window", "_filtered", "_stamps", "_published_ns"),
     )
 
     forward: ForwardFilter[RowsT, LinkT]
@@ -60,9 +60,9 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
     _filtered: dict[int, tuple[UnsweptRows[RowsT, LinkT], Estimates]] = field(
         init=False, repr=False
     )
-    _stamps: list[int] = field(init=False, repr=False)  # Those with pending smoothed estimates
+    _stamps: list[int] = field(init=False, repr=False)  # With pending smoothed estimates
     # Stamps of the latest filtered and smoothed estimates; -1 before the first.
-    _given_ns: tuple[int, int] = field(init=False, repr=False)
+    _published_ns: tuple[int, int] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.reset()
@@ -102,7 +102,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         self.forward.reset()
         self._tracks, self._states = TrackNumbers(), TrackStates(self.rule)
         self._window, self._filtered, self._stamps = [], {}, []
-        self._given_ns = -1, -1
+        self._published_ns = -1, -1
 
     def step(self, scan: Scan, on_filtered: OnFiltered = ignore_filtered) -> Step:
         """Filter one scan and smooth the stamps whose lag is reached; see `Engine.step`."""
@@ -122,7 +122,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             filtered.append(self._filtered_at(scan.stamp_ns))
         self._stamps = [*self._stamps, *[estimates.stamp_ns for estimates in filtered]]
         if filtered:
-            self._given_ns = filtered[-1].stamp_ns, self._given_ns[1]
+            self._published_ns = filtered[-1].stamp_ns, self._published_ns[1]
             on_filtered(tuple(filtered))
         entries, smoothed = len(self._window), []
         while self.lag.reached(self._stamps):
@@ -174,12 +174,13 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         Filtered estimates of an out-of-sequence stamp are not published: later ones already are.
         """
         before, now = self.save_state(), self._latest_targets()
-        numbers, given, state = self._tracks, self._given_ns, scans[0][0].state
+        numbers, state = self._tracks, scans[0][0].state
+        filtered_ns, smoothed_ns = self._published_ns
         restore_shared(self, state)
         first, self._tracks = self.forward.scan_index, NoNumbers()
         states, steps = [], []
-        for tuned, scan in scans:
-            self.retune(tuned.model, tuned.rule)
+        for earlier, scan in scans:
+            self.retune(earlier.model, earlier.rule)
             states.append(self.save_state())
             steps.append(self.step(scan))
         self.retune(before.model, before.rule)
@@ -190,9 +191,9 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         filtered, smoothed = [], []
         for step in steps:
             if self.schedule.period_ns:
-                due = [estimates for estimates in step.filtered if estimates.stamp_ns > given[0]]
+                due = [estimates for estimates in step.filtered if estimates.stamp_ns > filtered_ns]
                 filtered += [self._tracks.assign(estimates, reach) for estimates in due]
-            due = [estimates for estimates in step.smoothed if estimates.stamp_ns > given[1]]
+            due = [estimates for estimates in step.smoothed if estimates.stamp_ns > smoothed_ns]
             smoothed += [self._tracks.assign(estimates, reach) for estimates in due]
         own = {NUMBERS: self._tracks.in_use}
         states = [replace(each, state={**each.state, **own}) for each in states]
@@ -228,9 +229,9 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         modes = self.forward.model.modes
         sizes = {"D": len(modes.space), "C": len(modes.classes)}
         for rows in self.forward.unswept:
-            at, given = rows.entry.stamp_ns, {"lag": 0, "space": modes.space}
+            at, others = rows.entry.stamp_ns, {"lag": 0, "space": modes.space}
             targets = from_snapshot(
-                Estimates, stored, f"filtered.{at}", sizes, stamp_ns=at, **given
+                Estimates, stored, f"filtered.{at}", sizes, stamp_ns=at, **others
             )
             self._filtered[at] = rows, _targets_of(rows, targets)
 
@@ -243,7 +244,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             self.forward.attributes.forget_all_but(labels, oldest_ns)
 
     def _note_filtered(self, updated: RowsT, scan: Scan) -> None:
-        """Store the filtered targets of a scan, and drop the earlier ones of what it has swept."""
+        """Store the filtered targets of a scan, and drop earlier ones of the rows that it swept."""
         *earlier, latest = self.forward.unswept
         unswept_ns = [rows.entry.stamp_ns for rows in self.forward.unswept]
         estimates = self._extract_and_record(updated, scan.stamp_ns, 0, self.rule.least)
@@ -298,7 +299,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         estimates = self._smoothed_at(stamp_ns, lag, self.rule.least_smoothed)
         self.forward.on_stage_end("extraction")
         estimates = self._states.report_smoothed(estimates)
-        self._given_ns = self._given_ns[0], stamp_ns
+        self._published_ns = self._published_ns[0], stamp_ns
         self._stamps = self._stamps[1:]
         following = self._stamps[0] if self._stamps else MAX_STAMP_NS
         self._states.forget_before(following)
@@ -315,7 +316,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
 
 
 def _targets_of(rows: UnsweptRows[RowsT, LinkT], targets: Estimates) -> Estimates:
-    """Return the filtered targets of an entry that are in these rows of it."""
+    """Return those of an entry's filtered targets whose rows are still unswept."""
     if rows.rows is None:
         return targets
     return targets.select(contains(np.sort(rows.row_label), targets.track_id - 1))

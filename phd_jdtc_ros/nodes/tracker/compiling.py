@@ -35,11 +35,11 @@ def report_compilation(argv: Sequence[str]) -> Iterator[None]:
     """
     ended = threading.Event()
     thread = threading.Thread(target=_report, args=(list(argv), ended), daemon=True)
-    compilation.ANNOUNCED.append(thread.start)
+    compilation.ON_COMPILATION.append(thread.start)
     try:
         yield
     finally:
-        compilation.ANNOUNCED.remove(thread.start)
+        compilation.ON_COMPILATION.remove(thread.start)
         ended.set()
         if thread.is_alive():
             thread.join(END_S)

@@ -185,7 +185,7 @@ def _gate_pairs(
         begin, high = start[int(low / FULL_TURN * (len(start) - 1))], low + 2.0 * half
         while begin < size and azimuth[begin] < low:
             begin += 1
-        # Most detections of the sector are not in the range: a jump for each would take longer.
+        # Without a branch this is faster, because most detections in azimuth are out of range.
         near, far, inside = box[0], box[1], 0
         for place in range(begin, begin + size):
             if half < math.pi and azimuth[place] > high:
@@ -236,24 +236,24 @@ def _gated(
     detection: Float2,
     noise_std: Float2,
     time_s: Float1,
-    turn: Float1,
-    by_turn: Int1,
+    ascending: Float1,
+    by_azimuth: Int1,
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return the columns of `gate_pairs`.
 
-    `turn` are the ascending azimuths of the detections `by_turn`, from 0 on.
+    `ascending` has the azimuths of the detections `by_azimuth`, from 0 to a full turn.
     """
-    (count, modes), size, begin = weight.shape, len(turn), 0
+    (count, modes), size, begin = weight.shape, len(ascending), 0
     azimuth, distance = np.empty(2 * size), np.empty(2 * size)
     order, start = np.empty(2 * size, np.int64), np.empty(size + 1, np.int64)
     widest, latest = np.zeros(2), 0.0
     for part in range(size + 1):
-        while begin < size and turn[begin] < part * (FULL_TURN / size):
+        while begin < size and ascending[begin] < part * (FULL_TURN / size):
             begin += 1
         start[part] = begin
     for place in range(2 * size):
-        order[place] = by_turn[place % size]
-        azimuth[place] = turn[place % size] + (FULL_TURN if place >= size else 0.0)
+        order[place] = by_azimuth[place % size]
+        azimuth[place] = ascending[place % size] + (FULL_TURN if place >= size else 0.0)
         distance[place] = detection[order[place], 0]
     for one in range(size):
         widest[0], widest[1] = max(widest[0], noise_std[one, 0]), max(widest[1], noise_std[one, 1])

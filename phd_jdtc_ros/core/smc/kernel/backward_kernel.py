@@ -64,11 +64,11 @@ def build(
     model: TrackerModel,
     corrector: Corrector,
     dt: float,
-    found: tuple[Newborn, ...] = (),
+    newborns: tuple[Newborn, ...] = (),
 ) -> Transition:
     """Return the cached transition between two stored sets, `dt` seconds apart.
 
-    `found` has the targets born at the detections of the later scan, by radar.
+    `newborns` has the targets born at the detections of the later scan, by radar.
 
     Sec. IV-C, Step 4: K[q, s] = P_s h[r_s, r_q] f_{r_q}(x_q | x_s) within a class, and
     mu_q = gamma(x_q, o_q) + sum_s w_{t|t}(s) K[q, s] + sum_s w_{t|t}(s) beta(q | s), the last sum
@@ -85,11 +85,11 @@ def build(
         noise, modes, modes.transition(dt), successor, earlier.mode, survival
     )
     if corrector.labelled:
-        ratio, column, start, mu = _within_origins(kernel, earlier, later)
+        ratio, column, start, mu = _within_labels(kernel, earlier, later)
     else:
         pairs = kernel.gated_pairs(later, np.arange(len(later)), KERNEL_GATE_SIGMA)
         ratio, column, start, mu = _sum_pairs(pairs, earlier, later)
-        mu += _birth_intensity(later, model, dt, found)
+        mu += _birth_intensity(later, model, dt, newborns)
         if model.spawn.rate > 0.0 and len(earlier):
             mu += spawn_intensity(mu, earlier, later, model, dt, successor, KERNEL_GATE_SIGMA)
     ratio /= np.where(mu > 0.0, mu, 1.0).repeat(np.diff(start))
@@ -114,7 +114,7 @@ def build_joint(
     later: ParticleSet,
     model: TrackerModel,
     corrector: Corrector,
-    found: tuple[Newborn, ...] = (),
+    newborns: tuple[Newborn, ...] = (),
 ) -> Transition:
     """Return the transition from the concatenated rows of stored sets to a later set; see `build`.
 
@@ -122,7 +122,7 @@ def build_joint(
     rows of the concatenated sets.
     """
     if len(earlier) == 1:
-        return build(earlier[0].particles, later, model, corrector, earlier[0].dt, found)
+        return build(earlier[0].particles, later, model, corrector, earlier[0].dt, newborns)
     parts, first = [], 0
     for particles, dt in earlier:
         # Each label is in one earlier set, which therefore explains all later rows of the label.
@@ -161,7 +161,7 @@ def _birth_intensity(
     return total
 
 
-def _within_origins(kernel: TransitionDensity, earlier: ParticleSet, later: ParticleSet) -> _Sums:
+def _within_labels(kernel: TransitionDensity, earlier: ParticleSet, later: ParticleSet) -> _Sums:
     """Return the kernel between rows of one label, and its sums."""
     # A target's class never changes, so groups by (label, class) are smaller and faster to search.
     modes = kernel.modes

@@ -51,9 +51,9 @@ def thin(
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return the pairs, with long rows replaced by a systematic selection of their pairs.
 
-    Given are the later row of each pair, ascending and with all of its pairs, the earlier row, the
-    kernel, and the weight of the earlier row. At most `MAX_PAIRS_PER_ROW` pairs per row are kept;
-    each row keeps its sum of value times weight.
+    `row` has the later row of each pair, ascending and with all of its pairs, `column` the earlier
+    row, `value` the kernel, and `weight` the weight of the earlier row. At most `MAX_PAIRS_PER_ROW`
+    pairs per row are kept; each row keeps its sum of value times weight.
     """
     if not (row[MAX_PAIRS_PER_ROW:] == row[:-MAX_PAIRS_PER_ROW]).any():  # mostly no row is long
         return row, column, value

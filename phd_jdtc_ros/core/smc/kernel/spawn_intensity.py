@@ -28,8 +28,9 @@ def spawn_intensity(
 ) -> FloatArray:
     """Return sum_s w(s) beta(q | s) for every later row, shape (N_{t+1},).
 
-    Given are the intensity `mu` of survivors and births at these rows, the noise-free successors of
-    the earlier rows, and the largest search radius, in standard deviations of the spawned state.
+    `mu` is the intensity of survivors and births at these rows, `successor` has the noise-free
+    successors of the earlier rows, and `gate` is the largest search radius, in standard deviations
+    of the spawned state.
 
     The search radius r of a row is chosen so that the spawned intensity beyond it is a small share
     of `mu`. That intensity is bounded as if all mass within the gate were at the distance r.

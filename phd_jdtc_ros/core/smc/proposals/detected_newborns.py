@@ -105,8 +105,8 @@ def _draw(
 ) -> tuple[FloatArray, FloatArray]:
     """Draw velocities from a mixture; return also the ratio of prior to mixture density.
 
-    Given are the velocities that lead each particle to each detection, (J, n, 2), and the Cholesky
-    factors of the velocities' covariances about these.
+    `leads` has the velocities that lead each particle to each detection, (J, n, 2), and `spreads`
+    the Cholesky factors of the velocities' covariances about these.
     """
     count, size = leads.shape[:2]
     share = (1.0 - PRIOR_SHARE) / count

@@ -39,7 +39,7 @@ LEAST_DENSITY = -1e300
 
 
 class Gaussians(NamedTuple):
-    """Weights, means and covariances of N rows by motion mode, as of `Mixture`."""
+    """Weights, means and covariances of N rows by motion mode, as in `Mixture`."""
 
     weight: Float3
     mean: Float3
@@ -166,7 +166,8 @@ def _write_fit(
 ) -> None:
     """Write how well the mean of each later mode, (R, D), fits the predictions of active pairs.
 
-    A normal density, divided by the largest of the pairs of the later mode; 1 for a single pair.
+    The fit is a normal density, divided by the largest of all pairs with the same later mode; that
+    of a single pair is 1.
     """
     fit, several = scratch.fit, False
     for one in range(len(active)):
@@ -222,7 +223,10 @@ def _blend(
     mean: FloatArray,
     spread: FloatArray,
 ) -> None:
-    """Add a share of a mode's own Gaussian, that of a target that dies, to the one given later."""
+    """Blend the Gaussian of a surviving target, in place, with that of a dying one, `own`.
+
+    `share` is the weight of the latter.
+    """
     between, (x, vx, y, vy, omega) = share * (1.0 - share), difference(own, mean)
     for i in range(SIZE):
         before, total, outer = own_spread[i], spread[i], between * (own[i] - mean[i])
@@ -249,7 +253,7 @@ def _active(
     part: int,
     scratch: _Scratch,
 ) -> IntArray:
-    """Return the pairs of a row that have weight; write their joint weights, given later modes.
+    """Return the pairs of a row that have weight, and write their joint weights given later modes.
 
     `prior` are the row's weights, (R, C), and the probabilities of its pairs, (K,).
     """
@@ -328,7 +332,7 @@ def _write_row(
 def _add_deaths(
     death: float, survival: FloatArray, own: Gaussians, at: int, smoothed: Gaussians
 ) -> None:
-    """Add to a row the targets of it that die; `death` is the factor on their weight.
+    """Add the share of a row that dies before the later scan; `death` is the factor on its weight.
 
     A Gaussian that has no weight is left as it is.
     """
