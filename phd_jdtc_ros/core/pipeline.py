@@ -206,7 +206,7 @@ class Pipeline:
     ) -> list[Slice] | Rejection:
         """Recut the turns of a radar with an out-of-sequence report; no slice is left pending."""
         turns, history = self._turns[radar], self._sensors[radar].history
-        later = history.later(stamp_ns)
+        later = history.count_later(stamp_ns)
         if isinstance(later, Rejection):
             return later
         since_ns, closed_ns = self._out_of_sequence.since_ns(), self._grouper.closed_ns

@@ -105,7 +105,7 @@ def update(
     It is linearised at most `iterations` times; once is the plain extended Kalman filter.
     """
     state = prior.mean[None], prior.covariance[None]
-    found = kalman.iterated_update(
+    found = kalman.innovations(
         *state,
         radar,
         measurement[None],

@@ -58,7 +58,7 @@ class TurnHistory:
             self._records.append(_Record(stamp_ns, detections, sector, before, slices))
         return slices
 
-    def later(self, stamp_ns: int) -> int | Rejection:
+    def count_later(self, stamp_ns: int) -> int | Rejection:
         """Return the number of reports after an out-of-sequence one, or why it cannot be inserted.
 
         It cannot if it is a duplicate, or older than all that are kept.
@@ -71,7 +71,7 @@ class TurnHistory:
         return Rejection.LATE if last_ns is None or last_ns >= stamp_ns else len(later)
 
     def insert(self, stamp_ns: int, detections: Detections, sector: int | None) -> Recut:
-        """Insert an out-of-sequence report that `later` accepts, and cut all later ones again."""
+        """Insert a report that `count_later` accepts, and cut all later ones again."""
         index = self._index(stamp_ns)
         later = self._records[index:]
         del self._records[index:]

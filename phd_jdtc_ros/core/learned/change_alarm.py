@@ -24,8 +24,8 @@ BLIND, SHARED = 0.15, 0.6
 RAISED, MOST = 12.0, 24.0
 # Bounds of the learned factors accepted in a snapshot.
 LEAST_FACTOR, MOST_FACTOR = 1e-4, 1e4
-# Number of expected detections, of the sensor and of a sector, from which later detections are
-# compared with the learned value; the first is also the number of innovations.
+# Number of expected detections, of the sensor and of a sector, after which detections are compared
+# with the learned value. `SETTLED` is also the number of innovations after which the noise is.
 SETTLED, SETTLED_SECTOR = 50.0, 20.0
 
 
@@ -46,10 +46,11 @@ class ChangeAlarm(ReadOnly):
     """Evidence of changes of a sensor, as cumulative sums (CUSUM).
 
     E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954: each sum is of the log
-    likelihood ratios of the changed and the learned value, and is kept at zero or above. The
-    learned value of the noise and of a sector is that of the time when the sum was last zero,
-    because later values follow the change. After an alarm it is the present one, so that the alarm
-    ends when that has followed; that of the sensor as a whole is always the present one.
+    likelihood ratios of the changed and the learned value, and is kept at zero or above. For the
+    noise and for a sector, the learned value is the one at the time when the sum was last zero,
+    because later values follow the change. After an alarm it is the present value, so that the
+    alarm ends once this has followed the change. For the sensor as a whole it is always the present
+    value.
     """
 
     # Evidence of fewer detections by the sensor as a whole, and of almost none in each sector of
@@ -124,10 +125,10 @@ class ChangeAlarm(ReadOnly):
 
 
 def _before(evidence: FloatArray, learned: FloatArray, before: FloatArray | None) -> FloatArray:
-    """Return the learned values, (K,), from before the evidence on each began, given it, (E,).
+    """Return the learned values, (K,), as they were before the evidence of changes, (E,), began.
 
-    The values are E columns of K / E rows. A learned value follows a change at once, and evidence
-    that is compared with it would become less while it is collected.
+    The values are E columns of K / E rows. A learned value follows a change at once; in comparison
+    with the present one, evidence would shrink while it is collected.
     """
     if before is None:
         return learned

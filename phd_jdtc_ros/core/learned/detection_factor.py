@@ -17,8 +17,8 @@ from .prior import RatioPrior
 # Number of cells in range, in equal parts of the largest range, and in azimuth.
 RANGES, AZIMUTHS = 8, 8
 CELLS = RANGES * AZIMUTHS
-# Weight of the configured probability, in expected detections, so that the first looks do not count
-# alone.
+# Weight of the configured probability, in expected detections, so that the first looks alone do not
+# determine the factor.
 PRIOR_WEIGHT = 4.0
 # Priors of the sensor's probability relative to the configured one, and of a cell's relative to the
 # sensor's. That of cells is stricter, because some of many cells differ by chance, and a

@@ -49,7 +49,7 @@ class LearnedSensor(ReadOnly):
     antenna_pass: AntennaPass | None = None  # Latest sectors of a turning antenna
 
     def applied_to(self, sensor: Sensor) -> Sensor:
-        """Return the configured sensor with the learned values that it does not know."""
+        """Return the configured sensor with learned values for what is not configured."""
         law = self.clutter_law if isinstance(sensor.clutter_amplitude, Learned) else None
         if law is not None and law.threshold != sensor.threshold:
             law = Learned(sensor.threshold, law.count)

@@ -50,7 +50,7 @@ def partition_swept(
     sizes = [extent.label.size for extent in extents]
     age_s = (scan.stamp_ns - np.array([rows.entry.stamp_ns for rows in unswept])) * 1e-9
     x = space.position[0]
-    # The deviation that any motion adds, both axes.
+    # Largest standard deviation that a motion adds, over both axes.
     noise_std = np.sqrt(2.0 * model.modes.noise(age_s)[:, :, x, x].max(axis=1))
     dt, spread = np.array([age_s, noise_std]).repeat(sizes, axis=1)
     moments = np.concatenate([extent.moments for extent in extents])

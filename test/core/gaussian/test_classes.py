@@ -31,7 +31,7 @@ def classes(given=None, names=("weak", "strong")):
 
 @pytest.fixture
 def all_iterations(monkeypatch):
-    monkeypatch.setattr(kalman, "iterated_update", partial(kalman.iterated_update, converged=0.0))
+    monkeypatch.setattr(kalman, "innovations", partial(kalman.innovations, converged=0.0))
 
 
 def amplitudes(decibels, rng, count, threshold):

@@ -50,7 +50,7 @@ def clutter_density(radar):
 def _nothing_left_out(monkeypatch):
     """Let every update take all its iterations, and look at all pairs within the gates."""
     monkeypatch.setattr(pairs, "LEAST_SHARE", 1e-12)
-    monkeypatch.setattr(kalman, "iterated_update", partial(kalman.iterated_update, converged=0.0))
+    monkeypatch.setattr(kalman, "innovations", partial(kalman.innovations, converged=0.0))
 
 
 def near(radar, mean, rng, count=1, spread=1.0):

@@ -246,7 +246,7 @@ def test_clutter_is_told_of_rest_at_even_odds_where_targets_are_born():
 
 
 def test_every_mode_is_updated_with_the_detection_of_its_hypothesis(monkeypatch):
-    monkeypatch.setattr(kalman, "iterated_update", partial(kalman.iterated_update, converged=0.0))
+    monkeypatch.setattr(kalman, "innovations", partial(kalman.innovations, converged=0.0))
     config = lone(
         {**TWO_MOTIONS, **UNREDUCED, "radar.clutter_rate": 3.0, "radar.detection_probability": 0.8}
     )

@@ -47,7 +47,7 @@ SIZES = (1, 2, 3)
 def _nothing_left_out(monkeypatch):
     """Let every update take all its iterations, and look at all pairs within the gates."""
     monkeypatch.setattr(pairs, "LEAST_SHARE", 0.0)
-    monkeypatch.setattr(kalman, "iterated_update", partial(kalman.iterated_update, converged=0.0))
+    monkeypatch.setattr(kalman, "innovations", partial(kalman.innovations, converged=0.0))
 
 
 def hypotheses(dynamics, targets, rng):

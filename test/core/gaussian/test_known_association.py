@@ -31,7 +31,7 @@ OTHER = {
 @pytest.fixture
 def all_iterations(monkeypatch):
     """Let every update take all its iterations, so that it can be compared to the last digit."""
-    monkeypatch.setattr(kalman, "iterated_update", partial(kalman.iterated_update, converged=0.0))
+    monkeypatch.setattr(kalman, "innovations", partial(kalman.innovations, converged=0.0))
 
 
 def plots(config, seconds, time_s, turn_rate=0.0, seed=0):

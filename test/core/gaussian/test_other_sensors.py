@@ -46,7 +46,7 @@ def smoothed(engine):
 
 @pytest.mark.parametrize("timed", [False, True], ids=["at the stamp", "at their own times"])
 def test_linearised_radar_gives_the_mixtures_of_the_compiled_one(monkeypatch, timed):
-    monkeypatch.setattr(kalman, "iterated_update", partial(kalman.iterated_update, converged=0.0))
+    monkeypatch.setattr(kalman, "innovations", partial(kalman.innovations, converged=0.0))
     config = lone({**TWO_MOTIONS, "radar.clutter_rate": 3.0})
     (radar,) = config.model.radars
     columns = {each.name: getattr(radar, each.name) for each in fields(radar)}
@@ -94,7 +94,7 @@ def test_correlated_errors_of_positions_update_as_in_a_kalman_filter():
     np.testing.assert_allclose(sensor.noise_covariance_of(seen), noise[None])
     np.testing.assert_allclose(PlanePlots.of(measured[None], noise[None]).covariance, noise[None])
     prior = mean[None], covariance[None]
-    found = kalman.iterated_update(*prior, sensor, measured[None], std, correlation=correlation)
+    found = kalman.innovations(*prior, sensor, measured[None], std, correlation=correlation)
     total = place @ covariance @ place.T + noise
     gain = covariance @ place.T @ np.linalg.inv(total)
     later = kalman.updated(*prior, sensor, found, None)

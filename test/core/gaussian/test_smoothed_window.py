@@ -19,7 +19,7 @@ EVEN = 6.0 * np.arange(1, 8)
 @pytest.fixture(autouse=True)
 def _all_iterations(monkeypatch):
     """Let every update take all its iterations, so that it can be compared to the last digit."""
-    monkeypatch.setattr(kalman, "iterated_update", partial(kalman.iterated_update, converged=0.0))
+    monkeypatch.setattr(kalman, "innovations", partial(kalman.innovations, converged=0.0))
 
 
 def smoothed(engine):

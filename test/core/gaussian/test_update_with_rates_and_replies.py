@@ -115,9 +115,7 @@ def evidence_of(config, mixture, detections):
     for row, z in np.ndindex(found.shape):
         one = mixture.mean[row], mixture.covariance[row]
         own = np.array([z])
-        told = kalman.iterated_update(
-            *one, radar, detections.measurement[own], radar.noise_std[None]
-        )
+        told = kalman.innovations(*one, radar, detections.measurement[own], radar.noise_std[None])
         found[row, z] = told.log_likelihood[0]
         if rates is not None:
             later = kalman.updated(*one, radar, told)
@@ -130,7 +128,7 @@ def evidence_of(config, mixture, detections):
 @pytest.mark.parametrize("rated", [False, True], ids=["no rates", "rates"])
 @pytest.mark.parametrize("seed", range(3))
 def test_weights_are_those_of_all_events_with_rates_and_replies(rated, replies, seed, monkeypatch):
-    monkeypatch.setattr(kalman, "iterated_update", partial(kalman.iterated_update, converged=0.0))
+    monkeypatch.setattr(kalman, "innovations", partial(kalman.innovations, converged=0.0))
     rng = np.random.default_rng(seed)
     config = lone({**GIVEN, **(RATED if rated else {})})
     (radar,) = config.model.radars
@@ -178,7 +176,7 @@ def test_hypothesis_with_a_detection_is_where_that_puts_its_gaussian(rated):
     )
     place = radar.measure(mixture.mean[1]) + np.array([100.0, 0.02])
     seen = Detections(place, None, range_rate=radar.range_rate_of(mixture.mean[1]) + 10.0)
-    told = kalman.iterated_update(
+    told = kalman.innovations(
         mixture.mean[1], mixture.covariance[1], radar, place, radar.noise_std[None]
     )
     mean, covariance = kalman.updated(mixture.mean[1], mixture.covariance[1], radar, told)

@@ -24,7 +24,7 @@ def test_a_late_report_and_those_after_it_become_what_they_would_have_been(rotat
     told, _, wanted = fed(REPORTS, rotation_s)
     turns, history, _ = fed([*REPORTS[:late], *REPORTS[late + 1 :]], rotation_s)
     sent = REPORTS[late]
-    assert history.later(sent.stamp_ns) == len(REPORTS) - late - 1
+    assert history.count_later(sent.stamp_ns) == len(REPORTS) - late - 1
     found = history.insert(sent.stamp_ns, sent.detections, None)
     expected = [piece for pieces in wanted[late:] for piece in pieces]
     assert [stamp_ns for stamp_ns, _ in found.slices] == [stamp_ns for stamp_ns, _ in expected]
@@ -42,8 +42,8 @@ def test_what_a_late_report_takes_the_place_of_is_named_by_its_first_stamps():
 
 def test_a_report_that_comes_once_more_or_before_all_has_no_place():
     _, history, _ = fed(REPORTS[1:], 4.0)
-    assert history.later(REPORTS[5].stamp_ns) is Rejection.DUPLICATE
-    assert history.later(REPORTS[0].stamp_ns) is Rejection.LATE
+    assert history.count_later(REPORTS[5].stamp_ns) is Rejection.DUPLICATE
+    assert history.count_later(REPORTS[0].stamp_ns) is Rejection.LATE
     history.forget_before(REPORTS[20].stamp_ns)
-    assert history.later(REPORTS[20].stamp_ns - 1) is Rejection.LATE
-    assert history.later(REPORTS[20].stamp_ns + 1) == len(REPORTS) - 21
+    assert history.count_later(REPORTS[20].stamp_ns - 1) is Rejection.LATE
+    assert history.count_later(REPORTS[20].stamp_ns + 1) == len(REPORTS) - 21

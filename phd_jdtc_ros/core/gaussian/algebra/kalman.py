@@ -32,7 +32,7 @@ def predicted_covariance(
     covariance: FloatArray, transition: FloatArray, noise: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return F P F' + Q, and the covariance P F' of the earlier and the later state."""
-    cross = covariance @ _turned(transition)
+    cross = covariance @ _transposed(transition)
     later = transition @ cross
     later += noise
     return symmetric(later), cross
@@ -82,7 +82,7 @@ def _innovations(
     noise_std: Float2,
     time_s: Float1,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the columns of `Innovation`; for the parameters see `iterated_update`.
+    """Return the columns of `Innovation`; for the parameters see `innovations`.
 
     `axes` are those of the position and the velocity; `pose` is the radar's position, and the
     cosine and the sine of its yaw. `expected` is empty if it is unknown.
@@ -144,7 +144,7 @@ def _innovations(
     return jacobian, weighted, inverse, log_likelihood
 
 
-def iterated_update(
+def innovations(
     mean: FloatArray,
     covariance: FloatArray,
     sensor: Sensor,
@@ -292,12 +292,12 @@ def updated(
     innovation : Innovation
         P innovations.
     time_s : array of shape (P,) or None
-        See `iterated_update`.
+        See `innovations`.
     pairs : tuple of two int arrays of shape (K,), or None
         Gaussian and innovation of each result; an innovation of -1 leaves the Gaussian as it is.
         None if they pair row by row.
     modes : int
-        See `iterated_update`.
+        See `innovations`.
     """
     if pairs is None:
         pairs = (np.arange(len(mean)),) * 2
@@ -362,7 +362,7 @@ def _floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
     correlation = covariance / scale
     correlation[..., axes, axes] += ~used
     values, vectors = np.linalg.eigh(correlation)
-    raised = (vectors * np.maximum(values, LEAST_EIGENVALUE)[..., None, :]) @ _turned(vectors)
+    raised = (vectors * np.maximum(values, LEAST_EIGENVALUE)[..., None, :]) @ _transposed(vectors)
     raised *= scale * used[..., None] * used[..., None, :]
     low = np.asarray((values < LEAST_EIGENVALUE).any(axis=-1))
     sound: FloatArray = np.where(low[..., None, None], symmetric(raised), covariance)
@@ -371,10 +371,10 @@ def _floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
 
 def symmetric(matrix: FloatArray) -> FloatArray:
     """Return the symmetric part."""
-    part: FloatArray = 0.5 * (matrix + _turned(matrix))
+    part: FloatArray = 0.5 * (matrix + _transposed(matrix))
     return part
 
 
-def _turned(matrix: FloatArray) -> FloatArray:
-    turned: FloatArray = matrix.swapaxes(-1, -2)
-    return turned
+def _transposed(matrix: FloatArray) -> FloatArray:
+    transposed: FloatArray = matrix.swapaxes(-1, -2)
+    return transposed

@@ -86,7 +86,7 @@ def innovations(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the columns of `kalman.Innovation` in the place of measurements of the position.
 
-    The parameters are those of `kalman.iterated_update`, for N pairs, each with its own noise. A
+    The parameters are those of `kalman.innovations`, for N pairs, each with its own noise. A
     step has converged if it moves the measurement by less than a share `converged` of its standard
     deviation.
 

@@ -79,7 +79,7 @@ def iterated_update(
     detections, sensor, rates = report.detections, report.sensor, report.range_rates
     modes, size = mixture.mean.shape[1:]
     mean, covariance = mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size)
-    innovation = kalman.iterated_update(
+    innovation = kalman.innovations(
         *(mean, covariance, sensor, detections.measurement, report.detection_std),
         detections.time_s,
         pairs=(row, column),

@@ -17,7 +17,7 @@ COVARIANCE = 0.5 * (COVARIANCE + COVARIANCE.T)
 def found(measurement, outliers):
     """Return the log likelihood, and the updated mean and covariance, of one linearisation."""
     prior = MEAN[None], COVARIANCE[None]
-    usual = kalman.iterated_update(*prior, RADAR, measurement, RADAR.noise_std, iterations=1)
+    usual = kalman.innovations(*prior, RADAR, measurement, RADAR.noise_std, iterations=1)
     noise = np.broadcast_to(RADAR.noise_std, measurement.shape)
     mixed = heavy_tails.mixed(usual, outliers, noise, np.zeros(1, dtype=np.int64))
     mean, covariance = kalman.updated(*prior, RADAR, mixed)
@@ -69,7 +69,7 @@ def test_outliers_of_the_usual_noise_change_nothing():
 
 def test_a_gaussian_outside_its_gate_stays_impossible():
     measurement = RADAR.measure(MEAN[None])
-    usual = kalman.iterated_update(
+    usual = kalman.innovations(
         *(MEAN[None], COVARIANCE[None], RADAR, measurement, RADAR.noise_std),
         pairs=(np.array([-1]), np.array([0])),
     )

@@ -16,7 +16,7 @@ def priors(rng, count):
 
 def updated(mean, covariance, measurement, time_s=None, **more):
     noise = np.broadcast_to(RADAR.noise_std, measurement.shape).copy()
-    found = kalman.iterated_update(mean, covariance, RADAR, measurement, noise, time_s, **more)
+    found = kalman.innovations(mean, covariance, RADAR, measurement, noise, time_s, **more)
     return found, *kalman.updated(mean, covariance, RADAR, found, time_s)
 
 
@@ -104,13 +104,13 @@ def test_pairs_of_gaussians_and_measurements_are_those_of_each_alone():
     measurement = RADAR.measure(mean[:2]) + rng.normal(0.0, 1.0, (2, 2)) * RADAR.noise_std
     gaussian, column = np.array([2, -1, 0, 2]), np.array([1, 0, 0, 0])
     paired = (gaussian, column)
-    found = kalman.iterated_update(
+    found = kalman.innovations(
         mean, covariance, RADAR, measurement, RADAR.noise_std, None, pairs=paired
     )
     some = gaussian >= 0
     noise = np.tile(RADAR.noise_std, (some.sum(), 1))
     rows = gaussian[some]
-    alone = kalman.iterated_update(
+    alone = kalman.innovations(
         mean[rows], covariance[rows], RADAR, measurement[column[some]], noise
     )
     for part, expected in zip(found, alone, strict=True):

@@ -73,7 +73,7 @@ def test_pairs_are_where_each_detection_puts_what_flew_straight_until_then(times
         fly[[0, 2], [1, 3]] = 0.0 if times is None else times[z[0]]
         then = fly @ before.mean[row, mode], fly @ before.covariance[row, mode] @ fly.T
         then = then[0][None], then[1][None]
-        alone = kalman.iterated_update(*then, RADAR, seen.measurement[z], usual[z])
+        alone = kalman.innovations(*then, RADAR, seen.measurement[z], usual[z])
         log_likelihood = alone.log_likelihood[0]
         then = kalman.updated(*then, RADAR, alone)
         if rated:
