@@ -103,8 +103,8 @@ def compare(
 ) -> HeightUpdate:
     """Return the likelihoods of the heights measured in edges, and the updated heights.
 
-    `prior` is at the scan's stamp. For each edge, (E,), given are the row of its target in `prior`,
-    the height in metres, NaN where it is unknown, and the time after the stamp, seconds.
+    `prior` is at the scan's stamp. Each edge, (E,), has the row of its target in `prior`, the
+    height in metres, NaN where it is unknown, and the time `since` the stamp, seconds.
     """
     before = prior.take(target)
     given = np.isfinite(height)

@@ -41,9 +41,9 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
         """Predict, update with every radar and reduce; see `ForwardFilter.step`."""
         dynamics, index = self.dynamics, self._scan_index
         dt = self._interval(scan)
-        touched, others = partition_swept(self.unswept, scan, self.model, labelled=True)
+        swept, others = partition_swept(self.unswept, scan, self.model, labelled=True)
         earlier = [
-            Aged(rows.stored, self._since(rows.entry.stamp_ns, scan.stamp_ns)) for rows in touched
+            Aged(rows.stored, self._since(rows.entry.stamp_ns, scan.stamp_ns)) for rows in swept
         ]
         parts, moves = [], None
         if earlier:
@@ -65,6 +65,6 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
         stored, ancestry, self.floored = reduce_hypotheses(found.rows, self.bounds)
         self.on_stage_end("reduce")
         link = Link(moves, ancestry) if linked and moves is not None else None
-        entry = Entry(scan.stamp_ns, stored, tuple(rows.source for rows in touched), link)
+        entry = Entry(scan.stamp_ns, stored, tuple(rows.source for rows in swept), link)
         self._keep(entry, others)
         return Filtered(stored, entry)

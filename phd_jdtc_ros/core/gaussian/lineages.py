@@ -386,8 +386,9 @@ class Lineages:
     def smoothed(self, stamp_ns: int) -> Mixture:
         """Return the smoothed hypotheses of an entry."""
         place = self._places[stamp_ns]
-        columns = (column[place.rows].copy() for column in self._gaussians.columns[3:])
-        return place.stored.with_gaussians(*columns)
+        columns = self._gaussians.columns[3:]
+        weight, mean, covariance = (column[place.rows].copy() for column in columns)
+        return place.stored.changed(weight=weight, mean=mean, covariance=covariance)
 
     def around(self, stamp_ns: int) -> Around:
         """Return the updates around a stamp."""

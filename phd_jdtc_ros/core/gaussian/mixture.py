@@ -152,12 +152,6 @@ class Mixture(ReadOnly):
             snr=self.snr.take(rows, axis=0),
         )
 
-    def with_gaussians(
-        self, weight: FloatArray, mean: FloatArray, covariance: FloatArray
-    ) -> Mixture:
-        """Return these hypotheses with their weights and Gaussians replaced."""
-        return self.changed(weight=weight, mean=mean, covariance=covariance)
-
     def class_mass(
         self, class_of: IntArray, classes: int, rows: IntArray | None = None
     ) -> FloatArray:

@@ -34,8 +34,8 @@ from .measurement.newborn import newborn_mixture
 from .measurement.noise import noise_evidence
 from .measurement.pairs import Association, PairLikelihoods, associate, likely, sum_modes
 from .mixture import Mixture
+from .reacquisition import with_reacquired
 from .reduction import Branched
-from .strays import with_reacquired
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ class PriorMixture:
         return slower(self.mixture, bound, self.steps.model.modes.space)
 
     def with_reacquired(self, out_of_gate: OutOfGate) -> PriorMixture:
-        """Return the prior with hypotheses of lost targets; see `strays.with_reacquired`."""
+        """Return the prior with hypotheses of lost targets; see `reacquisition.with_reacquired`."""
         rows = Branched(self.mixture, self.parent)
         return self.steps.prior(with_reacquired(rows, out_of_gate, self.steps.model), self.report)
 

@@ -40,7 +40,7 @@ def limit_detections(report: Report, predicted: FloatArray, mass: FloatArray) ->
         return report
     # The rate is per whole turn, of which the report may cover a part; an unknown part counts as
     # the whole turn.
-    part = 1.0 if detections.coverage is None else detections.coverage.turns or 1.0
+    part = report.part_of_turn or 1.0
     targets = float(mass.sum())
     explained = targets + sensor.clutter_rate * part + EXPLAINED_SIGMA * np.sqrt(size)
     most = MAX_DETECTIONS if size <= explained else MAX_UNEXPLAINED

@@ -1,8 +1,8 @@
 """Systematic resampling within groups (Sec. IV-C, Step 3), to unique particles with a multiplicity.
 
 `fit_to_budget` returns the particles per target and the minimum per group that keep the whole set
-within its budget. `allocate` returns the number of copies of each group, `systematic` and `comb`
-return the number of copies of each particle.
+within its budget. `allocate` returns the number of copies of each group, and `systematic` and
+`comb` that of each particle.
 
 Deviation from Sec. IV-C, Step 3: groups are (class, label) and not classes alone. Targets with
 more mass thus take no particles from a target that was just missed.

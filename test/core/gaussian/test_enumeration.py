@@ -260,7 +260,7 @@ def test_target_whose_motions_go_on_apart_is_the_sum_over_all_their_changes(empt
     scans = measured_scans(radar, seconds, rng, empty)
     engine = new_engine(config)
     both = mixture_of(engine.forward.dynamics, [(0.8, MEAN, STD)]).take(np.array([0, 0]))
-    apart = both.with_gaussians(both.weight * np.eye(2)[:, :, None], both.mean, both.covariance)
+    apart = both.changed(weight=both.weight * np.eye(2)[:, :, None])
     engine.forward.start_from(START_NS, apart)
     filtered = [
         engine.step(scan_at(*told)).filtered[0] for told in zip(seconds, scans, strict=True)

@@ -107,7 +107,7 @@ def test_extraction_reports_the_majority_class_of_targets_above_the_threshold():
     weight[0, [0, 1], 0], weight[0, 2, 1] = [0.1, 0.2], 0.6
     mean = np.array(mixture.mean)
     mean[0, :2, 0] += 1e3
-    changed = mixture.with_gaussians(weight, mean, mixture.covariance)
+    changed = mixture.changed(weight=weight, mean=mean)
     found = extract(changed, dynamics, 7, 2, 0.5)
     assert found.track_id.tolist() == [1, 3]
     assert (found.stamp_ns, found.lag) == (7, 2)

@@ -132,9 +132,7 @@ def test_hypotheses_without_weight_change_nothing():
     dynamics, (radar,) = Dynamics(config.model), config.model.radars
     one = mixture_of(dynamics, [(0.6, MEAN, STD)])
     nil = one.take(np.array([0, 0, 0]))
-    nil = nil.with_gaussians(
-        nil.weight * np.array([0.0, 1.0, 0.0])[:, None, None], nil.mean, nil.covariance
-    )
+    nil = nil.changed(weight=nil.weight * np.array([0.0, 1.0, 0.0])[:, None, None])
     report = Detections(radar.measure(MEAN[None]), None)
     expected, _ = updated(config, one, report)
     found, _ = updated(config, nil, report)
@@ -255,7 +253,7 @@ def test_every_mode_is_updated_with_the_detection_of_its_hypothesis(monkeypatch)
     mean, covariance = alike.mean.copy(), alike.covariance.copy()
     mean[0, 1, [0, 2]] += [150.0, -90.0]
     covariance[0, 1] *= 0.5
-    mixture = alike.with_gaussians(alike.weight, mean, covariance)
+    mixture = alike.changed(mean=mean, covariance=covariance)
     place = radar.measure(MEAN[None]) + np.array([[100.0, 0.01], [-150.0, 0.0]])
     both, _ = updated(config, mixture, Detections(place, None))
     assert len(both.mixture) == 3

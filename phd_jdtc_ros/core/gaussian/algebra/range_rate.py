@@ -12,14 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import FloatArray, IntArray
+from ...arrays import FloatArray
 from ...sensors.polar_geometry import MIN_RANGE
 from ...sensors.range_rate import RangeRateModel, Rates
 from ...sensors.sensor import Sensor
 from . import kalman
 
 
-class Rated(NamedTuple):
+class RateUpdate(NamedTuple):
     """Gaussians after their range rates."""
 
     mean: FloatArray  # (N, D)
@@ -28,10 +28,6 @@ class Rated(NamedTuple):
     log_likelihood: FloatArray
     innovation: FloatArray  # In the nearest fold, metres per second, (N,); 0 where there is none
     variance: FloatArray  # Variance of the innovation, (N,)
-
-    def take(self, rows: IntArray) -> Rated:
-        """Return the Gaussians of these rows."""
-        return Rated(*(part[rows] for part in self))
 
 
 class Expected(NamedTuple):
@@ -94,7 +90,7 @@ def update_rates(
     sensor: Sensor,
     measured: Rates,
     time_s: FloatArray | None = None,
-) -> Rated:
+) -> RateUpdate:
     """Return Gaussians updated with one range rate each; without one they are unchanged.
 
     Parameters
@@ -109,14 +105,16 @@ def update_rates(
     return updated(mean, covariance, expected_rates(mean, covariance, sensor, time_s), measured)
 
 
-def updated(mean: FloatArray, covariance: FloatArray, found: Expected, measured: Rates) -> Rated:
+def updated(
+    mean: FloatArray, covariance: FloatArray, expected: Expected, measured: Rates
+) -> RateUpdate:
     """Return Gaussians updated with one range rate each, given the expected ones.
 
     Parameters
     ----------
     mean, covariance : arrays of shape (N, D) and (N, D, D)
         At the scan's stamp, updated with range and azimuth.
-    found : Expected
+    expected : Expected
         Expected range rates of these Gaussians.
     measured : Rates
         N range rates; Gaussians without one are unchanged.
@@ -127,10 +125,10 @@ def updated(mean: FloatArray, covariance: FloatArray, found: Expected, measured:
     `RangeRateModel.fold`.
     """
     known = np.isfinite(measured.rate)
-    error = np.where(known, measured.rate - found.rate, 0.0)
-    total = found.variance + measured.std**2
+    error = np.where(known, measured.rate - expected.rate, 0.0)
+    total = expected.variance + measured.std**2
     innovation, spread, log_density = measured.model.fold(error, total)
-    gain = found.cross / total[:, None]
+    gain = expected.cross / total[:, None]
     left = np.where(known, total - spread, 0.0)
     later = mean + np.where(known, innovation, 0.0)[:, None] * gain
     taken = left[:, None, None] * gain[:, :, None] * gain[:, None, :]
@@ -139,7 +137,7 @@ def updated(mean: FloatArray, covariance: FloatArray, found: Expected, measured:
     least = kalman.LEAST_VARIANCE * covariance[:, axes, axes]
     spread_after[:, axes, axes] = np.maximum(spread_after[:, axes, axes], least)
     log_likelihood = np.where(known, log_density, 0.0)
-    return Rated(later, spread_after, log_likelihood, measured.model.wrap(error), total)
+    return RateUpdate(later, spread_after, log_likelihood, measured.model.wrap(error), total)
 
 
 def folds_of(measured: Rates, rate: FloatArray, reach: float) -> FloatArray:

@@ -20,7 +20,7 @@ class PairUpdate(NamedTuple):
     # `innovation`, or that of the mixture of usual noise and outliers; see `heavy_tails.mixed`.
     matched: kalman.Innovation
     # The Gaussians updated with range rates; None if the report has none.
-    rated: range_rate.Rated | None
+    rate_update: range_rate.RateUpdate | None
     row: IntArray  # Hypothesis of each pair, (P,)
     column: IntArray  # Detection of each pair, (P,)
     report: Report
@@ -28,9 +28,9 @@ class PairUpdate(NamedTuple):
     @property
     def log_likelihood(self) -> FloatArray:
         """Log likelihood of the measurement, including any range rate, shape (P R,)."""
-        if self.rated is None:
+        if self.rate_update is None:
             return self.matched.log_likelihood
-        return self.matched.log_likelihood + self.rated.log_likelihood
+        return self.matched.log_likelihood + self.rate_update.log_likelihood
 
     def updated(
         self, mixture: Mixture, row: IntArray, pair: IntArray
@@ -46,7 +46,7 @@ class PairUpdate(NamedTuple):
         """
         modes, size = mixture.mean.shape[1:]
         before = mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size)
-        if self.rated is None:
+        if self.rate_update is None:
             times = self.report.detections.time_s
             time_s = None if times is None else times[self.column].repeat(modes)
             mean, covariance = kalman.updated(
@@ -55,8 +55,8 @@ class PairUpdate(NamedTuple):
         else:
             gaussian, at = kalman.of_groups(row, modes), kalman.of_groups(pair, modes)
             mean, covariance = before[0][gaussian], before[1][gaussian]
-            mean[at >= 0] = self.rated.mean[at[at >= 0]]
-            covariance[at >= 0] = self.rated.covariance[at[at >= 0]]
+            mean[at >= 0] = self.rate_update.mean[at[at >= 0]]
+            covariance[at >= 0] = self.rate_update.covariance[at[at >= 0]]
         return mean.reshape(-1, modes, size), covariance.reshape(-1, modes, size, size)
 
 
@@ -92,13 +92,13 @@ def iterated_update(
     if sensor.outliers is not None and sensor.polar:
         each = column.repeat(modes)
         matched = heavy_tails.mixed(innovation, sensor.outliers, report.detection_std, each)
-    rated = None
+    rate_update = None
     if rates is not None:
         gaussian, each = kalman.of_groups(row, modes), column.repeat(modes)
         time_s = None if detections.time_s is None else detections.time_s[each]
         later = kalman.updated(mean[gaussian], covariance[gaussian], sensor, matched, time_s)
-        rated = range_rate.update_rates(*later, sensor, rates.take(each), time_s)
-    return PairUpdate(innovation, matched, rated, row, column, report)
+        rate_update = range_rate.update_rates(*later, sensor, rates.take(each), time_s)
+    return PairUpdate(innovation, matched, rate_update, row, column, report)
 
 
 def coarse_rates(

@@ -33,10 +33,6 @@ def newborn_mixture(newborn: Newborn, dynamics: Dynamics, label: int) -> Mixture
         J targets.
     label : int
         Label of the first target; the others follow.
-
-    Returns
-    -------
-    mixture : Mixture
     """
     row = np.arange(len(newborn))
     mean, covariance = _gaussians(newborn, dynamics)

@@ -46,12 +46,12 @@ def _rates(found: PairUpdate, modes: int) -> tuple[FloatArray, FloatArray]:
 
     A range rate updates a Gaussian after the position, so that its innovation has one dimension.
     """
-    report, rated = found.report, found.rated
+    report, rate_update = found.report, found.rate_update
     factor, rates = report.sensor.noise_factor, report.range_rates
-    if rated is None or rates is None or factor is None or not factor.learned[-1]:
+    if rate_update is None or rates is None or factor is None or not factor.learned[-1]:
         return np.zeros(0), np.zeros(0)
     own = report.sensors_own_rate_std(rates)[found.column].repeat(modes)
-    return rated.innovation**2 / rated.variance, own**2 / rated.variance
+    return rate_update.innovation**2 / rate_update.variance, own**2 / rate_update.variance
 
 
 @compiled

@@ -33,7 +33,7 @@ def mixture():
     mean = alike.mean + rng.normal(0.0, [300.0, 20.0, 300.0, 20.0, 0.0], alike.mean.shape)
     turn = np.eye(5) + 2.0 * np.eye(5, k=1) * [0.0, 1.0, 0.0, 1.0, 0.0]
     size = rng.uniform(0.5, 1.5, (*mean.shape[:2], 1, 1))
-    return alike.with_gaussians(alike.weight, mean, size * (turn @ alike.covariance @ turn.T))
+    return alike.changed(mean=mean, covariance=size * (turn @ alike.covariance @ turn.T))
 
 
 def report(times=None):

@@ -41,7 +41,7 @@ def target_at(place):
     mean = np.zeros(5)
     mean[[0, 2]] = RADAR.to_world(np.array([place]))[0]
     mixture = mixture_of(DYNAMICS, [(0.9, mean, STD)])
-    mixture = mixture.with_gaussians(mixture.weight, mixture.mean, (ROOT @ ROOT.T)[None, None])
+    mixture = mixture.changed(covariance=(ROOT @ ROOT.T)[None, None])
     return mean, mixture, Expected.of(mixture, RADAR)
 
 

@@ -20,14 +20,14 @@ def with_reacquired(predicted: Branched, lost: OutOfGate, model: TrackerModel) -
     inflates, and has the same parent. Its weight is negligible for detections without identities.
     """
     mixture = predicted.mixture
-    strayed, place = np.unique(lost.target, return_index=True)
+    target, place = np.unique(lost.target, return_index=True)
     order = np.lexsort((-mixture.mass, mixture.target))
-    row = order[np.searchsorted(mixture.target[order], strayed)]
+    row = order[np.searchsorted(mixture.target[order], target)]
     spread = _spread(lost.since_s[place], mixture.mean.shape[2], model)
     used = mixture.covariance[row][:, :, np.arange(len(spread[0])), np.arange(len(spread[0]))] > 0.0
     weight = mixture.weight.copy()
-    weight[np.isin(mixture.target, strayed)] *= 1.0 - PROBABILITY
-    share = PROBABILITY * mixture.existence[strayed] / np.maximum(mixture.mass[row], 1e-300)
+    weight[np.isin(mixture.target, target)] *= 1.0 - PROBABILITY
+    share = PROBABILITY * mixture.existence[target] / np.maximum(mixture.mass[row], 1e-300)
     added = Mixture(
         mixture.row_label[row],
         share[:, None, None] * mixture.weight[row],
@@ -36,9 +36,7 @@ def with_reacquired(predicted: Branched, lost: OutOfGate, model: TrackerModel) -
         mixture.snr[row],
     )
     return Branched(
-        Mixture.concatenate(
-            [mixture.with_gaussians(weight, mixture.mean, mixture.covariance), added]
-        ),
+        Mixture.concatenate([mixture.changed(weight=weight), added]),
         np.concatenate([predicted.parent, predicted.parent[row]]),
     )
 

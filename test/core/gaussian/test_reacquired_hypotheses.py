@@ -8,8 +8,8 @@ from lone import MEAN, STD, TWO_MOTIONS, lone, mixture_of
 from phd_jdtc_ros.core.attributes.uniqueness import OutOfGate
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
+from phd_jdtc_ros.core.gaussian.reacquisition import with_reacquired
 from phd_jdtc_ros.core.gaussian.reduction import Branched
-from phd_jdtc_ros.core.gaussian.strays import with_reacquired
 from phd_jdtc_ros.core.models.manoeuvre import ACCELERATION, OFFSET, PROBABILITY
 
 SINCE_S = 4.0
@@ -31,7 +31,7 @@ def lost(target, column, since_s):
     return OutOfGate(np.array(target), np.array(column), np.array(since_s))
 
 
-def test_stray_is_one_of_the_most_probable_hypothesis():
+def test_reacquired_hypothesis_is_one_of_the_most_probable_one():
     model, before = predicted()
     after = with_reacquired(before, lost([0], [3], [SINCE_S]), model)
     assert after.mixture.row_label.tolist() == [4, 4, 6, 4]
