@@ -176,6 +176,7 @@ class SensorMemory:
         label: IntArray,
         measured: FloatArray,
         before: FloatArray,
+        clutter: FloatArray,
         probability: FloatArray,
         detected: FloatArray,
         after: FloatArray,
@@ -184,9 +185,9 @@ class SensorMemory:
 
         The report is as `prepare` returns it. `measured` is the expected measurement of each
         target, (T, Z), `probability` its detection probability if it exists, and `detected` the
-        probability that it exists and was detected, (T,). `before` is the probability that it
-        exists and is no clutter before the report, and `after` its existence probability after it,
-        (T,).
+        probability that it exists and was detected, (T,). `before` is the existence probability
+        before the report, `clutter` the probability that the target is clutter if it exists, and
+        `after` the existence probability after the report, (T,).
         """
         factor, own = report.sensor.detection_factor, self._of(report.sensor)
         cell = np.zeros(len(label), dtype=np.int64)
@@ -195,7 +196,13 @@ class SensorMemory:
             self._set(report.sensor, own.changed(detection=factor))
         if factor is not None and report.complete:
             cell = factor.cell(report.sensor.polar_place(measured))
-            known = (before >= KNOWN_EXISTENCE) & (probability > LEAST_EXPECTED)
+            existence = before
+            if report.sensor.correlation is not None:
+                # A target that was known stays known in a run of misses, or the longest runs, which
+                # are frequent where misses are correlated, would not count.
+                existence = np.where(np.isin(label, self.trials.label), 1.0, before)
+            known = existence * (1.0 - clutter) >= KNOWN_EXISTENCE
+            known &= probability > LEAST_EXPECTED
             expected = np.where(known, probability / factor.by_cell[cell], 0.0)
             cell += self._index(report) * CELLS
         share = np.minimum(detected / np.maximum(after, np.finfo(float).tiny), 1.0)

@@ -45,16 +45,17 @@ def learn(
     # Probability that each target exists and was detected.
     detected = sum_by(target, posterior.pair_probability, len(label))
     if learns:
-        known = before
+        clutter = np.zeros(len(before))
         if report.sensor.clutter_map is not None and bound > 0.0:
             # Stationary targets are clutter, which may be detected less often than other targets.
             slow = sum_by(prior.target, prior.mass * prior.probability_slower(bound), len(before))
-            known = before * (1.0 - model.detection_births.stationary(slow / exists, bound))
+            clutter = model.detection_births.stationary(slow / exists, bound)
         memory.learn_detections(
             report,
             label,
             measured,
-            before=known,
+            before=before,
+            clutter=clutter,
             probability=probability,
             detected=detected,
             after=after,

@@ -29,8 +29,8 @@ def detectability(probability, correlation):
     return probability if correlation is None else f"{probability} correlated {given}"
 
 
-def radar_of(correlation):
-    return {**RADAR, "radar.detection_probability": detectability(DETECTION, correlation)}
+def radar_of(correlation, probability=DETECTION):
+    return {**RADAR, "radar.detection_probability": detectability(probability, correlation)}
 
 
 def existence_after(hits, correlation):
@@ -104,18 +104,21 @@ class Scene:
             self.scans.append(scan_at(number * INTERVAL_S, np.concatenate([noisy, false])))
             self.alive.append(self.there)
 
-    def config(self, correlation):
+    def config(self, *given):
         motion = {"cv.noise_density": 1e-6, "radar.clutter_rate": self.CLUTTER}
         motion["target.survival_probability"] = self.survival
-        return lone({**radar_of(correlation), **motion, "accuracy": "normal"})
+        return lone({**radar_of(*given), **motion, "accuracy": "normal"})
 
-    def engine(self, correlation):
+    def engine(self, *given):
         std = np.array([50.0, 1e-3, 50.0, 1e-3, 0.0])
-        return started(self.config(correlation), *((self.START, each, std) for each in self.mean))
+        return started(self.config(*given), *((self.START, each, std) for each in self.mean))
 
-    def existence(self, correlation):
-        """Return the existence of every target after every scan, and the last figures."""
-        engine, found = self.engine(correlation), []
+    def existence(self, *given):
+        """Return the existence of every target after every scan, and the last figures.
+
+        For what may be given see `radar_of`.
+        """
+        engine, found = self.engine(*given), []
         for scan in self.scans:
             figures = engine.step(scan).figures
             stored = engine.forward.unswept[-1].entry.stored
@@ -160,6 +163,14 @@ def test_correlation_is_found_and_existence_calibrated_with_it(long_scenes):
     normal = [(each[name] - CORRELATION) / each[f"{name}_std"] for each in found]
     assert np.sqrt(np.mean(np.square(normal))) < 2.0
     assert miscalibration(long_scenes, "auto") < 0.6 * miscalibration(long_scenes, None)
+
+
+def test_detection_probability_is_found_although_misses_go_together(long_scenes):
+    """Long runs of misses count, in which targets are improbable for a while."""
+    name, auto = "radar.detection_probability", f"auto {DETECTION}"
+    found = [scene.existence(CORRELATION, auto)[1] for scene in long_scenes]
+    normal = [(each[name] - DETECTION) / each[f"{name}_std"] for each in found]
+    assert np.sqrt(np.mean(np.square(normal))) < 2.5
 
 
 RADARS = ("radar_1", "radar_2")
