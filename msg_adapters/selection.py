@@ -114,7 +114,7 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         height=None if height is None else height[kept] - radar.datum,
         code=code,
         address=address,
-        kind=identities.read(columns.get("kind"), kept, identities.KINDS)[0],
+        sensor_type=identities.read(columns.get("kind"), kept, identities.KINDS)[0],
     )
     anomalies = Counter(
         detections_repeated=_count(repeats),

@@ -55,7 +55,7 @@ def _time(detections: Detections, stamp_ns: int, radar: RadarParameters) -> Floa
 
 
 def _kind(detections: Detections, _: int, __: RadarParameters) -> npt.NDArray[Any]:
-    kind: npt.NDArray[Any] = np.maximum(fill(detections.kind, len(detections), 0.0), 0)
+    kind: npt.NDArray[Any] = np.maximum(fill(detections.sensor_type, len(detections), 0.0), 0)
     return kind.astype(np.uint8)
 
 

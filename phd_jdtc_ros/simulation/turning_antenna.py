@@ -111,7 +111,7 @@ def plots_with_replies(radar: TurningRadar, seed: int) -> tuple[SimulatedPlots, 
     if radar.scenario.transponders is None:
         found = replace(found, height=_heights(radar.scenario, plots.source, time_s))
     bias = radar.scenario.bias(radar.index)
-    _, found = bias.apply_to(0, replace(found, kind=_sensor_types(found)))
+    _, found = bias.apply_to(0, replace(found, sensor_type=_sensor_types(found)))
     rows = np.flatnonzero(time_s >= 0.0)
     return plots.take(rows), found.take(rows)
 
@@ -226,7 +226,7 @@ def _send(found: Detections, layout: RadarParameters) -> Detections:
         code=found.code if layout.fields.code else None,
         address=found.address if layout.fields.address else None,
         height=found.height if layout.fields.height else None,
-        kind=_sensor_types(found) if layout.fields.kind else None,
+        sensor_type=_sensor_types(found) if layout.fields.kind else None,
     )
 
 

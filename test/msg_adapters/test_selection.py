@@ -85,7 +85,7 @@ def test_a_field_that_is_configured_and_missing_is_an_anomaly(parameter, anomaly
     assert report.anomalies == {anomaly: 1}
     found = report.detections
     assert found.time_s is found.noise_std is found.range_rate is found.range_rate_std is None
-    assert found.height is found.code is found.address is found.kind is None
+    assert found.height is found.code is found.address is found.sensor_type is None
     assert report.detections.measurement.tolist() == [[1000.0, 0.5]]
 
 

@@ -174,7 +174,7 @@ class AttributesAt(NamedTuple):
         and the model has no `ages`.
         """
         model, size = self.memory.model, len(detections)
-        given = detections.code, detections.address, detections.height, detections.kind
+        given = detections.code, detections.address, detections.height, detections.sensor_type
         if all(part is None for part in given) and not model.ages:
             return None
         engine_target, column, edge_of_pair = edges_of(target, column, len(label), size)

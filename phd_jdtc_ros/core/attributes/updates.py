@@ -12,7 +12,7 @@ from ..types import SENSORS, UNKNOWN, Detections
 
 # Sensor types of a plot, by the TYP of I048/020: none, primary, secondary, both, Mode S all-call
 # and roll-call, and the last two with primary.
-OF_KIND = np.array(
+OF_TYPE = np.array(
     [
         [False, False, False],
         [True, False, False],
@@ -42,9 +42,9 @@ def sensors_of(detections: Detections) -> BoolArray:
     none = np.full(len(detections), UNKNOWN)
     code = none if detections.code is None else detections.code
     address = none if detections.address is None else detections.address
-    kind = none if detections.kind is None else detections.kind
+    given = none if detections.sensor_type is None else detections.sensor_type
     implied = np.where(address != UNKNOWN, 4, np.where(code != UNKNOWN, 2, 1))
-    return OF_KIND[np.where(kind > 0, kind, implied)]
+    return OF_TYPE[np.where(given > 0, given, implied)]
 
 
 def times_of(detections: Detections, stamp_ns: int) -> IntArray:

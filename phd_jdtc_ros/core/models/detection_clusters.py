@@ -59,7 +59,7 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
         height=None if height is None else _mean(group, height, count),
         code=_first(group, detections.code, count),
         address=_first(group, detections.address, count),
-        kind=_richest(group, detections.kind, count),
+        sensor_type=_richest(group, detections.sensor_type, count),
     )
 
 

@@ -15,7 +15,7 @@ UNKNOWN = -1
 # The columns of detections with one number per detection.
 _PER_DETECTION = (
     *("amplitude", "time_s", "noise_correlation", "range_rate", "range_rate_std"),
-    *("height", "code", "address", "kind"),
+    *("height", "code", "address", "sensor_type"),
 )
 # The columns with one row per detection.
 _COLUMNS = ("measurement", "noise_std", *_PER_DETECTION)
@@ -97,7 +97,7 @@ class Detections(ReadOnly):
     address: IntArray | None = None
     # Sensor type, the TYP of I048/020, (M,): 1 primary, 2 secondary, 3 both, 4 and 5 Mode S, 6 and
     # 7 Mode S and primary; `UNKNOWN` otherwise. None if the radar reports none.
-    kind: IntArray | None = None
+    sensor_type: IntArray | None = None
     # Correlation of the errors of both components of a measurement, (M,); NaN, or None for all, if
     # it is unknown. Errors with an unknown correlation, and those of a polar radar, are taken as
     # independent.

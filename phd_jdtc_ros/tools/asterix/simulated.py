@@ -107,6 +107,6 @@ def _plots(found: Detections, layout: RadarParameters, number: int) -> list[Plot
         distance = np.hypot(distance, np.nan_to_num(above - layout.height))
     else:
         azimuth = azimuth - layout.site.yaw_from_east
-    kind = np.maximum(fill(found.kind, len(found), 0), 0)
-    sent = replace(found, amplitude=None, kind=kind)
+    kind = np.maximum(fill(found.sensor_type, len(found), 0), 0)
+    sent = replace(found, amplitude=None, sensor_type=kind)
     return plots_of(sent, number, distance, azimuth, above + layout.datum)

@@ -254,7 +254,7 @@ def plots_of(
     """
     code, address, kind = (
         fill(column, len(found), UNKNOWN).astype(int)
-        for column in (found.code, found.address, found.kind)
+        for column in (found.code, found.address, found.sensor_type)
     )
     replied = (code != UNKNOWN) | (address != UNKNOWN)
     kind = np.where(kind != UNKNOWN, kind, np.where(replied, COMBINED, PRIMARY))

@@ -21,7 +21,7 @@ def detections(**columns):
 
 
 def test_a_plot_is_of_the_sensors_that_its_kind_names():
-    found = updates.sensors_of(detections(kind=np.arange(1, 8)))
+    found = updates.sensors_of(detections(sensor_type=np.arange(1, 8)))
     named = [
         {name for name, of in zip(("psr", "ssr", "mds"), row, strict=True) if of} for row in found
     ]
@@ -40,12 +40,12 @@ def test_without_a_kind_a_plot_is_of_what_its_identity_needs():
     given = detections(code=np.array([UNKNOWN, 0, 5]), address=np.array([UNKNOWN, UNKNOWN, 7]))
     assert np.argmax(updates.sensors_of(given), axis=1).tolist() == [0, 1, 2]
     assert updates.sensors_of(given).sum(axis=1).tolist() == [1, 1, 1]
-    said = detections(code=np.array([0, 0]), kind=np.array([UNKNOWN, 1]))
+    said = detections(code=np.array([0, 0]), sensor_type=np.array([UNKNOWN, 1]))
     assert updates.sensors_of(said).tolist() == [[False, True, False], [True, False, False]]
 
 
 def test_only_a_plot_that_is_probably_the_targets_updates_it():
-    given = detections(kind=np.array([3, 1]), time_s=np.array([-1.5, -0.5]))
+    given = detections(sensor_type=np.array([3, 1]), time_s=np.array([-1.5, -0.5]))
     after = updates.update(
         updates.never(2),
         np.array([0, 0, 1]),
@@ -56,7 +56,7 @@ def test_only_a_plot_that_is_probably_the_targets_updates_it():
     )
     assert after.tolist() == [[8.5 * NS, 8.5 * NS, UNKNOWN], [UNKNOWN] * 3]
     # A second radar's older plot does not make it older.
-    older = detections(kind=np.array([1]), time_s=np.array([-3.0]))
+    older = detections(sensor_type=np.array([1]), time_s=np.array([-3.0]))
     again = updates.update(after, np.zeros(1, int), np.zeros(1, int), np.ones(1), older, 10 * NS)
     assert again.tolist() == after.tolist()
 
@@ -72,7 +72,7 @@ def run(parameters, kinds):
             None,
             np.array([-0.25]),
             code=np.array([0o4521]) if kind in (2, 3) else np.array([UNKNOWN]),
-            kind=np.array([kind]) if parameters["tower.fields.kind"] else None,
+            sensor_type=np.array([kind]) if parameters["tower.fields.kind"] else None,
         )
         if not kind:
             given = given.take(np.zeros(0, dtype=int))

@@ -89,8 +89,8 @@ def test_a_group_has_the_identity_that_is_known_and_the_kind_of_the_most_sensors
         at((50, 0), (51, 0), (90, 9)),
         None,
         code=np.array([UNKNOWN, 0o1234, UNKNOWN]),
-        kind=np.array([1, 3, 1]),
+        sensor_type=np.array([1, 3, 1]),
     )
     found = merge_clusters(report, RADAR)
     assert found.code.tolist() == [0o1234, UNKNOWN]
-    assert found.kind.tolist() == [3, 1]
+    assert found.sensor_type.tolist() == [3, 1]

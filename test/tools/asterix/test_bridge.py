@@ -77,7 +77,7 @@ def test_identities_heights_and_kinds_are_in_the_clouds(bridge):
     found = reports(out)[0].detections
     assert found.code.tolist() == [0o7700, -1]
     assert found.address.tolist() == [0xABCDEF, -1]
-    assert found.kind.tolist() == [3, 3]
+    assert found.sensor_type.tolist() == [3, 3]
     np.testing.assert_allclose(found.height, [-304.8, np.nan], rtol=1e-6)
     (first, *_) = BagReader(out).messages([TOPIC])
     cloud = interfaces.decode(first.data, names.CLOUD)
