@@ -96,7 +96,7 @@ class Belief(NamedTuple):
         return Belief(self.candidate, weight)
 
     def most_probable(self) -> IntArray:
-        """Return each target's identity above a probability of 0.5, else `UNKNOWN`, (T,)."""
+        """Return each target's identity of a probability above 0.5, or `UNKNOWN`, (T,)."""
         best = self.weight[:, :REST].argmax(axis=1)
         row = np.arange(len(best))
         return np.where(self.weight[row, best] > 0.5, self.candidate[row, best], UNKNOWN)

@@ -127,8 +127,8 @@ class ChangeAlarm(ReadOnly):
 def _before(evidence: FloatArray, learned: FloatArray, before: FloatArray | None) -> FloatArray:
     """Return the learned values, (K,), as they were before the evidence of changes, (E,), began.
 
-    The values are E columns of K / E rows. A learned value follows a change at once; in comparison
-    with the present one, evidence would shrink while it is collected.
+    The values are E columns of K / E rows. A learned value follows a change immediately; in
+    comparison with the present one, evidence would shrink while it is collected.
     """
     if before is None:
         return learned

@@ -15,8 +15,8 @@ class RatioPrior:
     """Prior of the log ratio of a learned value to the configured one.
 
     The prior is a mixture of two normal distributions. The posterior stays at the configured value
-    if chance explains the difference, and otherwise follows the data at once. The likelihood of the
-    data is normal, so that the posterior is such a mixture too.
+    if chance explains the difference, and otherwise follows the data immediately. The likelihood of
+    the data is normal, so that the posterior is such a mixture too.
     """
 
     right: float  # Probability that the configured value is right

@@ -41,8 +41,9 @@ class EarlierSectors:
     def only_in(sector: FloatArray, measured: FloatArray) -> FloatArray:
         """Return the probabilities that targets are measured in a later sector, and not in these.
 
-        Given are those of both, elementwise. Edges may be estimates, so that sectors overlap a
-        little, but a target is measured once.
+        `sector` and `measured` are the probabilities that they are measured in the later sector and
+        in these. Edges may be estimates, so that sectors overlap a little, but a target is measured
+        once.
         """
         return np.minimum(sector, 1.0 + ROUNDING - measured)
 

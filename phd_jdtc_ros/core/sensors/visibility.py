@@ -127,7 +127,7 @@ class Visibility:
         return np.array([[nearest, self.max_range]]), azimuths
 
     def _clear(self, azimuth: FloatArray) -> FloatArray:
-        """Return 1 for each azimuth in the field of view and not obstructed, and 0 else."""
+        """Return 1 for each azimuth in the field of view and not obstructed, 0 otherwise."""
         clear = sector_probability(azimuth, self.fov)
         for sector in self.blind:
             clear *= 1.0 - sector_probability(azimuth, sector)

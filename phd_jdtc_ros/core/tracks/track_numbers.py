@@ -53,7 +53,7 @@ class TrackNumbers:
         self._settled = 0
 
     def assign(self, estimates: Estimates, reach: Reach | None = None) -> Estimates:
-        """Return the estimates with distinct track numbers in the place of labels; 0 stays 0.
+        """Return the estimates with distinct track numbers instead of labels; 0 stays 0.
 
         `reach` is that of aircraft whose tracks have ended, None if no radar reports identities.
         """

@@ -281,7 +281,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         return predict(estimates, time_ns, stamp_ns, self.forward.model.modes)
 
     def _describe_and_number(self, estimates: Estimates, smoothed: bool) -> Estimates:
-        """Return targets with their attributes, and with track numbers in the place of labels."""
+        """Return targets with their attributes, and with track numbers instead of labels."""
         if self.forward.attributes is not None:
             estimates = self.forward.attributes.describe(estimates, smoothed)
         return self._tracks.assign(estimates, Reach.of(self.forward.model))

@@ -84,7 +84,7 @@ def innovations(
     iterations: int,
     converged: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the columns of `kalman.Innovation` in the place of measurements of the position.
+    """Return the columns of `kalman.Innovation`, for positions instead of measurements.
 
     The parameters are those of `kalman.innovations`, for N pairs, each with its own noise. A
     step has converged if it moves the measurement by less than a share `converged` of its standard
