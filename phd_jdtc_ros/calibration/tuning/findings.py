@@ -11,7 +11,16 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from .levels import Levels, levels, log_ratio
 from .noise import Noise, fit_noise
 from .plots import Plots
-from .rates import Field, Rate, clutter_rate, detection_probability, elsewhere, field_of, looks_of
+from .rates import (
+    Field,
+    Rate,
+    clutter_rate,
+    crowded,
+    detection_probability,
+    elsewhere,
+    field_of,
+    looks_of,
+)
 from .rotation import Timing, timing
 from .start import first_guess
 from .tracks import LinkModel, Tracks, link_plots
@@ -23,6 +32,8 @@ LEAST_CLOUDS, LEAST_TRACKS, LEAST_PLOTS = 10, 1, 30
 # If land clutter makes up more than this share of the plots it is left out, because tracks would
 # jump between its plots.
 MOST_LAND = 0.2
+# The same of crowded areas, outside of which clutter is much rarer than on average.
+MOST_CROWDED = 0.1
 # Bounds of the detection probability in linking: certain detection would allow no missed plot.
 PROBABILITIES = (0.3, 0.98)
 # Smallest spectral density of the white acceleration, m^2/s^3.
@@ -52,6 +63,7 @@ class Findings:
     looks: float  # Number of turns or clouds
     duration_s: float  # Length of the evaluated part of the recording, seconds
     land: float  # Share of the plots that are land clutter
+    crowded: float  # Share of the plots in areas of dense clutter, land excepted
 
 
 def findings(plots: Plots) -> Findings:
@@ -69,11 +81,16 @@ def findings(plots: Plots) -> Findings:
     guess, tracks, noise = _iterate(plots, when, guess, tracks)
     rows = elsewhere(plots, looks_of(plots, when), noise.range_std, noise.azimuth_std)
     land = 1.0 - len(rows) / len(plots)
-    if land > MOST_LAND and len(rows) > LEAST_PLOTS:
-        tracks, noise = _without_land(plots, rows, when, tracks, noise)
-    # With much land clutter the rate counts only the other cells, because the tracker's clutter map
-    # covers the land.
-    clutter = clutter_rate(plots, when, tracks, rows if land > MOST_LAND else None)
+    kept = rows if land > MOST_LAND else np.arange(len(plots))
+    dense = np.intersect1d(crowded(plots, np.setdiff1d(rows, tracks.claimed)), rows)
+    share = len(dense) / len(plots)
+    if share > MOST_CROWDED:
+        kept = np.setdiff1d(kept, dense)
+    if len(plots) > len(kept) > LEAST_PLOTS:
+        tracks, noise = _without_clutter(plots, kept, when, tracks, noise)
+    # With much clutter at some places the rate counts only the others, because the tracker's
+    # clutter map covers these places.
+    clutter = clutter_rate(plots, when, tracks, kept)
     return Findings(
         when,
         noise,
@@ -87,10 +104,11 @@ def findings(plots: Plots) -> Findings:
         looks_of(plots, when),
         plots.duration_s,
         land,
+        share,
     )
 
 
-def _without_land(
+def _without_clutter(
     plots: Plots, rows: IntArray, when: Timing, tracks: Tracks, noise: Noise
 ) -> tuple[Tracks, Noise]:
     """Return tracks and noise from the plots `rows` only; the given ones if these have no track."""

@@ -12,7 +12,7 @@ import numpy as np
 from phd_jdtc_ros.configuration.forms import probability_numbers
 from phd_jdtc_ros.configuration.schema import Value
 
-from .findings import MOST_LAND, Findings
+from .findings import MOST_CROWDED, MOST_LAND, Findings
 
 # A configured table of detection probability over range is kept if the estimate lies within its
 # values, plus or minus this.
@@ -113,6 +113,12 @@ def _clutter(found: Findings, now: Now, max_range: Any) -> Iterator[Row]:
     if found.land > MOST_LAND:
         source = f"{100.0 * found.land:.0f} % of plots in recurring places"
         yield Row("clutter_map", True, source, now("clutter_map"))
+    elif found.crowded > MOST_CROWDED:
+        source = f"{100.0 * found.crowded:.0f} % of plots in areas of dense clutter"
+        yield Row("clutter_map", True, source, now("clutter_map"))
+        if not now("clutter_map"):
+            # The clutter does not come from the same places: what rests there is a target.
+            yield Row("clutter_map_speed", 0.0, source, now("clutter_map_speed"))
 
 
 def _detection(found: Findings, now: Now, by_band: bool) -> Row:

@@ -21,6 +21,9 @@ LEAST_SPACES = 12.0
 # Land clutter: a cell with plots in more than the share `AGAIN` of all looks, and in at least
 # `LEAST_AGAIN` of them. A cell is `CELL_SIGMA` standard deviations wide in range and in azimuth.
 AGAIN, LEAST_AGAIN, CELL_SIGMA = 0.15, 5.0, 3.0
+# Crowded areas: cells of these numbers in range and azimuth with `CROWD` times the mean number of
+# untracked plots, and at least `LEAST_CROWD` of them.
+CELLS, CROWD, LEAST_CROWD = (32, 64), 10.0, 10
 
 
 @dataclass(frozen=True)
@@ -104,6 +107,29 @@ def elsewhere(plots: Plots, looks: float, range_std: float, azimuth_std: float) 
     _, place, count = np.unique(cell, return_inverse=True, return_counts=True)
     kept: IntArray = np.flatnonzero(count[place.ravel()] < max(AGAIN * looks, LEAST_AGAIN))
     return kept
+
+
+def crowded(plots: Plots, free: IntArray) -> IntArray:
+    """Return all plots in the areas of a stationary radar where untracked plots are dense.
+
+    `free` has the indices of the untracked plots. Rain, sea or a town fill such areas without
+    returning from the same places.
+    """
+    if np.ptp(plots.pose, axis=0).any() or not len(free):
+        return np.zeros(0, dtype=np.int64)
+    distance, azimuth = plots.measurement.T
+    start, width = smallest_arc(azimuth)
+    # The cells divide the coverage, so that the mean is that of places that the radar sees.
+    share = distance / distance.max(), (azimuth - start) % FULL_TURN / max(width, 1e-9)
+    place = [
+        np.minimum((part * count).astype(np.int64), count - 1)
+        for part, count in zip(share, CELLS, strict=True)
+    ]
+    cell = place[0] * CELLS[1] + place[1]
+    count = np.bincount(cell[free], minlength=CELLS[0] * CELLS[1])
+    dense = count >= max(CROWD * len(free) / count.size, LEAST_CROWD)
+    found: IntArray = np.flatnonzero(dense[cell])
+    return found
 
 
 def field_of(plots: Plots, claimed: IntArray) -> Field:

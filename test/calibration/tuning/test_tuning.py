@@ -12,7 +12,12 @@ from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.calibration.tuning.levels import log_ratio
 from phd_jdtc_ros.calibration.tuning.noise import Noise, fit_noise
 from phd_jdtc_ros.calibration.tuning.plots import Plots, limit_plots, plots_of
-from phd_jdtc_ros.calibration.tuning.rates import clutter_rate, detection_probability, elsewhere
+from phd_jdtc_ros.calibration.tuning.rates import (
+    clutter_rate,
+    crowded,
+    detection_probability,
+    elsewhere,
+)
 from phd_jdtc_ros.calibration.tuning.rotation import Timing, timing
 from phd_jdtc_ros.calibration.tuning.tracks import LinkModel, Tracks, link_plots
 from phd_jdtc_ros.configuration.build import resolve
@@ -124,9 +129,35 @@ def test_recurring_places_are_separated_from_a_passing_target():
     assert len(elsewhere(moving, 70.0, 20.0, 0.01)) == len(plots)
 
 
+def test_areas_of_dense_clutter_are_mapped_and_the_rate_is_that_of_the_others(standing):
+    config, (dry, _) = standing
+    rng, radar, reports, in_rain = np.random.default_rng(4), config.model.radars[0], [], []
+    for cloud, at_s in enumerate(dry.cloud_s):
+        places = dry.measurement[dry.cloud == cloud]
+        # Each drop is somewhere else in the rain.
+        rain = np.stack([rng.uniform(10e3, 12.5e3, 4), rng.uniform(-2.3, -2.0, 4)], axis=1)
+        in_rain += [False] * len(places) + [True] * len(rain)
+        reports.append((round(at_s * 1e9), Detections(np.concatenate([places, rain]), None)))
+    plots, drops = plots_of(reports), np.flatnonzero(in_rain)
+
+    found = findings(plots)
+    assert_estimated(found, radar, 0.985)
+    assert found.crowded == pytest.approx(len(drops) / len(plots), rel=0.25)
+    proposed = {row.name: row.value for row in proposal.rows(found, {}, "radar")}
+    # What rests is still reported, because clutter does not come from the same places.
+    assert (proposed["clutter_map"], proposed["clutter_map_speed"]) == (True, 0.0)
+    given = {"radar.clutter_map": True, "radar.clutter_map_speed": 2.5}
+    assert "clutter_map_speed" not in [row.name for row in proposal.rows(found, given, "radar")]
+
+    dense = crowded(plots, np.arange(len(plots)))
+    assert np.isin(drops, dense).mean() > 0.8  # the edge of the rain is in cells of few drops
+    moving = replace(plots, pose=rng.standard_normal(plots.pose.shape))
+    assert not len(crowded(moving, np.arange(len(plots))))
+
+
 def test_land_is_mapped_and_clutter_alone_has_no_tracks(estimated):
     config, found = estimated
-    assert "clutter_map" not in rows_of(estimated)
+    assert not {"clutter_map", "clutter_map_speed"} & {*rows_of(estimated)}
     assert rows_of((config, replace(found, land=0.5)))["clutter_map"].value is True
     row = rows_of(estimated, clutter_rate="auto")["clutter_rate"]
     assert (row.now, row.proposed) == ("auto", False)
