@@ -66,7 +66,7 @@ class Backward:
 
 
 @dataclass(frozen=True)
-class Filtered:
+class FilterStep:
     """The filter's result for one scan, for use by the smoother."""
 
     updated: Gaussian  # Distribution after the scan's measurements
@@ -117,7 +117,7 @@ def update(
     return Gaussian(mean[0], covariance[0])
 
 
-def smooth(filtered: Sequence[Filtered]) -> Gaussian:
+def smooth(filtered: Sequence[FilterStep]) -> Gaussian:
     """Return the first scan's distribution given the measurements of all consecutive scans."""
     smoothed = filtered[-1].updated
     for step in filtered[:0:-1]:
@@ -129,13 +129,13 @@ def smooth(filtered: Sequence[Filtered]) -> Gaussian:
 
 def filter_target(
     run: SimulatedRun, track_id: int, prior: Gaussian, model: MotionModel
-) -> dict[int, Filtered]:
+) -> dict[int, FilterStep]:
     """Return the filtered distributions of one target, by scan index.
 
     `prior` is the distribution at the target's first scan, before its measurements. Radars update
     one after the other in the order of the scenario, as in the tracker.
     """
-    result: dict[int, Filtered] = {}
+    result: dict[int, FilterStep] = {}
     previous = -1
     for index, (truth, scan) in enumerate(zip(run.truth, run.scans, strict=True)):
         if track_id not in truth.track_id:
@@ -151,7 +151,7 @@ def filter_target(
                 continue
             for measurement in report.measurement[source == track_id]:
                 updated = update(updated, radar, measurement)
-        result[index] = Filtered(updated, back)
+        result[index] = FilterStep(updated, back)
         previous = index
     return result
 

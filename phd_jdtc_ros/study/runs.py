@@ -14,7 +14,7 @@ from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.simulate import simulate_with_sources
 
 
-class Ignored(NamedTuple):
+class IgnoredTargets(NamedTuple):
     """Criteria of the targets of turning radars that are not scored, with their estimates."""
 
     below: float = 40.0  # Targets slower than this are not scored, metres per second
@@ -22,7 +22,7 @@ class Ignored(NamedTuple):
 
 
 # The default leaves out taxiing aircraft.
-TAXIING = Ignored()
+TAXIING = IgnoredTargets()
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class SimulatedRun:
     # The track_id of every detection's target by scan and radar, 0 for clutter. Only references
     # with known association may use it.
     sources: tuple[tuple[IntArray, ...], ...]
-    ignored: Ignored = TAXIING  # Unscored targets if antennas turn
+    ignored: IgnoredTargets = TAXIING  # Unscored targets if antennas turn
 
 
 def simulated_run(scenario: Scenario, seed: int) -> SimulatedRun:
@@ -49,7 +49,7 @@ def simulated_run(scenario: Scenario, seed: int) -> SimulatedRun:
 Tracks: TypeAlias = Mapping[int, list[PointSet]]
 
 
-class Tracked(NamedTuple):
+class TrackingResult(NamedTuple):
     """A tracker's estimates of a run, with its CPU time."""
 
     tracks: Tracks

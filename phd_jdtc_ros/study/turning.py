@@ -33,7 +33,7 @@ from phd_jdtc_ros.feed.tally import Tally
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_reports
 
-from .runs import TAXIING, Ignored, SimulatedRun, Tracked
+from .runs import TAXIING, IgnoredTargets, SimulatedRun, TrackingResult
 
 # Largest age of estimates that are predicted to a stamp, in turns.
 OLDEST_TURNS = 1.5
@@ -49,14 +49,14 @@ def turn_ends(scenario: Scenario) -> list[float]:
     return ends
 
 
-def turning_run(scenario: Scenario, seed: int, ignored: Ignored = TAXIING) -> SimulatedRun:
+def turning_run(scenario: Scenario, seed: int, ignored: IgnoredTargets = TAXIING) -> SimulatedRun:
     """Return a run without scans whose truth is at the end of each turn."""
     every = (truth_after(scenario, end) for end in turn_ends(scenario))
     truth = tuple(_without_slow(known, ignored) for known in every)
     return SimulatedRun(scenario, seed, truth, (), (), ignored)
 
 
-def _without_slow(truth: Truth, ignored: Ignored) -> Truth:
+def _without_slow(truth: Truth, ignored: IgnoredTargets) -> Truth:
     rows = np.flatnonzero(np.hypot(*truth.velocity.T) >= ignored.below)
     return replace(
         truth,
@@ -81,7 +81,7 @@ def without_ignored(run: SimulatedRun, found: Sequence[PointSet]) -> list[PointS
     return rest
 
 
-def track(run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence[int]) -> Tracked:
+def track(run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence[int]) -> TrackingResult:
     """Return this package's estimates of a run, by lag in turns.
 
     The run is that of `turning_run`; its seed is also the filter's. The parameters include the
@@ -99,7 +99,7 @@ def track(run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence[int])
                 stamps = [truth.stamp_ns for truth in run.truth]
                 points = at_stamps(found[source], stamps, OLDEST_TURNS * rotation_s)
                 tracks[of_lag] = without_ignored(run, points)
-    return Tracked(tracks, 1e3 * spent_s / max(len(run.truth), 1))
+    return TrackingResult(tracks, 1e3 * spent_s / max(len(run.truth), 1))
 
 
 def _rotation_s(scenario: Scenario) -> float:

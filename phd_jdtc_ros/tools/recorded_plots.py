@@ -28,7 +28,7 @@ _DEFINED = {own.type_name: name for name, own in READERS.items() if own.type_nam
 
 
 @dataclass(frozen=True)
-class Recorded:
+class RecordedPlots:
     """The detections in a bag, by radar of a configuration."""
 
     plots: dict[str, Plots | None]  # None if a radar has no usable messages
@@ -36,7 +36,9 @@ class Recorded:
     damage: BagError | None = None  # Damage of the bag; all intact messages were used
 
 
-def read(bag: BagReader, config: TrackerConfig, seconds: float, most: int = MOST_PLOTS) -> Recorded:
+def read(
+    bag: BagReader, config: TrackerConfig, seconds: float, most: int = MOST_PLOTS
+) -> RecordedPlots:
     """Return the detections of the first part of a bag, at any range; `most` bounds each radar's.
 
     Raises `BagError` if the bag lacks a topic of the configuration.
@@ -51,7 +53,7 @@ def read(bag: BagReader, config: TrackerConfig, seconds: float, most: int = MOST
             dropped[report.radar]["pose_missing"] += 1
         else:
             reports[report.radar].append((report.stamp_ns, report.detections))
-    return Recorded(
+    return RecordedPlots(
         {
             radar.name: limit_plots(plots_of(own), most) if own else None
             for radar, own in zip(inputs, reports, strict=True)
@@ -61,7 +63,7 @@ def read(bag: BagReader, config: TrackerConfig, seconds: float, most: int = MOST
     )
 
 
-def findings_of(source: Path, recorded: Recorded) -> dict[str, Findings]:
+def findings_of(source: Path, recorded: RecordedPlots) -> dict[str, Findings]:
     """Return the findings of each radar; `BagError` names every radar that cannot be tuned."""
     found, faults = {}, []
     for radar, plots in recorded.plots.items():

@@ -31,7 +31,7 @@ from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.report.pictures import registration as picture
 
 from . import command, recorded_plots, registered_table
-from .recorded_plots import Recorded
+from .recorded_plots import RecordedPlots
 
 # Length of the part of a recording that is read by default, seconds, and the largest number of
 # detections of a radar.
@@ -121,7 +121,7 @@ def outcome_of(
 
 def _register(
     source: Path, config: TrackerConfig, reference: str, seconds: float
-) -> tuple[Registration, Recorded]:
+) -> tuple[Registration, RecordedPlots]:
     bag = BagReader(source)
     recorded = recorded_plots.read(bag, config, seconds, MOST_PLOTS)
     try:

@@ -25,7 +25,7 @@ from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
 from phd_jdtc_ros.parameter_files import tracker_params
 
 from . import command, recorded_plots
-from .recorded_plots import Recorded
+from .recorded_plots import RecordedPlots
 
 # Length of the part of a recording that is read by default, seconds.
 SECONDS = 600.0
@@ -70,7 +70,7 @@ def _work(arguments: argparse.Namespace) -> int:
 
 
 def _table(
-    radar: str, topic: str, found: Findings, rows: Sequence[Row], recorded: Recorded
+    radar: str, topic: str, found: Findings, rows: Sequence[Row], recorded: RecordedPlots
 ) -> Table:
     when = found.timing
     turns = "turns" if when.rotation_s else "looks"
@@ -104,7 +104,7 @@ def _proposal(
     given: Mapping[str, Any],
     found: Mapping[str, Findings],
     rows: Mapping[str, Sequence[Row]],
-    recorded: Recorded,
+    recorded: RecordedPlots,
     specified: bool,
 ) -> dict[str, Any]:
     """Return a configuration with all proposed values."""

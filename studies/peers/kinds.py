@@ -8,7 +8,7 @@ from typing import Any
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.study.monte_carlo import kinds
-from phd_jdtc_ros.study.runs import SimulatedRun, Tracked, Tracks
+from phd_jdtc_ros.study.runs import SimulatedRun, TrackingResult, Tracks
 
 from .mixture_phd import gm_phd
 from .plot_kalman import plot_kalman
@@ -28,12 +28,12 @@ class Peer:
 
     def __call__(
         self, run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence[int]
-    ) -> Tracked:
+    ) -> TrackingResult:
         """Return the estimates of a run."""
         heard = raised_threshold(run, LOUD_THRESHOLD) if self.loud else run
         own: dict[str, Any] = {"lags": lags} if self.smoothed else {}
         model = resolve(parameters).model
-        return Tracked(self.tracker(heard, self.settings, model=model, **own))
+        return TrackingResult(self.tracker(heard, self.settings, model=model, **own))
 
 
 # The peers of Stone Soup, by the name of their kind.

@@ -23,7 +23,7 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_reports
-from phd_jdtc_ros.study.runs import SimulatedRun, Tracked
+from phd_jdtc_ros.study.runs import SimulatedRun, TrackingResult
 from phd_jdtc_ros.study.turning import without_ignored
 
 # Order of the state: x, vx, y, vy.
@@ -245,7 +245,9 @@ def follow(
     return found
 
 
-def plot_kalman(run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence[int]) -> Tracked:
+def plot_kalman(
+    run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence[int]
+) -> TrackingResult:
     """Return the tracker's filtered estimates of a run of turning radars.
 
     Parameters
@@ -262,4 +264,4 @@ def plot_kalman(run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence
     found = follow(reports, run.scenario.radars, [truth.stamp_ns for truth in run.truth])
     spent = time.process_time() - begin
     scored = without_ignored(run, found)
-    return Tracked(dict.fromkeys(lags, scored), 1e3 * spent / max(len(run.truth), 1))
+    return TrackingResult(dict.fromkeys(lags, scored), 1e3 * spent / max(len(run.truth), 1))

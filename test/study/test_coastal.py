@@ -17,7 +17,7 @@ from phd_jdtc_ros.study.monte_carlo.definition import Variant
 from phd_jdtc_ros.study.monte_carlo.kinds import KINDS
 from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
 from phd_jdtc_ros.study.monte_carlo.scores import score
-from phd_jdtc_ros.study.runs import Ignored
+from phd_jdtc_ros.study.runs import IgnoredTargets
 from phd_jdtc_ros.study.turning import turning_run
 
 ROOT = Path(__file__).parents[2]
@@ -107,7 +107,7 @@ def test_simulate_refuses_a_moving_radar_without_a_platform(tmp_path, capsys):
 
 def test_ships_that_are_found_late_and_estimates_on_a_quay_are_counted():
     found, _ = resolved("coastal")
-    run = turning_run(found, 1, Ignored(1.0, 150.0))
+    run = turning_run(found, 1, IgnoredTargets(1.0, 150.0))
     assert len(run.truth) == 100
     everything = [len(truth.track_id) for truth in run.truth]
     assert (min(everything), max(everything)) == (5, 6)
@@ -136,7 +136,7 @@ def test_ships_that_are_found_late_and_estimates_on_a_quay_are_counted():
 def test_a_ship_that_appears_behind_the_antenna_has_five_turns_from_the_next_one():
     """One leaves the shadow at the end of a turn, in which no antenna can have passed it."""
     found, _ = resolved("coastal")
-    run = turning_run(found, 1, Ignored(1.0, 150.0))
+    run = turning_run(found, 1, IgnoredTargets(1.0, 150.0))
     appears = next(index for index, truth in enumerate(run.truth) if len(truth.track_id) == 6)
     assert appears == 23
 

@@ -13,7 +13,7 @@ from phd_jdtc_ros.evaluation.metrics import ospa
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.study.reference import (
     Backward,
-    Filtered,
+    FilterStep,
     Gaussian,
     birth,
     filter_target,
@@ -85,7 +85,7 @@ def filtered_toy(rng, scans):
             predicted.mean + gain * (seen[k] - predicted.mean[0]),
             predicted.covariance - np.outer(gain, predicted.covariance[0]),
         )
-        steps.append(Filtered(updated, back))
+        steps.append(FilterStep(updated, back))
         information[2 * k, 2 * k] += 1.0 / variance
         vector[2 * k] += seen[k] / variance
         if k:

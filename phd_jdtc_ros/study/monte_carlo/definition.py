@@ -11,7 +11,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.tables import GROUPS, TOP
 from phd_jdtc_ros.simulation.scenario import Scenario
 
-from ..runs import TAXIING, Ignored
+from ..runs import TAXIING, IgnoredTargets
 from ..tracker import ExtractionVariant
 from .kinds import Kind
 from .metrics import ACCUMULATORS
@@ -38,7 +38,7 @@ class Case:
     parameters: dict[str, Any]
     classes: int
     cutoff: float | None = None  # c of OSPA and GOSPA, metres; None for the study's
-    ignored: Ignored = TAXIING  # Unscored targets if antennas turn
+    ignored: IgnoredTargets = TAXIING  # Unscored targets if antennas turn
     # Share of the requested runs, above 0 and at most 1, for expensive cases.
     run_share: float = 1.0
     # The only lags of variants that are run on this case; None for all.

@@ -23,7 +23,7 @@ from phd_jdtc_ros.simulation.checked import mapping, mappings, take
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.simulation.transponder import transponders
 
-from ..runs import TAXIING, Ignored
+from ..runs import TAXIING, IgnoredTargets
 from ..tracker import ExtractionVariant
 from .definition import FIGURES, OWN, Case, Goal, Study, Variant, merge_layers
 from .kinds import KINDS, Kind
@@ -177,7 +177,7 @@ def _case(
     optional = [each for each in (CUTOFF, LAGS) if each.name in given]
     values = take([SOURCE, ONLY_NAMED, SHARE, *optional], given, prefix, faults, CASE)
     left_out = mapping(given, "ignored", faults, prefix)
-    ignored = Ignored(**take(IGNORED, left_out, f"{prefix}ignored.", faults))
+    ignored = IgnoredTargets(**take(IGNORED, left_out, f"{prefix}ignored.", faults))
     reply_faults: list[str] = []
     replies = transponders(given, reply_faults)
     faults += [f"{prefix}{fault}" for fault in reply_faults]

@@ -19,10 +19,10 @@ from phd_jdtc_ros.configuration.engines import ENGINES
 
 from .. import turning
 from ..reference import BEST_NOISE, known_association
-from ..runs import SimulatedRun, Tracked
+from ..runs import SimulatedRun, TrackingResult
 
 # Function of a run, the tracker's parameters and lags that returns the tracker's estimates.
-Track: TypeAlias = "Callable[[SimulatedRun, Mapping[str, Any], Sequence[int]], Tracked]"
+Track: TypeAlias = "Callable[[SimulatedRun, Mapping[str, Any], Sequence[int]], TrackingResult]"
 
 ELSEWHERE = "it runs with `python -m studies monte_carlo` in the repository"
 # Modules and packages that the scores of every kind depend on.
@@ -94,12 +94,12 @@ def code_of(kind: Kind) -> str:
     return digest.hexdigest()
 
 
-def _reference(run: SimulatedRun, _: Mapping[str, Any], lags: Sequence[int]) -> Tracked:
-    return Tracked(known_association(run, lags))
+def _reference(run: SimulatedRun, _: Mapping[str, Any], lags: Sequence[int]) -> TrackingResult:
+    return TrackingResult(known_association(run, lags))
 
 
-def _best_reference(run: SimulatedRun, _: Mapping[str, Any], lags: Sequence[int]) -> Tracked:
-    return Tracked(known_association(run, lags, BEST_NOISE))
+def _best_reference(run: SimulatedRun, _: Mapping[str, Any], lags: Sequence[int]) -> TrackingResult:
+    return TrackingResult(known_association(run, lags, BEST_NOISE))
 
 
 _STONE_SOUP = ("gm_phd", "gm_phd_loud", "gnn", "gnn_loud", "gnn_anywhere", "jpda", "jpda_loud")

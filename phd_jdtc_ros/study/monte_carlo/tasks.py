@@ -15,7 +15,7 @@ import phd_jdtc_ros
 from phd_jdtc_ros.configuration import build as tracker_config
 from phd_jdtc_ros.simulation.scenario import Scenario
 
-from ..runs import TAXIING, Ignored, SimulatedRun, Tracked, simulated_run
+from ..runs import TAXIING, IgnoredTargets, SimulatedRun, TrackingResult, simulated_run
 from ..tracker import track
 from ..turning import turning_run
 from .definition import ORDER, OWN, Case, Study, Variant
@@ -41,7 +41,7 @@ class Task:
     # Digest of all inputs of a variant's scores except the seed, by name of the variant.
     digests: dict[str, str]
     cutoff: float  # c of OSPA and GOSPA, metres
-    ignored: Ignored = TAXIING  # Unscored targets if antennas turn
+    ignored: IgnoredTargets = TAXIING  # Unscored targets if antennas turn
 
     @property
     def kind(self) -> Kind:
@@ -156,12 +156,12 @@ def perform(task: Task) -> Outcome:
     return Outcome(task, scores)
 
 
-def _track_variants(task: Task, run: SimulatedRun) -> dict[str, Tracked]:
+def _track_variants(task: Task, run: SimulatedRun) -> dict[str, TrackingResult]:
     lags = sorted({lag for variant in task.variants for lag in variant.lags})
     if task.kind.is_engine:
         extractions = [v.extraction for v in task.variants if v.extraction is not None]
         by_name = track(run, tracker_config.resolve(task.parameters), extractions, lags)
-        return {name: Tracked(tracks) for name, tracks in by_name.items()}
+        return {name: TrackingResult(tracks) for name, tracks in by_name.items()}
     if task.kind.track is None:
         raise ValueError(f"kind: {task.kind.name} given, {task.kind.missing()}")
     tracked = task.kind.track(run, task.parameters, lags)
