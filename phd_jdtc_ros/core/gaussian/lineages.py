@@ -1,8 +1,9 @@
 """The updates of all targets within a window, each linked to the one that it continues.
 
 A turning radar makes many small scans, each with the few targets that the antenna passed. The
-hypotheses of all scans are therefore rows of the same tables, which grow at the end. Smoothed rows
-stay there, so that a scan costs only the smoothing of the targets that it updated.
+hypotheses of all scans are therefore rows of the same tables, in which those of a new scan replace
+those of dropped ones. Smoothed rows stay there, so that a scan costs only the smoothing of the
+targets that it updated.
 """
 
 from __future__ import annotations
