@@ -82,6 +82,19 @@ def test_restored_engine_goes_on_and_an_interrupted_one_uses_no_number_again():
     assert sorted(after.track_id) == [5, 6, 7, 8]
 
 
+def test_interrupted_engine_remembers_aircraft():
+    aircraft = {"number": [1], "address": [77], "stamp_ns": [0]}
+    aircraft |= {"position": [[1e3, 2e3]], "speed": [90.0]}
+    first, second = engine(), engine()
+    stepped_through(first, 0, 7)
+    snapshot = first.snapshot()
+    snapshot.arrays.update({f"aircraft.{name}": np.array(of) for name, of in aircraft.items()})
+    second.restore(stored_and_read(snapshot))
+    second.interrupt()
+    arrays = second.snapshot().arrays
+    assert {name: arrays[f"aircraft.{name}"].tolist() for name in aircraft} == aircraft
+
+
 def put(name, value):
     """Return a change that replaces an array."""
     return lambda stored: stored.arrays.update({name: np.array(value)})
