@@ -32,7 +32,7 @@ LEAST_CLOUDS, LEAST_TRACKS, LEAST_PLOTS = 10, 1, 30
 # If land clutter makes up more than this share of the plots it is left out, because tracks would
 # jump between its plots.
 MOST_LAND = 0.2
-# The same of crowded areas, outside of which clutter is much rarer than on average.
+# The same of areas of dense clutter.
 MOST_CROWDED = 0.1
 # Bounds of the detection probability in linking: certain detection would allow no missed plot.
 PROBABILITIES = (0.3, 0.98)
@@ -88,9 +88,9 @@ def findings(plots: Plots) -> Findings:
         kept = np.setdiff1d(kept, dense)
     if len(plots) > len(kept) > LEAST_PLOTS:
         tracks, noise = _without_clutter(plots, kept, when, tracks, noise)
-    # With much clutter at some places the rate counts only the others, because the tracker's
-    # clutter map covers these places.
-    clutter = clutter_rate(plots, when, tracks, kept)
+    # With much land clutter the rate counts only the other cells, because the tracker's clutter map
+    # covers the land. A map of dense areas is learned slowly, and the rate includes them.
+    clutter = clutter_rate(plots, when, tracks, rows if land > MOST_LAND else None)
     return Findings(
         when,
         noise,

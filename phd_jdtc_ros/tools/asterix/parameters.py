@@ -19,7 +19,7 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.asterix.plot_stream import RadarState
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning import proposal
-from phd_jdtc_ros.calibration.tuning.findings import MOST_LAND, TuningError, findings
+from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.configuration.forms import learned_from, probability_numbers
 from phd_jdtc_ros.core.sensors.site import MAX_SITE_DISTANCE
 from phd_jdtc_ros.earth import SystemPlane
@@ -38,8 +38,6 @@ MAX_RANGE_FACTOR, MIN_RANGE_FACTOR = 1.1, 0.9
 # Parameters that are estimated as `tune` does it, from this length of the recording, seconds, if it
 # has enough tracks.
 ESTIMATED = ("range_std", "azimuth_std_deg", "clutter_rate")
-# Parameters of a map, which is learned if clutter is dense in some areas.
-MAPPED = ("clutter_map", "clutter_map_speed")
 ESTIMATION_S, MIN_TRACKS = 300.0, 10
 # Plausible detection probabilities, and their assumed decrease per metre of range.
 PROBABILITIES, PROBABILITY_SLOPE = (0.5, 0.99), 0.03 / 100e3
@@ -130,9 +128,6 @@ def measure(proposed: Proposal, bag: Path) -> None:
                 least = "; raised to the smallest plausible value" if value > row.value else ""
                 origin = f"measured: {row.value:g} by {row.source}{least}"
                 proposed.set(f"{radar}.{row.name}", value, origin)
-            elif row.name in MAPPED and own.land <= MOST_LAND and row.proposed:
-                # The measured rate is that outside the areas of dense clutter.
-                proposed.set(f"{radar}.{row.name}", row.value, row.source)
         if math.isfinite(own.detection.value):
             _set_detection_probability(proposed, radar, own.detection.value)
 

@@ -129,7 +129,7 @@ def test_recurring_places_are_separated_from_a_passing_target():
     assert len(elsewhere(moving, 70.0, 20.0, 0.01)) == len(plots)
 
 
-def test_areas_of_dense_clutter_are_mapped_and_the_rate_is_that_of_the_others(standing):
+def test_areas_of_dense_clutter_are_mapped_and_spoil_no_noise(standing):
     config, (dry, _) = standing
     rng, radar, reports, in_rain = np.random.default_rng(4), config.model.radars[0], [], []
     for cloud, at_s in enumerate(dry.cloud_s):
@@ -141,7 +141,8 @@ def test_areas_of_dense_clutter_are_mapped_and_the_rate_is_that_of_the_others(st
     plots, drops = plots_of(reports), np.flatnonzero(in_rain)
 
     found = findings(plots)
-    assert_estimated(found, radar, 0.985)
+    assert found.clutter.value == pytest.approx(radar.clutter_rate + 4.0, rel=0.15)
+    assert_estimated(replace(found, clutter=replace(found.clutter, value=8.0)), radar, 0.985)
     assert found.crowded == pytest.approx(len(drops) / len(plots), rel=0.25)
     proposed = {row.name: row.value for row in proposal.rows(found, {}, "radar")}
     # What rests is still reported, because clutter does not come from the same places.
