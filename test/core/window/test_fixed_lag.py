@@ -125,6 +125,14 @@ def put(name, value):
         (put(f"current.{4 * SECOND}.rows", [99]), "rows: 99 given, must be below"),
         (put(f"current.{4 * SECOND}.rows", [1, 0]), "rows: must increase"),
         (lambda stored: stored.arrays.pop(f"filtered.{7 * SECOND}.weight"), "weight: missing"),
+        (
+            put(f"filtered.{7 * SECOND}.state", np.ones((1, 6))),
+            r"shape \(1, 6\), expected \(T, 5\)",
+        ),
+        (
+            put(f"filtered.{7 * SECOND}.class_probability", np.ones((1, 2))),
+            r"shape \(1, 2\), expected \(1, 1\)",
+        ),
     ],
 )
 def test_restore_reports_what_is_wrong_and_leaves_a_new_engine(change, named):
