@@ -285,6 +285,7 @@ class Lineages:
         self._updates = np.zeros((0, COLUMNS), dtype=np.int64)
         self._dropped = 0  # Number of the first update
         self._done = 0  # Number of updates, dropped ones included, that have been smoothed
+        self._threshold = 1.0  # Existence up to which targets have been left out
         self._gaussians = _Ring(0, ())  # Filtered and smoothed ones
         self._links: tuple[_Ring, ...] = ()  # Predicted hypotheses, pairs, factors and edges
         self._pairs_of_modes: tuple[IntArray, ...] = ()  # See `Moves.pairs`
@@ -356,6 +357,9 @@ class Lineages:
         Kim, "Dynamic linear models with Markov-switching", Journal of Econometrics 60, 1994.
         """
         around = self.around(since_ns)
+        if threshold < self._threshold:
+            self._done = 0  # targets that were left out may be reported now
+        self._threshold = threshold
         first, self._done = self._done, self._dropped + len(self._updates)
         if not self._links:
             return around

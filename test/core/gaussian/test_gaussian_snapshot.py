@@ -75,6 +75,7 @@ FORGERIES = {
                 "change": (NAN, 1.5, -0.5),
                 "mean": (-INF, 2e300),
                 "place": (-7, 10**6),
+                "factored": (-7, 10**6),
                 "factor": (NAN, INF, 1e300),
                 "gain": (NAN, INF, 1e300),
                 "base": (NAN, INF),

@@ -181,6 +181,20 @@ def test_targets_that_cannot_be_reported_are_not_smoothed_and_the_others_are_the
     assert (left_out > 0) == (threshold > 0.0)
 
 
+def test_targets_that_were_left_out_are_smoothed_when_the_threshold_falls():
+    engine = new_engine(small({"engine": "gaussian", "lag": 4}))
+    stepped(engine, [scan for _, scan in simulate(short_scenario(8), 3)])
+    entries, stamp_ns = engine._window, engine._window[0].stamp_ns
+    whole, part = lineages.Lineages(), lineages.Lineages()
+    whole.extend(entries)
+    whole.smooth(stamp_ns)
+    part.extend(entries)
+    for threshold in (1.0, 0.5, -1.0):
+        part.smooth(stamp_ns, threshold)
+    for own, other in zip(gaussians(part, stamp_ns), gaussians(whole, stamp_ns), strict=True):
+        np.testing.assert_array_equal(own, other)
+
+
 @pytest.mark.parametrize("threshold", [1e-3, 0.5])
 def test_targets_at_the_stamp_of_a_whole_scan_are_those_of_its_smoothed_mixture(threshold):
     engine = new_engine(configuration(SECTORED))
