@@ -24,7 +24,8 @@ _LAG = re.compile(r"\s*([0-9]{1,9})\s*|\s*([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0
 
 def _lag(given: Any) -> tuple[str, Lag] | None:
     plain = number(given)
-    found = _LAG.fullmatch(f"{plain:g}" if plain is not None else str(given))
+    # The digits of a number are all kept, so that no other one is rounded to a whole number.
+    found = _LAG.fullmatch(f"{plain:.17g}" if plain is not None else str(given))
     if found is None:
         return None
     if found[1]:

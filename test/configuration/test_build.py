@@ -180,7 +180,7 @@ def test_a_lag_is_kept_in_one_form(given, kept):
     assert build.resolve({"lag": given}).values["lag"] == kept
 
 
-@pytest.mark.parametrize("given", ["", "x", "-1", "0 s", "101", "2e5 s", 1.5, True, [5]])
+@pytest.mark.parametrize("given", ["", "x", "-1", "0 s", "101", "2e5 s", 1.5, 3.0000001, True, [5]])
 def test_resolve_refuses_what_is_no_lag(given):
     (fault,) = faults_of({"lag": given})
     assert fault.startswith(f"lag: {given!r} given, must be a whole number of scans from 0 to 100")
