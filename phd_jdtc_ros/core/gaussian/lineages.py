@@ -162,6 +162,15 @@ def _updates(
             found[update, BEFORE] = latest
             found[update, PREDICTED] = at
         found[update, PREDICTED + 1] = at + 1
+    # If the scan that updated a target last has been dropped, an earlier one is not its last.
+    newest = -1
+    for one in range(len(known)):
+        newest = max(newest, known[one, LABEL])
+    for one in range(count):
+        if found[one, BEFORE] < 0 and found[one, LABEL] <= newest:
+            for at in range(len(known)):
+                if known[at, LABEL] == found[one, LABEL]:
+                    found[one, BEFORE] = dropped + at
     for one in range(count):
         found[one, STAMP] = stamp_ns
         for end in range(2):

@@ -146,6 +146,24 @@ def gaussians(smoothed, stamp_ns):
     return place, *(column[rows] for column in columns)
 
 
+def test_target_whose_last_scan_was_dropped_is_found_once():
+    entries = window(7)
+    label, last = next(
+        (one, index)
+        for index, entry in reversed(list(enumerate(entries)))
+        for one in entry.stored.label
+    )
+    own = [index for index in range(last) if label in entries[index].stored.label]
+    assert len(own) > 2
+    kept = [entry for index, entry in enumerate(entries) if index not in own[1:]]
+    found = lineages.Lineages()
+    found.extend(kept)
+    before, _ = found.smooth(kept[-1].stamp_ns)
+    labels = found.labels(before).tolist()
+    assert label in labels
+    assert len(set(labels)) == len(labels)
+
+
 def test_updates_around_a_stamp_are_the_last_before_it_and_the_first_after_it():
     entries = window(7)
     every = lineages.Lineages()
