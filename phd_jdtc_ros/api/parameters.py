@@ -50,7 +50,7 @@ class Parameters:
     """A tracker's parameters from the user and from a recording, by dotted name."""
 
     given: Mapping[str, Any]
-    # Whether missing ones have the node's defaults, as with a parameter file, and not `DEFAULTS`.
+    # If true, missing ones have the node's defaults, as in a parameter file, and not `DEFAULTS`.
     for_node: bool = False
     # Values estimated from a recording; given parameters take precedence.
     found: Mapping[str, Any] = field(default_factory=dict)

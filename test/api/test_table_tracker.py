@@ -68,7 +68,7 @@ def test_fit_alone_is_enough_to_track(fitted):
 def test_fit_warns_of_degrees_that_are_read_as_radians():
     degrees = {**DETECTIONS, "azimuth": np.degrees(DETECTIONS["azimuth"])}
     expected = r"radar: \d+ azimuths beyond 2 pi rad; probably degrees"
-    # Whether targets are found in such azimuths does not matter.
+    # It does not matter if targets are found in such azimuths.
     with pytest.warns(UserWarning, match=expected), contextlib.suppress(ValueError):
         Tracker().fit(degrees)
 

@@ -52,7 +52,7 @@ class InputHealth:
     anomalies: Counter[str] = field(default_factory=Counter)
     dropped: Counter[str] = field(default_factory=Counter)
     fit: Fit | None = None  # The radar's innovations compared with its noise, if known
-    # What has been learned of the radar, see `anomalies.figures_of`.
+    # The learned values of the radar, see `anomalies.figures_of`.
     learned: Mapping[str, float] = field(default_factory=dict)
     _last_s: float | None = None
     _worked_s: float = 0.0

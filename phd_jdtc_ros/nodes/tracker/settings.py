@@ -18,7 +18,7 @@ from phd_jdtc_ros.configuration.tables import schema
 from phd_jdtc_ros.configuration.tracker_node import NAMES, Node
 from phd_jdtc_ros.earth import SystemPlane
 
-# What `outputs` may have: the switches of the table, the radars' frames, and a monitor of their
+# The words of `outputs`: the switches of the table, the radars' frames, and a monitor of their
 # registration. Only the markers may change in a running tracker.
 OUTPUTS = (*outputs.SWITCHES, "frames", "registration")
 MARKERS = "markers"

@@ -145,7 +145,7 @@ def test_areas_of_dense_clutter_are_mapped_and_spoil_no_noise(standing):
     assert_estimated(replace(found, clutter=replace(found.clutter, value=8.0)), radar, 0.985)
     assert found.crowded == pytest.approx(len(drops) / len(plots), rel=0.25)
     proposed = {row.name: row.value for row in proposal.rows(found, {}, "radar")}
-    # What rests is still reported, because clutter does not come from the same places.
+    # Targets that rest are still reported, because clutter does not come from the same places.
     assert (proposed["clutter_map"], proposed["clutter_map_speed"]) == (True, 0.0)
     given = {"radar.clutter_map": True, "radar.clutter_map_speed": 2.5}
     assert "clutter_map_speed" not in [row.name for row in proposal.rows(found, given, "radar")]
