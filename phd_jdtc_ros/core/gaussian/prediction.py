@@ -25,6 +25,7 @@ from .algebra.blocks import (
     SIZE,
     add_mean,
     add_spread,
+    check_matrices,
     copy_gaussian,
     dot,
     factorise,
@@ -159,6 +160,10 @@ def _predict(
     """
     count, modes, classes = weight.shape
     spread, share, total, spare, moved = scratch
+    for matrices in (later.gain, later.base, later.factor, spread):
+        check_matrices(matrices)
+    for matrix in (spare, moved.cross, moved.covariance):
+        check_matrices(matrix)
     for row in range(count):
         own = source[row]
         for mode in range(modes):

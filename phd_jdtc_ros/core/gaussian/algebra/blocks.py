@@ -20,6 +20,19 @@ LEAST_PIVOT = 1e-14
 
 
 @inner
+def check_vectors(vectors: FloatArray) -> None:
+    """Check the size of vectors in an array: the compiler then computes their places faster."""
+    assert vectors.shape[vectors.ndim - 1] == SIZE
+
+
+@inner
+def check_matrices(matrices: FloatArray) -> None:
+    """Check the size of square matrices in an array; see `check_vectors`."""
+    assert matrices.shape[matrices.ndim - 2] == SIZE
+    assert matrices.shape[matrices.ndim - 1] == SIZE
+
+
+@inner
 def wrapped(angle: float) -> float:
     """Return an angle wrapped to (-pi, pi]."""
     if -math.pi < angle <= math.pi:  # most are; a remainder takes ten times as long
