@@ -353,46 +353,11 @@ def _add_deaths(
             smoothed.weight[at, mode, class_id] += died * own.weight[at, mode, class_id]
 
 
-@inner
-def _write_before(
-    of: IntArray,
-    to: IntArray,
-    update: IntArray,
-    begin: int,
-    edges: Edges,
-    predicted: Predicted,
-    pairs: Pairs,
-    own: Gaussians,
-    smoothed: Gaussians,
-    ahead: Gaussians,
-    scratch: _Scratch,
-) -> None:
-    """Write the smoothed rows, from `begin` on, of the update that a smoothed one continues."""
-    modes, classes = own.weight.shape[1:]
-    alive, dead, kept = 0.0, 1.0, update[EDGE] < update[EDGE + 1]
-    first_row, end_row = update[PREDICTED], update[PREDICTED + 1]
-    if kept:
-        _write_predicted(update, edges, smoothed, scratch, ahead)
-    for row in range(first_row, end_row):
-        part, at = row - first_row, begin + row - first_row
-        for mode in range(modes):
-            dead -= predicted.survival[row, mode] * total_of(own.weight[at, mode])
-            for class_id in range(classes):
-                smoothed.weight[at, mode, class_id] = 0.0
-        if kept and total_of(scratch.ahead[part]) > 0.0:
-            alive += _write_row(
-                of, to, own, at, predicted, pairs, update, row, ahead, part, scratch, smoothed
-            )
-    death = (1.0 - min(alive, 1.0)) / dead if dead > 0.0 else 0.0
-    for row in range(first_row, end_row):
-        at, survival = begin + row - first_row, predicted.survival[row]
-        _add_deaths(death, survival, own, at, smoothed)
-
-
 @in_place
 def _go_back(
     of: Int1,
     to: Int1,
+    order: Int1,
     dropped: int,
     needed: Bool1,
     updates: Int2,
@@ -405,28 +370,37 @@ def _go_back(
     scratch: _Scratch,
 ) -> None:
     """Smooth the updates that changed ones continue, and mark them as changed."""
+    modes, classes = own.weight.shape[1:]
     for gaussians in (own, smoothed, ahead):
         check_vectors(gaussians.mean)
         check_matrices(gaussians.covariance)
     check_vectors(pairs.mean)
     for matrices in (pairs.gain, pairs.base, pairs.factor, scratch.covariance):
         check_matrices(matrices)
-    # Scans are processed backwards, but the updates of a scan in the order of the tables, in which
-    # the processor reads memory ahead: backwards they would take almost twice as long.
-    end = len(updates)
-    while end > 0:
-        begin = end - 1
-        while begin > 0 and updates[begin - 1, STAMP] == updates[begin, STAMP]:
-            begin -= 1
-        for one in range(begin, end):
-            before = updates[one, BEFORE] - dropped
-            if before >= 0 and scratch.changed[one] and needed[before]:
-                scratch.changed[before] = True
-                update, row = updates[one], updates[before, ROW]
-                _write_before(
-                    of, to, update, row, edges, predicted, pairs, own, smoothed, ahead, scratch
+    for index in order:
+        update, before = updates[index], updates[index, BEFORE] - dropped
+        if before < 0 or not scratch.changed[index] or not needed[before]:
+            continue
+        scratch.changed[before] = True
+        begin, alive, dead = updates[before, ROW], 0.0, 1.0
+        first_row, end_row = update[PREDICTED], update[PREDICTED + 1]
+        kept = update[EDGE] < update[EDGE + 1]
+        if kept:
+            _write_predicted(update, edges, smoothed, scratch, ahead)
+        for row in range(first_row, end_row):
+            part, at = row - first_row, begin + row - first_row
+            for mode in range(modes):
+                dead -= predicted.survival[row, mode] * total_of(own.weight[at, mode])
+                for class_id in range(classes):
+                    smoothed.weight[at, mode, class_id] = 0.0
+            if kept and total_of(scratch.ahead[part]) > 0.0:
+                alive += _write_row(
+                    of, to, own, at, predicted, pairs, update, row, ahead, part, scratch, smoothed
                 )
-        end = begin
+        death = (1.0 - min(alive, 1.0)) / dead if dead > 0.0 else 0.0
+        for row in range(first_row, end_row):
+            at, survival = begin + row - first_row, predicted.survival[row]
+            _add_deaths(death, survival, own, at, smoothed)
 
 
 def go_back(
@@ -480,4 +454,7 @@ def go_back(
         np.empty(modes),
     )
     tables = edges, predicted, pairs, own, smoothed
-    _go_back(of, to, dropped, needed, updates, *tables, ahead, scratch)
+    # The later scans are first, but the updates of a scan are in the order of the tables, in which
+    # the processor reads memory ahead: backwards they would take almost twice as long.
+    order = (-updates[:, STAMP]).argsort(kind="stable")
+    _go_back(of, to, order, dropped, needed, updates, *tables, ahead, scratch)
