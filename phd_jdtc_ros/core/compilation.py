@@ -16,11 +16,13 @@ import gc
 import hashlib
 import importlib
 import logging
+import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from types import FunctionType
+from types import FrameType, FunctionType
 from typing import Annotated, Any, TypeVar, get_args, get_type_hints
 
 from .arrays import BoolArray, FloatArray, IntArray
@@ -75,7 +77,7 @@ def compiled(function: FunctionT, *, counted: bool = True) -> FunctionT:
     # Compiled functions are never called from C.
     options = {**_OPTIONS, "no_cfunc_wrapper": True, "_nrt": counted}
     done: Any
-    with _without_collection():
+    with _without_collection(), _interruptible():
         try:
             done = numba.njit(signature, cache=True, **options)(function)
         except RuntimeError:  # no writable cache directory
@@ -105,6 +107,35 @@ def _without_collection() -> Iterator[None]:
     finally:
         if collects:
             gc.enable()
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """Raise what the handler of a signal has raised at the end too, since numba can swallow it."""
+    raised: list[BaseException] = []
+
+    def call(number: int, frame: FrameType | None) -> None:
+        handler = before[number]
+        try:
+            handler(number, frame)
+        except BaseException as error:
+            raised.append(error)
+            raise
+
+    before: dict[int, Callable[[int, FrameType | None], Any]] = {}
+    # Only the main thread has handlers.
+    if threading.current_thread() is threading.main_thread():
+        handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+        before.update((number, own) for number, own in handlers.items() if callable(own))
+        for number in before:
+            signal.signal(number, call)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if raised:
+            raise raised[0]
 
 
 @cache

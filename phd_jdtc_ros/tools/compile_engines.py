@@ -13,7 +13,9 @@ from collections.abc import Iterator, Sequence
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import ENGINES, new_engine
 from phd_jdtc_ros.core import compilation
-from phd_jdtc_ros.exit_status import FAILED, OK
+from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
+
+from . import command
 
 CORE = "phd_jdtc_ros.core"
 # The association of targets and detections is two fifths of the work, and no part of these, which
@@ -38,14 +40,18 @@ def _beside() -> Iterator[None]:
         process.kill()
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Compile the functions of both engines, and store them beside the source."""
-    parser = argparse.ArgumentParser(
+def main(argv: Sequence[str]) -> int:
+    """Run the tool."""
+    parser = ArgumentParser(
         prog="compile_engines",
         description="Compiles the engines, so that the first start of a tracker does not. The "
         "result is stored in the package's directory, or in NUMBA_CACHE_DIR.",
     )
-    parser.parse_args(argv)
+    return command.run(parser, argv, _compile)
+
+
+def _compile(_: argparse.Namespace) -> int:
+    """Compile the functions of both engines, and store them beside the source."""
     if compilation.numba is None:
         print("compile_engines: numba is not installed: pip install numba", file=sys.stderr)
         return FAILED

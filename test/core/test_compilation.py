@@ -1,7 +1,9 @@
 """Functions that numba compiles do the same where it is missing."""
 
+import contextlib
 import json
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -106,3 +108,25 @@ def test_signature_gives_the_axes_of_arrays_that_may_be_read_only():
     with pytest.raises(TypeError):
         total(np.ones(3), np.array([1]))
     assert total.signatures[0][0] == numba.types.Array(numba.float64, 2, "C", readonly=True)
+
+
+def test_interruption_that_numba_swallows_ends_the_compilation(monkeypatch):
+    numba = pytest.importorskip("numba", reason="nothing is compiled without it")
+    compile_with = numba.njit
+
+    def njit(*signature, **options):
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        return compile_with(*signature, **options)
+
+    def twice(x: float) -> float:
+        return 2.0 * x
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        monkeypatch.setattr(numba, "njit", njit)
+        with pytest.raises(KeyboardInterrupt):
+            compilation.compiled(twice)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
