@@ -83,17 +83,17 @@ def run(name: str, argv: Sequence[str] | None = None) -> int:
 def _module(path: str) -> ModuleType:
     """Import an executable's module, which takes a second; a signal ends it without a message.
 
-    A node handles signals by itself once it runs, and is asked to stop by SIGTERM too.
+    A node handles signals by itself once it runs.
     """
     node = path.startswith("nodes.")
     # Nothing has begun, so there is nothing to finish. The numbers are those of `exit_status`.
     status = 0 if node else 128 + signal.SIGINT
-    numbers = (signal.SIGINT, signal.SIGTERM) if node else (signal.SIGINT,)
+    numbers = (signal.SIGINT, signal.SIGTERM)
     before = {number: signal.signal(number, lambda *_: os._exit(status)) for number in numbers}
     module = importlib.import_module(f"phd_jdtc_ros.{path}")
     if not node:
-        for number in numbers:
-            signal.signal(number, before[number])
+        for number, handler in before.items():
+            signal.signal(number, handler)
     return module
 
 

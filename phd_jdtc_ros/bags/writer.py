@@ -13,6 +13,7 @@ import yaml
 from mcap.writer import CompressionType, Writer
 
 from msg_adapters import interfaces
+from phd_jdtc_ros import interruption
 
 from .errors import BagError
 
@@ -58,8 +59,8 @@ class Topic:
 class BagWriter:
     """Writes a bag: a directory with one uncompressed MCAP file and its metadata.
 
-    Use it as a context manager; the bag is complete when the block ends. Raise `BagError` if the
-    directory exists or cannot be created.
+    Use it as a context manager; the bag is complete when the block ends, also if an interruption
+    ends it. Raise `BagError` if the directory exists or cannot be created.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -120,28 +121,30 @@ class BagWriter:
                 sequence=self._counts[topic],
                 data=data,
             )
-        self._counts[topic] += 1
-        first = self._first_ns
-        self._first_ns = log_time_ns if first is None else min(first, log_time_ns)
-        self._last_ns = max(self._last_ns, log_time_ns)
+            self._counts[topic] += 1
+            first = self._first_ns
+            self._first_ns = log_time_ns if first is None else min(first, log_time_ns)
+            self._last_ns = max(self._last_ns, log_time_ns)
 
     def close(self) -> None:
         """Finish the file and write the metadata."""
         if self._stream.closed:
             return
-        try:
-            with self._writing():
-                self._writer.finish()
-                text = yaml.safe_dump(self._metadata(), sort_keys=False)
-                (self._directory / _METADATA).write_text(text)
-        finally:
-            with contextlib.suppress(OSError):  # the first failure has been reported
-                self._stream.close()
+        with interruption.step():
+            try:
+                with self._writing():
+                    self._writer.finish()
+                    text = yaml.safe_dump(self._metadata(), sort_keys=False)
+                    (self._directory / _METADATA).write_text(text)
+            finally:
+                with contextlib.suppress(OSError):  # the first failure has been reported
+                    self._stream.close()
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
         try:
-            yield
+            with interruption.step():
+                yield
         except OSError as error:
             with contextlib.suppress(OSError):
                 self._stream.close()

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from phd_jdtc_ros import interruption
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.configuration import scene
 from phd_jdtc_ros.configuration.build import TrackerConfig
@@ -42,7 +43,8 @@ def run(
     """Run `work` with the parsed arguments; return the exit status, and print users' errors."""
     arguments, name = parser.parse_args(argv), parser.prog.split()[-1]
     try:
-        return work(arguments)
+        with interruption.accepted():
+            return work(arguments)
     except (ConfigError, BagError) as error:
         return fail(name, error)
     except OSError as error:  # a path that cannot be written, a full disk

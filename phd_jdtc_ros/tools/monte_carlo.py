@@ -6,7 +6,6 @@ import argparse
 import contextlib
 import json
 import os
-import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -177,16 +176,11 @@ def main(argv: Sequence[str], busy: Callable[[], int] = lambda: 0, kinds: Kinds 
 
     def work(arguments: argparse.Namespace) -> int:
         study, plan = _plan(arguments, kinds)
-        # On SIGTERM the worker processes are stopped too.
-        before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-        try:
-            if arguments.dask:
-                backend = partial(monte_carlo.run_on_dask, address=arguments.dask)
-            else:
-                workers = arguments.workers
-                backend = partial(monte_carlo.run_on_processes, workers=workers, busy=busy)
-            return run(study, plan, arguments.out, backend)
-        finally:
-            signal.signal(signal.SIGTERM, before)
+        if arguments.dask:
+            backend = partial(monte_carlo.run_on_dask, address=arguments.dask)
+        else:
+            workers = arguments.workers
+            backend = partial(monte_carlo.run_on_processes, workers=workers, busy=busy)
+        return run(study, plan, arguments.out, backend)
 
     return command.run(parser, argv, work)

@@ -28,7 +28,7 @@ from msg_adapters import (
 )
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import reader_of
-from phd_jdtc_ros import output_files, resources
+from phd_jdtc_ros import interruption, output_files, resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
@@ -181,15 +181,17 @@ def track_bag(
         console = Console(stderr=True)
         try:
             for entry in track(source.messages(copied), doing, total, console=console):
-                bag.write(entry.topic, entry.data, entry.stamp_ns)
-                tracker.add(entry)
+                with interruption.step():
+                    bag.write(entry.topic, entry.data, entry.stamp_ns)
+                    tracker.add(entry)
         except BagError as error:
             if not error.corrupt:
                 raise
             tracker.damage = error
         finally:
-            tracker.finish()
-            bag_parameters.write(out / bag_parameters.NAME, config.values)
+            with interruption.step():
+                tracker.finish()
+                bag_parameters.write(out / bag_parameters.NAME, config.values)
     return tracker
 
 

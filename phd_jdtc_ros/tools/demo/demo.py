@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import json
 import shutil
-import signal
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -191,15 +190,13 @@ def _work(arguments: argparse.Namespace) -> int:
 
 @contextmanager
 def _unfinished_results(out: Path) -> Iterator[Path]:
-    """Yield a new directory below `out`, which is removed at the end, on SIGTERM too."""
+    """Yield a new directory below `out`, which is removed at the end."""
     new = out / UNFINISHED
     shutil.rmtree(new, ignore_errors=True)
     new.mkdir(parents=True)
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield new
     finally:
-        signal.signal(signal.SIGTERM, before)
         if any(new.iterdir()) and (out / METRICS).exists():
             print(f"demo: the results in {out} are those of an earlier demo", file=sys.stderr)
         shutil.rmtree(new, ignore_errors=True)

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 import os
-import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from msg_adapters import names
-from phd_jdtc_ros import resources
+from phd_jdtc_ros import interruption, resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration import tracker_node
@@ -77,7 +75,8 @@ class Processes:
         line = [sys.executable, "-m", *executable, *arguments, "--ros-args"]
         for key, value in parameters.items():
             line += ["-p", f"{key}:={value}"]
-        with (self._logs / f"{name}.log").open("wb") as log, _interrupts_deferred():
+        # In one step, so that each started process is recorded.
+        with (self._logs / f"{name}.log").open("wb") as log, interruption.step():
             self._running[name] = subprocess.Popen(
                 line, stdout=None if in_terminal else log, stderr=log, env=self._environment
             )
@@ -199,20 +198,3 @@ def replay(
     arguments = [str(bag), "--rate", "0", *words]
     nodes.start(name, arguments, parameters, in_terminal=True, module=module)
     return nodes.wait(name) and nodes.wait("evaluator", FINISH_S)
-
-
-@contextmanager
-def _interrupts_deferred() -> Iterator[None]:
-    """Handle signals to end only afterwards, so that each started process is recorded."""
-    received: list[int] = []
-    before = {
-        number: signal.signal(number, lambda caught, _: received.append(caught))
-        for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-    for caught in received:
-        signal.raise_signal(caught)

@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from phd_jdtc_ros import interruption
 from phd_jdtc_ros.tools.demo.processes import Processes
 
 
@@ -19,15 +20,15 @@ def test_node_that_starts_while_the_demo_is_interrupted_is_ended(number, tmp_pat
         return started[0]
 
     monkeypatch.setattr(subprocess, "Popen", interrupted)
-    handled = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(one, signal.default_int_handler) for one in handled]
     try:
-        with pytest.raises(KeyboardInterrupt), Processes(tmp_path) as processes:
+        with (
+            pytest.raises(KeyboardInterrupt),
+            interruption.accepted(),
+            Processes(tmp_path) as processes,
+        ):
             processes.start("tracker", [], {})
         status = started[0].poll()
     finally:
-        for one, handler in zip(handled, before, strict=True):
-            signal.signal(one, handler)
         started[0].kill()
 
     assert status is not None
