@@ -249,6 +249,15 @@ def test_second_radar_of_a_number_and_a_wrong_clock_are_reported(unicast):
     assert "127.0.0.2 to" in status.message
 
 
+def test_bridge_that_receives_nothing_says_so_and_fails(unicast):
+    process = unicast.start()
+
+    unicast.peer.said(process, f"on {LOOPBACK}:{unicast.port}; check the address and port")
+    process.terminate()
+    assert process.wait(10.0) == 1
+    assert f"nothing was received on {LOOPBACK}:{unicast.port}" in process.log.read_text()
+
+
 def test_bridge_stops_and_starts_again_on_request(unicast):
     process = unicast.start("-p", "autostart:=true")
 

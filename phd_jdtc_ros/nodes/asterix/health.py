@@ -44,15 +44,20 @@ class Moment(NamedTuple):
         return DiagnosticStatus.STALE, math.isnan(self.active_s), "not active"
 
 
+def no_datagram(quiet_s: float, inputs: Sequence[str]) -> str:
+    """Return the warning about inputs on which nothing has arrived for some time."""
+    return (
+        f"no datagram for {quiet_s:.0f} s on {', '.join(inputs)}; check the address and port that "
+        "the sender uses, and interface for a group"
+    )
+
+
 def of_input(at: Moment, stream: PlotStream, lost: int, inputs: Sequence[str]) -> DiagnosticStatus:
     """Return the status of all received datagrams; for `lost` ones there was no room."""
     counts = +stream.counts
     faults = {reason: count for reason, count in counts.items() if reason not in EXPECTED}
     quiet_s = at.quiet_s("datagrams", stream.datagrams)
-    quiet = (
-        f"no datagram for {quiet_s:.0f} s on {', '.join(inputs)}; check the address and port that "
-        "the sender uses, and interface for a group"
-    )
+    quiet = no_datagram(quiet_s, inputs)
     losing = at.recent("lost", lost)
     malformed = at.recent("faults", sum(faults.values()))
     condition = first(

@@ -30,6 +30,7 @@ from phd_jdtc_ros.asterix.transport.udp import Receiver
 from phd_jdtc_ros.asterix_bridge import clouds, settings
 from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.exit_status import FAILED
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
 from ..common import arguments, parameters, runtime, topics
@@ -42,7 +43,8 @@ OUTPUT_DEPTH, INPUT_DEPTH = 50, 10
 # Longest time of processing datagrams at once, seconds, so that a flood of them does not keep the
 # node from everything else, and from being stopped.
 BUDGET_S = 0.05
-# No late plots are expected after this time without a datagram, seconds.
+# No late plots are expected after this time without a datagram, seconds. Without any since the
+# start, the address is probably wrong.
 QUIET_S = 5.0
 # The topic of the estimates to send, unless it is remapped.
 ESTIMATES = names.estimates("filtered")
@@ -67,6 +69,7 @@ class AsterixBridge(ManagedNode):
         self._taken_s = 0.0
         self._received_s: float | None = None
         self._active_since_s = math.nan
+        self._deaf = False
         self._clouds = 0
         self._outputs: dict[str, Any] = {}
         self._subscribers: dict[str, int] = {}
@@ -94,8 +97,10 @@ class AsterixBridge(ManagedNode):
         return self._bridge.stream(StreamClock(0, self._values["max_clock_offset_s"]))
 
     def close(self) -> None:
-        """Stop receiving, and log a summary."""
+        """Stop receiving, and log a summary; fail if nothing was received."""
         self._stop()
+        if self._deaf:
+            self.exit_status = FAILED
         radars = [
             f"{state.settings.name} {state.plots} plots in {state.reports} clouds"
             for state in self._stream.radars.values()
@@ -147,11 +152,15 @@ class AsterixBridge(ManagedNode):
             self._receiver = Receiver(inputs, interface, self._arrived.trigger)
 
     def _stop(self) -> None:
-        self._active_since_s = math.nan
         if self._receiver is not None:
+            self._note_silence()
             self._receiver.close()
             self._dropped["lost"] += self._receiver.lost + self._receiver.waiting
             self._receiver, self._work = None, iter(())
+            if self._deaf:
+                inputs = ", ".join(self._values["inputs"])
+                self.get_logger().error(f"nothing was received on {inputs}")
+        self._active_since_s = math.nan
         if self._sender is not None:
             self._sender.close()
             self._sender = None
@@ -174,7 +183,16 @@ class AsterixBridge(ManagedNode):
                 self._arrived.trigger()
                 return
 
+    def _note_silence(self) -> None:
+        """Find out, and warn once, that nothing at all has been received for a while."""
+        active_s, warned = time.monotonic() - self._active_since_s, self._deaf
+        self._deaf = active_s > QUIET_S and not self._stream.datagrams
+        if self._deaf and not warned:
+            self.get_logger().warning(health.no_datagram(active_s, self._values["inputs"]))
+
     def _finish_if_quiet(self) -> None:
+        if self._receiver is not None:
+            self._note_silence()
         if self._received_s is not None and time.monotonic() - self._received_s > QUIET_S:
             self._finish()
 

@@ -115,7 +115,7 @@ def _parser() -> ArgumentParser:
     )
     parser.add_argument(
         "--port",
-        type=int,
+        type=_port,
         action="append",
         default=[],
         help="for captures: read only datagrams to this UDP port; may be repeated",
@@ -123,6 +123,14 @@ def _parser() -> ArgumentParser:
     command.add_params_file_argument(parser)
     command.add_assignments_argument(parser)
     return parser
+
+
+def _port(text: str) -> int:
+    """Return a UDP port."""
+    digits = text.isascii() and text.isdigit() and len(text) <= 5
+    if not (digits and 0 < int(text) < 2**16):
+        raise argparse.ArgumentTypeError(f"{text} given, must be a port from 1 to 65535")
+    return int(text)
 
 
 def _midnight(text: str) -> int:

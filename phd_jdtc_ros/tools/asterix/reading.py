@@ -28,6 +28,8 @@ from . import parameters
 DEPTH = 50
 # Smallest share of a recording that must be used; otherwise the tool fails.
 LEAST_USED = 0.5
+# Largest number of ports in a message.
+MAX_PORTS = 8
 # Descriptions of other categories, for the message that they are not used.
 TRACKS = "tracks of another tracker, not plots"
 PLACES = (
@@ -51,6 +53,8 @@ class Conversion:
     """The counts of a conversion to a bag."""
 
     stream: PlotStream
+    wanted_ports: frozenset[int]  # UDP ports that are read; empty for all
+    ports: Counter[int] = field(default_factory=Counter)  # Captured datagrams by port
     recording: Counter[str] = field(default_factory=Counter)  # Skipped parts of the file, by reason
     topics: set[str] = field(default_factory=set)
     clouds: int = 0
@@ -80,12 +84,29 @@ class Conversion:
                 yield f"{name}: its clock is {-shift_s:+.1f} s off, and was shifted"
         for size, count in self.stream.blocks.known_trailers().items():
             yield f"{count} datagrams have a trailer of {size} bytes, which is skipped"
+        if self._silent_ports() and not self._reads_nothing():
+            yield self._silence()
         left_out = +(self.recording + self.stream.counts)
         yield f"left out: {counts_text(left_out) or 'none'}"
         yield from self.hints
 
+    def _silent_ports(self) -> list[int]:
+        """Return the ports without datagrams; recordings without ports are read as a whole."""
+        return sorted(self.wanted_ports - set(self.ports)) if self.ports else []
+
+    def _reads_nothing(self) -> bool:
+        return len(self._silent_ports()) == len(self.wanted_ports) > 0
+
+    def _silence(self) -> str:
+        silent = " or ".join(map(str, self._silent_ports()))
+        listed = ", ".join(f"{port} ({count})" for port, count in self.ports.most_common(MAX_PORTS))
+        return f"no datagram is to port {silent}; ports with their datagrams: {listed}"
+
     def faults(self) -> Iterator[str]:
         """Yield a line for each reason why the recording was not used as it should be."""
+        if self._reads_nothing():
+            yield self._silence()
+            return
         damaged = self.recording["resynchronised"] + self.recording["recording_cut"]
         if damaged:
             yield (
@@ -121,14 +142,14 @@ def convert(
     no recording of ASTERIX, or the bag cannot be written.
     """
     clock = StreamClock(midnight_ns or 0, bridge.values["max_clock_offset_s"])
-    done = Conversion(bridge.stream(clock))
+    done = Conversion(bridge.stream(clock), frozenset(ports))
     try:
         with framing.open_recording(path) as data:
             if not len(data):
                 raise BagError(f"{path}: is empty, nothing was recorded", corrupt=True)
             framing.kind_of(data)
             with BagWriter(out) as bag:
-                for state, report in _reports(data, done, midnight_ns, frozenset(ports)):
+                for state, report in _reports(data, done, midnight_ns):
                     _write(bag, done, bridge, state, report)
     except RecordingError as error:
         raise BagError(f"{path}: {error}") from error
@@ -146,14 +167,16 @@ def convert(
 
 
 def _reports(
-    data: Any, done: Conversion, midnight_ns: int | None, ports: frozenset[int]
+    data: Any, done: Conversion, midnight_ns: int | None
 ) -> Iterator[tuple[RadarState, SectorReport]]:
     """Yield the reports of a recording in the order in which they are complete."""
     for received in framing.datagrams(data, midnight_ns, done.recording):
         port = datagram.port_of(received)
-        if ports and port is not None and port not in ports:
-            done.recording["other_port"] += 1
-            continue
+        if port is not None:
+            done.ports[port] += 1
+            if done.wanted_ports and port not in done.wanted_ports:
+                done.recording["other_port"] += 1
+                continue
         yield from done.stream.feed(*received)
     yield from done.stream.finish()
     for state in done.stream.radars.values():

@@ -138,6 +138,25 @@ def test_only_a_port_of_a_capture_is_read_where_asked(bridge):
         assert BagReader(out).counts == {TOPIC: 8}
 
 
+@pytest.mark.parametrize(("ports", "expected"), [([9], 3), ([9, 8600], 0)])
+def test_port_without_datagrams_is_named_with_those_that_have_some(bridge, ports, expected):
+    packets = [(k * 10**8, made.packet(block)) for k, block in enumerate(made.turns(1))]
+    words = [word for port in ports for word in ("--port", str(port))]
+    status, _, said = bridge(made.pcap(packets), *words)
+
+    silence = "no datagram is to port 9; ports with their datagrams: 8600 (33)"
+    assert status == expected
+    assert (said.err if expected else said.out).count(silence) == 1
+    assert said.err.count("\n") == (1 if expected else 0)
+
+
+@pytest.mark.parametrize("given", ["0", "65536", "-1", "8600x", "9" * 5000])
+def test_impossible_port_is_refused(bridge, given, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        bridge(b"", f"--port={given}")
+    assert "must be a port from 1 to 65535" in capsys.readouterr().err
+
+
 def test_wrong_clock_and_second_source_are_reported(bridge):
     blocks = [*made.turns(1, start_s=1000.0)]
     packets = []
