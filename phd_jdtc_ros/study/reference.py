@@ -113,7 +113,7 @@ def update(
         iterations=iterations,
         converged=CONVERGED,
     )
-    mean, covariance = kalman.updated(*state, radar, found)
+    mean, covariance = kalman.update(*state, radar, found)
     return Gaussian(mean[0], covariance[0])
 
 

@@ -56,15 +56,19 @@ class Dynamics:
     def mode_of(self) -> IntArray:
         """Index of each flat mode's motion mode, shape (O,)."""
         modes, first_of = self.model.modes, {}
-        place, count = np.zeros(len(modes), dtype=np.int64), 0
-        for index, one in enumerate(modes.classes):
-            own = np.flatnonzero(modes.class_of == index)
-            alike = (one.motions, one.mode_transition.tobytes(), one.survival_probability)
-            if alike not in first_of:
-                first_of[alike] = count
-                count += len(own)
-            place[own] = first_of[alike] + np.arange(len(own))
-        return place
+        mode_of, count = np.zeros(len(modes), dtype=np.int64), 0
+        for index, target_class in enumerate(modes.classes):
+            flat = np.flatnonzero(modes.class_of == index)
+            motions_key = (
+                target_class.motions,
+                target_class.mode_transition.tobytes(),
+                target_class.survival_probability,
+            )
+            if motions_key not in first_of:
+                first_of[motions_key] = count
+                count += len(flat)
+            mode_of[flat] = first_of[motions_key] + np.arange(len(flat))
+        return mode_of
 
     @cached_property
     def flat_of(self) -> IntArray:
@@ -81,8 +85,8 @@ class Dynamics:
     def pairs(self) -> tuple[IntArray, IntArray]:
         """The K pairs (from, to) of motion modes that one class has, sorted by `to`."""
         class_of = self.model.modes.class_of[self.flat_of]
-        to, of = contiguous(*np.nonzero(class_of[:, None] == class_of))
-        return of, to
+        to_mode, from_mode = contiguous(*np.nonzero(class_of[:, None] == class_of))
+        return from_mode, to_mode
 
     @cached_property
     def supported(self) -> FloatArray:
@@ -159,15 +163,15 @@ class Dynamics:
 
     def cell_probability(self, sensor: Sensor) -> FloatArray:
         """Return p_D in each cell of SNR, (C, S); of a sensor only its threshold matters."""
-        known, threshold = self._cell_probabilities, sensor.threshold
-        if threshold not in known:
-            if len(known) == MOST_THRESHOLDS:
-                known.clear()
+        cache, threshold = self._cell_probabilities, sensor.threshold
+        if threshold not in cache:
+            if len(cache) == MOST_THRESHOLDS:
+                cache.clear()
             model, log_snr = self.model, self.cells.log_snr
             of_cell = self._mode_of_cell, log_snr.ravel(), sensor, model.modes
             probability = model.amplitudes.detection_probability(*of_cell)
-            known[threshold] = read_only(probability.reshape(log_snr.shape))
-        return known[threshold]
+            cache[threshold] = read_only(probability.reshape(log_snr.shape))
+        return cache[threshold]
 
     @cached_property
     def _intervals(self) -> dict[bytes, Intervals]:
@@ -175,19 +179,24 @@ class Dynamics:
 
     def over(self, dt: FloatArray) -> Intervals:
         """Return survival and motion over intervals in seconds, (I,); the latest ones are kept."""
-        known, key = self._intervals, dt.tobytes()
-        if key not in known:
-            if len(known) == MOST_INTERVALS:
-                known.clear()
-            modes, flat, (of, to) = self.model.modes, self.flat_of, self.pairs
+        cache, key = self._intervals, dt.tobytes()
+        if key not in cache:
+            if len(cache) == MOST_INTERVALS:
+                cache.clear()
+            modes, flat, (from_mode, to_mode) = self.model.modes, self.flat_of, self.pairs
             lengths = dt.tolist()
-            survival = np.array([modes.survival(one)[flat] for one in lengths])
-            change = np.array([modes.transition(one)[flat[of], flat[to]] for one in lengths])
-            snr = [self.cells.transition(one) for one in lengths]
-            change *= survival[:, of]
-            noise = np.array([modes.noise(one)[flat] for one in lengths])
-            known[key] = Intervals(survival, change, noise, self._matrices(dt), snr)
-        return known[key]
+            survival = np.array([modes.survival(interval_s)[flat] for interval_s in lengths])
+            change = np.array(
+                [
+                    modes.transition(interval_s)[flat[from_mode], flat[to_mode]]
+                    for interval_s in lengths
+                ]
+            )
+            snr = [self.cells.transition(interval_s) for interval_s in lengths]
+            change *= survival[:, from_mode]
+            noise = np.array([modes.noise(interval_s)[flat] for interval_s in lengths])
+            cache[key] = Intervals(survival, change, noise, self._matrices(dt), snr)
+        return cache[key]
 
     def _matrices(self, dt: FloatArray) -> FloatArray:
         """Return the matrix of each motion mode over intervals at rest, (I, R, D, D)."""

@@ -19,8 +19,8 @@ from .mixture import Mixture
 @compiled
 def _class_moments(
     threshold: float,
-    targets: int,
-    target: Int1,
+    target_count: int,
+    target_of: Int1,
     row: Int1,
     weight: Float3,
     mean: Float3,
@@ -29,50 +29,55 @@ def _class_moments(
     """Return the targets whose mass is above a threshold, and the columns of their estimates.
 
     These are the mass, the probability of each class, the most probable class, and the moments of
-    that class. `target` and `row` have the target of each hypothesis, and its row in the Gaussians.
+    that class. `target_of` and `row` have the target of each hypothesis and its row in the
+    Gaussians.
     """
     modes, classes = weight.shape[1:]
-    of_class, kept, found = np.zeros((targets, classes)), np.full(targets, -1), 0
-    for at in range(len(row)):
+    of_class, output_row, count = np.zeros((target_count, classes)), np.full(target_count, -1), 0
+    for index in range(len(row)):
         for mode in range(modes):
-            add(weight[row[at], mode], of_class[target[at]])
-    for one in range(targets):
-        if total_of(of_class[one]) > threshold:
-            kept[one] = found
-            found += 1
-    which, mass, majority = np.empty(found, np.int64), np.empty(found), np.empty(found, np.int64)
-    probability = np.empty((found, classes))
-    state, spread = np.zeros((found, SIZE)), np.zeros((found, SIZE, SIZE))
-    for one in range(targets):
-        if kept[one] >= 0:
-            place, whole = kept[one], total_of(of_class[one])
-            which[place], mass[place] = one, whole
-            majority[place] = 0
+            add(weight[row[index], mode], of_class[target_of[index]])
+    for target in range(target_count):
+        if total_of(of_class[target]) > threshold:
+            output_row[target] = count
+            count += 1
+    chosen, mass, majority = np.empty(count, np.int64), np.empty(count), np.empty(count, np.int64)
+    probability = np.empty((count, classes))
+    state, spread = np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE))
+    for target in range(target_count):
+        if output_row[target] >= 0:
+            output, total_mass = output_row[target], total_of(of_class[target])
+            chosen[output], mass[output] = target, total_mass
+            majority[output] = 0
             for class_id in range(classes):
-                own = of_class[one, class_id]
-                if own > of_class[one, majority[place]]:
-                    majority[place] = class_id
-                probability[place, class_id] = own / whole if whole > 0.0 else own
+                mass_of_class = of_class[target, class_id]
+                if mass_of_class > of_class[target, majority[output]]:
+                    majority[output] = class_id
+                probability[output, class_id] = (
+                    mass_of_class / total_mass if total_mass > 0.0 else mass_of_class
+                )
     share = np.zeros((len(row), modes))
-    for at in range(len(row)):
-        place = kept[target[at]]
-        for mode in range(modes if place >= 0 else 0):
-            whole = of_class[target[at], majority[place]]
-            if whole > 0.0:
-                share[at, mode] = weight[row[at], mode, majority[place]] / whole
-            add_mean(share[at, mode], mean[row[at], mode], state[place])
-    for at in range(len(row)):
+    for index in range(len(row)):
+        output = output_row[target_of[index]]
+        for mode in range(modes if output >= 0 else 0):
+            total_mass = of_class[target_of[index], majority[output]]
+            if total_mass > 0.0:
+                share[index, mode] = weight[row[index], mode, majority[output]] / total_mass
+            add_mean(share[index, mode], mean[row[index], mode], state[output])
+    for index in range(len(row)):
         for mode in range(modes):
-            if share[at, mode] > 0.0:
-                own, around = mean[row[at], mode], covariance[row[at], mode]
-                place = kept[target[at]]
-                add_spread(share[at, mode], own, around, state[place], spread[place])
-    for place in range(found):
+            if share[index, mode] > 0.0:
+                own_mean, own_covariance = mean[row[index], mode], covariance[row[index], mode]
+                output = output_row[target_of[index]]
+                add_spread(
+                    share[index, mode], own_mean, own_covariance, state[output], spread[output]
+                )
+    for output in range(count):
         for i in range(SIZE):
             for k in range(i):
-                half = 0.5 * (spread[place, i, k] + spread[place, k, i])
-                spread[place, i, k] = spread[place, k, i] = half
-    return which, mass, probability, majority, state, spread
+                half = 0.5 * (spread[output, i, k] + spread[output, k, i])
+                spread[output, i, k] = spread[output, k, i] = half
+    return chosen, mass, probability, majority, state, spread
 
 
 def extract(
@@ -108,8 +113,8 @@ def extract_targets(
     gaussians : sequence of arrays
         See `Mixture.gaussians`.
     """
-    found = _class_moments(threshold, len(label), target, row, *gaussians)
-    which, mass, probability, class_id, state, covariance = found
+    columns = _class_moments(threshold, len(label), target, row, *gaussians)
+    chosen, mass, probability, class_id, state, covariance = columns
     return Estimates(
         stamp_ns=stamp_ns,
         lag=lag,
@@ -118,6 +123,6 @@ def extract_targets(
         weight=mass,
         class_probability=probability,
         class_id=class_id,
-        track_id=label[which] + 1,
+        track_id=label[chosen] + 1,
         space=dynamics.model.modes.space,
     )

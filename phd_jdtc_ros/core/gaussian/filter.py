@@ -15,7 +15,7 @@ from .bounds import Bounds
 from .dynamics import Dynamics
 from .lineages import Link
 from .mixture import Mixture
-from .prediction import Aged, births, spawn, survivors
+from .prediction import AgedMixture, births, spawn, survivors
 from .reduction import Branched, reduce_hypotheses
 from .update import GaussianSteps
 
@@ -42,27 +42,28 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
         dynamics, index = self.dynamics, self._scan_index
         dt = self._interval(scan)
         swept, others = partition_swept(self.unswept, scan, self.model, labelled=True)
-        earlier = [
-            Aged(rows.stored, self._since(rows.entry.stamp_ns, scan.stamp_ns)) for rows in swept
+        aged = [
+            AgedMixture(rows.stored, self._since(rows.entry.stamp_ns, scan.stamp_ns))
+            for rows in swept
         ]
         parts, moves = [], None
-        if earlier:
-            moved, moves = survivors(earlier, dynamics)
+        if aged:
+            moved, moves = survivors(aged, dynamics)
             parts.append(moved)
         if born := self._births(scan):
             parts.append(births(born, dynamics, index))
         if self.model.spawn.rate > 0.0:
-            parts.append(spawn(earlier, dynamics, index, self.bounds.least_existence))
+            parts.append(spawn(aged, dynamics, index, self.bounds.least_existence))
         predicted = Mixture.concatenate(parts or [dynamics.nothing])
         self.on_stage_end("predict")
-        survived = len(parts[0]) if earlier else 0
+        survived = len(parts[0]) if aged else 0
         row = np.arange(len(predicted))
         branched = Branched(predicted, np.where(row < survived, row, -1))
         steps = GaussianSteps(dynamics, self.bounds)
-        found = update_scan(branched, scan, steps, dt, index, self.sensors, self.attributes)
-        self.approximate = found.approximate
+        updated = update_scan(branched, scan, steps, dt, index, self.sensors, self.attributes)
+        self.approximate = updated.approximate
         self.on_stage_end("update")
-        stored, ancestry, self.floored = reduce_hypotheses(found.rows, self.bounds)
+        stored, ancestry, self.floored = reduce_hypotheses(updated.rows, self.bounds)
         self.on_stage_end("reduce")
         link = Link(moves, ancestry) if linked and moves is not None else None
         entry = Entry(scan.stamp_ns, stored, tuple(rows.source for rows in swept), link)

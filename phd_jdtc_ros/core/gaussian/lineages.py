@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..arrays import BoolArray, FloatArray, IntArray
+from ..bisection import count_below
 from ..compilation import Bool1, Float2, Float3, Int1, Int2, compiled
 from ..window.entries import Entry, Source
 from .algebra.backward_step import (
@@ -58,13 +59,14 @@ class _Ring:
     """Columns of equal length in which the rows of a scan are adjacent, and replace the oldest."""
 
     def __init__(self, room: int, columns: Sequence[Any]) -> None:
-        self.columns = [np.empty((room, *own.shape[1:]), own.dtype) for own in columns]
+        self.columns = [np.empty((room, *column.shape[1:]), column.dtype) for column in columns]
         self._room = room
-        self._held: deque[tuple[int, int]] = deque()  # First row and end of each scan, oldest first
+        # First row and end of each scan, oldest first.
+        self._scans: deque[tuple[int, int]] = deque()
 
     def append(self, *columns: Any) -> int:
         """Append the rows of a scan; return the first one, or -1 if there is no room."""
-        oldest, begin = (self._held[0][0], self._held[-1][1]) if self._held else (0, 0)
+        oldest, begin = (self._scans[0][0], self._scans[-1][1]) if self._scans else (0, 0)
         size, room = len(columns[0]), self._room
         if begin < oldest:
             room = oldest - 1  # a ring that is full would seem empty
@@ -72,14 +74,14 @@ class _Ring:
             begin, room = 0, oldest - 1
         if begin + size > room:
             return -1
-        self._held.append((begin, begin + size))
-        for own, new in zip(self.columns, columns, strict=True):
-            own[begin : begin + size] = new
+        self._scans.append((begin, begin + size))
+        for column, values in zip(self.columns, columns, strict=True):
+            column[begin : begin + size] = values
         return begin
 
     def drop(self) -> None:
         """Drop the rows of the oldest scan."""
-        self._held.popleft()
+        self._scans.popleft()
 
 
 class _Place(NamedTuple):
@@ -100,13 +102,13 @@ class Around(NamedTuple):
 
 
 @compiled
-def _updates(
+def _make_updates(
     stamp_ns: int,
     label: Int1,
     target: Int1,
-    earlier: Int1,
+    continued: Int1,
     dropped: int,
-    known: Int2,
+    existing: Int2,
     child: Int1,
     first: Int1,
 ) -> IntArray:
@@ -118,10 +120,10 @@ def _updates(
         Labels of the targets, ascending.
     target : int array of shape (H,)
         Target of each updated hypothesis.
-    earlier : int array of shape (E,)
+    continued : int array of shape (E,)
         Number of the update of each hypothesis that the scan continues; -1 if it has left the
         window.
-    dropped, known : int, and int array of shape (U, COLUMNS)
+    dropped, existing : int, and int array of shape (U, COLUMNS)
         The number of the first earlier update, and all of them.
     child : int array
         Updated hypothesis of each edge.
@@ -129,80 +131,74 @@ def _updates(
         First rows of the scan: of hypotheses, predicted ones, pairs, factors and edges.
     """
     count, update, latest = len(label), -1, -1
-    found = np.zeros((len(label) + len(earlier), COLUMNS), np.int64)
-    for one in range(count):
-        found[one, LABEL] = label[one]
-        found[one, BEFORE] = -1
+    updates = np.zeros((len(label) + len(continued), COLUMNS), np.int64)
+    for index in range(count):
+        updates[index, LABEL] = label[index]
+        updates[index, BEFORE] = -1
     # Backwards, so that the first row of each target stays.
-    for at in range(len(target) - 1, -1, -1):
-        found[target[at], ROW] = at
-    for at in range(len(target)):
-        found[target[at], ROW + 1] = at + 1
-    for at in range(len(child) - 1, -1, -1):
-        found[target[child[at]], EDGE] = at
-    for at in range(len(child)):
-        found[target[child[at]], EDGE + 1] = at + 1
-    for at in range(len(earlier)):
-        if earlier[at] < 0:
+    for row in range(len(target) - 1, -1, -1):
+        updates[target[row], ROW] = row
+    for row in range(len(target)):
+        updates[target[row], ROW + 1] = row + 1
+    for edge in range(len(child) - 1, -1, -1):
+        updates[target[child[edge]], EDGE] = edge
+    for edge in range(len(child)):
+        updates[target[child[edge]], EDGE + 1] = edge + 1
+    for row in range(len(continued)):
+        if continued[row] < 0:
             continue
-        if earlier[at] != latest:
-            latest = earlier[at]
-            own = known[latest - dropped, LABEL]
-            update, end = 0, len(label)
-            while update < end:
-                middle = (update + end) // 2
-                if label[middle] < own:
-                    update = middle + 1
-                else:
-                    end = middle
-            if update == len(label) or label[update] != own:
+        if continued[row] != latest:
+            latest = continued[row]
+            target_label = existing[latest - dropped, LABEL]
+            update = count_below(label, target_label)
+            if update == len(label) or label[update] != target_label:
                 update = count
-                found[update, LABEL] = own
+                updates[update, LABEL] = target_label
                 count += 1
-            found[update, BEFORE] = latest
-            found[update, PREDICTED] = at
-        found[update, PREDICTED + 1] = at + 1
+            updates[update, BEFORE] = latest
+            updates[update, PREDICTED] = row
+        updates[update, PREDICTED + 1] = row + 1
     # If the scan that updated a target last has been dropped, an earlier one is not its last.
     newest = -1
-    for one in range(len(known)):
-        newest = max(newest, known[one, LABEL])
-    for one in range(count):
-        if found[one, BEFORE] < 0 and found[one, LABEL] <= newest:
-            for at in range(len(known)):
-                if known[at, LABEL] == found[one, LABEL]:
-                    found[one, BEFORE] = dropped + at
-    for one in range(count):
-        found[one, STAMP] = stamp_ns
+    for earlier in range(len(existing)):
+        newest = max(newest, existing[earlier, LABEL])
+    for index in range(count):
+        if updates[index, BEFORE] < 0 and updates[index, LABEL] <= newest:
+            for earlier in range(len(existing)):
+                if existing[earlier, LABEL] == updates[index, LABEL]:
+                    updates[index, BEFORE] = dropped + earlier
+    for index in range(count):
+        updates[index, STAMP] = stamp_ns
         for end in range(2):
-            found[one, ROW + end] += first[0]
-            found[one, PREDICTED + end] += first[1]
-            found[one, EDGE + end] += first[4]
+            updates[index, ROW + end] += first[0]
+            updates[index, PREDICTED + end] += first[1]
+            updates[index, EDGE + end] += first[4]
         for table in range(4):
-            found[one, FIRST_ROW + table] = first[table]
-    return found[:count]
+            updates[index, FIRST_ROW + table] = first[table]
+    return updates[:count]
 
 
 @compiled
-def _around(updates: Int2, dropped: int, past: int) -> tuple[BoolArray, IntArray]:
+def _updates_around(updates: Int2, dropped: int, past: int) -> tuple[BoolArray, IntArray]:
     """Return which of the updates up to a stamp are the latest, and the first later ones.
 
     `past` is the number of updates up to the stamp; -1 stands for no later one.
     """
     latest, after = np.empty(past, np.bool_), np.empty(past, np.int64)
-    for one in range(past):
-        latest[one] = updates[one, ROW + 1] > updates[one, ROW]
-        after[one] = -1
-        if updates[one, BEFORE] >= dropped:
-            latest[updates[one, BEFORE] - dropped] = False
-    for one in range(past, len(updates)):
-        before = updates[one, BEFORE] - dropped
-        if 0 <= before < past and updates[one, ROW + 1] > updates[one, ROW]:
-            after[before] = one
+    for index in range(past):
+        latest[index] = updates[index, ROW + 1] > updates[index, ROW]
+        after[index] = -1
+        if updates[index, BEFORE] >= dropped:
+            latest[updates[index, BEFORE] - dropped] = False
+    for index in range(past, len(updates)):
+        continued = updates[index, BEFORE] - dropped
+        if 0 <= continued < past and updates[index, ROW + 1] > updates[index, ROW]:
+            after[continued] = index
     return latest, after
 
 
 @compiled
-def _reportable(
+def _find_reportable(
     threshold: float,
     needed: Bool1,
     dropped: int,
@@ -220,47 +216,49 @@ def _reportable(
     Survivors have at most the smoothed existence e at the next update, and dead targets have the
     factor (1 - e) / (1 - filtered survivors); see `Lineages.smooth`.
     """
-    existence, found = np.full(len(updates), -1.0), np.zeros(len(updates), np.bool_)
-    for one in range(len(updates) - 1, -1, -1):
-        if existence[one] < 0.0:  # it is the target's last one
-            existence[one] = 0.0
-            for row in range(updates[one, ROW], updates[one, ROW + 1]):
+    existence, reportable = np.full(len(updates), -1.0), np.zeros(len(updates), np.bool_)
+    for index in range(len(updates) - 1, -1, -1):
+        if existence[index] < 0.0:  # it is the target's last one
+            existence[index] = 0.0
+            for row in range(updates[index, ROW], updates[index, ROW + 1]):
                 for mode in range(weight.shape[1]):
-                    existence[one] += total_of(weight[row, mode])
-        found[one] = found[one] or (needed[one] and existence[one] > threshold - ROUNDING)
-        before, alive, died, dead = updates[one, BEFORE] - dropped, existence[one], 0.0, 1.0
-        if before < 0:
+                    existence[index] += total_of(weight[row, mode])
+        reportable[index] = reportable[index] or (
+            needed[index] and existence[index] > threshold - ROUNDING
+        )
+        continued, alive, died, dead = updates[index, BEFORE] - dropped, existence[index], 0.0, 1.0
+        if continued < 0:
             continue
-        begin, first = updates[before, ROW], updates[one, PREDICTED]
-        for row in range(first, updates[one, PREDICTED + 1]):
+        begin, first = updates[continued, ROW], updates[index, PREDICTED]
+        for row in range(first, updates[index, PREDICTED + 1]):
             for mode in range(weight.shape[1]):
-                own = total_of(weight[begin + row - first, mode])
-                died += (1.0 - survival[row, mode]) * own
-                dead -= survival[row, mode] * own
-        existence[before] = alive + max(1.0 - alive, 0.0) * (died / dead if dead > 0.0 else 0.0)
-        found[before] = found[one]
-    for one in range(len(updates)):
-        before = updates[one, BEFORE] - dropped
-        found[one] = found[one] or (before >= 0 and found[before])
-    return found
+                row_weight = total_of(weight[begin + row - first, mode])
+                died += (1.0 - survival[row, mode]) * row_weight
+                dead -= survival[row, mode] * row_weight
+        existence[continued] = alive + max(1.0 - alive, 0.0) * (died / dead if dead > 0.0 else 0.0)
+        reportable[continued] = reportable[index]
+    for index in range(len(updates)):
+        continued = updates[index, BEFORE] - dropped
+        reportable[index] = reportable[index] or (continued >= 0 and reportable[continued])
+    return reportable
 
 
 @compiled
-def _hypotheses(chosen: Int1, updates: Int2) -> tuple[IntArray, IntArray]:
+def _hypothesis_rows(chosen: Int1, updates: Int2) -> tuple[IntArray, IntArray]:
     """Return the place of the update and the row of each hypothesis of chosen updates."""
     count = 0
-    for one in chosen:
-        count += updates[one, ROW + 1] - updates[one, ROW]
-    of, rows, at = np.empty(count, np.int64), np.empty(count, np.int64), 0
-    for place in range(len(chosen)):
-        one = chosen[place]
-        for own in range(updates[one, ROW], updates[one, ROW + 1]):
-            of[at], rows[at] = place, own
-            at += 1
-    return of, rows
+    for update in chosen:
+        count += updates[update, ROW + 1] - updates[update, ROW]
+    position, rows, filled = np.empty(count, np.int64), np.empty(count, np.int64), 0
+    for index in range(len(chosen)):
+        update = chosen[index]
+        for row in range(updates[update, ROW], updates[update, ROW + 1]):
+            position[filled], rows[filled] = index, row
+            filled += 1
+    return position, rows
 
 
-def _columns(link: Link) -> tuple[Sequence[Any], ...]:
+def _link_columns(link: Link) -> tuple[Sequence[Any], ...]:
     """Return the columns of each table for a link: predicted ones, pairs, factors and edges."""
     moves, ancestry = link.moves, link.ancestry
     predicted = moves.change, moves.survival, moves.place
@@ -286,9 +284,9 @@ class Lineages:
     """The updates of the entries of a window, oldest first."""
 
     def __init__(self) -> None:
-        self._begin()
+        self._reset()
 
-    def _begin(self) -> None:
+    def _reset(self) -> None:
         """Drop everything."""
         self._places: dict[int, _Place] = {}  # By stamp, ascending
         self._updates = np.zeros((0, COLUMNS), dtype=np.int64)
@@ -303,16 +301,16 @@ class Lineages:
         """Append the new entries of a window; begin again if it does not continue these entries."""
         latest_ns = next(reversed(self._places), -1)
         new = window[_count_until(window, latest_ns) :]
-        if self._continued_by(window):
+        if self._is_continued_by(window):
             self._drop_before(window[0].stamp_ns)
             if all(map(self._append, new)):
                 return
-        self._begin()
+        self._reset()
         self._make_room(window)
         for entry in window:
             self._append(entry)
 
-    def _continued_by(self, window: Sequence[Entry[Mixture, Link]]) -> bool:
+    def _is_continued_by(self, window: Sequence[Entry[Mixture, Link]]) -> bool:
         """Return whether a window has these entries, except dropped ones, and then later ones.
 
         An entry depends on all before it, so that the latest one shows whether any has changed.
@@ -320,18 +318,18 @@ class Lineages:
         if not self._places:
             return False
         latest_ns, latest = next(reversed(self._places.items()))
-        known = _count_until(window, latest_ns)
+        count = _count_until(window, latest_ns)
         return (
-            known > 0
+            count > 0
             and window[0].stamp_ns in self._places
-            and window[known - 1].stored is latest.stored
+            and window[count - 1].stored is latest.stored
         )
 
     def _drop_before(self, stamp_ns: int) -> None:
         """Drop the entries before a stamp."""
         first = self._dropped
-        for earlier_ns in [one for one in self._places if one < stamp_ns]:
-            place = self._places.pop(earlier_ns)
+        for dropped_ns in [entry_ns for entry_ns in self._places if entry_ns < stamp_ns]:
+            place = self._places.pop(dropped_ns)
             self._dropped += place.updates
             for ring in (self._gaussians, *(self._links if place.linked else ())):
                 ring.drop()
@@ -339,7 +337,7 @@ class Lineages:
 
     def _make_room(self, window: Sequence[Entry[Mixture, Link]]) -> None:
         """Make tables with room for the entries of a window."""
-        links = [_columns(entry.link) for entry in window if entry.link is not None]
+        links = [_link_columns(entry.link) for entry in window if entry.link is not None]
         self._gaussians = _ring_for([2 * entry.stored.gaussians for entry in window])
         self._links = tuple(map(_ring_for, zip(*links, strict=True)))
 
@@ -375,16 +373,16 @@ class Lineages:
         needed = self._updates[:, STAMP] > since_ns
         needed[around.before] = True
         predicted, pairs, factors, edges = (ring.columns for ring in self._links)
-        columns, known = self._gaussians.columns, (self._dropped, self._updates)
-        needed &= _reportable(threshold, needed, *known, columns[0], predicted[1])
+        columns, updates = self._gaussians.columns, (self._dropped, self._updates)
+        needed &= _find_reportable(threshold, needed, *updates, columns[0], predicted[1])
         kept = needed[around.before]
         around = Around(around.before[kept], around.after[kept])
         if first == self._done:
             return around
-        of, to = self._pairs_of_modes
+        from_mode, to_mode = self._pairs_of_modes
         go_back(
-            of,
-            to,
+            from_mode,
+            to_mode,
             first - self._dropped,
             self._dropped,
             needed,
@@ -407,9 +405,9 @@ class Lineages:
     def around(self, stamp_ns: int) -> Around:
         """Return the updates around a stamp."""
         past = int(self._updates[:, STAMP].searchsorted(stamp_ns, side="right"))
-        latest, after = _around(self._updates, self._dropped, past)
-        place = latest.nonzero()[0]
-        return Around(place, after[place])
+        latest, after = _updates_around(self._updates, self._dropped, past)
+        rows = latest.nonzero()[0]
+        return Around(rows, after[rows])
 
     def stamps(self, updates: IntArray) -> IntArray:
         """Return the stamps of updates."""
@@ -429,7 +427,7 @@ class Lineages:
         The rows are those of the returned Gaussians.
         """
         weight, mean, covariance = self._gaussians.columns[3:]
-        return *_hypotheses(updates, self._updates), (weight, mean, covariance)
+        return *_hypothesis_rows(updates, self._updates), (weight, mean, covariance)
 
     def _append(self, entry: Entry[Mixture, Link]) -> bool:
         """Append the updates of an entry: those of its targets, and of those that it dropped.
@@ -437,21 +435,21 @@ class Lineages:
         Returns whether there is room.
         """
         stored, link = entry.stored, entry.link
-        child = earlier = np.zeros(0, dtype=np.int64)
+        child = continued = np.zeros(0, dtype=np.int64)
         first = np.zeros(5, dtype=np.int64)
         first[0] = self._gaussians.append(*stored.gaussians, *stored.gaussians)
         if link is not None:
             if not self._links:
                 return False
             child, self._pairs_of_modes = link.ancestry.child, link.moves.pairs
-            earlier = np.concatenate([earlier, *map(self._updates_of, entry.sources)])
-            columns = zip(self._links, _columns(link), strict=True)
-            first[1:] = [ring.append(*own) for ring, own in columns]
+            continued = np.concatenate([continued, *map(self._updates_of, entry.sources)])
+            columns = zip(self._links, _link_columns(link), strict=True)
+            first[1:] = [ring.append(*values) for ring, values in columns]
         if first.min() < 0:
             return False
-        known = self._dropped, self._updates
-        updates = _updates(
-            *(entry.stamp_ns, stored.label, stored.target, earlier, *known, child, first)
+        existing = self._dropped, self._updates
+        updates = _make_updates(
+            *(entry.stamp_ns, stored.label, stored.target, continued, *existing, child, first)
         )
         numbers = self._dropped + len(self._updates) + stored.target
         rows = slice(int(first[0]), int(first[0]) + len(stored))

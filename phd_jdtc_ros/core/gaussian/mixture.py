@@ -31,20 +31,20 @@ def _sums(
 ) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
     """Return the columns of `Sums`; `order` is that of the hypotheses by label."""
     count, modes, classes = weight.shape
-    label, target, found = np.empty(count, np.int64), np.empty(count, np.int64), 0
+    label, target, targets = np.empty(count, np.int64), np.empty(count, np.int64), 0
     for row in order:
-        if found == 0 or row_label[row] != label[found - 1]:
-            label[found] = row_label[row]
-            found += 1
-        target[row] = found - 1
-    mode_weight, mass, existence = np.zeros((count, modes)), np.zeros(count), np.zeros(found)
+        if targets == 0 or row_label[row] != label[targets - 1]:
+            label[targets] = row_label[row]
+            targets += 1
+        target[row] = targets - 1
+    mode_weight, mass, existence = np.zeros((count, modes)), np.zeros(count), np.zeros(targets)
     for row in range(count):
         for mode in range(modes):
             for class_id in range(classes):
                 mode_weight[row, mode] += weight[row, mode, class_id]
             mass[row] += mode_weight[row, mode]
         existence[target[row]] += mass[row]
-    return label[:found], target, mode_weight, mass, existence
+    return label[:targets], target, mode_weight, mass, existence
 
 
 @compiled
@@ -60,21 +60,22 @@ def _extents(
     moments, half = np.zeros((len(existence), 6)), len(axes) // 2
     share = np.zeros(mode_weight.shape)
     for row in range(len(target)):
-        whole, one = existence[target[row]], moments[target[row]]
+        target_mass, target_moments = existence[target[row]], moments[target[row]]
         for mode in range(mode_weight.shape[1]):
-            share[row, mode] = mode_weight[row, mode] / whole if whole > 0.0 else 0.0
+            share[row, mode] = mode_weight[row, mode] / target_mass if target_mass > 0.0 else 0.0
             for i in range(len(axes)):
-                one[i] += share[row, mode] * mean[row, mode, axes[i]]
+                target_moments[i] += share[row, mode] * mean[row, mode, axes[i]]
     for row in range(len(target)):
-        one = moments[target[row]]
+        target_moments = moments[target[row]]
         for mode in range(mode_weight.shape[1]):
             for i in range(len(axes)):
                 axis = axes[i]
-                square = (mean[row, mode, axis] - one[i]) ** 2 + covariance[row, mode, axis, axis]
-                one[len(axes) + i // half] += share[row, mode] * square
-    for one in moments:
-        for column in range(len(axes), len(one)):
-            one[column] = np.sqrt(one[column])
+                square = (mean[row, mode, axis] - target_moments[i]) ** 2
+                square += covariance[row, mode, axis, axis]
+                target_moments[len(axes) + i // half] += share[row, mode] * square
+    for target_moments in moments:
+        for column in range(len(axes), len(target_moments)):
+            target_moments[column] = np.sqrt(target_moments[column])
     return moments
 
 

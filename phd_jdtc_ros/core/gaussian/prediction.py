@@ -29,7 +29,7 @@ from .algebra.blocks import (
     copy_gaussian,
     dot,
     factorise,
-    solved,
+    solve,
     write,
 )
 from .algebra.curvature import Moved, move, new_moved
@@ -42,7 +42,7 @@ from .mixture import Mixture
 MOST_GAIN, MOST_FACTOR = 1e15, 1e30
 
 
-class Aged(NamedTuple):
+class AgedMixture(NamedTuple):
     """A stored mixture and its age."""
 
     mixture: Mixture
@@ -111,27 +111,27 @@ class _Places(NamedTuple):
 
 
 @in_place
-def _write_places(
-    weight: Float3, source: Int1, of: Int1, to: Int1, change: Float2, found: _Places
+def _write_pair_places(
+    weight: Float3, source: Int1, from_mode: Int1, to_mode: Int1, change: Float2, places: _Places
 ) -> tuple[int, int]:
     """Write the places of the pairs that have weight; return their number, and that of factors."""
     (count, _, classes), active, factors = weight.shape, 0, 0
-    place, factored = found
+    place, factored = places
     for row in range(count):
-        for pair in range(len(of)):
-            some = False
+        for pair in range(len(from_mode)):
+            has_weight = False
             for class_id in range(classes):
-                some = some or weight[row, of[pair], class_id] > 0.0
+                has_weight = has_weight or weight[row, from_mode[pair], class_id] > 0.0
             place[row, pair] = -1
-            if some and change[source[row], pair] > 0.0:
+            if has_weight and change[source[row], pair] > 0.0:
                 place[row, pair], factored[active] = active, -1
                 active += 1
-        for pair in range(len(of)):
-            several = False
-            for other in range(len(of)):
-                rival = other != pair and to[other] == to[pair]
-                several = several or (rival and place[row, other] >= 0)
-            if several and place[row, pair] >= 0:
+        for pair in range(len(from_mode)):
+            has_rival = False
+            for other in range(len(from_mode)):
+                rival = other != pair and to_mode[other] == to_mode[pair]
+                has_rival = has_rival or (rival and place[row, other] >= 0)
+            if has_rival and place[row, pair] >= 0:
                 factored[place[row, pair]] = factors
                 factors += 1
     return active, factors
@@ -143,8 +143,8 @@ def _predict(
     mean: Float3,
     covariance: Float4,
     source: Int1,
-    of: Int1,
-    to: Int1,
+    from_mode: Int1,
+    to_mode: Int1,
     turns: Bool1,
     dt: Float1,
     change: Float2,
@@ -165,50 +165,68 @@ def _predict(
     for matrix in (spare, moved.cross, moved.covariance):
         check_matrices(matrix)
     for row in range(count):
-        own = source[row]
+        interval = source[row]
         for mode in range(modes):
             total[mode] = 0.0
-        for pair in range(len(of)):
+        for pair in range(len(from_mode)):
             share[pair] = 0.0
             for class_id in range(classes):
-                arriving = change[own, pair] * weight[row, of[pair], class_id]
-                later.weight[row, to[pair], class_id] += arriving
+                arriving = change[interval, pair] * weight[row, from_mode[pair], class_id]
+                later.weight[row, to_mode[pair], class_id] += arriving
                 share[pair] += arriving
-            total[to[pair]] += share[pair]
-        for pair in range(len(of)):
-            at, mode = later.place[row, pair], to[pair]
-            if at < 0:
+            total[to_mode[pair]] += share[pair]
+        for pair in range(len(from_mode)):
+            pair_row, mode = later.place[row, pair], to_mode[pair]
+            if pair_row < 0:
                 continue
-            before, gain, base = covariance[row, of[pair]], later.gain[at], later.base[at]
-            move(mean[row, of[pair]], before, transition[own, mode], turns[mode], dt[own], moved)
+            earlier_covariance = covariance[row, from_mode[pair]]
+            gain = later.gain[pair_row]
+            base = later.base[pair_row]
+            move(
+                mean[row, from_mode[pair]],
+                earlier_covariance,
+                transition[interval, mode],
+                turns[mode],
+                dt[interval],
+                moved,
+            )
             for i in range(SIZE):
-                later.pair_mean[at, i] = moved.mean[i]
+                later.pair_mean[pair_row, i] = moved.mean[i]
                 for k in range(i + 1):
-                    found = moved.covariance[i, k] + noise[own, mode, i, k]
-                    spread[pair, i, k] = spread[pair, k, i] = found
-            kept = later.factored[at]
-            factor = later.factor[kept] if kept >= 0 else spare
+                    entry = moved.covariance[i, k] + noise[interval, mode, i, k]
+                    spread[pair, i, k] = spread[pair, k, i] = entry
+            factor_row = later.factored[pair_row]
+            factor = later.factor[factor_row] if factor_row >= 0 else spare
             factorise(spread[pair], factor)
             for i in range(SIZE):
-                write(solved(factor, moved.cross[i]), gain[i])
+                write(solve(factor, moved.cross[i]), gain[i])
                 for k in range(i + 1):
-                    base[i, k] = base[k, i] = before[i, k] - dot(gain[i], moved.cross[k])
+                    explained = dot(gain[i], moved.cross[k])
+                    base[i, k] = base[k, i] = earlier_covariance[i, k] - explained
             if share[pair] > 0.0:
                 share[pair] /= total[mode]
-                add_mean(share[pair], later.pair_mean[at], later.mean[row, mode])
-        for pair in range(len(of)):
+                add_mean(share[pair], later.pair_mean[pair_row], later.mean[row, mode])
+        for pair in range(len(from_mode)):
             if share[pair] > 0.0:
-                at, mode = later.place[row, pair], to[pair]
-                around = later.covariance[row, mode]
-                centre = later.mean[row, mode]
-                add_spread(share[pair], later.pair_mean[at], spread[pair], centre, around)
+                pair_row, mode = later.place[row, pair], to_mode[pair]
+                mixed_covariance = later.covariance[row, mode]
+                mixed_mean = later.mean[row, mode]
+                add_spread(
+                    share[pair],
+                    later.pair_mean[pair_row],
+                    spread[pair],
+                    mixed_mean,
+                    mixed_covariance,
+                )
         for mode in range(modes):
             if not total[mode] > 0.0:  # it cannot be reached
-                around = later.covariance[row, mode]
-                copy_gaussian(mean[row, mode], covariance[row, mode], later.mean[row, mode], around)
+                mixed_covariance = later.covariance[row, mode]
+                copy_gaussian(
+                    mean[row, mode], covariance[row, mode], later.mean[row, mode], mixed_covariance
+                )
 
 
-def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Moves]:
+def survivors(earlier: Sequence[AgedMixture], dynamics: Dynamics) -> tuple[Mixture, Moves]:
     """Return the hypotheses of earlier scans predicted to the time of a later one.
 
     Notes
@@ -221,17 +239,17 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
     Blom and Bar-Shalom, "The interacting multiple model algorithm for systems with Markovian
     switching coefficients", IEEE Transactions on Automatic Control 33(8), 1988.
     """
-    before = Mixture.concatenate([part.mixture for part in earlier])
-    source = np.arange(len(earlier)).repeat([len(part.mixture) for part in earlier])
-    dt = np.array([part.dt for part in earlier])
+    stored = Mixture.concatenate([aged.mixture for aged in earlier])
+    source = np.arange(len(earlier)).repeat([len(aged.mixture) for aged in earlier])
+    dt = np.array([aged.dt for aged in earlier])
     survival, change, noise, transition, snr = dynamics.over(dt)
-    count, modes, pairs = len(before), len(dynamics.turns), len(dynamics.pairs[0])
+    count, modes, pairs = len(stored), len(dynamics.turns), len(dynamics.pairs[0])
     places = _Places(np.empty((count, pairs), np.int64), np.empty(count * pairs, np.int64))
-    active, factors = _write_places(before.weight, source, *dynamics.pairs, change, places)
+    active, factors = _write_pair_places(stored.weight, source, *dynamics.pairs, change, places)
     later = _Predicted(
-        np.zeros(before.weight.shape),
-        np.zeros(before.mean.shape),
-        np.zeros(before.covariance.shape),
+        np.zeros(stored.weight.shape),
+        np.zeros(stored.mean.shape),
+        np.zeros(stored.covariance.shape),
         np.empty((active, SIZE)),
         np.empty((factors, SIZE, SIZE)),
         places.factored[:active],
@@ -244,11 +262,14 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
         *(np.empty((SIZE, SIZE)), new_moved()),
     )
     _predict(
-        *(*before.gaussians, source, *dynamics.pairs, dynamics.turns, dt),
+        *(*stored.gaussians, source, *dynamics.pairs, dynamics.turns, dt),
         *(change, noise, transition, later, scratch),
     )
-    diffused = [_diffused(part.mixture.snr, one) for part, one in zip(earlier, snr, strict=True)]
-    moved = before.changed(
+    diffused = [
+        _diffuse(aged.mixture.snr, cell_transition)
+        for aged, cell_transition in zip(earlier, snr, strict=True)
+    ]
+    moved = stored.changed(
         weight=later.weight,
         mean=later.mean,
         covariance=later.covariance,
@@ -267,31 +288,33 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
     )
 
 
-def _diffused(snr: FloatArray, transition: FloatArray | None) -> FloatArray:
+def _diffuse(snr: FloatArray, transition: FloatArray | None) -> FloatArray:
     """Return the later probabilities of the cells of SNR, (H, C, S); see `Intervals.snr`."""
     if transition is None:
         return snr
     return np.ascontiguousarray((snr.swapaxes(0, 1) @ transition).swapaxes(0, 1))
 
 
-def births(births: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: int) -> Mixture:
+def births(terms: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: int) -> Mixture:
     """Return the birth components at the configured places, each with a new label.
 
     Parameters
     ----------
-    births : sequence of (int, float)
+    terms : sequence of (int, float)
         Index of each birth term, and the time since its last births, seconds.
     """
     first = labels.first_predicted(scan_index)
-    rows = np.array([index for index, _ in births], dtype=np.int64)
-    expected = np.array([dt for _, dt in births]) / dynamics.model.modes.interval_s
+    rows = np.array([index for index, _ in terms], dtype=np.int64)
+    expected = np.array([dt for _, dt in terms]) / dynamics.model.modes.interval_s
     weight, mean, covariance = dynamics.births
     weight = expected[:, None, None] * weight.take(rows, axis=0)
     gaussians = mean.take(rows, axis=0), covariance.take(rows, axis=0)
     return Mixture(first + rows, weight, *gaussians, dynamics.unknown_snr(len(rows)))
 
 
-def spawn(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: float) -> Mixture:
+def spawn(
+    earlier: Sequence[AgedMixture], dynamics: Dynamics, scan_index: int, least: float
+) -> Mixture:
     """Return the spawned targets, one for each parent, each with a new label.
 
     Parameters
@@ -311,7 +334,7 @@ def spawn(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: f
         parent = (mixture.existence > 0.0) & (rate * mixture.existence >= least)
         if not (count := int(np.count_nonzero(parent))):
             continue
-        place = np.where(parent, parent.cumsum() - 1, -1)
+        spawned_row = np.where(parent, parent.cumsum() - 1, -1)
         transition = dynamics.over(np.array([dt])).transition[0]
         shape = count, len(dynamics.turns)
         spawned = _Spawned(
@@ -321,7 +344,7 @@ def spawn(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: f
         )
         matched = _Matched(np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE)), new_moved())
         _spawn(
-            *(rate, mixture.target, place, mixture.existence, *mixture.gaussians),
+            *(rate, mixture.target, spawned_row, mixture.existence, *mixture.gaussians),
             *(*dynamics.spawned, transition, dynamics.turns, dt, spawned, matched),
         )
         row_label = np.arange(label, label + count)
@@ -350,45 +373,59 @@ class _Matched(NamedTuple):
 def _spawn(
     rate: float,
     target: Int1,
-    place: Int1,
+    spawned_row: Int1,
     existence: Float1,
     weight: Float3,
     mean: Float3,
     covariance: Float4,
-    by_parent: Float2,
+    weight_by_parent: Float2,
     noise: Float3,
     transition: Float3,
     turns: Bool1,
     dt: float,
-    found: _Spawned,
+    spawned: _Spawned,
     matched: _Matched,
 ) -> None:
     """Write the spawned targets; see `Dynamics.spawned`.
 
-    `place` is the row of each parent's spawned target, (T,), or -1.
+    `spawned_row` is the row of each parent's spawned target, (T,), or -1.
     """
     modes, classes = weight.shape[1:]
-    centre, around = matched.mean, matched.covariance
+    parent_mean, parent_covariance = matched.mean, matched.covariance
     for row in range(len(target)):
-        one, whole = place[target[row]], existence[target[row]]
-        for mode in range(modes if one >= 0 else 0):
-            add_mean(total_of(weight[row, mode]) / whole, mean[row, mode], centre[one])
+        child, parent_mass = spawned_row[target[row]], existence[target[row]]
+        for mode in range(modes if child >= 0 else 0):
+            add_mean(total_of(weight[row, mode]) / parent_mass, mean[row, mode], parent_mean[child])
             for class_id in range(classes):
-                share = by_parent[mode * classes + class_id]
-                for entry in range(len(share)):
-                    own = rate * weight[row, mode, class_id] * share[entry]
-                    found.weight[one, entry // classes, entry % classes] += own
+                child_weights = weight_by_parent[mode * classes + class_id]
+                for entry in range(len(child_weights)):
+                    added = rate * weight[row, mode, class_id] * child_weights[entry]
+                    spawned.weight[child, entry // classes, entry % classes] += added
     for row in range(len(target)):
-        one, whole = place[target[row]], existence[target[row]]
-        for mode in range(modes if one >= 0 else 0):
-            part, own_mean = total_of(weight[row, mode]) / whole, mean[row, mode]
-            if part > 0.0:
-                add_spread(part, own_mean, covariance[row, mode], centre[one], around[one])
-    for one in range(len(centre)):
+        child, parent_mass = spawned_row[target[row]], existence[target[row]]
+        for mode in range(modes if child >= 0 else 0):
+            share, row_mean = total_of(weight[row, mode]) / parent_mass, mean[row, mode]
+            if share > 0.0:
+                add_spread(
+                    share,
+                    row_mean,
+                    covariance[row, mode],
+                    parent_mean[child],
+                    parent_covariance[child],
+                )
+    for child in range(len(parent_mean)):
         for mode in range(modes):
-            move(centre[one], around[one], transition[mode], turns[mode], dt, matched.moved)
+            move(
+                parent_mean[child],
+                parent_covariance[child],
+                transition[mode],
+                turns[mode],
+                dt,
+                matched.moved,
+            )
             for i in range(SIZE):
-                found.mean[one, mode, i] = matched.moved.mean[i]
+                spawned.mean[child, mode, i] = matched.moved.mean[i]
                 for k in range(i + 1):
                     total = matched.moved.covariance[i, k] + noise[mode, i, k]
-                    found.covariance[one, mode, i, k] = found.covariance[one, mode, k, i] = total
+                    spawned.covariance[child, mode, i, k] = total
+                    spawned.covariance[child, mode, k, i] = total

@@ -59,7 +59,7 @@ class Ancestry:
 
 
 @inner
-def _across_modes(
+def _match_modes(
     weight: FloatArray,
     mean: FloatArray,
     covariance: FloatArray,
@@ -98,7 +98,7 @@ class _Clusters(NamedTuple):
 
 
 @compiled
-def _clusters(
+def _find_clusters(
     distance: float,
     kept: Bool1,
     target: Int1,
@@ -111,7 +111,7 @@ def _clusters(
     Only targets that are `kept`, (T,), have clusters.
     """
     count, edges, clusters = len(target), 0, 0
-    found = _Clusters(
+    columns = _Clusters(
         np.empty(count, np.int64),
         np.empty(count, np.int64),
         np.empty(count, np.int64),
@@ -121,51 +121,55 @@ def _clusters(
         np.empty((SIZE, SIZE)),
         np.empty(SIZE),
     )
-    row_of, cluster, leader, merged, centre, spread, factor, apart = found
+    row_of, cluster, leader, merged, centre, spread, factor, apart = columns
     begin = end = 0
     while begin < count:
         while end < count and target[end] == target[begin]:
             merged[end] = not kept[target[begin]]
             end += 1
         for row in range(begin, end if end > begin + 1 else begin):
-            _across_modes(weight[row], mean[row], covariance[row], centre[row], spread[row])
-        for first in range(begin, end):
-            if merged[first]:
+            _match_modes(weight[row], mean[row], covariance[row], centre[row], spread[row])
+        for leader_row in range(begin, end):
+            if merged[leader_row]:
                 continue
-            leader[clusters] = first
-            if first + 1 < end:
-                factorise(spread[first], factor)
-            for row in range(first, end):
+            leader[clusters] = leader_row
+            if leader_row + 1 < end:
+                factorise(spread[leader_row], factor)
+            for row in range(leader_row, end):
                 if merged[row] or (
-                    row > first
-                    and square_distance(factor, centre[row], centre[first], apart) > distance
+                    row > leader_row
+                    and square_distance(factor, centre[row], centre[leader_row], apart) > distance
                 ):
                     continue
                 merged[row], row_of[edges], cluster[edges] = True, row, clusters
                 edges += 1
             clusters += 1
         begin = end
-    return found.row[:edges], found.cluster[:edges], found.leader[:clusters]
+    return columns.row[:edges], columns.cluster[:edges], columns.leader[:clusters]
 
 
 @inner
 def _write_merged_snr(
-    rows: IntArray, weight: FloatArray, found: FloatArray, snr: FloatArray, merged: FloatArray
+    rows: IntArray,
+    weight: FloatArray,
+    merged_weight: FloatArray,
+    snr: FloatArray,
+    merged: FloatArray,
 ) -> None:
     """Write the cells of SNR of a cluster: those of its hypotheses, by the class's weight."""
     classes, cells = merged.shape
     for class_id in range(classes):
-        whole = 0.0
-        for mode in range(len(found)):
-            whole += found[mode, class_id]
+        class_weight = 0.0
+        for mode in range(len(merged_weight)):
+            class_weight += merged_weight[mode, class_id]
         for row in rows:
-            own = 0.0
-            for mode in range(len(found)):
-                own += weight[row, mode, class_id]
+            row_weight = 0.0
+            for mode in range(len(merged_weight)):
+                row_weight += weight[row, mode, class_id]
             # A class without weight has the cells of all hypotheses, equally weighted.
-            part = own / whole if whole > 0.0 else 1.0 / len(rows)
+            share = row_weight / class_weight if class_weight > 0.0 else 1.0 / len(rows)
             for cell in range(cells):
-                merged[class_id, cell] += part * snr[row, class_id, cell]
+                merged[class_id, cell] += share * snr[row, class_id, cell]
 
 
 class _Merged(NamedTuple):
@@ -180,7 +184,7 @@ class _Merged(NamedTuple):
 
 
 @compiled
-def _merged(
+def _merge(
     row_of: Int1,
     child: Int1,
     count: int,
@@ -191,7 +195,7 @@ def _merged(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the columns of `_Merged` up to `share`, given the first two of `_Clusters`."""
     (modes, classes), edges = weight.shape[1:], len(child)
-    found = _Merged(
+    merged = _Merged(
         np.zeros((count, modes, classes)),
         np.zeros((count, modes, SIZE)),
         np.zeros((count, modes, SIZE, SIZE)),
@@ -199,36 +203,42 @@ def _merged(
         np.zeros((edges, modes, classes)),
         np.empty(edges),
     )
-    part = found.part
+    mode_share = merged.part
     begin = end = 0
-    for one in range(len(found.weight)):
-        while end < edges and child[end] == one:
+    for cluster in range(len(merged.weight)):
+        while end < edges and child[end] == cluster:
             for mode in range(modes):
-                add(weight[row_of[end], mode], found.weight[one, mode])
+                add(weight[row_of[end], mode], merged.weight[cluster, mode])
             end += 1
         for mode in range(modes):
-            at, around = found.mean[one, mode], found.covariance[one, mode]
-            whole = total_of(found.weight[one, mode])
+            centre, spread = merged.mean[cluster, mode], merged.covariance[cluster, mode]
+            mode_weight = total_of(merged.weight[cluster, mode])
             for edge in range(begin, end):
                 row = row_of[edge]
                 # A mode without weight keeps the Gaussians of all hypotheses, equally weighted.
-                own = total_of(weight[row, mode])
-                part[edge] = own / whole if whole > 0.0 else 1.0 / (end - begin)
-                add_mean(part[edge], mean[row, mode], at)
+                row_weight = total_of(weight[row, mode])
+                mode_share[edge] = (
+                    row_weight / mode_weight if mode_weight > 0.0 else 1.0 / (end - begin)
+                )
+                add_mean(mode_share[edge], mean[row, mode], centre)
                 for class_id in range(classes):
-                    if found.weight[one, mode, class_id] > 0.0:
-                        part_of = weight[row, mode, class_id] / found.weight[one, mode, class_id]
-                        found.share[edge, mode, class_id] = part_of
+                    if merged.weight[cluster, mode, class_id] > 0.0:
+                        class_share = (
+                            weight[row, mode, class_id] / merged.weight[cluster, mode, class_id]
+                        )
+                        merged.share[edge, mode, class_id] = class_share
             for edge in range(begin, end):
                 row = row_of[edge]
-                add_spread(part[edge], mean[row, mode], covariance[row, mode], at, around)
-        _write_merged_snr(row_of[begin:end], weight, found.weight[one], snr, found.snr[one])
+                add_spread(mode_share[edge], mean[row, mode], covariance[row, mode], centre, spread)
+        _write_merged_snr(
+            row_of[begin:end], weight, merged.weight[cluster], snr, merged.snr[cluster]
+        )
         begin = end
-    return found.weight, found.mean, found.covariance, found.snr, found.share
+    return merged.weight, merged.mean, merged.covariance, merged.snr, merged.share
 
 
 @compiled
-def _modes_apart(least: float, weight: Float3) -> tuple[IntArray, IntArray, Int2]:
+def _separate_modes(least: float, weight: Float3) -> tuple[IntArray, IntArray, Int2]:
     """Return the row and the mode of each hypothesis of one mode, and `stays_with`, (H, R).
 
     These are the modes whose share of a hypothesis is at least `least`, and its most probable one,
@@ -236,19 +246,21 @@ def _modes_apart(least: float, weight: Float3) -> tuple[IntArray, IntArray, Int2
     """
     count, modes = weight.shape[:2]
     row_of, mode_of = np.empty(count * modes, np.int64), np.empty(count * modes, np.int64)
-    stays_with, own, found = np.empty((count, modes), np.int64), np.empty(modes), 0
+    stays_with, mode_weight, found = np.empty((count, modes), np.int64), np.empty(modes), 0
     bound = least * (1.0 - ROUNDING)
     for row in range(count):
         mass, main = 0.0, 0
         for mode in range(modes):
-            own[mode] = total_of(weight[row, mode])
-            mass += own[mode]
-            main = mode if own[mode] > own[main] else main
+            mode_weight[mode] = total_of(weight[row, mode])
+            mass += mode_weight[mode]
+            main = mode if mode_weight[mode] > mode_weight[main] else main
         for mode in range(modes):
-            apart = mode == main or (own[mode] > 0.0 and own[mode] >= bound * mass)
-            stays_with[row, mode] = mode if apart else main
+            is_separate = mode == main or (
+                mode_weight[mode] > 0.0 and mode_weight[mode] >= bound * mass
+            )
+            stays_with[row, mode] = mode if is_separate else main
             row_of[found], mode_of[found] = row, mode
-            found += apart
+            found += is_separate
     return row_of[:found], mode_of[:found], stays_with
 
 
@@ -264,32 +276,34 @@ def _split(
 ) -> tuple[FloatArray, IntArray, IntArray, FloatArray]:
     """Return the weights of hypotheses of one mode each, and the columns of their `Ancestry`.
 
-    For `row`, `mode` and `stays_with` see `_modes_apart`.
+    For `row`, `mode` and `stays_with` see `_separate_modes`.
     """
     modes, classes = weight.shape[1:]
     start = np.zeros(len(weight) + 1, np.int64)
-    for one in child:
-        start[one + 1] += 1
+    for hypothesis in child:
+        start[hypothesis + 1] += 1
     start = np.cumsum(start)
     edges = 0
-    for one in row:
-        edges += start[one + 1] - start[one]
-    found, part = np.zeros((len(row), modes, classes)), np.zeros((edges, modes, classes))
-    to, of = np.empty(edges, np.int64), np.empty(edges, np.int64)
+    for hypothesis in row:
+        edges += start[hypothesis + 1] - start[hypothesis]
+    new_weight, new_share = np.zeros((len(row), modes, classes)), np.zeros((edges, modes, classes))
+    new_child, new_parent = np.empty(edges, np.int64), np.empty(edges, np.int64)
     edge = 0
     for new in range(len(row)):
         old, begin = row[new], edge
-        for at in range(start[old], start[old + 1]):
-            to[edge], of[edge] = new, parent[at]
+        for edge_before in range(start[old], start[old + 1]):
+            new_child[edge], new_parent[edge] = new, parent[edge_before]
             edge += 1
         for other in range(modes):
             if stays_with[old, other] != mode[new]:
                 continue
             for class_id in range(classes):
-                found[new, other, class_id] = weight[old, other, class_id]
-                for at in range(edge - begin):
-                    part[begin + at, other, class_id] = share[start[old] + at, other, class_id]
-    return found, to, of, part
+                new_weight[new, other, class_id] = weight[old, other, class_id]
+                for offset in range(edge - begin):
+                    new_share[begin + offset, other, class_id] = share[
+                        start[old] + offset, other, class_id
+                    ]
+    return new_weight, new_child, new_parent, new_share
 
 
 def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ancestry, int]:
@@ -323,18 +337,18 @@ def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ance
     Salmond, "Mixture reduction algorithms for target tracking in clutter", Proceedings of SPIE
     1305, 1990, the clustering algorithm.
     """
-    mixture, kept = branched.mixture, _kept(branched.mixture, bounds)
-    row_of, child, leader = _clusters(
+    mixture, kept = branched.mixture, _keep_targets(branched.mixture, bounds)
+    row_of, child, leader = _find_clusters(
         bounds.merge_distance, kept, mixture.target, *mixture.gaussians
     )
-    weight, mean, covariance, snr, share = _merged(
+    weight, mean, covariance, snr, share = _merge(
         row_of, child, len(leader), *mixture.gaussians, mixture.snr
     )
     covariance, floored = kalman.floor_eigenvalues(covariance)
     row_label, parent = mixture.row_label[leader], branched.parent[row_of]
     # If the number of hypotheses would leave too little room for the next scan, none is split:
     # modes are mixed, as with a `least_mode` of 1.
-    row, mode, stays_with = _modes_apart(bounds.least_mode, weight)
+    row, mode, stays_with = _separate_modes(bounds.least_mode, weight)
     if len(weight) < len(row) <= ROOM * bounds.most:
         weight, child, parent, share = _split(row, mode, stays_with, weight, child, parent, share)
         row_label, snr = row_label.take(row), snr.take(row, axis=0)
@@ -345,12 +359,14 @@ def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ance
     return reduced, Ancestry(child, parent, share), floored
 
 
-def _kept(mixture: Mixture, bounds: Bounds) -> BoolArray:
+def _keep_targets(mixture: Mixture, bounds: Bounds) -> BoolArray:
     """Return whether each target's existence probability is sufficient, (T,)."""
     existence = mixture.existence
-    kept: BoolArray = existence >= bounds.least_existence
+    is_kept: BoolArray = existence >= bounds.least_existence
     if len(mixture) > bounds.most:
         size = np.bincount(mixture.target, minlength=len(existence))
         order = np.argsort(-existence, kind="stable")
-        kept[order] &= (np.cumsum(size[order]) <= bounds.most) | (size[kept].sum() <= bounds.most)
-    return kept
+        is_kept[order] &= (np.cumsum(size[order]) <= bounds.most) | (
+            size[is_kept].sum() <= bounds.most
+        )
+    return is_kept

@@ -45,9 +45,9 @@ def extract_at(
         # Targets below the threshold are not needed to interpolate between updates.
         targets = lineages.labels(before), *lineages.hypotheses(before)
         return extract_targets(*targets, dynamics, stamp_ns, lag, threshold)
-    followed = after >= 0
-    count, parts = int(np.count_nonzero(followed)), (before[followed], after[followed])
-    updates = np.concatenate([*parts, before[~followed]])
+    has_later = after >= 0
+    count, parts = int(np.count_nonzero(has_later)), (before[has_later], after[has_later])
+    updates = np.concatenate([*parts, before[~has_later]])
     targets = lineages.labels(updates), *lineages.hypotheses(updates)
     estimates = extract_targets(*targets, dynamics, stamp_ns, lag, -1.0)
     rows = slice(count), slice(count, 2 * count), slice(2 * count, None)

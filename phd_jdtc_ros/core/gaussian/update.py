@@ -32,7 +32,7 @@ from .measurement.iterated_update import PairUpdate, coarse_rates, iterated_upda
 from .measurement.missed import after_miss
 from .measurement.newborn import newborn_mixture
 from .measurement.noise import noise_evidence
-from .measurement.pairs import Association, PairLikelihoods, associate, likely, sum_modes
+from .measurement.pairs import Association, PairLikelihoods, associate, select_likely, sum_modes
 from .mixture import Mixture
 from .reacquisition import with_reacquired
 from .reduction import Branched
@@ -125,9 +125,13 @@ class PriorMixture:
     def _probability(self) -> DetectionProbability:
         """Probability that each Gaussian is detected, given whether the last look detected it."""
         prediction = self.report.informative_prediction
-        return self._detected(None if prediction is None else prediction.of(self.mixture.row_label))
+        return self._detection_probability(
+            None if prediction is None else prediction.of(self.mixture.row_label)
+        )
 
-    def _detected(self, prediction: tuple[FloatArray, FloatArray] | None) -> DetectionProbability:
+    def _detection_probability(
+        self, prediction: tuple[FloatArray, FloatArray] | None
+    ) -> DetectionProbability:
         sensor, dynamics = self.report.sensor, self.steps.dynamics
         return detection_probability(self.expected, self.mixture.snr, sensor, dynamics, prediction)
 
@@ -137,7 +141,7 @@ class PriorMixture:
         share, by_class = self.report.share, self._probability.by_class
         return by_class if share == 1.0 else share * by_class
 
-    def _mean(self, by_class: FloatArray) -> FloatArray:
+    def _average(self, by_class: FloatArray) -> FloatArray:
         """Return the mean of each hypothesis's values, (H, R, C) to (H,)."""
         return sum_modes(self.mixture.weight * by_class) / np.maximum(self.mass, TINY)
 
@@ -188,25 +192,25 @@ class PriorMixture:
         """
         readings = self.report.project_as(pairs.projected)
         amplitudes = Amplitudes.of(self.report, self.steps.dynamics)
-        coarse, factor = self._coarse(pairs, readings), self._log_factor(pairs, evidence)
+        coarse, factor = self._coarse_likelihood(pairs, readings), self._log_factor(pairs, evidence)
         others = amplitudes.largest, factor, log_other
         gated = PairLikelihoods(pairs.row, pairs.column, coarse, *others)
-        kept, amplitude = likely(self.mixture, self.detectable, gated, amplitudes.relative)
+        kept, amplitude = select_likely(self.mixture, self.detectable, gated, amplitudes.relative)
         if len(kept) < len(factor):
             pairs, factor = pairs.take(kept), factor.take(kept)
             evidence = None if evidence is None else evidence.take(kept)
 
-        found = iterated_update(
+        update = iterated_update(
             self.mixture, pairs.row, pairs.projected_index, readings, self.measured
         )
-        exact = found.log_likelihood.reshape(-1, self.mixture.mean.shape[1])
+        exact = update.log_likelihood.reshape(-1, self.mixture.mean.shape[1])
         others = amplitudes.largest, factor, log_other
         likelihoods = PairLikelihoods(pairs.row, pairs.column, exact, *others)
         association = associate(
             self.mixture, self.detectable, amplitude, likelihoods, self.steps.bounds
         )
         return Posterior(
-            rows=self._branch(association, found, amplitudes),
+            rows=self._branch(association, update, amplitudes),
             claims=association.claims,
             sources=association.sources,
             claimed_probability=association.claimed,
@@ -215,46 +219,48 @@ class PriorMixture:
             evidence=evidence,
             noise=None
             if readings.sensor.noise_factor is None
-            else noise_evidence(self.mixture, found, association.pair),
+            else noise_evidence(self.mixture, update, association.pair),
             approximate=association.approximate,
         )
 
-    def _coarse(self, pairs: Paired, readings: Report) -> FloatArray:
+    def _coarse_likelihood(self, pairs: Paired, readings: Report) -> FloatArray:
         """Return the log likelihoods of pairs, linearised at the predicted means, (P, R)."""
         if (rates := readings.range_rates) is None:
             return pairs.log_likelihood
-        rough = coarse_rates(self.mixture, pairs.row, pairs.projected_index, rates, readings.sensor)
-        return pairs.log_likelihood + rough
+        log_rates = coarse_rates(
+            self.mixture, pairs.row, pairs.projected_index, rates, readings.sensor
+        )
+        return pairs.log_likelihood + log_rates
 
     def _log_factor(self, pairs: Paired, evidence: Evidence | None) -> FloatArray:
         """Return the log likelihoods of pairs besides measurement and amplitude, (P,)."""
         factor = np.zeros(len(pairs.row)) if evidence is None else evidence.log_factor
         if self._unseen is not None:
-            mean = self._mean(self._unseen)
+            mean = self._average(self._unseen)
             factor = factor + np.log(np.maximum(mean, TINY)).take(pairs.row)
         if self.report.informative_prediction is not None:
-            own = self._mean(self._probability.by_class)
-            usual = self._mean(self._detected(None).by_class)
-            ratio = np.maximum(own / np.maximum(usual, TINY), TINY)
+            probability = self._average(self._probability.by_class)
+            unconditional = self._average(self._detection_probability(None).by_class)
+            ratio = np.maximum(probability / np.maximum(unconditional, TINY), TINY)
             factor = factor + np.log(ratio).take(pairs.row)
         return factor
 
     def _branch(
-        self, association: Association, found: PairUpdate, amplitudes: Amplitudes
+        self, association: Association, update: PairUpdate, amplitudes: Amplitudes
     ) -> Branched:
         """Return the kept hypotheses: those without a detection, and those of the pairs.
 
         Only the Gaussians of kept hypotheses are updated.
         """
         mixture, source, pair = self.mixture, association.source, association.kept_pair
-        gaussians = found.updated(mixture, source, pair)
+        gaussians = update.updated_gaussians(mixture, source, pair)
         moved = after_miss(mixture, self.expected, self.report.sensor, self.detectable)
         if moved is not None:
             missed = pair < 0
-            for updated, later in zip(gaussians, moved, strict=True):
-                updated[missed] = later[source[missed]]
-        own = self._probability
-        columns = mixture.snr, mixture.weight, self.detectable, own.cell, own.mean
+            for updated, moved_part in zip(gaussians, moved, strict=True):
+                updated[missed] = moved_part[source[missed]]
+        probability = self._probability
+        columns = mixture.snr, mixture.weight, self.detectable, probability.cell, probability.mean
         snr = snr_after(*columns, amplitudes.relative, source, pair, association.claims.column)
         mean, covariance = gaussians
         branched = mixture.changed(

@@ -8,7 +8,7 @@ from scenes import small
 
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.extraction import extract
-from phd_jdtc_ros.core.gaussian.prediction import Aged, births, spawn, survivors
+from phd_jdtc_ros.core.gaussian.prediction import AgedMixture, births, spawn, survivors
 from phd_jdtc_ros.core.tracks import labels
 
 
@@ -53,7 +53,7 @@ def test_survivors_lose_what_does_not_survive_and_keep_their_origins():
     config = lone({**TWO_MOTIONS, "target.survival_probability": 0.9})
     dynamics = Dynamics(config.model)
     parts = [mixture_of(dynamics, [(0.8, MEAN, STD), (0.3, MEAN, STD)])] * 2
-    found, moves = survivors([Aged(parts[0], 6.0), Aged(parts[1], 12.0)], dynamics)
+    found, moves = survivors([AgedMixture(parts[0], 6.0), AgedMixture(parts[1], 12.0)], dynamics)
     np.testing.assert_allclose(found.mass, [0.72, 0.27, 0.648, 0.243])
     assert found.row_label.tolist() == [0, 1, 0, 1]
     np.testing.assert_allclose(moves.survival[:, 0], [0.9, 0.9, 0.81, 0.81])
@@ -70,7 +70,7 @@ def test_pair_of_modes_goes_back_by_the_step_of_rauch_tung_and_striebel(motions)
     root = rng.normal(size=(5, 5)) * STD[:, None]
     supported = dynamics.supported[:, :, None] * dynamics.supported[:, None]
     mixture = replace(mixture, weight=weight, covariance=(root @ root.T * supported)[None])
-    _, moves = survivors([Aged(mixture, 6.0)], dynamics)
+    _, moves = survivors([AgedMixture(mixture, 6.0)], dynamics)
     of, to = moves.pairs
     assert (moves.place >= 0).sum() == 2
     for pair in np.flatnonzero(moves.place[0] >= 0):
@@ -90,7 +90,7 @@ def test_pair_of_modes_goes_back_by_the_step_of_rauch_tung_and_striebel(motions)
 def test_spawned_targets_are_about_their_predicted_parents():
     dynamics = dynamics_of({"spawn.rate": 0.02})
     parents = mixture_of(dynamics, [(0.9, MEAN, STD), (1e-6, MEAN, STD)])
-    found = spawn([Aged(parents, 6.0)], dynamics, 3, 1e-4)
+    found = spawn([AgedMixture(parents, 6.0)], dynamics, 3, 1e-4)
     assert len(found) == 1  # of the second one, next to nothing could be spawned
     assert found.existence[0] == pytest.approx(0.9 * 0.02)
     assert found.row_label[0] == labels.first_predicted(3) + len(dynamics.model.births)

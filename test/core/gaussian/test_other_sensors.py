@@ -97,7 +97,7 @@ def test_correlated_errors_of_positions_update_as_in_a_kalman_filter():
     found = kalman.innovations(*prior, sensor, measured[None], std, correlation=correlation)
     total = place @ covariance @ place.T + noise
     gain = covariance @ place.T @ np.linalg.inv(total)
-    later = kalman.updated(*prior, sensor, found, None)
+    later = kalman.update(*prior, sensor, found, None)
     np.testing.assert_allclose(later[0][0], mean + gain @ [15.0, -25.0])
     np.testing.assert_allclose(later[1][0], covariance - gain @ place @ covariance, atol=1e-9)
     expected = multivariate_normal.logpdf([15.0, -25.0], cov=total)

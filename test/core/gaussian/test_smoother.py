@@ -124,11 +124,11 @@ def test_window_that_slides_is_smoothed_as_one_that_was_always_whole(monkeypatch
     for end in range(20, len(entries) + 1):
         part = entries[max(end - most, 0) : end]
         since_ns = part[-min(len(part), 30)].stamp_ns
-        assert slid._continued_by(part) == (end > 20)
+        assert slid._is_continued_by(part) == (end > 20)
         tables = slid._gaussians
         slid.extend(part)
         again += slid._gaussians is not tables
-        wrapped += slid._gaussians._held[-1] < slid._gaussians._held[0]
+        wrapped += slid._gaussians._scans[-1] < slid._gaussians._scans[0]
         slid.smooth(since_ns)
         whole = lineages.Lineages()
         whole.extend(part)
@@ -235,15 +235,15 @@ def test_targets_at_the_stamp_of_a_whole_scan_are_those_of_its_smoothed_mixture(
 def test_lineages_of_another_window_are_not_continued():
     entries = window(5)
     own = lineages.Lineages()
-    assert not own._continued_by(entries)
+    assert not own._is_continued_by(entries)
     own.extend(entries[:-1])
-    assert own._continued_by(entries)
-    assert own._continued_by(entries[9:])
-    assert not own._continued_by(entries[:-2])  # it went back
-    assert not own._continued_by(entries[-1:])  # it has none of them
+    assert own._is_continued_by(entries)
+    assert own._is_continued_by(entries[9:])
+    assert not own._is_continued_by(entries[:-2])  # it went back
+    assert not own._is_continued_by(entries[-1:])  # it has none of them
     # A changed entry changes all later ones, the latest of them included.
     copied = replace(entries[-2], stored=replace(entries[-2].stored))
-    assert not own._continued_by([*entries[:-2], copied, entries[-1]])
+    assert not own._is_continued_by([*entries[:-2], copied, entries[-1]])
 
 
 def test_lineages_begin_again_with_a_window_that_went_back():

@@ -118,7 +118,7 @@ def evidence_of(config, mixture, detections):
         told = kalman.innovations(*one, radar, detections.measurement[own], radar.noise_std[None])
         found[row, z] = told.log_likelihood[0]
         if rates is not None:
-            later = kalman.updated(*one, radar, told)
+            later = kalman.update(*one, radar, told)
             rated = range_rate.update_rates(*later, radar, rates.take(own))
             found[row, z] += rated.log_likelihood[0]
     return found - radar.log_clutter_intensity(detections)
@@ -179,7 +179,7 @@ def test_hypothesis_with_a_detection_is_where_that_puts_its_gaussian(rated):
     told = kalman.innovations(
         mixture.mean[1], mixture.covariance[1], radar, place, radar.noise_std[None]
     )
-    mean, covariance = kalman.updated(mixture.mean[1], mixture.covariance[1], radar, told)
+    mean, covariance = kalman.update(mixture.mean[1], mixture.covariance[1], radar, told)
     if rated:
         later = range_rate.update_rates(mean, covariance, radar, radar.rates_of(seen))
         mean, covariance = later.mean, later.covariance

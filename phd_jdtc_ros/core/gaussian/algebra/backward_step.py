@@ -93,10 +93,10 @@ class _Scratch(NamedTuple):
     mean: Float2  # Mean of each pair's earlier Gaussian, (K, D)
     covariance: Float3  # Covariance of each pair's earlier Gaussian, (K, D, D)
     vector: Float1  # (D,)
-    part: Float2  # Weight of each edge of an update, (E, R)
-    ahead: Float2  # Weight of each predicted Gaussian of an update, (H, R)
-    predicted: Float2  # Weight of each later mode and class, as predicted, (R, C)
-    own: Float1  # Weight of each smoothed Gaussian of a row, (R,)
+    edge_weight: Float2  # Weight of each edge of an update, (E, R)
+    successor_weight: Float2  # Weight of each predicted Gaussian of an update, (H, R)
+    predicted_weight: Float2  # Weight of each later mode and class, as predicted, (R, C)
+    smoothed_weight: Float1  # Weight of each smoothed Gaussian of a row, (R,)
 
 
 @inner
@@ -109,8 +109,8 @@ def _clear(mean: FloatArray, covariance: FloatArray) -> None:
 
 
 @inner
-def _write_predicted(
-    update: IntArray, edges: Edges, later: Gaussians, scratch: _Scratch, ahead: Gaussians
+def _write_successors(
+    update: IntArray, edges: Edges, smoothed: Gaussians, scratch: _Scratch, successors: Gaussians
 ) -> None:
     """Write the predicted hypotheses of an update, given their smoothed children.
 
@@ -118,52 +118,56 @@ def _write_predicted(
     their moments. The weight of a child that was merged from several parents is divided among
     them in proportion to their filtered weights. A hypothesis without children has no weight.
     """
-    modes, classes = later.weight.shape[1:]
+    modes, classes = smoothed.weight.shape[1:]
     first, count = update[FIRST_ROW], update[PREDICTED + 1] - update[PREDICTED]
     offset = update[FIRST_PREDICTED] - update[PREDICTED]
     begin, end = update[EDGE], update[EDGE + 1]
-    part, whole = scratch.part, scratch.ahead
-    for to in range(count):
+    edge_weight, gaussian_weight = scratch.edge_weight, scratch.successor_weight
+    for parent in range(count):
         for mode in range(modes):
             for class_id in range(classes):
-                ahead.weight[to, mode, class_id] = 0.0
+                successors.weight[parent, mode, class_id] = 0.0
     for edge in range(begin, end):
-        to, child = edges.parent[edge] + offset, edges.child[edge] + first
+        parent, child = edges.parent[edge] + offset, edges.child[edge] + first
         for mode in range(modes):
-            part[edge - begin, mode] = 0.0
-            for class_id in range(classes if 0 <= to < count else 0):
-                given = later.weight[child, mode, class_id] * edges.share[edge, mode, class_id]
-                ahead.weight[to, mode, class_id] += given
-                part[edge - begin, mode] += given
-    for to in range(count):
+            edge_weight[edge - begin, mode] = 0.0
+            for class_id in range(classes if 0 <= parent < count else 0):
+                weight = smoothed.weight[child, mode, class_id] * edges.share[edge, mode, class_id]
+                successors.weight[parent, mode, class_id] += weight
+                edge_weight[edge - begin, mode] += weight
+    for parent in range(count):
         for mode in range(modes):
-            whole[to, mode] = total_of(ahead.weight[to, mode])
-            if whole[to, mode] > 0.0:
-                _clear(ahead.mean[to, mode], ahead.covariance[to, mode])
+            gaussian_weight[parent, mode] = total_of(successors.weight[parent, mode])
+            if gaussian_weight[parent, mode] > 0.0:
+                _clear(successors.mean[parent, mode], successors.covariance[parent, mode])
     for edge in range(begin, end):
-        to, child = edges.parent[edge] + offset, edges.child[edge] + first
+        parent, child = edges.parent[edge] + offset, edges.child[edge] + first
         for mode in range(modes):
-            if part[edge - begin, mode] > 0.0:
-                part[edge - begin, mode] /= whole[to, mode]
-                add_mean(part[edge - begin, mode], later.mean[child, mode], ahead.mean[to, mode])
+            if edge_weight[edge - begin, mode] > 0.0:
+                edge_weight[edge - begin, mode] /= gaussian_weight[parent, mode]
+                add_mean(
+                    edge_weight[edge - begin, mode],
+                    smoothed.mean[child, mode],
+                    successors.mean[parent, mode],
+                )
     for edge in range(begin, end):
-        to, child = edges.parent[edge] + offset, edges.child[edge] + first
+        parent, child = edges.parent[edge] + offset, edges.child[edge] + first
         for mode in range(modes):
-            if part[edge - begin, mode] > 0.0:
-                own, around = later.mean[child, mode], later.covariance[child, mode]
-                at, spread = ahead.mean[to, mode], ahead.covariance[to, mode]
-                add_spread(part[edge - begin, mode], own, around, at, spread)
+            if edge_weight[edge - begin, mode] > 0.0:
+                mean, covariance = smoothed.mean[child, mode], smoothed.covariance[child, mode]
+                centre, spread = successors.mean[parent, mode], successors.covariance[parent, mode]
+                add_spread(edge_weight[edge - begin, mode], mean, covariance, centre, spread)
 
 
 @inner
 def _write_fit(
     active: IntArray,
-    of: IntArray,
-    to: IntArray,
-    place: IntArray,
+    from_mode: IntArray,
+    to_mode: IntArray,
+    pair_row: IntArray,
     pairs: Pairs,
     update: IntArray,
-    later: FloatArray,
+    later_mean: FloatArray,
     scratch: _Scratch,
 ) -> None:
     """Write how well the mean of each later mode, (R, D), fits the predictions of active pairs.
@@ -171,32 +175,32 @@ def _write_fit(
     The fit is a normal density, divided by the largest of all pairs with the same later mode; that
     of a single pair is 1.
     """
-    fit, several = scratch.fit, False
-    for one in range(len(active)):
-        fit[one] = 1.0
-        several = several or of[active[one]] != of[active[0]]
-    for mode in range(len(later) if several else 0):
-        largest, many = -np.inf, 0
-        for one in range(len(active)):
-            many += to[active[one]] == mode
-        if many < 2:
+    fit, modes_differ = scratch.fit, False
+    for index in range(len(active)):
+        fit[index] = 1.0
+        modes_differ = modes_differ or from_mode[active[index]] != from_mode[active[0]]
+    for mode in range(len(later_mean) if modes_differ else 0):
+        largest, count = -np.inf, 0
+        for index in range(len(active)):
+            count += to_mode[active[index]] == mode
+        if count < 2:
             continue
-        for one in range(len(active)):
-            if to[active[one]] == mode:
-                at = update[FIRST_PAIR] + place[active[one]]
-                factor = pairs.factor[update[FIRST_FACTOR] + pairs.factored[at]]
-                predicted = pairs.mean[at]
-                square = square_distance(factor, later[mode], predicted, scratch.vector)
+        for index in range(len(active)):
+            if to_mode[active[index]] == mode:
+                row = update[FIRST_PAIR] + pair_row[active[index]]
+                factor = pairs.factor[update[FIRST_FACTOR] + pairs.factored[row]]
+                predicted = pairs.mean[row]
+                square = square_distance(factor, later_mean[mode], predicted, scratch.vector)
                 density = 0.5 * (log_determinant(factor) - square)
-                fit[one] = density if math.isfinite(density) else LEAST_DENSITY
-                largest = max(largest, fit[one])
-        for one in range(len(active)):
-            if to[active[one]] == mode:
-                fit[one] = math.exp(max(fit[one] - largest, LEAST_LOG_FIT))
+                fit[index] = density if math.isfinite(density) else LEAST_DENSITY
+                largest = max(largest, fit[index])
+        for index in range(len(active)):
+            if to_mode[active[index]] == mode:
+                fit[index] = math.exp(max(fit[index] - largest, LEAST_LOG_FIT))
 
 
 @inner
-def _earlier(
+def _write_earlier(
     columns: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     later: tuple[FloatArray, FloatArray],
     mean: FloatArray,
@@ -206,157 +210,182 @@ def _earlier(
 
     `columns` are the mode's own mean, and the pair's mean, gain and base; see `Moves`.
     """
-    own, predicted, gain, base = columns
-    at, around = later
-    apart = difference(at, predicted)
+    filtered_mean, predicted_mean, gain, base = columns
+    later_mean, later_covariance = later
+    deviation = difference(later_mean, predicted_mean)
     for i in range(SIZE):
-        mean[i] = own[i] + dot(gain[i], apart)
+        mean[i] = filtered_mean[i] + dot(gain[i], deviation)
     for i in range(SIZE):
-        row = times(gain[i], around)
+        row = times(gain[i], later_covariance)
         for k in range(i + 1):
             covariance[i, k] = covariance[k, i] = base[i, k] + dot(row, gain[k])
 
 
 @inner
-def _blend(
+def _blend_with_dying(
     share: float,
-    own: FloatArray,
-    own_spread: FloatArray,
+    dying_mean: FloatArray,
+    dying_covariance: FloatArray,
     mean: FloatArray,
-    spread: FloatArray,
+    covariance: FloatArray,
 ) -> None:
-    """Blend the Gaussian of a surviving target, in place, with that of a dying one, `own`.
+    """Blend the Gaussian of a surviving target, in place, with that of a dying one.
 
     `share` is the weight of the latter.
     """
-    between, (x, vx, y, vy, omega) = share * (1.0 - share), difference(own, mean)
+    cross_share, (x, vx, y, vy, omega) = share * (1.0 - share), difference(dying_mean, mean)
     for i in range(SIZE):
-        before, total, outer = own_spread[i], spread[i], between * (own[i] - mean[i])
+        dying = dying_covariance[i]
+        row = covariance[i]
+        outer = cross_share * (dying_mean[i] - mean[i])
         # For the order see `add_spread`.
-        first = total[0] + (share * (before[0] - total[0]) + outer * x)
-        second = total[1] + (share * (before[1] - total[1]) + outer * vx)
-        third = total[2] + (share * (before[2] - total[2]) + outer * y)
-        fourth = total[3] + (share * (before[3] - total[3]) + outer * vy)
-        total[4] += share * (before[4] - total[4]) + outer * omega
-        total[0], total[1], total[2], total[3] = first, second, third, fourth
+        first = row[0] + (share * (dying[0] - row[0]) + outer * x)
+        second = row[1] + (share * (dying[1] - row[1]) + outer * vx)
+        third = row[2] + (share * (dying[2] - row[2]) + outer * y)
+        fourth = row[3] + (share * (dying[3] - row[3]) + outer * vy)
+        row[4] += share * (dying[4] - row[4]) + outer * omega
+        row[0], row[1], row[2], row[3] = first, second, third, fourth
     for i in range(SIZE):
-        mean[i] += share * (own[i] - mean[i])
+        mean[i] += share * (dying_mean[i] - mean[i])
 
 
 @inner
-def _active(
-    of: IntArray,
-    to: IntArray,
+def _weigh_pairs(
+    from_mode: IntArray,
+    to_mode: IntArray,
     prior: tuple[FloatArray, FloatArray],
-    place: IntArray,
+    pair_row: IntArray,
     pairs: Pairs,
     update: IntArray,
-    later: Gaussians,
-    part: int,
+    successors: Gaussians,
+    offset: int,
     scratch: _Scratch,
 ) -> IntArray:
     """Return the pairs of a row that have weight, and write their joint weights given later modes.
 
     `prior` are the row's weights, (R, C), and the probabilities of its pairs, (K,).
     """
-    joint, predicted, count, (own, change) = scratch.joint, scratch.predicted, 0, prior
-    for pair in range(len(of)):
-        if place[pair] >= 0 and scratch.ahead[part, to[pair]] > 0.0:
+    joint, predicted_weight = scratch.joint, scratch.predicted_weight
+    (weight, change), count = prior, 0
+    for pair in range(len(from_mode)):
+        if pair_row[pair] >= 0 and scratch.successor_weight[offset, to_mode[pair]] > 0.0:
             scratch.active[count] = pair
             count += 1
     active = scratch.active[:count]
-    _write_fit(active, of, to, place, pairs, update, later.mean[part], scratch)
-    for mode in range(len(predicted)):
-        for class_id in range(predicted.shape[1]):
-            predicted[mode, class_id] = 0.0
-    for one in range(count):
-        pair = active[one]
-        factor = change[pair] * scratch.fit[one]
-        for class_id in range(predicted.shape[1]):
-            joint[one, class_id] = factor * own[of[pair], class_id]
-            predicted[to[pair], class_id] += joint[one, class_id]
-    for one in range(count):
-        mode, scratch.mass[one] = to[active[one]], 0.0
-        for class_id in range(predicted.shape[1]):
-            if joint[one, class_id] > 0.0:
-                back = later.weight[part, mode, class_id] / predicted[mode, class_id]
-                joint[one, class_id] *= back
-                scratch.mass[one] += joint[one, class_id]
+    _write_fit(
+        active, from_mode, to_mode, pair_row, pairs, update, successors.mean[offset], scratch
+    )
+    for mode in range(len(predicted_weight)):
+        for class_id in range(predicted_weight.shape[1]):
+            predicted_weight[mode, class_id] = 0.0
+    for index in range(count):
+        pair = active[index]
+        factor = change[pair] * scratch.fit[index]
+        for class_id in range(predicted_weight.shape[1]):
+            joint[index, class_id] = factor * weight[from_mode[pair], class_id]
+            predicted_weight[to_mode[pair], class_id] += joint[index, class_id]
+    for index in range(count):
+        mode, scratch.mass[index] = to_mode[active[index]], 0.0
+        for class_id in range(predicted_weight.shape[1]):
+            if joint[index, class_id] > 0.0:
+                ratio = successors.weight[offset, mode, class_id] / predicted_weight[mode, class_id]
+                joint[index, class_id] *= ratio
+                scratch.mass[index] += joint[index, class_id]
     return active
 
 
 @inner
 def _write_row(
-    of: IntArray,
-    to: IntArray,
-    own: Gaussians,
-    at: int,
+    from_mode: IntArray,
+    to_mode: IntArray,
+    filtered: Gaussians,
+    hypothesis: int,
     predicted: Predicted,
     pairs: Pairs,
     update: IntArray,
     row: int,
-    later: Gaussians,
-    part: int,
+    successors: Gaussians,
+    offset: int,
     scratch: _Scratch,
     smoothed: Gaussians,
 ) -> float:
     """Write a row's smoothed modes, matched over its pairs; return their weight."""
-    mass, total, place = scratch.mass, 0.0, predicted.place[row]
-    prior = own.weight[at], predicted.change[row]
-    active = _active(of, to, prior, place, pairs, update, later, part, scratch)
-    weight, mean, covariance = smoothed.weight[at], smoothed.mean[at], smoothed.covariance[at]
-    for one in range(len(active)):
-        if mass[one] > 0.0:
-            pair, before = update[FIRST_PAIR] + place[active[one]], of[active[one]]
-            columns = own.mean[at, before], pairs.mean[pair], pairs.gain[pair], pairs.base[pair]
-            after = to[active[one]]
-            given = later.mean[part, after], later.covariance[part, after]
-            _earlier(columns, given, scratch.mean[one], scratch.covariance[one])
-            add(scratch.joint[one], weight[before])
-    for mode in range(len(scratch.own)):
-        scratch.own[mode] = total_of(weight[mode])
-        total += scratch.own[mode]
-        if scratch.own[mode] > 0.0:
+    mass, total, pair_row = scratch.mass, 0.0, predicted.place[row]
+    prior = filtered.weight[hypothesis], predicted.change[row]
+    active = _weigh_pairs(
+        from_mode, to_mode, prior, pair_row, pairs, update, successors, offset, scratch
+    )
+    weight = smoothed.weight[hypothesis]
+    mean = smoothed.mean[hypothesis]
+    covariance = smoothed.covariance[hypothesis]
+    for index in range(len(active)):
+        if mass[index] > 0.0:
+            pair = update[FIRST_PAIR] + pair_row[active[index]]
+            earlier_mode = from_mode[active[index]]
+            columns = (
+                filtered.mean[hypothesis, earlier_mode],
+                pairs.mean[pair],
+                pairs.gain[pair],
+                pairs.base[pair],
+            )
+            later_mode = to_mode[active[index]]
+            later_gaussian = (
+                successors.mean[offset, later_mode],
+                successors.covariance[offset, later_mode],
+            )
+            _write_earlier(columns, later_gaussian, scratch.mean[index], scratch.covariance[index])
+            add(scratch.joint[index], weight[earlier_mode])
+    for mode in range(len(scratch.smoothed_weight)):
+        scratch.smoothed_weight[mode] = total_of(weight[mode])
+        total += scratch.smoothed_weight[mode]
+        if scratch.smoothed_weight[mode] > 0.0:
             _clear(mean[mode], covariance[mode])
-    for one in range(len(active)):
-        if mass[one] > 0.0:
-            mode = of[active[one]]
-            mass[one] /= scratch.own[mode]
-            add_mean(mass[one], scratch.mean[one], mean[mode])
-    for one in range(len(active)):
-        if mass[one] > 0.0:
-            mode, around = of[active[one]], scratch.covariance[one]
-            add_spread(mass[one], scratch.mean[one], around, mean[mode], covariance[mode])
+    for index in range(len(active)):
+        if mass[index] > 0.0:
+            mode = from_mode[active[index]]
+            mass[index] /= scratch.smoothed_weight[mode]
+            add_mean(mass[index], scratch.mean[index], mean[mode])
+    for index in range(len(active)):
+        if mass[index] > 0.0:
+            mode, pair_covariance = from_mode[active[index]], scratch.covariance[index]
+            add_spread(
+                mass[index], scratch.mean[index], pair_covariance, mean[mode], covariance[mode]
+            )
     return total
 
 
 @inner
 def _add_deaths(
-    death: float, survival: FloatArray, own: Gaussians, at: int, smoothed: Gaussians
+    death: float, survival: FloatArray, filtered: Gaussians, row: int, smoothed: Gaussians
 ) -> None:
     """Add the share of a row that dies before the later scan; `death` is the factor on its weight.
 
     A Gaussian that has no weight is left as it is.
     """
     for mode in range(len(survival)):
-        died = death * (1.0 - survival[mode])
-        gone, left = died * total_of(own.weight[at, mode]), total_of(smoothed.weight[at, mode])
-        if not gone > 0.0:
+        factor = death * (1.0 - survival[mode])
+        dying = factor * total_of(filtered.weight[row, mode])
+        surviving = total_of(smoothed.weight[row, mode])
+        if not dying > 0.0:
             continue
-        mean, covariance = smoothed.mean[at, mode], smoothed.covariance[at, mode]
-        if left > 0.0:
-            share = gone / (left + gone)
-            _blend(share, own.mean[at, mode], own.covariance[at, mode], mean, covariance)
+        mean, covariance = smoothed.mean[row, mode], smoothed.covariance[row, mode]
+        if surviving > 0.0:
+            share = dying / (surviving + dying)
+            _blend_with_dying(
+                share, filtered.mean[row, mode], filtered.covariance[row, mode], mean, covariance
+            )
         else:
-            copy_gaussian(own.mean[at, mode], own.covariance[at, mode], mean, covariance)
-        for class_id in range(own.weight.shape[2]):
-            smoothed.weight[at, mode, class_id] += died * own.weight[at, mode, class_id]
+            copy_gaussian(
+                filtered.mean[row, mode], filtered.covariance[row, mode], mean, covariance
+            )
+        for class_id in range(filtered.weight.shape[2]):
+            smoothed.weight[row, mode, class_id] += factor * filtered.weight[row, mode, class_id]
 
 
 @in_place
 def _go_back(
-    of: Int1,
-    to: Int1,
+    from_mode: Int1,
+    to_mode: Int1,
     order: Int1,
     dropped: int,
     needed: Bool1,
@@ -364,48 +393,59 @@ def _go_back(
     edges: Edges,
     predicted: Predicted,
     pairs: Pairs,
-    own: Gaussians,
+    filtered: Gaussians,
     smoothed: Gaussians,
-    ahead: Gaussians,
+    successors: Gaussians,
     scratch: _Scratch,
 ) -> None:
     """Smooth the updates that changed ones continue, and mark them as changed."""
-    modes, classes = own.weight.shape[1:]
-    for gaussians in (own, smoothed, ahead):
+    modes, classes = filtered.weight.shape[1:]
+    for gaussians in (filtered, smoothed, successors):
         check_vectors(gaussians.mean)
         check_matrices(gaussians.covariance)
     check_vectors(pairs.mean)
     for matrices in (pairs.gain, pairs.base, pairs.factor, scratch.covariance):
         check_matrices(matrices)
     for index in order:
-        update, before = updates[index], updates[index, BEFORE] - dropped
-        if before < 0 or not scratch.changed[index] or not needed[before]:
+        update, continued = updates[index], updates[index, BEFORE] - dropped
+        if continued < 0 or not scratch.changed[index] or not needed[continued]:
             continue
-        scratch.changed[before] = True
-        begin, alive, dead = updates[before, ROW], 0.0, 1.0
+        scratch.changed[continued] = True
+        begin, alive, dead = updates[continued, ROW], 0.0, 1.0
         first_row, end_row = update[PREDICTED], update[PREDICTED + 1]
-        kept = update[EDGE] < update[EDGE + 1]
-        if kept:
-            _write_predicted(update, edges, smoothed, scratch, ahead)
+        has_children = update[EDGE] < update[EDGE + 1]
+        if has_children:
+            _write_successors(update, edges, smoothed, scratch, successors)
         for row in range(first_row, end_row):
-            part, at = row - first_row, begin + row - first_row
+            offset, hypothesis = row - first_row, begin + row - first_row
             for mode in range(modes):
-                dead -= predicted.survival[row, mode] * total_of(own.weight[at, mode])
+                dead -= predicted.survival[row, mode] * total_of(filtered.weight[hypothesis, mode])
                 for class_id in range(classes):
-                    smoothed.weight[at, mode, class_id] = 0.0
-            if kept and total_of(scratch.ahead[part]) > 0.0:
+                    smoothed.weight[hypothesis, mode, class_id] = 0.0
+            if has_children and total_of(scratch.successor_weight[offset]) > 0.0:
                 alive += _write_row(
-                    of, to, own, at, predicted, pairs, update, row, ahead, part, scratch, smoothed
+                    from_mode,
+                    to_mode,
+                    filtered,
+                    hypothesis,
+                    predicted,
+                    pairs,
+                    update,
+                    row,
+                    successors,
+                    offset,
+                    scratch,
+                    smoothed,
                 )
         death = (1.0 - min(alive, 1.0)) / dead if dead > 0.0 else 0.0
         for row in range(first_row, end_row):
-            at, survival = begin + row - first_row, predicted.survival[row]
-            _add_deaths(death, survival, own, at, smoothed)
+            hypothesis, survival = begin + row - first_row, predicted.survival[row]
+            _add_deaths(death, survival, filtered, hypothesis, smoothed)
 
 
 def go_back(
-    of: IntArray,
-    to: IntArray,
+    from_mode: IntArray,
+    to_mode: IntArray,
     first: int,
     dropped: int,
     needed: BoolArray,
@@ -413,14 +453,14 @@ def go_back(
     edges: Edges,
     predicted: Predicted,
     pairs: Pairs,
-    own: Gaussians,
+    filtered: Gaussians,
     smoothed: Gaussians,
 ) -> None:
     """Smooth the updates that those from `first` on continue, directly or not.
 
     Parameters
     ----------
-    of, to : int arrays of shape (K,)
+    from_mode, to_mode : int arrays of shape (K,)
         The pairs of motion modes of `prediction.Moves`.
     first : int
         The first new update.
@@ -428,13 +468,13 @@ def go_back(
         Number of the first update.
     needed : bool array of shape (U,)
         Whether each update is still of use; the others are left as they are.
-    own, smoothed : Gaussians
+    filtered, smoothed : Gaussians
         The filtered and the smoothed hypotheses; those of new updates are equal.
     """
-    (modes, classes), count = own.weight.shape[1:], len(of)
+    (modes, classes), count = filtered.weight.shape[1:], len(from_mode)
     rows = (updates[:, PREDICTED + 1] - updates[:, PREDICTED]).max()
     most_edges = (updates[:, EDGE + 1] - updates[:, EDGE]).max()
-    ahead = Gaussians(
+    successors = Gaussians(
         np.empty((rows, modes, classes)),
         np.empty((rows, modes, SIZE)),
         np.empty((rows, modes, SIZE, SIZE)),
@@ -453,8 +493,8 @@ def go_back(
         np.empty((modes, classes)),
         np.empty(modes),
     )
-    tables = edges, predicted, pairs, own, smoothed
+    tables = edges, predicted, pairs, filtered, smoothed
     # The later scans are first, but the updates of a scan are in the order of the tables, in which
     # the processor reads memory ahead: backwards they would take almost twice as long.
     order = (-updates[:, STAMP]).argsort(kind="stable")
-    _go_back(of, to, order, dropped, needed, updates, *tables, ahead, scratch)
+    _go_back(from_mode, to_mode, order, dropped, needed, updates, *tables, successors, scratch)

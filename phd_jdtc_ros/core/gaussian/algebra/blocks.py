@@ -42,17 +42,17 @@ def wrapped(angle: float) -> float:
 
 
 @inner
-def dot(one: FloatArray | State, other: FloatArray | State) -> float:
+def dot(left: FloatArray | State, right: FloatArray | State) -> float:
     """Return the product of two vectors: written out, which takes two thirds of a loop's time."""
-    first = one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
-    return float(first + one[3] * other[3] + one[4] * other[4])
+    first = left[0] * right[0] + left[1] * right[1] + left[2] * right[2]
+    return float(first + left[3] * right[3] + left[4] * right[4])
 
 
 @inner
 def factorise(matrix: FloatArray, factor: FloatArray) -> None:
     """Write the factors of a covariance, L D L': L below the diagonal, and 1 / D on it.
 
-    An axis without variance of its own has 0 in the place of 1 / D, so that `solved` leaves it out.
+    An axis without variance of its own has 0 in the place of 1 / D, so that `solve` leaves it out.
     D L' is above the diagonal.
     """
     for i in range(SIZE):
@@ -68,7 +68,7 @@ def factorise(matrix: FloatArray, factor: FloatArray) -> None:
 
 
 @inner
-def solved(factor: FloatArray, vector: FloatArray) -> State:
+def solve(factor: FloatArray, vector: FloatArray) -> State:
     """Return a vector, multiplied by the inverse of a factorised covariance."""
     a, b, c, d, e = vector[0], vector[1], vector[2], vector[3], vector[4]
     b -= factor[1, 0] * a
@@ -91,15 +91,15 @@ def write(state: State, vector: FloatArray) -> None:
 
 @inner
 def square_distance(
-    factor: FloatArray, one: FloatArray, other: FloatArray, apart: FloatArray
+    factor: FloatArray, vector: FloatArray, centre: FloatArray, whitened: FloatArray
 ) -> float:
     """Return the square Mahalanobis distance of two vectors, by a factorised covariance."""
     square = 0.0
     for i in range(SIZE):
-        apart[i] = one[i] - other[i]
+        whitened[i] = vector[i] - centre[i]
         for k in range(i):
-            apart[i] -= factor[i, k] * apart[k]
-        square += factor[i, i] * apart[i] * apart[i]
+            whitened[i] -= factor[i, k] * whitened[k]
+        square += factor[i, i] * whitened[i] * whitened[i]
     return square
 
 
@@ -125,10 +125,10 @@ def copy_gaussian(
 
 
 @inner
-def difference(one: FloatArray, other: FloatArray) -> State:
+def difference(left: FloatArray, right: FloatArray) -> State:
     """Return the difference of two vectors."""
-    first = one[0] - other[0], one[1] - other[1], one[2] - other[2]
-    return *first, one[3] - other[3], one[4] - other[4]
+    first = left[0] - right[0], left[1] - right[1], left[2] - right[2]
+    return *first, left[3] - right[3], left[4] - right[4]
 
 
 @inner
@@ -159,12 +159,12 @@ def add_spread(
     """Add a Gaussian to the covariance of a mixture, whose mean is known."""
     x, vx, y, vy, omega = difference(mean, centre)
     for i in range(SIZE):
-        own, total, apart = covariance[i], spread[i], share * (mean[i] - centre[i])
+        row, total, deviation = covariance[i], spread[i], share * (mean[i] - centre[i])
         # The entries of a row are all computed before any is written, so that the compiler may
         # compute several at once.
-        first = total[0] + (share * own[0] + apart * x)
-        second = total[1] + (share * own[1] + apart * vx)
-        third = total[2] + (share * own[2] + apart * y)
-        fourth = total[3] + (share * own[3] + apart * vy)
-        total[4] += share * own[4] + apart * omega
+        first = total[0] + (share * row[0] + deviation * x)
+        second = total[1] + (share * row[1] + deviation * vx)
+        third = total[2] + (share * row[2] + deviation * y)
+        fourth = total[3] + (share * row[3] + deviation * vy)
+        total[4] += share * row[4] + deviation * omega
         total[0], total[1], total[2], total[3] = first, second, third, fourth

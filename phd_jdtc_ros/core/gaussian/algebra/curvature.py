@@ -32,10 +32,10 @@ class Moved(NamedTuple):
     covariance: Float2  # (D, D)
     matrix: Float2  # Mean of the motion's matrix, (D, D)
     # Product of the covariance given the turn rate, (D, D); 0 in the row of the turn rate.
-    given: Float2
-    each: Float2  # Mean given each turn rate, (nodes, D)
+    conditional: Float2
+    node_mean: Float2  # Mean given each turn rate, (nodes, D)
     slope: Float1  # Change of the state by one standard deviation of the turn rate, (D,)
-    at: Float1  # (D,)
+    point: Float1  # (D,)
     turned: Float1  # (D,)
 
 
@@ -50,35 +50,39 @@ def new_moved() -> Moved:
 
 
 @inner
-def _write_turned(mean: FloatArray, covariance: FloatArray, dt: float, moved: Moved) -> None:
+def _write_turn_moments(mean: FloatArray, covariance: FloatArray, dt: float, moved: Moved) -> None:
     """Write the moments of a Gaussian that turns at an uncertain rate."""
-    later, matrix, each, slope, at = moved.mean, moved.matrix, moved.each, moved.slope, moved.at
+    moved_mean = moved.mean
+    matrix = moved.matrix
+    node_mean = moved.node_mean
+    slope = moved.slope
+    point = moved.point
     std = math.sqrt(covariance[OMEGA, OMEGA])
     along, across, cos, sin = 0.0, 0.0, 0.0, 0.0
     for i in range(SIZE):
-        slope[i], later[i] = covariance[i, OMEGA] / std, 0.0
+        slope[i], moved_mean[i] = covariance[i, OMEGA] / std, 0.0
         for k in range(SIZE):
             matrix[i, k] = moved.covariance[i, k] = 0.0
     for node in range(len(NODES)):
         for i in range(SIZE):
-            at[i] = mean[i] + NODES[node] * slope[i]
-        terms = turn_terms(at[OMEGA], dt)
-        turn(terms, at, each[node])
+            point[i] = mean[i] + NODES[node] * slope[i]
+        terms = turn_terms(point[OMEGA], dt)
+        turn(terms, point, node_mean[node])
         along, across = along + WEIGHTS[node] * terms[0], across + WEIGHTS[node] * terms[1]
         cos, sin = cos + WEIGHTS[node] * terms[2], sin + WEIGHTS[node] * terms[3]
         for i in range(SIZE):
-            later[i] += WEIGHTS[node] * each[node, i]
+            moved_mean[i] += WEIGHTS[node] * node_mean[node, i]
             if i == OMEGA:  # it is given
                 continue
             for k in range(SIZE):
-                at[k] = covariance[i, k] - slope[i] * slope[k]
-            turn(terms, at, moved.given[i])
+                point[k] = covariance[i, k] - slope[i] * slope[k]
+            turn(terms, point, moved.conditional[i])
         for k in range(SIZE):
             if k == OMEGA:
                 continue
             for i in range(SIZE):
-                at[i] = moved.given[i, k]
-            turn(terms, at, moved.turned)
+                point[i] = moved.conditional[i, k]
+            turn(terms, point, moved.turned)
             for i in range(SIZE):
                 moved.covariance[i, k] += WEIGHTS[node] * moved.turned[i]
     write_turn((along, across, cos, sin), matrix)
@@ -86,14 +90,14 @@ def _write_turned(mean: FloatArray, covariance: FloatArray, dt: float, moved: Mo
     for i in range(SIZE):
         total = 0.0
         for node in range(len(NODES)):
-            total += WEIGHTS[node] * NODES[node] * each[node, i]
+            total += WEIGHTS[node] * NODES[node] * node_mean[node, i]
         rest = dot(matrix[i], slope) - matrix[i, OMEGA] * slope[OMEGA]
         matrix[i, OMEGA] = (total - rest) / slope[OMEGA]
     for node in range(len(NODES)):
         for i in range(SIZE):
-            apart = WEIGHTS[node] * (each[node, i] - later[i])
+            deviation = WEIGHTS[node] * (node_mean[node, i] - moved_mean[i])
             for k in range(SIZE):
-                moved.covariance[i, k] += apart * (each[node, k] - later[k])
+                moved.covariance[i, k] += deviation * (node_mean[node, k] - moved_mean[k])
     for i in range(SIZE):
         for k in range(SIZE):
             moved.cross[i, k] = dot(covariance[i], matrix[k])
@@ -125,7 +129,7 @@ def move(
     Sarkka, "Bayesian Filtering and Smoothing", Cambridge University Press, 2013, chapters 5 and 9.
     """
     if turns and covariance[OMEGA, OMEGA] > 0.0:
-        _write_turned(mean, covariance, dt, moved)
+        _write_turn_moments(mean, covariance, dt, moved)
         return
     matrix = moved.matrix
     for i in range(SIZE):
@@ -139,6 +143,6 @@ def move(
             moved.cross[i, k] = dot(covariance[i], matrix[k])
     for k in range(SIZE):
         for i in range(SIZE):
-            moved.at[i] = moved.cross[i, k]
+            moved.point[i] = moved.cross[i, k]
         for i in range(k, SIZE):
-            moved.covariance[i, k] = moved.covariance[k, i] = dot(matrix[i], moved.at)
+            moved.covariance[i, k] = moved.covariance[k, i] = dot(matrix[i], moved.point)

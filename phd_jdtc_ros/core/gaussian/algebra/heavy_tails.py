@@ -12,7 +12,7 @@ from ...sensors.outliers import Outliers
 from .kalman import TINY, Innovation
 
 
-def mixed(
+def mix_noises(
     innovation: Innovation, outliers: Outliers, noise_std: FloatArray, column: IntArray
 ) -> Innovation:
     """Return the innovations of a radar's detections of which some are outliers.
@@ -35,7 +35,7 @@ def mixed(
     P - P H' [sum q_k S_k^-1 - sum q_k (w_k - w)(w_k - w)'] H P. So w takes the place of the
     weighted innovation, and the bracket that of the inverse: a Gaussian stays a Gaussian.
     """
-    weighted, inverse, log_likelihood = _mixed(
+    weighted, inverse, log_likelihood = _mix_noises(
         *(outliers.share, outliers.ratio),
         *contiguous(innovation.weighted, innovation.inverse, innovation.log_likelihood),
         *contiguous(noise_std, column),
@@ -44,7 +44,7 @@ def mixed(
 
 
 @compiled
-def _mixed(
+def _mix_noises(
     share: float,
     ratio: float,
     weighted: Float2,
@@ -55,8 +55,10 @@ def _mixed(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the columns of `Innovation` that change."""
     count = len(column)
-    later, matched, log = np.zeros((count, 2)), np.zeros((count, 2, 2)), np.full(count, -np.inf)
-    more = ratio * ratio - 1.0
+    mixed_weighted = np.zeros((count, 2))
+    mixed_inverse = np.zeros((count, 2, 2))
+    mixed_log = np.full(count, -np.inf)
+    excess = ratio * ratio - 1.0
     for row in range(count):
         if log_likelihood[row] == -np.inf:
             continue
@@ -65,23 +67,25 @@ def _mixed(
         determinant = max(i * n - k * k, TINY)
         a, b, d = n / determinant, -k / determinant, i / determinant
         along, across = a * u + b * v, b * u + d * v
-        wide_a = a + more * noise_std[column[row], 0] ** 2
-        wide_d = d + more * noise_std[column[row], 1] ** 2
-        wide = max(wide_a * wide_d - b * b, TINY)
-        wide_u = (wide_d * along - b * across) / wide
-        wide_v = (wide_a * across - b * along) / wide
+        wide_a = a + excess * noise_std[column[row], 0] ** 2
+        wide_d = d + excess * noise_std[column[row], 1] ** 2
+        wide_determinant = max(wide_a * wide_d - b * b, TINY)
+        wide_u = (wide_d * along - b * across) / wide_determinant
+        wide_v = (wide_a * across - b * along) / wide_determinant
         square = along * wide_u + across * wide_v
         usual = log_likelihood[row] + math.log(1.0 - share)
-        outlier = -0.5 * (square + math.log(wide)) - math.log(2.0 * math.pi) + math.log(share)
+        outlier = (
+            -0.5 * (square + math.log(wide_determinant)) - math.log(2.0 * math.pi) + math.log(share)
+        )
         largest = max(usual, outlier)
-        log[row] = largest + math.log(math.exp(usual - largest) + math.exp(outlier - largest))
-        q = math.exp(outlier - log[row])
+        mixed_log[row] = largest + math.log(math.exp(usual - largest) + math.exp(outlier - largest))
+        q = math.exp(outlier - mixed_log[row])
         p = 1.0 - q
-        later[row, 0], later[row, 1] = p * u + q * wide_u, p * v + q * wide_v
+        mixed_weighted[row, 0], mixed_weighted[row, 1] = p * u + q * wide_u, p * v + q * wide_v
         # The spread of two components is q (1 - q) times the square of their difference.
         east, north = u - wide_u, v - wide_v
-        matched[row, 0, 0] = p * i + q * wide_d / wide - p * q * east * east
-        matched[row, 1, 1] = p * n + q * wide_a / wide - p * q * north * north
-        off = p * k - q * b / wide - p * q * east * north
-        matched[row, 0, 1] = matched[row, 1, 0] = off
-    return later, matched, log
+        mixed_inverse[row, 0, 0] = p * i + q * wide_d / wide_determinant - p * q * east * east
+        mixed_inverse[row, 1, 1] = p * n + q * wide_a / wide_determinant - p * q * north * north
+        cross = p * k - q * b / wide_determinant - p * q * east * north
+        mixed_inverse[row, 0, 1] = mixed_inverse[row, 1, 0] = cross
+    return mixed_weighted, mixed_inverse, mixed_log

@@ -32,10 +32,10 @@ def predicted_covariance(
     covariance: FloatArray, transition: FloatArray, noise: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return F P F' + Q, and the covariance P F' of the earlier and the later state."""
-    cross = covariance @ _transposed(transition)
-    later = transition @ cross
-    later += noise
-    return symmetric(later), cross
+    cross = covariance @ _transpose(transition)
+    predicted = transition @ cross
+    predicted += noise
+    return symmetric(predicted), cross
 
 
 class Innovation(NamedTuple):
@@ -76,7 +76,7 @@ def _innovations(
     covariance: Float3,
     weight: Float1,
     expected: Float2,
-    of: Int1,
+    group: Int1,
     column: Int1,
     measurement: Float2,
     noise_std: Float2,
@@ -87,28 +87,28 @@ def _innovations(
     `axes` are those of the position and the velocity; `pose` is the radar's position, and the
     cosine and the sine of its yaw. `expected` is empty if it is unknown.
     """
-    count = len(of) * modes
+    count = len(group) * modes
     jacobian, inverse = np.zeros((count, 2, 2)), np.zeros((count, 2, 2))
     weighted, log_likelihood = np.zeros((count, 2)), np.full(count, -np.inf)
     x, y, vx, vy = axes[0], axes[1], axes[2], axes[3]
-    at_x, at_y, cos, sin = pose[0], pose[1], pose[2], pose[3]
+    radar_x, radar_y, cos, sin = pose[0], pose[1], pose[2], pose[3]
     for row in range(count):
         pair = row // modes
-        gaussian, one = of[pair] * modes + row % modes, column[pair]
+        gaussian, detection = group[pair] * modes + row % modes, column[pair]
         if gaussian < 0 or not weight[gaussian] > 0.0:
             continue
-        time = time_s[one] if len(time_s) else 0.0
+        time = time_s[detection] if len(time_s) else 0.0
         prior_x = mean[gaussian, x] + time * mean[gaussian, vx]
         prior_y = mean[gaussian, y] + time * mean[gaussian, vy]
         p, q, r = _position_covariance(covariance, gaussian, axes, time)
-        noise_range, noise_azimuth = noise_std[one, 0] ** 2, noise_std[one, 1] ** 2
-        limit = converged * noise_std[one, 0]
+        noise_range, noise_azimuth = noise_std[detection, 0] ** 2, noise_std[detection, 1] ** 2
+        tolerance = converged * noise_std[detection, 0]
         east, north = prior_x, prior_y
         j, k, a, b, d, determinant = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        along, across, weight_along, weight_across = 0.0, 0.0, 0.0, 0.0
+        range_error, azimuth_error, range_weight, azimuth_weight = 0.0, 0.0, 0.0, 0.0
         n, m = 0.0, 0.0
         for step in range(iterations):
-            line_x, line_y = east - at_x, north - at_y
+            line_x, line_y = east - radar_x, north - radar_y
             if step == 0 and time == 0.0 and len(expected):
                 distance, azimuth = expected[gaussian, 0], expected[gaussian, 1]
             else:
@@ -117,29 +117,29 @@ def _innovations(
                 azimuth = math.atan2(left, ahead)
             j, k = line_x / distance, line_y / distance
             n, m = -k / distance, j / distance
-            seen_x, seen_y = p * j + q * k, q * j + r * k
-            turned_x, turned_y = p * n + q * m, q * n + r * m
-            a = j * seen_x + k * seen_y + noise_range
-            b = j * turned_x + k * turned_y
-            d = n * turned_x + m * turned_y + noise_azimuth
-            moved_x, moved_y = east - prior_x, north - prior_y
-            along = measurement[one, 0] - distance + (j * moved_x + k * moved_y)
-            across = wrapped(measurement[one, 1] - azimuth)
-            across += n * moved_x + m * moved_y
+            range_x, range_y = p * j + q * k, q * j + r * k
+            azimuth_x, azimuth_y = p * n + q * m, q * n + r * m
+            a = j * range_x + k * range_y + noise_range
+            b = j * azimuth_x + k * azimuth_y
+            d = n * azimuth_x + m * azimuth_y + noise_azimuth
+            shift_x, shift_y = east - prior_x, north - prior_y
+            range_error = measurement[detection, 0] - distance + (j * shift_x + k * shift_y)
+            azimuth_error = wrapped(measurement[detection, 1] - azimuth)
+            azimuth_error += n * shift_x + m * shift_y
             determinant = max(a * d - b * b, TINY)
-            weight_along = (d * along - b * across) / determinant
-            weight_across = (a * across - b * along) / determinant
-            before_x, before_y = east, north
-            east = prior_x + seen_x * weight_along + turned_x * weight_across
-            north = prior_y + seen_y * weight_along + turned_y * weight_across
-            if max(abs(east - before_x), abs(north - before_y)) < limit:
+            range_weight = (d * range_error - b * azimuth_error) / determinant
+            azimuth_weight = (a * azimuth_error - b * range_error) / determinant
+            last_x, last_y = east, north
+            east = prior_x + range_x * range_weight + azimuth_x * azimuth_weight
+            north = prior_y + range_y * range_weight + azimuth_y * azimuth_weight
+            if max(abs(east - last_x), abs(north - last_y)) < tolerance:
                 break
         jacobian[row, 0, 0], jacobian[row, 0, 1] = j, k
         jacobian[row, 1, 0], jacobian[row, 1, 1] = n, m
         inverse[row, 0, 0], inverse[row, 1, 1] = d / determinant, a / determinant
         inverse[row, 0, 1] = inverse[row, 1, 0] = -b / determinant
-        weighted[row, 0], weighted[row, 1] = weight_along, weight_across
-        square = along * weight_along + across * weight_across
+        weighted[row, 0], weighted[row, 1] = range_weight, azimuth_weight
+        square = range_error * range_weight + azimuth_error * azimuth_weight
         log_likelihood[row] = -0.5 * (square + math.log(determinant)) - math.log(2.0 * math.pi)
     return jacobian, weighted, inverse, log_likelihood
 
@@ -204,15 +204,16 @@ def innovations(
     noise = noise_std if noise_std.ndim == 2 else np.broadcast_to(noise_std, measurement.shape)
     weight = np.ones(len(mean)) if weight is None else weight
     if not sensor.polar:
-        gaussian, column = of_groups(gaussian, modes), column.repeat(modes)
+        gaussian, column = gaussians_of_groups(gaussian, modes), column.repeat(modes)
         gaussian = np.where(weight[gaussian] > 0.0, gaussian, -1)
-        related = None if correlation is None else correlation[column]
-        row, each = np.maximum(gaussian, 0), (measurement[column], noise[column], related)
+        pair_correlation = None if correlation is None else correlation[column]
+        row = np.maximum(gaussian, 0)
+        measured = (measurement[column], noise[column], pair_correlation)
         times = np.zeros(len(row)) if time_s is None else time_s[column]
-        of_pairs = mean[row], covariance[row], sensor, *each, times
-        found = Innovation(*linearised.innovations(*of_pairs, iterations, converged))
-        likely = np.where(gaussian >= 0, found.log_likelihood, -np.inf)
-        return found._replace(log_likelihood=likely)
+        gaussians = mean[row], covariance[row], sensor, *measured, times
+        result = Innovation(*linearised.innovations(*gaussians, iterations, converged))
+        log_likelihood = np.where(gaussian >= 0, result.log_likelihood, -np.inf)
+        return result._replace(log_likelihood=log_likelihood)
     if expected is None:
         expected = np.zeros((0, 2))
     return Innovation(
@@ -224,16 +225,16 @@ def innovations(
     )
 
 
-def of_groups(group: IntArray, modes: int) -> IntArray:
+def gaussians_of_groups(group: IntArray, modes: int) -> IntArray:
     """Return the Gaussians of groups of `modes` rows, one after the other; -1 for group -1."""
     if modes == 1:
         return group
-    every: IntArray = np.maximum(group[:, None] * modes + np.arange(modes), -1).ravel()
-    return every
+    gaussian: IntArray = np.maximum(group[:, None] * modes + np.arange(modes), -1).ravel()
+    return gaussian
 
 
 @compiled
-def _updated(
+def _update(
     modes: int,
     axes: Int1,
     mean: Float2,
@@ -245,37 +246,43 @@ def _updated(
     inverse: Float3,
     time_s: Float1,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the results of `updated`; `axes` as in `_innovations`."""
+    """Return the results of `update`; `axes` as in `_innovations`."""
     count = len(group) * modes
-    later_mean, later = np.empty((count, SIZE)), np.empty((count, SIZE, SIZE))
+    updated_mean, updated_covariance = np.empty((count, SIZE)), np.empty((count, SIZE, SIZE))
     x, y, vx, vy = axes[0], axes[1], axes[2], axes[3]
     cross, gain = np.empty((2, SIZE)), np.empty((2, SIZE))
     for row in range(count):
         gaussian = group[row // modes] * modes + row % modes
-        at, spread = pair[row // modes] * modes + row % modes, covariance[gaussian]
-        copy_gaussian(mean[gaussian], spread, later_mean[row], later[row])
+        innovation, spread = pair[row // modes] * modes + row % modes, covariance[gaussian]
+        copy_gaussian(mean[gaussian], spread, updated_mean[row], updated_covariance[row])
         if pair[row // modes] < 0:
             continue
-        time, seen = time_s[at] if len(time_s) else 0.0, jacobian[at]
-        a, b, d = inverse[at, 0, 0], inverse[at, 0, 1], inverse[at, 1, 1]
+        time, pair_jacobian = time_s[innovation] if len(time_s) else 0.0, jacobian[innovation]
+        a, b, d = inverse[innovation, 0, 0], inverse[innovation, 0, 1], inverse[innovation, 1, 1]
         for i in range(SIZE):
-            with_x = spread[i, x] + time * spread[i, vx]
-            with_y = spread[i, y] + time * spread[i, vy]
-            cross[0, i] = with_x * seen[0, 0] + with_y * seen[0, 1]
-            cross[1, i] = with_x * seen[1, 0] + with_y * seen[1, 1]
+            cross_x = spread[i, x] + time * spread[i, vx]
+            cross_y = spread[i, y] + time * spread[i, vy]
+            cross[0, i] = cross_x * pair_jacobian[0, 0] + cross_y * pair_jacobian[0, 1]
+            cross[1, i] = cross_x * pair_jacobian[1, 0] + cross_y * pair_jacobian[1, 1]
             gain[0, i] = a * cross[0, i] + b * cross[1, i]
             gain[1, i] = b * cross[0, i] + d * cross[1, i]
-            later_mean[row, i] += cross[0, i] * weighted[at, 0] + cross[1, i] * weighted[at, 1]
+            updated_mean[row, i] += (
+                cross[0, i] * weighted[innovation, 0] + cross[1, i] * weighted[innovation, 1]
+            )
         for i in range(SIZE):
             for k in range(i + 1):
-                taken = gain[0, i] * cross[0, k] + gain[1, i] * cross[1, k]
-                later[row, i, k] = later[row, k, i] = spread[i, k] - taken
+                reduction = gain[0, i] * cross[0, k] + gain[1, i] * cross[1, k]
+                updated_covariance[row, i, k] = updated_covariance[row, k, i] = (
+                    spread[i, k] - reduction
+                )
             # Rounding may cancel a variance that a precise measurement reduces.
-            later[row, i, i] = max(later[row, i, i], LEAST_VARIANCE * spread[i, i])
-    return later_mean, later
+            updated_covariance[row, i, i] = max(
+                updated_covariance[row, i, i], LEAST_VARIANCE * spread[i, i]
+            )
+    return updated_mean, updated_covariance
 
 
-def updated(
+def update(
     mean: FloatArray,
     covariance: FloatArray,
     sensor: Sensor,
@@ -302,7 +309,7 @@ def updated(
     if pairs is None:
         pairs = (np.arange(len(mean)),) * 2
     times = NO_TIMES if time_s is None else time_s
-    return _updated(
+    return _update(
         modes, *contiguous(sensor.axes, mean, covariance, *pairs, *innovation[:3], times)
     )
 
@@ -317,11 +324,11 @@ def floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
     """
     size = covariance.shape[-1]
     flat = np.ascontiguousarray(covariance).reshape(-1, size, size)
-    failing = _indefinite(flat)
-    if not len(failing):
+    indefinite = _find_indefinite(flat)
+    if not len(indefinite):
         return covariance, 0
     sound = flat.copy()
-    sound[failing], floored = _floor_eigenvalues(flat[failing])
+    sound[indefinite], floored = _floor_eigenvalues(flat[indefinite])
     return sound.reshape(covariance.shape), floored
 
 
@@ -345,12 +352,12 @@ def _is_positive(covariance: FloatArray, factor: FloatArray) -> bool:
 
 
 @compiled
-def _indefinite(covariance: Float3) -> IntArray:
+def _find_indefinite(covariance: Float3) -> IntArray:
     """Return the rows of the matrices that are not positive definite on their axes."""
-    failing, factor = np.zeros(len(covariance), np.bool_), np.empty((SIZE, SIZE))
+    indefinite, factor = np.zeros(len(covariance), np.bool_), np.empty((SIZE, SIZE))
     for row in range(len(covariance)):
-        failing[row] = not _is_positive(covariance[row], factor)
-    return np.flatnonzero(failing)
+        indefinite[row] = not _is_positive(covariance[row], factor)
+    return np.flatnonzero(indefinite)
 
 
 def _floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
@@ -362,7 +369,7 @@ def _floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
     correlation = covariance / scale
     correlation[..., axes, axes] += ~used
     values, vectors = np.linalg.eigh(correlation)
-    raised = (vectors * np.maximum(values, LEAST_EIGENVALUE)[..., None, :]) @ _transposed(vectors)
+    raised = (vectors * np.maximum(values, LEAST_EIGENVALUE)[..., None, :]) @ _transpose(vectors)
     raised *= scale * used[..., None] * used[..., None, :]
     low = np.asarray((values < LEAST_EIGENVALUE).any(axis=-1))
     sound: FloatArray = np.where(low[..., None, None], symmetric(raised), covariance)
@@ -371,10 +378,10 @@ def _floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
 
 def symmetric(matrix: FloatArray) -> FloatArray:
     """Return the symmetric part."""
-    part: FloatArray = 0.5 * (matrix + _transposed(matrix))
+    part: FloatArray = 0.5 * (matrix + _transpose(matrix))
     return part
 
 
-def _transposed(matrix: FloatArray) -> FloatArray:
+def _transpose(matrix: FloatArray) -> FloatArray:
     transposed: FloatArray = matrix.swapaxes(-1, -2)
     return transposed

@@ -27,9 +27,9 @@ def expected(
     ----------
     mean, covariance : arrays of shape (..., D) and (..., D, D)
     """
-    place = list(sensor.space.position)
-    measured, jacobian = sensor.linearise(mean[..., place])
-    spread = jacobian @ covariance[..., place, :][..., place] @ jacobian.swapaxes(-1, -2)
+    position = list(sensor.space.position)
+    measured, jacobian = sensor.linearise(mean[..., position])
+    spread = jacobian @ covariance[..., position, :][..., position] @ jacobian.swapaxes(-1, -2)
     return measured, spread
 
 
@@ -57,20 +57,22 @@ def gate_pairs(
     reachable = sensor.reachable(measured.reshape(-1, size)).reshape(measured.shape)
     rate = sensor.measurement_rate(mean.reshape(-1, mean.shape[2])).reshape(measured.shape)
     noise = sensor.noise_covariance_of(report.detections)
-    row, column, near = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, modes))]
+    row = [np.zeros(0, np.int64)]
+    column = [np.zeros(0, np.int64)]
+    log_likelihood = [np.zeros((0, modes))]
     step = max(AT_ONCE // max(modes * len(report), 1), 1)
     for begin in range(0, len(weight), step):
-        part = slice(begin, begin + step)
-        error = report.detections.measurement - reachable[part, :, None]
-        error = sensor.wrap(error - rate[part, :, None] * report.time_s[:, None])
-        square, log_density = _normal(error, covariance[part, :, None] + noise)
-        inside = (square <= gate_sigma**2) & (weight[part] > 0.0)[..., None]
+        block = slice(begin, begin + step)
+        error = report.detections.measurement - reachable[block, :, None]
+        error = sensor.wrap(error - rate[block, :, None] * report.time_s[:, None])
+        square, log_density = _normal(error, covariance[block, :, None] + noise)
+        inside = (square <= gate_sigma**2) & (weight[block] > 0.0)[..., None]
         log_density = np.where(inside, log_density, -np.inf).swapaxes(1, 2)
-        one, other = np.nonzero(inside.any(axis=1))
-        row.append(begin + one)
-        column.append(other)
-        near.append(log_density[one, other])
-    return np.concatenate(row), np.concatenate(column), np.concatenate(near)
+        gated_row, gated_column = np.nonzero(inside.any(axis=1))
+        row.append(begin + gated_row)
+        column.append(gated_column)
+        log_likelihood.append(log_density[gated_row, gated_column])
+    return np.concatenate(row), np.concatenate(column), np.concatenate(log_likelihood)
 
 
 def innovations(
@@ -96,9 +98,9 @@ def innovations(
     adds P J' S^-1 v to a state and takes P J' S^-1 J P from its covariance. So v is replaced by
     J' S^-1 v, the inverse of S by J' S^-1 J, and the Jacobian by the identity.
     """
-    count, place = len(mean), list(sensor.space.position)
+    count, axes = len(mean), list(sensor.space.position)
     with_time = np.zeros((count, 2, mean.shape[1]))
-    with_time[:, [0, 1], place] = 1.0
+    with_time[:, [0, 1], axes] = 1.0
     with_time[:, [0, 1], list(sensor.space.velocity)] = time_s[:, None]
     prior = (with_time @ mean[..., None])[..., 0]
     spread = with_time @ covariance @ with_time.swapaxes(1, 2)
@@ -110,17 +112,17 @@ def innovations(
     position, rows = prior.copy(), np.arange(count)
     noise = noise_covariance(noise_std, correlation)
     for _ in range(iterations):
-        expected_there, jacobian = sensor.linearise(position[rows])
-        turned = jacobian.swapaxes(1, 2)
-        moved = (jacobian @ (position[rows] - prior[rows])[..., None])[..., 0]
-        error = sensor.wrap(measurement[rows] - expected_there) + moved
-        total = jacobian @ spread[rows] @ turned + noise[rows]
-        weighted[rows] = (turned @ np.linalg.solve(total, error[..., None]))[..., 0]
-        inverse[rows] = turned @ np.linalg.solve(total, jacobian)
+        predicted, jacobian = sensor.linearise(position[rows])
+        transposed = jacobian.swapaxes(1, 2)
+        shift = (jacobian @ (position[rows] - prior[rows])[..., None])[..., 0]
+        error = sensor.wrap(measurement[rows] - predicted) + shift
+        total = jacobian @ spread[rows] @ transposed + noise[rows]
+        weighted[rows] = (transposed @ np.linalg.solve(total, error[..., None]))[..., 0]
+        inverse[rows] = transposed @ np.linalg.solve(total, jacobian)
         log_likelihood[rows] = _normal(error, total)[1]
-        later = prior[rows] + (spread[rows] @ weighted[rows][..., None])[..., 0]
-        step = (jacobian @ (later - position[rows])[..., None])[..., 0]
-        position[rows] = later
+        updated = prior[rows] + (spread[rows] @ weighted[rows][..., None])[..., 0]
+        step = (jacobian @ (updated - position[rows])[..., None])[..., 0]
+        position[rows] = updated
         rows = rows[(np.abs(step) >= converged * noise_std[rows]).any(axis=1)]
     return np.broadcast_to(np.eye(2), inverse.shape), weighted, inverse, log_likelihood
 

@@ -58,9 +58,9 @@ def expected_rates(
     variances A and B of a and n'dv and their covariance C, the last two terms have the mean
     C - (u'v) A / 2 and approximately the variance A B + C^2 + (u'v)^2 A^2 / 2.
     """
-    place, speed = list(sensor.space.position), list(sensor.space.velocity)
-    velocity = mean[:, speed]
-    line = mean[:, place] - np.asarray(sensor.position)
+    position_axes, velocity_axes = list(sensor.space.position), list(sensor.space.velocity)
+    velocity = mean[:, velocity_axes]
+    line = mean[:, position_axes] - np.asarray(sensor.position)
     if time_s is not None:
         line = line + time_s[:, None] * velocity
     distance = np.maximum(np.sqrt((line**2).sum(axis=1)), MIN_RANGE)
@@ -69,19 +69,20 @@ def expected_rates(
     relative = velocity - np.asarray(sensor.velocity)
     rate, side = (relative * along).sum(axis=1), (relative * across).sum(axis=1)
 
-    angle, sideways, first = np.zeros_like(mean), np.zeros_like(mean), np.zeros_like(mean)
-    angle[:, place] = across / distance[:, None]
+    angle, sideways, gradient = np.zeros_like(mean), np.zeros_like(mean), np.zeros_like(mean)
+    angle[:, position_axes] = across / distance[:, None]
     if time_s is not None:
-        angle[:, speed] = time_s[:, None] * angle[:, place]
-    sideways[:, speed] = across
-    first[:, speed] = along
-    first += side[:, None] * angle
-    of_angle, of_side = _times(covariance, angle), _times(covariance, sideways)
-    a, b = (of_angle * angle).sum(axis=1), (of_side * sideways).sum(axis=1)
-    c = (of_angle * sideways).sum(axis=1)
-    cross = _times(covariance, first)
-    second = a * b + c**2 + 0.5 * (rate * a) ** 2
-    return Expected(rate + c - 0.5 * rate * a, cross, (cross * first).sum(axis=1) + second)
+        angle[:, velocity_axes] = time_s[:, None] * angle[:, position_axes]
+    sideways[:, velocity_axes] = across
+    gradient[:, velocity_axes] = along
+    gradient += side[:, None] * angle
+    angle_covariance = _multiply(covariance, angle)
+    sideways_covariance = _multiply(covariance, sideways)
+    a, b = (angle_covariance * angle).sum(axis=1), (sideways_covariance * sideways).sum(axis=1)
+    c = (angle_covariance * sideways).sum(axis=1)
+    cross = _multiply(covariance, gradient)
+    second_order = a * b + c**2 + 0.5 * (rate * a) ** 2
+    return Expected(rate + c - 0.5 * rate * a, cross, (cross * gradient).sum(axis=1) + second_order)
 
 
 def update_rates(
@@ -102,10 +103,12 @@ def update_rates(
     time_s : array of shape (N,) or None
         Time of each measurement relative to the stamp, seconds.
     """
-    return updated(mean, covariance, expected_rates(mean, covariance, sensor, time_s), measured)
+    return update_expected(
+        mean, covariance, expected_rates(mean, covariance, sensor, time_s), measured
+    )
 
 
-def updated(
+def update_expected(
     mean: FloatArray, covariance: FloatArray, expected: Expected, measured: Rates
 ) -> RateUpdate:
     """Return Gaussians updated with one range rate each, given the expected ones.
@@ -124,27 +127,29 @@ def updated(
     Where several folds are probable, their mixture is moment-matched by one Gaussian; see
     `RangeRateModel.fold`.
     """
-    known = np.isfinite(measured.rate)
-    error = np.where(known, measured.rate - expected.rate, 0.0)
+    has_rate = np.isfinite(measured.rate)
+    error = np.where(has_rate, measured.rate - expected.rate, 0.0)
     total = expected.variance + measured.std**2
     innovation, spread, log_density = measured.model.fold(error, total)
     gain = expected.cross / total[:, None]
-    left = np.where(known, total - spread, 0.0)
-    later = mean + np.where(known, innovation, 0.0)[:, None] * gain
-    taken = left[:, None, None] * gain[:, :, None] * gain[:, None, :]
-    spread_after = kalman.symmetric(covariance - taken)
+    reduction = np.where(has_rate, total - spread, 0.0)
+    updated_mean = mean + np.where(has_rate, innovation, 0.0)[:, None] * gain
+    removed = reduction[:, None, None] * gain[:, :, None] * gain[:, None, :]
+    updated_covariance = kalman.symmetric(covariance - removed)
     axes = np.arange(mean.shape[1])
     least = kalman.LEAST_VARIANCE * covariance[:, axes, axes]
-    spread_after[:, axes, axes] = np.maximum(spread_after[:, axes, axes], least)
-    log_likelihood = np.where(known, log_density, 0.0)
-    return RateUpdate(later, spread_after, log_likelihood, measured.model.wrap(error), total)
+    updated_covariance[:, axes, axes] = np.maximum(updated_covariance[:, axes, axes], least)
+    log_likelihood = np.where(has_rate, log_density, 0.0)
+    return RateUpdate(
+        updated_mean, updated_covariance, log_likelihood, measured.model.wrap(error), total
+    )
 
 
 def folds_of(measured: Rates, rate: FloatArray, reach: float) -> FloatArray:
     """Return the range rates within `reach` of `rate`, a row per fold, shape (K, M)."""
-    value = rate + measured.model.wrap(measured.rate - rate)
-    each: FloatArray = value + measured.model.folds(reach)[:, None]
-    return each
+    nearest = rate + measured.model.wrap(measured.rate - rate)
+    folds: FloatArray = nearest + measured.model.folds(reach)[:, None]
+    return folds
 
 
 def unambiguous(measured: Rates, rate: FloatArray) -> Rates:
@@ -152,6 +157,6 @@ def unambiguous(measured: Rates, rate: FloatArray) -> Rates:
     return Rates(RangeRateModel(measured.model.std), rate, measured.std)
 
 
-def _times(covariance: FloatArray, vector: FloatArray) -> FloatArray:
+def _multiply(covariance: FloatArray, vector: FloatArray) -> FloatArray:
     product: FloatArray = (covariance @ vector[..., None])[..., 0]
     return product

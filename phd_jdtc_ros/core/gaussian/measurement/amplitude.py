@@ -53,31 +53,31 @@ def detection_probability(
     classes, (count, modes, size) = snr.shape[1], expected.measured.shape
     flat, std = expected.measured.reshape(-1, size), expected.std.reshape(-1, size)
     seen = sensor.coverage_probability(flat, None, std).reshape(count, modes, 1)
-    given = sensor.configured_detection_probability(flat, std)
-    if given is None:
+    by_gaussian = sensor.configured_detection_probability(flat, std)
+    if by_gaussian is None:
         cell = dynamics.cell_probability(sensor)
         mean = _mean_over_cells(snr, cell)
         configured = mean.T.repeat(modes, axis=1)
     else:
         cell, mean = np.ones(snr.shape[1:]), np.ones(snr.shape[:2])
-        configured = given[None].repeat(classes, axis=0)
+        configured = by_gaussian[None].repeat(classes, axis=0)
     learned = sensor.learned_detection_probability(configured, flat)
     probability = np.ascontiguousarray(learned.T).reshape(count, modes, classes)
     if prediction is not None:
-        looked, detected = (part[:, None, None] for part in prediction)
+        looked, detected = (column[:, None, None] for column in prediction)
         probability = probability * (1.0 - looked) + detected
     return DetectionProbability(seen * probability, cell, mean)
 
 
 @compiled
-def _mean_over_cells(snr: Float3, cell: Float2) -> FloatArray:
+def _mean_over_cells(snr: Float3, cell_value: Float2) -> FloatArray:
     """Return the mean of the cells' values over each hypothesis's SNR, (H, C)."""
     count, classes, cells = snr.shape
     mean = np.zeros((count, classes))
     for row in range(count):
         for class_id in range(classes):
-            for place in range(cells):
-                mean[row, class_id] += snr[row, class_id, place] * cell[class_id, place]
+            for cell in range(cells):
+                mean[row, class_id] += snr[row, class_id, cell] * cell_value[class_id, cell]
     return mean
 
 
@@ -97,7 +97,7 @@ def log_amplitude(report: Report, dynamics: Dynamics) -> FloatArray:
 
 
 @compiled
-def _relative(log_likelihood: Float3) -> tuple[FloatArray, FloatArray]:
+def _relative_to_largest(log_likelihood: Float3) -> tuple[FloatArray, FloatArray]:
     """Return the columns of `Amplitudes`, given log p_D g(a) of cells and detections, (C, S, M)."""
     classes, cells, count = log_likelihood.shape
     largest, relative = np.full(count, -np.inf), np.zeros((count, classes, cells))
@@ -124,7 +124,7 @@ class Amplitudes(NamedTuple):
     @staticmethod
     def of(report: Report, dynamics: Dynamics) -> Amplitudes:
         """Return the likelihoods of a report's amplitudes."""
-        return Amplitudes(*_relative(*contiguous(log_amplitude(report, dynamics))))
+        return Amplitudes(*_relative_to_largest(*contiguous(log_amplitude(report, dynamics))))
 
 
 @compiled
@@ -157,35 +157,37 @@ def snr_after(
         Detection of each pair.
     """
     classes, cells = snr.shape[1:]
-    later = np.empty((len(source), classes, cells))
+    posterior = np.empty((len(source), classes, cells))
     for row in range(len(source)):
-        one, z = source[row], column[pair[row]] if pair[row] >= 0 else -1
+        hypothesis, z = source[row], column[pair[row]] if pair[row] >= 0 else -1
         for class_id in range(classes):
             mass, detected, total = 0.0, 0.0, 0.0
             for mode in range(weight.shape[1]):
-                mass += weight[one, mode, class_id]
-                detected += weight[one, mode, class_id] * detectable[one, mode, class_id]
+                mass += weight[hypothesis, mode, class_id]
+                detected += (
+                    weight[hypothesis, mode, class_id] * detectable[hypothesis, mode, class_id]
+                )
             detected /= mass if mass > 0.0 else 1.0
-            detected /= max(mean_probability[one, class_id], TINY)
+            detected /= max(mean_probability[hypothesis, class_id], TINY)
             for cell in range(cells):
                 if z < 0:
                     likelihood = max(1.0 - detected * cell_probability[class_id, cell], 0.0)
                 else:
                     likelihood = relative[z, class_id, cell]
-                later[row, class_id, cell] = snr[one, class_id, cell] * likelihood
-                total += later[row, class_id, cell]
+                posterior[row, class_id, cell] = snr[hypothesis, class_id, cell] * likelihood
+                total += posterior[row, class_id, cell]
             for cell in range(cells):
                 if total > 0.0:
-                    later[row, class_id, cell] /= total
+                    posterior[row, class_id, cell] /= total
                 else:  # the class has no weight
-                    later[row, class_id, cell] = snr[one, class_id, cell]
-    return later
+                    posterior[row, class_id, cell] = snr[hypothesis, class_id, cell]
+    return posterior
 
 
 def slower(mixture: Mixture, bound: float, space: StateSpace) -> FloatArray:
     """Return the probability that each hypothesis is slower than a bound in m/s, (H,)."""
     axes = list(space.velocity)
     covariance = mixture.covariance[..., axes, :][..., axes]
-    each = stationary.probability_slower(mixture.mean[..., axes], covariance, bound)
-    slow: FloatArray = (mixture.mode_weight * each).sum(axis=1)
+    probability = stationary.probability_slower(mixture.mean[..., axes], covariance, bound)
+    slow: FloatArray = (mixture.mode_weight * probability).sum(axis=1)
     return slow / np.maximum(mixture.mass, TINY)

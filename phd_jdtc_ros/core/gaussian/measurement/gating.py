@@ -37,14 +37,16 @@ class Expected(NamedTuple):
     def of(mixture: Mixture, sensor: Sensor) -> Expected:
         """Return the measurements that a sensor is expected to make of a mixture's Gaussians."""
         if not sensor.polar:
-            found = linearised.expected(mixture.mean, mixture.covariance, sensor)
-            variance = np.diagonal(found[1], axis1=-2, axis2=-1)
-            return Expected(*contiguous(*found, np.sqrt(np.maximum(variance, LEAST_STD**2))))
-        return Expected(*_expected(mixture.mean, mixture.covariance, sensor.axes, sensor.frame))
+            result = linearised.expected(mixture.mean, mixture.covariance, sensor)
+            variance = np.diagonal(result[1], axis1=-2, axis2=-1)
+            return Expected(*contiguous(*result, np.sqrt(np.maximum(variance, LEAST_STD**2))))
+        return Expected(
+            *_expected_measurements(mixture.mean, mixture.covariance, sensor.axes, sensor.frame)
+        )
 
 
 @compiled
-def _expected(
+def _expected_measurements(
     mean: Float3, covariance: Float4, axes: Int1, pose: Float1
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the columns of `Expected`; for `axes` and `pose` see `kalman`."""
@@ -52,17 +54,17 @@ def _expected(
     measured, spread = np.empty((count, modes, 2)), np.empty((count, modes, 2, 2))
     std = np.empty((count, modes, 2))
     x, y = axes[0], axes[1]
-    at_x, at_y, cos, sin = pose[0], pose[1], pose[2], pose[3]
+    sensor_x, sensor_y, cos, sin = pose[0], pose[1], pose[2], pose[3]
     for row in range(count):
         for mode in range(modes):
-            east, north = mean[row, mode, x] - at_x, mean[row, mode, y] - at_y
+            east, north = mean[row, mode, x] - sensor_x, mean[row, mode, y] - sensor_y
             ahead, left = cos * east + sin * north, cos * north - sin * east
             distance = max(math.sqrt(ahead * ahead + left * left), MIN_RANGE)
             measured[row, mode, 0], measured[row, mode, 1] = distance, math.atan2(left, ahead)
             j, k = east / distance, north / distance
             n, m = -k / distance, j / distance
-            own = covariance[row, mode]
-            p, q, r = own[x, x], own[x, y], own[y, y]
+            state_covariance = covariance[row, mode]
+            p, q, r = state_covariance[x, x], state_covariance[x, y], state_covariance[y, y]
             spread[row, mode, 0, 0] = j * (p * j + q * k) + k * (q * j + r * k)
             spread[row, mode, 1, 1] = n * (p * n + q * m) + m * (q * n + r * m)
             cross = j * (p * n + q * m) + k * (q * n + r * m)
@@ -73,18 +75,18 @@ def _expected(
     return measured, spread, std
 
 
-class _Found(NamedTuple):
+class _Gated(NamedTuple):
     """The pairs of `gate_pairs`, with room for more, and working arrays for one hypothesis."""
 
     row: Int1
     column: Int1
     log_likelihood: Float2
-    inside: Int1  # The places of detections that are in the box of a hypothesis, (M,)
-    around: Bool1  # Whether each Gaussian may be anywhere in azimuth, (R,)
+    in_box: Int1  # The places of detections that are in the box of a hypothesis, (M,)
+    anywhere: Bool1  # Whether each Gaussian may be anywhere in azimuth, (R,)
     reach: Float2  # Half widths of each Gaussian's gate, (R, 2)
     box: Float1  # See `_write_box`, (4,)
     inverse: Float2  # Inverse of the innovation's covariance, (R, 3)
-    log_root: Float1  # Log of the density's scale, (R,)
+    log_scale: Float1  # Log of the density's scale, (R,)
     rate: Float2  # See `_write_rates`, (R, 4)
 
 
@@ -101,18 +103,18 @@ def _write_box(
 
     Return whether any Gaussian has weight and reaches into the radar's range.
     """
-    found = False
+    has_gate = False
     for mode in range(len(reach)):
         near, far = measured[row, mode, 0] - reach[mode, 0], measured[row, mode, 0] + reach[mode, 0]
         if not (weight[row, mode] > 0.0 and near <= max_range):
             continue
-        if not found:
+        if not has_gate:
             box[0], box[1], box[2], box[3] = near, far, measured[row, mode, 1], 0.0
-            found = True
+            has_gate = True
         box[0], box[1] = min(box[0], near), max(box[1], far)
         half = abs(wrapped(measured[row, mode, 1] - box[2])) + reach[mode, 1]
         box[3] = max(box[3], half)
-    return found
+    return has_gate
 
 
 @inner
@@ -130,6 +132,107 @@ def _write_rates(
         rate[mode, 3] = rate[mode, 2] / distance
 
 
+@inner
+def _write_reach(
+    row: int,
+    measured: FloatArray,
+    covariance: FloatArray,
+    widest: FloatArray,
+    latest: float,
+    gated: _Gated,
+) -> bool:
+    """Write the gates' half widths; return whether any Gaussian may be anywhere in azimuth."""
+    _, _, _, _, anywhere, reach, _, _, _, rate = gated
+    found = False
+    for mode in range(len(reach)):
+        for axis in range(2):
+            std = math.sqrt(covariance[row, mode, axis, axis] + widest[axis] ** 2)
+            reach[mode, axis] = GATE_SIGMA * std + latest * rate[mode, 2 + axis]
+        # The azimuth's variance grows with the square of the angle that the Gaussian covers.
+        wide = covariance[row, mode, 1, 1] >= (0.5 * math.pi / GATE_SIGMA) ** 2
+        farthest = reach[mode, 0] - latest * rate[mode, 2]
+        anywhere[mode] = wide and measured[row, mode, 0] <= farthest
+        found = found or anywhere[mode]
+    return found
+
+
+@inner
+def _find_in_box(
+    box: FloatArray,
+    half: float,
+    azimuth: FloatArray,
+    distance: FloatArray,
+    start: IntArray,
+    in_box: IntArray,
+) -> int:
+    """Write the places of the detections in a box; return their number.
+
+    `half` is the half width of the box in azimuth, pi at most.
+    """
+    size = len(azimuth) // 2
+    low = box[2] - half
+    low += FULL_TURN if low < 0.0 else 0.0
+    begin, high = start[int(low / FULL_TURN * (len(start) - 1))], low + 2.0 * half
+    while begin < size and azimuth[begin] < low:
+        begin += 1
+    # Without a branch this is faster, because most detections in azimuth are out of range.
+    near, far, count = box[0], box[1], 0
+    for place in range(begin, begin + size):
+        if half < math.pi and azimuth[place] > high:
+            break
+        in_box[count] = place
+        count += near <= distance[place] <= far
+    return count
+
+
+@inner
+def _write_inverses(
+    row: int,
+    covariance: FloatArray,
+    noise_range: float,
+    noise_azimuth: float,
+    inverse: FloatArray,
+    log_scale: FloatArray,
+) -> None:
+    """Write the inverses of a row's innovation covariances, and the logs of their densities."""
+    for mode in range(len(inverse)):
+        a = covariance[row, mode, 0, 0] + noise_range**2
+        b = covariance[row, mode, 0, 1]
+        c = covariance[row, mode, 1, 1] + noise_azimuth**2
+        determinant = max(a * c - b * b, TINY)
+        inverse[mode, 0], inverse[mode, 2] = c / determinant, a / determinant
+        inverse[mode, 1] = -2.0 * b / determinant
+        log_scale[mode] = 0.5 * math.log(determinant) + math.log(FULL_TURN)
+
+
+@inner
+def _write_densities(
+    row: int,
+    measured: FloatArray,
+    weight: FloatArray,
+    measurement: FloatArray,
+    time_s: float,
+    pair: int,
+    gated: _Gated,
+) -> bool:
+    """Write the log likelihoods of a pair; return whether it is in the gate of any Gaussian."""
+    _, _, log_likelihood, _, anywhere, _, _, inverse, log_scale, rate = gated
+    found = False
+    for mode in range(len(inverse)):
+        log_likelihood[pair, mode] = -np.inf
+        if not weight[row, mode] > 0.0:
+            continue
+        range_error = measurement[0] - measured[row, mode, 0] - rate[mode, 0] * time_s
+        azimuth_error = measurement[1] - measured[row, mode, 1] - rate[mode, 1] * time_s
+        azimuth_error = wrapped(azimuth_error)
+        square = inverse[mode, 0] * range_error**2 + inverse[mode, 2] * azimuth_error**2
+        square += inverse[mode, 1] * range_error * azimuth_error
+        if anywhere[mode] or square <= GATE_SIGMA**2:
+            log_likelihood[pair, mode] = -0.5 * square - log_scale[mode]
+            found = True
+    return found
+
+
 @in_place
 def _gate_pairs(
     max_range: float,
@@ -139,7 +242,7 @@ def _gate_pairs(
     measured: Float3,
     covariance: Float4,
     weight: Float2,
-    detection: Float2,
+    measurement: Float2,
     noise_std: Float2,
     time_s: Float1,
     widest: Float1,
@@ -148,7 +251,7 @@ def _gate_pairs(
     distance: Float1,
     order: Int1,
     start: Int1,
-    found: _Found,
+    gated: _Gated,
 ) -> int:
     """Write the gated pairs; return their number, or -1 if there is no room for them.
 
@@ -162,70 +265,35 @@ def _gate_pairs(
     start : int array
         The place where each of equal parts of the first turn begins.
     """
-    (count, modes), size, pairs = weight.shape, len(order) // 2, 0
-    _, _, _, _, around, reach, box, inverse, log_root, rate = found
-    for row in range(count):
-        anywhere, noise_range, noise_azimuth = False, -1.0, -1.0
+    pairs = 0
+    for row in range(len(weight)):
+        noise_range, noise_azimuth = -1.0, -1.0
         if latest > 0.0:
-            _write_rates(row, mean, axes, pose, rate)
-        for mode in range(modes):
-            for axis in range(2):
-                std = math.sqrt(covariance[row, mode, axis, axis] + widest[axis] ** 2)
-                reach[mode, axis] = GATE_SIGMA * std + latest * rate[mode, 2 + axis]
-            # The azimuth's variance grows with the square of the angle that the Gaussian covers.
-            wide = covariance[row, mode, 1, 1] >= (0.5 * math.pi / GATE_SIGMA) ** 2
-            inside = reach[mode, 0] - latest * rate[mode, 2]
-            around[mode] = wide and measured[row, mode, 0] <= inside
-            anywhere = anywhere or around[mode]
-        if not _write_box(row, measured, reach, weight, max_range, box):
+            _write_rates(row, mean, axes, pose, gated.rate)
+        anywhere = _write_reach(row, measured, covariance, widest, latest, gated)
+        if not _write_box(row, measured, gated.reach, weight, max_range, gated.box):
             continue
-        half = math.pi if anywhere else min(box[3], math.pi)
-        low = box[2] - half
-        low += FULL_TURN if low < 0.0 else 0.0
-        begin, high = start[int(low / FULL_TURN * (len(start) - 1))], low + 2.0 * half
-        while begin < size and azimuth[begin] < low:
-            begin += 1
-        # Without a branch this is faster, because most detections in azimuth are out of range.
-        near, far, inside = box[0], box[1], 0
-        for place in range(begin, begin + size):
-            if half < math.pi and azimuth[place] > high:
-                break
-            found.inside[inside] = place
-            inside += near <= distance[place] <= far
-        for index in range(inside):
-            one = order[found.inside[index]]
-            if pairs == len(found.row):
+        half = math.pi if anywhere else min(gated.box[3], math.pi)
+        count = _find_in_box(gated.box, half, azimuth, distance, start, gated.in_box)
+        for index in range(count):
+            z = order[gated.in_box[index]]
+            if pairs == len(gated.row):
                 return -1
-            if noise_std[one, 0] != noise_range or noise_std[one, 1] != noise_azimuth:
-                noise_range, noise_azimuth = noise_std[one, 0], noise_std[one, 1]
-                for mode in range(modes):
-                    a = covariance[row, mode, 0, 0] + noise_range**2
-                    b = covariance[row, mode, 0, 1]
-                    c = covariance[row, mode, 1, 1] + noise_azimuth**2
-                    determinant = max(a * c - b * b, TINY)
-                    inverse[mode, 0], inverse[mode, 2] = c / determinant, a / determinant
-                    inverse[mode, 1] = -2.0 * b / determinant
-                    log_root[mode] = 0.5 * math.log(determinant) + math.log(FULL_TURN)
-            gated = False
-            for mode in range(modes):
-                found.log_likelihood[pairs, mode] = -np.inf
-                if not weight[row, mode] > 0.0:
-                    continue
-                along = detection[one, 0] - measured[row, mode, 0] - rate[mode, 0] * time_s[one]
-                across = detection[one, 1] - measured[row, mode, 1] - rate[mode, 1] * time_s[one]
-                across = wrapped(across)
-                square = inverse[mode, 0] * along**2 + inverse[mode, 2] * across**2
-                square += inverse[mode, 1] * along * across
-                if around[mode] or square <= GATE_SIGMA**2:
-                    found.log_likelihood[pairs, mode] = -0.5 * square - log_root[mode]
-                    gated = True
-            found.row[pairs], found.column[pairs] = row, one
-            pairs += gated
+            if noise_std[z, 0] != noise_range or noise_std[z, 1] != noise_azimuth:
+                noise_range, noise_azimuth = noise_std[z, 0], noise_std[z, 1]
+                _write_inverses(
+                    row, covariance, noise_range, noise_azimuth, gated.inverse, gated.log_scale
+                )
+            inside = _write_densities(
+                row, measured, weight, measurement[z], time_s[z], pairs, gated
+            )
+            gated.row[pairs], gated.column[pairs] = row, z
+            pairs += inside
     return pairs
 
 
 @compiled
-def _gated(
+def _gate(
     max_range: float,
     axes: Int1,
     pose: Float1,
@@ -233,7 +301,7 @@ def _gated(
     measured: Float3,
     covariance: Float4,
     weight: Float2,
-    detection: Float2,
+    measurement: Float2,
     noise_std: Float2,
     time_s: Float1,
     ascending: Float1,
@@ -247,20 +315,20 @@ def _gated(
     azimuth, distance = np.empty(2 * size), np.empty(2 * size)
     order, start = np.empty(2 * size, np.int64), np.empty(size + 1, np.int64)
     widest, latest = np.zeros(2), 0.0
-    for part in range(size + 1):
-        while begin < size and ascending[begin] < part * (FULL_TURN / size):
+    for sector in range(size + 1):
+        while begin < size and ascending[begin] < sector * (FULL_TURN / size):
             begin += 1
-        start[part] = begin
-    for place in range(2 * size):
-        order[place] = by_azimuth[place % size]
-        azimuth[place] = ascending[place % size] + (FULL_TURN if place >= size else 0.0)
-        distance[place] = detection[order[place], 0]
-    for one in range(size):
-        widest[0], widest[1] = max(widest[0], noise_std[one, 0]), max(widest[1], noise_std[one, 1])
-        latest = max(latest, abs(time_s[one]))
+        start[sector] = begin
+    for index in range(2 * size):
+        order[index] = by_azimuth[index % size]
+        azimuth[index] = ascending[index % size] + (FULL_TURN if index >= size else 0.0)
+        distance[index] = measurement[order[index], 0]
+    for z in range(size):
+        widest[0], widest[1] = max(widest[0], noise_std[z, 0]), max(widest[1], noise_std[z, 1])
+        latest = max(latest, abs(time_s[z]))
     pairs, room = -1, 4 * count + 64
     while pairs < 0:
-        found = _Found(
+        gated = _Gated(
             np.empty(room, np.int64),
             np.empty(room, np.int64),
             np.empty((room, modes)),
@@ -273,11 +341,11 @@ def _gated(
             np.zeros((modes, 4)),
         )
         pairs = _gate_pairs(
-            *(max_range, axes, pose, mean, measured, covariance, weight, detection, noise_std),
-            *(time_s, widest, latest, azimuth, distance, order, start, found),
+            *(max_range, axes, pose, mean, measured, covariance, weight, measurement, noise_std),
+            *(time_s, widest, latest, azimuth, distance, order, start, gated),
         )
         room *= 2
-    return found.row[:pairs], found.column[:pairs], found.log_likelihood[:pairs]
+    return gated.row[:pairs], gated.column[:pairs], gated.log_likelihood[:pairs]
 
 
 def gate_pairs(
@@ -297,7 +365,7 @@ def gate_pairs(
         return linearised.gate_pairs(mixture.mode_weight, mixture.mean, *spread, report, GATE_SIGMA)
     turn = measurement[:, 1] % FULL_TURN
     order = turn.argsort(kind="stable")
-    return _gated(
+    return _gate(
         *(sensor.max_range, sensor.axes, sensor.frame, mixture.mean, expected.measured),
         *(expected.covariance, mixture.mode_weight, measurement, report.detection_std),
         *(report.time_s, turn[order], order),

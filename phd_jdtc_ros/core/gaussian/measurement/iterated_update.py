@@ -17,7 +17,7 @@ class PairUpdate(NamedTuple):
 
     # Innovation of the measurement without range rate, with the sensor's usual noise.
     innovation: kalman.Innovation
-    # `innovation`, or that of the mixture of usual noise and outliers; see `heavy_tails.mixed`.
+    # `innovation`, or that of the mixture of usual noise and outliers: `heavy_tails.mix_noises`.
     matched: kalman.Innovation
     # The Gaussians updated with range rates; None if the report has none.
     rate_update: range_rate.RateUpdate | None
@@ -32,7 +32,7 @@ class PairUpdate(NamedTuple):
             return self.matched.log_likelihood
         return self.matched.log_likelihood + self.rate_update.log_likelihood
 
-    def updated(
+    def updated_gaussians(
         self, mixture: Mixture, row: IntArray, pair: IntArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return the updated Gaussians of hypotheses, (K, R, D) and (K, R, D, D).
@@ -45,18 +45,20 @@ class PairUpdate(NamedTuple):
             Its pair with a detection in this update; -1 for none, which keeps its Gaussians.
         """
         modes, size = mixture.mean.shape[1:]
-        before = mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size)
+        gaussians = mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size)
         if self.rate_update is None:
             times = self.report.detections.time_s
             time_s = None if times is None else times[self.column].repeat(modes)
-            mean, covariance = kalman.updated(
-                *before, self.report.sensor, self.matched, time_s, (row, pair), modes
+            mean, covariance = kalman.update(
+                *gaussians, self.report.sensor, self.matched, time_s, (row, pair), modes
             )
         else:
-            gaussian, at = kalman.of_groups(row, modes), kalman.of_groups(pair, modes)
-            mean, covariance = before[0][gaussian], before[1][gaussian]
-            mean[at >= 0] = self.rate_update.mean[at[at >= 0]]
-            covariance[at >= 0] = self.rate_update.covariance[at[at >= 0]]
+            gaussian = kalman.gaussians_of_groups(row, modes)
+            updated = kalman.gaussians_of_groups(pair, modes)
+            mean, covariance = gaussians[0][gaussian], gaussians[1][gaussian]
+            detected = updated >= 0
+            mean[detected] = self.rate_update.mean[updated[detected]]
+            covariance[detected] = self.rate_update.covariance[updated[detected]]
         return mean.reshape(-1, modes, size), covariance.reshape(-1, modes, size, size)
 
 
@@ -90,14 +92,16 @@ def iterated_update(
     )
     matched = innovation
     if sensor.outliers is not None and sensor.polar:
-        each = column.repeat(modes)
-        matched = heavy_tails.mixed(innovation, sensor.outliers, report.detection_std, each)
+        detection = column.repeat(modes)
+        matched = heavy_tails.mix_noises(
+            innovation, sensor.outliers, report.detection_std, detection
+        )
     rate_update = None
     if rates is not None:
-        gaussian, each = kalman.of_groups(row, modes), column.repeat(modes)
-        time_s = None if detections.time_s is None else detections.time_s[each]
-        later = kalman.updated(mean[gaussian], covariance[gaussian], sensor, matched, time_s)
-        rate_update = range_rate.update_rates(*later, sensor, rates.take(each), time_s)
+        gaussian, detection = kalman.gaussians_of_groups(row, modes), column.repeat(modes)
+        time_s = None if detections.time_s is None else detections.time_s[detection]
+        updated = kalman.update(mean[gaussian], covariance[gaussian], sensor, matched, time_s)
+        rate_update = range_rate.update_rates(*updated, sensor, rates.take(detection), time_s)
     return PairUpdate(innovation, matched, rate_update, row, column, report)
 
 
@@ -109,9 +113,9 @@ def coarse_rates(
     The times of detections are ignored.
     """
     modes, size = mixture.mean.shape[1:]
-    before = range_rate.expected_rates(
+    expected = range_rate.expected_rates(
         mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size), sensor
     )
-    rate, variance = (part.reshape(-1, modes) for part in (before.rate, before.variance))
+    rate, variance = (part.reshape(-1, modes) for part in (expected.rate, expected.variance))
     error = rates.rate[column][:, None] - rate[row]
     return rates.model.log_density(error, variance[row] + rates.std[column][:, None] ** 2)

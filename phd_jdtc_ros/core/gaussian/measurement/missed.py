@@ -21,18 +21,18 @@ LARGEST_AZIMUTH_STD = 0.5
 
 
 @compiled
-def _at_limit(axis: int, limits: Float1, measured: Float3, std: Float3) -> bool:
+def _is_at_limit(axis: int, limits: Float1, measured: Float3, std: Float3) -> bool:
     """Return whether any Gaussian is at a limit of a component of the measurement."""
     for row in range(len(measured)):
         for mode in range(measured.shape[1]):
             for limit in limits:
-                apart = abs(limit - measured[row, mode, axis])
-                if apart < FAR_SIGMA * std[row, mode, axis]:
+                distance = abs(limit - measured[row, mode, axis])
+                if distance < FAR_SIGMA * std[row, mode, axis]:
                     return True
     return False
 
 
-def _inside(limits: FloatArray, mean: FloatArray, std: FloatArray) -> FloatArray:
+def _partial_moments_within(limits: FloatArray, mean: FloatArray, std: FloatArray) -> FloatArray:
     """Return integrals of normal densities, (N,), over the intervals of `limits`, (I, 2).
 
     They are of 1, of the deviation from the mean, and of its square, (3, N), in standard
@@ -41,8 +41,10 @@ def _inside(limits: FloatArray, mean: FloatArray, std: FloatArray) -> FloatArray
     edges = (limits - mean[:, None, None]) / std[:, None, None]
     density = np.exp(-0.5 * edges**2) / np.sqrt(2.0 * np.pi)
     weighted = np.where(np.isfinite(edges), edges, 0.0) * density
-    part, fall, more = (np.diff(each).sum(axis=(1, 2)) for each in (ndtr(edges), density, weighted))
-    return np.stack([part, -fall, part - more])
+    mass, density_change, weighted_change = (
+        np.diff(values).sum(axis=(1, 2)) for values in (ndtr(edges), density, weighted)
+    )
+    return np.stack([mass, -density_change, mass - weighted_change])
 
 
 def after_miss(
@@ -68,32 +70,34 @@ def after_miss(
     d. A Gaussian at limits of both components is changed along the one that divides it more evenly.
     """
     limits, size = sensor.limits, mixture.mode_weight.size
-    spread = expected.measured, expected.std
-    if not any(_at_limit(axis, own.ravel(), *spread) for axis, own in enumerate(limits)):
+    gaussians = expected.measured, expected.std
+    if not any(
+        _is_at_limit(axis, intervals.ravel(), *gaussians) for axis, intervals in enumerate(limits)
+    ):
         return None
-    measured, std = (each.reshape(size, -1) for each in spread)
+    measured, std = (part.reshape(size, -1) for part in gaussians)
     columns = zip(limits, measured.T, std.T, strict=True)
-    inside = np.stack([_inside(*column) for column in columns])
-    divided = np.minimum(inside[:, 0], 1.0 - inside[:, 0])
+    partial_moments = np.stack([_partial_moments_within(*column) for column in columns])
+    smaller_part = np.minimum(partial_moments[:, 0], 1.0 - partial_moments[:, 0])
     certain = (std[:, 1] < LARGEST_AZIMUTH_STD) & (mixture.mode_weight.ravel() > 0.0)
-    at = np.flatnonzero((divided.max(axis=0) > LEAST_PART) & certain)
-    if not len(at):
+    rows = np.flatnonzero((smaller_part.max(axis=0) > LEAST_PART) & certain)
+    if not len(rows):
         return None
-    axis = divided[:, at].argmax(axis=0)
-    part, first, second = inside[axis, :, at].T
-    weight, detectable = (each.reshape(size, -1)[at] for each in (mixture.weight, detectable))
+    axis = smaller_part[:, rows].argmax(axis=0)
+    mass_inside, first, second = partial_moments[axis, :, rows].T
+    weight, detectable = (part.reshape(size, -1)[rows] for part in (mixture.weight, detectable))
     detected = np.average(detectable, axis=1, weights=weight)
-    probability = np.minimum(detected / part, 1.0)
-    missed = 1.0 - probability * part
+    probability = np.minimum(detected / mass_inside, 1.0)
+    missed = 1.0 - probability * mass_inside
     shift = -probability * first / missed
-    change = (1.0 - probability * second) / missed - shift**2 - 1.0
+    variance_change = (1.0 - probability * second) / missed - shift**2 - 1.0
 
     position, axes = list(sensor.space.position), mixture.mean.shape[-1]
     mean = mixture.mean.reshape(size, axes).copy()
     covariance = mixture.covariance.reshape(size, axes, axes).copy()
-    gradient = sensor.linearise(mean[at][:, position])[1][np.arange(len(at)), axis]
-    slope = np.einsum("nip,np->ni", covariance[at][:, :, position], gradient)
-    slope /= std[at, axis, None]
-    mean[at] += shift[:, None] * slope
-    covariance[at] += change[:, None, None] * slope[:, :, None] * slope[:, None, :]
+    gradient = sensor.linearise(mean[rows][:, position])[1][np.arange(len(rows)), axis]
+    slope = np.einsum("nip,np->ni", covariance[rows][:, :, position], gradient)
+    slope /= std[rows, axis, None]
+    mean[rows] += shift[:, None] * slope
+    covariance[rows] += variance_change[:, None, None] * slope[:, :, None] * slope[:, None, :]
     return mean.reshape(mixture.mean.shape), covariance.reshape(mixture.covariance.shape)

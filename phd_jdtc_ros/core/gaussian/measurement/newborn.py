@@ -37,21 +37,21 @@ def newborn_mixture(newborn: Newborn, dynamics: Dynamics, label: int) -> Mixture
     row = np.arange(len(newborn))
     mean, covariance = _gaussians(newborn, dynamics)
     if (rates := newborn.report.range_rates) is not None:
-        row, share, mean, covariance = _by_fold(newborn, rates, mean, covariance)
+        row, share, mean, covariance = _split_by_fold(newborn, rates, mean, covariance)
         newborn = newborn.take(row)
         newborn = replace(newborn, mass=newborn.mass * share[:, None])
     supported = dynamics.supported[:, :, None] * dynamics.supported[:, None, :]
-    of_class = dynamics.birth_weight
-    classes, modes = of_class.shape[:2]
+    class_weight = dynamics.birth_weight
+    classes, modes = class_weight.shape[:2]
     added = Mixture(
         label + row,
-        newborn.mass.dot(of_class.reshape(classes, -1)).reshape(len(row), modes, classes),
+        newborn.mass.dot(class_weight.reshape(classes, -1)).reshape(len(row), modes, classes),
         mean[:, None] * dynamics.supported,
         covariance[:, None] * supported,
         dynamics.unknown_snr(len(row)),
     )
     if newborn.report.detections.amplitude is not None:
-        added = replace(added, snr=_given_amplitude(newborn.report, dynamics))
+        added = replace(added, snr=_snr_given_amplitude(newborn.report, dynamics))
     return added
 
 
@@ -60,22 +60,22 @@ def _gaussians(newborn: Newborn, dynamics: Dynamics) -> tuple[FloatArray, FloatA
     births, space = dynamics.model.detection_births, dynamics.model.modes.space
     detections = newborn.report.detections
     plots = newborn.report.in_plane
-    place, speed = list(space.position), list(space.velocity)
+    position, velocity = list(space.position), list(space.velocity)
     size = dynamics.supported.shape[1]
     covariance = np.zeros((len(newborn), size, size))
-    covariance[:, np.array(place)[:, None], place] = plots.root @ plots.root.swapaxes(1, 2)
-    covariance[:, speed, speed] = births.velocity_std**2
+    covariance[:, np.array(position)[:, None], position] = plots.root @ plots.root.swapaxes(1, 2)
+    covariance[:, velocity, velocity] = births.velocity_std**2
     covariance[:, space.turn_rate, space.turn_rate] = births.turn_rate_std**2
     if detections.time_s is not None:  # back to the position at the scan's stamp
-        back = np.eye(size)[None].repeat(len(newborn), axis=0)
-        back[:, place, speed] = -detections.time_s[:, None]
-        covariance = back @ covariance @ back.swapaxes(1, 2)
+        to_stamp = np.eye(size)[None].repeat(len(newborn), axis=0)
+        to_stamp[:, position, velocity] = -detections.time_s[:, None]
+        covariance = to_stamp @ covariance @ to_stamp.swapaxes(1, 2)
     mean = np.zeros((len(newborn), size))
-    mean[:, place] = plots.position
+    mean[:, position] = plots.position
     return mean, covariance
 
 
-def _by_fold(
+def _split_by_fold(
     newborn: Newborn,
     rates: Rates,
     mean: FloatArray,
@@ -92,14 +92,14 @@ def _by_fold(
     mean, covariance : arrays of shape (K, D) and (K, D, D)
     """
     sensor, time_s = newborn.report.sensor, newborn.report.detections.time_s
-    before = range_rate.expected_rates(mean, covariance, sensor, time_s)
-    reach = BIRTH_SIGMA * float(np.sqrt((before.variance + rates.std**2).max()))
-    each = range_rate.folds_of(rates, before.rate, reach)
+    expected = range_rate.expected_rates(mean, covariance, sensor, time_s)
+    reach = BIRTH_SIGMA * float(np.sqrt((expected.variance + rates.std**2).max()))
+    fold_rates = range_rate.folds_of(rates, expected.rate, reach)
     updated = [
-        range_rate.updated(mean, covariance, before, range_rate.unambiguous(rates, rate))
-        for rate in each
+        range_rate.update_expected(mean, covariance, expected, range_rate.unambiguous(rates, rate))
+        for rate in fold_rates
     ]
-    log_likelihood = np.stack([one.log_likelihood for one in updated], axis=1)
+    log_likelihood = np.stack([update.log_likelihood for update in updated], axis=1)
     share = np.exp(log_likelihood - log_likelihood.max(axis=1, keepdims=True))
     # An unknown range rate has a single fold.
     share[np.isnan(rates.rate), 1:] = 0.0
@@ -108,12 +108,13 @@ def _by_fold(
     share /= share.sum(axis=1, keepdims=True)
     row, fold = np.nonzero(share)
     means, covariances = (
-        np.stack(part) for part in ([u.mean for u in updated], [u.covariance for u in updated])
+        np.stack(columns)
+        for columns in ([u.mean for u in updated], [u.covariance for u in updated])
     )
     return row, share[row, fold], means[fold, row], covariances[fold, row]
 
 
-def _given_amplitude(report: Report, dynamics: Dynamics) -> FloatArray:
+def _snr_given_amplitude(report: Report, dynamics: Dynamics) -> FloatArray:
     """Return the probabilities of the cells of SNR, given each detection's amplitude, (M, C, S)."""
     log_likelihood = log_amplitude(report, dynamics).transpose(2, 0, 1)
     largest = log_likelihood.max(axis=2, keepdims=True)

@@ -15,7 +15,7 @@ from ..mixture import Mixture
 from .iterated_update import PairUpdate
 
 
-def noise_evidence(mixture: Mixture, found: PairUpdate, probability: FloatArray) -> NoiseEvidence:
+def noise_evidence(mixture: Mixture, update: PairUpdate, probability: FloatArray) -> NoiseEvidence:
     """Return the evidence of the innovations of pairs; see `evidence.evidence_of`.
 
     Only targets that existed with `KNOWN_EXISTENCE` before the update count.
@@ -28,30 +28,30 @@ def noise_evidence(mixture: Mixture, found: PairUpdate, probability: FloatArray)
         Association probability of each pair; distributed over its motion modes by their
         likelihoods.
     """
-    innovation = found.innovation
-    rate_square, rate_part = _rates(found, mixture.mode_weight.shape[1])
+    innovation = update.innovation
+    rate_square, rate_part = _rate_squares(update, mixture.mode_weight.shape[1])
     return NoiseEvidence(
         *_evidence(
             KNOWN_EXISTENCE,
             *contiguous(mixture.existence, mixture.target, mixture.mode_weight),
-            *contiguous(found.row, found.column, probability, found.log_likelihood),
-            *contiguous(innovation.weighted, innovation.inverse, found.report.sensors_own_std),
+            *contiguous(update.row, update.column, probability, update.log_likelihood),
+            *contiguous(innovation.weighted, innovation.inverse, update.report.sensors_own_std),
             *contiguous(rate_square, rate_part),
         )
     )
 
 
-def _rates(found: PairUpdate, modes: int) -> tuple[FloatArray, FloatArray]:
+def _rate_squares(update: PairUpdate, modes: int) -> tuple[FloatArray, FloatArray]:
     """Return the squares and parts of `evidence_of` for range rates, (P R,); none if not learned.
 
     A range rate updates a Gaussian after the position, so that its innovation has one dimension.
     """
-    report, rate_update = found.report, found.rate_update
+    report, rate_update = update.report, update.rate_update
     factor, rates = report.sensor.noise_factor, report.range_rates
     if rate_update is None or rates is None or factor is None or not factor.learned[-1]:
         return np.zeros(0), np.zeros(0)
-    own = report.sensors_own_rate_std(rates)[found.column].repeat(modes)
-    return rate_update.innovation**2 / rate_update.variance, own**2 / rate_update.variance
+    sensor_std = report.sensors_own_rate_std(rates)[update.column].repeat(modes)
+    return rate_update.innovation**2 / rate_update.variance, sensor_std**2 / rate_update.variance
 
 
 @compiled
@@ -75,8 +75,8 @@ def _evidence(
     weight, excess = np.zeros(COMPONENTS), np.zeros(COMPONENTS)
     share = np.empty(modes)
     for pair in range(len(row)):
-        one, first = row[pair], pair * modes
-        if existence[target[one]] < least_existence:
+        hypothesis, first = row[pair], pair * modes
+        if existence[target[hypothesis]] < least_existence:
             continue
         largest, total = -np.inf, 0.0
         for mode in range(modes):
@@ -85,21 +85,23 @@ def _evidence(
             share[mode] = 0.0
             if log_likelihood[first + mode] > -np.inf:
                 relative = math.exp(log_likelihood[first + mode] - largest)
-                share[mode] = mode_weight[one, mode] * relative
+                share[mode] = mode_weight[hypothesis, mode] * relative
             total += share[mode]
         for mode in range(modes):
             if share[mode] <= 0.0:
                 continue
-            counts = probability[pair] * share[mode] / total
+            pair_weight = probability[pair] * share[mode] / total
             for axis in range(2):
                 expected = inverse[first + mode, axis, axis]
                 square = weighted[first + mode, axis] ** 2 / expected
-                part = std[column[pair], axis] ** 2 * expected
-                more, beyond = evidence_of(square, part)
-                weight[axis] += counts * more
-                excess[axis] += counts * beyond
+                noise_share = std[column[pair], axis] ** 2 * expected
+                added_weight, added_excess = evidence_of(square, noise_share)
+                weight[axis] += pair_weight * added_weight
+                excess[axis] += pair_weight * added_excess
             if len(rate_part) > 0:
-                more, beyond = evidence_of(rate_square[first + mode], rate_part[first + mode])
-                weight[COMPONENTS - 1] += counts * more
-                excess[COMPONENTS - 1] += counts * beyond
+                added_weight, added_excess = evidence_of(
+                    rate_square[first + mode], rate_part[first + mode]
+                )
+                weight[COMPONENTS - 1] += pair_weight * added_weight
+                excess[COMPONENTS - 1] += pair_weight * added_excess
     return weight, excess

@@ -88,34 +88,34 @@ def _write_sources(
 ) -> None:
     """Write the sources, into new arrays; for the other parameters see `PairLikelihoods`."""
     scale, intensity, total = sources
-    for kind in range(len(other)):
+    for source_type in range(len(other)):
         for z in range(len(scale)):
-            scale[z] = max(scale[z], other[kind, z])
+            scale[z] = max(scale[z], other[source_type, z])
     for pair in range(len(column)):
         z = column[pair]
         for mode in range(measurement.shape[1]):
             scale[z] = max(scale[z], measurement[pair, mode] + largest[z] + evidence[pair])
-    for kind in range(len(other)):
+    for source_type in range(len(other)):
         for z in range(len(scale)):
-            intensity[kind, z] = math.exp(other[kind, z] - scale[z])
-            total[z] += intensity[kind, z]
+            intensity[source_type, z] = math.exp(other[source_type, z] - scale[z])
+            total[z] += intensity[source_type, z]
 
 
 @inner
 def _write_pair_weight(
-    one: int,
+    hypothesis: int,
     prior: FloatArray,
     pair: int,
     measurement: FloatArray,
     amplitude: FloatArray,
     log_factor: float,
-    place: int,
+    row: int,
     weight: FloatArray,
 ) -> float:
     """Write the weight of a pair, p_D L_z w relative to the scale of its detection; return its sum.
 
     `log_factor` is the log of all factors besides the measurement and the relative amplitude;
-    `place` is the row of `weight` to write.
+    `row` is the row of `weight` to write.
     """
     mass = 0.0
     for mode in range(prior.shape[1]):
@@ -123,55 +123,122 @@ def _write_pair_weight(
         if measurement[pair, mode] > -np.inf and log_factor > -np.inf:
             likelihood = math.exp(measurement[pair, mode] + log_factor)
         for class_id in range(prior.shape[2]):
-            own = prior[one, mode, class_id] * likelihood * amplitude[pair, class_id]
-            weight[place, mode, class_id] = own
-            total += own
+            class_weight = (
+                prior[hypothesis, mode, class_id] * likelihood * amplitude[pair, class_id]
+            )
+            weight[row, mode, class_id] = class_weight
+            total += class_weight
         mass += total
     return mass
 
 
 @inner
 def _write_missed_weight(
-    one: int,
+    hypothesis: int,
     prior: FloatArray,
     detectable: FloatArray,
     factor: float,
-    place: int,
+    row: int,
     weight: FloatArray,
 ) -> float:
     """Write the weight of a hypothesis without a detection, times a factor; return its sum.
 
-    `place` is the row of `weight` to write.
+    `row` is the row of `weight` to write.
     """
     mass = 0.0
     for mode in range(prior.shape[1]):
         total = 0.0
         for class_id in range(prior.shape[2]):
-            missed = prior[one, mode, class_id] * (1.0 - detectable[one, mode, class_id])
-            weight[place, mode, class_id] = factor * missed
+            missed = prior[hypothesis, mode, class_id] * (
+                1.0 - detectable[hypothesis, mode, class_id]
+            )
+            weight[row, mode, class_id] = factor * missed
             total += factor * missed
         mass += total
     return mass
 
 
-class _Likely(NamedTuple):
+class _Selection(NamedTuple):
     """Whether each pair is likely, and working arrays."""
 
     likely: Bool1  # (P,)
     amplitude: Float2  # Likelihood of each pair's amplitude by class, (P, C)
     odds: Float1  # Mass of each pair relative to its detection's other sources, (P,)
-    wanted: Float1  # Sum of all pairs' odds of each detection, (M,)
-    own: Float1  # Sum of one target's odds of each detection, zeros, (M,)
-    alone: Float1  # Mass of each target's alternatives, (T,)
+    total_odds: Float1  # Sum of all pairs' odds of each detection, zeros, (M,)
+    own_odds: Float1  # Sum of one target's odds of each detection, zeros, (M,)
+    alternatives: Float1  # Mass of each target's alternatives to a single pair, (T,)
     start: Int1  # Where the pairs of each target begin in `order`, zeros, (T + 2,)
     order: Int1  # The pairs by target, (P,)
     weight: Float3  # Weights that are not used, (1, R, C)
 
 
+@inner
+def _write_odds(
+    weight: FloatArray,
+    snr: FloatArray,
+    relative: FloatArray,
+    row: IntArray,
+    column: IntArray,
+    measurement: FloatArray,
+    largest: FloatArray,
+    evidence: FloatArray,
+    sources: _Sources,
+    selection: _Selection,
+) -> None:
+    """Write the likelihoods of the pairs' amplitudes and their odds."""
+    amplitude, odds = selection.amplitude, selection.odds
+    for pair in range(len(row)):
+        hypothesis, z = row[pair], column[pair]
+        for class_id in range(snr.shape[1]):
+            total = 0.0
+            for cell in range(snr.shape[2]):
+                total += snr[hypothesis, class_id, cell] * relative[z, class_id, cell]
+            amplitude[pair, class_id] = total
+        factor = evidence[pair] + largest[z] - sources.scale[z]
+        mass = _write_pair_weight(
+            hypothesis, weight, pair, measurement, amplitude, factor, 0, selection.weight
+        )
+        odds[pair] = mass / max(sources.total[z], LEAST_CLUTTER)
+        selection.total_odds[z] += odds[pair]
+
+
+@inner
+def _sort_by_target(target_of: IntArray, row: IntArray, start: IntArray, order: IntArray) -> None:
+    """Write the order of the pairs by target, and where the pairs of each target begin."""
+    for pair in range(len(row)):
+        start[target_of[row[pair]] + 2] += 1
+    for target in range(len(start) - 2):
+        start[target + 2] += start[target + 1]
+    # While the pairs are sorted, `start[target + 1]` is the place of the target's next pair;
+    # afterwards it is the end of its pairs.
+    for pair in range(len(row)):
+        target = target_of[row[pair]]
+        order[start[target + 1]] = pair
+        start[target + 1] += 1
+
+
+@inner
+def _mark_likely(least_share: float, target: int, column: IntArray, selection: _Selection) -> None:
+    """Add the pairs of a target to its alternatives, and mark those that are likely.
+
+    Each detection counts once, by the share that other targets' claims leave of it.
+    """
+    _, _, odds, total_odds, own_odds, alternatives, start, order, _ = selection
+    for place in range(start[target], start[target + 1]):
+        own_odds[column[order[place]]] += odds[order[place]]
+    for place in range(start[target], start[target + 1]):
+        z = column[order[place]]
+        alternatives[target] += own_odds[z] / (1.0 + max(total_odds[z] - own_odds[z], 0.0))
+        own_odds[z] = 0.0
+    for place in range(start[target], start[target + 1]):
+        pair = order[place]
+        selection.likely[pair] = odds[pair] > least_share * max(alternatives[target], 1.0)
+
+
 @compiled
-def _likely(
+def _select_likely(
     least_share: float,
-    target: Int1,
+    target_of: Int1,
     existence: Float1,
     weight: Float3,
     detectable: Float3,
@@ -184,10 +251,10 @@ def _likely(
     evidence: Float1,
     other: Float2,
 ) -> tuple[IntArray, FloatArray]:
-    """Return the likely pairs and the likelihoods of their amplitudes; see `likely`."""
+    """Return the likely pairs and the likelihoods of their amplitudes; see `select_likely`."""
     (modes, classes), count, size = weight.shape[1:], len(row), len(largest)
     sources = _no_sources(other)
-    found = _Likely(
+    selection = _Selection(
         np.empty(count, np.bool_),
         np.empty((count, classes)),
         np.empty(count),
@@ -198,57 +265,40 @@ def _likely(
         np.empty(count, np.int64),
         np.empty((1, modes, classes)),
     )
-    amplitude, odds, wanted, own, alone = found[1:6]
-    start, order = found.start, found.order
     _write_sources(column, measurement, largest, evidence, other, sources)
-    for pair in range(len(row)):
-        one, z = row[pair], column[pair]
-        for class_id in range(snr.shape[1]):
-            total = 0.0
-            for cell in range(snr.shape[2]):
-                total += snr[one, class_id, cell] * relative[z, class_id, cell]
-            amplitude[pair, class_id] = total
-        factor = evidence[pair] + largest[z] - sources.scale[z]
-        mass = _write_pair_weight(
-            one, weight, pair, measurement, amplitude, factor, 0, found.weight
+    _write_odds(
+        weight,
+        snr,
+        relative,
+        row,
+        column,
+        measurement,
+        largest,
+        evidence,
+        sources,
+        selection,
+    )
+    _sort_by_target(target_of, row, selection.start, selection.order)
+    for target in range(len(existence)):
+        selection.alternatives[target] = 1.0 - existence[target]
+    for hypothesis in range(len(target_of)):
+        selection.alternatives[target_of[hypothesis]] += _write_missed_weight(
+            hypothesis, weight, detectable, 1.0, 0, selection.weight
         )
-        odds[pair] = mass / max(sources.total[z], LEAST_CLUTTER)
-        wanted[z] += odds[pair]
-        start[target[one] + 2] += 1
-    for one in range(len(alone)):
-        alone[one] = 1.0 - existence[one]
-        start[one + 2] += start[one + 1]
-    # While the pairs are sorted, `start[one + 1]` is the place of the next pair of target `one`;
-    # afterwards it is the end of its pairs.
-    for pair in range(len(row)):
-        one = target[row[pair]] + 1
-        order[start[one]] = pair
-        start[one] += 1
-    for one in range(len(target)):
-        missed = _write_missed_weight(one, weight, detectable, 1.0, 0, found.weight)
-        alone[target[one]] += missed
-    for one in range(len(alone)):
-        for place in range(start[one], start[one + 1]):
-            own[column[order[place]]] += odds[order[place]]
-        for place in range(start[one], start[one + 1]):
-            # Each detection counts once, by the share that other targets' claims leave of it.
-            z = column[order[place]]
-            alone[one] += own[z] / (1.0 + max(wanted[z] - own[z], 0.0))
-            own[z] = 0.0
-        for place in range(start[one], start[one + 1]):
-            pair = order[place]
-            found.likely[pair] = odds[pair] > least_share * max(alone[one], 1.0)
-    kept, most = np.empty(count, np.int64), 0
+    for target in range(len(existence)):
+        _mark_likely(least_share, target, column, selection)
+    kept, amplitude = np.empty(count, np.int64), selection.amplitude
+    found = 0
     for pair in range(count):
-        if found.likely[pair]:
+        if selection.likely[pair]:
             for class_id in range(classes):
-                found.amplitude[most, class_id] = found.amplitude[pair, class_id]
-            kept[most] = pair
-            most += 1
-    return kept[:most], found.amplitude[:most]
+                amplitude[found, class_id] = amplitude[pair, class_id]
+            kept[found] = pair
+            found += 1
+    return kept[:found], amplitude[:found]
 
 
-def likely(
+def select_likely(
     mixture: Mixture, detectable: FloatArray, pairs: PairLikelihoods, relative: FloatArray
 ) -> tuple[IntArray, FloatArray]:
     """Return the pairs that may exceed `LEAST_SHARE` of both their target and their detection.
@@ -267,7 +317,7 @@ def likely(
         See `amplitude.Amplitudes`.
     """
     of_mixture = LEAST_SHARE, mixture.target, mixture.existence, mixture.weight
-    return _likely(*(*of_mixture, detectable, mixture.snr, relative, *pairs))
+    return _select_likely(*(*of_mixture, detectable, mixture.snr, relative, *pairs))
 
 
 class _Weights(NamedTuple):
@@ -283,7 +333,7 @@ class _Weights(NamedTuple):
 
 @compiled
 def _weights(
-    target: Int1,
+    target_of: Int1,
     weight: Float3,
     detectable: Float3,
     amplitude: Float2,
@@ -301,7 +351,7 @@ def _weights(
     """
     rows, modes, classes = weight.shape
     count, sources = rows + len(row), _no_sources(other)
-    later = _Weights(
+    posterior = _Weights(
         np.empty(count, np.int64),
         np.empty((count, modes, classes)),
         np.empty(count),
@@ -310,46 +360,52 @@ def _weights(
         np.zeros(targets),
     )
     _write_sources(column, measurement, largest, evidence, other, sources)
-    for one in range(rows):
-        later.target[one], detected = target[one], 0.0
-        later.prior[one] = sum_of(weight[one])
+    for hypothesis in range(rows):
+        posterior.target[hypothesis], detected = target_of[hypothesis], 0.0
+        posterior.prior[hypothesis] = sum_of(weight[hypothesis])
         for mode in range(modes):
             for class_id in range(classes):
-                detected += weight[one, mode, class_id] * detectable[one, mode, class_id]
-        prior = later.prior[one] if later.prior[one] > 0.0 else 1.0
-        later.detected[one] = detected / prior
+                detected += (
+                    weight[hypothesis, mode, class_id] * detectable[hypothesis, mode, class_id]
+                )
+        prior = posterior.prior[hypothesis] if posterior.prior[hypothesis] > 0.0 else 1.0
+        posterior.detected[hypothesis] = detected / prior
     for pair in range(len(row)):
-        one, z = row[pair], column[pair]
+        hypothesis, z = row[pair], column[pair]
         factor = evidence[pair] + largest[z] - sources.scale[z]
-        later.target[rows + pair] = target[one]
-        later.mass[rows + pair] = _write_pair_weight(
-            one, weight, pair, measurement, amplitude, factor, rows + pair, later.weight
+        posterior.target[rows + pair] = target_of[hypothesis]
+        posterior.mass[rows + pair] = _write_pair_weight(
+            hypothesis, weight, pair, measurement, amplitude, factor, rows + pair, posterior.weight
         )
-    return later, sources, later.mass[rows:].copy()
+    return posterior, sources, posterior.mass[rows:].copy()
 
 
 @in_place
-def _write_associated(
+def _write_posterior(
     weight: Float3,
     detectable: Float3,
     scaled: Float1,
     unseen: Float1,
     share: Float1,
-    later: _Weights,
+    posterior: _Weights,
 ) -> None:
     """Write the weights after the association, of which `posterior_shares` gives the factors."""
     rows, modes, classes = weight.shape
-    for one in range(rows):
-        prior = later.prior[one]
-        factor = unseen[later.target[one]] * (scaled[one] / prior if prior > 0.0 else 1.0)
-        later.mass[one] = _write_missed_weight(one, weight, detectable, factor, one, later.weight)
+    for hypothesis in range(rows):
+        prior = posterior.prior[hypothesis]
+        factor = unseen[posterior.target[hypothesis]] * (
+            scaled[hypothesis] / prior if prior > 0.0 else 1.0
+        )
+        posterior.mass[hypothesis] = _write_missed_weight(
+            hypothesis, weight, detectable, factor, hypothesis, posterior.weight
+        )
     for pair in range(len(share)):
-        later.mass[rows + pair] *= share[pair]
+        posterior.mass[rows + pair] *= share[pair]
         for mode in range(modes):
             for class_id in range(classes):
-                later.weight[rows + pair, mode, class_id] *= share[pair]
-    for one in range(len(later.mass)):
-        later.existence[later.target[one]] += later.mass[one]
+                posterior.weight[rows + pair, mode, class_id] *= share[pair]
+    for index in range(len(posterior.mass)):
+        posterior.existence[posterior.target[index]] += posterior.mass[index]
 
 
 def associate(
@@ -366,27 +422,27 @@ def associate(
     detectable : array of shape (H, R, C)
         Probability of detection.
     amplitude : array of shape (P, C)
-        See `likely`.
+        See `select_likely`.
     """
     rows, targets = len(mixture), len(mixture.label)
     weight, target = mixture.weight, mixture.target
-    later, sources, mass = _weights(target, weight, detectable, amplitude, *pairs, targets)
-    claims = Claims(pairs.row, pairs.column, mass, sources.total, later.detected)
+    posterior, sources, mass = _weights(target, weight, detectable, amplitude, *pairs, targets)
+    claims = Claims(pairs.row, pairs.column, mass, sources.total, posterior.detected)
     scaled, unseen, share, claimed, approximate = posterior_shares(
-        *(marginals.MOST_WORK, targets, target, later.prior, pairs.row, pairs.column),
-        *(mass, sources.total, later.detected),
+        *(marginals.MOST_WORK, targets, target, posterior.prior, pairs.row, pairs.column),
+        *(mass, sources.total, posterior.detected),
     )
-    _write_associated(weight, detectable, scaled, unseen, share, later)
+    _write_posterior(weight, detectable, scaled, unseen, share, posterior)
     least = bounds.hypotheses, bounds.least_share
-    kept, factor = most_probable(*least, later.target, later.mass)
+    kept, factor = most_probable(*least, posterior.target, posterior.mass)
     return Association(
         claims=claims,
         sources=CompetingSources(sources.scale, sources.intensity),
         claimed=claimed,
-        pair=later.mass[rows:],
-        existence=later.existence,
+        pair=posterior.mass[rows:],
+        existence=posterior.existence,
         source=np.concatenate([np.arange(rows), pairs.row]).take(kept),
         kept_pair=np.maximum(kept - rows, -1),
-        weight=factor[:, None, None] * later.weight.take(kept, axis=0),
+        weight=factor[:, None, None] * posterior.weight.take(kept, axis=0),
         approximate=approximate,
     )

@@ -22,7 +22,7 @@ def test_factors_are_those_of_the_inverse_on_the_axes_with_variance(absent):
     inverse[np.ix_(used, used)] = np.linalg.inv(matrix[np.ix_(used, used)])
     blocks.factorise(matrix, factor)
     one, other = SCALE * rng.normal(size=(2, 5))
-    solved = np.array(blocks.solved(factor, one))
+    solved = np.array(blocks.solve(factor, one))
     np.testing.assert_allclose(solved, inverse @ one, rtol=1e-8)
     square = blocks.square_distance(factor, one, other, np.empty(5))
     assert square == pytest.approx((one - other) @ inverse @ (one - other), rel=1e-8)
@@ -37,7 +37,7 @@ def test_axis_that_others_determine_is_left_out():
     matrix[0, 1] = matrix[1, 0] = SCALE[0] * SCALE[1]
     blocks.factorise(matrix, factor)
     assert factor[1, 1] == 0.0
-    vector = blocks.solved(factor, np.array([1.0, 5.0, 1.0, 1.0, 1.0]))
+    vector = blocks.solve(factor, np.array([1.0, 5.0, 1.0, 1.0, 1.0]))
     np.testing.assert_allclose(vector, [1.0, 0.0, 1.0, 1.0, 1.0] / SCALE**2)
 
 

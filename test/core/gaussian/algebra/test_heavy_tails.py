@@ -19,8 +19,8 @@ def found(measurement, outliers):
     prior = MEAN[None], COVARIANCE[None]
     usual = kalman.innovations(*prior, RADAR, measurement, RADAR.noise_std, iterations=1)
     noise = np.broadcast_to(RADAR.noise_std, measurement.shape)
-    mixed = heavy_tails.mixed(usual, outliers, noise, np.zeros(1, dtype=np.int64))
-    mean, covariance = kalman.updated(*prior, RADAR, mixed)
+    mixed = heavy_tails.mix_noises(usual, outliers, noise, np.zeros(1, dtype=np.int64))
+    mean, covariance = kalman.update(*prior, RADAR, mixed)
     return mixed.log_likelihood[0], mean[0], covariance[0]
 
 
@@ -74,5 +74,5 @@ def test_a_gaussian_outside_its_gate_stays_impossible():
         pairs=(np.array([-1]), np.array([0])),
     )
     noise = np.broadcast_to(RADAR.noise_std, measurement.shape)
-    mixed = heavy_tails.mixed(usual, OUTLIERS, noise, np.zeros(1, dtype=np.int64))
+    mixed = heavy_tails.mix_noises(usual, OUTLIERS, noise, np.zeros(1, dtype=np.int64))
     assert mixed.log_likelihood[0] == -np.inf

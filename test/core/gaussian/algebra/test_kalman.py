@@ -17,7 +17,7 @@ def priors(rng, count):
 def updated(mean, covariance, measurement, time_s=None, **more):
     noise = np.broadcast_to(RADAR.noise_std, measurement.shape).copy()
     found = kalman.innovations(mean, covariance, RADAR, measurement, noise, time_s, **more)
-    return found, *kalman.updated(mean, covariance, RADAR, found, time_s)
+    return found, *kalman.update(mean, covariance, RADAR, found, time_s)
 
 
 @pytest.mark.parametrize("timed", [False, True])
@@ -117,10 +117,10 @@ def test_pairs_of_gaussians_and_measurements_are_those_of_each_alone():
         np.testing.assert_array_equal(part[some], expected)
     assert found.log_likelihood[1] == -np.inf
     rows = np.array([0, 2, 2])
-    later = kalman.updated(mean, covariance, RADAR, found, None, (rows, np.array([1, -1, 3])))
+    later = kalman.update(mean, covariance, RADAR, found, None, (rows, np.array([1, -1, 3])))
     np.testing.assert_array_equal(later[0][:2], mean[rows[:2]])
     np.testing.assert_array_equal(later[1][:2], covariance[rows[:2]])
     last = kalman.Innovation(*(part[2:] for part in alone))
-    right = kalman.updated(mean[rows[2:]], covariance[rows[2:]], RADAR, last)
+    right = kalman.update(mean[rows[2:]], covariance[rows[2:]], RADAR, last)
     for part, expected in zip(later, right, strict=True):
         np.testing.assert_array_equal(part[2:], expected)

@@ -60,7 +60,7 @@ def test_pairs_are_where_each_detection_puts_what_flew_straight_until_then(times
     # Pairs 3 and 1, in this order, and their modes; between them a hypothesis without a detection.
     pair = np.array([3, -1, 1])
     row = np.array([ROW[3], 0, ROW[1]])
-    every_mean, every = found.updated(before, row, pair)
+    every_mean, every = found.updated_gaussians(before, row, pair)
     np.testing.assert_array_equal(every_mean[1], before.mean[0])
     np.testing.assert_array_equal(every[1], before.covariance[0])
     mean, covariance = every_mean[[0, 2]].reshape(-1, 5), every[[0, 2]].reshape(-1, 5, 5)
@@ -75,7 +75,7 @@ def test_pairs_are_where_each_detection_puts_what_flew_straight_until_then(times
         then = then[0][None], then[1][None]
         alone = kalman.innovations(*then, RADAR, seen.measurement[z], usual[z])
         log_likelihood = alone.log_likelihood[0]
-        then = kalman.updated(*then, RADAR, alone)
+        then = kalman.update(*then, RADAR, alone)
         if rated:
             told = range_rate.update_rates(*then, RADAR, rates.take(z))
             log_likelihood += told.log_likelihood[0]

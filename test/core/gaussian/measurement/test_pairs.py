@@ -29,7 +29,7 @@ def test_likely_pairs_are_of_a_share_of_all_that_may_be(existence, missed, odds,
     log_likelihood = np.log(np.array(odds) / existence)[:, None]
     likelihoods = pairs.PairLikelihoods(row, column, log_likelihood, none, none, none[None])
     detectable = np.full((1, 1, 1), 1.0 - missed / existence)
-    found, amplitude = pairs.likely(mixture, detectable, likelihoods, np.ones((2, 1, 1)))
+    found, amplitude = pairs.select_likely(mixture, detectable, likelihoods, np.ones((2, 1, 1)))
     np.testing.assert_array_equal(amplitude, np.ones((len(kept), 1)))
     np.testing.assert_array_equal(found, kept)
 
@@ -59,7 +59,7 @@ def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, cou
         *(row, column, log_likelihood[:, None], np.zeros(count), np.zeros(len(row))),
         np.log(total)[None],
     )
-    found, _ = pairs.likely(mixture, detectable, likelihoods, np.ones((count, 1, 1)))
+    found, _ = pairs.select_likely(mixture, detectable, likelihoods, np.ones((count, 1, 1)))
 
     scale = np.log(total)
     np.maximum.at(scale, column, log_likelihood)
