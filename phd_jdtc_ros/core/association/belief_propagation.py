@@ -41,23 +41,25 @@ def propagate(
     """
     count = len(odds)
     # The message to the target is the availability of the detection.
-    wanted, free = np.empty(count), np.ones(count)
+    claim, available = np.empty(count), np.ones(count)
     for _ in range(iterations):
         share, claimed = np.zeros(targets), np.zeros(size)
         for edge in range(count):
-            share[target[edge]] += odds[edge] * free[edge]
+            share[target[edge]] += odds[edge] * available[edge]
         for edge in range(count):
-            others = max(share[target[edge]] - odds[edge] * free[edge], 0.0)
-            wanted[edge] = odds[edge] / (1.0 + others)
-            claimed[detection[edge]] += wanted[edge]
-        moving = False
+            others = max(share[target[edge]] - odds[edge] * available[edge], 0.0)
+            claim[edge] = odds[edge] / (1.0 + others)
+            claimed[detection[edge]] += claim[edge]
+        is_changing = False
         for edge in range(count):
-            found = 1.0 / (1.0 + max(claimed[detection[edge]] - wanted[edge], 0.0))
-            moving = moving or abs(found - free[edge]) > TOLERANCE * free[edge]
-            free[edge] = found
-        if not moving:
+            availability = 1.0 / (1.0 + max(claimed[detection[edge]] - claim[edge], 0.0))
+            is_changing = (
+                is_changing or abs(availability - available[edge]) > TOLERANCE * available[edge]
+            )
+            available[edge] = availability
+        if not is_changing:
             break
     total = np.ones(targets)
     for edge in range(count):
-        total[target[edge]] += odds[edge] * free[edge]
-    return odds * free / total[target], 1.0 / total
+        total[target[edge]] += odds[edge] * available[edge]
+    return odds * available / total[target], 1.0 / total

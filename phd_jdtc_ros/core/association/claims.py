@@ -28,9 +28,9 @@ class Claims:
         `rows` is a mask, or the probability that each row counts.
         """
         size = len(self.other)
-        whole = sum_by(self.column, self.mass, size)
+        total = sum_by(self.column, self.mass, size)
         part = sum_by(self.column, self.mass * rows.take(self.row), size)
-        share: FloatArray = part / np.where(whole > 0.0, whole, 1.0)
+        share: FloatArray = part / np.where(total > 0.0, total, 1.0)
         return share
 
 

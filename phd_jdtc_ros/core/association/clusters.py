@@ -42,8 +42,8 @@ def clusters_of(targets: int, size: int, target: Int1, detection: Int1) -> IntAr
     """
     cluster = np.arange(targets + size)
     for edge in range(len(target)):
-        one, other = _root(cluster, target[edge]), _root(cluster, targets + detection[edge])
-        cluster[max(one, other)] = min(one, other)
+        root, other_root = _root(cluster, target[edge]), _root(cluster, targets + detection[edge])
+        cluster[max(root, other_root)] = min(root, other_root)
     for node in range(targets + size):
         cluster[node] = _root(cluster, node)
     return cluster
@@ -63,22 +63,22 @@ def graph_of(targets: int, size: int, target: Int1, detection: Int1) -> tuple[In
     for node in range(targets + size):
         members[cluster[node]] += degree[node] > 0
     # A cluster is named by its first node, so that its place is known when that comes.
-    found, nodes = 0, 0
+    clusters, nodes = 0, 0
     first, middle = np.zeros(targets + 1, np.int64), np.zeros(targets, np.int64)
-    number, free = np.zeros(targets, np.int64), np.zeros(targets, np.int64)
+    cluster_number, free = np.zeros(targets, np.int64), np.zeros(targets, np.int64)
     place = np.zeros(targets + size, np.int64)
     for node in range(targets + size):
         if degree[node] == 0:
             continue
-        one = cluster[node]
-        if one == node:
-            first[found], number[node], free[found] = nodes, found, nodes
-            found, nodes = found + 1, nodes + members[node]
-        place[node] = free[number[one]]
-        free[number[one]] += 1
+        root = cluster[node]
+        if root == node:
+            first[clusters], cluster_number[node], free[clusters] = nodes, clusters, nodes
+            clusters, nodes = clusters + 1, nodes + members[node]
+        place[node] = free[cluster_number[root]]
+        free[cluster_number[root]] += 1
         if node < targets:
-            middle[number[one]] = free[number[one]]
-    first[found] = nodes
+            middle[cluster_number[root]] = free[cluster_number[root]]
+    first[clusters] = nodes
     order, start = np.zeros(nodes, np.int64), np.zeros(nodes + 1, np.int64)
     for node in range(targets + size):
         if degree[node]:
@@ -91,4 +91,4 @@ def graph_of(targets: int, size: int, target: Int1, detection: Int1) -> tuple[In
         for node in (ends[edge], others[edge]):
             link[room[node]] = edge
             room[node] += 1
-    return order, Graph(first[: found + 1], middle[:found], ends, others, start, link)
+    return order, Graph(first[: clusters + 1], middle[:clusters], ends, others, start, link)

@@ -51,26 +51,26 @@ def _add_edge_backward(
 @inner
 def _close_node(table: FloatArray, bit: int, free: float, buffer: FloatArray) -> FloatArray:
     """Return a table summed over a node, matched or not; `table` and `buffer` may share memory."""
-    rest = buffer[: len(table) // 2]
-    for base in range(0, len(rest), bit):
+    closed = buffer[: len(table) // 2]
+    for base in range(0, len(closed), bit):
         for state in range(base, base + bit):
-            rest[state] = free * table[base + state] + table[base + state + bit]
-    return rest
+            closed[state] = free * table[base + state] + table[base + state + bit]
+    return closed
 
 
 @inner
 def _reopen_node(later: FloatArray, bit: int, free: float, buffer: FloatArray) -> FloatArray:
     """Return the backward table before a node was closed; it may share memory with `buffer`."""
-    whole = buffer[: 2 * len(later)]
+    reopened = buffer[: 2 * len(later)]
     for base in range(len(later) - bit, -1, -bit):
         for state in range(base + bit - 1, base - 1, -1):
-            whole[base + state + bit] = later[state]
-            whole[base + state] = free * later[state]
-    return whole
+            reopened[base + state + bit] = later[state]
+            reopened[base + state] = free * later[state]
+    return reopened
 
 
 @inner
-def _unmatched(table: FloatArray, later: FloatArray, bit: int) -> float:
+def _unmatched_probability(table: FloatArray, later: FloatArray, bit: int) -> float:
     """Return the probability that a node is unmatched."""
     total = 0.0
     for base in range(0, len(table), 2 * bit):
@@ -80,7 +80,7 @@ def _unmatched(table: FloatArray, later: FloatArray, bit: int) -> float:
 
 
 @inner
-def _largest(table_size: IntArray, steps: tuple[int, int]) -> int:
+def _largest_table(table_size: IntArray, steps: tuple[int, int]) -> int:
     """Return the size of the largest table of some steps."""
     largest = 0
     for step in range(*steps):
@@ -106,17 +106,17 @@ def _forward_tables(
     entries = 0
     for step in range(*steps):
         entries += plan.table_size[step]
-    tables, buffer = np.zeros(entries), np.ones(_largest(plan.table_size, steps))
+    tables, buffer = np.zeros(entries), np.ones(_largest_table(plan.table_size, steps))
     table, end = buffer[:1], 0
     for step in range(*steps):
         begin, end = end, end + plan.table_size[step]
-        known = tables[begin : begin + len(table)]
-        known += table
+        initial = tables[begin : begin + len(table)]
+        initial += table
         table = tables[begin:end]
-        for at in range(plan.edge_start[step], plan.edge_start[step + 1]):
-            _add_edge(table, plan.lower_bit[at], plan.upper_bit[at], weight[plan.edge[at]])
-        for at in range(plan.node_start[step + 1] - 1, plan.node_start[step] - 1, -1):
-            table = _close_node(table, plan.node_bit[at], free[plan.node[at]], buffer)
+        for index in range(plan.edge_start[step], plan.edge_start[step + 1]):
+            _add_edge(table, plan.lower_bit[index], plan.upper_bit[index], weight[plan.edge[index]])
+        for index in range(plan.node_start[step + 1] - 1, plan.node_start[step] - 1, -1):
+            table = _close_node(table, plan.node_bit[index], free[plan.node[index]], buffer)
         _scale(table)
     return tables
 
@@ -128,24 +128,24 @@ def _write_probabilities(
     weight: FloatArray,
     free: FloatArray,
     tables: FloatArray,
-    edge: FloatArray,
+    edge_probability: FloatArray,
     unmatched: FloatArray,
 ) -> None:
     """Write a cluster's probabilities: products of its forward and backward tables."""
-    buffer, begin = np.ones(_largest(plan.table_size, steps)), len(tables)
+    buffer, begin = np.ones(_largest_table(plan.table_size, steps)), len(tables)
     later = buffer[:1]
     for step in range(steps[1] - 1, steps[0] - 1, -1):
         begin, end = begin - plan.table_size[step], begin
         table = tables[begin:end]
-        for at in range(plan.node_start[step], plan.node_start[step + 1]):
-            later = _reopen_node(later, plan.node_bit[at], free[plan.node[at]], buffer)
+        for index in range(plan.node_start[step], plan.node_start[step + 1]):
+            later = _reopen_node(later, plan.node_bit[index], free[plan.node[index]], buffer)
         later /= np.dot(table, later)
-        for at in range(plan.node_start[step], plan.node_start[step + 1]):
-            unmatched[plan.node[at]] = _unmatched(table, later, plan.node_bit[at])
-        for at in range(plan.edge_start[step], plan.edge_start[step + 1]):
-            one = plan.edge[at]
-            edge[one] = _add_edge_backward(
-                table, later, plan.lower_bit[at], plan.upper_bit[at], weight[one]
+        for index in range(plan.node_start[step], plan.node_start[step + 1]):
+            unmatched[plan.node[index]] = _unmatched_probability(table, later, plan.node_bit[index])
+        for index in range(plan.edge_start[step], plan.edge_start[step + 1]):
+            edge_index = plan.edge[index]
+            edge_probability[edge_index] = _add_edge_backward(
+                table, later, plan.lower_bit[index], plan.upper_bit[index], weight[edge_index]
             )
         later = later[: plan.table_before[step]]
 
@@ -193,20 +193,20 @@ def node_prices(graph: Graph, log_odds: Float1) -> FloatArray:
             waiting -= 1
             bidder = bidders[waiting]
             best = second = 0.0
-            wanted = -1
+            best_detection = -1
             for edge in graph.link[graph.start[bidder] : graph.start[bidder + 1]]:
                 value = log_odds[edge] - price[graph.detection[edge]]
                 if value > best:
-                    best, second, wanted = value, best, graph.detection[edge]
+                    best, second, best_detection = value, best, graph.detection[edge]
                 elif value > second:
                     second = value
-            if wanted < 0:
+            if best_detection < 0:
                 continue
-            price[wanted] += best - second + rise
-            if owner[wanted] >= 0:
-                bidders[waiting] = owner[wanted]
+            price[best_detection] += best - second + rise
+            if owner[best_detection] >= 0:
+                bidders[waiting] = owner[best_detection]
                 waiting += 1
-            owner[wanted] = bidder
+            owner[best_detection] = bidder
     for edge in range(len(log_odds)):
         value = log_odds[edge] - price[graph.detection[edge]]
         price[graph.target[edge]] = max(price[graph.target[edge]], value)

@@ -28,7 +28,7 @@ CERTAIN = 200.0
 
 
 @inner
-def _contested(
+def _contested_probabilities(
     most_work: int,
     targets: int,
     size: int,
@@ -45,8 +45,8 @@ def _contested(
     steps, price = plan(graph, most_work), node_prices(graph, log_odds)
     weight = np.empty(len(log_odds))
     for edge in range(len(weight)):
-        worth = price[graph.target[edge]] + price[graph.detection[edge]]
-        weight[edge] = math.exp(log_odds[edge] - worth)
+        edge_price = price[graph.target[edge]] + price[graph.detection[edge]]
+        weight[edge] = math.exp(log_odds[edge] - edge_price)
     probability, unmatched = matching_probabilities(steps, weight, np.exp(-price))
     none, approximate = np.ones(targets), 0
     left_out = np.zeros(len(order), np.bool_)
@@ -54,13 +54,18 @@ def _contested(
         if steps.first[cluster] == steps.first[cluster + 1]:
             left_out[graph.first[cluster] : graph.first[cluster + 1]] = True
             approximate += 1
-    rest = np.flatnonzero(left_out[graph.target])
-    odds = np.exp(np.minimum(log_odds[rest], CERTAIN))
-    found, propagated = propagate(
-        targets, size, target[rest], detection[rest], odds, rounds(len(rest))
+    left_out_edges = np.flatnonzero(left_out[graph.target])
+    odds = np.exp(np.minimum(log_odds[left_out_edges], CERTAIN))
+    edge_share, propagated = propagate(
+        targets,
+        size,
+        target[left_out_edges],
+        detection[left_out_edges],
+        odds,
+        rounds(len(left_out_edges)),
     )
-    for place in range(len(rest)):
-        probability[rest[place]] = found[place]
+    for index in range(len(left_out_edges)):
+        probability[left_out_edges[index]] = edge_share[index]
     for node in range(len(order)):
         if order[node] < targets:
             none[order[node]] = propagated[order[node]] if left_out[node] else unmatched[node]
@@ -91,38 +96,43 @@ def edge_probabilities(
     """
     count, size, contested = len(odds), len(clutter), 0
     log_odds, share = np.empty(count), np.zeros(count)
-    largest, wanted = np.zeros(targets), np.zeros(size, np.int64)
+    largest, claimants = np.zeros(targets), np.zeros(size, np.int64)
     for edge in range(count):
         if odds[edge] > 0.0:
             other = max(clutter[detection[edge]], LEAST_CLUTTER)
             log_odds[edge] = math.log(odds[edge]) - math.log(other)
             largest[target[edge]] = max(largest[target[edge]], log_odds[edge])
-            wanted[detection[edge]] += 1
+            claimants[detection[edge]] += 1
     # Alternatives of each target alone, divided by the largest: no detection, or one that no other
     # target wants.
     missed = np.exp(-largest)
-    own = missed.copy()
+    alternatives = missed.copy()
     for edge in range(count):
         if odds[edge] > 0.0:
             log_odds[edge] -= largest[target[edge]]
             share[edge] = math.exp(log_odds[edge])
-            if wanted[detection[edge]] > 1:
+            if claimants[detection[edge]] > 1:
                 contested += 1
             else:
-                own[target[edge]] += share[edge]
-    some, place = np.empty(contested, np.int64), 0
+                alternatives[target[edge]] += share[edge]
+    contested_edges, filled = np.empty(contested, np.int64), 0
     for edge in range(count):
-        if odds[edge] > 0.0 and wanted[detection[edge]] > 1:
-            log_odds[edge] -= math.log(own[target[edge]])
-            some[place] = edge
-            place += 1
-    found, none, approximate = np.zeros(0), np.ones(targets), 0
+        if odds[edge] > 0.0 and claimants[detection[edge]] > 1:
+            log_odds[edge] -= math.log(alternatives[target[edge]])
+            contested_edges[filled] = edge
+            filled += 1
+    contested_share, none, approximate = np.zeros(0), np.ones(targets), 0
     if contested:
-        found, none, approximate = _contested(
-            most_work, targets, size, target[some], detection[some], log_odds[some]
+        contested_share, none, approximate = _contested_probabilities(
+            most_work,
+            targets,
+            size,
+            target[contested_edges],
+            detection[contested_edges],
+            log_odds[contested_edges],
         )
     for edge in range(count):
-        share[edge] *= none[target[edge]] / own[target[edge]]
-    for place in range(contested):
-        share[some[place]] = found[place]
-    return share, missed * none / own, approximate
+        share[edge] *= none[target[edge]] / alternatives[target[edge]]
+    for index in range(contested):
+        share[contested_edges[index]] = contested_share[index]
+    return share, missed * none / alternatives, approximate

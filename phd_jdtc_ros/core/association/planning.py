@@ -54,8 +54,8 @@ def _open_node(
     members[width], place[node] = node, width
     score[node] -= OPENS + (APART if score[node] >= APART else 0)
     for link in graph.link[graph.start[node] : graph.start[node + 1]]:
-        near = graph.target[link] + graph.detection[link] - node
-        score[near] -= OPENS + (APART if score[near] >= APART else 0)
+        neighbour = graph.target[link] + graph.detection[link] - node
+        score[neighbour] -= OPENS + (APART if score[neighbour] >= APART else 0)
     return width + 1
 
 
@@ -65,48 +65,51 @@ def plan(graph: Graph, most_work: int) -> Plan:
 
     `most_work` limits the work for each target of a cluster, in edges times entries of a table.
     """
-    left = graph.start[1:] - graph.start[:-1]
-    score, place = APART + left * (OPENS - 1), np.full_like(left, -1)
-    members = np.empty_like(left)  # the open nodes, by their places
+    edges_left = graph.start[1:] - graph.start[:-1]
+    score, open_place = APART + edges_left * (OPENS - 1), np.full_like(edges_left, -1)
+    members = np.empty_like(edges_left)  # the open nodes, by their places
     first, step = np.zeros_like(graph.first), 0
-    table_before, table_size = np.empty_like(left), np.empty_like(left)
+    table_before, table_size = np.empty_like(edges_left), np.empty_like(edges_left)
     edge_start, node_start = np.zeros_like(graph.start), np.zeros_like(graph.start)
-    edge, node, node_bit = np.empty_like(graph.target), np.empty_like(left), np.empty_like(left)
+    edge = np.empty_like(graph.target)
+    node = np.empty_like(edges_left)
+    node_bit = np.empty_like(edges_left)
     lower_bit, upper_bit = np.empty_like(edge), np.empty_like(edge)
     for cluster in range(len(graph.middle)):
         low, high = graph.first[cluster], graph.first[cluster + 1]
         budget = most_work * (graph.middle[cluster] - low)
         width = entries = 0
-        found, closed = edge_start[step], node_start[step]
-        last = found + (graph.start[high] - graph.start[low]) // 2
-        while found < last:
+        ordered, closed = edge_start[step], node_start[step]
+        last = ordered + (graph.start[high] - graph.start[low]) // 2
+        while ordered < last:
             table_before[step] = 1 << width
-            chosen = low
+            opener = low
             for candidate in range(low + 1, high):
-                if score[candidate] < score[chosen]:
-                    chosen = candidate
-            width = _open_node(graph, chosen, score, place, members, width)
-            for link in graph.link[graph.start[chosen] : graph.start[chosen + 1]]:
-                near = graph.target[link] + graph.detection[link] - chosen
-                if left[near]:
-                    width = _open_node(graph, near, score, place, members, width)
-                    bits = 1 << place[chosen], 1 << place[near]
-                    edge[found], lower_bit[found], upper_bit[found] = link, min(bits), max(bits)
-                    left[near] -= 1
-                    score[near] += 1
-                    found += 1
-            left[chosen] = 0
+                if score[candidate] < score[opener]:
+                    opener = candidate
+            width = _open_node(graph, opener, score, open_place, members, width)
+            for link in graph.link[graph.start[opener] : graph.start[opener + 1]]:
+                neighbour = graph.target[link] + graph.detection[link] - opener
+                if edges_left[neighbour]:
+                    width = _open_node(graph, neighbour, score, open_place, members, width)
+                    bits = 1 << open_place[opener], 1 << open_place[neighbour]
+                    edge[ordered] = link
+                    lower_bit[ordered], upper_bit[ordered] = min(bits), max(bits)
+                    edges_left[neighbour] -= 1
+                    score[neighbour] += 1
+                    ordered += 1
+            edges_left[opener] = 0
             table_size[step] = 1 << min(width, 40)  # exceeds all limits
             entries += table_size[step]
-            budget -= (found - edge_start[step]) * table_size[step]
+            budget -= (ordered - edge_start[step]) * table_size[step]
             if budget < 0 or entries > MOST_ENTRIES:
                 step = first[cluster]
                 break
             still_open = 0
             for index in range(width):
                 member = members[index]
-                if left[member]:
-                    members[still_open], place[member] = member, still_open
+                if edges_left[member]:
+                    members[still_open], open_place[member] = member, still_open
                     still_open += 1
                 else:
                     score[member] = CLOSED
@@ -114,7 +117,7 @@ def plan(graph: Graph, most_work: int) -> Plan:
                     closed += 1
             width = still_open
             step += 1
-            edge_start[step], node_start[step] = found, closed
+            edge_start[step], node_start[step] = ordered, closed
         first[cluster + 1] = step
     return Plan(
         first,

@@ -11,8 +11,8 @@ from .marginals import edge_probabilities
 
 
 @inner
-def _edges(
-    targets: int, size: int, target: IntArray, row: IntArray, column: IntArray
+def _join_pairs(
+    targets: int, size: int, target_of: IntArray, row: IntArray, column: IntArray
 ) -> tuple[IntArray, IntArray, IntArray]:
     """Return the edge of each pair, and the target and the detection of each edge.
 
@@ -20,23 +20,23 @@ def _edges(
     """
     start = np.zeros(targets + 1, np.int64)
     for pair in range(len(row)):
-        start[target[row[pair]] + 1] += 1
+        start[target_of[row[pair]] + 1] += 1
     start = np.cumsum(start)
     order, free = np.empty(len(row), np.int64), start.copy()
     for pair in range(len(row)):
-        one = target[row[pair]]
-        order[free[one]] = pair
-        free[one] += 1
+        target = target_of[row[pair]]
+        order[free[target]] = pair
+        free[target] += 1
     edge_of_pair, edge_of_column = np.empty(len(row), np.int64), np.full(size, -1)
     edge_target, edge_column = np.empty(len(row), np.int64), np.empty(len(row), np.int64)
     edges = 0
-    for one in range(targets):
+    for target in range(targets):
         first = edges
-        for pair in order[start[one] : start[one + 1]]:
+        for pair in order[start[target] : start[target + 1]]:
             z = column[pair]
             if edge_of_column[z] < first:
                 edge_of_column[z] = edges
-                edge_target[edges], edge_column[edges] = one, z
+                edge_target[edges], edge_column[edges] = target, z
                 edges += 1
             edge_of_pair[pair] = edge_of_column[z]
     return edge_of_pair, edge_target[:edges], edge_column[:edges]
@@ -46,7 +46,7 @@ def _edges(
 def posterior_shares(
     most_work: int,
     targets: int,
-    target: Int1,
+    target_of: Int1,
     weight: Float1,
     row: Int1,
     column: Int1,
@@ -60,18 +60,20 @@ def posterior_shares(
     """
     # Rounding in the reduction of a set may leave a mass slightly above one.
     excess, detected = np.zeros(targets), np.zeros(targets)
-    for one in range(len(target)):
-        excess[target[one]] += weight[one]
+    for row_index in range(len(target_of)):
+        excess[target_of[row_index]] += weight[row_index]
     excess = np.maximum(excess, 1.0)
-    prior = weight / excess[target]
-    for one in range(len(target)):
-        detected[target[one]] += prior[one] * detection_probability[one]
+    prior = weight / excess[target_of]
+    for row_index in range(len(target_of)):
+        detected[target_of[row_index]] += prior[row_index] * detection_probability[row_index]
     missed = np.maximum(1.0 - detected, LEAST_MISSED)
 
-    edge_of_pair, edge_target, edge_column = _edges(targets, len(other), target, row, column)
+    edge_of_pair, edge_target, edge_column = _join_pairs(
+        targets, len(other), target_of, row, column
+    )
     explained = np.zeros(len(edge_target))
     for pair in range(len(row)):
-        explained[edge_of_pair[pair]] += mass[pair] / excess[target[row[pair]]]
+        explained[edge_of_pair[pair]] += mass[pair] / excess[target_of[row[pair]]]
     odds = explained / missed[edge_target]
     probability, none, approximate = edge_probabilities(
         most_work, targets, edge_target, edge_column, odds, other
@@ -81,6 +83,6 @@ def posterior_shares(
         claimed[edge_column[edge]] += probability[edge]
     for pair in range(len(row)):
         edge = edge_of_pair[pair]
-        whole = explained[edge] if explained[edge] > 0.0 else 1.0
-        share[pair] = probability[edge] / whole / excess[target[row[pair]]]
+        edge_mass = explained[edge] if explained[edge] > 0.0 else 1.0
+        share[pair] = probability[edge] / edge_mass / excess[target_of[row[pair]]]
     return prior, none / missed, share, np.minimum(claimed, 1.0), approximate

@@ -57,7 +57,7 @@ def test_node_is_closed_and_opened_again_in_its_place(bit):
     part = values.reshape(-1, bit)
     np.testing.assert_allclose(found, np.stack([0.37 * part, part], axis=1).ravel(), rtol=1e-14)
     share = (halves[:, 0] * later.reshape(-1, 2, bit)[:, 0]).sum()
-    assert frontier._unmatched(values, later, bit) == pytest.approx(share, rel=1e-14)
+    assert frontier._unmatched_probability(values, later, bit) == pytest.approx(share, rel=1e-14)
 
 
 @pytest.mark.parametrize("seed", range(5))
