@@ -20,10 +20,10 @@ def with_reacquired(predicted: Branched, lost: OutOfGate, model: TrackerModel) -
     inflates, and has the same parent. Its weight is negligible for detections without identities.
     """
     mixture = predicted.mixture
-    target, place = np.unique(lost.target, return_index=True)
+    target, lost_row = np.unique(lost.target, return_index=True)
     order = np.lexsort((-mixture.mass, mixture.target))
     row = order[np.searchsorted(mixture.target[order], target)]
-    spread = _spread(lost.since_s[place], mixture.mean.shape[2], model)
+    spread = _manoeuvre_covariance(lost.since_s[lost_row], mixture.mean.shape[2], model)
     used = mixture.covariance[row][:, :, np.arange(len(spread[0])), np.arange(len(spread[0]))] > 0.0
     weight = mixture.weight.copy()
     weight[np.isin(mixture.target, target)] *= 1.0 - PROBABILITY
@@ -41,13 +41,14 @@ def with_reacquired(predicted: Branched, lost: OutOfGate, model: TrackerModel) -
     )
 
 
-def _spread(since_s: FloatArray, size: int, model: TrackerModel) -> FloatArray:
+def _manoeuvre_covariance(since_s: FloatArray, size: int, model: TrackerModel) -> FloatArray:
     """Return the covariance of each manoeuvre in the state space, shape (L, D, D)."""
     space: StateSpace = model.modes.space
-    done = manoeuvre(since_s, model)
+    moments = manoeuvre(since_s, model)
     spread = np.zeros((len(since_s), size, size))
-    for place, speed in zip(space.position, space.velocity, strict=True):
-        spread[:, place, place], spread[:, speed, speed] = done.position, done.velocity
-        spread[:, place, speed] = spread[:, speed, place] = done.both
-    spread[:, space.turn_rate, space.turn_rate] = done.turn_rate
+    for position, velocity in zip(space.position, space.velocity, strict=True):
+        spread[:, position, position] = moments.position
+        spread[:, velocity, velocity] = moments.velocity
+        spread[:, position, velocity] = spread[:, velocity, position] = moments.position_velocity
+    spread[:, space.turn_rate, space.turn_rate] = moments.turn_rate
     return spread

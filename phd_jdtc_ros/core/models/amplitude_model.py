@@ -58,8 +58,8 @@ class AmplitudeModel:
         """Return log p_D g^tau(a) of every (hypothesis, detection) pair, shape (P,)."""
         row, column = pairs
         per_class = report.log_class_likelihood(modes.classes)
-        place = (modes.class_of * len(report)).take(mode).take(row) + column
-        return per_class.take(place)
+        index = (modes.class_of * len(report)).take(mode).take(row) + column
+        return per_class.take(index)
 
     def log_cell_likelihood(
         self, log_snr: FloatArray, report: Report, modes: ModeSpace
@@ -189,13 +189,13 @@ class Memory(AmplitudeModel):
 
     @staticmethod
     def _log_likelihood(
-        own: FloatArray, sensor: Sensor, measured: FloatArray, amplitude: FloatArray | None
+        log_snr: FloatArray, sensor: Sensor, measured: FloatArray, amplitude: FloatArray | None
     ) -> FloatArray:
         """Return `log_likelihood`, given ln(1 + d), (..., N) or (..., 1), of N detections."""
-        density, power = None, np.exp(-own)
+        density, power = None, np.exp(-log_snr)
         if amplitude is not None:
             a = np.maximum(amplitude, SMALLEST_AMPLITUDE)
-            density = np.log(a) - own - 0.5 * a**2 * power
+            density = np.log(a) - log_snr - 0.5 * a**2 * power
         return sensor.log_detected(-0.5 * sensor.threshold**2 * power, density, measured)
 
     def cells(self, modes: ModeSpace) -> SnrCells:

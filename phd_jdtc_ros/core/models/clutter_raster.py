@@ -50,19 +50,19 @@ def raster(maps: Mapping[str, ClutterMap], radars: Sequence[Sensor]) -> ClutterR
     parts = list(_points(maps, radars))
     if not parts:
         return None
-    world, each, count = (np.concatenate(column) for column in zip(*parts, strict=True))
-    again = world[count > REPEATED] if (count > REPEATED).any() else world
-    low, high = again.min(axis=0), again.max(axis=0)
+    world, rate, count = (np.concatenate(column) for column in zip(*parts, strict=True))
+    shown = world[count > REPEATED] if (count > REPEATED).any() else world
+    low, high = shown.min(axis=0), shown.max(axis=0)
     margin = MARGIN * float((high - low).max()) + MIN_CELL
     low, high = low - margin, high + margin
     cell = _round_up(max(float((high - low).max()) / (MAX_CELLS - 1), MIN_CELL))
     first = np.floor(low / cell)
     columns, rows = (np.ceil(high / cell) - first).astype(int).tolist()
-    place = np.floor(world / cell) - first
-    inside = ((place >= 0.0) & (place < [columns, rows])).all(axis=1)
-    x, y = place[inside].astype(int).T
+    cell_index = np.floor(world / cell) - first
+    inside = ((cell_index >= 0.0) & (cell_index < [columns, rows])).all(axis=1)
+    x, y = cell_index[inside].astype(int).T
     total = np.zeros(rows * columns)
-    np.add.at(total, y * columns + x, each[inside])
+    np.add.at(total, y * columns + x, rate[inside])
     density = total.reshape(rows, columns) * (1e6 / cell**2)
     return ClutterRaster((float(first[0] * cell), float(first[1] * cell)), cell, density)
 
@@ -79,15 +79,15 @@ def _points(
         down, right = (grid.ravel() for grid in np.meshgrid(offsets, offsets))
         shape = len(learned.cell), POINTS**2
         row, column = np.divmod(learned.cell, learned.grid.columns)
-        places = np.stack(
+        cell_position = np.stack(
             [
                 np.broadcast_to(row[:, None] + down, shape).ravel(),
                 np.broadcast_to(column[:, None] + right, shape).ravel(),
             ]
         )
         count = np.repeat(learned.count, POINTS**2)
-        each = count / (POINTS**2 * max(learned.turns, 1.0))
-        yield learned.grid.world(places, radar), each, count
+        rate = count / (POINTS**2 * max(learned.turns, 1.0))
+        yield learned.grid.world(cell_position, radar), rate, count
 
 
 def _round_up(length: float) -> float:

@@ -72,25 +72,25 @@ class DetectionBirthModel(ReadOnly):
         reports missed the target. `earlier` has the newborn targets of these reports.
         """
         sensor = report.sensor
-        place = sensor.to_world(report.detections.measurement)
-        since = self._unseen_s(report, place, modes, dt, looks)
+        position = sensor.to_world(report.detections.measurement)
+        since = self._unseen_s(report, position, modes, dt, looks)
         appeared = self.rate[:, None] * since / modes.interval_s
         likelihood = report.log_class_likelihood(modes.classes)
         # The intensity is zero for classes without births, and where an earlier radar has p_D = 1.
         with np.errstate(divide="ignore"):
             intensity: FloatArray = np.log(appeared / sensor.field_size) + likelihood
             if earlier:
-                left = missed_by([newborn.report for newborn in earlier], place, modes)
-                intensity = intensity + np.log(left)
+                missed = missed_by([newborn.report for newborn in earlier], position, modes)
+                intensity = intensity + np.log(missed)
         if (measured := report.range_rates) is not None:
-            toward = sensor.line_of_sight(place)
+            toward = sensor.line_of_sight(position)
             intensity = intensity + self.log_range_rate(toward, measured, sensor)
         return intensity
 
     @staticmethod
     def _unseen_s(
         report: Report,
-        place: FloatArray,
+        position: FloatArray,
         modes: ModeSpace,
         dt: float,
         looks: EarlierLooks | None,
@@ -103,12 +103,12 @@ class DetectionBirthModel(ReadOnly):
             return report.sensor.rotation_s or dt
         if looks is None:
             return dt
-        end_ns, since, left = report.stamp_ns, np.zeros((1, 1)), np.ones((1, 1))
+        end_ns, since, missed = report.stamp_ns, np.zeros((1, 1)), np.ones((1, 1))
         for look in reversed(looks.others):
-            since = since + 1e-9 * (end_ns - look.stamp_ns) * left
-            left = left * missed_by([look], place, modes)
+            since = since + 1e-9 * (end_ns - look.stamp_ns) * missed
+            missed = missed * missed_by([look], position, modes)
             end_ns = look.stamp_ns
-        return since + (end_ns - looks.first_ns) * 1e-9 * left
+        return since + (end_ns - looks.first_ns) * 1e-9 * missed
 
     def stationary(self, slower: FloatArray, bound: float) -> FloatArray:
         """Return the probability of being stationary at even prior odds, given that of being slow.
@@ -144,8 +144,8 @@ class Newborn:
 
 def newborn_of(report: Report, mass: FloatArray, model: DetectionBirthModel) -> Newborn:
     """Return the detections with at least the model's `least_mass`, given masses (M, C)."""
-    born, kept = Newborn(report, mass), mass.sum(axis=1) >= model.least_mass
-    return born if kept.all() else born.take(kept.nonzero()[0])
+    newborn, is_kept = Newborn(report, mass), mass.sum(axis=1) >= model.least_mass
+    return newborn if is_kept.all() else newborn.take(is_kept.nonzero()[0])
 
 
 def missed_by(reports: Sequence[Report], position: FloatArray, modes: ModeSpace) -> FloatArray:
@@ -157,9 +157,9 @@ def missed_by(reports: Sequence[Report], position: FloatArray, modes: ModeSpace)
     for report in reports:
         sensor = report.sensor
         measured, _ = sensor.linearise(position)
-        seen = sensor.coverage_probability(measured, report.detections.coverage) * report.share
+        covered = sensor.coverage_probability(measured, report.detections.coverage) * report.share
         log_p_d = sensor.log_class_likelihood(Detections(measured, None), modes.classes)
-        missed *= 1.0 - seen * np.exp(log_p_d)
+        missed *= 1.0 - covered * np.exp(log_p_d)
     return missed
 
 
@@ -173,8 +173,8 @@ def limit_newborns(newborn: Newborn, model: DetectionBirthModel) -> tuple[Newbor
     least = min(MIN_PARTICLES, count)
     while count > least and len(newborn) * count > model.most:
         count //= 2
-    kept = max(model.most // count, 1)
-    if len(newborn) <= kept:
+    most = max(model.most // count, 1)
+    if len(newborn) <= most:
         return newborn, count
     order = np.argsort(-newborn.mass.sum(axis=1), kind="stable")
-    return newborn.take(np.sort(order[:kept])), count
+    return newborn.take(np.sort(order[:most])), count

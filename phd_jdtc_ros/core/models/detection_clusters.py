@@ -38,7 +38,7 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
         return detections
     position = to_plane(detections.measurement, (0.0, 0.0), 0.0)
     rates = sensor.rates_of(detections)
-    group = _groups(position, _close(position, detections, sensor), rates)
+    group = _groups(position, _close_pairs(position, detections, sensor), rates)
     count = int(group.max()) + 1
     if count == len(detections):
         return detections
@@ -63,17 +63,17 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
     )
 
 
-def _close(position: FloatArray, detections: Detections, sensor: Sensor) -> IntArray:
+def _close_pairs(position: FloatArray, detections: Detections, sensor: Sensor) -> IntArray:
     """Return the pairs of detections within the cluster distance and their noise, (P, 2)."""
     std = sensor.noise_std_of(detections)
     sides = np.stack([std[:, 0], std[:, 1] * detections.measurement[:, 0]], axis=1)
     reach = sensor.cluster_distance + NOISE_SIGMA * np.sqrt(2.0) * float(sides.max())
     pairs: IntArray = cKDTree(position).query_pairs(reach, output_type="ndarray")
     first, second = pairs.T
-    apart = position[second] - position[first]
-    distance = np.hypot(apart[:, 0], apart[:, 1])
+    difference = position[second] - position[first]
+    distance = np.hypot(difference[:, 0], difference[:, 1])
     azimuth = detections.measurement[first, 1]
-    along = np.abs(np.cos(azimuth) * apart[:, 0] + np.sin(azimuth) * apart[:, 1])
+    along = np.abs(np.cos(azimuth) * difference[:, 0] + np.sin(azimuth) * difference[:, 1])
     cosine = np.minimum(along / np.maximum(distance, np.finfo(float).tiny), 1.0)
     square = sides[first] ** 2 + sides[second] ** 2
     noise = np.sqrt(cosine**2 * square[:, 0] + (1.0 - cosine**2) * square[:, 1])
@@ -85,21 +85,21 @@ def _groups(position: FloatArray, pairs: IntArray, rates: Rates | None) -> IntAr
     """Return the group number of each detection, from 0 in the order of first members."""
     if rates is not None:
         first, second = pairs.T
-        apart = np.abs(rates.model.wrap(rates.rate[first] - rates.rate[second]))
-        unlike = apart > RATE_SIGMA * np.hypot(rates.std[first], rates.std[second])
+        rate_difference = np.abs(rates.model.wrap(rates.rate[first] - rates.rate[second]))
+        unlike = rate_difference > RATE_SIGMA * np.hypot(rates.std[first], rates.std[second])
         pairs = pairs[~unlike]  # an unknown range rate agrees with all
     size = len(position)
-    around: list[list[int]] = [[] for _ in range(size)]
-    for one, other in pairs.tolist():
-        around[one].append(other)
-        around[other].append(one)
+    neighbours: list[list[int]] = [[] for _ in range(size)]
+    for detection, neighbour in pairs.tolist():
+        neighbours[detection].append(neighbour)
+        neighbours[neighbour].append(detection)
     centre = np.full(size, -1)
-    for one in sorted(range(size), key=lambda row: -len(around[row])):
-        if centre[one] < 0:
-            centre[one] = one
-            for other in around[one]:
-                if centre[other] < 0:
-                    centre[other] = one
+    for detection in sorted(range(size), key=lambda row: -len(neighbours[row])):
+        if centre[detection] < 0:
+            centre[detection] = detection
+            for neighbour in neighbours[detection]:
+                if centre[neighbour] < 0:
+                    centre[neighbour] = detection
     _, first_row, inverse = np.unique(centre, return_index=True, return_inverse=True)
     rank = np.empty(len(first_row), dtype=np.int64)
     rank[np.argsort(first_row)] = np.arange(len(first_row))
@@ -108,9 +108,9 @@ def _groups(position: FloatArray, pairs: IntArray, rates: Rates | None) -> IntAr
 
 def _mean(group: IntArray, value: FloatArray, count: int) -> FloatArray:
     """Return the mean of each group's known values, NaN without any."""
-    known = np.isfinite(value)
-    number = sum_by(group, known.astype(np.float64), count)
-    total = sum_by(group, np.where(known, value, 0.0), count)
+    is_known = np.isfinite(value)
+    number = sum_by(group, is_known.astype(np.float64), count)
+    total = sum_by(group, np.where(is_known, value, 0.0), count)
     return np.where(number > 0.0, total / np.maximum(number, 1.0), np.nan)
 
 
@@ -126,27 +126,27 @@ def _first(group: IntArray, value: IntArray | None, count: int) -> IntArray | No
     """Return the first known identity of each group, `UNKNOWN` without one."""
     if value is None:
         return None
-    known = np.flatnonzero(value != UNKNOWN)[::-1]
+    rows = np.flatnonzero(value != UNKNOWN)[::-1]
     first = np.full(count, UNKNOWN)
-    first[group[known]] = value[known]
+    first[group[rows]] = value[rows]
     return first
 
 
-def _richest(group: IntArray, kind: IntArray | None, count: int) -> IntArray | None:
+def _richest(group: IntArray, sensor_type: IntArray | None, count: int) -> IntArray | None:
     """Return the sensor type of each group: the highest, which includes most of the lower ones."""
-    if kind is None:
+    if sensor_type is None:
         return None
-    found = np.full(count, UNKNOWN)
-    np.maximum.at(found, group, kind)
-    return found
+    richest = np.full(count, UNKNOWN)
+    np.maximum.at(richest, group, sensor_type)
+    return richest
 
 
 def _mean_rate(group: IntArray, rates: Rates | None, count: int) -> FloatArray | None:
     """Return the mean range rates of groups, over the folds nearest to one of their own rates."""
     if rates is None:
         return None
-    known = np.flatnonzero(np.isfinite(rates.rate))[::-1]
-    near = np.full(count, np.nan)
-    near[group[known]] = rates.rate[known]  # the first known rate
-    offset = rates.model.wrap(rates.rate - near[group])
-    return rates.model.wrap(near + _mean(group, offset, count))
+    rows = np.flatnonzero(np.isfinite(rates.rate))[::-1]
+    first_rate = np.full(count, np.nan)
+    first_rate[group[rows]] = rates.rate[rows]  # the first known rate
+    offset = rates.model.wrap(rates.rate - first_rate[group])
+    return rates.model.wrap(first_rate + _mean(group, offset, count))

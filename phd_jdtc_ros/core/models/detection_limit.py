@@ -47,23 +47,23 @@ def limit_detections(report: Report, predicted: FloatArray, mass: FloatArray) ->
     if size <= most and len(predicted) * size <= MAX_CANDIDATES:
         return report
     candidates = sensor.candidate_count(predicted, detections)
-    kept = min(most, int(size * min(MAX_CANDIDATES / max(candidates, 1), 1.0)))
-    if kept >= size:
+    count = min(most, int(size * min(MAX_CANDIDATES / max(candidates, 1), 1.0)))
+    if count >= size:
         return report
-    kept = max(kept, 1)
+    count = max(count, 1)
     draw = np.arange(size) * GOLDEN_RATIO % 1.0
     if detections.amplitude is None:
-        rows = np.sort(np.argsort(draw, kind="stable")[:kept])
-        left = detections.take(rows)
-        share = fewer = kept / size
+        rows = np.sort(np.argsort(draw, kind="stable")[:count])
+        selected = detections.take(rows)
+        share = fewer = count / size
         threshold = sensor.threshold
     else:
-        rows = np.sort(np.lexsort((draw, -detections.amplitude))[:kept])
-        left = detections.take(rows)
+        rows = np.sort(np.lexsort((draw, -detections.amplitude))[:count])
+        selected = detections.take(rows)
         # Unknown amplitudes are NaN, which neither function returns as the smallest.
         threshold = float(np.fmax(np.fmin.reduce(detections.amplitude[rows]), sensor.threshold))
         fewer = float(np.exp(sensor.clutter_amplitude.log_share(threshold, sensor.threshold)))
         share = 1.0
-    rate = max(sensor.clutter_rate * fewer, (kept - targets) / part)
+    rate = max(sensor.clutter_rate * fewer, (count - targets) / part)
     limited = sensor.changed(threshold=threshold, clutter_rate=rate)
-    return report.changed(sensor=limited, detections=left, share=share, complete=False)
+    return report.changed(sensor=limited, detections=selected, share=share, complete=False)

@@ -118,7 +118,7 @@ class LearnedSensor(ReadOnly):
         their velocities are unknown, see `stationary`.
         """
         sensor, detections = report.sensor, report.detections
-        law, places, count = sensor.clutter_amplitude, sensor.clutter_map, sensor.clutter_count
+        law, clutter_map, count = sensor.clutter_amplitude, sensor.clutter_map, sensor.clutter_count
         learned, turns = self, report.part_of_turn
         if isinstance(law, Learned) and detections.amplitude is not None:
             law = law.after(detections.amplitude, 1.0 - claimed)
@@ -128,10 +128,12 @@ class LearnedSensor(ReadOnly):
             uniform = np.exp(-sensor.log_clutter_factor(detections.measurement))
             unclaimed = float(((1.0 - claimed) * uniform).sum())
             learned = learned.changed(clutter_count=count.after(unclaimed, turns))
-        if turns and places is not None:
-            weight, seen = 1.0 - claimed * (1.0 - stationary), detections.measurement
-            places = places.after(seen, sensor.to_world(seen), weight, turns)
-            learned = learned.changed(clutter_map=places)
+        if turns and clutter_map is not None:
+            weight, measurement = 1.0 - claimed * (1.0 - stationary), detections.measurement
+            clutter_map = clutter_map.after(
+                measurement, sensor.to_world(measurement), weight, turns
+            )
+            learned = learned.changed(clutter_map=clutter_map)
         return learned
 
     def after_trials(self, sums: TrialSums) -> LearnedSensor:
@@ -173,19 +175,21 @@ class LearnedSensor(ReadOnly):
 
     def figures(self, sensor: Sensor) -> dict[str, float]:
         """Return the learned values by name; see `SensorMemory.figures`."""
-        found: dict[str, float] = {}
+        figures: dict[str, float] = {}
         if (detection := self.detection) is not None and detection.all_looks:
-            found["detection_probability"] = detection.configured * detection.mean
-            found["detection_probability_std"] = detection.configured * detection.std
-            found["detection_probability_set"] = detection.configured
+            figures["detection_probability"] = detection.configured * detection.mean
+            figures["detection_probability_std"] = detection.configured * detection.std
+            figures["detection_probability_set"] = detection.configured
         if (noise := self.noise) is not None:
             columns = sensor.noise_components, noise.of_std, noise.error, noise.learned
             for component, ratio, error, learned in zip(*columns, strict=True):
                 if learned:
-                    found[f"{component}_noise_ratio"] = float(ratio)
-                    found[f"{component}_noise_ratio_std"] = float(error)
-        own = self.correlation
-        if own is not None and own.learned and own.sums[0] > 0.0:
-            found["detection_correlation"] = own.value
-            found["detection_correlation_std"] = own.std
-        return found if self.alarm is None else found | self.alarm.figures(sensor.noise_components)
+                    figures[f"{component}_noise_ratio"] = float(ratio)
+                    figures[f"{component}_noise_ratio_std"] = float(error)
+        correlation = self.correlation
+        if correlation is not None and correlation.learned and correlation.sums[0] > 0.0:
+            figures["detection_correlation"] = correlation.value
+            figures["detection_correlation_std"] = correlation.std
+        if self.alarm is not None:
+            figures |= self.alarm.figures(sensor.noise_components)
+        return figures

@@ -29,7 +29,7 @@ class Manoeuvre(NamedTuple):
 
     position: FloatArray  # Variance of the position, m^2, (L,)
     velocity: FloatArray  # Variance of the velocity, m^2/s^2, (L,)
-    both: FloatArray  # Covariance of position and velocity, m^2/s, (L,)
+    position_velocity: FloatArray  # Covariance of position and velocity, m^2/s, (L,)
     turn_rate: float  # Variance of the turn rate, rad^2/s^2
 
 
@@ -40,6 +40,11 @@ def manoeuvre(since_s: FloatArray, model: TrackerModel) -> Manoeuvre:
     standard deviation of the velocity is at most that of a new target.
     """
     births = model.detection_births
-    speed = np.minimum(ACCELERATION * since_s, births.velocity_std)
-    moved = 0.5 * since_s * speed
-    return Manoeuvre(moved**2 + OFFSET**2, speed**2, moved * speed, births.turn_rate_std**2)
+    velocity_std = np.minimum(ACCELERATION * since_s, births.velocity_std)
+    position_std = 0.5 * since_s * velocity_std
+    return Manoeuvre(
+        position_std**2 + OFFSET**2,
+        velocity_std**2,
+        position_std * velocity_std,
+        births.turn_rate_std**2,
+    )

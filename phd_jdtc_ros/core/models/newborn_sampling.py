@@ -37,8 +37,8 @@ def sample(
     shift = rng.random((len(newborn), 1, dimensions))
     uniform = shift_points(sobol_points(dimensions, count), shift)
     normal = ndtri(uniform[..., 1 : size + 1])
-    per_mode = _mode_mass(newborn, modes)
-    share = np.cumsum(per_mode, axis=1) / per_mode.sum(axis=1, keepdims=True)
+    mass_by_mode = _mode_mass(newborn, modes)
+    share = np.cumsum(mass_by_mode, axis=1) / mass_by_mode.sum(axis=1, keepdims=True)
     mode = (uniform[..., :1] >= share[:, None, :-1]).sum(axis=2).ravel()
 
     position = report.sensor.draw_in_plane(report.detections, normal[..., :2])
@@ -46,16 +46,16 @@ def sample(
     state[:, list(space.velocity)] = births.velocity_std * normal[..., 2:4].reshape(-1, 2)
     state[:, list(space.position)] = position.reshape(-1, 2)
     if measured_rates is not None:
-        repeated = measured_rates.take(np.arange(len(newborn)).repeat(count))
-        known = _known_velocity(
+        particle_rates = measured_rates.take(np.arange(len(newborn)).repeat(count))
+        posterior_velocity = _draw_velocity_given_rate(
             position=state[:, list(space.position)],
             drawn=state[:, list(space.velocity)],
-            measured=repeated,
+            measured=particle_rates,
             uniform=uniform[..., -1].ravel(),
             sensor=report.sensor,
             births=births,
         )
-        state[:, list(space.velocity)] = known
+        state[:, list(space.velocity)] = posterior_velocity
     if report.detections.time_s is not None:  # predict back to the scan's stamp
         since = report.detections.time_s.repeat(count)[:, None]
         state[:, list(space.position)] -= since * state[:, list(space.velocity)]
@@ -64,7 +64,7 @@ def sample(
         turning, births.turn_rate_std * normal[..., 4].ravel(), 0.0
     )
     detection = np.repeat(np.arange(len(newborn)), count)
-    weight = (per_mode.sum(axis=1) / count)[detection]
+    weight = (mass_by_mode.sum(axis=1) / count)[detection]
     return state, mode, weight, detection
 
 
@@ -111,7 +111,7 @@ def _intensity(
     return sum_by(rows[row], mass * np.exp(log_density), len(state))
 
 
-def _known_velocity(
+def _draw_velocity_given_rate(
     position: FloatArray,
     drawn: FloatArray,
     measured: Rates,
@@ -128,16 +128,16 @@ def _known_velocity(
     radial = (drawn * toward).sum(axis=1)
     prior, noise = births.velocity_std**2, measured.std**2
     rates = measured.model
-    value = rates.wrap(measured.rate + toward @ np.asarray(sensor.velocity))
-    value = np.where(np.isfinite(value), value, 0.0)
+    radial_rate = rates.wrap(measured.rate + toward @ np.asarray(sensor.velocity))
+    radial_rate = np.where(np.isfinite(radial_rate), radial_rate, 0.0)
     shifts = rates.folds(VELOCITY_GATE_SIGMA * float(np.sqrt(prior + np.max(noise, initial=0.0))))
-    each = value[:, None] + shifts
-    log_share = -0.5 * each**2 / (prior + noise)[:, None]
+    fold_rate = radial_rate[:, None] + shifts
+    log_share = -0.5 * fold_rate**2 / (prior + noise)[:, None]
     share = np.cumsum(np.exp(log_share - log_share.max(axis=1, keepdims=True)), axis=1)
     fold = (uniform[:, None] * share[:, -1:] >= share[:, :-1]).sum(axis=1)
     gain = prior / (prior + noise)
     # Transforms a draw from the prior to the mean and the standard deviation of the posterior.
-    posterior = gain * each[np.arange(len(each)), fold] + radial * np.sqrt(1.0 - gain)
+    posterior = gain * fold_rate[np.arange(len(fold_rate)), fold] + radial * np.sqrt(1.0 - gain)
     change = np.where(np.isfinite(measured.rate), posterior - radial, 0.0)
     return drawn + change[:, None] * toward
 

@@ -41,9 +41,9 @@ class RecentLooks(NamedTuple):
 
     def after(self, report: Report, sensor: int) -> RecentLooks:
         """Return the looks after a report of the sensor with this index."""
-        own, sector = report.sensor, report.detections.coverage
+        site, sector = report.sensor, report.detections.coverage
         edges = (0.0, 0.0) if sector is None else (sector.start, sector.width)
-        look = report.stamp_ns, sensor, (*own.position, own.yaw), edges, report.share
+        look = report.stamp_ns, sensor, (*site.position, site.yaw), edges, report.share
         return RecentLooks._make(
             np.concatenate([column[-MOST + 1 :], [value]])
             for column, value in zip(self, look, strict=True)
@@ -54,12 +54,12 @@ class RecentLooks(NamedTuple):
 
         None if the previous look is not among the recent ones.
         """
-        before = np.searchsorted(self.stamp_ns, report.stamp_ns)
-        own = np.flatnonzero(self.sensor[:before] == sensor)
-        if not len(own):
+        count = np.searchsorted(self.stamp_ns, report.stamp_ns)
+        looks = np.flatnonzero(self.sensor[:count] == sensor)
+        if not len(looks):
             return None
-        last = int(own[-1])
-        return last, np.flatnonzero(self.stamp_ns[:before] > self.stamp_ns[last])
+        last = int(looks[-1])
+        return last, np.flatnonzero(self.stamp_ns[:count] > self.stamp_ns[last])
 
     def report(self, row: int, sensor: Sensor) -> Report:
         """Return a look as a report of its sensor without detections."""

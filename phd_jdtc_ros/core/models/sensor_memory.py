@@ -69,24 +69,24 @@ class SensorMemory:
         These are the earlier sectors of the same pass of an antenna, and the last look at each
         target if misses are correlated.
         """
-        own, sensor = self._of(report.sensor), self.learned(report.sensor)
+        learned, sensor = self._of(report.sensor), self.learned(report.sensor)
         earlier = prediction = None
         if self.labelled:
-            earlier = own.earlier_sectors(report)
+            earlier = learned.earlier_sectors(report)
             if (correlation := sensor.correlation) is not None:
-                prediction = own.look_prediction(report, correlation)
+                prediction = learned.look_prediction(report, correlation)
         if sensor is report.sensor and earlier is None and prediction is None:
             return report
         return report.changed(sensor=sensor, earlier=earlier, look_prediction=prediction)
 
     def learned(self, sensor: Sensor) -> Sensor:
         """Return a configured sensor with its learned values."""
-        own, cached = self._of(sensor), self._cache.get(sensor.name)
+        values, cached = self._of(sensor), self._cache.get(sensor.name)
         # A scan begins with the values learned by the one before, whose sensor is used again.
-        if cached is not None and cached[0] is sensor and cached[1] is own:
+        if cached is not None and cached[0] is sensor and cached[1] is values:
             return cached[2]
-        learned = own.applied_to(sensor)
-        self._cache[sensor.name] = sensor, own, learned
+        learned = values.applied_to(sensor)
+        self._cache[sensor.name] = sensor, values, learned
         return learned
 
     def with_learned_sensors(self, model: TrackerModel) -> TrackerModel:
@@ -97,8 +97,8 @@ class SensorMemory:
     @property
     def clutter_maps(self) -> Mapping[str, ClutterMap]:
         """The learned clutter map of each sensor that has one, by name."""
-        maps = {name: own.clutter_map for name, own in self.sensors.items()}
-        return {name: own for name, own in maps.items() if own is not None}
+        maps = {name: learned.clutter_map for name, learned in self.sensors.items()}
+        return {name: clutter_map for name, clutter_map in maps.items() if clutter_map is not None}
 
     def figures(self, sensors: Sequence[Sensor]) -> dict[str, float]:
         """Return the learned values of configured sensors, by dotted name.
@@ -123,10 +123,10 @@ class SensorMemory:
         if report.detections.coverage is not None:
             return None
         looks = self.looks
-        found = looks.since_last(report, self._index(report))
-        if found is None:
+        previous = looks.since_last(report, self._index(report))
+        if previous is None:
             return None
-        last, later = found
+        last, later = previous
         others = [looks.report(row, self.learned(model.radars[looks.sensor[row]])) for row in later]
         return EarlierLooks(int(looks.stamp_ns[last]), others)
 
@@ -135,8 +135,8 @@ class SensorMemory:
 
         The interval since the previous scan then says nothing about the sensor's own interval.
         """
-        own = self.looks.sensor == self._index(report)
-        return len(own) > 0 and not own.any()
+        is_own = self.looks.sensor == self._index(report)
+        return len(is_own) > 0 and not is_own.any()
 
     def remember_look(self, report: Report) -> None:
         """Remember where a sensor has looked, if there are others."""
@@ -162,8 +162,8 @@ class SensorMemory:
 
     def learn_clutter(self, report: Report, claimed: FloatArray, stationary: FloatArray) -> None:
         """Learn the clutter of a report; see `LearnedSensor.after_clutter`."""
-        own = self._of(report.sensor)
-        self._set(report.sensor, own.after_clutter(report, claimed, stationary))
+        learned = self._of(report.sensor)
+        self._set(report.sensor, learned.after_clutter(report, claimed, stationary))
 
     def learns_detections(self, report: Report) -> bool:
         """Return whether anything is learned from the detections and misses of a report."""
@@ -175,55 +175,55 @@ class SensorMemory:
         report: Report,
         label: IntArray,
         measured: FloatArray,
-        before: FloatArray,
+        existence_before: FloatArray,
         clutter: FloatArray,
         probability: FloatArray,
         detected: FloatArray,
-        after: FloatArray,
+        existence_after: FloatArray,
     ) -> None:
         """Learn from the detections and misses of T targets, of ascending labels, in one report.
 
         The report is as `prepare` returns it. `measured` is the expected measurement of each
         target, (T, Z), `probability` its detection probability if it exists, and `detected` the
-        probability that it exists and was detected, (T,). `before` is the existence probability
-        before the report, `clutter` the probability that the target is clutter if it exists, and
-        `after` the existence probability after the report, (T,).
+        probability that it exists and was detected, (T,). `existence_before` and `existence_after`
+        are the existence probabilities before and after the report, and `clutter` is the
+        probability that the target is clutter if it exists, (T,).
         """
-        factor, own = report.sensor.detection_factor, self._of(report.sensor)
+        factor, learned = report.sensor.detection_factor, self._of(report.sensor)
         cell = np.zeros(len(label), dtype=np.int64)
         expected = np.zeros(len(label))
-        if factor is not None and factor is not own.detection:
-            self._set(report.sensor, own.changed(detection=factor))
+        if factor is not None and factor is not learned.detection:
+            self._set(report.sensor, learned.changed(detection=factor))
         if factor is not None and report.complete:
             cell = factor.cell(report.sensor.polar_place(measured))
-            existence = before
+            existence = existence_before
             if report.sensor.correlation is not None:
                 # A target that was known stays known in a run of misses, or the longest runs, which
                 # are frequent where misses are correlated, would not count.
-                existence = np.where(np.isin(label, self.trials.label), 1.0, before)
-            known = existence * (1.0 - clutter) >= KNOWN_EXISTENCE
-            known &= probability > LEAST_EXPECTED
-            expected = np.where(known, probability / factor.by_cell[cell], 0.0)
+                existence = np.where(np.isin(label, self.trials.label), 1.0, existence_before)
+            is_known = existence * (1.0 - clutter) >= KNOWN_EXISTENCE
+            is_known &= probability > LEAST_EXPECTED
+            expected = np.where(is_known, probability / factor.by_cell[cell], 0.0)
             cell += self._index(report) * CELLS
-        share = np.minimum(detected / np.maximum(after, np.finfo(float).tiny), 1.0)
-        trials = ReportTrials(label, cell, expected, share, np.minimum(after, 1.0))
+        share = np.minimum(detected / np.maximum(existence_after, np.finfo(float).tiny), 1.0)
+        trials = ReportTrials(label, cell, expected, share, np.minimum(existence_after, 1.0))
         self.trials, sums = self.trials.after(trials, CELLS * len(self.names))
-        for name, part in zip(self.names, sums.by_sensor, strict=True):
-            if part.trials.any():
-                self.sensors = {**self.sensors, name: self.sensors[name].after_trials(part)}
+        for name, trial_sums in zip(self.names, sums.by_sensor, strict=True):
+            if trial_sums.trials.any():
+                self.sensors = {**self.sensors, name: self.sensors[name].after_trials(trial_sums)}
 
     def learn_noise(self, report: Report, evidence: NoiseEvidence) -> None:
         """Learn from the innovations of one report; see `evidence.evidence_of`."""
         factor = report.sensor.noise_factor
         if self.labelled and factor is not None and report.complete:
-            own = self._of(report.sensor)
-            self._set(report.sensor, own.after_noise(factor, evidence))
+            learned = self._of(report.sensor)
+            self._set(report.sensor, learned.after_noise(factor, evidence))
 
     def needs_look(self, report: Report) -> bool:
         """Return whether `learn_look` learns anything from a report."""
         if not self.labelled or report.detections.coverage is not None:
             return self.labelled
-        learning = any(own.correlation is not None for own in self.sensors.values())
+        learning = any(learned.correlation is not None for learned in self.sensors.values())
         return learning or report.look_prediction is not None
 
     def learn_look(self, report: Report, look: Look) -> None:
@@ -245,13 +245,15 @@ class SensorMemory:
             living = np.unique(np.concatenate(list(labels)))
             self.trials = self.trials.of(living)
             self.sensors = {
-                name: own if own.chains is None else own.changed(chains=own.chains.of(living))
-                for name, own in self.sensors.items()
+                name: learned
+                if learned.chains is None
+                else learned.changed(chains=learned.chains.of(living))
+                for name, learned in self.sensors.items()
             }
             self.entries_kept = self._entries
 
     @property
     def _entries(self) -> int:
         """Number of open trials and chains."""
-        chains = (own.chains for own in self.sensors.values())
+        chains = (learned.chains for learned in self.sensors.values())
         return len(self.trials) + sum(len(own) for own in chains if own is not None)

@@ -31,8 +31,8 @@ def probability_slower(mean: FloatArray, covariance: FloatArray, bound: float) -
     variance = np.maximum(area, max(MIN_SPEED_STD, MIN_SPEED_STD_SHARE * bound) ** 2)
     square, limit = (mean**2).sum(axis=-1) / variance, bound**2 / variance
     # Beyond ten standard deviations the probability is zero, and its series would be long.
-    found: FloatArray = chndtr(limit, 2.0, np.minimum(square, (np.sqrt(limit) + 10.0) ** 2))
-    return found
+    probability: FloatArray = chndtr(limit, 2.0, np.minimum(square, (np.sqrt(limit) + 10.0) ** 2))
+    return probability
 
 
 def at_even_odds(probability: FloatArray, bound: float, velocity_std: float) -> FloatArray:
@@ -42,9 +42,9 @@ def at_even_odds(probability: FloatArray, bound: float, velocity_std: float) -> 
     It is returned unchanged if newborn targets are all slower, or all faster.
     """
     prior = -math.expm1(-0.5 * (bound / velocity_std) ** 2)
-    rest, motion = probability * (1.0 - prior), (1.0 - probability) * prior
-    whole = rest + motion
-    return np.where(whole > 0.0, rest / np.where(whole > 0.0, whole, 1.0), probability)
+    stationary, moving = probability * (1.0 - prior), (1.0 - probability) * prior
+    total = stationary + moving
+    return np.where(total > 0.0, stationary / np.where(total > 0.0, total, 1.0), probability)
 
 
 def among_reflectors(probability: FloatArray, reflectors: FloatArray) -> FloatArray:

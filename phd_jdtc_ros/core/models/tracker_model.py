@@ -41,17 +41,17 @@ class TrackerModel(ReadOnly):
         Detections of one object are merged, and amplitudes are dropped if the model ignores them.
         The reports of the latest scan are made once.
         """
-        for known, reports in self._latest:
-            if known is scan:
+        for latest_scan, reports in self._latest:
+            if latest_scan is scan:
                 return reports
         reports = [
             Report(
-                sensor.at(each.pose),
-                self.amplitudes.select(merge_clusters(each, sensor)),
+                sensor.at(detections.pose),
+                self.amplitudes.select(merge_clusters(detections, sensor)),
                 scan.stamp_ns,
             )
-            for sensor, each in zip(self.radars, scan.detections, strict=True)
-            if each is not None
+            for sensor, detections in zip(self.radars, scan.detections, strict=True)
+            if detections is not None
         ]
         self._latest[:] = [(scan, reports)]
         return reports

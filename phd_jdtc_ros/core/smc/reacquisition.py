@@ -33,45 +33,50 @@ def with_reacquired(
     """
     target = factorize(particles.row_label)[1]
     count = model.detection_births.particles
-    members = [np.flatnonzero(target == own) for own in out_of_gate.target]
+    members = [np.flatnonzero(target == index) for index in out_of_gate.target]
     row = np.concatenate([rows[draw(particles.weight[rows], count, rng)] for rows in members])
     column, since_s = out_of_gate.column.repeat(count), out_of_gate.since_s.repeat(count)
-    seen = report_in_plane(report).take(column)
+    plots = report_in_plane(report).take(column)
     space = model.modes.space
-    place, speed = list(space.position), list(space.velocity)
-    done = manoeuvre(since_s, model)
-    before = particles.state[row]
-    expected = before[:, place] + seen.time_s[:, None] * before[:, speed]
-    position, log_density = _positions(seen, rng)
-    moved = position - expected
-    state = before.copy()
-    state[:, speed] += _velocities(moved, done, rng)
-    state[:, place] = position - seen.time_s[:, None] * state[:, speed]
-    log_prior = -0.5 * (moved**2).sum(axis=1) / done.position - np.log(2.0 * np.pi * done.position)
+    position_axes, velocity_axes = list(space.position), list(space.velocity)
+    moments = manoeuvre(since_s, model)
+    prior_state = particles.state[row]
+    expected = prior_state[:, position_axes] + plots.time_s[:, None] * prior_state[:, velocity_axes]
+    position, log_density = _draw_positions(plots, rng)
+    displacement = position - expected
+    state = prior_state.copy()
+    state[:, velocity_axes] += _draw_velocities(displacement, moments, rng)
+    state[:, position_axes] = position - plots.time_s[:, None] * state[:, velocity_axes]
+    log_prior = -0.5 * (displacement**2).sum(axis=1) / moments.position
+    log_prior -= np.log(2.0 * np.pi * moments.position)
     reacquired, mass = np.unique(out_of_gate.target), np.bincount(target, particles.weight)
     share = PROBABILITY * mass[out_of_gate.target].repeat(count) / count
-    kept = np.where(np.isin(target, reacquired), 1.0 - PROBABILITY, 1.0)
-    weight = np.concatenate([particles.weight * kept, share * np.exp(log_prior - log_density)])
-    every = np.concatenate([np.arange(len(particles)), row])
+    factor = np.where(np.isin(target, reacquired), 1.0 - PROBABILITY, 1.0)
+    weight = np.concatenate([particles.weight * factor, share * np.exp(log_prior - log_density)])
+    all_rows = np.concatenate([np.arange(len(particles)), row])
     return replace(
-        particles.take(every),
+        particles.take(all_rows),
         state=np.concatenate([particles.state, state]),
         multiplicity=np.concatenate([particles.multiplicity, np.ones(len(row), dtype=np.int64)]),
         poisson=weight,
     )
 
 
-def _positions(seen: InPlane, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+def _draw_positions(plots: InPlane, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
     """Draw a position at each place, (N, 2); return also the log of its proposal density."""
-    normal = rng.standard_normal(seen.position.shape)
-    factor = np.linalg.cholesky(seen.covariance)
+    normal = rng.standard_normal(plots.position.shape)
+    factor = np.linalg.cholesky(plots.covariance)
     log_density = -0.5 * (normal**2).sum(axis=1) - np.log(2.0 * np.pi)
     log_density -= np.log(factor[:, 0, 0] * factor[:, 1, 1])
-    return seen.position + (factor @ normal[..., None])[..., 0], log_density
+    return plots.position + (factor @ normal[..., None])[..., 0], log_density
 
 
-def _velocities(moved: FloatArray, done: Manoeuvre, rng: np.random.Generator) -> FloatArray:
+def _draw_velocities(
+    displacement: FloatArray, moments: Manoeuvre, rng: np.random.Generator
+) -> FloatArray:
     """Draw changes of velocity given the displacements by manoeuvres, both of shape (N, 2)."""
-    gain = done.both / done.position
-    rest = np.sqrt(np.maximum(done.velocity - gain * done.both, 0.0))
-    return gain[:, None] * moved + rest[:, None] * rng.standard_normal(moved.shape)
+    gain = moments.position_velocity / moments.position
+    residual_std = np.sqrt(np.maximum(moments.velocity - gain * moments.position_velocity, 0.0))
+    return gain[:, None] * displacement + residual_std[:, None] * rng.standard_normal(
+        displacement.shape
+    )

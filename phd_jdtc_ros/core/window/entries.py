@@ -163,8 +163,8 @@ class UnsweptRows(Generic[RowsT, LinkT]):
         swept : bool array of shape (N,)
             Whether a scan has swept each row of the entry.
         """
-        inside = swept if self.rows is None else swept[self.rows]
-        (rows,), (others,) = inside.nonzero(), (~inside).nonzero()
+        is_swept = swept if self.rows is None else swept[self.rows]
+        (rows,), (others,) = is_swept.nonzero(), (~is_swept).nonzero()
         if not others.size:
             return self, None
         if not rows.size:

@@ -30,7 +30,7 @@ from ..tracks.track_numbers import NoNumbers, TrackNumbers
 from ..types import Estimates, Scan
 from .entries import Entry, LinkT, RowsT, UnsweptRows
 from .forward_filter import Filtered, ForwardFilter
-from .window_rows import trimmed
+from .window_rows import trim
 from .window_snapshot import window_from_snapshot, window_to_snapshot
 
 # Key of the track numbers in a saved state.
@@ -112,11 +112,11 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             due = self.schedule.between(self.forward.stamp_ns, scan.stamp_ns)
             filtered = [self._filtered_at(stamp_ns) for stamp_ns in due]
         step = self.forward.step(scan, linked=self.lag.positive)
-        earlier = self._window
+        window = self._window
         if step.replaced:
             replaced = {entry.stamp_ns: entry for entry in step.replaced}
-            earlier = [replaced.get(entry.stamp_ns, entry) for entry in earlier]
-        self._window = [*earlier, step.entry]
+            window = [replaced.get(entry.stamp_ns, entry) for entry in window]
+        self._window = [*window, step.entry]
         self._note_filtered(step.updated, scan)
         if not self.schedule.period_ns:
             filtered.append(self._filtered_at(scan.stamp_ns))
@@ -152,16 +152,16 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
 
     def flush(self) -> tuple[Estimates, ...]:
         """Return the pending estimates, smoothed with the scans of the window, and reset."""
-        rest = self._smooth_rest()
+        pending = self._smooth_pending()
         self.reset()
-        return rest
+        return pending
 
     def interrupt(self) -> tuple[Estimates, ...]:
         """Flush without reuse of track numbers; see `Engine.interrupt`."""
-        rest, before = self._smooth_rest(), self._tracks
+        pending, tracks = self._smooth_pending(), self._tracks
         self.reset()
-        self._tracks = TrackNumbers(count=before.count, aircraft=before.aircraft)
-        return rest
+        self._tracks = TrackNumbers(count=tracks.count, aircraft=tracks.aircraft)
+        return pending
 
     def save_state(self) -> EngineState:
         """Return the engine's state; see `Engine.save_state`."""
@@ -173,20 +173,22 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
 
         Filtered estimates of an out-of-sequence stamp are not published: later ones already are.
         """
-        before, now = self.save_state(), self._latest_targets()
+        state_before, targets_before = self.save_state(), self._latest_targets()
         numbers, state = self._tracks, scans[0][0].state
         filtered_ns, smoothed_ns = self._published_ns
         restore_shared(self, state)
         first, self._tracks = self.forward.scan_index, NoNumbers()
         states, steps = [], []
-        for earlier, scan in scans:
-            self.retune(earlier.model, earlier.rule)
+        for saved_state, scan in scans:
+            self.retune(saved_state.model, saved_state.rule)
             states.append(self.save_state())
             steps.append(self.step(scan))
-        self.retune(before.model, before.rule)
-        latest = self._latest_targets()
-        known = renumbering.continue_numbers(state[NUMBERS], numbers.in_use, now, latest, first)
-        self._tracks = TrackNumbers(known, numbers.count, numbers.aircraft)
+        self.retune(state_before.model, state_before.rule)
+        targets_after = self._latest_targets()
+        numbers_after = renumbering.continue_numbers(
+            state[NUMBERS], numbers.in_use, targets_before, targets_after, first
+        )
+        self._tracks = TrackNumbers(numbers_after, numbers.count, numbers.aircraft)
         reach = Reach.of(self.forward.model)
         filtered, smoothed = [], []
         for step in steps:
@@ -195,8 +197,8 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
                 filtered += [self._tracks.assign(estimates, reach) for estimates in due]
             due = [estimates for estimates in step.smoothed if estimates.stamp_ns > smoothed_ns]
             smoothed += [self._tracks.assign(estimates, reach) for estimates in due]
-        own = {NUMBERS: self._tracks.in_use}
-        states = [replace(each, state={**each.state, **own}) for each in states]
+        tracks_in_use = {NUMBERS: self._tracks.in_use}
+        states = [replace(saved, state={**saved.state, **tracks_in_use}) for saved in states]
         self._tracks.forget_all_but([entry.label for entry in self._window])
         return Reprocessed(tuple(states), tuple(filtered), tuple(smoothed))
 
@@ -229,11 +231,11 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         modes = self.forward.model.modes
         sizes = {"D": len(modes.space), "C": len(modes.classes)}
         for rows in self.forward.unswept:
-            at, others = rows.entry.stamp_ns, {"lag": 0, "space": modes.space}
+            stamp_ns, constants = rows.entry.stamp_ns, {"lag": 0, "space": modes.space}
             targets = from_snapshot(
-                Estimates, stored, f"filtered.{at}", sizes, stamp_ns=at, **others
+                Estimates, stored, f"filtered.{stamp_ns}", sizes, stamp_ns=stamp_ns, **constants
             )
-            self._filtered[at] = rows, _targets_of(rows, targets)
+            self._filtered[stamp_ns] = rows, _targets_of(rows, targets)
 
     def _forget_dropped(self, stamp_ns: int) -> None:
         """Forget the targets that are in no entry of the window any more."""
@@ -251,19 +253,19 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         reported = self._states.report_filtered(
             estimates, updated.label, unswept_ns, scan, self.forward.learned_model
         )
-        before, self._filtered = self._filtered, {}
+        previous, self._filtered = self._filtered, {}
         for rows in earlier:
-            known, targets = before[rows.entry.stamp_ns]
+            unchanged, targets = previous[rows.entry.stamp_ns]
             # Most rows have not changed since the last scan.
-            targets = targets if rows is known else _targets_of(rows, targets)
+            targets = targets if rows is unchanged else _targets_of(rows, targets)
             self._filtered[rows.entry.stamp_ns] = rows, targets
         self._filtered[scan.stamp_ns] = latest, reported
 
     def _filtered_at(self, stamp_ns: int) -> Estimates:
         """Return the targets to publish for a stamp."""
-        whole = self._predict_targets(stamp_ns)
-        self._states.note(whole)
-        return self._describe_and_number(whole, smoothed=False)
+        targets = self._predict_targets(stamp_ns)
+        self._states.note(targets)
+        return self._describe_and_number(targets, smoothed=False)
 
     def _empty(self, stamp_ns: int, lag: int) -> Estimates:
         modes = self.forward.model.modes
@@ -286,7 +288,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             estimates = self.forward.attributes.describe(estimates, smoothed)
         return self._tracks.assign(estimates, Reach.of(self.forward.model))
 
-    def _smooth_rest(self) -> tuple[Estimates, ...]:
+    def _smooth_pending(self) -> tuple[Estimates, ...]:
         """Smooth all pending stamps with the scans of the window."""
         return tuple(self._smooth_oldest() for _ in self._stamps)
 
@@ -303,7 +305,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         self._stamps = self._stamps[1:]
         following = self._stamps[0] if self._stamps else MAX_STAMP_NS
         self._states.forget_before(following)
-        self._window = trimmed(self._window, self.forward.unswept, following)
+        self._window = trim(self._window, self.forward.unswept, following)
         return self._describe_and_number(estimates, smoothed=True)
 
     def _extract_and_record(

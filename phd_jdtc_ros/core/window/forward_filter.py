@@ -108,8 +108,8 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         """Return to the initial state."""
         self.unswept, self.stamp_ns, self._born_ns, self._scan_index = [], None, {}, 0
         self.sensors = SensorMemory.of(self.model, self.labelled)
-        known = self.model.attributes
-        self.attributes = None if known is None else AttributeMemory(known)
+        attribute_model = self.model.attributes
+        self.attributes = None if attribute_model is None else AttributeMemory(attribute_model)
 
     def start_from(self, stamp_ns: int, stored: RowsT) -> None:
         """Use `stored` as the set of an earlier scan."""
@@ -174,8 +174,8 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         """Return the birth terms that an antenna passed, and the time since its previous pass."""
         births = []
         for index in swept_births(scan, self.model):
-            earlier = self._born_ns.get(index, self.stamp_ns)
-            births.append((index, self._since(earlier, scan.stamp_ns)))
+            previous_ns = self._born_ns.get(index, self.stamp_ns)
+            births.append((index, self._since(previous_ns, scan.stamp_ns)))
             self._born_ns = {**self._born_ns, index: scan.stamp_ns}
         return births
 

@@ -37,39 +37,41 @@ def learn(
     learns, looks = memory.learns_detections(report), memory.needs_look(report)
     if not learns and not looks:
         return None
-    label, measured, after = prior.label, prior.measured_by_target, posterior.existence
-    before, missed = existence_and_missed(prior)
-    exists = np.where(before > 0.0, before, 1.0)
+    label, measured, existence_after = prior.label, prior.measured_by_target, posterior.existence
+    existence_before, missed = existence_and_missed(prior)
+    exists = np.where(existence_before > 0.0, existence_before, 1.0)
     probability = 1.0 - missed / exists
     target = prior.target.take(posterior.claims.row)
     # Probability that each target exists and was detected.
     detected = sum_by(target, posterior.pair_probability, len(label))
     if learns:
-        clutter = np.zeros(len(before))
+        clutter = np.zeros(len(existence_before))
         if report.sensor.clutter_map is not None and bound > 0.0:
             # Stationary targets are clutter, which may be detected less often than other targets.
-            slow = sum_by(prior.target, prior.mass * prior.probability_slower(bound), len(before))
+            slow = sum_by(
+                prior.target, prior.mass * prior.probability_slower(bound), len(existence_before)
+            )
             clutter = model.detection_births.stationary(slow / exists, bound)
         memory.learn_detections(
             report,
             label,
             measured,
-            before=before,
+            existence_before=existence_before,
             clutter=clutter,
             probability=probability,
             detected=detected,
-            after=after,
+            existence_after=existence_after,
         )
     if not looks:
         return None
-    expected = np.zeros(len(before))
+    expected = np.zeros(len(existence_before))
     if report.look_prediction is not None and report.complete:
         expected = report.look_prediction.usual(probability, label)
     return Look(
         label=label,
         covered=report.sensor.coverage_probability(measured, report.detections.coverage),
-        detected=np.minimum(detected / np.maximum(after, LEAST_EXISTENCE), 1.0),
+        detected=np.minimum(detected / np.maximum(existence_after, LEAST_EXISTENCE), 1.0),
         expected=expected,
-        existence=np.minimum(after, 1.0),
-        known=before >= KNOWN_EXISTENCE,
+        existence=np.minimum(existence_after, 1.0),
+        known=existence_before >= KNOWN_EXISTENCE,
     )

@@ -69,26 +69,26 @@ def sensors_from_snapshot(
     ValueError
         If a value belongs to another sensor or place, or a tracker could not have stored it.
     """
-    known = {sensor.name: sensor for sensor in sensors}
-    found: dict[str, dict[str, Any]] = {name: {} for name in known}
+    by_name = {sensor.name: sensor for sensor in sensors}
+    values_of: dict[str, dict[str, Any]] = {name: {} for name in by_name}
     for field, (part, restore) in PARTS.items():
         names = snapshot.names_below(part)
-        for name in names.difference(known):
-            raise ValueError(f"{part}: {name[:40]} given, must be a sensor: {', '.join(known)}")
+        for name in names.difference(by_name):
+            raise ValueError(f"{part}: {name[:40]} given, must be a sensor: {', '.join(by_name)}")
         for name in sorted(names):
-            value = restore(snapshot, f"{part}.{name}", known[name])
+            value = restore(snapshot, f"{part}.{name}", by_name[name])
             if value is not None:
-                found[name][field] = value
-    learned = {name: LearnedSensor(**values) for name, values in found.items() if values}
-    trials, learns = OpenTrials(), [n for n, own in known.items() if own.detection_factor]
-    if snapshot.names_below(TRIALS) and all("detection" in found[name] for name in learns):
-        trials = from_snapshot(OpenTrials, snapshot, TRIALS, {"K": CELLS * len(known)})
+                values_of[name][field] = value
+    learned = {name: LearnedSensor(**values) for name, values in values_of.items() if values}
+    trials, learns = OpenTrials(), [sensor.name for sensor in sensors if sensor.detection_factor]
+    if snapshot.names_below(TRIALS) and all("detection" in values_of[name] for name in learns):
+        trials = from_snapshot(OpenTrials, snapshot, TRIALS, {"K": CELLS * len(by_name)})
     looks = RecentLooks.of_none()
     if snapshot.names_below(LOOKS):
         looks = from_snapshot(RecentLooks, snapshot, LOOKS, {"P": 3, "C": 2})
-        if looks.sensor.max(initial=0) >= len(known):
-            raise ValueError(f"{LOOKS}.sensor: must be below the number of sensors, {len(known)}")
-    return SensorMemory(tuple(known), labelled, learned, trials, looks)
+        if looks.sensor.max(initial=0) >= len(by_name):
+            raise ValueError(f"{LOOKS}.sensor: must be below the number of sensors, {len(by_name)}")
+    return SensorMemory(tuple(by_name), labelled, learned, trials, looks)
 
 
 def _place_of(sensor: Sensor) -> Place:
@@ -117,10 +117,12 @@ def _map(snapshot: Snapshot, name: str, sensor: Sensor) -> ClutterMap | None:
         )
     polar = isinstance(sensor.clutter_map.grid, PolarGrid)
     if polar != (f"{name}.grid.columns" in snapshot.arrays):
-        given, own = ("moving", "fixed") if polar else ("fixed", "moving")
-        raise ValueError(f"{name}: map of a {given} radar given, but this radar is {own}")
-    kind: type[Grid] = PolarGrid if polar else GroundGrid
-    grid = from_snapshot(kind, snapshot, f"{name}.grid", {})
+        stored_kind, sensor_kind = ("moving", "fixed") if polar else ("fixed", "moving")
+        raise ValueError(
+            f"{name}: map of a {stored_kind} radar given, but this radar is {sensor_kind}"
+        )
+    grid_type: type[Grid] = PolarGrid if polar else GroundGrid
+    grid = from_snapshot(grid_type, snapshot, f"{name}.grid", {})
     learned = from_snapshot(ClutterMap, snapshot, name, {}, grid=grid)
     if len(learned.cell) > MAX_CELLS:
         raise ValueError(f"{name}.cell: {len(learned.cell)} cells, at most {MAX_CELLS}")
@@ -138,16 +140,16 @@ def _usual(snapshot: Snapshot, name: str, sensor: Sensor) -> ClutterCount:
 
 
 def _detection(snapshot: Snapshot, name: str, sensor: Sensor) -> DetectionFactor | None:
-    if (own := sensor.detection_factor) is None:
+    if (factor := sensor.detection_factor) is None:
         return None
-    return from_snapshot(DetectionFactor, snapshot, name, {"K": CELLS}, max_range=own.max_range)
+    return from_snapshot(DetectionFactor, snapshot, name, {"K": CELLS}, max_range=factor.max_range)
 
 
 def _noise(snapshot: Snapshot, name: str, sensor: Sensor) -> NoiseFactor | None:
-    if (own := sensor.noise_factor) is None:
+    if (factor := sensor.noise_factor) is None:
         return None
     sizes = {"Z": COMPONENTS}
-    return from_snapshot(NoiseFactor, snapshot, name, sizes, learned=own.learned)
+    return from_snapshot(NoiseFactor, snapshot, name, sizes, learned=factor.learned)
 
 
 def _alarm(snapshot: Snapshot, name: str, sensor: Sensor) -> ChangeAlarm | None:
@@ -164,9 +166,9 @@ def _chains(snapshot: Snapshot, name: str, sensor: Sensor) -> DetectionChains | 
 
 
 def _correlation(snapshot: Snapshot, name: str, sensor: Sensor) -> Correlation | None:
-    if (own := sensor.correlation) is None or not own.learned:
+    if (correlation := sensor.correlation) is None or not correlation.learned:
         return None
-    values = {"start": own.start, "learned": True}
+    values = {"start": correlation.start, "learned": True}
     return from_snapshot(Correlation, snapshot, name, {"B": SUMS}, **values)
 
 

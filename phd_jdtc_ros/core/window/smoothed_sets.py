@@ -37,13 +37,13 @@ class SetSmoother(FixedLagEngine[RowsT, LinkT]):
         stamps = interpolation_stamps(self._window, stamp_ns, alive)
         if not stamps:
             return self._empty(stamp_ns, lag)
-        every = []
-        for each in stamps:
-            stored, rows = sets[each], alive.get(each)
-            estimates = self._extract(stored, each, lag, 0.0)
+        extracted = []
+        for entry_ns in stamps:
+            stored, rows = sets[entry_ns], alive.get(entry_ns)
+            estimates = self._extract(stored, entry_ns, lag, 0.0)
             if rows is not None:
-                kept = np.isin(estimates.track_id - 1, stored.row_label[rows])
-                estimates = estimates.select(kept)
-            every.append(estimates)
+                is_alive = np.isin(estimates.track_id - 1, stored.row_label[rows])
+                estimates = estimates.select(is_alive)
+            extracted.append(estimates)
         modes = self.forward.model.modes
-        return at_stamp(*Estimates.concatenate(every, lag), stamp_ns, threshold, modes)
+        return at_stamp(*Estimates.concatenate(extracted, lag), stamp_ns, threshold, modes)

@@ -42,7 +42,7 @@ def partition_swept(
         Whether the rows of one label are at most one target. Otherwise all rows count as swept.
     """
     reports = model.reports(scan)
-    if not labelled or not unswept or _everywhere(reports, model):
+    if not labelled or not unswept or _covers_all_fields(reports, model):
         return unswept, []
     longest_s = MAX_UNSWEPT_TURNS * slowest_s(model)
     space = model.modes.space
@@ -57,15 +57,15 @@ def partition_swept(
     position = moments[:, :2] + dt[:, None] * moments[:, 2:4]
     # Radius of each target's position density.
     radius = SPREAD_SIGMA * (moments[:, 4] + dt * moments[:, 5] + spread)
-    near = _in_sweep(position, radius, reports) | (dt >= longest_s)
-    entries_near = set(np.arange(len(sizes)).repeat(sizes)[near].tolist())
-    parts, first = [], 0
+    is_near = _in_sweep(position, radius, reports) | (dt >= longest_s)
+    entries_near = set(np.arange(len(sizes)).repeat(sizes)[is_near].tolist())
+    parts, begin = [], 0
     for index, (rows, extent, size) in enumerate(zip(unswept, extents, sizes, strict=True)):
-        end = first + size
+        end = begin + size
         # Most entries have no row to test. An empty entry counts as swept.
         untouched = size and index not in entries_near
-        parts += [(None, rows) if untouched else rows.split(near[first:end][extent.target])]
-        first = end
+        parts += [(None, rows) if untouched else rows.split(is_near[begin:end][extent.target])]
+        begin = end
     swept = [inside for inside, _ in parts if inside is not None]
     return swept, [outside for _, outside in parts if outside is not None]
 
@@ -73,23 +73,23 @@ def partition_swept(
 def swept_births(scan: Scan, model: TrackerModel) -> list[int]:
     """Return the birth terms at places that an antenna may have swept in a scan."""
     reports = model.reports(scan)
-    if not model.births or _everywhere(reports, model):
+    if not model.births or _covers_all_fields(reports, model):
         return list(range(len(model.births)))
-    place = list(model.modes.space.position)
-    position = np.array([term.mean[place] for term in model.births])
-    spread = np.array([np.hypot(*term.std[place]) for term in model.births])
+    axes = list(model.modes.space.position)
+    position = np.array([term.mean[axes] for term in model.births])
+    spread = np.array([np.hypot(*term.std[axes]) for term in model.births])
     return [int(k) for k in np.flatnonzero(_in_sweep(position, SPREAD_SIGMA * spread, reports))]
 
 
-def _everywhere(reports: Reports, model: TrackerModel) -> bool:
+def _covers_all_fields(reports: Reports, model: TrackerModel) -> bool:
     """Return whether all sensors report their whole fields of view, or none reports anything."""
-    whole = {report.sensor.name for report in reports if report.detections.coverage is None}
-    return not reports or len(whole) == len(model.radars)
+    whole_fields = {report.sensor.name for report in reports if report.detections.coverage is None}
+    return not reports or len(whole_fields) == len(model.radars)
 
 
 def _in_sweep(position: FloatArray, spread: FloatArray, reports: Reports) -> BoolArray:
     """Return a mask of the positions that an antenna comes within `spread` of, shape (T,)."""
-    near = np.zeros(len(spread), dtype=bool)
+    is_near = np.zeros(len(spread), dtype=bool)
     for report in reports:
-        near |= report.sensor.may_have_swept(position, spread, report.detections)
-    return near
+        is_near |= report.sensor.may_have_swept(position, spread, report.detections)
+    return is_near

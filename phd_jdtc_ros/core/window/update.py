@@ -71,7 +71,7 @@ def update(
         Targets born at the detections of the scan's earlier reports.
     """
     memory = memory or SensorMemory.of(steps.model)
-    given = report = memory.prepare(report)
+    prepared = report = memory.prepare(report)
     prior = steps.prior(rows, report)
     limited = detection_limit.limit_detections(report, prior.measured, prior.mass)
     if limited is report:
@@ -81,11 +81,13 @@ def update(
         report, prior = limited, steps.prior(rows, limited)
 
     pairs = _gate_pairs(prior, report, attributes)
-    out_of_gate = None if attributes is None else _out_of_gate(prior, pairs, report, attributes)
+    out_of_gate = (
+        None if attributes is None else _find_out_of_gate(prior, pairs, report, attributes)
+    )
     if out_of_gate is not None:
         prior = prior.with_reacquired(out_of_gate)
         pairs = _gate_pairs(prior, report, attributes)
-    evidence = None if attributes is None else _evidence(prior, pairs, report, attributes)
+    evidence = None if attributes is None else _evidence_of(prior, pairs, report, attributes)
     report = _with_known_targets(report, prior)
     looks, since_s = None, dt
     if steps.model.detection_births.enabled:  # nothing else depends on earlier looks
@@ -101,7 +103,7 @@ def update(
         attributes.learn(posterior.evidence, posterior.pair_probability, posterior.existence)
     newborn = posterior.sources.newborn(posterior.claimed_probability, report, steps.model)
     newborns = () if newborn is None else (newborn,)
-    return Updated(posterior.rows, newborns, posterior.approximate, given, look)
+    return Updated(posterior.rows, newborns, posterior.approximate, prepared, look)
 
 
 def _with_known_targets(report: Report, prior: Prior[RowsT]) -> Report:
@@ -120,7 +122,7 @@ def _gate_pairs(prior: Prior[RowsT], report: Report, attributes: AttributesAt | 
     return attributes.pair(prior.gate, prior.label, prior.target, report)
 
 
-def _out_of_gate(
+def _find_out_of_gate(
     prior: Prior[RowsT], pairs: Paired, report: Report, attributes: AttributesAt
 ) -> OutOfGate | None:
     """Return the targets whose identities are shown by detections outside their gates."""
@@ -128,7 +130,7 @@ def _out_of_gate(
     return attributes.out_of_gate(prior.label, target, pairs.column, report.detections)
 
 
-def _evidence(
+def _evidence_of(
     prior: Prior[RowsT], pairs: Paired, report: Report, attributes: AttributesAt
 ) -> Evidence | None:
     """Return the identities and heights of the detections as evidence for pairs."""
@@ -165,17 +167,17 @@ def update_scan(
         See `update`.
     """
     label, approximate = labels.first_detected(scan_index), 0
-    known = None if attributes is None else attributes.at(scan.stamp_ns)
+    attributes_now = None if attributes is None else attributes.at(scan.stamp_ns)
     memory = memory or SensorMemory.of(steps.model)
     newborns: list[Newborn] = []
     for report in steps.model.reports(scan):
-        updated = update(rows, report, steps, dt, memory, known, newborns)
+        updated = update(rows, report, steps, dt, memory, attributes_now, newborns)
         rows, approximate = updated.rows, approximate + updated.approximate
         first = label
         for newborn in updated.newborns:
             rows, born = steps.with_newborn(rows, newborn, label)
-            if known is not None:
-                known.initiate(label, born.report.detections)
+            if attributes_now is not None:
+                attributes_now.initiate(label, born.report.detections)
             label += len(born)
             newborns.append(born)
         if updated.look is not None:

@@ -24,15 +24,15 @@ def rows_at(
     for entry in window:
         if entry.stamp_ns > stamp_ns:
             sources += entry.sources
-    found: dict[int, list[IntArray | None]] = {}
+    parts_of: dict[int, list[IntArray | None]] = {}
     earlier = {entry.stamp_ns for entry in window if entry.stamp_ns <= stamp_ns}
     for source in sources:
         if source.stamp_ns in earlier:
-            found.setdefault(source.stamp_ns, []).append(source.rows)
-    return {stamp: _joined(parts) for stamp, parts in found.items()}
+            parts_of.setdefault(source.stamp_ns, []).append(source.rows)
+    return {stamp: _join_rows(row_parts) for stamp, row_parts in parts_of.items()}
 
 
-def _joined(parts: Sequence[IntArray | None]) -> IntArray | None:
+def _join_rows(parts: Sequence[IntArray | None]) -> IntArray | None:
     """Return several parts of the rows of an entry as one."""
     listed = [rows for rows in parts if rows is not None]
     if len(listed) < len(parts):
@@ -55,7 +55,7 @@ def interpolation_stamps(
     ]
 
 
-def trimmed(
+def trim(
     window: list[Entry[RowsT, LinkT]],
     unswept: Sequence[UnsweptRows[RowsT, LinkT]],
     following: int,

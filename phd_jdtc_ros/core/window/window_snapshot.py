@@ -75,7 +75,7 @@ def sources_from_snapshot(
     if len(table.rows) != end[-1:].sum():
         raise ValueError(f"{name}.rows: {len(table.rows)} rows, expected {end[-1:].sum()}")
     sources = []
-    columns = zip(*(part.tolist() for part in (*table[1:4], end)), strict=True)
+    columns = zip(*(column.tolist() for column in (*table[1:4], end)), strict=True)
     for stamp_ns, size, listed, last in columns:
         rows = table.rows[last - size : last] if listed else None
         if rows is not None and (np.diff(rows) <= 0).any():

@@ -62,8 +62,8 @@ def test_strays_have_the_velocities_of_the_manoeuvre():
     at = after.state[new][:, [0, 2]] + TIME_S * after.state[new][:, [1, 3]]
     moved = at - (MEAN[[0, 2]] + TIME_S * MEAN[[1, 3]])
     change = after.state[new][:, [1, 3]] - MEAN[[1, 3]]
-    rest = change - (done.both / done.position) * moved
-    variance = done.velocity - done.both**2 / done.position
+    rest = change - (done.position_velocity / done.position) * moved
+    variance = done.velocity - done.position_velocity**2 / done.position
     assert abs(rest.mean()) < 5.0 * np.sqrt(variance[0] / rest.size)
     assert rest.var() == pytest.approx(variance[0], rel=0.1)
 
