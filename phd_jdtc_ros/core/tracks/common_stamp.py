@@ -50,27 +50,27 @@ def predict(estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeS
     """
     (to_predict,) = (time_ns != stamp_ns).nonzero()
     if not to_predict.size:
-        same = estimates.stamp_ns == stamp_ns
-        return estimates if same else estimates.changed(stamp_ns=stamp_ns)
+        is_at_stamp = estimates.stamp_ns == stamp_ns
+        return estimates if is_at_stamp else estimates.changed(stamp_ns=stamp_ns)
     dt = (stamp_ns - time_ns[to_predict]).astype(np.float64) * 1e-9
-    kind = estimates.class_id[to_predict]
+    class_of_track = estimates.class_id[to_predict]
     state, covariance = estimates.state[to_predict], estimates.covariance[to_predict]
     step, shift = _steps(estimates.space)
-    moved = NOISE_FREE.mean(shift[:, None] + state, dt)
+    predicted = NOISE_FREE.mean(shift[:, None] + state, dt)
     size = step.size
-    difference = moved[1 : size + 1] - moved[size + 1 :]
+    difference = predicted[1 : size + 1] - predicted[size + 1 :]
     jacobian = (difference / (2.0 * step)[:, None, None]).transpose(1, 2, 0)
     by_mode, noise = modes.noise(dt), np.zeros(covariance.shape)
     for mode, class_id in enumerate(modes.class_of.tolist()):
-        own = (kind == class_id)[:, None, None]
-        noise += own * by_mode[:, mode] / len(modes.classes[class_id].motions)
-    survival = modes.nominal_survival[kind] ** (dt / modes.interval_s)
+        of_class = (class_of_track == class_id)[:, None, None]
+        noise += of_class * by_mode[:, mode] / len(modes.classes[class_id].motions)
+    survival = modes.nominal_survival[class_of_track] ** (dt / modes.interval_s)
     covariance = jacobian @ covariance @ jacobian.transpose(0, 2, 1) + noise
     return estimates.changed(
         stamp_ns=stamp_ns,
-        state=_with(estimates.state, to_predict, moved[0]),
-        covariance=_with(estimates.covariance, to_predict, covariance),
-        weight=_with(estimates.weight, to_predict, estimates.weight[to_predict] * survival),
+        state=_with_values(estimates.state, to_predict, predicted[0]),
+        covariance=_with_values(estimates.covariance, to_predict, covariance),
+        weight=_with_values(estimates.weight, to_predict, estimates.weight[to_predict] * survival),
     )
 
 
@@ -86,7 +86,7 @@ def _steps(space: StateSpace) -> tuple[FloatArray, FloatArray]:
     return step, np.concatenate([np.zeros((1, len(space))), shift, -shift])
 
 
-def _with(column: FloatArray, rows: IntArray, values: FloatArray) -> FloatArray:
+def _with_values(column: FloatArray, rows: IntArray, values: FloatArray) -> FloatArray:
     """Return a copy of a column with other values in these rows."""
     changed: FloatArray = column.copy()
     changed[rows] = values
@@ -106,24 +106,24 @@ def interpolate(
     length = ((between_ns[1] - between_ns[0]) * 1e-9)[:, None]
     s = (stamp_ns - between_ns[0])[:, None] * 1e-9 / length
     state = (1.0 - s) * before.state + s * after.state
-    place, speed = list(before.space.position), list(before.space.velocity)
-    p0, p1 = before.state[:, place], after.state[:, place]
-    v0, v1 = length * before.state[:, speed], length * after.state[:, speed]
-    state[:, place] = (
+    position, velocity = list(before.space.position), list(before.space.velocity)
+    p0, p1 = before.state[:, position], after.state[:, position]
+    v0, v1 = length * before.state[:, velocity], length * after.state[:, velocity]
+    state[:, position] = (
         (1.0 + 2.0 * s) * (1.0 - s) ** 2 * p0
         + s * (1.0 - s) ** 2 * v0
         + s**2 * (3.0 - 2.0 * s) * p1
         + s**2 * (s - 1.0) * v1
     )
-    state[:, speed] = (
+    state[:, velocity] = (
         6.0 * s * (1.0 - s) * (p1 - p0)
         + (1.0 - s) * (1.0 - 3.0 * s) * v0
         + s * (3.0 * s - 2.0) * v1
     ) / length
 
     def linear(first: FloatArray, second: FloatArray) -> FloatArray:
-        part = s.reshape(-1, *[1] * (first.ndim - 1))
-        return (1.0 - part) * first + part * second
+        fraction = s.reshape(-1, *[1] * (first.ndim - 1))
+        return (1.0 - fraction) * first + fraction * second
 
     probability = linear(before.class_probability, after.class_probability)
     return before.changed(
@@ -154,14 +154,14 @@ def at_stamp(
     )
     row = order[last]
     following = np.minimum(last + 1, len(order) - 1)
-    seen_again = (last + 1 < len(order)) & (track[following] == track[last])
-    both, only = row[seen_again], row[~seen_again]
-    after = order[following[seen_again]]
+    has_later = (last + 1 < len(order)) & (track[following] == track[last])
+    before, alone = row[has_later], row[~has_later]
+    after = order[following[has_later]]
     # Estimates without labels cannot be followed: those of the last scan are used.
     unlabelled = (estimates.track_id == 0) & (time_ns <= stamp_ns)
     latest = time_ns[unlabelled].max(initial=0)
-    only = np.append(only, np.flatnonzero(unlabelled & (time_ns == latest)))
-    return between(estimates, time_ns, both, after, only, stamp_ns, threshold, modes)
+    alone = np.append(alone, np.flatnonzero(unlabelled & (time_ns == latest)))
+    return between(estimates, time_ns, before, after, alone, stamp_ns, threshold, modes)
 
 
 def between(
@@ -185,5 +185,5 @@ def between(
     if len(time_ns[before]) or not parts:
         ends = estimates.take(before), estimates.take(after)
         parts.append(interpolate(*ends, (time_ns[before], time_ns[after]), stamp_ns))
-    whole, _ = Estimates.concatenate(parts, estimates.lag)
-    return whole.select(whole.weight > threshold)
+    targets, _ = Estimates.concatenate(parts, estimates.lag)
+    return targets.select(targets.weight > threshold)

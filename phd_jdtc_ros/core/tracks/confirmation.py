@@ -65,8 +65,8 @@ def missed_by_all(estimates: Estimates, scan: Scan, model: TrackerModel) -> Floa
         measured = sensor.measure(estimates.state)
         detected = sensor.configured_detection_probability(measured)
         if detected is None:
-            nothing = np.zeros(len(estimates))
-            detected = Band().detection_probability(mode, nothing, sensor, modes)
+            no_snr = np.zeros(len(estimates))
+            detected = Band().detection_probability(mode, no_snr, sensor, modes)
         detected = sensor.learned_detection_probability(detected, measured)
         missed *= 1.0 - sensor.coverage_probability(measured, report.coverage) * detected
     return missed
@@ -84,8 +84,8 @@ def stationary_probability(estimates: Estimates, model: TrackerModel) -> FloatAr
         return np.zeros(len(estimates))
     covariance = estimates.velocity_covariance
     slower = stationary.probability_slower(estimates.velocity, covariance, bound)
-    alone = model.detection_births.stationary(slower, bound)
-    return stationary.among_reflectors(alone, _among_reflectors(estimates, model))
+    without_reflectors = model.detection_births.stationary(slower, bound)
+    return stationary.among_reflectors(without_reflectors, _among_reflectors(estimates, model))
 
 
 def _among_reflectors(estimates: Estimates, model: TrackerModel) -> FloatArray:
@@ -155,52 +155,52 @@ def _next_columns(
     A detection raises the odds of existence. The odds of a track that is missed are corrected by
     its own record.
     """
-    count, at = len(tracks.label), 0
+    count, record = len(tracks.label), 0
     detected_ns, state = np.full(count, stamp_ns), np.full(count, TENTATIVE)
     expected, missed, factor = np.zeros(count), np.zeros(count), np.ones(count)
-    for one in range(count):
-        kind, weight = tracks.class_id[one], tracks.existence[one]
-        miss_probability, odds = tracks.miss_probability[one], _odds(weight)
-        while at < len(label) and label[at] < tracks.label[one]:
-            at += 1
-        known = at < len(label) and label[at] == tracks.label[one]
+    for track in range(count):
+        class_id, weight = tracks.class_id[track], tracks.existence[track]
+        miss_probability, odds = tracks.miss_probability[track], _odds(weight)
+        while record < len(label) and label[record] < tracks.label[track]:
+            record += 1
+        has_record = record < len(label) and label[record] == tracks.label[track]
         covered = lower = is_missed = False
-        before = TENTATIVE
-        if known:
-            detected_ns[one], before = detected_before_ns[at], state_before[at]
-            expected[one], missed[one] = expected_before[at], missed_before[at]
-            factor[one], covered = factor_before[at], miss_probability < MAX_MISS_PROBABILITY
-            intervals = (stamp_ns - latest_ns[at]) / durations.interval
-            lower = odds < _odds(existence_before[at] * survival[kind] ** intervals)
+        previous_state = TENTATIVE
+        if has_record:
+            detected_ns[track], previous_state = detected_before_ns[record], state_before[record]
+            expected[track], missed[track] = expected_before[record], missed_before[record]
+            factor[track], covered = factor_before[record], miss_probability < MAX_MISS_PROBABILITY
+            intervals = (stamp_ns - latest_ns[record]) / durations.interval
+            lower = odds < _odds(existence_before[record] * survival[class_id] ** intervals)
             # A target at the edge of two slices is detected in one of them; the other is no miss.
-            same_turn = stamp_ns - detected_ns[one] < durations.same_turn
+            same_turn = stamp_ns - detected_ns[track] < durations.same_turn
             is_missed = covered and lower and not same_turn
-        is_detected = not known or (covered and not lower)
-        tentative, prior = before == TENTATIVE, record_weight[kind]
+        is_detected = not has_record or (covered and not lower)
+        tentative, prior = previous_state == TENTATIVE, record_weight[class_id]
         if is_missed:
-            factor[one] *= (1.0 + missed[one] / prior) / (1.0 + expected[one] / prior)
+            factor[track] *= (1.0 + missed[track] / prior) / (1.0 + expected[track] / prior)
         if is_detected or math.isinf(prior):
-            factor[one] = 1.0
+            factor[track] = 1.0
         existence = weight
-        if factor[one] != 1.0:
-            existence = odds * factor[one] / (1.0 + odds * factor[one])
+        if factor[track] != 1.0:
+            existence = odds * factor[track] / (1.0 + odds * factor[track])
         if is_detected:
-            detected_ns[one] = stamp_ns
-        since_ns = stamp_ns - detected_ns[one]
+            detected_ns[track] = stamp_ns
+        since_ns = stamp_ns - detected_ns[track]
         long_ago = since_ns > durations.patience
         if tentative:
-            reported = weight > confirm[kind]
+            reported = weight > confirm[class_id]
         else:
-            lowest = hidden[kind] if long_ago and not covered else delete[kind]
-            reported = existence >= lowest and weight >= min(MIN_EXISTENCE, delete[kind])
+            lowest = hidden[class_id] if long_ago and not covered else delete[class_id]
+            reported = existence >= lowest and weight >= min(MIN_EXISTENCE, delete[class_id])
         bound = MAX_STATIONARY_TO_CONFIRM if tentative else MAX_STATIONARY_CONFIRMED
         recent = is_detected or covered or since_ns <= durations.coasting
-        if reported and recent and tracks.stationary[one] <= bound:
-            stays = not is_detected and before == COASTING
-            state[one] = COASTING if is_missed or long_ago or stays else CONFIRMED
+        if reported and recent and tracks.stationary[track] <= bound:
+            stays = not is_detected and previous_state == COASTING
+            state[track] = COASTING if is_missed or long_ago or stays else CONFIRMED
         if (is_missed or is_detected) and not tentative:
-            expected[one] += miss_probability
-            missed[one] += is_missed
+            expected[track] += miss_probability
+            missed[track] += is_missed
     return detected_ns, state, expected, missed, factor
 
 
@@ -239,20 +239,20 @@ class TrackStates:
             return self._of_reported_classes(estimates)
         order = estimates.track_id.argsort(kind="stable")
         labelled = order[estimates.track_id[order] > 0]
-        records = self._next(estimates, labelled, scan, model)
-        before, held = self._records, np.array(sorted(unswept_ns), dtype=np.int64)
-        kept = contains(held, before.stamp_ns) & ~contains(swept, before.label - 1)
+        records = self._next_records(estimates, labelled, scan, model)
+        previous, unswept_stamps = self._records, np.array(sorted(unswept_ns), dtype=np.int64)
+        is_kept = contains(unswept_stamps, previous.stamp_ns) & ~contains(swept, previous.label - 1)
         # A scan of a whole turn leaves none of the earlier records.
-        self._records = before.then(records, kept) if kept.any() else records
+        self._records = previous.then(records, is_kept) if is_kept.any() else records
         state = np.where(estimates.weight > self.rule.delete.min(), CONFIRMED, TENTATIVE)
         state[labelled] = records.state
-        known = (state != TENTATIVE) & self.rule.reported[estimates.class_id]
-        return estimates.changed(track_state=state).select(known)
+        is_reported = (state != TENTATIVE) & self.rule.reported[estimates.class_id]
+        return estimates.changed(track_state=state).select(is_reported)
 
     def _of_reported_classes(self, estimates: Estimates) -> Estimates:
         return estimates.select(self.rule.reported[estimates.class_id])
 
-    def _next(
+    def _next_records(
         self, estimates: Estimates, rows: IntArray, scan: Scan, model: TrackerModel
     ) -> ConfirmationRecords:
         """Return the records of a scan's tracks; `rows` has these by ascending label."""
@@ -305,9 +305,9 @@ class TrackStates:
         track = estimates.track_id
         confirmed = self._records.label[self._records.state != TENTATIVE]
         noted = self._noted.labels_since(estimates.stamp_ns)
-        kept = contains(confirmed, track) | contains(noted, track) | (track == 0)
-        kept &= estimates.weight >= self.rule.delete[estimates.class_id]
-        estimates = estimates.select(kept)
+        is_reported = contains(confirmed, track) | contains(noted, track) | (track == 0)
+        is_reported &= estimates.weight >= self.rule.delete[estimates.class_id]
+        estimates = estimates.select(is_reported)
         return estimates.changed(track_state=self._noted.states(estimates))
 
     def to_snapshot(self, snapshot: Snapshot) -> None:

@@ -41,10 +41,10 @@ class ConfirmationRecords(NamedTuple):
         none, nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
         return ConfirmationRecords(none, none, none, nothing, none, nothing, nothing, nothing)
 
-    def then(self, later: ConfirmationRecords, kept: BoolArray) -> ConfirmationRecords:
+    def then(self, later: ConfirmationRecords, is_kept: BoolArray) -> ConfirmationRecords:
         """Return those of these records that are kept, and later ones, by ascending label."""
         order = np.concatenate([self.label, later.label]).argsort(kind="stable")
-        order = order[np.concatenate([kept, np.ones(later.label.size, dtype=np.bool_)])[order]]
+        order = order[np.concatenate([is_kept, np.ones(later.label.size, dtype=np.bool_)])[order]]
         columns = zip(self, later, strict=True)
         return ConfirmationRecords._make([np.concatenate(pair)[order] for pair in columns])
 
@@ -68,8 +68,8 @@ class PastStates:
 
     def labels_since(self, stamp_ns: int) -> IntArray:
         """Return the labels that have a state at a stamp from this one on, ascending."""
-        found = [label for label, latest_ns in self.latest_ns.items() if latest_ns >= stamp_ns]
-        return np.array(sorted(found), dtype=np.int64)
+        labels = [label for label, latest_ns in self.latest_ns.items() if latest_ns >= stamp_ns]
+        return np.array(sorted(labels), dtype=np.int64)
 
     def then(self, published: Estimates) -> PastStates:
         """Return these states, and those of estimates of a later stamp."""
@@ -92,12 +92,14 @@ class PastStates:
         """
         label, noted = estimates.track_id.tolist(), self.at.get(estimates.stamp_ns, {})
         state = {**dict.fromkeys(label, TENTATIVE), 0: CONFIRMED, **noted}
-        return np.array([state[one] for one in label], dtype=np.int64)
+        return np.array([state[track_id] for track_id in label], dtype=np.int64)
 
     @property
     def columns(self) -> NotedStates:
         """The states as columns."""
-        rows = [(at, *pair) for at, states in self.at.items() for pair in states.items()]
+        rows = [
+            (stamp_ns, *pair) for stamp_ns, states in self.at.items() for pair in states.items()
+        ]
         return NotedStates(*np.array(rows, dtype=np.int64).reshape(-1, 3).T)
 
     @staticmethod

@@ -62,9 +62,9 @@ class LastSeen(NamedTuple):
     def may_be_at(self, position: Sequence[float], stamp_ns: int, reach: Reach) -> bool:
         """Return whether the aircraft can be at a position at an earlier or later time."""
         since_s = abs(stamp_ns - self.stamp_ns) * 1e-9
-        moved = float(np.hypot(position[0] - self.position[0], position[1] - self.position[1]))
-        allowed = max(reach.speed, self.speed) * since_s + MARGIN
-        return since_s <= reach.kept_s and moved <= allowed
+        distance = float(np.hypot(position[0] - self.position[0], position[1] - self.position[1]))
+        reachable = max(reach.speed, self.speed) * since_s + MARGIN
+        return since_s <= reach.kept_s and distance <= reachable
 
 
 class Seen(NamedTuple):
@@ -87,8 +87,8 @@ class KnownAircraft:
 
     def __post_init__(self) -> None:
         self._of_address = {}
-        for number, last in self.seen.items():
-            self._of_address.setdefault(last.address, set()).add(number)
+        for number, last_seen in self.seen.items():
+            self._of_address.setdefault(last_seen.address, set()).add(number)
 
     def number_of(
         self, address: int, position: Sequence[float], stamp_ns: int, reach: Reach
@@ -108,12 +108,12 @@ class KnownAircraft:
         """Store the positions of confirmed tracks, and drop aircraft not seen for too long."""
         if estimates.attributes is None:
             return
-        known = (estimates.attributes.address != UNKNOWN) & (estimates.track_id > 0)
+        has_address = (estimates.attributes.address != UNKNOWN) & (estimates.track_id > 0)
         speed = np.hypot(*estimates.velocity.T)
-        for row in np.flatnonzero(known & (estimates.track_state == CONFIRMED)).tolist():
+        for row in np.flatnonzero(has_address & (estimates.track_state == CONFIRMED)).tolist():
             number, (x, y) = int(estimates.track_id[row]), estimates.position[row].tolist()
-            before = self.seen.get(number)
-            if before is not None and before.stamp_ns > estimates.stamp_ns:
+            last_seen = self.seen.get(number)
+            if last_seen is not None and last_seen.stamp_ns > estimates.stamp_ns:
                 continue
             self._forget(number)
             address = int(estimates.attributes.address[row])

@@ -45,13 +45,13 @@ class Region:
 
     def select_detections(self, detections: Detections, sensor: Sensor) -> Detections:
         """Return a sensor's detections in the core region or its margin."""
-        place = sensor.at(detections.pose).to_world(detections.measurement)
-        inside = self.covers(place)
+        position = sensor.at(detections.pose).to_world(detections.measurement)
+        inside = self.covers(position)
         return detections if inside.all() else detections.take(np.flatnonzero(inside))
 
-    def select_estimates(self, found: tuple[Estimates, ...]) -> tuple[Estimates, ...]:
+    def select_estimates(self, estimates: tuple[Estimates, ...]) -> tuple[Estimates, ...]:
         """Return the estimates of each stamp in the core region or its margin."""
-        return tuple(each.select(self.covers(each.position)) for each in found)
+        return tuple(targets.select(self.covers(targets.position)) for targets in estimates)
 
 
 @dataclass(frozen=True)
@@ -62,6 +62,6 @@ class Everywhere:
         """Return all detections."""
         return detections
 
-    def select_estimates(self, found: tuple[Estimates, ...]) -> tuple[Estimates, ...]:
+    def select_estimates(self, estimates: tuple[Estimates, ...]) -> tuple[Estimates, ...]:
         """Return all estimates."""
-        return found
+        return estimates

@@ -32,7 +32,7 @@ _SPREAD = 1e-3
 _MIN_EIGENVALUE = 2e-6
 
 
-def match(one: Estimates, other: Estimates, moving: bool = False) -> tuple[IntArray, IntArray]:
+def match(first: Estimates, second: Estimates, moving: bool = False) -> tuple[IntArray, IntArray]:
     """Match two sets of estimates of one stamp, and return the rows of the same targets, in pairs.
 
     The assignment minimises the total square Mahalanobis distance of positions, and of velocities
@@ -45,45 +45,46 @@ def match(one: Estimates, other: Estimates, moving: bool = False) -> tuple[IntAr
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
-    if not (len(one) and len(other)):
+    if not (len(first) and len(second)):
         none = np.zeros(0, dtype=np.int64)
         return none, none
     gate = MOVING_GATE if moving else GATE
-    axes = [*one.space.position, *(one.space.velocity if moving else ())]
-    rows, columns = _neighbours(one, other)
-    cost = _square_distance(one, other, rows, columns, axes)
-    near = cost <= gate
+    axes = [*first.space.position, *(first.space.velocity if moving else ())]
+    rows, columns = _neighbours(first, second)
+    cost = _square_distance(first, second, rows, columns, axes)
+    in_gate = cost <= gate
     # A column of its own leaves a target unmatched. The sparse matrix drops weights of zero.
-    own = np.arange(len(one))
-    edge = np.concatenate([cost[near], np.full(len(one), _NO_MATCH)]) + 1.0
-    start = np.concatenate([rows[near], own])
-    end = np.concatenate([columns[near], len(other) + own])
+    unmatched = np.arange(len(first))
+    edge = np.concatenate([cost[in_gate], np.full(len(first), _NO_MATCH)]) + 1.0
+    start = np.concatenate([rows[in_gate], unmatched])
+    end = np.concatenate([columns[in_gate], len(second) + unmatched])
     # SciPy before 1.15 matches only with indices of four bytes.
-    at = start.astype(np.int32), end.astype(np.int32)
-    edges = csr_array((edge, at), shape=(len(one), len(other) + len(one)))
+    indices = start.astype(np.int32), end.astype(np.int32)
+    edges = csr_array((edge, indices), shape=(len(first), len(second) + len(first)))
     row, column = min_weight_full_bipartite_matching(edges)
-    pairs = column < len(other)
+    pairs = column < len(second)
     return row[pairs].astype(np.int64), column[pairs].astype(np.int64)
 
 
-def _neighbours(one: Estimates, other: Estimates) -> tuple[IntArray, IntArray]:
+def _neighbours(first: Estimates, second: Estimates) -> tuple[IntArray, IntArray]:
     """Return the pairs of each target of the first set with its nearest ones of the second."""
     from scipy.spatial import KDTree
 
     query, point = (
-        np.column_stack([own.position, np.linspace(0.0, _SPREAD, len(own))]) for own in (one, other)
+        np.column_stack([estimates.position, np.linspace(0.0, _SPREAD, len(estimates))])
+        for estimates in (first, second)
     )
-    count = min(NEIGHBOURS, len(other))
-    found = KDTree(point).query(query, k=np.arange(1, count + 1))[1]
-    return np.arange(len(one)).repeat(count), found.ravel().astype(np.int64)
+    count = min(NEIGHBOURS, len(second))
+    nearest = KDTree(point).query(query, k=np.arange(1, count + 1))[1]
+    return np.arange(len(first)).repeat(count), nearest.ravel().astype(np.int64)
 
 
 def _square_distance(
-    one: Estimates, other: Estimates, rows: IntArray, columns: IntArray, axes: list[int]
+    first: Estimates, second: Estimates, rows: IntArray, columns: IntArray, axes: list[int]
 ) -> FloatArray:
     """Return the square Mahalanobis distance of each pair."""
-    apart = one.state[rows][:, axes] - other.state[columns][:, axes]
-    spread = (one.covariance[rows] + other.covariance[columns])[:, axes][:, :, axes]
+    difference = first.state[rows][:, axes] - second.state[columns][:, axes]
+    spread = (first.covariance[rows] + second.covariance[columns])[:, axes][:, :, axes]
     # A metre, and a metre per second, of slack keep small covariances regular. The slack is lost by
     # rounding in very large ones; therefore their correlations have slack too.
     spread = spread + np.eye(len(axes))
@@ -94,9 +95,9 @@ def _square_distance(
     correlation = spread / (scale[:, :, None] * scale[:, None]) + _MIN_EIGENVALUE * np.eye(
         len(axes)
     )
-    apart = apart / scale
+    difference = difference / scale
     squared: FloatArray = np.einsum(
-        "pk,pk->p", apart, np.linalg.solve(correlation, apart[..., None])[..., 0]
+        "pk,pk->p", difference, np.linalg.solve(correlation, difference[..., None])[..., 0]
     )
     return np.maximum(squared, 0.0)
 
@@ -119,10 +120,10 @@ def continue_numbers(
         for label, number in {**earlier, **latest}.items()
         if birth_scan(np.array(label - 1)) < first
     }
-    given = np.array([label for label in latest if label not in numbers], dtype=np.int64)
-    old = before.select(np.isin(before.track_id, given))
-    young = birth_scan(after.track_id - 1) >= first
-    new = after.select(young & (after.track_id > 0))
-    for row, column in zip(*match(old, new), strict=True):
-        numbers[int(new.track_id[column])] = latest[int(old.track_id[row])]
+    renumbered = np.array([label for label in latest if label not in numbers], dtype=np.int64)
+    before_young = before.select(np.isin(before.track_id, renumbered))
+    is_young = birth_scan(after.track_id - 1) >= first
+    after_young = after.select(is_young & (after.track_id > 0))
+    for row, column in zip(*match(before_young, after_young), strict=True):
+        numbers[int(after_young.track_id[column])] = latest[int(before_young.track_id[row])]
     return numbers

@@ -90,7 +90,7 @@ def rule_of(
         above = np.full(len(classes), confirm or UNLABELLED_THRESHOLD)
         return ReportingRule(above, above, above, reported, never, labelled=False)
     coasting_s = coasting_scans * slowest_s(model)
-    misses = [_misses(kind, model.radars) for kind in classes]
+    misses = [_miss_probabilities(target_class, model.radars) for target_class in classes]
     p = 1.0 - np.array([missed.mean() for missed in misses])
     above = np.full(len(classes), confirm) if confirm else (1.0 + p) / (2.0 + p)
     if delete:
@@ -100,13 +100,15 @@ def rule_of(
     weight = never
     if not isinstance(model.amplitudes, Memory):  # `Memory` estimates each target's own SNR
         weight = np.array([_record_weight(missed) for missed in misses])
-    below, hidden = (np.minimum(1.0 / (2.0 + again), above) for again in (p, 0.0))
+    below, hidden = (
+        np.minimum(1.0 / (2.0 + return_probability), above) for return_probability in (p, 0.0)
+    )
     return ReportingRule(above, below, hidden, reported, weight, coasting_s=coasting_s)
 
 
-def _misses(kind: ClassModel, sensors: tuple[Sensor, ...]) -> FloatArray:
+def _miss_probabilities(target_class: ClassModel, sensors: tuple[Sensor, ...]) -> FloatArray:
     """Return the probability that all sensors miss a target, at points of its class's SNR band."""
-    low, high = np.log1p(kind.snr_band)
+    low, high = np.log1p(target_class.snr_band)
     log_snr = low + (high - low) * (np.arange(SNR_POINTS) + 0.5) / SNR_POINTS
     missed = np.ones(SNR_POINTS)
     for sensor in sensors:

@@ -60,16 +60,18 @@ class TrackNumbers:
         if reach is None or estimates.attributes is None:
             return self._with_numbers(estimates)
         address, label = estimates.attributes.address.tolist(), estimates.track_id.tolist()
-        for row in [row for row, one in enumerate(label) if one and one not in self._number]:
+        for row in [
+            row for row, track_id in enumerate(label) if track_id and track_id not in self._number
+        ]:
             if address[row] != UNKNOWN:
-                place = estimates.position[row].tolist(), estimates.stamp_ns
-                again = self.aircraft.number_of(address[row], *place, reach)
-                if again is not None:
-                    self._number[label[row]] = again
+                position_and_stamp = estimates.position[row].tolist(), estimates.stamp_ns
+                former_number = self.aircraft.number_of(address[row], *position_and_stamp, reach)
+                if former_number is not None:
+                    self._number[label[row]] = former_number
         self._join(estimates)
         self._separate(estimates)
         numbered = self._with_numbers(estimates)
-        numbered = numbered.take(_best(numbered))
+        numbered = numbered.take(_best_rows(numbered))
         self.aircraft.note(numbered, reach)
         return numbered
 
@@ -78,11 +80,11 @@ class TrackNumbers:
         if estimates.attributes is None:
             return
         address = np.where(estimates.track_id > 0, estimates.attributes.address, UNKNOWN)
-        for one, other in _pairs(address, UNKNOWN):
-            labels = estimates.track_id[[one, other]].tolist()
-            given = [self._number[label] for label in labels if label in self._number]
-            if given and _distance(estimates, one, other) <= MARGIN:
-                self._number.update(dict.fromkeys(labels, min(given)))
+        for first, second in _pairs_of_equal(address, UNKNOWN):
+            labels = estimates.track_id[[first, second]].tolist()
+            numbers = [self._number[label] for label in labels if label in self._number]
+            if numbers and _distance(estimates, first, second) <= MARGIN:
+                self._number.update(dict.fromkeys(labels, min(numbers)))
 
     def _separate(self, estimates: Estimates) -> None:
         """Withdraw a shared number from the younger of two confirmed tracks.
@@ -91,18 +93,18 @@ class TrackNumbers:
         """
         confirmed = estimates.track_state == CONFIRMED
         number = [self._number.get(label, 0) for label in estimates.track_id.tolist()]
-        for one, other in _pairs(np.where(confirmed, number, 0), 0):
-            if _distance(estimates, one, other) > MARGIN:
-                self._number.pop(int(estimates.track_id[[one, other]].max()), None)
+        for first, second in _pairs_of_equal(np.where(confirmed, number, 0), 0):
+            if _distance(estimates, first, second) > MARGIN:
+                self._number.pop(int(estimates.track_id[[first, second]].max()), None)
 
     def _with_numbers(self, estimates: Estimates) -> Estimates:
         """Return the estimates with the numbers of their labels; new labels get the next ones."""
-        known, label = self._number, estimates.track_id.tolist()
-        for one in label:
-            if one and one not in known:
+        number_of, label = self._number, estimates.track_id.tolist()
+        for track_id in label:
+            if track_id and track_id not in number_of:
                 self.count += 1
-                known[one] = self.count
-        numbers = [known[one] if one else 0 for one in label]
+                number_of[track_id] = self.count
+        numbers = [number_of[track_id] if track_id else 0 for track_id in label]
         return estimates.changed(track_id=np.array(numbers, dtype=np.int64))
 
     @property
@@ -113,7 +115,7 @@ class TrackNumbers:
     def to_snapshot(self, snapshot: Snapshot) -> None:
         """Store the numbers in a snapshot."""
         label, number = (
-            np.array([*part], dtype=np.int64) for part in (self._number, self._number.values())
+            np.array([*values], dtype=np.int64) for values in (self._number, self._number.values())
         )
         to_snapshot(Numbers(self.count, label, number), snapshot, "numbers")
         self.aircraft.to_snapshot(snapshot)
@@ -151,22 +153,22 @@ class NoNumbers(TrackNumbers):
         """Keep all numbers: there are none to drop."""
 
 
-def _pairs(value: IntArray, none: int) -> Iterator[tuple[int, int]]:
+def _pairs_of_equal(value: IntArray, none: int) -> Iterator[tuple[int, int]]:
     """Yield the pairs of rows with the same value, except for the value `none`."""
-    known, count = np.unique(value[value != none], return_counts=True)
-    for same in known[count > 1]:
-        yield from itertools.combinations(np.flatnonzero(value == same).tolist(), 2)
+    distinct, count = np.unique(value[value != none], return_counts=True)
+    for shared in distinct[count > 1]:
+        yield from itertools.combinations(np.flatnonzero(value == shared).tolist(), 2)
 
 
-def _distance(estimates: Estimates, one: int, other: int) -> float:
+def _distance(estimates: Estimates, first: int, second: int) -> float:
     """Return the distance of two estimates, metres."""
-    return float(np.hypot(*(estimates.position[one] - estimates.position[other])))
+    return float(np.hypot(*(estimates.position[first] - estimates.position[second])))
 
 
-def _best(estimates: Estimates) -> IntArray:
+def _best_rows(estimates: Estimates) -> IntArray:
     """Return the rows of the best estimate of each number, and all without a number."""
     number = estimates.track_id
     rank = np.array([PREFERENCE[state] for state in estimates.track_state.tolist()], dtype=np.int64)
     order = np.lexsort((-estimates.weight, rank, number))
-    first = np.append(True, np.diff(number[order]) > 0)[: len(order)] | (number[order] == 0)
-    return np.sort(order[first])
+    is_best = np.append(True, np.diff(number[order]) > 0)[: len(order)] | (number[order] == 0)
+    return np.sort(order[is_best])
