@@ -60,9 +60,9 @@ def expand(owner: IntArray, start: IntArray, count: IntArray) -> tuple[IntArray,
     Interval i of query ``owner[i]`` has the indices from ``start[i]`` to ``start[i] + count[i]``,
     the last excluded.
     """
-    place = np.arange(count.sum())
-    place += (start - np.cumsum(count) + count).repeat(count)
-    return owner.repeat(count), place
+    index = np.arange(count.sum())
+    index += (start - np.cumsum(count) + count).repeat(count)
+    return owner.repeat(count), index
 
 
 def block_columns(value: FloatArray, row: IntArray, block: IntArray, axes: IntArray) -> FloatArray:
@@ -75,14 +75,16 @@ def block_columns(value: FloatArray, row: IntArray, block: IntArray, axes: IntAr
     return columns
 
 
-def near_chunks(found: Candidates) -> Iterator[Pairs]:
+def near_chunks(candidates: Candidates) -> Iterator[Pairs]:
     """Test candidates chunk by chunk; yield the near pairs in order."""
-    for part in chunks(found.count, CHUNK_PAIRS):
-        owner, start, count = found.owner[part], found.start[part], found.count[part]
-        query, place, square = _near_pairs(
-            found.query, found.point, found.limit, owner, start, count
+    for chunk in chunks(candidates.count, CHUNK_PAIRS):
+        owner = candidates.owner[chunk]
+        start = candidates.start[chunk]
+        count = candidates.count[chunk]
+        query, position, square = _near_pairs(
+            candidates.query, candidates.point, candidates.limit, owner, start, count
         )
-        yield Pairs(query, found.rank.take(place), square)
+        yield Pairs(query, candidates.rank.take(position), square)
 
 
 def _near_pairs(
@@ -97,15 +99,15 @@ def _near_pairs(
 
     For the parameters see `Candidates`; the intervals may be a part of all.
     """
-    row, place = expand(owner, start, count)
+    row, position = expand(owner, start, count)
     square = np.zeros(len(row))
     # The searched axes leave few false candidates, so that the first test uses three axes at once.
     for axes in (range(min(3, len(query))), range(3, len(query))):
         for axis in axes:
-            apart = point[axis].take(place)
-            apart -= query[axis].take(row)
-            apart *= apart
-            square += apart
-        near = np.flatnonzero(square <= limit.take(row))
-        row, place, square = row.take(near), place.take(near), square.take(near)
-    return row, place, square
+            difference = point[axis].take(position)
+            difference -= query[axis].take(row)
+            difference *= difference
+            square += difference
+        inside = np.flatnonzero(square <= limit.take(row))
+        row, position, square = row.take(inside), position.take(inside), square.take(inside)
+    return row, position, square

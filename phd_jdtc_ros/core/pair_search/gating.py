@@ -80,15 +80,15 @@ def _gates(measured: FloatArray, range_gate: float, azimuth_gate: float) -> tupl
     low, high = (
         np.floor((azimuth + sign * reach + np.pi) * (azimuths / FULL_TURN)) for sign in (-1.0, 1.0)
     )
-    seen = np.flatnonzero((high >= 0.0) & (low < azimuths))
-    detection, distance, azimuth = detection[seen], distance[seen], azimuth[seen]
-    first_azimuth = np.maximum(low[seen], 0.0).astype(np.int64)
-    last_azimuth = np.minimum(high[seen], azimuths - 1).astype(np.int64)
+    in_turn = np.flatnonzero((high >= 0.0) & (low < azimuths))
+    detection, distance, azimuth = detection[in_turn], distance[in_turn], azimuth[in_turn]
+    first_azimuth = np.maximum(low[in_turn], 0.0).astype(np.int64)
+    last_azimuth = np.minimum(high[in_turn], azimuths - 1).astype(np.int64)
     reach = range_gate * MARGIN
     first_range = (np.maximum(distance - reach, 0.0) / range_width).astype(np.int64)
     last_range = np.minimum((distance + reach) / range_width, ranges - 1).astype(np.int64)
-    touched = first_azimuth, last_azimuth, first_range, last_range
-    return Cells((azimuths, ranges), range_width), _Gates(detection, distance, azimuth, *touched)
+    cells = first_azimuth, last_azimuth, first_range, last_range
+    return Cells((azimuths, ranges), range_width), _Gates(detection, distance, azimuth, *cells)
 
 
 def cell_lists(measured: FloatArray, range_gate: float, azimuth_gate: float) -> CellLists:
@@ -101,9 +101,9 @@ def cell_lists(measured: FloatArray, range_gate: float, azimuth_gate: float) -> 
     across = gates.last_range - gates.first_range + 1
     size = across * (gates.last_azimuth - gates.first_azimuth + 1)
     entry = np.repeat(np.arange(len(size)), size)
-    within = np.arange(len(entry)) - (np.cumsum(size) - size)[entry]
-    azimuth_cell = gates.first_azimuth[entry] + within // across[entry]
-    cell = azimuth_cell * (ranges + 1) + gates.first_range[entry] + within % across[entry]
+    offset = np.arange(len(entry)) - (np.cumsum(size) - size)[entry]
+    azimuth_cell = gates.first_azimuth[entry] + offset // across[entry]
+    cell = azimuth_cell * (ranges + 1) + gates.first_range[entry] + offset % across[entry]
     entry = entry[np.argsort(cell, kind="stable")]
     number = np.bincount(cell, minlength=azimuths * (ranges + 1))
     start = np.concatenate([[0], np.cumsum(number)])
@@ -145,19 +145,19 @@ def near_detections(
     distance, azimuth = np.ascontiguousarray((predicted / std).T)
     listed_range, listed_azimuth = lists.range / std[0], lists.azimuth / std[1]
     scaled_gate = azimuth_gate / float(std[1])
-    found = [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))]
-    for part in chunks(count, CHUNK_PAIRS):
-        particle, slot = expand(owner[part], begin[part], count[part])
-        range_error = listed_range.take(slot) - distance.take(particle)
-        azimuth_error = listed_azimuth.take(slot) - azimuth.take(particle)
+    results = [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))]
+    for chunk in chunks(count, CHUNK_PAIRS):
+        particle, entry = expand(owner[chunk], begin[chunk], count[chunk])
+        range_error = listed_range.take(entry) - distance.take(particle)
+        azimuth_error = listed_azimuth.take(entry) - azimuth.take(particle)
         square = range_error * range_error
         square += azimuth_error * azimuth_error
-        near = square <= sigmas * sigmas
+        is_near = square <= sigmas * sigmas
         # Half open: a detection exactly half a turn away is found on one side only.
-        near &= azimuth_error >= -scaled_gate
-        near &= azimuth_error < scaled_gate
-        kept = np.flatnonzero(near)
-        detection = lists.detection.take(slot.take(kept))
-        found.append((particle.take(kept), detection, square.take(kept)))
-    particles, detections, squares = zip(*found, strict=True)
+        is_near &= azimuth_error >= -scaled_gate
+        is_near &= azimuth_error < scaled_gate
+        inside = np.flatnonzero(is_near)
+        detection = lists.detection.take(entry.take(inside))
+        results.append((particle.take(inside), detection, square.take(inside)))
+    particles, detections, squares = zip(*results, strict=True)
     return np.concatenate(particles), np.concatenate(detections), np.concatenate(squares)

@@ -36,33 +36,35 @@ def grid_candidates(
     by_axis = np.ascontiguousarray(point.T)
     low, extent = _extents(by_axis, point_group, groups)
     axes = np.argsort(-extent, axis=1, kind="stable")[:, :2]
-    corner, wide = (np.take_along_axis(each, axes, axis=1).T for each in (low, extent))
+    corner, grid_extent = (np.take_along_axis(column, axes, axis=1).T for column in (low, extent))
     finest = np.array([[radius / ASPECT], [radius]])
     points = np.bincount(point_group, minlength=groups)
-    cells, most = wide / finest, MAX_CELLS_PER_POINT * np.maximum(points, 1)
+    cells, most = grid_extent / finest, MAX_CELLS_PER_POINT * np.maximum(points, 1)
     # The second bound applies to points on a line, whose area is zero.
     coarser = np.maximum(np.sqrt(cells.prod(axis=0) / most), cells.max(axis=0) / most)
     width = finest * np.maximum(coarser, 1.0)
-    across, down = (wide / width).astype(np.int64) + 1
+    across, down = (grid_extent / width).astype(np.int64) + 1
     first = np.cumsum(across * down) - across * down
 
-    along, height = _places(point, point_group, axes, corner, width)
+    along, height = _grid_positions(point, point_group, axes, corner, width)
     cell = first.take(point_group) + along.astype(np.int64)
     cell += height.astype(np.int64) * across.take(point_group)
-    rank, begin = _by_cell(cell, int((across * down).sum()))
+    rank, begin = _sort_by_cell(cell, int((across * down).sum()))
 
-    place = _places(query, query_group, axes, corner, width)
+    query_position = _grid_positions(query, query_group, axes, corner, width)
     grid = (first.take(query_group), across.take(query_group), down.take(query_group))
-    start, count = _rows_of_cells(place, grid, begin, (radius / width[1]).take(query_group))
-    kept = np.flatnonzero(count)
+    start, count = _rows_of_cells(
+        query_position, grid, begin, (radius / width[1]).take(query_group)
+    )
+    nonempty = np.flatnonzero(count)
     return Candidates(
         query=np.ascontiguousarray(query.T),
         point=by_axis.take(rank, axis=1),
         limit=np.full(len(query), radius**2),
         rank=rank,
-        owner=kept // start.shape[1],
-        start=start.ravel().take(kept),
-        count=count.ravel().take(kept),
+        owner=nonempty // start.shape[1],
+        start=start.ravel().take(nonempty),
+        count=count.ravel().take(nonempty),
     )
 
 
@@ -76,7 +78,7 @@ def _extents(by_axis: FloatArray, group: IntArray, groups: int) -> tuple[FloatAr
     return np.where(empty, 0.0, low), np.where(empty, 0.0, high - low)
 
 
-def _by_cell(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:
+def _sort_by_cell(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:
     """Return the points in the order of their cells, and the index at which each cell begins."""
     # Conversion to CSR is a counting sort, twice as fast as an argsort.
     column = np.arange(len(cell))
@@ -86,18 +88,21 @@ def _by_cell(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:
     return table.indices.astype(np.int64), table.indptr.astype(np.int64)
 
 
-def _places(
+def _grid_positions(
     value: FloatArray, group: IntArray, axes: IntArray, corner: FloatArray, width: FloatArray
 ) -> FloatArray:
     """Return the position of each row in its group's grid, in units of cells, shape (2, N)."""
-    place = block_columns(value, np.arange(len(value)), group, axes)
-    place -= corner.take(group, axis=1)
-    place /= width.take(group, axis=1)
-    return place
+    position = block_columns(value, np.arange(len(value)), group, axes)
+    position -= corner.take(group, axis=1)
+    position /= width.take(group, axis=1)
+    return position
 
 
 def _rows_of_cells(
-    place: FloatArray, grid: tuple[IntArray, IntArray, IntArray], begin: IntArray, reach: FloatArray
+    position: FloatArray,
+    grid: tuple[IntArray, IntArray, IntArray],
+    begin: IntArray,
+    reach: FloatArray,
 ) -> tuple[IntArray, IntArray]:
     """Return each query's candidates: an interval of points in each of three rows of cells.
 
@@ -106,18 +111,18 @@ def _rows_of_cells(
     begin, (cells + 1,), and `reach` the radius in units of a cell's height, at most one, (Q,). The
     intervals are starts and counts, (Q, 3).
     """
-    (along, height), (first, across, down) = place, grid
+    (along, height), (first, across, down) = position, grid
     start, count = (np.empty((len(along), 3), dtype=np.int64) for _ in range(2))
     middle, last = np.floor(height), across - 1.0
     for column, shift in enumerate((-1.0, 0.0, 1.0)):
         row = middle + shift
         # The circle is only as wide as its chord at this distance from the centre.
-        apart = np.maximum(np.maximum(row - height, height - row - 1.0) - ROUNDING, 0.0)
-        half = ASPECT * np.sqrt(np.maximum(reach * reach - apart * apart, 0.0)) + ROUNDING
-        line = first + across * np.minimum(np.maximum(row, 0.0), down - 1.0)
+        distance = np.maximum(np.maximum(row - height, height - row - 1.0) - ROUNDING, 0.0)
+        half = ASPECT * np.sqrt(np.maximum(reach * reach - distance * distance, 0.0)) + ROUNDING
+        first_cell = first + across * np.minimum(np.maximum(row, 0.0), down - 1.0)
         # Intervals are clipped to the grid: a query outside tests the cells at the edge in vain.
-        left = line + np.minimum(np.maximum(np.floor(along - half), 0.0), last)
-        right = line + np.minimum(np.maximum(np.floor(along + half), 0.0), last)
+        left = first_cell + np.minimum(np.maximum(np.floor(along - half), 0.0), last)
+        right = first_cell + np.minimum(np.maximum(np.floor(along + half), 0.0), last)
         start[:, column] = begin.take(left.astype(np.int64))
         count[:, column] = begin.take(right.astype(np.int64) + 1)
         count[:, column] -= start[:, column]

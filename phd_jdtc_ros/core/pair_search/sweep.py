@@ -66,21 +66,21 @@ def candidates(
     # The look-up is in sorted order, so that memory is read in order.
     sweep = np.argsort(centre)
     owner = owner[sweep]
-    looked_up = _look_up(
+    found = _look_up(
         key[rank], centre[sweep], above[sweep], reach[owner] / width, width, span, beyond
     )
     intervals = np.zeros((2, len(query), 2 * beyond + 1), dtype=np.int64)
-    intervals[:, owner] = looked_up.transpose(0, 2, 1)
+    intervals[:, owner] = found.transpose(0, 2, 1)
     start, count = intervals.reshape(2, -1)
-    kept = np.flatnonzero(count)
+    nonempty = np.flatnonzero(count)
     return Candidates(
         query=columns,
         point=block_columns(point, rank, point_block[rank], order),
         limit=reach**2,
         rank=rank,
-        owner=kept // (2 * beyond + 1),
-        start=start[kept],
-        count=count[kept],
+        owner=nonempty // (2 * beyond + 1),
+        start=start[nonempty],
+        count=count[nonempty],
     )
 
 
@@ -101,18 +101,18 @@ def _look_up(
     number of strips reached to either side. The intervals are starts and lengths, (2, 2 beyond + 1,
     M).
     """
-    found = np.empty((2, 2 * beyond + 1, len(centre)), dtype=np.int64)
+    intervals = np.empty((2, 2 * beyond + 1, len(centre)), dtype=np.int64)
     rounding = 4.0 * np.spacing(key[-1] + span)
     for shift in range(-beyond, beyond + 1):
         # The circle is only as wide as its chord at this distance from the centre.
-        apart = np.maximum(np.maximum(shift - above, above - shift - 1.0) - ROUNDING, 0.0)
-        square = radius * radius - apart * apart
+        distance = np.maximum(np.maximum(shift - above, above - shift - 1.0) - ROUNDING, 0.0)
+        square = radius * radius - distance * distance
         half = width * np.sqrt(np.maximum(square, 0.0)) + rounding
         middle = centre + shift * span
         start = key.searchsorted(middle - half, side="left")
-        found[0, shift + beyond] = start
-        found[1, shift + beyond] = key.searchsorted(middle + half, side="right") - start
-    return found
+        intervals[0, shift + beyond] = start
+        intervals[1, shift + beyond] = key.searchsorted(middle + half, side="right") - start
+    return intervals
 
 
 def _selective_axes(
@@ -131,22 +131,25 @@ def _selective_axes(
     size = query.shape[1]
     order = np.tile(np.arange(size), (blocks, 1))
     for block in range(blocks):
-        own, others = np.flatnonzero(query_block == block), np.flatnonzero(point_block == block)
-        if len(own) == 0 or len(others) == 0:
+        query_rows = np.flatnonzero(query_block == block)
+        point_rows = np.flatnonzero(point_block == block)
+        if len(query_rows) == 0 or len(point_rows) == 0:
             continue
         # The sample grows with the targets: pairs that are near in two axes become rare.
-        some, rest = (
+        query_sample, point_sample = (
             coordinates[rows[:: max(1, len(rows) // (SAMPLE + len(rows) // SPARSE))]].T
-            for coordinates, rows in ((query, own), (point, others))
+            for coordinates, rows in ((query, query_rows), (point, point_rows))
         )
-        near = (np.abs(some[:, :, None] - rest[:, None]) <= radius).reshape(size, -1)
-        indicator = near.astype(np.float32)  # counts are exact and products fast
-        together = (indicator @ indicator.T).astype(np.float64)
-        alone = together.diagonal()
+        is_near = (np.abs(query_sample[:, :, None] - point_sample[:, None]) <= radius).reshape(
+            size, -1
+        )
+        indicator = is_near.astype(np.float32)  # counts are exact and products fast
+        near_on_both = (indicator @ indicator.T).astype(np.float64)
+        near_on_one = near_on_both.diagonal()
         # The count of pairs near in both axes is small and noisy. The count expected of independent
         # axes is added.
-        left = together + np.outer(alone, alone) / near.shape[1]
-        np.fill_diagonal(left, np.inf)
-        best = divmod(int(left.argmin()), size)
+        expected_pairs = near_on_both + np.outer(near_on_one, near_on_one) / is_near.shape[1]
+        np.fill_diagonal(expected_pairs, np.inf)
+        best = divmod(int(expected_pairs.argmin()), size)
         order[block] = [*best, *(axis for axis in range(size) if axis not in best)]
     return order

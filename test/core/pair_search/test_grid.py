@@ -68,9 +68,11 @@ def test_a_cloud_like_a_line_needs_no_more_cells_than_its_points_can_fill(axis, 
     point[1, axis] = 1e9
     group = np.zeros(2, dtype=np.int64)
     cells = []
-    by_cell = grid._by_cell
+    sort_by_cell = grid._sort_by_cell
     monkeypatch.setattr(
-        grid, "_by_cell", lambda cell, number: cells.append(number) or by_cell(cell, number)
+        grid,
+        "_sort_by_cell",
+        lambda cell, number: cells.append(number) or sort_by_cell(cell, number),
     )
 
     assert check(point, group, point, group, 7.5) == 2
