@@ -7,7 +7,7 @@ import numpy as np
 from scipy import sparse
 
 from phd_jdtc_ros.core.smc import prediction
-from phd_jdtc_ros.core.smc.particle_set import Aged, ParticleSet
+from phd_jdtc_ros.core.smc.particle_set import AgedParticles, ParticleSet
 from phd_jdtc_ros.core.smc.proposals.detections_in_plane import InPlane
 from phd_jdtc_ros.core.state_space import OMEGA
 from phd_jdtc_ros.core.types import Detections
@@ -113,7 +113,7 @@ def predict(particles, model, corrector, budget, dt, scan_index, rng):
     births = [(index, dt) for index in range(len(model.births))]
     nothing = InPlane(np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0))
     return prediction.predict(
-        [Aged(particles, dt)], births, nothing, model, corrector, budget, scan_index, rng
+        [AgedParticles(particles, dt)], births, nothing, model, corrector, budget, scan_index, rng
     )
 
 

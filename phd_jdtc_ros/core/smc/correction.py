@@ -48,12 +48,14 @@ def _poisson(particles: ParticleSet, claims: Claims) -> Corrected:
     total = claims.other + claimed
     total = np.where(total > 0.0, total, 1.0)
     pair = claims.mass / total.take(claims.column)
-    part = sparse.csr_array((pair, (claims.row, claims.column)), shape=(len(particles), size))
+    assigned = sparse.csr_array((pair, (claims.row, claims.column)), shape=(len(particles), size))
     missed = 1.0 - claims.detection_probability
     corrected = replace(
         particles,
         poisson=particles.poisson * missed,
-        components=sparse.hstack([scale_rows(particles.components, missed), part], format="csr"),
+        components=sparse.hstack(
+            [scale_rows(particles.components, missed), assigned], format="csr"
+        ),
         label=np.concatenate([particles.label, np.full(size, -1)]),
     )
     return Corrected(corrected, claimed / total, pair)

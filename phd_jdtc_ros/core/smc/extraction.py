@@ -51,10 +51,12 @@ def components(
     # Groups of the Poisson part are numbered after the components.
     first_group = parts.shape[1]
     poisson = np.flatnonzero(particles.poisson)
-    distinct, place = factorize(particles.row_label[poisson])
+    distinct, label_index = factorize(particles.row_label[poisson])
     classes = len(modes.classes)
     row = np.concatenate([np.arange(len(particles)).repeat(np.diff(parts.indptr)), poisson])
-    group = np.concatenate([parts.indices, first_group + place * classes + target_class[poisson]])
+    group = np.concatenate(
+        [parts.indices, first_group + label_index * classes + target_class[poisson]]
+    )
     weight = np.concatenate([parts.data, particles.poisson[poisson]])
     size = first_group + len(distinct) * classes
     mass = sum_by(group, weight, size)
@@ -62,8 +64,8 @@ def components(
     reported = np.flatnonzero(mass > threshold)
     rank = np.full(size, -1)
     rank[reported] = np.arange(len(reported))
-    kept = rank[group] >= 0
-    row, group, weight = row[kept], rank[group[kept]], weight[kept]
+    is_reported = rank[group] >= 0
+    row, group, weight = row[is_reported], rank[group[is_reported]], weight[is_reported]
     label = np.concatenate([particles.label, np.full(size - first_group, -1)])[reported]
     return Groups(row, group, weight, label)
 
@@ -88,9 +90,9 @@ def estimates(
     )
     mass = class_mass.sum(axis=1)
     majority = class_mass.argmax(axis=1) if count else np.zeros(0, dtype=np.int64)
-    kept = target_class == majority[group]
-    row, group = row[kept], group[kept]
-    share = weight[kept] / class_mass[np.arange(count), majority].take(group)
+    in_majority = target_class == majority[group]
+    row, group = row[in_majority], group[in_majority]
+    share = weight[in_majority] / class_mass[np.arange(count), majority].take(group)
 
     # One axis at a time keeps temporary arrays no larger than a column.
     dimension = particles.state.shape[1]
@@ -101,9 +103,9 @@ def estimates(
     effective = 1.0 / sum_by(group, share**2, count)
     prior = PRIOR_PARTICLES / (effective + PRIOR_PARTICLES)
     # The weights in the covariance sum to one in every group.
-    drawn = particles.multiplicity.take(row).astype(np.float64)
-    drawn /= sum_by(group, drawn, count).take(group)
-    blended = share + prior.take(group) * (drawn - share)
+    drawn_share = particles.multiplicity.take(row).astype(np.float64)
+    drawn_share /= sum_by(group, drawn_share, count).take(group)
+    blended = share + prior.take(group) * (drawn_share - share)
     covariance = np.empty((count, dimension, dimension))
     for i in range(dimension):
         spread = blended * offset[i]

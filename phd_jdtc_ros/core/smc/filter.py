@@ -17,7 +17,7 @@ from ..window.update import update_scan
 from .correction import Corrector
 from .kernel import backward_kernel
 from .kernel.backward_kernel import ParticleEntry, Transition
-from .particle_set import Aged, ParticleSet
+from .particle_set import AgedParticles, ParticleSet
 from .prediction import predict
 from .proposals import birth_newborns
 from .proposals.detected_newborns import redraw_velocities
@@ -60,28 +60,32 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         model, corrector, index, rng = self.model, self.corrector, self._scan_index, self._rng
         dt = self._interval(scan)
         swept, remaining = partition_swept(self.unswept, scan, model, corrector.labelled)
-        seen = scan_in_plane(scan, model)
+        detections = scan_in_plane(scan, model)
         if corrector.labelled:
-            before = swept
-            swept = redraw_velocities(before, scan.stamp_ns, seen, model, rng)
+            filtered_rows = swept
+            swept = redraw_velocities(filtered_rows, scan.stamp_ns, detections, model, rng)
             # Rows outside the sector keep referring to the redrawn set.
-            drawn = {id(old.entry): new.entry for old, new in zip(before, swept, strict=True)}
+            redrawn = {
+                id(old.entry): new.entry for old, new in zip(filtered_rows, swept, strict=True)
+            }
             remaining = [
-                UnsweptRows(drawn.get(id(rows.entry), rows.entry), rows.rows) for rows in remaining
+                UnsweptRows(redrawn.get(id(rows.entry), rows.entry), rows.rows)
+                for rows in remaining
             ]
         budget = self.budget.remaining(
             sum(rows.entry.stored.copies(rows.rows) for rows in remaining)
         )
-        earlier = [
-            Aged(rows.stored, self._since(rows.entry.stamp_ns, scan.stamp_ns)) for rows in swept
+        aged = [
+            AgedParticles(rows.stored, self._since(rows.entry.stamp_ns, scan.stamp_ns))
+            for rows in swept
         ]
         births = self._births(scan)
-        predicted = predict(earlier, births, seen, model, corrector, budget, index, rng)
+        predicted = predict(aged, births, detections, model, corrector, budget, index, rng)
         self.on_stage_end("predict")
         steps = ParticleSteps(model, corrector, rng)
         attributes = self.attributes if self.labelled else None
-        found = update_scan(predicted, scan, steps, dt, index, self.sensors, attributes)
-        updated = found.rows
+        updated_scan = update_scan(predicted, scan, steps, dt, index, self.sensors, attributes)
+        updated = updated_scan.rows
         self.on_stage_end("update")
         young_from = index if corrector.labelled else None
         stored = resample(updated, model.modes, budget, rng, young_from)
@@ -89,8 +93,10 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
             stored = birth_newborns.redraw_velocities(stored, scan, model, index, rng)
         self.on_stage_end("resample")
         link = None
-        if linked and earlier:
-            link = backward_kernel.build_joint(earlier, stored, model, corrector, found.newborns)
+        if linked and aged:
+            link = backward_kernel.build_joint(
+                aged, stored, model, corrector, updated_scan.newborns
+            )
             self.on_stage_end("transition")
         sources = tuple(rows.source for rows in swept)
         entry = Entry(scan.stamp_ns, stored, sources, link)

@@ -36,37 +36,37 @@ def noise_evidence(
     sensor, detections = report.sensor, report.detections
     order = np.lexsort((target.take(row), column))
     first = np.unique(target, return_index=True)[1][target]
-    apart = sensor.wrap(measured - measured[first])
+    difference = sensor.wrap(measured - measured[first])
     error, std = sensor.wrap(detections.measurement[column] - measured[row]), report.sensors_own_std
     factor, rates = sensor.noise_factor, report.range_rates
     if rates is not None and factor is not None and factor.learned[-1]:
         rate, rate_std = sensor.range_rate_of(state), report.sensors_own_rate_std(rates)
-        of_pairs = sensor.range_rate_error(state, detections, rates, pairs)
-        apart = np.column_stack([apart, rate - rate[first]])
-        error = np.column_stack([error, rates.model.wrap(of_pairs)])
+        rate_error = sensor.range_rate_error(state, detections, rates, pairs)
+        difference = np.column_stack([difference, rate - rate[first]])
+        error = np.column_stack([error, rates.model.wrap(rate_error)])
         std = np.column_stack([std, rate_std])
     return NoiseEvidence(
         *_evidence(
             KNOWN_EXISTENCE,
-            *contiguous(target, mass, _spread(target, mass, apart)),
+            *contiguous(target, mass, _spread(target, mass, difference)),
             *contiguous(row[order], column[order], probability[order], error[order]),
             *contiguous(std),
         )
     )
 
 
-def _spread(target: IntArray, mass: FloatArray, apart: FloatArray) -> FloatArray:
+def _spread(target: IntArray, mass: FloatArray, difference: FloatArray) -> FloatArray:
     """Return the variance of each target's measurements before the update, (T, Z).
 
-    `apart` are the differences from a measurement of each target, (N, Z).
+    `difference` are the differences from a measurement of each target, (N, Z).
     """
     targets = int(target.max(initial=-1)) + 1
     total = np.bincount(target, mass, targets)
     weight = mass / np.where(total > 0.0, total, 1.0)[target]
     columns = []
-    for axis in range(apart.shape[1]):
-        mean = np.bincount(target, weight * apart[:, axis], targets)
-        square = np.bincount(target, weight * apart[:, axis] ** 2, targets)
+    for axis in range(difference.shape[1]):
+        mean = np.bincount(target, weight * difference[:, axis], targets)
+        square = np.bincount(target, weight * difference[:, axis] ** 2, targets)
         columns.append(np.maximum(square - mean**2, 0.0))
     return np.stack(columns, axis=1)
 
@@ -74,7 +74,7 @@ def _spread(target: IntArray, mass: FloatArray, apart: FloatArray) -> FloatArray
 @compiled
 def _evidence(
     least_existence: float,
-    target: Int1,
+    target_of: Int1,
     mass: Float1,
     spread: Float2,
     row: Int1,
@@ -87,24 +87,26 @@ def _evidence(
     size = spread.shape[1]
     weight, excess, square = np.zeros(COMPONENTS), np.zeros(COMPONENTS), np.zeros(size)
     existence = np.zeros(len(spread))
-    for one in range(len(target)):
-        existence[target[one]] += mass[one]
+    for particle in range(len(target_of)):
+        existence[target_of[particle]] += mass[particle]
     share = 0.0
     for pair in range(len(row)):
-        one, z = target[row[pair]], column[pair]
+        target, z = target_of[row[pair]], column[pair]
         share += probability[pair]
         for axis in range(size):
             square[axis] += probability[pair] * error[pair, axis] ** 2
         last = pair + 1 == len(row)
-        if not last and column[pair + 1] == z and target[row[pair + 1]] == one:
+        if not last and column[pair + 1] == z and target_of[row[pair + 1]] == target:
             continue
-        if share > 0.0 and existence[one] >= least_existence:
+        if share > 0.0 and existence[target] >= least_existence:
             for axis in range(size):
                 variance = std[z, axis] ** 2
-                part = variance / (variance + spread[one, axis])
-                after = square[axis] / (share * variance)
-                more, beyond = evidence_of(1.0 + (after - 1.0) / part, part)
-                weight[axis] += share * more
-                excess[axis] += share * beyond
+                noise_share = variance / (variance + spread[target, axis])
+                posterior_ratio = square[axis] / (share * variance)
+                added_weight, added_excess = evidence_of(
+                    1.0 + (posterior_ratio - 1.0) / noise_share, noise_share
+                )
+                weight[axis] += share * added_weight
+                excess[axis] += share * added_excess
         share, square[:] = 0.0, 0.0
     return weight, excess

@@ -112,10 +112,10 @@ class ParticleSet(ReadOnly):
         This is the mean over the labels, weighted by their mass. The many particles of births have
         little mass, and so do not hide a target of few effective particles.
         """
-        distinct, place = factorize(self.row_label)
-        mass = sum_by(place, self.weight, len(distinct))
-        square = sum_by(place, self.weight**2, len(distinct))
-        share = mass**2 / np.where(square > 0.0, square * np.bincount(place), 1.0)
+        distinct, target = factorize(self.row_label)
+        mass = sum_by(target, self.weight, len(distinct))
+        square = sum_by(target, self.weight**2, len(distinct))
+        share = mass**2 / np.where(square > 0.0, square * np.bincount(target), 1.0)
         total = float(mass.sum())
         return min(float(mass @ share) / total, 1.0) if total > 0.0 else 0.0
 
@@ -185,9 +185,9 @@ class ParticleSet(ReadOnly):
     def concatenate(parts: Sequence[ParticleSet]) -> ParticleSet:
         """Return the particles and the components of all parts, at least one."""
         columns = {
-            each.name: np.concatenate([getattr(part, each.name) for part in parts])
-            for each in fields(ParticleSet)
-            if each.name != "components"
+            column.name: np.concatenate([getattr(part, column.name) for part in parts])
+            for column in fields(ParticleSet)
+            if column.name != "components"
         }
         components = sparse.block_diag([part.components for part in parts], format="csr")
         return ParticleSet(components=components, **columns)
@@ -199,7 +199,7 @@ def scale_rows(matrix: SparseArray, factor: FloatArray) -> SparseArray:
     return sparse.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
 
 
-class Aged(NamedTuple):
+class AgedParticles(NamedTuple):
     """A stored set and its age."""
 
     particles: ParticleSet

@@ -14,16 +14,16 @@ from ..targets.birth import BirthTerm
 from ..tracks import labels
 from . import resampling
 from .correction import Corrector
-from .particle_set import Aged, ParticleSet
+from .particle_set import AgedParticles, ParticleSet
 from .proposals import proposal
 from .proposals.detections_in_plane import InPlane
 from .resampling import ParticleBudget
 
 
 def predict(
-    earlier: Sequence[Aged],
+    earlier: Sequence[AgedParticles],
     births: Sequence[tuple[int, float]],
-    seen: InPlane,
+    detections: InPlane,
     model: TrackerModel,
     corrector: Corrector,
     budget: ParticleBudget,
@@ -33,24 +33,24 @@ def predict(
     """Predict the intensity to a scan: survivors, spawned targets, births.
 
     The scan continues the `earlier` sets. `births` has the index of each birth term to draw, and
-    the time since its last draw, seconds. The scan's detections, `seen`, are used in the proposal
-    of the survivors' process noise. Every copy of a row has its own process noise. All weight is in
-    the Poisson part, and parents are rows of the concatenated stored sets. The scan's index
-    determines the labels of births and spawned targets.
+    the time since its last draw, seconds. The scan's `detections` are used in the proposal of the
+    survivors' process noise. Every copy of a row has its own process noise. All weight is in the
+    Poisson part, and parents are rows of the concatenated stored sets. The scan's index determines
+    the labels of births and spawned targets.
 
     Sec. IV-C, Step 1. Deviation: the steps of survival and birth, which the paper omits, are added,
     and the spawn weight includes the parent's weight, rate and mode.
     """
     label = labels.first_predicted(scan_index)
     spawned = label + len(model.births)
-    parts, first = [], 0
+    parts, offset = [], 0
     for particles, dt in earlier:
-        moved = [_survivors(particles, model, dt, seen, rng)]
+        predicted = [_survivors(particles, model, dt, detections, rng)]
         if model.spawn.rate > 0.0:
-            moved.append(_spawn(particles, model, corrector, budget, dt, spawned, rng))
-            spawned = max(spawned, int(moved[1].row_label.max(initial=0)) + 1)
-        parts += [replace(part, parent=part.parent + first) for part in moved]
-        first += len(particles)
+            predicted.append(_spawn(particles, model, corrector, budget, dt, spawned, rng))
+            spawned = max(spawned, int(predicted[1].row_label.max(initial=0)) + 1)
+        parts += [replace(part, parent=part.parent + offset) for part in predicted]
+        offset += len(particles)
     for index, dt in births:
         term = model.births[index]
         parts.append(_births(term, model, budget.per_birth_term, dt, label + index, rng))
@@ -71,7 +71,11 @@ def _draw_mode(transition: FloatArray, mode: IntArray, rng: np.random.Generator)
 
 
 def _survivors(
-    particles: ParticleSet, model: TrackerModel, dt: float, seen: InPlane, rng: np.random.Generator
+    particles: ParticleSet,
+    model: TrackerModel,
+    dt: float,
+    detections: InPlane,
+    rng: np.random.Generator,
 ) -> ParticleSet:
     modes = model.modes
     copy = np.repeat(np.arange(len(particles)), particles.multiplicity)
@@ -81,21 +85,21 @@ def _survivors(
     mode = _draw_mode(modes.transition(dt), source_mode, rng)
     state, factor = np.empty((len(copy), particles.state.shape[1])), np.ones(len(copy))
     for index, motion_model in enumerate(modes.motions):
-        chosen = np.flatnonzero(mode == index)
-        earlier = particles.state.take(copy.take(chosen), axis=0)
-        state[chosen], factor[chosen] = proposal.sample(motion_model, earlier, dt, seen, rng)
+        rows = np.flatnonzero(mode == index)
+        earlier = particles.state.take(copy.take(rows), axis=0)
+        state[rows], factor[rows] = proposal.sample(motion_model, earlier, dt, detections, rng)
     row_label = particles.row_label[copy]
     if (factor != 1.0).any():
-        weight = _of_equal_mass(weight * factor, weight, row_label)
+        weight = _restore_mass(weight * factor, weight, row_label)
     log_snr = model.amplitudes.diffuse(particles.log_snr[copy], mode, modes, dt, rng)
     return ParticleSet.unassigned(state, mode, row_label, copy, weight, log_snr)
 
 
-def _of_equal_mass(weight: FloatArray, prior: FloatArray, row_label: IntArray) -> FloatArray:
+def _restore_mass(weight: FloatArray, prior: FloatArray, row_label: IntArray) -> FloatArray:
     """Return weights scaled so that every label keeps its mass under `prior`."""
-    distinct, place = factorize(row_label)
-    mass, wanted = (sum_by(place, part, len(distinct)) for part in (weight, prior))
-    return weight * (wanted / np.where(mass > 0.0, mass, 1.0)).take(place)
+    distinct, target = factorize(row_label)
+    mass, prior_mass = (sum_by(target, part, len(distinct)) for part in (weight, prior))
+    return weight * (prior_mass / np.where(mass > 0.0, mass, 1.0)).take(target)
 
 
 def _spawn(
@@ -116,12 +120,12 @@ def _spawn(
     mode = _draw_mode(spawn.transition, particles.mode[parent], rng)
     state = np.empty((len(parent), particles.state.shape[1]))
     for index, motion_model in enumerate(model.modes.motions):
-        chosen = np.flatnonzero(mode == index)
-        centre = motion_model.mean(particles.state.take(parent.take(chosen), axis=0), dt)
+        rows = np.flatnonzero(mode == index)
+        centre = motion_model.mean(particles.state.take(parent.take(rows), axis=0), dt)
         support = list(motion_model.support)
-        noise = rng.standard_normal((len(chosen), len(support))) * spawn.std[support]
+        noise = rng.standard_normal((len(rows), len(support))) * spawn.std[support]
         centre[:, support] += noise
-        state[chosen] = centre
+        state[rows] = centre
     rate = spawn.rate * dt / model.modes.interval_s
     weight = np.full(len(parent), rate * mass / max(count, 1))
     log_snr = model.amplitudes.draw(mode, model.modes, rng)

@@ -36,10 +36,12 @@ def allocate(
     one particle keeps one of weight ``1 / particles_per_target`` with the probability that
     preserves its mass, and none otherwise.
     """
-    wanted = mass * particles_per_target
-    kept = rng.random(len(mass)) < wanted
-    count = np.where(wanted < 1.0, kept, np.maximum(np.rint(wanted), float(least))).astype(np.int64)
-    weight = np.where(wanted < 1.0, 1.0 / particles_per_target, mass / np.maximum(count, 1))
+    expected = mass * particles_per_target
+    is_drawn = rng.random(len(mass)) < expected
+    count = np.where(expected < 1.0, is_drawn, np.maximum(np.rint(expected), float(least))).astype(
+        np.int64
+    )
+    weight = np.where(expected < 1.0, 1.0 / particles_per_target, mass / np.maximum(count, 1))
     return count, weight
 
 
@@ -54,8 +56,8 @@ def fit_to_budget(
     """
     total = float((mass * particles_per_target).sum())
     density = particles_per_target * min(1.0, most / max(total, 1.0))
-    wanted = np.rint((mass * density)[mass * density >= 1.0])
-    while least > 1 and np.maximum(wanted, least).sum() > most:
+    copies = np.rint((mass * density)[mass * density >= 1.0])
+    while least > 1 and np.maximum(copies, least).sum() > most:
         least //= 2
     return density, least
 
@@ -116,11 +118,11 @@ def resample(
     The rows are sorted by (class, label). With a scan index, labels younger than `YOUNG_SCANS` have
     `YOUNG_FACTOR` times the particles.
     """
-    distinct, place = factorize(particles.row_label)
-    key = modes.class_of[particles.mode] * len(distinct) + place
+    distinct, label_index = factorize(particles.row_label)
+    key = modes.class_of[particles.mode] * len(distinct) + label_index
     # NumPy sorts 16-bit integers by radix, which is faster.
-    narrow = key.astype(np.int16) if len(modes.classes) * len(distinct) < 2**15 else key
-    order = np.argsort(narrow, kind="stable")
+    sort_key = key.astype(np.int16) if len(modes.classes) * len(distinct) < 2**15 else key
+    order = np.argsort(sort_key, kind="stable")
     ranked = key[order]
     group = np.zeros(len(particles), dtype=np.int64)
     np.cumsum(ranked[1:] != ranked[:-1], out=group[1:])
@@ -128,15 +130,15 @@ def resample(
     mass = sum_by(group, weight, int(group[-1]) + 1 if len(group) else 0)
     per_target = np.full(len(mass), float(budget.per_target))
     if scan_index is not None:
-        of_group = particles.row_label[order][run_starts(group)]
-        per_target[scan_index - birth_scan(of_group) < YOUNG_SCANS] *= YOUNG_FACTOR
+        group_label = particles.row_label[order][run_starts(group)]
+        per_target[scan_index - birth_scan(group_label) < YOUNG_SCANS] *= YOUNG_FACTOR
     density, least = fit_to_budget(budget.most, mass, per_target, budget.least)
     count, copy_weight = allocate(mass, density, least, rng)
     copies = systematic(weight, group, count, rng)
-    kept = np.flatnonzero(copies)
-    row = order[kept]
-    factor = copies[kept] * copy_weight[group[kept]] / weight[kept]
-    return replace(particles.scale(row, factor), multiplicity=copies[kept])
+    rows = np.flatnonzero(copies)
+    row = order[rows]
+    factor = copies[rows] * copy_weight[group[rows]] / weight[rows]
+    return replace(particles.scale(row, factor), multiplicity=copies[rows])
 
 
 @dataclass(frozen=True)

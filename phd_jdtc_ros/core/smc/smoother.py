@@ -105,11 +105,11 @@ def backward_pass(entries: Sequence[ParticleEntry], death_term: DeathTerm) -> It
 def _gather(size: int, received: Sequence[Message[_Message]]) -> _Message:
     """Return P_s and B of all rows of a set; both are 1 for rows without a message."""
     parts = [
-        (part.rows, _Message(*(side[part.part] for side in part.content))) for part in received
+        (part.rows, _Message(*(values[part.part] for values in part.content))) for part in received
     ]
     if parts[0][0] is None:
         return parts[0][1]
-    whole = _Message(np.ones(size), np.ones(size))
+    gathered = _Message(np.ones(size), np.ones(size))
     for rows, message in parts:
-        whole.survival[rows], whole.backward[rows] = message
-    return whole
+        gathered.survival[rows], gathered.backward[rows] = message
+    return gathered

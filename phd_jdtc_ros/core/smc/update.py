@@ -51,13 +51,15 @@ class ParticleSteps:
     ) -> tuple[ParticleSet, Newborn]:
         """Return the intensity with as many newborn targets as it may have, and these targets."""
         model, rng = self.model, self.rng
-        newborn, each = detection_birth.limit_newborns(newborn, model.detection_births)
-        state, mode, weight, detection = newborn_sampling.sample(newborn, model, each, rng)
+        newborn, particles = detection_birth.limit_newborns(newborn, model.detection_births)
+        state, mode, weight, detection = newborn_sampling.sample(newborn, model, particles, rng)
         count, births = len(weight), len(newborn)
         amplitude = newborn.report.detections.amplitude
         amplitude = None if amplitude is None else amplitude.take(detection)
         log_snr = model.amplitudes.draw(mode, model.modes, rng, amplitude)
-        own = label + np.arange(births) if self.corrector.labelled else np.full(births, -1)
+        component_label = (
+            label + np.arange(births) if self.corrector.labelled else np.full(births, -1)
+        )
         added = ParticleSet(
             state=state,
             mode=mode,
@@ -68,7 +70,7 @@ class ParticleSteps:
             components=sparse.csr_array(
                 (weight, detection, np.arange(count + 1)), shape=(count, births)
             ),
-            label=own,
+            label=component_label,
             log_snr=log_snr,
         )
         return ParticleSet.concatenate([rows, added]), newborn
@@ -155,8 +157,8 @@ class PriorParticles:
     def _mean(self, values: FloatArray) -> FloatArray:
         """Return the mean of each target's values, (N,) to (T,)."""
         mass = sum_by(self.target, self.particles.weight, len(self.label))
-        whole = sum_by(self.target, self.particles.weight * values, len(self.label))
-        mean: FloatArray = whole / np.where(mass > 0.0, mass, 1.0)
+        total = sum_by(self.target, self.particles.weight * values, len(self.label))
+        mean: FloatArray = total / np.where(mass > 0.0, mass, 1.0)
         return mean
 
     def _measured_in(self, sector: Coverage) -> FloatArray:
@@ -246,6 +248,6 @@ class PriorParticles:
         if report.sensor.noise_factor is None or not self.steps.corrector.labelled:
             return None
         readings = report.project_as(pairs.projected)
-        own = pairs.row, pairs.projected_index
+        indices = pairs.row, pairs.projected_index
         rows = self.target, self.mass, self.particles.state, self._all_measured
-        return noise_evidence(readings, *rows, own, probability)
+        return noise_evidence(readings, *rows, indices, probability)

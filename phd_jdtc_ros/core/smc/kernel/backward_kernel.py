@@ -24,7 +24,7 @@ from ...snapshot import floats, integers, sparse_columns
 from ...targets import birth
 from ...window.entries import Entry, UnsweptRows
 from ..correction import Corrector
-from ..particle_set import Aged, ParticleSet
+from ..particle_set import AgedParticles, ParticleSet
 from . import kernel_thinning, strata
 from .spawn_intensity import spawn_intensity
 from .transition_density import TransitionDensity
@@ -85,7 +85,7 @@ def build(
         noise, modes, modes.transition(dt), successor, earlier.mode, survival
     )
     if corrector.labelled:
-        ratio, column, start, mu = _within_labels(kernel, earlier, later)
+        ratio, column, start, mu = _sum_within_labels(kernel, earlier, later)
     else:
         pairs = kernel.gated_pairs(later, np.arange(len(later)), KERNEL_GATE_SIGMA)
         ratio, column, start, mu = _sum_pairs(pairs, earlier, later)
@@ -110,7 +110,7 @@ def build(
 
 
 def build_joint(
-    earlier: Sequence[Aged],
+    earlier: Sequence[AgedParticles],
     later: ParticleSet,
     model: TrackerModel,
     corrector: Corrector,
@@ -128,8 +128,8 @@ def build_joint(
         # Each label is in one earlier set, which therefore explains all later rows of the label.
         columns = np.flatnonzero(np.isin(later.row_label, factorize(particles.row_label)[0]))
         continued = later.take(columns)
-        own = replace(continued, parent=np.maximum(continued.parent - first, -1))
-        parts.append((columns, build(particles, own, model, corrector, dt)))
+        child = replace(continued, parent=np.maximum(continued.parent - first, -1))
+        parts.append((columns, build(particles, child, model, corrector, dt)))
         first += len(particles)
     return _concatenate(parts, len(later))
 
@@ -142,7 +142,7 @@ def _concatenate(parts: Sequence[tuple[IntArray, Transition]], size: int) -> Tra
         block = part.ratio.tocoo()
         placed.append((block.data, block.row + first, columns[block.col]))
         first += part.ratio.shape[0]
-    data, row, column = (np.concatenate(side) for side in zip(*placed, strict=True))
+    data, row, column = (np.concatenate(values) for values in zip(*placed, strict=True))
     return Transition(
         ratio=sparse.csc_array((data, (row, column)), shape=(rows, size)),
         survival=np.concatenate([part.survival for _, part in parts]),
@@ -161,12 +161,15 @@ def _birth_intensity(
     return total
 
 
-def _within_labels(kernel: TransitionDensity, earlier: ParticleSet, later: ParticleSet) -> _Sums:
+def _sum_within_labels(
+    kernel: TransitionDensity, earlier: ParticleSet, later: ParticleSet
+) -> _Sums:
     """Return the kernel between rows of one label, and its sums."""
     # A target's class never changes, so groups by (label, class) are smaller and faster to search.
     modes = kernel.modes
     key = [
-        modes.class_of[side.mode] + len(modes.classes) * side.row_label for side in (later, earlier)
+        modes.class_of[particles.mode] + len(modes.classes) * particles.row_label
+        for particles in (later, earlier)
     ]
     group = factorize(np.concatenate(key))[1]
     groups = group[: len(later)], group[len(later) :]
@@ -182,11 +185,11 @@ def _sum_pairs(
     values, columns = [np.zeros(0)], [np.zeros(0, dtype=np.int32)]
     count = np.zeros(len(later), dtype=np.int64)
     mu = np.zeros(len(later))
-    for row, near, density in kernel_thinning.complete_rows(pairs):
-        weight = earlier.weight.take(near)
+    for row, earlier_row, density in kernel_thinning.complete_rows(pairs):
+        weight = earlier.weight.take(earlier_row)
         add_by_row(mu, row, density * weight)
-        kept, column, value = kernel_thinning.thin(row, near, density, weight)
-        add_by_row(count, kept, None)
+        kept_row, column, value = kernel_thinning.thin(row, earlier_row, density, weight)
+        add_by_row(count, kept_row, None)
         values.append(value)
         columns.append(column.astype(np.int32))
     start = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)

@@ -70,10 +70,10 @@ def thin(
     # The combs of consecutive rows begin at different offsets, the same in every run.
     offset = np.asarray(long_row * GOLDEN_RATIO % 1.0)
     copies = comb(share, group, np.full(len(long_row), MAX_PAIRS_PER_ROW), offset)
-    kept = np.logical_not(in_long_row)
-    hit = copies > 0
-    pair, group = pair[hit], group[hit]
-    kept[pair] = True
+    is_kept = np.logical_not(in_long_row)
+    is_hit = copies > 0
+    pair, group = pair[is_hit], group[is_hit]
+    is_kept[pair] = True
     value = value.copy()
-    value[pair] = copies[hit] * mu[group] / (MAX_PAIRS_PER_ROW * weight[pair])
-    return row[kept], column[kept], value[kept]
+    value[pair] = copies[is_hit] * mu[group] / (MAX_PAIRS_PER_ROW * weight[pair])
+    return row[is_kept], column[is_kept], value[is_kept]

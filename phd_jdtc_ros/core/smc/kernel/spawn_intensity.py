@@ -67,13 +67,13 @@ def _mass_bound(
     """
     bound = np.full(len(state), np.inf)
     for axis in axes:
-        moved = np.array([successor[:, axis] for successor in kernel.successor.values()])
-        low, high = moved.min(), moved.max()
+        coordinate = np.array([successor[:, axis] for successor in kernel.successor.values()])
+        low, high = coordinate.min(), coordinate.max()
         width = max(reach[axis], (high - low) / MAX_BINS)
         bins = int((high - low) / width) + 1
         mass = np.zeros(bins + 4)
-        for moved_bin in ((moved - low) / width).astype(np.int64):
-            mass[2:-2] += np.bincount(moved_bin, kernel.scale, minlength=bins)
+        for successor_bin in ((coordinate - low) / width).astype(np.int64):
+            mass[2:-2] += np.bincount(successor_bin, kernel.scale, minlength=bins)
         state_bin = np.floor((state[:, axis] - low) / width).clip(-1, bins).astype(np.int64) + 2
         bound = np.minimum(bound, (mass[:-2] + mass[1:-1] + mass[2:])[state_bin - 1])
     return bound

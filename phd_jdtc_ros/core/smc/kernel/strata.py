@@ -44,8 +44,8 @@ def split_into_strata(
     order = [np.argsort(side, kind="stable") for side in groups]
     first = [np.cumsum(number) - number for number in size]
     probe = [
-        of[begin[large, None] + (np.arange(PROBES) * number[large, None]) // PROBES]
-        for of, begin, number in zip(order, first, size, strict=True)
+        rows[begin[large, None] + (np.arange(PROBES) * number[large, None]) // PROBES]
+        for rows, begin, number in zip(order, first, size, strict=True)
     ]
     pairs = _near_share(kernel, later, probe[0], probe[1], radius) * size[1][large]
     strata = np.ones(count, dtype=np.int64)
@@ -67,12 +67,12 @@ def _assign_strata(group: IntArray, weight: FloatArray, strata: IntArray) -> Int
     size = np.bincount(group, minlength=len(strata))
     begin = np.cumsum(size) - size
     order = np.argsort(group, kind="stable")
-    own = group[order]
-    turn = (np.arange(len(group)) - begin[own]) // strata[own]
-    by_weight = np.lexsort((weight[order], turn, own))
+    row_group = group[order]
+    turn = (np.arange(len(group)) - begin[row_group]) // strata[row_group]
+    by_weight = np.lexsort((weight[order], turn, row_group))
     stratum = np.empty(len(group), dtype=np.int64)
-    place = (np.arange(len(group)) - begin[own]) % strata[own]
-    stratum[order[by_weight]] = (place + turn) % strata[own]
+    rank = (np.arange(len(group)) - begin[row_group]) % strata[row_group]
+    stratum[order[by_weight]] = (rank + turn) % strata[row_group]
     return stratum
 
 
@@ -82,11 +82,11 @@ def _near_share(
     """Return the share of the sampled pairs within the radius, by group, (G,)."""
     state, mode = later.state[row.ravel()], later.mode[row.ravel()]
     query = kernel.whiten(state, mode).reshape(*row.shape, -1)
-    near = np.zeros(row.shape[0])
+    near_pairs = np.zeros(row.shape[0])
     for motion, matrix in kernel.whitening.items():
         with_motion = np.array([other == motion for other in kernel.modes.motions])[later.mode[row]]
         point = (kernel.successor[motion][source.ravel()] @ matrix).reshape(*source.shape, -1)
         square = ((query[:, :, None] - point[:, None]) ** 2).sum(axis=3)
-        near += ((square <= radius**2) & with_motion[:, :, None]).sum(axis=(1, 2))
-    share: FloatArray = near / (row.shape[1] * source.shape[1])
+        near_pairs += ((square <= radius**2) & with_motion[:, :, None]).sum(axis=(1, 2))
+    share: FloatArray = near_pairs / (row.shape[1] * source.shape[1])
     return share

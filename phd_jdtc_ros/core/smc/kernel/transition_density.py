@@ -56,8 +56,8 @@ class TransitionDensity(NamedTuple):
         result = np.empty_like(state)
         for motion, matrix in self.whitening.items():
             with_motion = np.array([other == motion for other in self.modes.motions])
-            chosen = np.flatnonzero(with_motion[mode])
-            result[chosen] = state.take(chosen, axis=0) @ matrix
+            rows = np.flatnonzero(with_motion[mode])
+            result[rows] = state.take(rows, axis=0) @ matrix
         return result
 
     def gated_pairs(
@@ -97,12 +97,12 @@ class TransitionDensity(NamedTuple):
         if len(query) == 0 or len(point) == 0:
             return
         if groups is None:
-            found = candidates(query, block, point, point_block, radius)
+            search = candidates(query, block, point, point_block, radius)
         else:
             query_group = groups[0][rows] * len(points) + block
             point_group = groups[1][source] * len(points) + point_block
-            found = grid_candidates(query, query_group, point, point_group, float(radius))
-        for row, point_row, square in near_chunks(found):
+            search = grid_candidates(query, query_group, point, point_group, float(radius))
+        for row, point_row, square in near_chunks(search):
             column = source.take(point_row)
             value = np.exp(-0.5 * square)
             value *= density.take(mode_row.take(row) + column)

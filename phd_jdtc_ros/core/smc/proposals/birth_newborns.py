@@ -30,33 +30,36 @@ def redraw_velocities(
     """
     newborn = (stored.parent < 0) & ~labels.born_at_detection(stored.row_label)
     newborn &= stored.multiplicity > 1
-    if not newborn.any() or _tells_velocities(scan):
+    if not newborn.any() or _is_informative_on_velocities(scan):
         return stored
     copies = np.where(newborn, stored.multiplicity, 1)
     row = np.repeat(np.arange(len(stored)), copies)
-    again = np.flatnonzero(np.append(False, row[1:] == row[:-1]))
+    copy_row = np.flatnonzero(np.append(False, row[1:] == row[:-1]))
     share = 1.0 / copies[row]
-    term = stored.row_label[row[again]] - labels.first_predicted(scan_index)
+    term = stored.row_label[row[copy_row]] - labels.first_predicted(scan_index)
     state = stored.state[row]
     mean, std = (
         np.array([getattr(birth, name) for birth in model.births])[term] for name in ("mean", "std")
     )
     drawn = mean + std * rng.standard_normal(mean.shape)
     for index, motion in enumerate(model.modes.motions):
-        chosen = np.flatnonzero(stored.mode[row[again]] == index)
+        rows = np.flatnonzero(stored.mode[row[copy_row]] == index)
         for axis in set(motion.support) - set(model.modes.space.position):
-            state[again[chosen], axis] = drawn[chosen, axis]
+            state[copy_row[rows], axis] = drawn[rows, axis]
     multiplicity = np.where(newborn, 1, stored.multiplicity)[row]
     return replace(stored.scale(row, share), state=state, multiplicity=multiplicity)
 
 
-def _tells_velocities(scan: Scan) -> bool:
+def _is_informative_on_velocities(scan: Scan) -> bool:
     """Return whether a scan has range rates, or plots at other times than its stamp.
 
     The position at another time depends on the velocity too.
     """
     return any(
-        each is not None
-        and (each.range_rate is not None or (each.time_s is not None and each.time_s.any()))
-        for each in scan.detections
+        detections is not None
+        and (
+            detections.range_rate is not None
+            or (detections.time_s is not None and detections.time_s.any())
+        )
+        for detections in scan.detections
     )

@@ -68,24 +68,25 @@ def _redraw_velocities(
     detections = detections.take(np.flatnonzero(precise))
     newborn = (stored.parent < 0) & born_at_detection(stored.row_label)
     if rows.rows is not None:
-        of_rows = np.zeros(len(stored), dtype=bool)
-        of_rows[rows.rows] = True
-        newborn &= of_rows
-    chosen = np.flatnonzero(newborn)
-    if not len(chosen) or not len(detections.position):
+        is_unswept = np.zeros(len(stored), dtype=bool)
+        is_unswept[rows.rows] = True
+        newborn &= is_unswept
+    newborn_rows = np.flatnonzero(newborn)
+    if not len(newborn_rows) or not len(detections.position):
         return rows
-    place, speed = list(model.modes.space.position), list(model.modes.space.velocity)
+    position_axes = list(model.modes.space.position)
+    velocity_axes = list(model.modes.space.velocity)
     state, factor = stored.state.copy(), np.ones(len(stored))
     spread = [INFLATION * np.linalg.cholesky(matrix) / dt for matrix in detections.covariance]
     reach = REACH_SIGMA * births.velocity_std * dt
-    for label in np.unique(stored.row_label[chosen]):
-        row = chosen[stored.row_label[chosen] == label]
-        centre = state[row][:, place].mean(axis=0)
-        near = np.flatnonzero(np.hypot(*(detections.position - centre).T) <= reach)
-        if len(near):
-            leads = (detections.position[near][:, None] - state[row][:, place]) / dt
-            velocity, ratio = _draw(leads, [spread[index] for index in near], births, rng)
-            state[np.ix_(row, speed)] = velocity
+    for label in np.unique(stored.row_label[newborn_rows]):
+        row = newborn_rows[stored.row_label[newborn_rows] == label]
+        centre = state[row][:, position_axes].mean(axis=0)
+        in_reach = np.flatnonzero(np.hypot(*(detections.position - centre).T) <= reach)
+        if len(in_reach):
+            leads = (detections.position[in_reach][:, None] - state[row][:, position_axes]) / dt
+            velocity, ratio = _draw(leads, [spread[index] for index in in_reach], births, rng)
+            state[np.ix_(row, velocity_axes)] = velocity
             weight = stored.weight[row]
             factor[row] = ratio * weight.sum() / (ratio * weight).sum()
     redrawn = replace(

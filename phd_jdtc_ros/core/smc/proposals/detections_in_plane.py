@@ -34,8 +34,8 @@ class InPlane(NamedTuple):
 def scan_in_plane(scan: Scan, model: TrackerModel) -> InPlane:
     """Return the detections of all radars in a scan."""
     none = InPlane(np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0))
-    found = (report_in_plane(report) for report in model.reports(scan))
-    return InPlane(*map(np.concatenate, zip(none, *found, strict=True)))
+    reports = (report_in_plane(report) for report in model.reports(scan))
+    return InPlane(*map(np.concatenate, zip(none, *reports, strict=True)))
 
 
 def report_in_plane(report: Report) -> InPlane:

@@ -38,19 +38,19 @@ MAX_PAIRS = 1 << 22
 
 
 def sample(
-    model: MotionModel, state: FloatArray, dt: float, seen: InPlane, rng: np.random.Generator
+    model: MotionModel, state: FloatArray, dt: float, detections: InPlane, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
     """Draw the state of every row after `dt` seconds, (N, D); return also the factor on its weight.
 
     The factors, (N,), are at most 1 / `BLIND_SHARE`, with mean 1. They are 1 for a motion without
-    velocity, whose noise is too small to need detections. `seen` are the detections at that time.
+    velocity, whose noise is too small to need detections. The detections are those at that time.
     """
     moved = motion.sample(model, state, dt, rng)
     if not set(model.space.velocity) <= set(model.support):
         return moved, np.ones(len(state))
     noise = model.noise_covariance(dt)
-    place = [model.support.index(axis) for axis in model.space.position]
-    sharp = seen.sharper_than(SHARP * float(np.sqrt(noise[place[0], place[0]])))
+    position = [model.support.index(axis) for axis in model.space.position]
+    sharp = detections.sharper_than(SHARP * float(np.sqrt(noise[position[0], position[0]])))
     if not 0 < len(sharp.position) * len(state) <= MAX_PAIRS:
         return moved, np.ones(len(state))
     # Covariance of the noise and the position, (M, K, 2), and of the innovation, (M, 2, 2).
@@ -59,37 +59,45 @@ def sample(
     predictive = _densities(sharp, model.mean(state, dt), model, innovation)
     total = predictive.sum(axis=0)
     guided = np.flatnonzero((total > 0.0) & (rng.random(len(state)) >= BLIND_SHARE))
-    by = _choose(predictive[:, guided], rng)
+    chosen = _choose(predictive[:, guided], rng)
     gain = seen_noise @ np.linalg.inv(innovation)
-    _pull(moved, guided, by, model, gain, sharp, rng)
+    _pull(moved, guided, chosen, model, gain, sharp, rng)
     explained = _densities(sharp, moved, model, sharp.covariance, gate=False)
     explained = (explained * (predictive > 0.0)).sum(axis=0)
-    near = total > 0.0
-    ratio = np.divide(explained, total, out=np.ones(len(state)), where=near)
+    is_explained = total > 0.0
+    ratio = np.divide(explained, total, out=np.ones(len(state)), where=is_explained)
     return moved, 1.0 / (BLIND_SHARE + (1.0 - BLIND_SHARE) * ratio)
 
 
-def _at_detection_time(covariance: FloatArray, seen: InPlane, model: MotionModel) -> FloatArray:
+def _at_detection_time(
+    covariance: FloatArray, detections: InPlane, model: MotionModel
+) -> FloatArray:
     """Return covariances with the position at each detection's time, for those with the state.
 
     The last axis of the argument, (..., K), has the motion's support; that of the result,
     (M, ..., 2), has the position.
     """
-    place = [model.support.index(axis) for axis in model.space.position]
-    speed = [model.support.index(axis) for axis in model.space.velocity]
-    return covariance[..., place] + seen.time_s[:, None, None] * covariance[..., speed]
+    position = [model.support.index(axis) for axis in model.space.position]
+    velocity = [model.support.index(axis) for axis in model.space.velocity]
+    return covariance[..., position] + detections.time_s[:, None, None] * covariance[..., velocity]
 
 
 def _densities(
-    seen: InPlane, state: FloatArray, model: MotionModel, covariance: FloatArray, gate: bool = True
+    detections: InPlane,
+    state: FloatArray,
+    model: MotionModel,
+    covariance: FloatArray,
+    gate: bool = True,
 ) -> FloatArray:
     """Return N(z_j; x_i, C_j) of every detection and state, zero outside the gate; (M, N)."""
     inverse = np.linalg.inv(covariance)
     # The products are written out by axes, because many 2 x 2 matrix products cost several times as
     # much.
     east, north = (
-        seen.position[:, axis, None] - state[:, place] - np.outer(seen.time_s, state[:, speed])
-        for axis, (place, speed) in enumerate(
+        detections.position[:, axis, None]
+        - state[:, position]
+        - np.outer(detections.time_s, state[:, velocity])
+        for axis, (position, velocity) in enumerate(
             zip(model.space.position, model.space.velocity, strict=True)
         )
     )
@@ -110,10 +118,10 @@ def _choose(density: FloatArray, rng: np.random.Generator) -> IntArray:
 def _pull(
     moved: FloatArray,
     rows: IntArray,
-    by: IntArray,
+    chosen: IntArray,
     model: MotionModel,
     gain: FloatArray,
-    seen: InPlane,
+    detections: InPlane,
     rng: np.random.Generator,
 ) -> None:
     """Condition the noise of some rows, in place, on the detection drawn for each.
@@ -121,9 +129,9 @@ def _pull(
     A draw of the noise plus gain times (detection - position - a draw of the detection's error) is
     a draw of the noise given the detection (Matheron's rule).
     """
-    root = np.linalg.cholesky(seen.covariance)
-    error = (root[by] @ rng.standard_normal((len(rows), 2, 1)))[..., 0]
+    root = np.linalg.cholesky(detections.covariance)
+    error = (root[chosen] @ rng.standard_normal((len(rows), 2, 1)))[..., 0]
     state = moved[rows]
-    offset = seen.position[by] - state[:, list(model.space.position)] - error
-    offset -= seen.time_s[by, None] * state[:, list(model.space.velocity)]
-    moved[np.ix_(rows, np.array(model.support))] += (gain[by] @ offset[..., None])[..., 0]
+    offset = detections.position[chosen] - state[:, list(model.space.position)] - error
+    offset -= detections.time_s[chosen, None] * state[:, list(model.space.velocity)]
+    moved[np.ix_(rows, np.array(model.support))] += (gain[chosen] @ offset[..., None])[..., 0]
