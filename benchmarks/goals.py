@@ -23,7 +23,12 @@ Value: TypeAlias = "Callable[[Mapping[str, Any]], float]"
 
 def at(*path: str) -> Value:
     """Return a function that takes the value at a path of keys from the summary."""
-    return lambda summary: float(reduce(getitem, path, summary))
+
+    def value(summary: Mapping[str, Any]) -> float:
+        found: Any = reduce(getitem, path, summary)
+        return float(found)
+
+    return value
 
 
 def ratio(over: Value, under: Value) -> Value:
@@ -120,7 +125,7 @@ def _error(kind: str) -> Value:
     def worst(summary: Mapping[str, Any]) -> float:
         sizes = [*summary["smoother"].values(), *summary["paper_smoother"].values()]
         measured = [size["error"] for size in sizes if "error" in size]
-        return max(errors[kind] for errors in measured)
+        return float(max(errors[kind] for errors in measured))
 
     return worst
 
@@ -128,7 +133,7 @@ def _error(kind: str) -> Value:
 def _lag_share(summary: Mapping[str, Any]) -> float:
     return max(
         _median("smoother", size, "backward")(summary)
-        / found["lag"]
+        / float(found["lag"])
         / _median("smoother", size, "build")(summary)
         for size, found in summary["smoother"].items()
     )
@@ -136,7 +141,7 @@ def _lag_share(summary: Mapping[str, Any]) -> float:
 
 def _cached(summary: Mapping[str, Any]) -> float:
     key = "kept, bytes a particle and lag"
-    return max(size["memory"][key] for size in summary["smoother"].values())
+    return float(max(size["memory"][key] for size in summary["smoother"].values()))
 
 
 def _late(engine: str) -> Value:

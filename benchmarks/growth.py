@@ -59,8 +59,8 @@ def _cases(window: Window, quick: bool) -> dict[str, Case]:
     cases = {"smoother": Case(product_smoother(window), rounds)}
     copies = [forms.copies(phd) for phd in window.stored]
     cases["k-d tree"] = Case(cached_smoother(window, copies, forms.k_d_tree), 3)
-    last = (*window.stored[-2:], window.model, window.dt)
-    cases["limit"] = Case(partial(forms.whiten_sort_gather, *last), rounds)
+    limit = partial(forms.whiten_sort_gather, *window.last, window.model, window.dt)
+    cases["limit"] = Case(limit, rounds)
     if window.particles <= DENSE_PARTICLES and not quick:
         form = partial(forms.smooth, copies, *window.assumed, DEATH_TERM, forms.dense)
         cases["dense"] = Case(form, 1)

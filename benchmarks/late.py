@@ -5,12 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import REPROCESSED, Stepped
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
@@ -38,7 +40,7 @@ def measure(quick: bool) -> dict[str, Any]:
 def _of_engine(engine: str, count: int) -> dict[str, Any]:
     dropping = resolve({"engine": engine})
     working = resolve({"engine": engine, "late_reports": "rework"})
-    scene = replace(paper_scenario(dropping.model.radars), scans=count)
+    scene = replace(paper_scenario(polar_radars(dropping.model.radars)), scans=count)
     reports = [
         (radar, scan.stamp_ns, found)
         for _, scan in simulate(scene, seed=0)
@@ -52,7 +54,7 @@ def _of_engine(engine: str, count: int) -> dict[str, Any]:
     }
     list(_steps(working, reports[:QUICK]))  # fills caches
     memory = {
-        name: peak_bytes(lambda config=config: list(_steps(config, reports[:QUICK]))) / 1e6
+        name: peak_bytes(partial(list, _steps(config, reports[:QUICK]))) / 1e6
         for name, config in ((NOT_READY, dropping), (READY, working))
     }
     # They take turns, scan by scan.

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Scan
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
@@ -57,7 +58,7 @@ def of_engine(engine: str, quick: bool) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as directory, contextlib.ExitStack() as stack:
         log = Path(directory) / "tracker.log"
         stack.enter_context(node("tracker", log, "--ros-args", "-p", f"engine:={engine}"))
-        radars = stack.enter_context(contextlib.closing(Radars(resolve({}).inputs)))
+        radars = stack.enter_context(contextlib.closing(Radars(resolve({}).radars)))
         if not radars.connected(START_S):
             return {"value": None, "reason": f"no tracker was found: {log.read_text()[-500:]}"}
         latency = _latency(radars, scans, repeats=1 if quick else 6)
@@ -71,7 +72,7 @@ def of_engine(engine: str, quick: bool) -> dict[str, Any]:
 
 
 def _scans(count: int) -> list[Scan]:
-    scene = replace(paper_scenario(resolve({}).model.radars), scans=count)
+    scene = replace(paper_scenario(polar_radars(resolve({}).model.radars)), scans=count)
     return [scan for _, scan in simulate(scene, seed=0)]
 
 

@@ -44,7 +44,8 @@ def measure(quick: bool) -> dict[str, Any]:
         import rclpy
     except ImportError as error:
         return {"value": None, "reason": f"rclpy is missing: {error}"}
-    from rclpy.logging import LoggingSeverity, set_logger_level
+    from rclpy.impl.logging_severity import LoggingSeverity
+    from rclpy.logging import set_logger_level
 
     from phd_jdtc_ros.nodes.tracker.node import Tracker
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.study.runs import SimulatedRun, simulated_run
 from studies import peers
@@ -28,7 +29,7 @@ SMC_SCANS, SMC_TARGETS = 5, 3
 def measure(quick: bool) -> dict[str, Any]:
     """Return the mean CPU milliseconds per scan of each tracker, by run."""
     config = resolve({"engine": PARTICLES})
-    scene = paper_scenario(config.model.radars)
+    scene = paper_scenario(polar_radars(config.model.radars))
     if quick:
         scene = replace(scene, scans=15)
     trackers: dict[str, Callable[[SimulatedRun], object]] = {
@@ -73,6 +74,6 @@ def _smc(config: TrackerConfig, quick: bool) -> dict[str, Any]:
         from . import stone_soup_smc
     except ImportError as error:
         return {"value": None, "reason": str(error)}
-    scene = replace(paper_scenario(config.model.radars), scans=SMC_SCANS)
+    scene = replace(paper_scenario(polar_radars(config.model.radars)), scans=SMC_SCANS)
     each = stone_soup_smc.step_times_ms(simulated_run(scene, 0), config, SMC_TARGETS)
     return {"median_ms": float(np.median(each)), "scans_ms": each}

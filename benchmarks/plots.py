@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
@@ -93,7 +94,9 @@ def _growth(
     plain_axes(axes)
     axes.set_xscale("log")
     axes.set_yscale("log")
-    handles = [_draw(axes, forms[form], look) for form, look in looks.items() if form in forms]
+    handles: list[Artist | ErrorbarContainer] = [
+        _draw(axes, forms[form], look) for form, look in looks.items() if form in forms
+    ]
     handles.append(_draw_linear(axes, reference))
     axes.xaxis.set_major_locator(FixedLocator(sizes))
     axes.xaxis.set_minor_locator(NullLocator())
@@ -103,7 +106,7 @@ def _growth(
     return figure, axes
 
 
-def _draw(axes: Axes, form: Mapping[str, Any], look: Look) -> Artist:
+def _draw(axes: Axes, form: Mapping[str, Any], look: Look) -> ErrorbarContainer:
     """Draw one form's medians with their quartiles."""
     median = np.array([times["median_ms"] for times in form["times"]])
     low = median - [times["lower_quartile_ms"] for times in form["times"]]

@@ -99,6 +99,12 @@ class Window:
         return self.model, self.corrector, self.dt
 
     @property
+    def last(self) -> tuple[ParticleSet, ParticleSet]:
+        """The newest two sets."""
+        earlier, later = self.stored[-2:]
+        return earlier, later
+
+    @property
     def particles(self) -> int:
         """Copies in the newest set."""
         return int(self.stored[-1].multiplicity.sum())

@@ -11,9 +11,11 @@ from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
-from phd_jdtc_ros.simulation.scenario import Scenario, Truth, paper_scenario, truth_at
+from phd_jdtc_ros.core.types import Truth
+from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario, truth_at
 from phd_jdtc_ros.simulation.traffic.targets import TargetScript
 
 # Targets are within this distance of (0, 0), metres; both radars cover all of it.
@@ -88,7 +90,7 @@ def crowd(targets: int, scans: int, config: TrackerConfig, seed: int) -> Scenari
         Of the headings.
     """
     rng = np.random.default_rng(seed)
-    scene = paper_scenario(config.model.radars)
+    scene = paper_scenario(polar_radars(config.model.radars))
     heading = rng.uniform(-np.pi, np.pi, targets)
     # A sunflower's pattern: evenly spread, and no two targets at the same bearing.
     radius = _scale(targets) * FIELD_RADIUS * np.sqrt((np.arange(targets) + 0.5) / targets)
@@ -163,7 +165,8 @@ def mixture(scene: Scenario, config: TrackerConfig) -> Mixture:
 
 def _earlier(truth: Truth, scene: Scenario, config: TrackerConfig) -> FloatArray:
     """Return the targets' states an interval earlier, shape (T, D)."""
-    space, state = config.model.modes.space, truth.state.copy()
+    space = config.model.modes.space
+    state: FloatArray = truth.state.copy()
     state[:, list(space.position)] -= scene.interval_s * state[:, list(space.velocity)]
     return state
 

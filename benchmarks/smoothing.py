@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.smc.kernel import backward_kernel
 from phd_jdtc_ros.core.smc.kernel.backward_kernel import Transition
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
@@ -108,18 +107,18 @@ def cached_smoother(
     window: Window, stored: Sequence[ParticleSet], link: forms.Link
 ) -> Callable[[], None]:
     """Return a function that does the same with the cached kernels of another form."""
-    pairs = list(itertools.pairwise(stored))
-    links = [link(*pair, *window.assumed) for pair in pairs]
+    links = [link(earlier, later, *window.assumed) for earlier, later in itertools.pairwise(stored)]
 
     def smooth() -> None:
-        link(*pairs[-1], *window.assumed)
+        link(stored[-2], stored[-1], *window.assumed)
         _backward(stored, links)
 
     return smooth
 
 
 def _build(window: Window) -> Transition:
-    return backward_kernel.build(*window.stored[-2:], *window.assumed)
+    earlier, later = window.last
+    return backward_kernel.build(earlier, later, *window.assumed)
 
 
 def _backward(stored: Sequence[ParticleSet], links: Sequence[Transition]) -> None:
@@ -144,7 +143,7 @@ def gate_error(window: Window, dense: ParticleSet) -> dict[str, float]:
     """
     *_, smoothed = backward_pass(chain(window.stored, window.links()), DEATH_TERM)
     row = np.repeat(np.arange(len(smoothed)), smoothed.multiplicity)
-    exact: FloatArray = np.bincount(row, dense.weight, minlength=len(smoothed))
+    exact = np.bincount(row, dense.weight, minlength=len(smoothed)).astype(float)
     counted = exact > LEAST_SHARE * exact.sum()
     relative = np.abs(smoothed.weight[counted] / exact[counted] - 1.0)
     return {
@@ -162,12 +161,10 @@ def _memory(
     kept = link.survival.nbytes + sum(
         array.nbytes for array in (link.ratio.data, link.ratio.indices, link.ratio.indptr)
     )
-    last = window.assumed
+    last = (copies[-2], copies[-1], *window.assumed)
     peak = {"build": peak_bytes(partial(_build, window))}
-    peak["k-d tree"] = peak_bytes(lambda: forms.k_d_tree(*copies[-2:], *last))
+    peak["k-d tree"] = peak_bytes(lambda: forms.k_d_tree(*last))
     megabytes: dict[str, float | None] = {f"{k}, MB": v / 1e6 for k, v in peak.items()}
-    megabytes["dense, MB"] = (
-        peak_bytes(lambda: forms.dense(*copies[-2:], *last)) / 1e6 if dense_runs else None
-    )
+    megabytes["dense, MB"] = peak_bytes(lambda: forms.dense(*last)) / 1e6 if dense_runs else None
     megabytes["kept, bytes a particle and lag"] = kept / window.particles
     return megabytes

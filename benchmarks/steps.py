@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Scan
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
@@ -56,7 +57,7 @@ def _reference(count: int | None) -> dict[str, Any]:
     """Return the figures of the reference scenario, or of its first `count` scans."""
     configs = {engine: resolve({"engine": engine}) for engine in BOTH}
     config = configs[PARTICLES]
-    scene = paper_scenario(config.model.radars)
+    scene = paper_scenario(polar_radars(config.model.radars))
     scans = [scan for _, scan in simulate(replace(scene, scans=count or scene.scans), seed=0)]
     runs = {engine: TimedEngine(configs[engine]) for engine in BOTH}
     return _measure(runs, scans, config.lag.scans)

@@ -69,8 +69,9 @@ def _predictor(problem: Problem, birth_probability: float) -> SMCPHDPredictor:
 
     def born(num_samples: int) -> FloatArray:
         term = rng.integers(0, len(births), num_samples)
-        sample: FloatArray = mean[term] + std[term] * rng.standard_normal((num_samples, len(STATE)))
-        return sample.T
+        noise = rng.standard_normal((num_samples, len(STATE)))
+        sample: FloatArray = (mean[term] + std[term] * noise).T
+        return sample
 
     return SMCPHDPredictor(
         transition_model=problem.predictor.transition_model,

@@ -5,11 +5,13 @@ from __future__ import annotations
 import gc
 import time
 import tracemalloc
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable, Hashable, Mapping
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+
+CaseName = TypeVar("CaseName", bound=Hashable)
 
 
 class Case(NamedTuple):
@@ -19,14 +21,14 @@ class Case(NamedTuple):
     rounds: int  # Number of calls; slow baselines need fewer
 
 
-def interleaved(cases: Mapping[str, Case]) -> dict[str, list[float]]:
+def interleaved(cases: Mapping[CaseName, Case]) -> dict[CaseName, list[float]]:
     """Return the CPU milliseconds of every call, by case.
 
     In each round every case is called once, so that a temporary slowdown of the machine affects
     all cases. A first, untimed call of each fills caches and compiles; cases of one or two rounds
     are so slow that they do not need it.
     """
-    times: dict[str, list[float]] = {name: [] for name in cases}
+    times: dict[CaseName, list[float]] = {name: [] for name in cases}
     for case in cases.values():
         if case.rounds > 2:
             case.call()
@@ -58,7 +60,7 @@ def spread(times_ms: list[float]) -> dict[str, float]:
 
 def percentiles(values: npt.ArrayLike) -> dict[str, float]:
     """Return the median, the 99th percentile and the largest of values."""
-    p50, p99, most = np.percentile(values, [50, 99, 100])
+    p50, p99, most = np.percentile(np.asarray(values), [50, 99, 100])
     return {"p50": float(p50), "p99": float(p99), "most": float(most)}
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 from phd_jdtc_ros.parameter_files import sections
 from phd_jdtc_ros.simulation.scenario import Scenario
@@ -63,7 +64,7 @@ def scene(turns: int, config: TrackerConfig, seed: int, aircraft: int = AIRCRAFT
         interval_s=rotation_s,
         scans=turns + 1,
         targets=tuple(_aircraft(number, aircraft, half_s, rng) for number in range(aircraft)),
-        radars=config.model.radars,
+        radars=polar_radars(config.model.radars),
     )
 
 

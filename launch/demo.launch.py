@@ -4,6 +4,8 @@ Replay the shipped bag through the tracker and score it.
 ros2 launch phd_jdtc_ros demo.launch.py [bag:=NAME_OR_PATH] [rate:=0.0] [out:=DIR] [rviz:=true] ...
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
@@ -17,11 +19,12 @@ from launch.actions import (
 )
 from launch.event_handlers import OnProcessExit, OnProcessIO
 from launch.events import Shutdown
+from launch.events.process import ProcessExited, ProcessIO
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from launch import LaunchDescription
+from launch import Action, LaunchContext, LaunchDescription
 from msg_adapters import names
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.tools.demo.processes import recorded_topics
@@ -48,7 +51,7 @@ FINISH_S = 10.0
 READY = {"tracker": "tracking ", "evaluator": "connected to"}
 
 
-def generate_launch_description():
+def generate_launch_description() -> LaunchDescription:
     """Return the arguments and the three nodes; the launch ends with the evaluator."""
     share = get_package_share_directory(PACKAGE)
     return LaunchDescription(
@@ -73,7 +76,7 @@ def generate_launch_description():
     )
 
 
-def _nodes(context, share):
+def _nodes(context: LaunchContext, share: str) -> list[Action]:
     given = {name: LaunchConfiguration(name).perform(context) for name in TRACKER_ARGUMENTS}
     out, bag, rate = (LaunchConfiguration(name).perform(context) for name in ("out", "bag", "rate"))
     flags = arguments.booleans({"use_sim_time": given["use_sim_time"]})
@@ -81,7 +84,6 @@ def _nodes(context, share):
         context.launch_configurations.get("ros_namespace"), given["namespace"]
     )
     tracker_name = arguments.full_name(namespace, given["node_name"])
-    rate = arguments.rate(rate)
     demo = arguments.demo(bag, given["params_file"], tracker_name, Path(out))
     scans = BagReader(demo.bag).counts[names.TRUTH]
     topics = [source.topic for source in demo.config.inputs]
@@ -121,7 +123,7 @@ def _nodes(context, share):
         parameters=[
             {
                 "bag": str(demo.bag),
-                "rate": rate,
+                "rate": arguments.rate(rate),
                 "flush_service": f"{tracker_name}/flush",
                 "subscriber_timeout_s": 60.0,
                 "answer_delay_s": demo.config.answer_delay_s,
@@ -138,7 +140,7 @@ def _nodes(context, share):
     return [failure.handler(), *handlers, tracker, evaluator]
 
 
-def _once_heard(replay):
+def _once_heard(replay: Action) -> OnProcessIO:
     """Return a handler that starts the replay when tracker and evaluator are ready.
 
     The replay waits for its own subscribers, but cannot see whether the evaluator and the tracker
@@ -146,7 +148,7 @@ def _once_heard(replay):
     """
     awaited = dict(READY)
 
-    def listen(event):
+    def listen(event: ProcessIO) -> list[Action] | None:
         name = event.process_name.rsplit("-", 1)[0]
         if name not in awaited or awaited[name] not in event.text.decode(errors="replace"):
             return None
@@ -156,14 +158,14 @@ def _once_heard(replay):
     return OnProcessIO(on_stdout=listen, on_stderr=listen)
 
 
-def _end_with(event, context):
+def _end_with(event: ProcessExited, context: LaunchContext) -> list[Action]:
     """Shut down, and as a failure if the evaluator has failed."""
     if event.returncode:
         return [EmitEvent(event=Failure("evaluator failed"))]
     return [EmitEvent(event=Shutdown())]
 
 
-def _end_after(event, context):
+def _end_after(event: ProcessExited, context: LaunchContext) -> list[Action]:
     """Shut down soon after the replay ends, and as a failure at once if it failed."""
     if event.returncode:
         return [EmitEvent(event=Failure("sensor_replay failed"))]

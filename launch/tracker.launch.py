@@ -4,7 +4,11 @@ Start the tracker for your own radars and, if wanted, RViz.
 ros2 launch phd_jdtc_ros tracker.launch.py params_file:=PATH [namespace:=NAME] [rviz:=true] ...
 """
 
+from __future__ import annotations
+
 import itertools
+from collections.abc import Mapping
+from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
 from launch.actions import (
@@ -16,10 +20,11 @@ from launch.actions import (
     SetEnvironmentVariable,
 )
 from launch.event_handlers import OnProcessExit
+from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from launch import LaunchDescription
+from launch import Action, LaunchContext, LaunchDescription
 from phd_jdtc_ros.tools.launching import arguments, failure
 
 PACKAGE = "phd_jdtc_ros"
@@ -59,7 +64,7 @@ SHOWN = ("detections", "filtered/estimates", "smoothed/estimates", "markers")
 SWITCHES = ("autostart", "frames")
 
 
-def generate_launch_description():
+def generate_launch_description() -> LaunchDescription:
     """Return the arguments, the tracker and RViz."""
     share = get_package_share_directory(PACKAGE)
     return LaunchDescription(
@@ -73,7 +78,7 @@ def generate_launch_description():
     )
 
 
-def _start(context, share):
+def _start(context: LaunchContext, share: str) -> list[Action]:
     """Check the arguments and the file, and return the processes: none starts if one is wrong."""
     given = {name: LaunchConfiguration(name).perform(context) for name in {**ARGUMENTS, **FLAGS}}
     switches = [name for name in SWITCHES if given[name]]
@@ -93,16 +98,24 @@ def _start(context, share):
     return actions
 
 
-def _isolation(context, profile):
+def _isolation(context: LaunchContext, profile: str) -> list[Action]:
     """Return the environment that keeps DDS on this machine, unless the user has a profile."""
     if any(name in context.environment for name in PROFILE_VARIABLES):
         return [LogInfo(msg="localhost_only: the profile in the environment stays in force")]
     return [SetEnvironmentVariable(name, profile) for name in PROFILE_VARIABLES]
 
 
-def _tracker(given, flags, tracker, namespace, retries):
+def _tracker(
+    given: Mapping[str, str],
+    flags: Mapping[str, bool],
+    tracker: str,
+    namespace: str,
+    retries: int,
+) -> list[Action]:
     """Return the tracker, and what ends the launch once it has failed for good."""
-    own = {name: flags[name] for name in ("autostart", "use_sim_time") if name in flags}
+    own: dict[str, Any] = {
+        name: flags[name] for name in ("autostart", "use_sim_time") if name in flags
+    }
     if "frames" in flags:
         own["outputs"] = arguments.outputs(given["params_file"], tracker, flags["frames"])
     reliable = {
@@ -127,7 +140,7 @@ def _tracker(given, flags, tracker, namespace, retries):
     )
     ends = itertools.count(1)
 
-    def end(event, context):
+    def end(event: ProcessExited, context: LaunchContext) -> list[Action] | None:
         """End the launch with the tracker; at its shutdown every status is right."""
         final = arguments.is_final(event.returncode, next(ends), retries)
         if context.is_shutdown or not final:
@@ -138,7 +151,7 @@ def _tracker(given, flags, tracker, namespace, retries):
     return [failure.handler(), RegisterEventHandler(ended), node]
 
 
-def _rviz(tracker, simulated, view):
+def _rviz(tracker: str, simulated: bool, view: str) -> Action:
     shown = [(f"/tracker/{topic}", f"{tracker}/{topic}") for topic in SHOWN]
     return Node(
         package="rviz2",

@@ -196,7 +196,7 @@ def _of_radars() -> Iterator[Case]:
     }
     config = tracker_params.config(values)
     pipeline, rng = new_pipeline(config), np.random.default_rng(0)
-    radar, scan = config.inputs[0], 0
+    radar, scan = config.radars[0], 0
 
     def use(cloud: PointCloud2) -> None:
         report = detections.from_msg(cloud, radar)
@@ -241,8 +241,11 @@ def _step(pipeline: Pipeline, events: Iterator[Event] | Rejection) -> None:
     if isinstance(events, Rejection):
         return
     for event in events:
-        step = event.step if isinstance(event, Stepped) else None
-        for own in event.smoothed if step is None else (*step.filtered, *step.smoothed):
+        if isinstance(event, Stepped):
+            published = (*event.step.filtered, *event.step.smoothed)
+        else:
+            published = tuple(event.smoothed)
+        for own in published:
             _publish(own)
 
 

@@ -38,7 +38,7 @@ class BadScan:
 
 
 def _good(stamp_ns: int) -> PointCloud2:
-    return detections.to_msg(scans.reference()[0].detections[0], stamp_ns, "radar_1")
+    return detections.to_msg(scans.report(0, 0), stamp_ns, "radar_1")
 
 
 def _change(change: Change) -> Callable[[int], bytes]:
@@ -190,7 +190,8 @@ def measure(chosen: list[BadScan] | None = None) -> Found:
     chosen = cases() if chosen is None else chosen
     with Rig() as rig:
         tracker, radars = rig.tracking(*LIGHT)
-        exits, lost, wanted = [], [], Counter()
+        exits, lost = [], []
+        wanted: Counter[str] = Counter()
         found: Counter[str] = Counter()
         index = 0
         for case in chosen:
@@ -231,7 +232,7 @@ def _send(radars: Radars, case: BadScan, index: int) -> bool:
     radars.outputs[0].publish(case.data(stamp_ns))
     if case.kept:  # the faulty cloud is then the first radar's report of this scan
         radars.outputs[1].publish(scans.cloud(index, 1))
-        return radars.spin_until(lambda: stamp_ns in radars.answered, REPLY_S)
+        return radars.wait_for({stamp_ns})
     return radars.track(index, timeout_s=REPLY_S)
 
 

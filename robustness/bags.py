@@ -184,7 +184,8 @@ def write_bomb(file: Path, declared: int) -> None:
         Chunk("zstd", data, 2, 1, 0, declared).write(record)
         chunk = record.end()
         stream.write(chunk)
-        writer._Writer__chunk_indices.append(  # the library has no public way to add an index
+        # The library has no public way to add an index.
+        vars(writer)["_Writer__chunk_indices"].append(
             ChunkIndex(len(chunk), offset, "zstd", len(data), 2, 0, {}, 1, declared)
         )
         writer.finish()

@@ -9,7 +9,6 @@ import numpy as np
 
 from . import scans
 from .figures import Found, measures
-from .radars import Radars
 from .rig import Rig
 
 FALSE_DETECTIONS = 1000  # per radar and scan, where 20 are expected
@@ -65,12 +64,8 @@ def _run(seed: int, false_detections: int, count: int) -> tuple[float, float, in
                     output.publish(cloud)
             else:
                 radars.send(index)
-            if not radars.spin_until(lambda i=index: _answered(radars, i), PATIENCE_S):
+            if not radars.wait_for({scans.stamp_of_scan(index)}, PATIENCE_S):
                 raise RuntimeError(f"scan {index} was not answered in {PATIENCE_S:g} s")
             slowest = max(slowest, radars.filtered[-1][1] - sent)
         growth = tracker.status("VmHWM") - before
         return float(np.mean([radars.ospa(index) for index in counted])), slowest, growth
-
-
-def _answered(radars: Radars, index: int) -> bool:
-    return scans.stamp_of_scan(index) in radars.answered

@@ -12,7 +12,7 @@ import numpy as np
 from msg_adapters.detections import OWN_LAYOUT, from_msg, to_msg
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
 from phd_jdtc_ros.core.types import Detections, Scan
 from phd_jdtc_ros.evaluation.metrics import ospa
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
@@ -103,14 +103,15 @@ def _run(
         }
     )
     tracker, rng = new_engine(config), np.random.default_rng(seed)
+    radars = polar_radars(config.model.radars)
     step_s, scores = 0.0, []
     for index, (scan, truth) in enumerate(zip(scans.reference(), scans.truth(), strict=True)):
         reports = scan.detections
         crowded = index in range(CROWDED, CROWDED + CROWDS)
         if crowded and detections:
             reports = tuple(
-                _fill(given, radar, detections, amplitudes, rng)
-                for given, radar in zip(reports, config.model.radars, strict=True)
+                _fill(scans.report(index, number), radar, detections, amplitudes, rng)
+                for number, radar in enumerate(radars)
             )
         begin = time.process_time()
         (found,) = tracker.step(Scan(scan.stamp_ns, reports)).filtered

@@ -27,6 +27,7 @@ from phd_jdtc_ros.core.intake.turns import Turns
 
 from . import bags, raw_bytes, scans
 from .figures import Found, measures
+from .small_chunks import rewritten
 
 EXAMPLES = 10_000
 FIELDS = (
@@ -44,7 +45,7 @@ RADAR = resolve(
         "radar_1.fields.range_std": "range_std",
         "radar_1.fields.azimuth_std": "azimuth_std",
     }
-).inputs[0]
+).radars[0]
 
 _SIZES = st.one_of(st.integers(0, 40), st.sampled_from([2**16, 2**31, 2**32 - 1]))
 _FIELD = st.builds(
@@ -167,7 +168,7 @@ def measure_bags(examples: int = EXAMPLES // 10) -> Found:
     rng = random.Random(3)
     outcomes: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as directory:
-        original = bags.rewritten(bags.BAG, Path(directory) / "whole.mcap", CompressionType.ZSTD)
+        original = rewritten(scans.BAG, Path(directory) / "whole.mcap", CompressionType.ZSTD)
         every = set(BagReader(original).messages())
         whole, file = original.read_bytes(), Path(directory) / "damaged.mcap"
         for _ in range(examples):

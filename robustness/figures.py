@@ -73,7 +73,7 @@ def such_as(wrong: Mapping[str, Any]) -> str:
 
 
 def measures(
-    name: str, goal: str | Callable[P, str], of_engines: bool = False
+    name: str, goal: str | Callable[..., str], of_engines: bool = False
 ) -> Callable[[Callable[P, Found]], Callable[P, Figure]]:
     """Make a figure of what a function finds.
 

@@ -22,6 +22,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.types import Detections, Estimates
@@ -108,7 +109,10 @@ def measure_repeated() -> Found:
         stamp_ns = DAY_NS + round(scan * config.model.modes.interval_s * NS)
         report = from_msg(to_msg(seen, stamp_ns, ""), OWN_LAYOUT)
         counted += report.anomalies["detections_repeated"]
-        for event in pipeline.add(0, report.stamp_ns, report.detections):
+        events = pipeline.add(0, report.stamp_ns, report.detections)
+        if isinstance(events, Rejection):
+            raise RuntimeError(f"scan {scan} was not used: {events.value}")
+        for event in events:
             if isinstance(event, Stepped):
                 targets += [len(own) for own in event.step.filtered]
     late = targets[min(COPIED) - 1 :]

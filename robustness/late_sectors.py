@@ -92,7 +92,7 @@ def _burst(radars: Radars, antenna: Antenna) -> bool:
         radars.outputs[0].publish(old)
     before = len(radars.filtered)
     radars.outputs[0].publish(cloud)
-    return radars.spin_until(lambda: len(radars.filtered) > before, ANSWER_S)
+    return radars.wait_for_more(before, ANSWER_S)
 
 
 def _counts(radars: Radars) -> dict[str, int]:

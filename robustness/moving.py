@@ -158,9 +158,7 @@ def measure() -> Found:
                         fault.change(message)
                         poses.publish(message)
                         wanted[fault.counted] += 1
-            came = radars.spin_until(
-                lambda before=before: len(radars.filtered) > before, REPLY_S if known else SHORT_S
-            )
+            came = radars.wait_for_more(before, REPLY_S if known else SHORT_S)
             lost += [index] if known and not came else []
             if not tracker.alive:
                 raise RuntimeError(f"scan {index}: the tracker ended:\n{tracker.text[-2000:]}")

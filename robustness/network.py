@@ -68,7 +68,8 @@ def cable() -> Iterator[tuple[str, str]]:
     """
     if os.geteuid() != 0 or shutil.which("ip") is None:
         raise NotMeasurableError("network namespaces need root and iproute2")
-    spaces = tuple(f"robust_{os.getpid()}_{side}" for side in ("ours", "theirs"))
+    ours, theirs = (f"robust_{os.getpid()}_{side}" for side in ("ours", "theirs"))
+    spaces = ours, theirs
     try:
         for space in spaces:
             _ip("netns", "add", space)

@@ -16,6 +16,7 @@ import numpy as np
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Detections, Estimates, Scan
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 from phd_jdtc_ros.simulation.scenario import paper_scenario
@@ -64,7 +65,7 @@ def _at(*intervals_s: float) -> Callable[[TrackerConfig], Run]:
 
 def _simulate(config: TrackerConfig) -> Run:
     """Return scans with the configuration's noise."""
-    return [scan for _, scan in simulate(paper_scenario(config.model.radars), 0)]
+    return [scan for _, scan in simulate(paper_scenario(polar_radars(config.model.radars)), 0)]
 
 
 def _change(change: Callable[[Detections], Detections]) -> Callable[[TrackerConfig], Run]:

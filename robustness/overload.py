@@ -104,7 +104,7 @@ def _keeping_up(radars: Radars, clouds: Sequence[tuple[bytes, bytes]]) -> float:
             begin = time.monotonic()
         before = len(radars.filtered)
         _publish(radars, pair)
-        radars.spin_until(lambda before=before: len(radars.filtered) > before, 5.0)
+        radars.wait_for_more(before, 5.0)
     return (time.monotonic() - begin) / (len(clouds) - half)
 
 

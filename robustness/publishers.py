@@ -57,7 +57,7 @@ def _side_by_side() -> tuple[int | None, int]:
         for index in range(MOST_SCANS):
             radars.track(index)
         other = radars.node.create_publisher(PointCloud2, TOPICS[0], 50)
-        radars.spin_until(other.get_subscription_count, 20.0)
+        radars.spin_until(lambda: other.get_subscription_count() > 0, 20.0)
         needed = None
         for index in range(MOST_SCANS, 2 * MOST_SCANS):
             radars.send(index)
@@ -78,7 +78,7 @@ def _restart_driver(restarts: int, run_s: float) -> tuple[list[bytes], int, int]
         for _ in range(restarts + 1):
             driver = rig.start("sensor_replay", scans.BAG, "--rate", RATE, "--loop")
             before = len(radars.filtered)
-            if not radars.spin_until(lambda n=before: len(radars.filtered) > n, 30.0):
+            if not radars.wait_for_more(before, 30.0):
                 raise RuntimeError(f"no estimate of the driver's scans:\n{driver.text[-2000:]}")
             radars.spin(run_s)
             driver.kill()

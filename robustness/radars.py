@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
@@ -36,7 +37,7 @@ class Peer:
     """
 
     def __init__(self, name: str, domain: int | None = None) -> None:
-        self._context = rclpy.Context()
+        self._context = Context()
         rclpy.init(context=self._context, domain_id=domain)
         self.node = rclpy.create_node(name, context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
@@ -108,7 +109,15 @@ class Radars(Peer):
     def track(self, index: int, stamp_ns: int | None = None, timeout_s: float = REPLY_S) -> bool:
         """Send a scan and wait for its estimate; return whether it came."""
         stamp = self.send(index, stamp_ns)
-        return self.spin_until(lambda: stamp in self.answered, timeout_s)
+        return self.wait_for({stamp}, timeout_s)
+
+    def wait_for(self, stamps_ns: set[int], timeout_s: float = REPLY_S) -> bool:
+        """Wait for an estimate with one of these stamps; return whether it came."""
+        return self.spin_until(lambda: bool(stamps_ns & self.answered), timeout_s)
+
+    def wait_for_more(self, before: int, timeout_s: float = REPLY_S) -> bool:
+        """Wait until there are more filtered estimates than `before`; return whether there are."""
+        return self.spin_until(lambda: len(self.filtered) > before, timeout_s)
 
     def ospa(self, index: int) -> float:
         """Return the OSPA distance of a scan's filtered estimates from the truth, metres."""
@@ -154,9 +163,12 @@ class Radars(Peer):
         stamp = stamps.to_ns(cloud.header.stamp)
         self.filtered.append((stamp, time.monotonic()))
         self.answered.add(stamp)
-        self.found[stamp] = self._on_smoothed(cloud)
+        self.found[stamp] = self._decode(cloud)
 
-    def _on_smoothed(self, cloud: PointCloud2) -> Estimates | None:
+    def _on_smoothed(self, cloud: PointCloud2) -> None:
+        self._decode(cloud)
+
+    def _decode(self, cloud: PointCloud2) -> Estimates | None:
         try:
             return estimates.from_msg(cloud)
         except RejectedMessageError:

@@ -63,7 +63,7 @@ def _send_until_answered(radars: Radars, index: int) -> int:
     deadline = time.monotonic() + 20.0
     while time.monotonic() < deadline:
         stamp = radars.send(index)
-        if radars.spin_until(lambda s=stamp: s in radars.answered, SCAN_PERIOD_S):
+        if radars.wait_for({stamp}, SCAN_PERIOD_S):
             return index
         index += 1
     return index

@@ -14,6 +14,7 @@ import rclpy
 from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
+from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
@@ -34,7 +35,8 @@ def main(seconds: float) -> None:
     client = node.create_client(SetParameters, f"{names.TRACKER}/set_parameters")
     cloud = PointCloud2(header=Header(frame_id=FRAME))
     change = Parameter(PARAMETER, value=0.61).to_parameter_msg()
-    subscriptions, written, calls = 0, 0, []
+    subscriptions, written = 0, 0
+    calls: list[Future] = []
     deadline = time.monotonic() + seconds
     while time.monotonic() < deadline:
         subscriptions = max(subscriptions, output.get_subscription_count())

@@ -9,9 +9,11 @@ from pathlib import Path
 
 from msg_adapters import detections, interfaces
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.core.types import Scan, Truth
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
+from phd_jdtc_ros.core.types import Detections, Scan, Truth
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
+from phd_jdtc_ros.simulation.traffic.targets import TargetScript
 
 ROOT = Path(__file__).parents[1]
 BAG, CONFIG = ROOT / "bags" / "paper_scenario", ROOT / "config"
@@ -23,14 +25,30 @@ _STAMP = struct.Struct("<iI")
 _STAMP_OFFSET = 4
 
 
+def _radars() -> tuple[RadarModel, ...]:
+    return polar_radars(resolve({}).model.radars)
+
+
 @cache
 def _simulate() -> tuple[tuple[Truth, Scan], ...]:
-    return tuple(simulate(paper_scenario(resolve({}).model.radars), 0))
+    return tuple(simulate(paper_scenario(_radars()), 0))
 
 
 def reference() -> tuple[Scan, ...]:
     """Return the scans of the reference scenario."""
     return tuple(scan for _, scan in _simulate())
+
+
+def report(index: int, radar: int) -> Detections:
+    """Return a radar's detections of a scan of the reference scenario."""
+    return _of_radar(reference()[index], radar)
+
+
+def _of_radar(scan: Scan, radar: int) -> Detections:
+    found = scan.detections[radar]
+    if found is None:
+        raise ValueError(f"radar {radar} has no report of the scan at {scan.stamp_ns} ns")
+    return found
 
 
 def truth() -> tuple[Truth, ...]:
@@ -43,7 +61,7 @@ def often(count: int, factor: int) -> tuple[tuple[bytes, bytes], ...]:
 
     The targets are slower, so that they exist all the time.
     """
-    usual = paper_scenario(resolve({}).model.radars)
+    usual = paper_scenario(_radars())
     targets = tuple(
         replace(
             target,
@@ -52,6 +70,7 @@ def often(count: int, factor: int) -> tuple[tuple[bytes, bytes], ...]:
             last_scan=count - 1,
         )
         for target in usual.targets
+        if isinstance(target, TargetScript)
     )
     interval_s = usual.interval_s / factor
     scene = replace(usual, scans=count, targets=targets, interval_s=interval_s)
@@ -60,8 +79,8 @@ def often(count: int, factor: int) -> tuple[tuple[bytes, bytes], ...]:
 
 def _clouds(scan: Scan, stamp_ns: int) -> tuple[bytes, bytes]:
     first, second = (
-        bytes(interfaces.encode(detections.to_msg(report, stamp_ns, f"radar_{radar}")))
-        for radar, report in enumerate(scan.detections, 1)
+        bytes(interfaces.encode(detections.to_msg(_of_radar(scan, radar), stamp_ns, frame)))
+        for radar, frame in enumerate(("radar_1", "radar_2"))
     )
     return first, second
 
@@ -69,7 +88,7 @@ def _clouds(scan: Scan, stamp_ns: int) -> tuple[bytes, bytes]:
 @cache
 def with_clutter(clutter_rate: float) -> tuple[tuple[bytes, bytes], ...]:
     """Return both radars' clouds of every scan, with this many false detections in each."""
-    radars = [replace(radar, clutter_rate=clutter_rate) for radar in resolve({}).model.radars]
+    radars = tuple(replace(radar, clutter_rate=clutter_rate) for radar in _radars())
     run = simulate(paper_scenario(radars), 0)
     return tuple(_clouds(scan, stamp_of_scan(index)) for index, (_, scan) in enumerate(run))
 

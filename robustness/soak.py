@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import time
+from functools import partial
 
 import numpy as np
 
 from .figures import Found, measures, result
+from .radars import Radars
 from .rig import Rig
 
 SCANS = 14_400
@@ -37,9 +39,7 @@ def measure(count: int = SCANS) -> Found:
         every = max(1, count // SAMPLES)
         for index in range(count):
             radars.send(index)
-            kept_up = radars.spin_until(
-                lambda sent=index + 1: len(radars.answered) > sent - OUTSTANDING, PATIENCE_S
-            )
+            kept_up = radars.spin_until(partial(_keeps_up, radars, index + 1), PATIENCE_S)
             if not kept_up or not tracker.alive or time.monotonic() - begin > 2.0 * LIMIT_S:
                 break
             if index % every == 0:
@@ -82,3 +82,7 @@ def measure(count: int = SCANS) -> Found:
         load_average=os.getloadavg()[0],
         resident_kib={str(index): resident for index, resident, *_ in samples},
     )
+
+
+def _keeps_up(radars: Radars, sent: int) -> bool:
+    return len(radars.answered) > sent - OUTSTANDING

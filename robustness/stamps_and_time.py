@@ -12,7 +12,7 @@ from msg_adapters import names
 
 from . import scans
 from .figures import Found, measures, result
-from .radars import REPLY_S, Radars
+from .radars import Radars
 from .rig import LIGHT, Rig
 
 GAP_SCANS, SHORT_GAP_SCANS = 600, 10
@@ -84,7 +84,7 @@ def _shuffle(*options: str) -> tuple[int, int, int]:
         for first in range(1, SHUFFLED, 2):
             pair = {radars.send(first + 1), radars.send(first)}
             # Wait for either of them, so that a busy tracker keeps up.
-            radars.spin_until(lambda pair=pair: bool(pair & radars.answered), REPLY_S)
+            radars.wait_for(pair)
         dropped = int(radars.values("radar_1").get("dropped_late", 0))
         epoch = int(radars.values("step time")["epoch"])
     received = [stamp for stamp, _ in radars.filtered]
@@ -135,9 +135,10 @@ def measure_silence(repeats: int = 3) -> Found:
             found.append(_silence_delay(radars, stopped))
             # Two scans wait for the silent radar; all others are answered.
             going_on &= len(radars.filtered) - before >= REGULAR - 3
-    if None in found:
+    delays = [delay for delay in found if delay is not None]
+    if len(delays) < len(found):
         return "not noticed", False, {"noticed_after_s": found}
-    worst = max(found)
+    worst = max(delays)
     text = (
         f"at most {worst:.2f} s in {repeats}, {ALLOWED_S:g} s allowed (scans every {PERIOD_S:g} s);"
         f" tracking {'goes on' if going_on else 'stops'}"

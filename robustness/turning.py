@@ -15,7 +15,7 @@ from phd_jdtc_ros.core.arrays import FloatArray
 
 from . import scans
 from .figures import Found, measures, result, wrong_counts
-from .radars import REPLY_S, Radars
+from .radars import Radars
 from .rig import Rig
 
 ROTATION_S, SECTORS = 4.0, 16
@@ -234,7 +234,7 @@ def send(radars: Radars, cloud: PointCloud2) -> bool:
     """Send a cloud and wait for an estimate; return whether one came."""
     before = len(radars.filtered)
     radars.outputs[0].publish(cloud)
-    return radars.spin_until(lambda: len(radars.filtered) > before, REPLY_S)
+    return radars.wait_for_more(before)
 
 
 def how_far(radars: Radars, time_s: float) -> float:
