@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.engines import ENGINES, new_engine
 from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
@@ -48,7 +48,7 @@ CUTOFF, ORDER = 50.0, 2.0
 # Goals: ratio of the mean GOSPA over all scenarios to the better peer's.
 GOALS = {FILTERED: 0.85, SMOOTHED: 0.8}
 PEERS = ("GNN", "JPDA")
-WITH_LIDAR = "with lidar"
+WITH_LIDAR, PARTICLES = "with lidar", "particles"
 PEER_SETTINGS = TrackSettings(
     gate=2.5, points=8, tentative_looks=1, looks=3, birth_gate=None, min_speed=0.7
 )
@@ -107,6 +107,7 @@ def scores_of(
     parameters: Mapping[str, Any],
     with_lidar: Mapping[str, Any] | None = None,
     changes: Mapping[str, Any] | None = None,
+    seed: int = 0,
 ) -> list[Score]:
     """Return the scores of both engines and both peers, filtered and smoothed.
 
@@ -118,6 +119,8 @@ def scores_of(
         Parameters of the tracker with both sensors; None to leave this variant out.
     changes : mapping or None
         Parameters that replace those of our trackers; the lidar's concern the second one only.
+    seed : int
+        Seed of the particles; nothing else is random.
 
     Raises
     ------
@@ -128,9 +131,8 @@ def scores_of(
     truth = [recording.truth(scan.stamp_ns) for scan in scans]
     found: dict[tuple[str, str], Sequence[PointSet]] = {}
     changes = changes or {}
-    of_radar = {name: own for name, own in changes.items() if not name.startswith("lidar.")}
     for name in ENGINES:
-        config = resolve({**parameters, **of_radar, "engine": name})
+        config = _with_radar(parameters, changes, name, seed)
         found |= _of_sources(name, tracked(new_engine(config), scans), truth)
     if with_lidar is not None:
         config = resolve({**with_lidar, **changes})
@@ -146,6 +148,25 @@ def scores_of(
     for name, by_lag in tracks.items():
         found[name, FILTERED], found[name, SMOOTHED] = by_lag[0], by_lag[lag]
     return [_score(recording.scenario, *key, truth, points) for key, points in found.items()]
+
+
+def particle_scores(
+    recording: Recording, parameters: Mapping[str, Any], changes: Mapping[str, Any], seed: int
+) -> list[Score]:
+    """Return the scores of the particles; for the parameters see `scores_of`."""
+    scans = scans_of(recording)
+    truth = [recording.truth(scan.stamp_ns) for scan in scans]
+    engine = new_engine(_with_radar(parameters, changes, PARTICLES, seed))
+    found = _of_sources(PARTICLES, tracked(engine, scans), truth)
+    return [_score(recording.scenario, *key, truth, points) for key, points in found.items()]
+
+
+def _with_radar(
+    parameters: Mapping[str, Any], changes: Mapping[str, Any], engine: str, seed: int
+) -> TrackerConfig:
+    """Return the configuration of a tracker with the radar alone."""
+    of_radar = {name: own for name, own in changes.items() if not name.startswith("lidar.")}
+    return resolve({"seed": seed, **parameters, **of_radar, "engine": engine})
 
 
 def peer_problem(parameters: Mapping[str, Any]) -> tuple[int, TrackerModel, float]:

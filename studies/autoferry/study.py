@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
@@ -12,7 +13,7 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.exit_status import ArgumentParser
 from phd_jdtc_ros.parameter_files import from_arguments
 
-from ..runner import Figures, Study
+from ..runner import Figures, Study, half_width, mean
 from . import bags, scores
 from .scores import Score
 
@@ -29,15 +30,43 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
     else:
         recordings = [bags.of_bag(resources.bag(bags.SHIPPED))]
     changes = from_arguments.from_arguments(arguments.params_file, arguments.assignments)
-    found = []
+    found: list[Score] = []
     for recording in recordings:
+        if seed != arguments.seed:
+            own = bags.parameters(lidar=False), changes, seed
+            found += scores.particle_scores(recording, *own)
+            continue
         with_lidar = bags.parameters(lidar=True) if recording.of("lidar") else None
         try:
             given = bags.parameters(lidar=False), with_lidar, changes
-            found += scores.scores_of(recording, *given)
+            found += scores.scores_of(recording, *given, seed)
         except ImportError as error:
             raise BagError(f"Stone Soup: {error}") from error
     return {"scores": [each.as_json() for each in found]}
+
+
+def _combined(found: Sequence[Figures]) -> Figures:
+    """Return the first seed's figures, with the particles' means over all seeds."""
+    by_seed = [
+        [each for each in one["scores"] if each["tracker"] == scores.PARTICLES] for one in found
+    ]
+    averages = iter(mean(by_seed))
+    return {
+        "scores": [
+            {**next(averages), "scenario": each["scenario"]}
+            if each["tracker"] == scores.PARTICLES
+            else each
+            for each in found[0]["scores"]
+        ],
+        "particles": half_width([_mean_gospa(one) for one in by_seed]),
+        "runs": len(found),
+    }
+
+
+def _mean_gospa(particles: Sequence[Figures]) -> Figures:
+    """Return the mean GOSPA over scenarios, by source."""
+    over = scores.means([Score.of_json(each) for each in particles])
+    return {source: figures["gospa"] for (_, source), figures in over.items()}
 
 
 def _scores(found: Figures) -> list[Score]:
@@ -54,12 +83,15 @@ def _tables(found: Figures) -> list[Table | str]:
     numbers = dict.fromkeys(each.scenario for each in all_scores)
     for name in (*map(str, numbers), "mean", "missed", "false", "RMS"):
         shown.add_column(name, justify="right")
-    for (tracker, source), mean in scores.means(all_scores).items():
+    for (tracker, source), over in scores.means(all_scores).items():
         rows = [each for each in all_scores if (each.tracker, each.source) == (tracker, source)]
         cells = [f"{each.gospa:.1f}" for each in rows]
-        cells += [f"{mean['gospa']:.1f}", f"{mean['missed']:.2f}", f"{mean['false']:.2f}"]
-        shown.add_row(f"{tracker}, {source}", *cells, f"{mean['position_rms']:.1f}")
-    return [shown]
+        cells += [f"{over['gospa']:.1f}", f"{over['missed']:.2f}", f"{over['false']:.2f}"]
+        shown.add_row(f"{tracker}, {source}", *cells, f"{over['position_rms']:.1f}")
+    if found["runs"] == 1:
+        return [shown]
+    widths = " and ".join(f"{width:.1f} m {name}" for name, width in found["particles"].items())
+    return [shown, f"particles: the mean of {found['runs']} seeds, 95 % within {widths}"]
 
 
 STUDY = Study(
@@ -71,7 +103,7 @@ STUDY = Study(
     measure=_measure,
     tables=_tables,
     goals=lambda found: scores.goals_of(_scores(found)),
-    runs=0,
+    combined=_combined,
     has_parameters=True,
     add_arguments=_add_arguments,
 )

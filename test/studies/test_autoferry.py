@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from studies.autoferry import bags
+from studies.autoferry import bags, study
 from studies.autoferry import recording as autoferry
 from studies.autoferry import scores as autoferry_scores
 
@@ -141,3 +141,23 @@ def test_trackers_are_scored_on_the_same_scans_with_changes_of_ours(boats):
     other = autoferry_scores.scores_of(recording, bags.parameters(lidar=False), None, changes)
     same = {mine.tracker for mine, changed in zip(usual, other, strict=True) if mine == changed}
     assert same == set(autoferry_scores.PEERS)
+
+
+def test_the_figures_of_the_particles_are_means_over_seeds():
+    names = ("particles", "gaussian")
+    first = [score(name, s, 20.0).as_json() for name in names for s in ("filtered", "smoothed")]
+    second = [score("particles", s, 22.0).as_json() for s in ("filtered", "smoothed")]
+    figures = study.STUDY.combined([{"scores": first}, {"scores": second}])
+    assert [(each["scenario"], each["gospa"]) for each in figures["scores"]] == [
+        (2, 21.0),
+        (2, 21.0),
+        (2, 20.0),
+        (2, 20.0),
+    ]
+    # Student's t of one degree of freedom, 12.71, times the standard error of the mean, 1 m.
+    assert figures["particles"] == pytest.approx({"filtered": 12.71, "smoothed": 12.71}, rel=1e-3)
+    shown = study.STUDY.tables(figures)
+    assert (
+        shown[-1]
+        == "particles: the mean of 2 seeds, 95 % within 12.7 m filtered and 12.7 m smoothed"
+    )
