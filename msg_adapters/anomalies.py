@@ -35,16 +35,13 @@ def of(sensor: SensorParameters, counts: Mapping[str, int]) -> Iterator[str]:
 
 def no_amplitude(radar: SensorParameters) -> str:
     """Return the warning about a radar whose messages have no amplitudes."""
-    return (
-        f"{radar.topic}: no field {radar.fields.amplitude!r}; "
-        "classification does not use its amplitudes"
-    )
+    return f"no field {radar.fields.amplitude!r}; classification does not use its amplitudes"
 
 
 def turn_found(radar: SensorParameters, turn_s: float) -> str:
     """Return the warning about a radar whose time of a turn, s, is estimated and not configured."""
     return (
-        f"{radar.topic}: the estimated time of a turn is {turn_s:.3f} s; set "
+        f"the estimated time of a turn is {turn_s:.3f} s; set "
         f"{radar.name}.rotation_s to use it from the start"
     )
 

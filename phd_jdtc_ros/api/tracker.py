@@ -9,6 +9,7 @@ from os import PathLike
 from typing import Any, NamedTuple
 
 from msg_adapters.selection import Report
+from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.calibration.tuning.plots import limit_plots, plots_of
 from phd_jdtc_ros.configuration.build import TrackerConfig
@@ -250,7 +251,8 @@ class _Run:
 
     def __init__(self, config: TrackerConfig) -> None:
         self.config, self.tally = config, Tally(config)
-        self._feed = Feed(config, self.tally)
+        self._innovations = InnovationMonitor(config.model)
+        self._feed = Feed(config, self.tally, [self._innovations])
         self._filtered: list[Estimates] = []
         self._smoothed: list[Estimates] = []
 
@@ -276,7 +278,7 @@ class _Run:
         if counts.lost:
             reasons = counts_text(self.tally.dropped)
             yield f"{counts.lost.total()} of {counts.offered} detections were not used: {reasons}"
-        for radar, text in self.tally.about_radars():
+        for radar, text in self.tally.about_radars(self._innovations.fits()):
             yield f"{self.config.inputs[radar].name}: {text}"
         yield from self.tally.about_targets()
 

@@ -111,6 +111,11 @@ class TrackerConfig(Tracking):
         return radars
 
     @property
+    def classifies_by_amplitude(self) -> bool:
+        """Whether amplitudes distinguish classes of targets."""
+        return self.amplitude != "none" and len(self.model.modes.classes) > 1
+
+    @property
     def _slowest_s(self) -> float:
         """The nominal interval or the longest configured turn, seconds."""
         return max(self.interval_s, *(radar.rotation_s for radar in self.inputs))

@@ -140,11 +140,22 @@ class Tally:
         """What was learned of the sensors, by dotted name; see `SensorMemory.figures`."""
         return {name: value for name, value in self._figures.items() if "." in name}
 
-    def about_radars(self) -> Iterator[tuple[int, str]]:
-        """Yield each contradiction of the configuration once, with the radar's index."""
+    def about_radars(self, fits: Sequence[Fit] = ()) -> Iterator[tuple[int, str]]:
+        """Yield each contradiction of the configuration once, with the radar's index.
+
+        `fits` are the innovations of the radars, if they are known.
+        """
         for index, radar in enumerate(self._config.inputs):
+            if index in self._without_amplitude and self._config.classifies_by_amplitude:
+                yield index, anomalies.no_amplitude(radar)
+            if self._turns_s[index]:
+                yield index, anomalies.turn_found(radar, self._turns_s[index])
             for text in anomalies.of(radar, self._warned[index]):
                 yield index, text
+        for index, fit in enumerate(fits):
+            own = anomalies.figures_of(fit.radar, self._figures)
+            texts = anomalies.of_noise(fit), anomalies.of_learned(own), anomalies.of_changes(own)
+            yield from ((index, text) for text in texts if text is not None)
 
     def about_targets(self) -> Iterator[str]:
         """Yield the warning that no target was ever reported, if some are overdue."""
@@ -153,17 +164,6 @@ class Tally:
 
     def warnings(self, fits: Sequence[Fit]) -> Iterator[str]:
         """Yield all warnings of a run; `fits` are the innovations of the radars."""
-        listed = list(self.about_radars())
-        for index, radar in enumerate(self._config.inputs):
-            if index in self._without_amplitude and len(self._config.model.modes.classes) > 1:
-                yield anomalies.no_amplitude(radar)
-            if self._turns_s[index]:
-                yield anomalies.turn_found(radar, self._turns_s[index])
-            yield from (f"{radar.topic}: {text}" for own, text in listed if own == index)
-        for radar, fit in zip(self._config.inputs, fits, strict=True):
-            wrong = anomalies.of_noise(fit)
-            own = anomalies.figures_of(radar.name, self._figures)
-            texts = wrong, anomalies.of_learned(own), anomalies.of_changes(own)
-            found = [text for text in texts if text is not None]
-            yield from (f"{radar.topic}: {text}" for text in found)
+        for index, text in self.about_radars(fits):
+            yield f"{self._config.inputs[index].topic}: {text}"
         yield from self.about_targets()

@@ -355,3 +355,17 @@ def test_fit_keeps_the_recognised_columns():
     assert tracker.parameters["radar.fields.height"] == "height"
     found = tracker.track(table).smoothed
     assert found["height"] == pytest.approx(30.0, abs=5.0)
+
+
+@pytest.mark.parametrize(("factor", "wrong"), [(0.1, "larger"), (10.0, "smaller")])
+def test_track_warns_of_innovations_that_contradict_the_noise(factor, wrong):
+    usual = crossing.PARAMETERS["radar"]
+    noise = {name: factor * usual[name] for name in ("range_std", "azimuth_std_deg")}
+    with pytest.warns(UserWarning, match=rf"^radar: innovations are .* times {wrong} than the"):
+        Tracker(with_radar(**noise)).track(DETECTIONS)
+
+
+def test_track_of_right_parameters_does_not_warn():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        Tracker(crossing.PARAMETERS).track(DETECTIONS)

@@ -143,12 +143,13 @@ class Inputs:
         """Count the dropped points; warn once if amplitudes that would classify are missing."""
         for reason, count in report.dropped.items():
             self._drop(self.radars[radar], reason, f"{count} points dropped: {reason}", count)
-        source = self._settings.config.inputs[radar]
-        several = len(self._settings.config.model.modes.classes) > 1
+        config = self._settings.config
+        source = config.inputs[radar]
         missing = source.measures_amplitude and report.detections.amplitude is None
-        if missing and several and source.name not in self._warned:
+        if missing and config.classifies_by_amplitude and source.name not in self._warned:
             self._warned.add(source.name)
-            self._node.get_logger().warning(anomalies.no_amplitude(source))
+            text = anomalies.no_amplitude(source)
+            self._node.get_logger().warning(f"{source.topic}: {text}")
 
     def on_rejection(self, radar: int, reason: str, report: Report) -> None:
         """Count a report of which no part belongs to a scan."""
@@ -182,7 +183,7 @@ class Inputs:
         if turn_s and turn_s != health.turn_found_s:
             text = anomalies.turn_found(source, turn_s)
             health.warn(Counter(), text)
-            self._warnings.warn((source.name, "turn_found"), text)
+            self._warnings.warn((source.name, "turn_found"), f"{source.topic}: {text}")
         health.turn_found_s = turn_s
 
     def on_unreadable_pose(self, topic: str, error: RejectedMessageError) -> None:
