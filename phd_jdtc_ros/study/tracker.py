@@ -16,7 +16,7 @@ import numpy as np
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.engines import gaussian_engine, particle_filter
 from phd_jdtc_ros.core.gaussian import extraction as gaussian_extraction
-from phd_jdtc_ros.core.gaussian import smoother as gaussian_smoother
+from phd_jdtc_ros.core.gaussian.smoothing import smoother as gaussian_smoother
 from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS, estimates
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
 from phd_jdtc_ros.core.tracks.confirmation import TrackStates

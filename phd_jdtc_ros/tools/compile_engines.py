@@ -22,8 +22,8 @@ CORE = "phd_jdtc_ros.core"
 # are nearly all the rest.
 ASSOCIATION = f"{CORE}.gaussian.measurement.pairs"
 OTHERS = (
-    *("algebra.backward_step", "prediction", "measurement.gating", "reduction", "extraction"),
-    *("measurement.amplitude", "lineages"),
+    *("smoothing.backward_step", "prediction", "measurement.gating", "reduction", "extraction"),
+    *("measurement.amplitude", "smoothing.updates"),
 )
 
 

@@ -18,7 +18,7 @@ from sweep import (
 )
 
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.gaussian.smoother import backward_pass
+from phd_jdtc_ros.core.gaussian.smoothing.smoother import backward_pass
 from phd_jdtc_ros.core.types import Coverage, Detections, Scan
 
 PERIOD = {"estimates_period_s": ROTATION_S, "lag": 3}

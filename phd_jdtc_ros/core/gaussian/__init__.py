@@ -16,12 +16,13 @@ The path of one scan, with the module of each step::
       |  merge similar hypotheses            reduction
     stored mixture t+1                       (filter: the steps in order)
       |  link to mixture t                   lineages: the updates of each target
-      |  backward over the lag window        lineages; algebra.backward_step
+      |  backward over the lag window        backward_step
     smoothed hypotheses
       |  extract targets at a stamp          smoother, extraction
     Estimates                                engine
 
 `filter` and `engine` hold the parts that are specific to Gaussians; the rest of a fixed-lag filter
 is in `core.window`. `snapshot` stores mixtures and links as arrays, and restores them. `algebra`
-has the operations on Gaussians, `measurement` the steps of the update with one radar's detections.
+has the operations on Gaussians, `measurement` the steps of the update with one radar's detections,
+and `smoothing` those of the smoother.
 """

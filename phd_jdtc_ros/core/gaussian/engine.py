@@ -12,9 +12,9 @@ from ..window.forward_filter import Filtered
 from . import snapshot
 from .extraction import extract
 from .filter import GaussianFilter
-from .lineages import Lineages, Link
 from .mixture import Mixture
-from .smoother import extract_at
+from .smoothing.lineages import Lineages, Link
+from .smoothing.smoother import extract_at
 from .snapshot import GaussianEntry
 
 

@@ -13,10 +13,10 @@ from ..window.swept import partition_swept
 from ..window.update import update_scan
 from .bounds import Bounds
 from .dynamics import Dynamics
-from .lineages import Link
 from .mixture import Mixture
 from .prediction import AgedMixture, births, spawn, survivors
 from .reduction import Branched, reduce_hypotheses
+from .smoothing.lineages import Link
 from .update import GaussianSteps
 
 

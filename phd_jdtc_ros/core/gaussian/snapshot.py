@@ -8,10 +8,10 @@ from ..snapshot import MAX_MASS, Snapshot, from_snapshot, to_snapshot
 from ..window.entries import Entry
 from ..window.window_snapshot import require_rows_of, sources_from_snapshot, sources_to_snapshot
 from .dynamics import Dynamics
-from .lineages import Link
 from .mixture import Mixture
 from .prediction import Moves
 from .reduction import Ancestry
+from .smoothing.lineages import Link
 
 GaussianEntry = Entry[Mixture, Link]
 

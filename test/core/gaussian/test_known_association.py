@@ -8,7 +8,7 @@ import textbook
 from lone import MEAN, STD, TWO_MOTIONS, lone, path, scan_at, started
 
 from phd_jdtc_ros.core.gaussian.algebra import kalman
-from phd_jdtc_ros.core.gaussian.smoother import backward_pass
+from phd_jdtc_ros.core.gaussian.smoothing.smoother import backward_pass
 from phd_jdtc_ros.core.types import Detections, Scan
 
 EVEN = 6.0 * np.arange(1, 15)

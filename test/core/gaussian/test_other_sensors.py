@@ -12,7 +12,7 @@ from scipy.stats import multivariate_normal
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.algebra import kalman, linearised
-from phd_jdtc_ros.core.gaussian.smoother import backward_pass
+from phd_jdtc_ros.core.gaussian.smoothing.smoother import backward_pass
 from phd_jdtc_ros.core.sensors.gaussians import PlanePlots
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.report import Report

@@ -19,7 +19,7 @@ from ...compilation import (
     in_place,
     inner,
 )
-from .blocks import (
+from ..algebra.blocks import (
     SIZE,
     add_mean,
     add_spread,
@@ -32,7 +32,18 @@ from .blocks import (
     square_distance,
     times,
 )
-from .vectors import add, total_of
+from ..algebra.vectors import add, total_of
+from .updates import (
+    BEFORE,
+    EDGE,
+    FIRST_FACTOR,
+    FIRST_PAIR,
+    FIRST_PREDICTED,
+    FIRST_ROW,
+    PREDICTED,
+    ROW,
+    STAMP,
+)
 
 # Smallest log fit of a pair of modes relative to the best pair: no pair is excluded for good.
 LEAST_LOG_FIT = -50.0
@@ -46,14 +57,6 @@ class Gaussians(NamedTuple):
     weight: Float3
     mean: Float3
     covariance: Float4
-
-
-# Columns of the U updates of single targets, oldest first, (U, COLUMNS): the stamp, the label, and
-# the number of the update that each continues, -1 for none. Then the first row and the end, in the
-# other tables, of its updated hypotheses, of the predicted ones, and of the edges between them. The
-# others are the first rows of its scan, from which the rows that tables refer to are counted.
-STAMP, LABEL, BEFORE, ROW, PREDICTED, EDGE = 0, 1, 2, 3, 5, 7
-FIRST_ROW, FIRST_PREDICTED, FIRST_PAIR, FIRST_FACTOR, COLUMNS = 9, 10, 11, 12, 13
 
 
 class Edges(NamedTuple):

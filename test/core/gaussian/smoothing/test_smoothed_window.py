@@ -9,8 +9,8 @@ import textbook
 from lone import GIVEN, MEAN, STD, TWO_MOTIONS, lone, path, scan_at, started
 from scipy.linalg import block_diag
 
-from phd_jdtc_ros.core.gaussian import smoother
 from phd_jdtc_ros.core.gaussian.algebra import kalman
+from phd_jdtc_ros.core.gaussian.smoothing import smoother
 
 SECONDS = np.cumsum([6.0, 0.4, 11.0, 6.0, 25.0, 3.0, 7.0, 60.0])
 EVEN = 6.0 * np.arange(1, 8)

@@ -9,7 +9,8 @@ from scenes import short_scenario, small
 from sweep import ROTATION_S, START_NS, configuration, scans
 
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.gaussian import extraction, lineages, smoother
+from phd_jdtc_ros.core.gaussian import extraction
+from phd_jdtc_ros.core.gaussian.smoothing import lineages, ring, smoother
 from phd_jdtc_ros.core.window.entries import Entry, Source
 from phd_jdtc_ros.simulation.simulate import simulate
 
@@ -118,7 +119,7 @@ def test_window_of_no_targets_has_none():
 
 
 def test_window_that_slides_is_smoothed_as_one_that_was_always_whole(monkeypatch):
-    monkeypatch.setattr(lineages, "LEAST_ROOM", 1)
+    monkeypatch.setattr(ring, "LEAST_ROOM", 1)
     entries, most, again, wrapped = window(9), 40, 0, 0
     slid = lineages.Lineages()
     for end in range(20, len(entries) + 1):

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..tracks.common_stamp import between
-from ..types import Estimates
-from .dynamics import Dynamics
-from .extraction import extract_targets
+from ...tracks.common_stamp import between
+from ...types import Estimates
+from ..dynamics import Dynamics
+from ..extraction import extract_targets
+from ..mixture import Mixture
+from ..snapshot import GaussianEntry
 from .lineages import Around, Lineages
-from .mixture import Mixture
-from .snapshot import GaussianEntry
 
 
 def backward_pass(entries: Sequence[GaussianEntry]) -> list[Mixture]:

@@ -1,0 +1,1 @@
+"""The fixed-lag smoother of Gaussians: the updates of each target, and the backward step."""
