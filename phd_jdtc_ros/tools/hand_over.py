@@ -13,6 +13,7 @@ from pathlib import Path
 
 from msg_adapters import estimates, interfaces, names
 from phd_jdtc_ros import resources
+from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import TrackerConfig
@@ -54,9 +55,15 @@ def _by_source(run: Record) -> dict[str, Sequence[Estimates]]:
 
 def _of_bag(given: str) -> tuple[Path, TrackerConfig, Region]:
     path = resources.bag(given)
+    BagReader(path)  # what is no bag has no parameters either
     recorded = bag_parameters.read(path)
-    config = None if recorded is None else tracker_params.config(recorded)
-    if config is None or config.region is None:
+    if recorded is None:
+        raise BagError(
+            f"{path}: has no {bag_parameters.NAME} beside it with the region of its tracker, as "
+            "track_bag writes"
+        )
+    config = tracker_params.config(recorded)
+    if config.region is None:
         raise ConfigError([f"region: not set in {bag_parameters.path_of(path)}, must be"])
     return path, config, config.region
 

@@ -95,9 +95,12 @@ def test_a_stamp_that_one_tracker_lacks_is_that_of_the_other(both, tmp_path):
 
 def test_what_cannot_be_joined_is_reported(both, tmp_path, capsys):
     out, whole = str(tmp_path / "joint"), bag(tmp_path / "whole", "west", region=False)
+    bare = write(tmp_path / "bare", [names.estimates(FILTERED)], [])
     for arguments, words in (
         ([both[0], "--out", out], "hand_over: BAG: one given, must be two or more"),
         ([both[0], whole, "--out", out], "region: not set in"),
+        ([both[0], str(tmp_path / "none"), "--out", out], "none: no such bag"),
+        ([both[0], str(bare), "--out", out], "bare: has no parameters.yaml beside it"),
         ([*both, "--out", out, "--hysteresis", "20000"], "must be from 0 to the margin, 10000"),
         ([*both, "--out", both[0]], "already exists"),
     ):
