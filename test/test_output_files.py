@@ -1,8 +1,7 @@
 import os
-import resource
-import signal
 
 import pytest
+from full_disk import largest_file
 
 from phd_jdtc_ros import output_files
 
@@ -17,19 +16,23 @@ def test_write_replaces_a_link_and_not_what_it_points_to(tmp_path):
 
 
 def test_write_leaves_nothing_where_there_is_no_room(tmp_path):
-    """A limit of the size of files fails as a full disk does, in a write."""
     path = tmp_path / "mine.yaml"
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
-    try:
-        with pytest.raises(OSError, match="too large") as caught:
-            output_files.write(path, "x" * 2000)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-        signal.signal(signal.SIGXFSZ, ignored)
+    with largest_file(1000), pytest.raises(OSError, match="too large") as caught:
+        output_files.write(path, "x" * 2000)
     assert caught.value.filename == str(path)
     assert not os.listdir(tmp_path)
+
+
+def test_file_written_in_parts_is_named_where_there_is_no_room(tmp_path):
+    path = tmp_path / "tracks.ast"
+
+    def write():
+        with output_files.opened(path) as stream:
+            stream.write(b"x" * 2000)
+
+    with largest_file(1000), pytest.raises(OSError, match="too large") as caught:
+        write()
+    assert caught.value.filename == str(path)
 
 
 def test_write_to_what_is_no_file_goes_through(tmp_path):

@@ -8,6 +8,7 @@ corrects them, and a picture of the residuals before and after.
 from __future__ import annotations
 
 import argparse
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +17,7 @@ from typing import Any, NamedTuple
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from rich.console import Console
 
-from phd_jdtc_ros import resources
+from phd_jdtc_ros import output_files, resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.registration.solution import Registration, register
@@ -70,6 +71,7 @@ def _work(arguments: argparse.Namespace) -> int:
     source = resources.bag(arguments.bag)
     recorded = command.recorded_parameters(source, arguments.params_file)
     if recorded is None:
+        BagReader(source)  # what is no bag has no parameters either
         raise BagError(
             f"{source}: has no {bag_parameters.NAME} beside it with the positions of its "
             "radars: give a parameter file as --params"
@@ -84,7 +86,9 @@ def _work(arguments: argparse.Namespace) -> int:
     console.print(registered_table.residuals(outcome.found))
     print(*registered_table.remarks(outcome.found), sep="\n")
     if drawn is not None:
-        FigureCanvasAgg(picture.residuals(outcome.found)).print_png(drawn)
+        image = io.BytesIO()
+        FigureCanvasAgg(picture.residuals(outcome.found)).print_png(image)
+        output_files.write(drawn, image.getvalue())
         print(f"{drawn}: residuals before and after")
     status = OK if outcome.damage is None else fail("register", outcome.damage)
     head = f"Registered from {source}\nand {where}.\nA comment gives the basis of each correction."

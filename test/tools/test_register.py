@@ -6,6 +6,7 @@ import biased
 import pytest
 import yaml
 from bag_content import rewrite
+from full_disk import largest_file
 
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
@@ -134,6 +135,18 @@ def test_register_reports_what_is_wrong_and_allowed(
     said = capsys.readouterr().err
     assert reason in said
     assert "Traceback" not in said
+
+
+def test_register_of_no_bag_does_not_ask_for_parameters(tmp_path, capsys):
+    assert register(tmp_path / "none") == 2
+    assert capsys.readouterr().err == f"register: {tmp_path / 'none'}: no such bag\n"
+
+
+def test_register_names_a_picture_for_which_there_is_no_room(bag, tmp_path, capsys):
+    with largest_file(1000):
+        assert register(bag, "--picture", tmp_path / "drawn.png") == 2
+    assert capsys.readouterr().err == f"register: {tmp_path / 'drawn.png'}: File too large\n"
+    assert not (tmp_path / "drawn.png").exists()
 
 
 def test_register_names_a_silent_radar(bag, tmp_path, capsys):

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from msg_adapters.sent_columns import fill
+from phd_jdtc_ros import output_files
 from phd_jdtc_ros.asterix.messages import Plot
 from phd_jdtc_ros.asterix.transport import pcap_out
 from phd_jdtc_ros.asterix.writing import plots as plots_out
@@ -58,7 +59,7 @@ def write(
         blocks = _blocks(run, index, config.radars[index], own, seed)
         sent += [(time_ns, block, line) for time_ns, block in blocks]
     sent.sort(key=lambda entry: entry[0])
-    with path.open("wb") as stream:
+    with output_files.opened(path) as stream:
         if path.suffix == CAPTURE:
             stream.write(pcap_out.header())
             stream.writelines(pcap_out.packet(*entry) for entry in sent)

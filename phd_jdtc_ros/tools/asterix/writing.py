@@ -17,6 +17,7 @@ from msg_adapters import ground_ranges, interfaces, names
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import reader_of
 from msg_adapters.sent_columns import fill
+from phd_jdtc_ros import output_files
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.messages import COMBINED, DAY, NONE, PRIMARY, Plot
 from phd_jdtc_ros.asterix.writing import plots as plots_out
@@ -85,7 +86,7 @@ def write_tracks(
     recorded = [radar for radar in radars if bag.types.get(radar) == names.CLOUD]
     period_ns = round(bridge.values["output_period_s"] * 1e9)
     done = ConversionCounts("tracks")
-    with out.open("wb") as stream:
+    with output_files.opened(out) as stream:
         periodic = _PeriodicOutput(output, stream, period_ns, done)
         for entry in bag.messages([topic, *recorded]):
             if entry.topic != topic:
@@ -169,7 +170,7 @@ def write_plots(
         )
         for index, radar in enumerate(config.radars)
     ]
-    with out.open("wb") as stream:
+    with output_files.opened(out) as stream:
         parts = [radar.blocks(bag, done) for radar in radars]
         for _, block in heapq.merge(*parts, key=lambda part: part[0]):
             stream.write(block)
