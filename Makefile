@@ -7,17 +7,17 @@ RUN    := $(VENV)/bin/python
 
 ifdef ROS_DISTRO
 VENV_FLAGS := --system-site-packages
-PIP_FLAGS  := -c constraints-ros.txt
+CONSTRAINTS := constraints-ros.txt
 EXTRAS     :=
 TEST_EXTRAS := [test,study,peers,docs,dev]
 else
 VENV_FLAGS :=
-PIP_FLAGS  := -c constraints.txt
+CONSTRAINTS := constraints.txt
 EXTRAS     := [ros]
 TEST_EXTRAS := [ros,test,study,peers,docs,dev]
 endif
 
-INSTALL := $(RUN) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS)
+INSTALL := $(RUN) -m pip install --quiet --disable-pip-version-check -c $(CONSTRAINTS)
 NOT_INSTALLED := { echo "not installed: the packages come from PyPI, by way of pip's settings" >&2; exit 1; }
 
 .PHONY: help setup demo study bench faults soak fuzz docs pictures test coverage mutants check format bags parameters clean
@@ -60,7 +60,7 @@ $(VENV)/.made:
 	    { echo "on Debian and Ubuntu: apt install python3-venv"; exit 2; }
 	@touch $@
 
-$(VENV)/.ready: $(VENV)/.made setup.py constraints.txt constraints-ros.txt
+$(VENV)/.ready: $(VENV)/.made setup.py $(CONSTRAINTS)
 	@echo "installing into $(VENV) ..."
 	@$(INSTALL) -e '.$(EXTRAS)' || $(NOT_INSTALLED)
 	@echo "compiling the engines, some forty seconds ..."
