@@ -179,7 +179,7 @@ def test_learned_clutter_is_a_picture_of_its_own_where_it_lies(tmp_path):
     assert set(written(record, tmp_path)) == {*EVERYTHING, "clutter"}
     figure = without_pixels(record)["clutter"]
     (image,) = figure.axes[0].images
-    assert image.get_extent() == [-3.0, -1.0, 1.0, 2.0]
+    assert [*image.get_extent()] == [-3.0, -1.0, 1.0, 2.0]
     assert image.origin == "lower"
     shown = image.get_array()
     assert shown[3, 10] == 200.0
