@@ -369,3 +369,30 @@ def test_track_of_right_parameters_does_not_warn():
     with warnings.catch_warnings():
         warnings.simplefilter("error", UserWarning)
         Tracker(crossing.PARAMETERS).track(DETECTIONS)
+
+
+def split_plots(share, seed=3):
+    """Return detections of four targets that fly straight; a share of them are two plots."""
+    rng = np.random.default_rng(seed)
+    place = np.array([[-900.0, 300.0], [800.0, 500.0], [-300.0, -900.0], [900.0, -800.0]])
+    velocity = np.array([[14.0, 2.0], [-9.0, 8.0], [5.0, 13.0], [-12.0, -3.0]])
+    rows = []
+    for time in range(60):
+        x, y = (place + velocity * time).T
+        seen = np.stack([np.hypot(x, y), np.arctan2(y, x)], axis=1)[rng.random(4) < 0.85]
+        twice = rng.random(len(seen)) < share
+        seen = np.concatenate([seen + twice[:, None] * [4.0, 0.008], seen[twice] - [4.0, 0.008]])
+        seen += rng.standard_normal(seen.shape) * [4.0, 0.008]
+        false = np.stack([rng.uniform(50.0, 2e3, 3), rng.uniform(-np.pi, np.pi, 3)], axis=1)
+        rows += [[time, *each] for each in (*seen, *false)]
+    return dict(zip(("time", "range", "azimuth"), np.transpose(rows), strict=True))
+
+
+def test_plots_split_in_two_make_no_second_track():
+    detections = split_plots(0.3)
+    tracker = Tracker().fit(detections)
+    assert 3.0 < tracker.parameters["radar.cluster_distance"] < 5.0
+    found = tracker.track(detections).filtered
+    times, count = np.unique(found["time"], return_counts=True)
+    assert count[times >= 10.0].mean() < 4.5
+    assert "radar.cluster_distance" not in Tracker().fit(split_plots(0.0)).parameters

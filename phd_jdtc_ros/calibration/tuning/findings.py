@@ -14,6 +14,7 @@ from .plots import Plots
 from .rates import (
     Field,
     Rate,
+    beside,
     clutter_rate,
     crowded,
     detection_probability,
@@ -34,6 +35,8 @@ LEAST_CLOUDS, LEAST_TRACKS, LEAST_PLOTS = 10, 1, 30
 MOST_LAND = 0.2
 # The same of areas of dense clutter.
 MOST_CROWDED = 0.1
+# A larger share of tracks' plots with another one beside them gives targets a second track.
+MOST_BESIDE = 0.03
 # Bounds of the detection probability in linking: certain detection would allow no missed plot.
 PROBABILITIES = (0.3, 0.98)
 # Smallest spectral density of the white acceleration, m^2/s^3.
@@ -64,6 +67,7 @@ class Findings:
     duration_s: float  # Length of the evaluated part of the recording, seconds
     land: float  # Share of the plots that are land clutter
     crowded: float  # Share of the plots in areas of dense clutter, land excepted
+    beside: float  # Share of the tracks' plots with a further plot of the same target
 
 
 def findings(plots: Plots) -> Findings:
@@ -105,6 +109,7 @@ def findings(plots: Plots) -> Findings:
         plots.duration_s,
         land,
         share,
+        beside(plots, when, tracks, noise.range_std, noise.azimuth_std),
     )
 
 

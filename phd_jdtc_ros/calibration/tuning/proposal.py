@@ -12,7 +12,7 @@ import numpy as np
 from phd_jdtc_ros.configuration.forms import probability_numbers
 from phd_jdtc_ros.configuration.schema import Value
 
-from .findings import MOST_CROWDED, MOST_LAND, Findings
+from .findings import MOST_BESIDE, MOST_CROWDED, MOST_LAND, Findings
 
 # A configured table of detection probability over range is kept if the estimate lies within its
 # values, plus or minus this.
@@ -53,6 +53,7 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
     return [
         *_rotation(found, now),
         *_noise(found, now),
+        *_clusters(found, now),
         _detection(found, now, by_band),
         max_range,
         *_clutter(found, now, max_range.value if max_range.proposed else max_range.now),
@@ -92,6 +93,15 @@ def _noise(found: Findings, now: Now) -> Iterator[Row]:
     for (name, value), log_std in zip(values.items(), noise.log_std, strict=True):
         std = value * float(log_std)
         yield Row(name, round_to_std(value, std), _tracks(found), now(name), std)
+
+
+def _clusters(found: Findings, now: Now) -> Iterator[Row]:
+    """Yield the distance that merges the plots of a target that lie within their noise."""
+    given = now("cluster_distance")
+    if found.beside > MOST_BESIDE and not given:
+        source = f"{100.0 * found.beside:.0f} % of tracked plots have another one beside them"
+        value = round_to_std(found.noise.range_std, 0.1 * found.noise.range_std)
+        yield Row("cluster_distance", value, source, given)
 
 
 def _max_range(found: Findings, limit: float | None) -> Row:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from phd_jdtc_ros.core.arrays import IntArray
 from phd_jdtc_ros.core.intake.sectors import smallest_arc
@@ -24,6 +25,12 @@ AGAIN, LEAST_AGAIN, CELL_SIGMA = 0.15, 5.0, 3.0
 # Crowded areas: cells of these numbers in range and azimuth with `CROWD` times the mean number of
 # untracked plots, and at least `LEAST_CROWD` of them.
 CELLS, CROWD, LEAST_CROWD = (32, 64), 10.0, 10
+# Plots beside a track's plot: nearer than this many standard deviations of the difference of two
+# plots, in range and in azimuth, and half a look apart at most. Others up to twice as far away show
+# how many are there by chance.
+BESIDE_SIGMA, BESIDE_LOOKS = 3.0, 0.5
+# The number of plots beside tracks must differ by this many standard deviations from chance.
+SURE_SIGMA = 4.0
 
 
 @dataclass(frozen=True)
@@ -130,6 +137,45 @@ def crowded(plots: Plots, free: IntArray) -> IntArray:
     dense = count >= max(CROWD * len(free) / count.size, LEAST_CROWD)
     found: IntArray = np.flatnonzero(dense[cell])
     return found
+
+
+def beside(
+    plots: Plots, timing: Timing, tracks: Tracks, range_std: float, azimuth_std: float
+) -> float:
+    """Return the share of the tracks' plots with a further plot of the same target beside them.
+
+    It is 0 if chance explains the plots beside tracks. The standard deviations are those of a
+    plot, metres and radians.
+    """
+    free = np.setdiff1d(np.arange(len(plots)), tracks.claimed)
+    if not len(free):
+        return 0.0
+    sigma = BESIDE_SIGMA * np.sqrt(2.0)
+    near, around = (
+        _neighbours(
+            plots, free, tracks.claimed, (far * range_std, far * azimuth_std), timing.look_s
+        )
+        for far in (sigma, 2.0 * sigma)
+    )
+    # The places around are three times as large.
+    by_chance = (around - near) / 3.0
+    further = near - by_chance
+    if further < SURE_SIGMA * np.sqrt(near + by_chance / 3.0):
+        return 0.0
+    return float(further / len(tracks.claimed))
+
+
+def _neighbours(
+    plots: Plots, rows: IntArray, places: IntArray, reach: tuple[float, float], look_s: float
+) -> int:
+    """Return how often one of the plots `rows` is within reach of one of the plots `places`.
+
+    The reach is in range and azimuth, metres and radians.
+    """
+    measured = np.column_stack([plots.measurement, plots.time_s])
+    scaled = measured / [*reach, BESIDE_LOOKS * look_s]
+    tree, others = (cKDTree(scaled[own]) for own in (rows, places))
+    return int(tree.count_neighbors(others, 1.0, p=np.inf))
 
 
 def field_of(plots: Plots, claimed: IntArray) -> Field:

@@ -27,8 +27,8 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
     """Return detections with each group merged to one at its centre.
 
     The detections of a group are within the sensor's `cluster_distance`, plus noise, of the one
-    with the most neighbours, and their range rates agree with its own. With a distance of 0 the
-    detections are returned unchanged.
+    with the most neighbours, and their range rates, codes and addresses agree with its own. With a
+    distance of 0 the detections are returned unchanged.
 
     A merged detection has the largest amplitude of the group, the first known identity, and the
     type with the most sensors. It has the standard deviations of one detection, because the
@@ -38,7 +38,14 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
         return detections
     position = to_plane(detections.measurement, (0.0, 0.0), 0.0)
     rates = sensor.rates_of(detections)
-    group = _groups(position, _close_pairs(position, detections, sensor), rates)
+    pairs = _close_pairs(position, detections, sensor)
+    known = np.zeros(len(detections), dtype=np.int64)
+    for identity in (detections.code, detections.address):
+        if identity is not None:
+            one, other = identity[pairs].T
+            pairs = pairs[(one == other) | (one == UNKNOWN) | (other == UNKNOWN)]
+            known += identity != UNKNOWN
+    group = _groups(known, pairs, rates)
     count = int(group.max()) + 1
     if count == len(detections):
         return detections
@@ -81,20 +88,24 @@ def _close_pairs(position: FloatArray, detections: Detections, sensor: Sensor) -
     return close
 
 
-def _groups(position: FloatArray, pairs: IntArray, rates: Rates | None) -> IntArray:
-    """Return the group number of each detection, from 0 in the order of first members."""
+def _groups(known: IntArray, pairs: IntArray, rates: Rates | None) -> IntArray:
+    """Return the group number of each detection, from 0 in the order of first members.
+
+    A detection that has more of its code and address, `known`, is the centre of a group first, so
+    that one without them does not join two of different objects.
+    """
     if rates is not None:
         first, second = pairs.T
         rate_difference = np.abs(rates.model.wrap(rates.rate[first] - rates.rate[second]))
         unlike = rate_difference > RATE_SIGMA * np.hypot(rates.std[first], rates.std[second])
         pairs = pairs[~unlike]  # an unknown range rate agrees with all
-    size = len(position)
+    size = len(known)
     neighbours: list[list[int]] = [[] for _ in range(size)]
     for detection, neighbour in pairs.tolist():
         neighbours[detection].append(neighbour)
         neighbours[neighbour].append(detection)
     centre = np.full(size, -1)
-    for detection in sorted(range(size), key=lambda row: -len(neighbours[row])):
+    for detection in sorted(range(size), key=lambda row: (-known[row], -len(neighbours[row]))):
         if centre[detection] < 0:
             centre[detection] = detection
             for neighbour in neighbours[detection]:

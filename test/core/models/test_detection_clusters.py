@@ -94,3 +94,10 @@ def test_a_group_has_the_identity_that_is_known_and_the_kind_of_the_most_sensors
     found = merge_clusters(report, RADAR)
     assert found.code.tolist() == [0o1234, UNKNOWN]
     assert found.sensor_type.tolist() == [3, 1]
+
+
+def test_detections_with_other_codes_or_addresses_stay_apart():
+    report = Detections(at((50, 0), (51, 0), (50, 1)), None)
+    codes = np.array([0o1234, 0o4321, UNKNOWN])
+    for found in (replace(report, code=codes), replace(report, address=codes)):
+        assert len(merge_clusters(found, RADAR)) == 2
