@@ -20,7 +20,7 @@ endif
 INSTALL := $(RUN) -m pip install --quiet --disable-pip-version-check -c $(CONSTRAINTS)
 NOT_INSTALLED := { echo "not installed: the packages come from PyPI, by way of pip's settings" >&2; exit 1; }
 
-.PHONY: help setup demo study bench faults soak fuzz docs pictures test coverage mutants check format bags parameters clean
+.PHONY: help setup demo study bench faults soak fuzz docs pictures test coverage compiled mutants check format bags parameters clean
 
 help:
 	@echo "make demo    replay the shipped bag through the tracker, show the scores, write out/demo;"
@@ -41,6 +41,7 @@ help:
 	@echo "make pictures  the documentation's tables and pictures again, of the demo, out/study and out/bench"
 	@echo "make test    run the tests"
 	@echo "make coverage  the same, with the lines that they run: 90 % of all, 95 % of core and adapters"
+	@echo "make compiled  tests of compiled functions, with bounds checks and then interpreted"
 	@echo "make mutants  mutation tests of the association, the correctors and the smoothers, into"
 	@echo "             out/mutants: nine parts in some ten minutes; a part alone with"
 	@echo "             PARTS=association, or PARTS='\"gaussian update\" window'"
@@ -126,6 +127,11 @@ coverage: $(VENV)/.ready-test
 	$(RUN) -m coverage combine --quiet
 	$(RUN) -m coverage report --fail-under=90
 	$(RUN) -m coverage report --include='phd_jdtc_ros/c*/*,phd_jdtc_ros/evaluation/*,phd_jdtc_ros/simulation/*,msg_adapters/*' --fail-under=95
+
+# Code that numba stores is not marked as having bounds checks, so that it has a place of its own.
+compiled: $(VENV)/.ready-test
+	NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=$(CURDIR)/out/bounds_checks $(RUN) -m pytest -q test/core
+	NUMBA_DISABLE_JIT=1 $(RUN) -m pytest -q test/core/gaussian test/core/association
 
 $(VENV)/.ready-mutants: $(VENV)/.ready-test
 	@echo "installing what mutation tests need into $(VENV) ..."
