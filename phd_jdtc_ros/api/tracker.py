@@ -278,6 +278,7 @@ class _Run:
         if counts.lost:
             reasons = counts_text(self.tally.dropped)
             yield f"{counts.lost.total()} of {counts.offered} detections were not used: {reasons}"
+        yield from (f"{each.name}: silent, without a row" for each in self.tally.silent())
         for radar, text in self.tally.about_radars(self._innovations.fits()):
             yield f"{self.config.inputs[radar].name}: {text}"
         yield from self.tally.about_targets()

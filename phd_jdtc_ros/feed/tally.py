@@ -11,6 +11,7 @@ from msg_adapters.errors import RejectedMessageError
 from msg_adapters.selection import Report
 from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.sensor_parameters import SensorParameters
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.pipeline import Stepped
 
@@ -88,16 +89,19 @@ class Tally:
         self._warned: list[Counter[str]] = [Counter() for _ in config.inputs]
         self._turns_s = [0.0] * len(config.inputs)
         self._without_amplitude: set[int] = set()
+        self._silent = set(range(len(config.inputs)))  # Sensors without a message
         self._targets_seen, self._overdue = False, 0
         self._figures: Mapping[str, float] = {}
 
     def on_unreadable(self, radar: int, error: RejectedMessageError) -> None:
         """Count a message that is not a valid report."""
+        self._silent.discard(radar)
         self.dropped[error.reason] += 1
         self.detections.unreadable(error.reason)
 
     def on_report(self, radar: int, report: Report) -> None:
         """Count a report's detections, used and dropped."""
+        self._silent.discard(radar)
         self.dropped.update(report.dropped)
         self.detections.read(len(report.detections), report.dropped)
         if report.detections.amplitude is None and self._config.inputs[radar].measures_amplitude:
@@ -157,6 +161,17 @@ class Tally:
             texts = anomalies.of_noise(fit), anomalies.of_learned(own), anomalies.of_changes(own)
             yield from ((index, text) for text in texts if text is not None)
 
+    def silent(self) -> Iterator[SensorParameters]:
+        """Yield the sensors that have sent nothing."""
+        return (self._config.inputs[index] for index in sorted(self._silent))
+
+    def fault(self) -> str | None:
+        """Return an error message if nothing came, or too few detections were used, else None."""
+        if len(self._silent) == len(self._config.inputs):
+            topics = " or ".join(each.topic for each in self._config.inputs)
+            return f"nothing to track, without a message on {topics}"
+        return self.detections.fault()
+
     def about_targets(self) -> Iterator[str]:
         """Yield the warning that no target was ever reported, if some are overdue."""
         if self._overdue and not self._targets_seen:
@@ -164,6 +179,7 @@ class Tally:
 
     def warnings(self, fits: Sequence[Fit]) -> Iterator[str]:
         """Yield all warnings of a run; `fits` are the innovations of the radars."""
+        yield from (f"{each.topic}: silent, without a message" for each in self.silent())
         for index, text in self.about_radars(fits):
             yield f"{self._config.inputs[index].topic}: {text}"
         yield from self.about_targets()

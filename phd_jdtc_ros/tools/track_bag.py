@@ -162,6 +162,7 @@ def track_bag(
     topic, or the new one cannot be written.
     """
     types = input_types(config)
+    _require_other_topics(config)
     topics = list(types)
     copied = [*topics, *([names.TRUTH] if names.TRUTH in source.types else [])]
     source.require({topic: types.get(topic, names.CLOUD) for topic in copied})
@@ -195,6 +196,15 @@ def track_bag(
     return tracker
 
 
+def _require_other_topics(config: TrackerConfig) -> None:
+    """Raise `ConfigError` if a sensor has the topic of the truth."""
+    given = [each.name for each in config.inputs if each.topic == names.TRUTH]
+    if given:
+        raise ConfigError(
+            [f"{name}.topic: {names.TRUTH} given, which is that of the truth" for name in given]
+        )
+
+
 def _outcome(tracker: OfflineTracker, source: Path, out: Path) -> int:
     """Print the number of scans, drops and warnings; return the exit status."""
     if tracker.damage is not None:
@@ -203,7 +213,7 @@ def _outcome(tracker: OfflineTracker, source: Path, out: Path) -> int:
     print(f"{out}: {tracker.scans} scans tracked, dropped: {drops}")
     for warning in tracker.warnings():
         print(f"track_bag: {warning}", file=sys.stderr)
-    fault = tracker.tally.detections.fault()
+    fault = tracker.tally.fault()
     if fault is None:
         return OK
     print(f"track_bag: {source}: {fault}", file=sys.stderr)

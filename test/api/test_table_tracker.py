@@ -365,6 +365,14 @@ def test_track_warns_of_innovations_that_contradict_the_noise(factor, wrong):
         Tracker(with_radar(**noise)).track(DETECTIONS)
 
 
+def test_track_names_a_radar_without_rows():
+    given = {**crossing.PARAMETERS, "sensors": ["radar", "other"]}
+    given["other"] = given["radar"]
+    table = {**DETECTIONS, "radar": np.full(len(DETECTIONS["time"]), "radar")}
+    with pytest.warns(UserWarning, match="^other: silent, without a row$"):
+        Tracker(given).track(table)
+
+
 def test_track_of_right_parameters_does_not_warn():
     with warnings.catch_warnings():
         warnings.simplefilter("error", UserWarning)

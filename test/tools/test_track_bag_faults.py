@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bag_content import recorded
+from bag_content import recorded, rewrite
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from small_bags import chunked
@@ -47,6 +47,28 @@ def test_track_bag_of_a_bag_without_a_radar_names_the_topic(short_bag, track, fa
     assert status == 2
     _, fault = faults()
     assert fault == f"{short_bag}: /other is missing, must be {names.CLOUD}"
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(("silent", "expected"), [(RADARS[1:], 0), (RADARS, 3)])
+def test_track_bag_names_silent_radars(short_bag, track, tmp_path, faults, silent, expected):
+    bag = rewrite(short_bag, tmp_path / "kept", lambda e: [] if e[0] in silent else [e])
+    status, _ = track(bag)
+
+    assert status == expected
+    said = faults()
+    assert [line for line in said if line.endswith(": silent, without a message")] == [
+        f"{topic}: silent, without a message" for topic in silent
+    ]
+    fault = f"{bag}: nothing to track, without a message on {' or '.join(RADARS)}"
+    assert (said[-1] == fault) is (expected == 3)
+
+
+def test_track_bag_refuses_the_truth_as_a_radars_topic(short_bag, track, faults):
+    status, out = track(short_bag, "-p", f"radar_1.topic:={names.TRUTH}")
+
+    assert status == 2
+    assert faults()[-1] == f"radar_1.topic: {names.TRUTH} given, which is that of the truth"
     assert not out.exists()
 
 

@@ -69,18 +69,18 @@ def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, obje
         radars = [radar.topic for radar in config.inputs]
         done = writing.write_tracks(bag, arguments.out, bridge, topic, radars)
     dropped = counts_text(done.dropped)
+    nothing = not done.clouds and not dropped
     print(
         f"{arguments.out}: {done.records} {done.what} in {done.blocks} data blocks, of "
         f"{done.clouds} clouds; dropped: {dropped or 'none'}"
     )
     if done.out_of_range:
         print(f"plots beyond the largest range of CAT048: {done.out_of_range}")
-    if done.used >= reading.LEAST_USED:
+    if done.used >= reading.LEAST_USED and not nothing:
         return OK
-    print(
-        f"{NAME}: {path}: {done.used:.0%} of its clouds could be used; dropped: {dropped}",
-        file=sys.stderr,
-    )
+    used = f"{done.used:.0%} of its clouds could be used; dropped: {dropped}"
+    fault = f"has no clouds, so there are no {done.what}" if nothing else used
+    print(f"{NAME}: {path}: {fault}", file=sys.stderr)
     return CORRUPT
 
 

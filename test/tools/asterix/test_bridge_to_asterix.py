@@ -18,6 +18,19 @@ from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 
 
+@pytest.mark.parametrize("what", ["plots", "tracks"])
+def test_bag_without_clouds_is_a_failure(tmp_path, what, capsys):
+    topic = names.detections("radar_1") if what == "plots" else names.estimates("filtered")
+    bag = write(tmp_path / "bag", [topic], [])
+    values = {"sensors": ["radar_1"]}
+    bag_parameters.write(bag / bag_parameters.NAME, tracker_params.config(values).values)
+    words = ["--plots"] if what == "plots" else []
+
+    assert run("asterix_bridge", [str(bag), *words, "--out", str(tmp_path / "out.ast")]) == 3
+    said = capsys.readouterr().err
+    assert said == f"asterix_bridge: {bag}: has no clouds, so there are no {what}\n"
+
+
 @pytest.fixture(scope="module")
 def by_sector(tmp_path_factory):
     """Return a simulated bag of a radar that turns, of two aircraft and three turns."""
