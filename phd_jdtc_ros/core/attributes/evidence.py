@@ -31,9 +31,9 @@ class BeliefUpdate(NamedTuple):
     def log_factor(self, edges: int) -> FloatArray:
         """Return the log factor of each edge's likelihood, (E,)."""
         total = np.zeros(edges)
-        for part in (self.code, self.address, self.height):
-            if part is not None:
-                total += part.log_factor
+        for update in (self.code, self.address, self.height):
+            if update is not None:
+                total += update.log_factor
         return total
 
     def after(
@@ -65,7 +65,7 @@ def compare(
 ) -> BeliefUpdate:
     """Return the likelihoods of the edges' detections; see `identity.compare`."""
     code, address, heights = detections.code, addresses_of(detections), detections.height
-    since = np.zeros(len(detections)) if detections.time_s is None else detections.time_s
+    time_s = np.zeros(len(detections)) if detections.time_s is None else detections.time_s
     return BeliefUpdate(
         before,
         None if code is None else identity.compare(before.code, target, code[column], model.code),
@@ -74,7 +74,7 @@ def compare(
         else identity.compare(before.address, target, address[column], model.address, conflict),
         None
         if heights is None
-        else height.compare(before.heights, target, heights[column], since[column], model.height),
+        else height.compare(before.heights, target, heights[column], time_s[column], model.height),
     )
 
 
@@ -119,7 +119,7 @@ class Evidence:
         missed = np.maximum(1.0 - total, 0.0)
         beliefs, restarted = self.belief_update.after(self.target, probability, missed)
         seen_ns = updates.update(
-            before=self.before.seen_ns,
+            seen_ns=self.before.seen_ns,
             target=self.target,
             column=self.column,
             probability=probability,
@@ -144,10 +144,10 @@ def log_clutter_factor(detections: Detections, model: AttributeModel) -> FloatAr
 
     Clutter with a reply shows identities as unknown targets do.
     """
-    replies = [part for part in (detections.code, detections.address) if part is not None]
+    replies = [reply for reply in (detections.code, detections.address) if reply is not None]
     if not replies:
         return np.zeros(len(detections))
-    has_reply = np.stack([part != UNKNOWN for part in replies]).any(axis=0)
+    has_reply = np.stack([reply != UNKNOWN for reply in replies]).any(axis=0)
     false, true = model.clutter_reply, model.code.reply_probability
     odds = np.array([(1.0 - false) / (1.0 - true), false / true])
     factor: FloatArray = np.log(odds)[has_reply.astype(np.int64)]

@@ -99,49 +99,49 @@ class HeightUpdate(NamedTuple):
 
 
 def compare(
-    prior: Heights, target: IntArray, height: FloatArray, since: FloatArray, model: HeightModel
+    prior: Heights, target: IntArray, height: FloatArray, time_s: FloatArray, model: HeightModel
 ) -> HeightUpdate:
     """Return the likelihoods of the heights measured in edges, and the updated heights.
 
     `prior` is at the scan's stamp. Each edge, (E,), has the row of its target in `prior`, the
-    height in metres, NaN where it is unknown, and the time `since` the stamp, seconds.
+    height in metres, NaN where it is unknown, and the time relative to the stamp, seconds.
     """
-    before = prior.take(target)
-    given = np.isfinite(height)
-    value = np.where(given, height, 0.0)
-    row = np.stack([np.ones(len(since)), since], axis=1)
-    spread = np.einsum("eij,ej->ei", before.covariance, row)
-    variance = (spread * row).sum(axis=1) + model.std**2
-    error = value - (before.mean * row).sum(axis=1)
+    edge_prior = prior.take(target)
+    is_measured = np.isfinite(height)
+    value = np.where(is_measured, height, 0.0)
+    row = np.stack([np.ones(len(time_s)), time_s], axis=1)
+    cross = np.einsum("eij,ej->ei", edge_prior.covariance, row)
+    variance = (cross * row).sum(axis=1) + model.std**2
+    error = value - (edge_prior.mean * row).sum(axis=1)
     density = np.exp(-0.5 * error**2 / variance) / np.sqrt(2.0 * np.pi * variance)
-    known = before.known * (1.0 - model.garbled) * SPAN * density
-    new = (1.0 - before.known) * (1.0 - model.garbled)
+    known = edge_prior.known * (1.0 - model.garbled) * SPAN * density
+    new = (1.0 - edge_prior.known) * (1.0 - model.garbled)
     factor = known + model.garbled + new
-    known = np.where(given, known / factor, 0.0)
-    log_factor = np.where(given, model.evidence * np.log(factor), 0.0)
-    gain = spread / variance[:, None]
+    known = np.where(is_measured, known / factor, 0.0)
+    log_factor = np.where(is_measured, model.evidence * np.log(factor), 0.0)
+    gain = cross / variance[:, None]
     posterior = Heights(
         known,
-        before.mean + gain * error[:, None],
-        before.covariance - gain[:, :, None] * spread[:, None, :],
+        edge_prior.mean + gain * error[:, None],
+        edge_prior.covariance - gain[:, :, None] * cross[:, None, :],
     )
     return HeightUpdate(
         prior=prior,
         known=known,
-        garbled=np.where(given, model.garbled / factor, 1.0),
-        new=np.where(given, new / factor, 0.0),
+        garbled=np.where(is_measured, model.garbled / factor, 1.0),
+        new=np.where(is_measured, new / factor, 0.0),
         posterior=posterior,
-        first=_first(value, since, model),
+        first=_initiate(value, time_s, model),
         log_factor=log_factor,
     )
 
 
-def _first(height: FloatArray, since: FloatArray, model: HeightModel) -> Heights:
+def _initiate(height: FloatArray, time_s: FloatArray, model: HeightModel) -> Heights:
     """Return heights initiated by one measurement, at the scan's stamp."""
-    back, _ = model.transition(-since)
+    to_stamp, _ = model.transition(-time_s)
     start = np.diag([model.std**2, model.climb_std**2])
     mean = np.stack([height, np.zeros(len(height))], axis=1)
-    return Heights(np.ones(len(height)), mean, back @ start @ back.swapaxes(1, 2))
+    return Heights(np.ones(len(height)), mean, to_stamp @ start @ to_stamp.swapaxes(1, 2))
 
 
 def update(
@@ -154,10 +154,10 @@ def update(
     garbled height does not change the estimate.
     """
     prior, count = measured.prior, len(measured.prior.known)
-    kept = (missed + sum_by(target, probability * measured.garbled, count)) * prior.known
+    unmeasured = (missed + sum_by(target, probability * measured.garbled, count)) * prior.known
     known, new = probability * measured.known, probability * measured.new
-    restarted = sum_by(target, new, count) > kept + sum_by(target, known, count)
-    share = np.concatenate([kept, known, new])
+    restarted = sum_by(target, new, count) > unmeasured + sum_by(target, known, count)
+    share = np.concatenate([unmeasured, known, new])
     owner = np.concatenate([np.arange(count), target, target])
     of_new = np.arange(len(share)) >= count + len(target)
     share = np.where(restarted[owner] == of_new, share, 0.0)
@@ -167,8 +167,8 @@ def update(
     means = np.concatenate([part.mean for part in parts])
     spreads = np.concatenate([part.covariance for part in parts])
     mean = np.stack([sum_by(owner, share * axis, count) for axis in means.T], axis=1)
-    apart = means - mean[owner]
-    spreads = spreads + apart[:, :, None] * apart[:, None, :]
+    difference = means - mean[owner]
+    spreads = spreads + difference[:, :, None] * difference[:, None, :]
     covariance = np.zeros((count, 2, 2))
     np.add.at(covariance, owner, share[:, None, None] * spreads)
     return Heights(np.minimum(total, 1.0), mean, covariance), restarted

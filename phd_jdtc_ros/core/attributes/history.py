@@ -36,10 +36,12 @@ class History(NamedTuple):
 
     def record(self, label: IntArray, stamp_ns: int, heights: Heights) -> History:
         """Return the history with a scan's heights, which replace earlier ones of that scan."""
-        old = self.take(np.flatnonzero(~((self.stamp_ns == stamp_ns) & np.isin(self.label, label))))
-        new = label, np.full(len(label), stamp_ns), heights.mean, heights.covariance
-        every = History._make(map(np.concatenate, zip(old, new, strict=True)))
-        return every.take(np.lexsort((every.stamp_ns, every.label)))
+        others = self.take(
+            np.flatnonzero(~((self.stamp_ns == stamp_ns) & np.isin(self.label, label)))
+        )
+        added = label, np.full(len(label), stamp_ns), heights.mean, heights.covariance
+        joined = History._make(map(np.concatenate, zip(others, added, strict=True)))
+        return joined.take(np.lexsort((joined.stamp_ns, joined.label)))
 
     def without(self, label: IntArray) -> History:
         """Return the history without these labels."""
@@ -61,52 +63,57 @@ class History(NamedTuple):
         """
         first = np.searchsorted(self.label, label)
         end = np.searchsorted(self.label, label, side="right")
-        found = Heights.fresh(len(label))
-        found.known[end > first] = 1.0
+        result = Heights.fresh(len(label))
+        result.known[end > first] = 1.0
         row = end - 1
         active = np.flatnonzero(end > first)
-        later = Heights(found.known, *(np.zeros_like(part) for part in found[1:]))
+        later = Heights(result.known, *(np.zeros_like(part) for part in result[1:]))
         later.mean[active] = self.mean[row[active]]
         later.covariance[active] = self.covariance[row[active]]
         # Each step goes back from the stamp of a row to that of the row before it, or only to the
         # wanted stamp if this is between the two.
         while len(active):
             row_ns = self.stamp_ns[row[active]]
-            before = np.maximum(row[active] - 1, 0)
-            back = (row[active] > first[active]) & (row_ns > stamp_ns)
-            before_ns = np.where(back, self.stamp_ns[before], row_ns)
+            previous = np.maximum(row[active] - 1, 0)
+            goes_back = (row[active] > first[active]) & (row_ns > stamp_ns)
+            before_ns = np.where(goes_back, self.stamp_ns[previous], row_ns)
             reached_ns = np.maximum(before_ns, stamp_ns)
 
-            last = active[~back]
+            last = active[~goes_back]
             smoothed = later.take(last)
-            predicted = smoothed.predict(_seconds(stamp_ns - row_ns[~back]), model)
-            found.mean[last], found.covariance[last] = predicted.mean, predicted.covariance
+            predicted = smoothed.predict(_seconds(stamp_ns - row_ns[~goes_back]), model)
+            result.mean[last], result.covariance[last] = predicted.mean, predicted.covariance
 
-            stepped = active[back]
+            stepped = active[goes_back]
             filtered = Heights(
-                np.ones(len(stepped)), self.mean[before[back]], self.covariance[before[back]]
-            ).predict(_seconds((reached_ns - before_ns)[back]), model)
-            dt = _seconds((row_ns - reached_ns)[back])
-            past = _smooth_step(filtered, later.take(stepped), dt, model)
-            later.mean[stepped], later.covariance[stepped] = past.mean, past.covariance
+                np.ones(len(stepped)),
+                self.mean[previous[goes_back]],
+                self.covariance[previous[goes_back]],
+            ).predict(_seconds((reached_ns - before_ns)[goes_back]), model)
+            dt = _seconds((row_ns - reached_ns)[goes_back])
+            earlier = _smooth_step(filtered, later.take(stepped), dt, model)
+            later.mean[stepped], later.covariance[stepped] = earlier.mean, earlier.covariance
 
-            there = reached_ns[back] == stamp_ns
-            ended = stepped[there]
-            found.mean[ended], found.covariance[ended] = past.mean[there], past.covariance[there]
+            is_reached = reached_ns[goes_back] == stamp_ns
+            ended = stepped[is_reached]
+            result.mean[ended] = earlier.mean[is_reached]
+            result.covariance[ended] = earlier.covariance[is_reached]
             row[stepped] -= 1
-            active = stepped[~there]
-        return found
+            active = stepped[~is_reached]
+        return result
 
 
-def _smooth_step(before: Heights, later: Heights, dt: FloatArray, model: HeightModel) -> Heights:
+def _smooth_step(
+    filtered: Heights, smoothed: Heights, dt: FloatArray, model: HeightModel
+) -> Heights:
     """Return heights smoothed by one backward step from smoothed ones `dt` seconds later."""
     move, _ = model.transition(dt)
-    predicted = before.predict(dt, model)
-    gain = before.covariance @ move.swapaxes(1, 2) @ np.linalg.inv(predicted.covariance)
-    change = later.mean - predicted.mean
-    mean = before.mean + (gain @ change[:, :, None])[:, :, 0]
-    spread = gain @ (later.covariance - predicted.covariance) @ gain.swapaxes(1, 2)
-    return Heights(before.known, mean, before.covariance + spread)
+    predicted = filtered.predict(dt, model)
+    gain = filtered.covariance @ move.swapaxes(1, 2) @ np.linalg.inv(predicted.covariance)
+    change = smoothed.mean - predicted.mean
+    mean = filtered.mean + (gain @ change[:, :, None])[:, :, 0]
+    covariance_change = gain @ (smoothed.covariance - predicted.covariance) @ gain.swapaxes(1, 2)
+    return Heights(filtered.known, mean, filtered.covariance + covariance_change)
 
 
 def _seconds(ns: IntArray) -> FloatArray:

@@ -47,9 +47,9 @@ class IdentityModel:
         """Return the prior probability of identities for a new target, elementwise."""
         if not self.shared:
             return np.full(np.shape(identity), 1.0 / self.size)
-        own = (1.0 - self.shared_probability) / (self.size - len(self.shared))
-        each = self.shared_probability / len(self.shared)
-        return np.where(np.isin(identity, self.shared), each, own)
+        unshared = (1.0 - self.shared_probability) / (self.size - len(self.shared))
+        shared = self.shared_probability / len(self.shared)
+        return np.where(np.isin(identity, self.shared), shared, unshared)
 
     @property
     def reply_probability(self) -> float:
@@ -89,10 +89,10 @@ class Belief(NamedTuple):
 
     def predict(self, dt: FloatArray, model: IdentityModel) -> Belief:
         """Return the belief `dt` seconds later, (T,), as identities may have changed."""
-        kept = np.exp(-dt / model.kept_s)[:, None]
+        unchanged = np.exp(-dt / model.kept_s)[:, None]
         weight = self.weight.copy()
-        weight[:, :REST] *= kept
-        weight[:, REST] += ((1.0 - kept) * self.weight[:, :REST]).sum(axis=1)
+        weight[:, :REST] *= unchanged
+        weight[:, REST] += ((1.0 - unchanged) * self.weight[:, :REST]).sum(axis=1)
         return Belief(self.candidate, weight)
 
     def most_probable(self) -> IntArray:
@@ -156,27 +156,29 @@ def _add_candidates(
     belief: Belief, target: IntArray, reply: IntArray, model: IdentityModel
 ) -> Belief:
     """Return the belief with the identities shown in edges as further candidates."""
-    among = (belief.candidate[target] == reply[:, None]).any(axis=1)
-    new = np.flatnonzero((reply >= 0) & ~among)
-    owner, identity = np.divmod(np.unique(target[new] * model.size + reply[new]), model.size)
-    place = np.arange(len(owner)) - np.searchsorted(owner, owner)
-    known = belief.candidate.shape[1]
-    width = known + int(place.max(initial=-1)) + 1
+    is_candidate = (belief.candidate[target] == reply[:, None]).any(axis=1)
+    unlisted = np.flatnonzero((reply >= 0) & ~is_candidate)
+    owner, identity = np.divmod(
+        np.unique(target[unlisted] * model.size + reply[unlisted]), model.size
+    )
+    added_index = np.arange(len(owner)) - np.searchsorted(owner, owner)
+    old_width = belief.candidate.shape[1]
+    width = old_width + int(added_index.max(initial=-1)) + 1
     candidate = np.full((len(belief.candidate), width), UNKNOWN)
-    candidate[:, :known] = belief.candidate
+    candidate[:, :old_width] = belief.candidate
     weight = np.zeros((len(candidate), width + 2))
-    weight[:, :known], weight[:, REST:] = belief.weight[:, :REST], belief.weight[:, REST:]
-    there = belief.candidate != UNKNOWN
-    left = 1.0 - (model.prior(belief.candidate) * there).sum(axis=1)
-    share = model.prior(identity) / left[owner]
-    candidate[owner, known + place] = identity
-    weight[owner, known + place] = share * belief.weight[owner, REST]
+    weight[:, :old_width], weight[:, REST:] = belief.weight[:, :REST], belief.weight[:, REST:]
+    is_listed = belief.candidate != UNKNOWN
+    unlisted_mass = 1.0 - (model.prior(belief.candidate) * is_listed).sum(axis=1)
+    share = model.prior(identity) / unlisted_mass[owner]
+    candidate[owner, old_width + added_index] = identity
+    weight[owner, old_width + added_index] = share * belief.weight[owner, REST]
     weight[:, REST] *= 1.0 - sum_by(owner, share, len(candidate))
     return Belief(candidate, weight)
 
 
 def update(
-    found: ReplyLikelihood, target: IntArray, probability: FloatArray, missed: FloatArray
+    replies: ReplyLikelihood, target: IntArray, probability: FloatArray, missed: FloatArray
 ) -> Belief:
     """Return the belief after an association.
 
@@ -185,13 +187,13 @@ def update(
     (T,). Given its detection, a target's identity is independent of the other targets'
     associations. The update is therefore exact, except for the candidates that are dropped.
     """
-    prior = found.prior.weight
-    joint = prior[target] * found.likelihood
-    after = joint * (probability / joint.sum(axis=1))[:, None]
+    prior = replies.prior.weight
+    joint = prior[target] * replies.likelihood
+    posterior = joint * (probability / joint.sum(axis=1))[:, None]
     weight = missed[:, None] * prior
-    np.add.at(weight, target, after)
+    np.add.at(weight, target, posterior)
     weight /= weight.sum(axis=1, keepdims=True)
-    return _prune(Belief(found.prior.candidate, weight))
+    return _prune(Belief(replies.prior.candidate, weight))
 
 
 def _prune(belief: Belief) -> Belief:

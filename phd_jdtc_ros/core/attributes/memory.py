@@ -49,15 +49,15 @@ class AttributeMemory:
         records = self.predict(label, estimates.stamp_ns)
         beliefs = records.beliefs
         heights = beliefs.heights
-        known = heights.known > KNOWN_HEIGHT
+        is_known = heights.known > KNOWN_HEIGHT
         if smoothed:
             heights = self.history.smooth(label, estimates.stamp_ns, self.model.height)
-            known &= heights.known > KNOWN_HEIGHT
+            is_known &= heights.known > KNOWN_HEIGHT
         return replace(
             estimates,
             attributes=Attributes(
-                height=np.where(known[:, None], heights.mean, np.nan),
-                height_covariance=np.where(known[:, None, None], heights.covariance, np.nan),
+                height=np.where(is_known[:, None], heights.mean, np.nan),
+                height_covariance=np.where(is_known[:, None, None], heights.covariance, np.nan),
                 code=beliefs.code.most_probable(),
                 address=beliefs.address.most_probable(),
                 seen_ns=records.seen_ns if self.model.ages and not smoothed else None,
@@ -67,10 +67,12 @@ class AttributeMemory:
     def addresses(self, label: IntArray) -> tuple[IntArray, IntArray]:
         """Return the address of each label, or `UNKNOWN`, and the time of its last detection."""
         address, seen_ns = np.full((2, len(label)), UNKNOWN)
-        row, place = matches(self.records.label, label)
+        row, record = matches(self.records.label, label)
         records = self.records
-        address[row] = Belief(records.address[place], records.address_weight[place]).most_probable()
-        seen_ns[row] = records.seen_ns[place].max(axis=1)
+        address[row] = Belief(
+            records.address[record], records.address_weight[record]
+        ).most_probable()
+        seen_ns[row] = records.seen_ns[record].max(axis=1)
         return address, seen_ns
 
     def forget_all_but(self, labels: Sequence[IntArray], stamp_ns: int) -> None:
@@ -81,23 +83,23 @@ class AttributeMemory:
 
     def predict(self, label: IntArray, stamp_ns: int) -> AttributeRecords:
         """Return the records of labels, predicted to a stamp; priors for labels without one."""
-        found = AttributeRecords.of(label, stamp_ns, Beliefs.fresh(len(label), self.model))
-        row, place = matches(self.records.label, label)
-        kept = self.records.take(place)
-        dt = (stamp_ns - kept.stamp_ns).astype(np.float64) * 1e-9
-        beliefs = kept.beliefs.predict(dt, self.model)
-        predicted = AttributeRecords.of(kept.label, stamp_ns, beliefs, kept.seen_ns)
-        for column, value in zip(found[2:], predicted[2:], strict=True):
+        result = AttributeRecords.of(label, stamp_ns, Beliefs.fresh(len(label), self.model))
+        row, record = matches(self.records.label, label)
+        stored = self.records.take(record)
+        dt = (stamp_ns - stored.stamp_ns).astype(np.float64) * 1e-9
+        beliefs = stored.beliefs.predict(dt, self.model)
+        predicted = AttributeRecords.of(stored.label, stamp_ns, beliefs, stored.seen_ns)
+        for column, value in zip(result[2:], predicted[2:], strict=True):
             column[row] = value
-        return found
+        return result
 
-    def store(self, new: AttributeRecords, stamp_ns: int) -> None:
+    def store(self, records: AttributeRecords, stamp_ns: int) -> None:
         """Replace the records of some labels, and add their known heights to the history."""
-        self.records = self.records.merge(new)
-        with_height = np.flatnonzero(new.height_known > KNOWN_HEIGHT)
+        self.records = self.records.merge(records)
+        with_height = np.flatnonzero(records.height_known > KNOWN_HEIGHT)
         if len(with_height):
-            heights = new.beliefs.heights.take(with_height)
-            self.history = self.history.record(new.label[with_height], stamp_ns, heights)
+            heights = records.beliefs.heights.take(with_height)
+            self.history = self.history.record(records.label[with_height], stamp_ns, heights)
 
     def to_snapshot(self, snapshot: Snapshot) -> None:
         """Store the records and the history in a snapshot."""
@@ -174,33 +176,33 @@ class AttributesAt(NamedTuple):
         and the model has no `ages`.
         """
         model, size = self.memory.model, len(detections)
-        given = detections.code, detections.address, detections.height, detections.sensor_type
-        if all(part is None for part in given) and not model.ages:
+        reported = detections.code, detections.address, detections.height, detections.sensor_type
+        if all(values is None for values in reported) and not model.ages:
             return None
         engine_target, column, edge_of_pair = edges_of(target, column, len(label), size)
-        distinct, place = np.unique(engine_target, return_inverse=True)
-        place = place.ravel()
-        before = self.memory.predict(label[distinct], self.stamp_ns)
+        distinct, target_index = np.unique(engine_target, return_inverse=True)
+        target_index = target_index.ravel()
+        prior = self.memory.predict(label[distinct], self.stamp_ns)
         address = addresses_of(detections)
         conflicts = uniqueness.identity_conflicts(
-            belief=before.beliefs.address,
-            target=place,
+            belief=prior.beliefs.address,
+            target=target_index,
             column=column,
             reply=np.full(size, UNKNOWN) if address is None else address,
             undetected=undetected[distinct],
             model=model.address,
         )
-        edges = place, column, detections, model, conflicts.by_another
-        update = compare(before.beliefs, *edges)
+        edges = target_index, column, detections, model, conflicts.by_another
+        update = compare(prior.beliefs, *edges)
         return Evidence(
-            log_factor=update.log_factor(len(place))[edge_of_pair],
+            log_factor=update.log_factor(len(target_index))[edge_of_pair],
             log_clutter=log_clutter_factor(detections, model),
             log_unknown=conflicts.log_unknown,
             edge_of_pair=edge_of_pair,
-            target=place,
+            target=target_index,
             column=column,
             engine_target=distinct,
-            before=before,
+            before=prior,
             belief_update=update,
             detections=detections,
         )
@@ -208,9 +210,9 @@ class AttributesAt(NamedTuple):
     def learn(self, evidence: Evidence, mass: FloatArray, existence: FloatArray) -> None:
         """Update the beliefs after an association; see `Evidence.after`."""
         if len(evidence.engine_target):
-            new, restarted = evidence.after(mass, existence, self.stamp_ns)
+            updated, restarted = evidence.after(mass, existence, self.stamp_ns)
             self.memory.history = self.memory.history.without(restarted)
-            self.memory.store(new, self.stamp_ns)
+            self.memory.store(updated, self.stamp_ns)
 
     def initiate(self, label: int, detections: Detections) -> None:
         """Initiate the beliefs about targets born at detections from these detections.
@@ -221,11 +223,11 @@ class AttributesAt(NamedTuple):
         if not count:
             return
         edge, certain = np.arange(count), np.ones(count)
-        before = Beliefs.fresh(count, self.memory.model)
-        update = compare(before, edge, edge, detections, self.memory.model)
+        prior = Beliefs.fresh(count, self.memory.model)
+        update = compare(prior, edge, edge, detections, self.memory.model)
         beliefs, _ = update.after(edge, certain, np.zeros(count))
         seen_ns = updates.update(
             updates.never(count), edge, edge, certain, detections, self.stamp_ns
         )
-        new = AttributeRecords.of(label + edge, self.stamp_ns, beliefs, seen_ns)
-        self.memory.store(new, self.stamp_ns)
+        records = AttributeRecords.of(label + edge, self.stamp_ns, beliefs, seen_ns)
+        self.memory.store(records, self.stamp_ns)

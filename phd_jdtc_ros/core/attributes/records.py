@@ -94,6 +94,6 @@ class AttributeRecords(NamedTuple):
 
     def merge(self, other: AttributeRecords) -> AttributeRecords:
         """Return these records and others, which replace records of the same labels."""
-        old = self.take(np.flatnonzero(~np.isin(self.label, other.label)))
-        every = AttributeRecords._make(map(np.concatenate, zip(old, other, strict=True)))
-        return every.take(np.argsort(every.label, kind="stable"))
+        remaining = self.take(np.flatnonzero(~np.isin(self.label, other.label)))
+        joined = AttributeRecords._make(map(np.concatenate, zip(remaining, other, strict=True)))
+        return joined.take(np.argsort(joined.label, kind="stable"))

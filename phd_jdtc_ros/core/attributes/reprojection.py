@@ -68,21 +68,21 @@ def pair(
     targets at the scan's stamp.
     """
     plots, size = _Plots(report, heights, projection, model), len(report)
-    first = pair_as_reported(gate, report.detections)
-    edge = np.unique(target[first.row] * size + first.column)
-    known = heights.known > MIN_KNOWN
+    reported = pair_as_reported(gate, report.detections)
+    edge = np.unique(target[reported.row] * size + reported.column)
+    is_known = heights.known > MIN_KNOWN
     # A detection is doubtful unless its height is that of a target whose gate contains it.
-    explained = edge[known[edge // size] & plots.compare(edge).probably_known]
+    explained = edge[is_known[edge // size] & plots.compare(edge).probably_known]
     doubtful = np.setdiff1d(np.arange(size), explained % size)
-    if not known.any() or not len(doubtful):
-        return first
-    row, column, _ = gate(plots.widen(doubtful, heights.mean[known, 0]))
+    if not is_known.any() or not len(doubtful):
+        return reported
+    row, column, _ = gate(plots.widen(doubtful, heights.mean[is_known, 0]))
     edge = np.unique(target[row] * size + doubtful[column])
-    edge = edge[known[edge // size] & plots.compare(edge).probably_garbled]
+    edge = edge[is_known[edge // size] & plots.compare(edge).probably_garbled]
     if not len(edge):
-        return first
-    again = pair_as_reported(gate, plots.project(edge))
-    return _replace_pairs(first, again, target, edge, report.detection_std)
+        return reported
+    projected = pair_as_reported(gate, plots.project(edge))
+    return _replace_pairs(reported, projected, target, edge, report.detection_std)
 
 
 class _Plots(NamedTuple):
@@ -99,14 +99,14 @@ class _Plots(NamedTuple):
     @property
     def height(self) -> FloatArray:
         """Height of each detection, NaN if missing, (M,)."""
-        given = self.report.detections.height
-        return np.full(len(self.report), np.nan) if given is None else given
+        measured = self.report.detections.height
+        return np.full(len(self.report), np.nan) if measured is None else measured
 
     def compare(self, edge: IntArray) -> HeightUpdate:
         """Return the likelihood of the heights of edges."""
         target, column = np.divmod(edge, len(self.report))
-        since = self.report.time_s[column]
-        return compare(self.heights, target, self.height[column], since, self.model)
+        time_s = self.report.time_s[column]
+        return compare(self.heights, target, self.height[column], time_s, self.model)
 
     def at(self, columns: IntArray, height: FloatArray) -> FloatArray:
         """Return detections projected at other heights, (K, 2)."""
@@ -116,47 +116,51 @@ class _Plots(NamedTuple):
     def widen(self, columns: IntArray, heights: FloatArray) -> Detections:
         """Return detections with gates that contain their positions at all of the heights."""
         plots, std = self.report.detections.take(columns), self.report.detection_std[columns]
-        wide = std.copy()
+        widened = std.copy()
         for height in (heights.min(), heights.max()):
             shift = self.at(columns, np.full(len(columns), height)) - plots.measurement
-            wide[:, 0] = np.maximum(wide[:, 0], std[:, 0] + np.abs(shift[:, 0]) / WIDENING)
-        return replace(plots, noise_std=wide)
+            widened[:, 0] = np.maximum(widened[:, 0], std[:, 0] + np.abs(shift[:, 0]) / WIDENING)
+        return replace(plots, noise_std=widened)
 
     def project(self, edge: IntArray) -> Detections:
         """Return the detection of each edge, projected at the height of its target."""
         target, column = np.divmod(edge, len(self.report))
         height = self.heights.mean[target, 0]
-        place, std = self.at(column, height), self.report.detection_std[column]
+        position, std = self.at(column, height), self.report.detection_std[column]
         # The uncertainty of the height adds to that of the range.
         higher = height + np.sqrt(self.heights.covariance[target, 0, 0])
-        spread = self.at(column, higher)[:, 0] - place[:, 0]
-        noise = np.stack([np.hypot(std[:, 0], spread), std[:, 1]], axis=1)
-        return replace(self.report.detections.take(column), measurement=place, noise_std=noise)
+        range_std = self.at(column, higher)[:, 0] - position[:, 0]
+        noise = np.stack([np.hypot(std[:, 0], range_std), std[:, 1]], axis=1)
+        return replace(self.report.detections.take(column), measurement=position, noise_std=noise)
 
 
 def _replace_pairs(
-    first: Paired, again: Paired, target: IntArray, edge: IntArray, std: FloatArray
+    reported: Paired, projected: Paired, target: IntArray, edge: IntArray, std: FloatArray
 ) -> Paired:
     """Return the pairs, with those of some edges replaced by pairs at the target's height.
 
-    `again` has pairs of the detections that were projected again, one for each edge, (E,).
+    `projected` has the pairs of the detections that were projected again, one for each edge, (E,).
     """
-    size = len(first.projected)
+    size = len(reported.projected)
     owner, column = np.divmod(edge, size)
-    own = np.flatnonzero(target[again.row] == owner[again.column])
-    kept = np.flatnonzero(~np.isin(target[first.row] * size + first.column, edge))
-    row = np.concatenate([first.row[kept], again.row[own]])
+    own_pairs = np.flatnonzero(target[projected.row] == owner[projected.column])
+    kept_pairs = np.flatnonzero(~np.isin(target[reported.row] * size + reported.column, edge))
+    row = np.concatenate([reported.row[kept_pairs], projected.row[own_pairs]])
     order = np.argsort(row, kind="stable")
-    every = first.projected.take(np.concatenate([np.arange(size), column]))
-    own_column = again.column[own]
+    detections = reported.projected.take(np.concatenate([np.arange(size), column]))
+    own_column = projected.column[own_pairs]
     return Paired(
         row[order],
-        np.concatenate([first.column[kept], column[own_column]])[order],
-        np.concatenate([first.log_likelihood[kept], again.log_likelihood[own]])[order],
-        np.concatenate([first.column[kept], size + own_column])[order],
+        np.concatenate([reported.column[kept_pairs], column[own_column]])[order],
+        np.concatenate([reported.log_likelihood[kept_pairs], projected.log_likelihood[own_pairs]])[
+            order
+        ],
+        np.concatenate([reported.column[kept_pairs], size + own_column])[order],
         replace(
-            every,
-            measurement=np.concatenate([first.projected.measurement, again.projected.measurement]),
-            noise_std=np.concatenate([std, again.projected.noise_std]),
+            detections,
+            measurement=np.concatenate(
+                [reported.projected.measurement, projected.projected.measurement]
+            ),
+            noise_std=np.concatenate([std, projected.projected.noise_std]),
         ),
     )

@@ -42,9 +42,9 @@ def sensors_of(detections: Detections) -> BoolArray:
     none = np.full(len(detections), UNKNOWN)
     code = none if detections.code is None else detections.code
     address = none if detections.address is None else detections.address
-    given = none if detections.sensor_type is None else detections.sensor_type
+    sensor_type = none if detections.sensor_type is None else detections.sensor_type
     implied = np.where(address != UNKNOWN, 4, np.where(code != UNKNOWN, 2, 1))
-    return OF_TYPE[np.where(given > 0, given, implied)]
+    return OF_TYPE[np.where(sensor_type > 0, sensor_type, implied)]
 
 
 def times_of(detections: Detections, stamp_ns: int) -> IntArray:
@@ -55,7 +55,7 @@ def times_of(detections: Detections, stamp_ns: int) -> IntArray:
 
 
 def update(
-    before: IntArray,
+    seen_ns: IntArray,
     target: IntArray,
     column: IntArray,
     probability: FloatArray,
@@ -71,6 +71,6 @@ def update(
     sensors = sensors_of(detections)[column[sure]]
     edge, sensor = np.nonzero(sensors)
     times = times_of(detections, stamp_ns)[column[sure]][edge]
-    after: IntArray = before.copy()
-    np.maximum.at(after, (target[sure][edge], sensor), times)
-    return after
+    updated: IntArray = seen_ns.copy()
+    np.maximum.at(updated, (target[sure][edge], sensor), times)
+    return updated

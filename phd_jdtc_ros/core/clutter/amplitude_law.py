@@ -144,15 +144,17 @@ class Learned(ReadOnly):
         Earlier detections fade by the weights of later ones. The memory is therefore independent
         of the division of a turn into scans, and lasts longer for a radar with little clutter.
         """
-        known = np.isfinite(amplitude)
-        level = level_db(np.maximum(amplitude[known], SMALLEST_AMPLITUDE))
+        is_known = np.isfinite(amplitude)
+        level = level_db(np.maximum(amplitude[is_known], SMALLEST_AMPLITUDE))
         cell = np.clip(((level - LOWEST_DB) / CELL_DB).astype(np.int64), 0, CELLS - 1)
-        new = np.bincount(cell, weights=weight[known], minlength=CELLS)
-        total = float(new.sum())
+        new_count = np.bincount(cell, weights=weight[is_known], minlength=CELLS)
+        total = float(new_count.sum())
         if total == 0.0:
             return self
-        kept = np.exp(-total / MEMORY)
-        return Learned(self.threshold, self.count * kept + new * (1.0 - kept) * MEMORY / total)
+        retention = np.exp(-total / MEMORY)
+        return Learned(
+            self.threshold, self.count * retention + new_count * (1.0 - retention) * MEMORY / total
+        )
 
     def _log_tail(self, threshold: float) -> float:
         if threshold <= 0.0:

@@ -83,16 +83,16 @@ class ClutterMap(ReadOnly):
         """
         cell, share = corners(self.grid, self.grid.places(measurement, world))
         excess = self.neighbourhood_excess(measurement, world, rate, max_range)
-        found = np.zeros(cell.shape)
+        cell_count = np.zeros(cell.shape)
         if len(self.cell):
-            place = np.minimum(np.searchsorted(self.cell, cell), len(self.cell) - 1)
-            counting = self.count[place] - self.recent[place]
-            found = np.where(self.cell[place] == cell, np.maximum(counting, 0.0), 0.0)
-        seen = (found * share).sum(axis=0)
+            index = np.minimum(np.searchsorted(self.cell, cell), len(self.cell) - 1)
+            counting = self.count[index] - self.recent[index]
+            cell_count = np.where(self.cell[index] == cell, np.maximum(counting, 0.0), 0.0)
+        local_count = (cell_count * share).sum(axis=0)
         turns = max(self.turns - self.recent_turns, 0.0)
         among = neighbourhood.probability_among_reflectors(excess)
         factor = ALONE_FACTOR + (REFLECTOR_FACTOR - ALONE_FACTOR) * among
-        local = factor * seen**2 / (seen + PASSING + MIN_SHARE * turns)
+        local = factor * local_count**2 / (local_count + PASSING + MIN_SHARE * turns)
         local += PRIOR_TURNS * GATHERED * excess / neighbourhood.CELLS
         log_uniform = np.log(rate) + self.grid.log_share(measurement, max_range)
         with np.errstate(divide="ignore"):  # cells without detections
@@ -108,12 +108,12 @@ class ClutterMap(ReadOnly):
         Those of one reflector and of uniform clutter are subtracted. For the arguments see
         `log_factor`.
         """
-        found = neighbourhood.detections_around(
+        count = neighbourhood.detections_around(
             self.grid, self.cell, self.count, self.grid.places(measurement, world)
         )
         share = neighbourhood.CELLS * np.exp(self.grid.log_share(measurement, max_range))
-        others = neighbourhood.UNCOUNTED + rate * np.minimum(share, 1.0)
-        excess: FloatArray = np.maximum(found / max(self.turns, 1.0) - others, 0.0)
+        expected = neighbourhood.UNCOUNTED + rate * np.minimum(share, 1.0)
+        excess: FloatArray = np.maximum(count / max(self.turns, 1.0) - expected, 0.0)
         return excess
 
     def after(
@@ -124,18 +124,20 @@ class ClutterMap(ReadOnly):
         `weight` has the probability that no target is the source of each detection, (M,), and
         `turns` is the part of a turn that the report covers; for the others see `log_factor`.
         """
-        kept, fading = np.exp(-turns / MEMORY_TURNS), np.exp(-turns / RECENT_TURNS)
+        retention, recent_retention = np.exp(-turns / MEMORY_TURNS), np.exp(-turns / RECENT_TURNS)
         corner, share = corners(self.grid, self.grid.places(measurement, world))
-        new, place = np.unique(corner.ravel(), return_inverse=True)
-        more = np.bincount(place.ravel(), weights=(share * weight).ravel(), minlength=len(new))
-        at = np.searchsorted(self.cell, new)
-        known = contains(self.cell, new)
-        count, recent = kept * self.count, fading * self.recent
-        count[at[known]] += more[known]
-        recent[at[known]] += more[known]
-        cell = np.insert(self.cell, at[~known], new[~known])
-        count = np.insert(count, at[~known], more[~known])
-        recent = np.insert(recent, at[~known], more[~known])
+        new_cell, index = np.unique(corner.ravel(), return_inverse=True)
+        added = np.bincount(
+            index.ravel(), weights=(share * weight).ravel(), minlength=len(new_cell)
+        )
+        position = np.searchsorted(self.cell, new_cell)
+        is_known = contains(self.cell, new_cell)
+        count, recent = retention * self.count, recent_retention * self.recent
+        count[position[is_known]] += added[is_known]
+        recent[position[is_known]] += added[is_known]
+        cell = np.insert(self.cell, position[~is_known], new_cell[~is_known])
+        count = np.insert(count, position[~is_known], added[~is_known])
+        recent = np.insert(recent, position[~is_known], added[~is_known])
         enough = np.flatnonzero(count >= MIN_COUNT)
         if len(enough) > MAX_CELLS:
             order = np.argsort(-count[enough], kind="stable")[:MAX_CELLS]
@@ -143,7 +145,7 @@ class ClutterMap(ReadOnly):
         return self.changed(
             cell=cell[enough],
             count=count[enough],
-            turns=kept * self.turns + turns,
+            turns=retention * self.turns + turns,
             recent=recent[enough],
-            recent_turns=fading * self.recent_turns + turns,
+            recent_turns=recent_retention * self.recent_turns + turns,
         )

@@ -33,9 +33,9 @@ def detections_around(
     Cells and counts, (K,), are as in `ClutterMap`; for the places, (2, M), see `Grid.places`.
     """
     centre = np.floor(places + 0.5).astype(np.int64)
-    before = np.concatenate([[0.0], np.cumsum(count)])
-    wide, own = (_block(grid, cell, before, centre, half) for half in (REACH, OWN))
-    return np.maximum(wide - own, 0.0)
+    cumulative = np.concatenate([[0.0], np.cumsum(count)])
+    wide_count, own_count = (_block(grid, cell, cumulative, centre, half) for half in (REACH, OWN))
+    return np.maximum(wide_count - own_count, 0.0)
 
 
 def probability_among_reflectors(excess: FloatArray) -> FloatArray:
@@ -47,7 +47,7 @@ def probability_among_reflectors(excess: FloatArray) -> FloatArray:
 
 
 def _block(
-    grid: Grid, cell: IntArray, before: FloatArray, centre: IntArray, half: int
+    grid: Grid, cell: IntArray, cumulative: FloatArray, centre: IntArray, half: int
 ) -> FloatArray:
     """Return the detections in squares of cells, (M,), given the cumulative counts, (K + 1,)."""
     columns = grid.columns
@@ -60,5 +60,5 @@ def _block(
         left, right = (np.clip(edge + turn, 0, columns) for edge in (first, end))
         if (right > left).any():
             low, high = (np.searchsorted(cell, row * columns + edge) for edge in (left, right))
-            total += (before[high] - before[low]).sum(axis=0)
+            total += (cumulative[high] - cumulative[low]).sum(axis=0)
     return total

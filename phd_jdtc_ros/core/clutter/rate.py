@@ -44,5 +44,5 @@ class ClutterCount:
 
         `unclaimed` is the expected number of detections without a known target.
         """
-        kept = float(np.exp(-turns / MEMORY_TURNS))
-        return ClutterCount(kept * self.count + unclaimed, kept * self.turns + turns)
+        retention = float(np.exp(-turns / MEMORY_TURNS))
+        return ClutterCount(retention * self.count + unclaimed, retention * self.turns + turns)

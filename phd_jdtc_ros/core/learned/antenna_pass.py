@@ -52,51 +52,54 @@ class AntennaPass(NamedTuple):
         Detections more than half a turn earlier are forgotten. Two halves of a turn adjoin at both
         ends, so that it is unknown which of them is earlier in the pass.
         """
-        after = sector.start - self.start - self.width
-        before = self.start - sector.start - sector.width
-        follows = abs(math.remainder(after, FULL_TURN)) <= MAX_GAP
-        precedes = abs(math.remainder(before, FULL_TURN)) <= MAX_GAP
+        gap_after = sector.start - self.start - self.width
+        gap_before = self.start - sector.start - sector.width
+        follows = abs(math.remainder(gap_after, FULL_TURN)) <= MAX_GAP
+        precedes = abs(math.remainder(gap_before, FULL_TURN)) <= MAX_GAP
         recent = 0 < stamp_ns - self.stamp_ns < SAME_PASS * turn_ns
         if not recent or follows == precedes:
             return None
         width = min(self.width + sector.width, WIDEST)
         start = sector.start + sector.width - width if follows else sector.start
         recently = self.seen_ns > stamp_ns - SAME_PASS * turn_ns
-        seen = self.label[recently], self.unseen[recently], self.seen_ns[recently]
-        return AntennaPass(stamp_ns, math.remainder(start, FULL_TURN), width, *seen)
+        recent_columns = self.label[recently], self.unseen[recently], self.seen_ns[recently]
+        return AntennaPass(stamp_ns, math.remainder(start, FULL_TURN), width, *recent_columns)
 
     def detecting(self, label: IntArray, detected: FloatArray) -> AntennaPass:
         """Return the pass after detections of targets of ascending labels, (T,).
 
         `detected` is the probability that each was detected, given that it exists, (T,).
         """
-        place = self.stamp_ns, self.start, self.width
-        before = self.label, self.unseen, self.seen_ns
-        return AntennaPass(*place, *_detecting(self.stamp_ns, *before, label, detected))
+        coverage = self.stamp_ns, self.start, self.width
+        targets = self.label, self.unseen, self.seen_ns
+        return AntennaPass(*coverage, *_add_detections(self.stamp_ns, *targets, label, detected))
 
 
 @compiled
-def _detecting(
+def _add_detections(
     stamp_ns: int,
     label: Int1,
     unseen: Float1,
     seen_ns: Int1,
-    own: Int1,
+    detected_label: Int1,
     detected: Float1,
 ) -> tuple[IntArray, FloatArray, IntArray]:
-    """Return the columns of a pass after detections of targets; `own` are their labels."""
-    count, place, found = len(label), 0, 0
-    most = count + len(own)
-    labels, left, stamps = np.empty(most, np.int64), np.empty(most), np.empty(most, np.int64)
-    for one in range(len(own) + 1):
-        if one < len(own) and not detected[one] > LEAST_DETECTED:
+    """Return the columns of a pass after detections of targets with these labels."""
+    count, row, written = len(label), 0, 0
+    most = count + len(detected_label)
+    labels = np.empty(most, np.int64)
+    unseen_after = np.empty(most)
+    stamps = np.empty(most, np.int64)
+    for index in range(len(detected_label) + 1):
+        if index < len(detected_label) and not detected[index] > LEAST_DETECTED:
             continue
-        while place < count and (one == len(own) or label[place] < own[one]):
-            labels[found], left[found], stamps[found] = label[place], unseen[place], seen_ns[place]
-            place, found = place + 1, found + 1
-        if one < len(own):
-            known = place < count and label[place] == own[one]
-            labels[found], stamps[found] = own[one], stamp_ns
-            left[found] = (unseen[place] if known else 1.0) * (1.0 - detected[one])
-            place, found = place + known, found + 1
-    return labels[:found].copy(), left[:found].copy(), stamps[:found].copy()
+        while row < count and (index == len(detected_label) or label[row] < detected_label[index]):
+            labels[written], stamps[written] = label[row], seen_ns[row]
+            unseen_after[written] = unseen[row]
+            row, written = row + 1, written + 1
+        if index < len(detected_label):
+            is_known = row < count and label[row] == detected_label[index]
+            labels[written], stamps[written] = detected_label[index], stamp_ns
+            unseen_after[written] = (unseen[row] if is_known else 1.0) * (1.0 - detected[index])
+            row, written = row + is_known, written + 1
+    return labels[:written].copy(), unseen_after[:written].copy(), stamps[:written].copy()

@@ -89,42 +89,44 @@ class ChangeAlarm(ReadOnly):
 
         1 for fewer detections or a larger noise, and the middle of a blind sector in degrees.
         """
-        found = {"fewer_detections": 1.0} if self.fewer_detections else {}
+        figures = {"fewer_detections": 1.0} if self.fewer_detections else {}
         if not np.isnan(self.blind_azimuth):
-            found["blind_azimuth_deg"] = float(np.degrees(self.blind_azimuth))
+            figures["blind_azimuth_deg"] = float(np.degrees(self.blind_azimuth))
         noisier = zip(components, self.noisier.tolist(), strict=False)
-        return found | {f"{component}_noisier": 1.0 for component, raised in noisier if raised}
+        return figures | {f"{component}_noisier": 1.0 for component, raised in noisier if raised}
 
     def after_trials(self, factor: DetectionFactor, sums: TrialSums) -> ChangeAlarm:
         """Return the alarm after trials that count, given the factor learned before them."""
-        before = _before(self.detection[1:], factor.by_cell, self.detection_before)
-        usual, usual_before = factor.by_cell * sums.expected, before * sums.expected
+        factor_before = _value_before(self.detection[1:], factor.by_cell, self.detection_before)
+        expected, usual_before = factor.by_cell * sums.expected, factor_before * sums.expected
         by_cell = np.concatenate([sums.trials, sums.detected, usual_before, factor.expected])
         by_sector = by_cell.reshape(4, RANGES, AZIMUTHS).sum(axis=1)
-        both = np.empty((4, 1 + AZIMUTHS))
-        both[:, 0], both[:, 1:] = by_sector.sum(axis=1), by_sector
-        both[2:, 0] = usual.sum(), factor.all_expected
-        trials, detected, usual, known = both
-        learned = usual / np.where(trials > 0.0, trials, 1.0)
+        merged = np.empty((4, 1 + AZIMUTHS))
+        merged[:, 0], merged[:, 1:] = by_sector.sum(axis=1), by_sector
+        merged[2:, 0] = expected.sum(), factor.all_expected
+        trials, detected, expected, expected_before = merged
+        learned = expected / np.where(trials > 0.0, trials, 1.0)
         learned = np.minimum(np.maximum(learned, 0.01), 0.99)
         of_miss = np.log((1.0 - CHANGED * learned) / (1.0 - UNCHANGED * learned))
         evidence = detected * OF_DETECTION + (trials - detected) * of_miss
-        detection = self.detection + np.where(known >= KNOWN, evidence, 0.0)
+        detection = self.detection + np.where(expected_before >= KNOWN, evidence, 0.0)
         detection = np.minimum(np.maximum(detection, 0.0), MOST)
-        return self.changed(detection=detection, detection_before=before)
+        return self.changed(detection=detection, detection_before=factor_before)
 
     def after_noise(self, factor: NoiseFactor, evidence: NoiseEvidence) -> ChangeAlarm:
         """Return the alarm after innovations, given the noise that was learned before them."""
         learned = factor.variance
-        before = _before(self.noise, learned, self.noise_before)
-        square = (evidence.weight + evidence.excess) * learned / before
+        factor_before = _value_before(self.noise, learned, self.noise_before)
+        square = (evidence.weight + evidence.excess) * learned / factor_before
         ratio = 0.5 * (square * (1.0 - 1.0 / NOISIER) - evidence.weight * math.log(NOISIER))
         ratio = np.where(factor.learned & (factor.weight >= SETTLED), ratio, 0.0)
         noise = np.minimum(np.maximum(self.noise + ratio, 0.0), MOST)
-        return self.changed(noise=noise, noise_before=before)
+        return self.changed(noise=noise, noise_before=factor_before)
 
 
-def _before(evidence: FloatArray, learned: FloatArray, before: FloatArray | None) -> FloatArray:
+def _value_before(
+    evidence: FloatArray, learned: FloatArray, before: FloatArray | None
+) -> FloatArray:
     """Return the learned values, (K,), as they were before the evidence of changes, (E,), began.
 
     The values are E columns of K / E rows. A learned value follows a change immediately; in
@@ -134,5 +136,7 @@ def _before(evidence: FloatArray, learned: FloatArray, before: FloatArray | None
         return learned
     begun = (evidence > 0.0) & (evidence < RAISED)
     columns = -1, len(evidence)
-    kept: FloatArray = np.where(begun, before.reshape(columns), learned.reshape(columns)).ravel()
-    return kept
+    selected: FloatArray = np.where(
+        begun, before.reshape(columns), learned.reshape(columns)
+    ).ravel()
+    return selected

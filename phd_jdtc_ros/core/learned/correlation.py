@@ -30,16 +30,19 @@ SUMS = 6
 
 
 def sums_of(
-    detected: FloatArray, before: FloatArray, expected: FloatArray, expected_before: FloatArray
+    detected: FloatArray,
+    detected_before: FloatArray,
+    expected: FloatArray,
+    expected_before: FloatArray,
 ) -> FloatArray:
     """Return the summands of each pair of looks, (P, B), given values of shape (P,)."""
     return np.stack(
         [
             np.ones(len(detected)),
-            detected * before,
-            0.5 * (detected + before),
+            detected * detected_before,
+            0.5 * (detected + detected_before),
             0.5 * (expected + expected_before),
-            0.5 * (detected * expected_before + before * expected),
+            0.5 * (detected * expected_before + detected_before * expected),
             expected * expected_before,
         ],
         axis=1,
@@ -72,8 +75,8 @@ class Correlation(ReadOnly):
     def value(self) -> float:
         """The correlation."""
         estimate, precision = self._estimate
-        found, _ = PRIOR.posterior(np.array([estimate - self.start]), np.array([precision]))
-        return min(max(self.start + float(found[0]), LEAST), MOST)
+        posterior, _ = PRIOR.posterior(np.array([estimate - self.start]), np.array([precision]))
+        return min(max(self.start + float(posterior[0]), LEAST), MOST)
 
     @property
     def std(self) -> float:
@@ -84,11 +87,11 @@ class Correlation(ReadOnly):
     @cached_property
     def _estimate(self) -> tuple[float, float]:
         """The correlation that the pairs show, and the inverse of its variance."""
-        pairs, both, detected, expected, crossed, square = self.sums.tolist()
+        pairs, both_detected, detected, expected, crossed, square = self.sums.tolist()
         if not self.learned or expected <= 0.0 or not 0.0 < detected < pairs:
             return self.start, 0.0
         factor = detected / expected
-        covariance = both - 2.0 * factor * crossed + factor**2 * square
+        covariance = both_detected - 2.0 * factor * crossed + factor**2 * square
         variance = max(detected - factor**2 * square, 1e-9)
         prior = PRIOR_WEIGHT * variance / pairs
         estimate = (covariance + self.start * prior) / (variance + prior)
@@ -101,5 +104,5 @@ class Correlation(ReadOnly):
 
     def after(self, sums: FloatArray) -> Correlation:
         """Return the correlation after further pairs, given their sums, (B,)."""
-        kept = math.exp(-float(sums[0]) / MEMORY)
-        return self.changed(sums=kept * self.sums + sums)
+        retention = math.exp(-float(sums[0]) / MEMORY)
+        return self.changed(sums=retention * self.sums + sums)

@@ -39,14 +39,14 @@ class Look(NamedTuple):
         """Return the look with targets of larger labels, born at its detections."""
         if not len(label):
             return self
-        one, nothing = np.ones(len(label)), np.zeros(len(label))
+        ones, zeros = np.ones(len(label)), np.zeros(len(label))
         return Look(
             np.concatenate([self.label, label]),
-            np.concatenate([self.covered, one]),
-            np.concatenate([self.detected, one]),
-            np.concatenate([self.expected, nothing]),
-            np.concatenate([self.existence, nothing]),
-            np.concatenate([self.known, nothing > 0.0]),
+            np.concatenate([self.covered, ones]),
+            np.concatenate([self.detected, ones]),
+            np.concatenate([self.expected, zeros]),
+            np.concatenate([self.existence, zeros]),
+            np.concatenate([self.known, zeros > 0.0]),
         )
 
 
@@ -71,8 +71,8 @@ class LookPrediction:
     def of(self, label: IntArray) -> tuple[FloatArray, FloatArray]:
         """Return the columns for the targets of some labels, 0 for unknown ones."""
         looked, detected = np.zeros((2, len(label)))
-        row, place = matches(self.label, label)
-        looked[row], detected[row] = self.looked[place], self.detected[place]
+        row, own_row = matches(self.label, label)
+        looked[row], detected[row] = self.looked[own_row], self.detected[own_row]
         return looked, detected
 
     def probability(self, usual: FloatArray, label: IntArray) -> FloatArray:
@@ -128,50 +128,50 @@ class DetectionChains(ReadOnly):
 
         `turn_ns` is the duration of a turn, if the look is at a sector; otherwise 0.
         """
-        new, looks = self._new(stamp_ns, turn_ns)
+        is_earlier, looks = self._looks_before(stamp_ns, turn_ns)
         factor = correlation**looks
-        rest = 1.0 - self.covered
-        covered = factor * (self.covered + rest * self.before_covered)
-        detected = factor * (self.detected + rest * self.before_detected)
+        uncovered = 1.0 - self.covered
+        covered = factor * (self.covered + uncovered * self.before_covered)
+        detected = factor * (self.detected + uncovered * self.before_detected)
         return LookPrediction(
             self.label,
-            np.where(new, covered, self.before_covered),
-            np.where(new, detected, self.before_detected),
+            np.where(is_earlier, covered, self.before_covered),
+            np.where(is_earlier, detected, self.before_detected),
         )
 
-    def _new(self, stamp_ns: int, turn_ns: float) -> tuple[BoolArray, FloatArray]:
+    def _looks_before(self, stamp_ns: int, turn_ns: float) -> tuple[BoolArray, FloatArray]:
         """Return which looks are before a new one at a stamp, and by how many looks."""
         if not turn_ns:
             return np.ones(len(self.label), dtype=np.bool_), np.ones(len(self.label))
-        since = stamp_ns - self.stamp_ns
-        return since >= SAME_LOOK * turn_ns, np.maximum(np.rint(since / turn_ns), 1.0)
+        elapsed_ns = stamp_ns - self.stamp_ns
+        return elapsed_ns >= SAME_LOOK * turn_ns, np.maximum(np.rint(elapsed_ns / turn_ns), 1.0)
 
     def after(
         self, look: Look, prediction: LookPrediction, stamp_ns: int, turn_ns: float
     ) -> DetectionChains:
         """Return the chains after a further look, which was given `prediction`."""
-        known = self._extend(look.label)
-        own = known._take(np.searchsorted(known.label, look.label))
-        new, looks = own._new(stamp_ns, turn_ns)
-        covered = np.where(new, 0.0, own.covered) + look.covered
-        detected = np.minimum(np.where(new, 0.0, own.detected) + look.detected, 1.0)
+        extended = self._extend(look.label)
+        chains = extended._take(np.searchsorted(extended.label, look.label))
+        is_earlier, looks = chains._looks_before(stamp_ns, turn_ns)
+        covered = np.where(is_earlier, 0.0, chains.covered) + look.covered
+        detected = np.minimum(np.where(is_earlier, 0.0, chains.detected) + look.detected, 1.0)
         # Misses lower the existence probability; a target that was known stays known.
-        known_now = look.known | (own.expected > 0.0)
-        learned = new & known_now & (look.covered > WHOLE)
+        is_known = look.known | (chains.expected > 0.0)
+        learned = is_earlier & is_known & (look.covered > WHOLE)
         expected = np.where(learned, look.expected, 0.0)
-        paired = (looks == 1.0) & (own.expected > 0.0) & (expected > 0.0)
-        sums = sums_of(look.detected, own.detected, expected, own.expected)
+        paired = (looks == 1.0) & (chains.expected > 0.0) & (expected > 0.0)
+        sums = sums_of(look.detected, chains.detected, expected, chains.expected)
         before_covered, before_detected = prediction.of(look.label)
-        return known._with(
+        return extended._replace_rows(
             DetectionChains(
                 label=look.label,
-                stamp_ns=np.where(new, stamp_ns, own.stamp_ns),
+                stamp_ns=np.where(is_earlier, stamp_ns, chains.stamp_ns),
                 covered=np.clip(covered, detected, 1.0),
                 detected=detected,
                 before_covered=before_covered,
                 before_detected=before_detected,
                 expected=expected,
-                pairs=own.pairs + np.where(paired[:, None], sums, 0.0),
+                pairs=chains.pairs + np.where(paired[:, None], sums, 0.0),
             )
         )
 
@@ -181,21 +181,21 @@ class DetectionChains(ReadOnly):
         If a target is detected with probability d, given that it exists, the share d of its pairs
         counts, times its existence probability, and the share 1 - d stays open.
         """
-        known, place = matches(look.label, self.label)
-        detected, existence = look.detected[place], look.existence[place]
-        sums: FloatArray = (detected * existence) @ self.pairs[known]
+        chain, target = matches(look.label, self.label)
+        detected, existence = look.detected[target], look.existence[target]
+        sums: FloatArray = (detected * existence) @ self.pairs[chain]
         pairs = self.pairs.copy()
-        pairs[known] *= 1.0 - detected[:, None]
+        pairs[chain] *= 1.0 - detected[:, None]
         return self.changed(pairs=pairs), sums
 
     def _extend(self, label: IntArray) -> DetectionChains:
         """Return these chains with empty ones for further labels."""
-        every = np.union1d(self.label, label)
-        size = len(every)
+        labels = np.union1d(self.label, label)
+        size = len(labels)
         columns = (np.zeros((size, *getattr(self, name).shape[1:])) for name in _NUMBERS)
-        return DetectionChains(every, np.zeros(size, dtype=np.int64), *columns)._with(self)
+        return DetectionChains(labels, np.zeros(size, dtype=np.int64), *columns)._replace_rows(self)
 
-    def _with(self, other: DetectionChains) -> DetectionChains:
+    def _replace_rows(self, other: DetectionChains) -> DetectionChains:
         """Return these chains with those of another value, whose labels are all among these."""
         rows, columns = np.searchsorted(self.label, other.label), {}
         for name in ("stamp_ns", *_NUMBERS):

@@ -71,8 +71,8 @@ class DetectionFactor(ReadOnly):
     @cached_property
     def _of_sensor(self) -> tuple[float, float]:
         """Factor of the sensor as a whole, and its standard deviation."""
-        every = np.array([self.all_expected]), np.array([self.all_detected])
-        factor, std = _factor(*every, self._assumed, SENSOR_PRIOR)
+        totals = np.array([self.all_expected]), np.array([self.all_detected])
+        factor, std = _factor(*totals, self._assumed, SENSOR_PRIOR)
         return float(factor[0]), float(std[0])
 
     @property
@@ -124,10 +124,10 @@ class DetectionFactor(ReadOnly):
     def after(self, sums: TrialSums) -> DetectionFactor:
         """Return the factor after further trials."""
         trials, expected, detected = np.array(sums).sum(axis=1).tolist()
-        kept, fading = np.exp(-sums.expected / MEMORY), math.exp(-expected / MEMORY)
+        retention, fading = np.exp(-sums.expected / MEMORY), math.exp(-expected / MEMORY)
         return self.changed(
-            expected=kept * self.expected + sums.expected,
-            detected=kept * self.detected + sums.detected,
+            expected=retention * self.expected + sums.expected,
+            detected=retention * self.detected + sums.detected,
             all_looks=fading * self.all_looks + trials,
             all_expected=fading * self.all_expected + expected,
             all_detected=fading * self.all_detected + detected,

@@ -17,23 +17,23 @@ LIMITED_MEAN = float(chdtr(3.0, LIMIT) + LIMIT * (1.0 - chdtr(1.0, LIMIT)))
 
 
 @inner
-def evidence_of(square: float, part: float) -> tuple[float, float]:
+def evidence_of(square: float, noise_share: float) -> tuple[float, float]:
     """Return the weight of an innovation, and the weight times the ratio of variances minus 1.
 
-    `square` is the square of a component of an innovation, relative to its expected value. `part`
-    is the share of the sensor's variance R in the expected value; NaN if the detection has a noise
-    of its own.
+    `square` is the square of a component of an innovation, relative to its expected value.
+    `noise_share` is the share of the sensor's variance R in the expected value; NaN if the
+    detection has a noise of its own.
 
     In one dimension the innovation v has the variance S = H P H' + R; `square` is v^2 / S, and
-    `part` is R / S. v^2 - H P H' has the mean R, whichever R was assumed. Its variance is 2 S^2, so
-    that its weight is the square of `part`. In more dimensions w = S^-1 v has the variances
-    (S^-1)_ii; `square` is w_i^2 / (S^-1)_ii, and `part` is R_ii (S^-1)_ii.
+    `noise_share` is R / S. v^2 - H P H' has the mean R, whichever R was assumed. Its variance is
+    2 S^2, so that its weight is the square of `noise_share`. In more dimensions w = S^-1 v has the
+    variances (S^-1)_ii; `square` is w_i^2 / (S^-1)_ii, and `noise_share` is R_ii (S^-1)_ii.
 
     References
     ----------
     Mehra, "On the identification of variances and adaptive Kalman filtering", IEEE Transactions on
     Automatic Control 15(2), 1970.
     """
-    if part > LEAST_NOISE_SHARE:  # False for NaN
-        return part * part, part * (min(square, LIMIT) / LIMITED_MEAN - 1.0)
+    if noise_share > LEAST_NOISE_SHARE:  # False for NaN
+        return noise_share * noise_share, noise_share * (min(square, LIMIT) / LIMITED_MEAN - 1.0)
     return 0.0, 0.0

@@ -82,9 +82,9 @@ class NoiseFactor(ReadOnly):
 
     def after(self, evidence: NoiseEvidence) -> NoiseFactor:
         """Return the factors after the innovations of a further report."""
-        kept = np.exp(-evidence.weight / MEMORY)
+        retention = np.exp(-evidence.weight / MEMORY)
         ratio = self.variance * (evidence.weight + evidence.excess)
         return self.changed(
-            weight=np.where(self.learned, kept * self.weight + evidence.weight, 0.0),
-            ratio=np.where(self.learned, kept * self.ratio + ratio, 0.0),
+            weight=np.where(self.learned, retention * self.weight + evidence.weight, 0.0),
+            ratio=np.where(self.learned, retention * self.ratio + ratio, 0.0),
         )

@@ -76,18 +76,18 @@ class OpenTrials(ReadOnly):
         given that it exists, the share d of its open trials counts, times its existence
         probability. The share 1 - d stays open, and so does the report's own trial for it.
         """
-        label, cell, (expected, detected, still), counted = _after(
+        label, cell, (expected, detected, still), counted = _count_trials(
             *(LEAST_OPEN, cells, self.label, self.cell, self.expected, self.detected, self.still),
             *contiguous(*trials),
         )
-        left = self.changed(
+        trials_left = self.changed(
             label=label, cell=cell, expected=expected, detected=detected, still=still
         )
-        return left, TrialSums(*counted)
+        return trials_left, TrialSums(*counted)
 
 
 @compiled
-def _after(
+def _count_trials(
     least: float,
     cells: int,
     label: Int1,
@@ -106,28 +106,28 @@ def _after(
     The last three columns of `OpenTrials` are one array, (3, E), and those of the sums another,
     (3, K). The last arguments, from `own_label` on, are the columns of the report's `ReportTrials`.
     """
-    size, targets, room = len(label), len(own_label), 0
-    counts, most = np.zeros((3, cells)), size + targets
-    labels, places = np.empty(most, np.int64), np.empty(most, np.int64)
-    values = np.empty((3, most))
+    size, targets, count = len(label), len(own_label), 0
+    sums, capacity = np.zeros((3, cells)), size + targets
+    labels, places = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
+    values = np.empty((3, capacity))
     for trial in range(size):
-        one, now = count_below(own_label, label[trial]), 0.0
-        if one < targets and own_label[one] == label[trial]:
-            now = own_detected[one]
-            counting = now * existence[one] * still[trial]
-            counts[0, cell[trial]] += counting
-            counts[1, cell[trial]] += counting * expected[trial]
-            counts[2, cell[trial]] += counting * detected[trial]
-        left = (1.0 - now) * still[trial]
-        if left > least:
-            labels[room], places[room] = label[trial], cell[trial]
-            values[0, room], values[1, room] = expected[trial], detected[trial]
-            values[2, room] = left
-            room += 1
-    for one in range(targets):
-        if own_expected[one] > 0.0:
-            labels[room], places[room] = own_label[one], own_cell[one]
-            values[0, room], values[1, room] = own_expected[one], own_detected[one]
-            values[2, room] = 1.0
-            room += 1
-    return labels[:room].copy(), places[:room].copy(), values[:, :room].copy(), counts
+        target, detected_now = count_below(own_label, label[trial]), 0.0
+        if target < targets and own_label[target] == label[trial]:
+            detected_now = own_detected[target]
+            counted = detected_now * existence[target] * still[trial]
+            sums[0, cell[trial]] += counted
+            sums[1, cell[trial]] += counted * expected[trial]
+            sums[2, cell[trial]] += counted * detected[trial]
+        open_share = (1.0 - detected_now) * still[trial]
+        if open_share > least:
+            labels[count], places[count] = label[trial], cell[trial]
+            values[0, count], values[1, count] = expected[trial], detected[trial]
+            values[2, count] = open_share
+            count += 1
+    for target in range(targets):
+        if own_expected[target] > 0.0:
+            labels[count], places[count] = own_label[target], own_cell[target]
+            values[0, count], values[1, count] = own_expected[target], own_detected[target]
+            values[2, count] = 1.0
+            count += 1
+    return labels[:count].copy(), places[:count].copy(), values[:, :count].copy(), sums

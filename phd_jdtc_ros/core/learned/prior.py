@@ -27,7 +27,7 @@ class RatioPrior:
     def _components(self) -> tuple[FloatArray, FloatArray]:
         """Log weights and variances of both normal distributions, (2, 1)."""
         share, std = np.array([[self.right], [1.0 - self.right]]), (self.scale, self.wide)
-        return np.log(share), np.array([[one**2] for one in std])
+        return np.log(share), np.array([[component_std**2] for component_std in std])
 
     def posterior(
         self, log_ratio: FloatArray, precision: FloatArray
@@ -45,5 +45,5 @@ class RatioPrior:
         of_scale, of_wide = square / spread
         share = 1.0 / (1.0 + np.exp(np.minimum(weight[0] - weight[1], 500.0)))
         mean = right + share * (wrong - right)
-        apart = share * (1.0 - share) * (wrong - right) ** 2
-        return mean, of_scale + share * (of_wide - of_scale) + apart
+        between = share * (1.0 - share) * (wrong - right) ** 2
+        return mean, of_scale + share * (of_wide - of_scale) + between
