@@ -152,8 +152,8 @@ def factorize(value: IntArray) -> tuple[IntArray, IntArray]:
     distinct, run = value[starts], starts.cumsum() - 1
     if (distinct[1:] > distinct[:-1]).all():
         return distinct, run
-    distinct, place = np.unique(distinct, return_inverse=True)
-    return distinct, place.ravel()[run]
+    distinct, index = np.unique(distinct, return_inverse=True)
+    return distinct, index.ravel()[run]
 
 
 def contains(ascending: IntArray, value: IntArray) -> BoolArray:
@@ -163,24 +163,24 @@ def contains(ascending: IntArray, value: IntArray) -> BoolArray:
     """
     if not ascending.size:
         return np.zeros(value.shape, dtype=np.bool_)
-    place = np.minimum(ascending.searchsorted(value), ascending.size - 1)
-    found: BoolArray = ascending[place] == value
-    return found
+    index = np.minimum(ascending.searchsorted(value), ascending.size - 1)
+    is_contained: BoolArray = ascending[index] == value
+    return is_contained
 
 
 def matches(ascending: IntArray, value: IntArray) -> tuple[IntArray, IntArray]:
     """Return the rows of values that are among the ascending ones, and their places there."""
-    place = ascending.searchsorted(value)
-    inside = (place < len(ascending)).nonzero()[0]
-    row = inside[ascending[place[inside]] == value[inside]]
-    return row, place[row]
+    index = ascending.searchsorted(value)
+    inside = (index < len(ascending)).nonzero()[0]
+    row = inside[ascending[index[inside]] == value[inside]]
+    return row, index[row]
 
 
 def add_by_row(total: FloatArray | IntArray, row: IntArray, weight: FloatArray | None) -> None:
     """Add the sums of `weight` over ascending rows to `total`, in place; None counts rows."""
     if len(row):
-        part = np.bincount(row - row[0], weights=weight)
-        total[row[0] : row[0] + len(part)] += part
+        sums = np.bincount(row - row[0], weights=weight)
+        total[row[0] : row[0] + len(sums)] += sums
 
 
 def distinct_cells(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:

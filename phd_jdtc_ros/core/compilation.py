@@ -164,9 +164,9 @@ def _type_of(hint: Any, readonly: bool = True) -> Any:
         return getattr(numba.types, _NUMBERS[hint])
     if hasattr(hint, "_fields"):
         fields = get_type_hints(hint, include_extras=True).values()
-        return numba.types.BaseTuple.from_types([_type_of(one, False) for one in fields], hint)
+        return numba.types.BaseTuple.from_types([_type_of(field, False) for field in fields], hint)
     element, axes = get_args(hint)
-    name = next(name for kind, name in _ELEMENTS.items() if kind == element)
+    name = next(name for element_type, name in _ELEMENTS.items() if element_type == element)
     return numba.types.Array(getattr(numba.types, name), axes, "C", readonly=readonly)
 
 

@@ -126,17 +126,17 @@ class Pipeline:
         If no part of the report is used in any scan, the reason is returned. `radar` is the index
         in the configured order, and `sector` the sector's number, if the report contains it.
         """
-        own, turns = self._sensors[radar], self._turns[radar]
-        for finding in own.check.add(detections):
+        sensor, turns = self._sensors[radar], self._turns[radar]
+        for finding in sensor.check.add(detections):
             # Sectors need no configuration once the rotation period is known.
             if finding != "sectors_not_configured" or not turns.period_s:
                 turns.anomalies[finding] += 1
         nominal_s = turns.nominal_period_s
-        recuts = own.history.kept and self._out_of_sequence.since_ns() is not None
+        recuts = sensor.history.kept and self._out_of_sequence.since_ns() is not None
         if recuts and nominal_s and turns.behind(stamp_ns):
             slices = self._insert(radar, stamp_ns, detections, sector)
         else:
-            slices = own.history.split(stamp_ns, detections, sector)
+            slices = sensor.history.split(stamp_ns, detections, sector)
         if turns.nominal_period_s != nominal_s:
             self._retune_to_rotation()
         if isinstance(slices, Rejection):
@@ -146,8 +146,8 @@ class Pipeline:
             return self._events(self._group_released())
         closed: list[Scan | Reset] = []
         rejected = []
-        for slice_ns, each in slices:
-            grouped = self._group(radar, slice_ns, each)
+        for slice_ns, slice_detections in slices:
+            grouped = self._group(radar, slice_ns, slice_detections)
             if isinstance(grouped, Rejection):
                 rejected.append(grouped)
             else:
@@ -247,9 +247,9 @@ class Pipeline:
 
         Only reports of moving radars are dropped after `add`, since they wait for their poses.
         """
-        own = self._sensors[radar]
-        taken, own.drops = own.drops, Counter()
-        return taken
+        sensor = self._sensors[radar]
+        drops, sensor.drops = sensor.drops, Counter()
+        return drops
 
     def _group_released(self, everything: bool = False) -> list[Scan | Reset]:
         """Return the scans closed by reports that no longer wait for poses, or by all reports."""
@@ -327,7 +327,7 @@ class Pipeline:
         """End the run; after a jump ahead, track numbers are not reused."""
         ahead = reset is not None and reset.ahead
         due = self._out_of_sequence.finish()
-        rest = self.engine.interrupt() if ahead else self.engine.flush()
+        estimates = self.engine.interrupt() if ahead else self.engine.flush()
         self._out_of_sequence.forget()
         self._begun = False
-        return RunEnded(reset, self._region.select_estimates((*due, *rest)))
+        return RunEnded(reset, self._region.select_estimates((*due, *estimates)))

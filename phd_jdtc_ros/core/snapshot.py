@@ -85,8 +85,8 @@ class _Array:
         high = sizes[self.below] - 1 if self.below else self.high
         # This comparison also rejects NaN.
         if not ((array >= self.low) & (array <= high)).all() or np.isinf(array).any():
-            given = f"{array.item()} given" if array.ndim == 0 else "a number is not finite, or"
-            raise ValueError(f"{name}: {given} outside [{self.low:g}, {high:g}]")
+            text = f"{array.item()} given" if array.ndim == 0 else "a number is not finite, or"
+            raise ValueError(f"{name}: {text} outside [{self.low:g}, {high:g}]")
         if self.ascending and (array[1:] <= array[:-1]).any():
             raise ValueError(f"{name}: must increase")
         if self.covariances:

@@ -118,16 +118,17 @@ class Sightings(NamedTuple):
 
     def since(self, oldest_s: float) -> Sightings:
         """Return the sightings after a time, at most `MAX_SIGHTINGS`, evenly selected."""
-        (kept,) = (self.time_s > oldest_s).nonzero()
-        if kept.size > MAX_SIGHTINGS:
-            kept = kept[:: math.ceil(kept.size / MAX_SIGHTINGS)]
-        return Sightings(self.time_s[kept], self.azimuth[kept])
+        (rows,) = (self.time_s > oldest_s).nonzero()
+        if rows.size > MAX_SIGHTINGS:
+            rows = rows[:: math.ceil(rows.size / MAX_SIGHTINGS)]
+        return Sightings(self.time_s[rows], self.azimuth[rows])
 
-    def with_latest(self, own: Sightings, seconds: float) -> Sightings:
+    def with_latest(self, latest: Sightings, seconds: float) -> Sightings:
         """Return the sightings of a new report and of the given seconds before its end."""
-        older = self.since(float(own.time_s.max()) - seconds)
+        older = self.since(float(latest.time_s.max()) - seconds)
         return Sightings(
-            np.concatenate([older.time_s, own.time_s]), np.concatenate([older.azimuth, own.azimuth])
+            np.concatenate([older.time_s, latest.time_s]),
+            np.concatenate([older.azimuth, latest.azimuth]),
         )
 
     def suffice(self, period_s: float) -> bool:
@@ -170,25 +171,29 @@ class AntennaTrack(NamedTuple):
             return AntennaTrack(self.nominal_period_s).follow(now_s, time_s, azimuth)
         if not len(time_s):
             return self
-        near = _plausible(time_s)
-        own = Sightings(time_s[near], azimuth[near]).since(-math.inf)
+        plausible = _plausible_times(time_s)
+        latest = Sightings(time_s[plausible], azimuth[plausible]).since(-math.inf)
         if not period_s:
-            seen = self.sightings.with_latest(own, MAX_PERIOD_S)
-            return self._search(now_s, seen, min_period_s)
-        seen = own if own.suffice(period_s) else self.sightings.with_latest(own, MAX_AGE * period_s)
-        weight = 0.5 ** ((seen.time_s.max() - seen.time_s) / (HALF_AGE * period_s))
+            sightings = self.sightings.with_latest(latest, MAX_PERIOD_S)
+            return self._search(now_s, sightings, min_period_s)
+        sightings = (
+            latest
+            if latest.suffice(period_s)
+            else self.sightings.with_latest(latest, MAX_AGE * period_s)
+        )
+        weight = 0.5 ** ((sightings.time_s.max() - sightings.time_s) / (HALF_AGE * period_s))
         total = weight.sum()
         if total < MIN_WEIGHT:
-            return self._replace(sightings=seen)
-        for line in self._lines(seen, weight, FULL_TURN / period_s):
-            fits = weight @ line.fits(*seen) >= MIN_FIT * total
+            return self._replace(sightings=sightings)
+        for line in self._candidate_lines(sightings, weight, FULL_TURN / period_s):
+            fits = weight @ line.fits(*sightings) >= MIN_FIT * total
             if fits and line.period_s < MAX_PERIOD_RATIO * self.nominal_period_s:
-                return AntennaTrack(self.nominal_period_s, line, seen)
-        if self.antenna is None and not seen.suffice(period_s):
-            return self._replace(sightings=seen)
+                return AntennaTrack(self.nominal_period_s, line, sightings)
+        if self.antenna is None and not sightings.suffice(period_s):
+            return self._replace(sightings=sightings)
         # After many unclear reports the assumed period itself is probably wrong.
         nominal_period_s = self.nominal_period_s if self.unclear < MAX_UNCLEAR else 0.0
-        return AntennaTrack(nominal_period_s, None, own, self.unclear + 1)
+        return AntennaTrack(nominal_period_s, None, latest, self.unclear + 1)
 
     def with_period(self, period_s: float) -> AntennaTrack:
         """Return the estimate with a more accurate period, seconds; 0 changes nothing."""
@@ -197,27 +202,29 @@ class AntennaTrack(NamedTuple):
         rate = math.copysign(FULL_TURN / period_s, self.antenna.rate)
         return self._replace(antenna=self.antenna._replace(rate=rate))
 
-    def _lines(self, seen: Sightings, weight: FloatArray, rate: float) -> Iterator[Antenna]:
+    def _candidate_lines(
+        self, sightings: Sightings, weight: FloatArray, rate: float
+    ) -> Iterator[Antenna]:
         """Yield candidate lines: the previous one refined, then the best of a search.
 
         `rate` is that of the current period, radians per second.
         """
         if self.antenna is not None:
-            yield _refine(self.antenna, seen, weight, rate)
+            yield _refine(self.antenna, sightings, weight, rate)
         log_prior = -0.5 * (np.log(RATES) / RATE_STD) ** 2
-        (fit, line), (other, _) = search_lines(seen, weight, rate * RATES, log_prior)
-        if weight.sum() * (fit**2 - other**2) >= MIN_ADVANTAGE:
-            yield _refine(line, seen, weight, rate)
+        (fit, line), (other_fit, _) = search_lines(sightings, weight, rate * RATES, log_prior)
+        if weight.sum() * (fit**2 - other_fit**2) >= MIN_ADVANTAGE:
+            yield _refine(line, sightings, weight, rate)
 
-    def _search(self, now_s: float, seen: Sightings, min_period_s: float) -> AntennaTrack:
+    def _search(self, now_s: float, sightings: Sightings, min_period_s: float) -> AntennaTrack:
         """Return the estimate for an unknown period, which is searched at intervals."""
         due_s = self.searched_s + min(
-            MAX_SEARCH_INTERVAL_S, SEARCH_INTERVAL * float(np.ptp(seen.time_s))
+            MAX_SEARCH_INTERVAL_S, SEARCH_INTERVAL * float(np.ptp(sightings.time_s))
         )
-        if len(seen.time_s) < MIN_SEARCHED or now_s < due_s:
-            return self._replace(sightings=seen)
+        if len(sightings.time_s) < MIN_SEARCHED or now_s < due_s:
+            return self._replace(sightings=sightings)
         for longest_s in (FIRST_SEARCH_S, MAX_PERIOD_S):
-            latest = seen.since(float(seen.time_s.max()) - longest_s)
+            latest = sightings.since(float(sightings.time_s.max()) - longest_s)
             count, span_s = len(latest.time_s), float(np.ptp(latest.time_s))
             if count < MIN_SEARCHED or span_s < MIN_TURNS * min_period_s:
                 continue
@@ -227,51 +234,55 @@ class AntennaTrack(NamedTuple):
             if fit >= MIN_COHERENCE and count * (fit**2 - standing**2) >= MIN_TURNING_ADVANTAGE:
                 track = AntennaTrack(line.period_s).follow(now_s, *latest)
                 return track._replace(nominal_period_s=track.period_s)
-        return self._replace(sightings=seen, searched_s=now_s)
+        return self._replace(sightings=sightings, searched_s=now_s)
 
 
-def _plausible(time_s: FloatArray) -> BoolArray:
+def _plausible_times(time_s: FloatArray) -> BoolArray:
     """Return a mask of the times near the median of a report; others come from a wrong clock."""
     off_s = np.abs(time_s - median(time_s))
-    near: BoolArray = off_s <= max(MAX_MEDIAN_DEVIATIONS * median(off_s), MIN_OUTLIER_S)
-    return near | (len(time_s) < MIN_FOR_OUTLIERS)
+    plausible: BoolArray = off_s <= max(MAX_MEDIAN_DEVIATIONS * median(off_s), MIN_OUTLIER_S)
+    return plausible | (len(time_s) < MIN_FOR_OUTLIERS)
 
 
 def search_lines(
-    seen: Sightings, weight: FloatArray, rates: FloatArray, log_prior: FloatArray | float = 0.0
+    sightings: Sightings, weight: FloatArray, rates: FloatArray, log_prior: FloatArray | float = 0.0
 ) -> list[tuple[float, Antenna]]:
     """Return the best line of each direction, the better first, with its fit from 0 to 1.
 
     Each sighting has a weight, (M,), and each candidate rate, radians per second, the logarithm of
     its prior, (R,).
     """
-    last_s, sighted = float(seen.time_s[-1]), weight * np.exp(1j * seen.azimuth)
-    back = np.exp(-1j * rates[:, None] * (seen.time_s - last_s))
-    found = []
-    for sign, rotation in ((1, back), (-1, back.conj())):
+    last_s, phasors = float(sightings.time_s[-1]), weight * np.exp(1j * sightings.azimuth)
+    rotation_back = np.exp(-1j * rates[:, None] * (sightings.time_s - last_s))
+    lines = []
+    for sign, rotation in ((1, rotation_back), (-1, rotation_back.conj())):
         # Each sum points to the azimuth at the last detection, if the antenna has that rate.
-        total = rotation @ sighted
+        total = rotation @ phasors
         best = int(np.argmax(CONCENTRATION * np.abs(total) + log_prior))
         line = Antenna(last_s, float(np.angle(total[best])), sign * float(rates[best]))
-        found.append((float(abs(total[best]) / weight.sum()), line))
-    return sorted(found, reverse=True)
+        lines.append((float(abs(total[best]) / weight.sum()), line))
+    return sorted(lines, reverse=True)
 
 
-def _refine(line: Antenna, seen: Sightings, weight: FloatArray, usual: float) -> Antenna:
+def _refine(line: Antenna, sightings: Sightings, weight: FloatArray, prior_rate: float) -> Antenna:
     """Return the regression of azimuth on time near a line, at a rate near the usual one, rad/s."""
     ridge = (AZIMUTH_STD / RATE_STD) ** 2
-    last_s = float(seen.time_s[-1])
+    last_s = float(sightings.time_s[-1])
     line = Antenna(last_s, line.azimuth_at(last_s), line.rate)
-    since_s = seen.time_s - last_s
+    since_s = sightings.time_s - last_s
     for farthest in REFINEMENT_GATES:
         passed = line.rate * since_s
-        off = wrap_angle(seen.azimuth - line.azimuth - passed)
-        used = weight * (np.abs(off) <= farthest)
-        across = used @ passed
-        normal = np.array([[used.sum() + 1e-9, across], [across, used @ passed**2 + ridge]])
-        prior = ridge * math.log(usual / abs(line.rate))
+        off = wrap_angle(sightings.azimuth - line.azimuth - passed)
+        weight_in_gate = weight * (np.abs(off) <= farthest)
+        across = weight_in_gate @ passed
+        normal = np.array(
+            [[weight_in_gate.sum() + 1e-9, across], [across, weight_in_gate @ passed**2 + ridge]]
+        )
+        prior = ridge * math.log(prior_rate / abs(line.rate))
         # LAPACK itself takes a sixth of the time of `numpy.linalg.solve` for two unknowns.
-        _, _, (shift, faster), _ = lapack.dgesv(normal, [used @ off, used * passed @ off + prior])
+        _, _, (shift, faster), _ = lapack.dgesv(
+            normal, [weight_in_gate @ off, weight_in_gate * passed @ off + prior]
+        )
         rate = line.rate * min(max(1.0 + float(faster), 0.7), 1.4)
         line = Antenna(last_s, line.azimuth + float(shift), rate)
     return line

@@ -57,9 +57,9 @@ class Horizon(NamedTuple):
         if time_s.size:
             time_s = self._plausible_times(stamp_s, time_s, period_s)
             timing[1:] = time_s.min() - self.last_s, time_s.max() - stamp_s
-        kept = self.timings[:, 0] > stamp_s - MEMORY_TURNS * period_s
-        kept[-MIN_REPORTS:] = True
-        timings = np.concatenate([self.timings[kept], [timing]])
+        recent = self.timings[:, 0] > stamp_s - MEMORY_TURNS * period_s
+        recent[-MIN_REPORTS:] = True
+        timings = np.concatenate([self.timings[recent], [timing]])
         intervals = timings[1:, 0] - timings[:-1, 0]
         interval_s = median(intervals) if intervals.size else 0.0
         regular = intervals.size < MIN_INTERVALS or (

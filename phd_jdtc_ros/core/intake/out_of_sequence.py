@@ -61,9 +61,9 @@ class OutOfSequence:
             return self._engine.step(scan, on_filtered)
         filtered, smoothed = self._reprocess()
         on_filtered(filtered)
-        before = self._engine.save_state()
+        state_before = self._engine.save_state()
         step = self._engine.step(scan, on_filtered)
-        self._pending.append(_PendingScan(before, scan))
+        self._pending.append(_PendingScan(state_before, scan))
         self._trim(step.smoothed)
         self._saved = min(self._saved + EARNED, MAX_SAVED * (len(self._pending) + 1))
         return replace(
@@ -81,8 +81,8 @@ class OutOfSequence:
         """
         if not self._pending:
             return None
-        before, scan = self._pending[0]
-        return scan.stamp_ns - 1 if before.stamp_ns is None else before.stamp_ns
+        state_before, scan = self._pending[0]
+        return scan.stamp_ns - 1 if state_before.stamp_ns is None else state_before.stamp_ns
 
     def spend(self, stamp_ns: int, extra: int) -> bool:
         """Take the cost of reprocessing from this stamp, plus `extra`, from the savings.
@@ -103,7 +103,7 @@ class OutOfSequence:
         They replace the radar's reports at the stamps `replaced_ns`. Their own stamps are after
         `since_ns`, and not after the last scan.
         """
-        stamps = {kept.scan.stamp_ns for kept in self._pending} | self._changed.keys()
+        stamps = {pending.scan.stamp_ns for pending in self._pending} | self._changed.keys()
         for stamp_ns in replaced_ns:
             if stamp_ns in stamps:
                 self._changed.setdefault(stamp_ns, {})[radar] = None
@@ -115,7 +115,7 @@ class OutOfSequence:
         waiting = self._changed.get(stamp_ns, {})
         if radar in waiting:
             return waiting[radar] is not None
-        scans = (kept.scan for kept in self._pending if kept.scan.stamp_ns == stamp_ns)
+        scans = (pending.scan for pending in self._pending if pending.scan.stamp_ns == stamp_ns)
         return any(scan.detections[radar] is not None for scan in scans)
 
     def _count_from(self, stamp_ns: int) -> int:
@@ -124,29 +124,31 @@ class OutOfSequence:
 
     def _index(self, stamp_ns: int) -> int:
         """Return the index of the first pending scan that is not before a stamp."""
-        return bisect_left([kept.scan.stamp_ns for kept in self._pending], stamp_ns)
+        return bisect_left([pending.scan.stamp_ns for pending in self._pending], stamp_ns)
 
     def _reprocess(self) -> tuple[tuple[Estimates, ...], tuple[Estimates, ...]]:
         """Step the changed scans and all later ones again; return the estimates due."""
         if not self._changed:
             return (), ()
         index = self._index(min(self._changed))
-        again = self._changed_scans(self._pending[index:])
+        changed = self._changed_scans(self._pending[index:])
         self._changed = {}
-        done = self._engine.reprocess([(kept.before, kept.scan) for kept in again])
-        scans = [kept.scan for kept in again]
-        self._pending[index:] = map(_PendingScan, done.states, scans)
-        self._trim(done.smoothed)
-        return done.filtered, done.smoothed
+        reprocessed = self._engine.reprocess(
+            [(pending.before, pending.scan) for pending in changed]
+        )
+        scans = [pending.scan for pending in changed]
+        self._pending[index:] = map(_PendingScan, reprocessed.states, scans)
+        self._trim(reprocessed.smoothed)
+        return reprocessed.filtered, reprocessed.smoothed
 
-    def _changed_scans(self, kept: Sequence[_PendingScan]) -> list[_PendingScan]:
+    def _changed_scans(self, pending: Sequence[_PendingScan]) -> list[_PendingScan]:
         """Return scans with the changed reports, each with an engine state.
 
         The first has the engine's state before it. The states of the others only have the models
         that were in use at their stamps; see `Engine.reprocess`.
         """
-        scans = {own.scan.stamp_ns: own for own in kept}
-        latest = kept[0].before
+        scans = {entry.scan.stamp_ns: entry for entry in pending}
+        latest = pending[0].before
         merged: list[_PendingScan] = []
         for stamp_ns in sorted({*scans, *self._changed}):
             reports: list[Detections | None] = [None] * self._radars
@@ -156,8 +158,8 @@ class OutOfSequence:
             for radar, detections in self._changed.get(stamp_ns, {}).items():
                 reports[radar] = detections
             if any(report is not None for report in reports):
-                before = latest if merged else kept[0].before
-                merged.append(_PendingScan(before, Scan(stamp_ns, tuple(reports))))
+                state_before = latest if merged else pending[0].before
+                merged.append(_PendingScan(state_before, Scan(stamp_ns, tuple(reports))))
         return merged
 
     def _trim(self, smoothed: Sequence[Estimates]) -> None:

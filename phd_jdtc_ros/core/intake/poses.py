@@ -56,7 +56,7 @@ class Mount:
         return Pose(position, math.remainder(platform.yaw + self.yaw, 2.0 * math.pi))
 
 
-class _Known(NamedTuple):
+class _StampedPose(NamedTuple):
     """A pose of a platform."""
 
     stamp_ns: int
@@ -76,8 +76,8 @@ class PoseTrack:
     max_speed: float = 100.0
     # A stamp that is further behind the newest than this begins a new run.
     reset_threshold_s: float = math.inf
-    _known: list[_Known] = field(init=False, default_factory=list)
-    _suspect: _Known | None = field(init=False, default=None)
+    _poses: list[_StampedPose] = field(init=False, default_factory=list)
+    _suspect: _StampedPose | None = field(init=False, default=None)
 
     def add(self, stamp_ns: int, pose: Pose) -> PoseFault | None:
         """Add a pose; return why it was rejected, or None."""
@@ -85,97 +85,101 @@ class PoseTrack:
             pose = replace(pose, yaw=0.0)
         elif not math.isfinite(pose.yaw):
             return PoseFault.ORIENTATION
-        newest, new = self._known[-1] if self._known else None, _Known(stamp_ns, pose, 0)
+        newest, added = self._poses[-1] if self._poses else None, _StampedPose(stamp_ns, pose, 0)
         if newest is not None and stamp_ns < newest.stamp_ns - self.reset_threshold_s * 1e9:
-            self._known, newest = [], None
+            self._poses, newest = [], None
         if newest is not None:
             if stamp_ns <= newest.stamp_ns:
                 return PoseFault.DUPLICATE if stamp_ns == newest.stamp_ns else PoseFault.LATE
-            if not self._reachable(newest, new):
-                return self._reject_jump(new, newest.segment + 1)
-            new = new._replace(segment=newest.segment)
-        self._append(new)
+            if not self._is_reachable(newest, added):
+                return self._reject_jump(added, newest.segment + 1)
+            added = added._replace(segment=newest.segment)
+        self._append(added)
         return None
 
-    def poses_for_velocity(self, stamp_ns: int) -> tuple[_Known, _Known] | None:
+    def poses_for_velocity(self, stamp_ns: int) -> tuple[_StampedPose, _StampedPose] | None:
         """Return the two poses from which the velocity at a stamp follows; None without two.
 
         The second is the first pose at or after the stamp, or else the last one. The first is at
         least `VELOCITY_S` earlier, without a jump in between. Later poses have no influence, so the
         result does not depend on how many of them have arrived.
         """
-        last = min(self._index(stamp_ns), len(self._known) - 1)
-        if last > 0 and self._known[last - 1].segment != self._known[last].segment:
+        last = min(self._index(stamp_ns), len(self._poses) - 1)
+        if last > 0 and self._poses[last - 1].segment != self._poses[last].segment:
             last -= 1
-        until_ns = self._known[last].stamp_ns - round(VELOCITY_S * 1e9)
+        until_ns = self._poses[last].stamp_ns - round(VELOCITY_S * 1e9)
         return self._pair(self._index(until_ns + 1) - 1, last)
 
     def reaches(self, stamp_ns: int) -> bool:
         """Return whether there is a pose at a stamp or after it."""
-        return self._index(stamp_ns) < len(self._known)
+        return self._index(stamp_ns) < len(self._poses)
 
     def at(self, stamp_ns: int) -> tuple[Pose | None, bool]:
         """Return the pose at a stamp, None if unknown; and whether it is extrapolated."""
         last = self._index(stamp_ns + 1) - 1
         if last < 0:
             return None, False
-        before = self._known[last]
-        since = (stamp_ns - before.stamp_ns) * 1e-9
+        previous = self._poses[last]
+        since = (stamp_ns - previous.stamp_ns) * 1e-9
         if not since:
-            return before.pose, False
-        for following in self._known[last + 1 : last + 2]:
-            if following.segment == before.segment:
+            return previous.pose, False
+        for following in self._poses[last + 1 : last + 2]:
+            if following.segment == previous.segment:
                 until = (following.stamp_ns - stamp_ns) * 1e-9
-                near = min(since, until) <= self.max_age_s
-                return (_between(before, following, stamp_ns) if near else None), False
+                is_near = min(since, until) <= self.max_age_s
+                return (_between(previous, following, stamp_ns) if is_near else None), False
         if since > self.max_age_s:
             return None, False
         # The velocity of two close poses would be mostly their noise.
-        window = self._index(before.stamp_ns - round(self.max_age_s * 1e9))
+        window = self._index(previous.stamp_ns - round(self.max_age_s * 1e9))
         pair = self._pair(min(window, last - 1), last)
         return (None if pair is None else _between(*pair, stamp_ns)), True
 
     def _index(self, stamp_ns: int) -> int:
         """Return the index of the first pose at or after a stamp."""
-        return bisect_left(self._known, stamp_ns, key=lambda known: known.stamp_ns)
+        return bisect_left(self._poses, stamp_ns, key=lambda stamped: stamped.stamp_ns)
 
-    def _pair(self, first: int, last: int) -> tuple[_Known, _Known] | None:
+    def _pair(self, first: int, last: int) -> tuple[_StampedPose, _StampedPose] | None:
         """Return two poses without a jump in between: the first one not before an index."""
         first = max(first, 0)
-        while self._known[first].segment != self._known[last].segment:
+        while self._poses[first].segment != self._poses[last].segment:
             first += 1
-        return (self._known[first], self._known[last]) if first < last else None
+        return (self._poses[first], self._poses[last]) if first < last else None
 
-    def _reachable(self, known: _Known, new: _Known) -> bool:
-        since = (new.stamp_ns - known.stamp_ns) * 1e-9
-        moved = math.dist(known.pose.position, new.pose.position)
-        turned = abs(math.remainder(new.pose.yaw - known.pose.yaw, 2.0 * math.pi))
+    def _is_reachable(self, earlier: _StampedPose, later: _StampedPose) -> bool:
+        since = (later.stamp_ns - earlier.stamp_ns) * 1e-9
+        distance = math.dist(earlier.pose.position, later.pose.position)
+        turn = abs(math.remainder(later.pose.yaw - earlier.pose.yaw, 2.0 * math.pi))
         return (
-            moved <= POSITION_TOLERANCE + self.max_speed * since
-            and turned <= YAW_TOLERANCE + MAX_YAW_RATE * since
+            distance <= POSITION_TOLERANCE + self.max_speed * since
+            and turn <= YAW_TOLERANCE + MAX_YAW_RATE * since
         )
 
-    def _reject_jump(self, new: _Known, segment: int) -> PoseFault | None:
+    def _reject_jump(self, added: _StampedPose, segment: int) -> PoseFault | None:
         """Ignore a pose that cannot be reached, unless it continues from another such pose."""
-        suspect, self._suspect = self._suspect, new
-        if suspect is None or new.stamp_ns <= suspect.stamp_ns or not self._reachable(suspect, new):
+        suspect, self._suspect = self._suspect, added
+        if (
+            suspect is None
+            or added.stamp_ns <= suspect.stamp_ns
+            or not self._is_reachable(suspect, added)
+        ):
             return PoseFault.JUMP
         self._append(suspect._replace(segment=segment))
-        self._append(new._replace(segment=segment))
+        self._append(added._replace(segment=segment))
         return None
 
-    def _append(self, new: _Known) -> None:
+    def _append(self, added: _StampedPose) -> None:
         self._suspect = None
-        self._known.append(new)
+        self._poses.append(added)
         kept_s = self.reset_threshold_s + 2.0 * self.max_age_s
-        oldest = max(len(self._known) - MAX_POSES, 0)
+        oldest = max(len(self._poses) - MAX_POSES, 0)
         if math.isfinite(kept_s):
-            oldest = max(oldest, self._index(new.stamp_ns - round(kept_s * 1e9)))
+            oldest = max(oldest, self._index(added.stamp_ns - round(kept_s * 1e9)))
         # The two newest stay, because the next pose is compared with them.
-        del self._known[: max(min(oldest, len(self._known) - 2), 0)]
+        del self._poses[: max(min(oldest, len(self._poses) - 2), 0)]
 
 
-def _between(first: _Known, second: _Known, stamp_ns: int) -> Pose:
+def _between(first: _StampedPose, second: _StampedPose, stamp_ns: int) -> Pose:
     """Return the pose at a stamp on the straight line through two poses."""
     (x, y), (later_x, later_y) = first.pose.position, second.pose.position
     share = (stamp_ns - first.stamp_ns) / (second.stamp_ns - first.stamp_ns)
@@ -216,12 +220,12 @@ class Platform:
         poses = []
         times_ns = [stamp_ns + round(time_s * 1e9) for time_s in detections.time_s.tolist()]
         for time_ns in times_ns:
-            at_time, beyond = self.track.at(time_ns)
+            at_time, is_extrapolated = self.track.at(time_ns)
             if at_time is None:
                 return None, False
             mounted = self.mount.on(at_time)
             poses.append((*mounted.position, mounted.yaw))
-            extrapolated |= beyond
+            extrapolated |= is_extrapolated
         x, y, yaw = np.transpose(poses)
         distance, azimuth = detections.measurement.T
         bearing = azimuth + yaw
@@ -243,12 +247,12 @@ class Platform:
 
         It follows from the last poses, and includes the motion by the platform's rotation.
         """
-        known = self.track.poses_for_velocity(stamp_ns)
-        if known is None:
+        poses = self.track.poses_for_velocity(stamp_ns)
+        if poses is None:
             return None
-        first, second = known
+        first, second = poses
         since = (second.stamp_ns - first.stamp_ns) * 1e-9
-        (x, y), (later_x, later_y) = (self.mount.on(each.pose).position for each in known)
+        (x, y), (later_x, later_y) = (self.mount.on(stamped.pose).position for stamped in poses)
         return (later_x - x) / since, (later_y - y) / since
 
     def reaches(self, stamp_ns: int, detections: Detections) -> bool:

@@ -114,9 +114,9 @@ class ScanGrouper:
         """
         closed_ns = -1 if self.closed_ns is None else self.closed_ns
         for stamp_ns in stamps_ns:
-            others = self._pending.get(stamp_ns, {})
-            others.pop(radar, None)
-            if not others:
+            reports_of_scan = self._pending.get(stamp_ns, {})
+            reports_of_scan.pop(radar, None)
+            if not reports_of_scan:
                 self._pending.pop(stamp_ns, None)
         for stamp_ns, detections in reports:
             if stamp_ns > closed_ns:

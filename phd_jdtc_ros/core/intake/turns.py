@@ -141,14 +141,18 @@ class Turns:
         if self.state.last_ns is not None and stamp_ns < self.state.last_ns:
             self.reset()
         report = RadarReport.of(stamp_ns, detections)
-        self._follow(report)
+        self._follow_antenna(report)
         if not self.nominal_period_s or (not report.timed and self._per_turn == 1):
             self._remember(report, report.detection_s)
             self.state = self.state._replace(slice_ns=stamp_ns)
             return [(stamp_ns, detections)]
-        steps, before = self._reports_due(report.stamp_s), self.state.number
-        number = self._number(report, sector, steps)
-        if steps < 0.5 and self._per_turn > 1 and self._repeats(report, number, before):
+        steps, previous_number = self._reports_due(report.stamp_s), self.state.number
+        number = self._sector_number(report, sector, steps)
+        if (
+            steps < 0.5
+            and self._per_turn > 1
+            and self._is_repeated(report, number, previous_number)
+        ):
             self.anomalies["sectors_repeated"] += 1
             return self._stamp(report, [UnstampedSlice(stamp_ns, detections, UNKNOWN_COVERAGE)])
         start_s, end_s = self._covered_time(report, steps)
@@ -170,13 +174,13 @@ class Turns:
         coverage = UNKNOWN_COVERAGE if sector is None else self._coverage(sector)
         return [(stamp_ns, detections.changed(coverage=coverage))]
 
-    def _follow(self, report: RadarReport) -> None:
+    def _follow_antenna(self, report: RadarReport) -> None:
         """Update the antenna's track by a report's detections."""
-        before, horizon = self.state.track, self.state.horizon
-        track, timed = before, not math.isnan(horizon.lead_s)
+        previous_track, horizon = self.state.track, self.state.horizon
+        track, timed = previous_track, not math.isnan(horizon.lead_s)
         if report.timed:
             # Detections' own times replace a track that was estimated from stamps.
-            track = before if timed else AntennaTrack(self.nominal_period_s)
+            track = previous_track if timed else AntennaTrack(self.nominal_period_s)
             track = track.follow(
                 report.stamp_s, report.detection_s, report.azimuth, self.min_period_s
             )
@@ -188,12 +192,12 @@ class Turns:
                 start, width = smallest_arc(azimuth)
                 azimuth = np.full(len(azimuth) if self.nominal_period_s else 1, start + 0.5 * width)
             time_s = np.full(len(azimuth), report.stamp_s)
-            track = before.follow(report.stamp_s, time_s, azimuth, min_period_s)
+            track = previous_track.follow(report.stamp_s, time_s, azimuth, min_period_s)
             if self.sectors > 1:
                 # Stamps give the period more accurately than azimuths that are known by sector.
                 track = track.with_period(self.sectors * horizon.interval_s)
-        first_s = self.state.first_period_s if before.period_s else track.period_s
-        self.anomalies["antenna_unclear"] += track.unclear > before.unclear
+        first_s = self.state.first_period_s if previous_track.period_s else track.period_s
+        self.anomalies["antenna_unclear"] += track.unclear > previous_track.unclear
         self.state = self.state._replace(
             track=track,
             first_period_s=first_s or self.state.first_period_s,
@@ -208,27 +212,31 @@ class Turns:
             return 1.0
         return (stamp_s - last_s) / duration_s
 
-    def _number(self, report: RadarReport, sector: int | None, steps: float) -> int | None:
+    def _sector_number(self, report: RadarReport, sector: int | None, steps: float) -> int | None:
         """Return the sector's number: the reported one, or the next one for an empty report."""
-        before, step, antenna = self.state.number, self.state.step, self.state.track.antenna
+        previous_number = self.state.number
+        step = self.state.step
+        antenna = self.state.track.antenna
         if antenna is not None:
             step = 1 if (antenna.rate > 0.0) != self.compass else -1
         if sector is None:
-            if not len(report.detections) and before is not None and step:
-                sector = (before + step * max(round(steps), 1)) % self.sectors
+            if not len(report.detections) and previous_number is not None and step:
+                sector = (previous_number + step * max(round(steps), 1)) % self.sectors
         elif not is_sector(report.azimuth, self._coverage(sector)):
             self.anomalies["sector_numbers_wrong"] += 1
             sector = None
-        elif before is not None and self.sectors > 2:
+        elif previous_number is not None and self.sectors > 2:
             follows = {1: 1, self.sectors - 1: -1}
-            step = follows.get((sector - before) % self.sectors, step)
+            step = follows.get((sector - previous_number) % self.sectors, step)
         self.state = self.state._replace(number=sector, step=step)
         return sector
 
-    def _repeats(self, report: RadarReport, number: int | None, before: int | None) -> bool:
+    def _is_repeated(
+        self, report: RadarReport, number: int | None, previous_number: int | None
+    ) -> bool:
         """Return whether a report that comes too early repeats an earlier one."""
         if number is not None:
-            return number == before
+            return number == previous_number
         return not report.timed or bool(
             report.detection_s.max(initial=-math.inf) < self.state.end_s
         )
@@ -300,11 +308,11 @@ class Turns:
 
     def _unclear_coverage(self, report: RadarReport) -> Coverage | None:
         """Return the coverage of a report while the antenna's motion is unknown."""
-        shown = len(report.detections) >= MIN_DETECTIONS
-        span = smallest_arc(report.azimuth)[1] if shown else 0.0
-        may_stand = shown and span < MAX_STANDING_SPAN
-        whole = span > MIN_WHOLE_SPAN or (self._per_turn == 1 and not may_stand)
-        return None if whole else UNKNOWN_COVERAGE
+        is_enough = len(report.detections) >= MIN_DETECTIONS
+        span = smallest_arc(report.azimuth)[1] if is_enough else 0.0
+        may_stand = is_enough and span < MAX_STANDING_SPAN
+        covers_field = span > MIN_WHOLE_SPAN or (self._per_turn == 1 and not may_stand)
+        return None if covers_field else UNKNOWN_COVERAGE
 
     def _stamp(self, report: RadarReport, unstamped: list[UnstampedSlice]) -> list[Slice]:
         """Return slices with strictly increasing stamps."""

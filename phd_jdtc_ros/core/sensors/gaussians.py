@@ -17,8 +17,8 @@ def noise_covariance(std: FloatArray, correlation: FloatArray | None) -> FloatAr
     """
     covariance: FloatArray = np.eye(std.shape[1]) * std[:, None, :] ** 2
     if correlation is not None:
-        known = np.where(np.isfinite(correlation), correlation, 0.0)
-        covariance[:, 0, 1] = covariance[:, 1, 0] = known * std[:, 0] * std[:, 1]
+        known_correlation = np.where(np.isfinite(correlation), correlation, 0.0)
+        covariance[:, 0, 1] = covariance[:, 1, 0] = known_correlation * std[:, 0] * std[:, 1]
     return covariance
 
 

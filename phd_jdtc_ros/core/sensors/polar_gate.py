@@ -51,10 +51,10 @@ def gated_pairs(
         error -= rate[particle] * shift[detection, None]
     error[:, 1] = wrap_angle(error[:, 1])
     square = ((error / std[detection]) ** 2).sum(axis=1)
-    near = np.flatnonzero(square <= DETECTION_GATE_SIGMA**2)
+    inside = np.flatnonzero(square <= DETECTION_GATE_SIGMA**2)
     log_norm_of = -np.log(2.0 * np.pi * std.prod(axis=1))
-    kept = detection[near]
-    return particle[near], kept, log_norm_of[kept] - 0.5 * square[near]
+    inside_detection = detection[inside]
+    return particle[inside], inside_detection, log_norm_of[inside_detection] - 0.5 * square[inside]
 
 
 def candidate_count(predicted: FloatArray, detections: Detections, noise_std: FloatArray) -> int:

@@ -145,10 +145,10 @@ class RadarModel(Sensor):
         self, predicted: FloatArray, coverage: Coverage | None, std: FloatArray | None = None
     ) -> FloatArray:
         """Return the probability that a report covers each target, (N,); see `Sensor`."""
-        seen = self.visibility.sees(predicted, std)
+        probability = self.visibility.sees(predicted, std)
         if coverage is not None:
-            seen *= self.sector_probability(predicted, coverage, std)
-        return seen
+            probability *= self.sector_probability(predicted, coverage, std)
+        return probability
 
     def sector_probability(
         self, predicted: FloatArray, sector: Coverage, std: FloatArray | None = None

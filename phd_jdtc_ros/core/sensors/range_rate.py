@@ -71,21 +71,21 @@ class RangeRateModel:
         if len(shifts) == 1:
             spread = np.zeros_like(nearest)
             return nearest, spread, log_norm - 0.5 * nearest**2 / variance
-        each = nearest + shifts.reshape(-1, *(1 for _ in nearest.shape))
-        log_each = -0.5 * each**2 / variance
+        folds = nearest + shifts.reshape(-1, *(1 for _ in nearest.shape))
+        log_each = -0.5 * folds**2 / variance
         best = log_each.max(axis=0)
         share = np.exp(log_each - best)
         total = share.sum(axis=0)
         share /= total
-        innovation = (share * each).sum(axis=0)
-        spread = (share * (each - innovation) ** 2).sum(axis=0)
+        innovation = (share * folds).sum(axis=0)
+        spread = (share * (folds - innovation) ** 2).sum(axis=0)
         return innovation, spread, log_norm + best + np.log(total)
 
     def log_density(self, error: FloatArray, variance: FloatArray | float) -> FloatArray:
         """Return the log density of errors over all folds, elementwise; 0 for NaN."""
-        known = np.isfinite(error)
-        density = self.fold(np.where(known, error, 0.0), variance)[2]
-        return np.where(known, density, 0.0)
+        has_rate = np.isfinite(error)
+        density = self.fold(np.where(has_rate, error, 0.0), variance)[2]
+        return np.where(has_rate, density, 0.0)
 
 
 class Rates(NamedTuple):

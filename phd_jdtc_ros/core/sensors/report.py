@@ -60,11 +60,11 @@ class EarlierSectors:
         the earlier sectors and in this one, it is detected in this one with p_B / (1 - p_A), given
         that the earlier ones have not detected it.
         """
-        row, place = matches(self.continued.label, label)
+        row, target = matches(self.continued.label, label)
         if not len(row) and measured.max(initial=0.0) <= LEAST_UNSEEN:
             return None
         unseen = np.ones(len(label))
-        unseen[row] = np.maximum(self.continued.unseen[place], LEAST_UNSEEN)
+        unseen[row] = np.maximum(self.continued.unseen[target], LEAST_UNSEEN)
         by_row = unseen.reshape(-1, *(1,) * (in_turn.ndim - 1))
         factor: FloatArray = by_row / np.maximum(1.0 - in_turn * measured, LEAST_UNSEEN)
         return factor

@@ -56,23 +56,23 @@ def to_ground(
     elevation : array of shape (M,) or None
         Radians; used for plots without a height.
     """
-    near = np.abs(distance) <= MAX_SLANT_RANGE
-    slant = np.where(near, np.maximum(np.abs(distance), MIN_SLANT_RANGE), MIN_SLANT_RANGE)
-    known = np.zeros(len(slant), dtype=bool) if height is None else np.isfinite(height)
+    in_range = np.abs(distance) <= MAX_SLANT_RANGE
+    slant = np.where(in_range, np.maximum(np.abs(distance), MIN_SLANT_RANGE), MIN_SLANT_RANGE)
+    has_height = np.zeros(len(slant), dtype=bool) if height is None else np.isfinite(height)
     default = assumed_height(site, assumed, slant)
-    given = default if height is None else np.where(known, height, default)
-    plausible = np.abs(given) <= MAX_HEIGHT
-    sine = site.elevation_of(slant, azimuth, np.where(plausible, given, default))
-    possible = ~known | ~near | (plausible & (np.abs(sine) <= 1.0))
+    used_height = default if height is None else np.where(has_height, height, default)
+    plausible = np.abs(used_height) <= MAX_HEIGHT
+    sine = site.elevation_of(slant, azimuth, np.where(plausible, used_height, default))
+    possible = ~has_height | ~in_range | (plausible & (np.abs(sine) <= 1.0))
     sine = np.clip(sine, -1.0, 1.0)
-    beyond = np.zeros(len(slant), dtype=bool)
+    is_beyond = np.zeros(len(slant), dtype=bool)
     if elevation is not None:
         # Elevations beyond the zenith give negative ground ranges, as in the plane.
-        beyond = ~known & (np.cos(elevation) < 0.0)
-        sine = np.where(known, sine, np.sin(elevation))
+        is_beyond = ~has_height & (np.cos(elevation) < 0.0)
+        sine = np.where(has_height, sine, np.sin(elevation))
     ground, direction = site.to_ground(slant, azimuth, sine)
-    ground = np.where(beyond, -ground, np.copysign(ground, distance))
-    return Ground(np.where(near, ground, np.inf), direction, possible)
+    ground = np.where(is_beyond, -ground, np.copysign(ground, distance))
+    return Ground(np.where(in_range, ground, np.inf), direction, possible)
 
 
 def assumed_height(site: Site, assumed: float | None, distance: FloatArray) -> FloatArray:
@@ -81,11 +81,11 @@ def assumed_height(site: Site, assumed: float | None, distance: FloatArray) -> F
     `assumed` is the height that the radar assumes, metres, or None for the height of the site. It
     is limited to an elevation of 30 degrees near the radar. `distance` has slant ranges.
     """
-    own = site.geodetic[2]
+    site_height = site.geodetic[2]
     if assumed is None:
-        return np.full(len(distance), own)
+        return np.full(len(distance), site_height)
     most = MAX_ASSUMED_SINE * distance
-    limited: FloatArray = own + np.clip(assumed - own, -most, most)
+    limited: FloatArray = site_height + np.clip(assumed - site_height, -most, most)
     return limited
 
 
@@ -97,12 +97,12 @@ def to_slant(
     The positions are relative to the site, metres and radians. The heights are in metres above the
     same surface as the site's height; NaN if they were unknown.
     """
-    known, slant = np.isfinite(height), distance
+    has_height, slant = np.isfinite(height), distance
     for _ in range(MOST_ITERATIONS):
         # The assumed height depends on the slant range itself.
-        given = np.where(known, height, assumed_height(site, assumed, slant))
-        slant, measured = site.to_slant(distance, azimuth, given)
-        if assumed is None or known.all():
+        used_height = np.where(has_height, height, assumed_height(site, assumed, slant))
+        slant, measured = site.to_slant(distance, azimuth, used_height)
+        if assumed is None or has_height.all():
             break
     return slant, measured
 

@@ -39,8 +39,8 @@ def sector_probability(
     offset = wrap_angle(azimuth - sector.start - half)
     share: FloatArray = ndtr((offset + half) / std) - ndtr((offset - half) / std)
     if half + FARTHEST * std.max(initial=0.0) > np.pi:
-        for turned in (offset - FULL_TURN, offset + FULL_TURN):
-            share += ndtr((turned + half) / std) - ndtr((turned - half) / std)
+        for shifted in (offset - FULL_TURN, offset + FULL_TURN):
+            share += ndtr((shifted + half) / std) - ndtr((shifted - half) / std)
     return share
 
 
@@ -106,12 +106,14 @@ class Visibility:
             inside = (distance >= self.min_range) & (distance <= self.max_range)
             certain = inside.astype(np.float64)
             return certain if self._arcs is None else certain * self._clear(azimuth)
-        seen: FloatArray = ndtr((self.max_range - distance) / std[:, 0])
+        probability: FloatArray = ndtr((self.max_range - distance) / std[:, 0])
         if self.min_range > 0.0:
-            seen -= ndtr((self.min_range - distance) / std[:, 0])
+            probability -= ndtr((self.min_range - distance) / std[:, 0])
         if self._arcs is not None:
-            seen *= np.sum([sector_probability(azimuth, arc, std[:, 1]) for arc in self._arcs], 0)
-        return seen
+            probability *= np.sum(
+                [sector_probability(azimuth, arc, std[:, 1]) for arc in self._arcs], 0
+            )
+        return probability
 
     @cached_property
     def limits(self) -> tuple[FloatArray, FloatArray]:
@@ -141,5 +143,5 @@ class Visibility:
         sides = [(arc.start, arc.start + arc.width) for arc in (self.fov, *self.blind)]
         edges = np.unique(np.mod(sides, FULL_TURN))
         width = np.mod(np.roll(edges, -1) - edges, FULL_TURN)
-        kept = (width > 0.0) & (self._clear(edges + 0.5 * width) > 0.0)
-        return tuple(Coverage(*each) for each in zip(edges[kept], width[kept], strict=True))
+        is_clear = (width > 0.0) & (self._clear(edges + 0.5 * width) > 0.0)
+        return tuple(Coverage(*each) for each in zip(edges[is_clear], width[is_clear], strict=True))

@@ -46,7 +46,7 @@ def to_cartesian(
     )
 
 
-def to_geodetic(place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def to_geodetic(position: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return latitudes and longitudes, degrees, and heights above the ellipsoid, metres.
 
     The places, (..., 3), are Cartesian, and not near the centre of the earth.
@@ -54,7 +54,7 @@ def to_geodetic(place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     B. R. Bowring, "Transformation from spatial to geographical coordinates", Survey Review 23(181),
     1976.
     """
-    x, y, z = place[..., 0], place[..., 1], place[..., 2]
+    x, y, z = position[..., 0], position[..., 1], position[..., 2]
     from_axis = np.hypot(x, y)
     # The reduced latitude belongs to the point on the circle around the ellipse.
     sin, cos = z * SEMI_MAJOR, from_axis * SEMI_MINOR

@@ -31,9 +31,9 @@ class BirthTerm(ReadOnly):
 
 def shift_points(points: FloatArray, shift: FloatArray) -> FloatArray:
     """Return points of the unit cube shifted modulo one, kept off the faces; broadcast shape."""
-    moved: FloatArray = points + shift
-    moved -= np.floor(moved)
-    return np.clip(moved, 1e-12, 1.0 - 1e-12, out=moved)
+    shifted: FloatArray = points + shift
+    shifted -= np.floor(shifted)
+    return np.clip(shifted, 1e-12, 1.0 - 1e-12, out=shifted)
 
 
 def sample(
@@ -80,8 +80,8 @@ def intensity(
         )
         about = east[first:last]
         offset = state[about] - term.mean
-        near = (np.abs(offset) <= gate).all(axis=1) & (term.rate[mode[about]] > 0.0)
-        about, scaled = about[near], offset[near] / term.std
+        in_gate = (np.abs(offset) <= gate).all(axis=1) & (term.rate[mode[about]] > 0.0)
+        about, scaled = about[in_gate], offset[in_gate] / term.std
         active = supported[mode[about]]
         per_axis = 0.5 * scaled**2 + np.log(term.std * np.sqrt(2.0 * np.pi))
         total[about] += term.rate[mode[about]] * np.exp(

@@ -46,8 +46,8 @@ def markov_generator(transition: FloatArray) -> FloatArray | None:
     transition matrix has one: no two-state chain in continuous time changes its state within an
     interval with a probability above one half in both directions, as [[.3, .7], [.7, .3]] does.
     """
-    found = _generator_of(tuple(map(tuple, transition.tolist())))
-    return None if found is None else found.copy()
+    generator = _generator_of(tuple(map(tuple, transition.tolist())))
+    return None if generator is None else generator.copy()
 
 
 # Results are cached, because classes mostly have the same matrix, which the checks and the model
@@ -78,8 +78,8 @@ def _stationary_distribution(transition: FloatArray) -> FloatArray:
     size = len(transition)
     equations = np.vstack([transition.T - np.eye(size), np.ones(size)])
     solution = np.linalg.lstsq(equations, np.eye(size + 1)[size], rcond=None)[0]
-    found = np.maximum(solution, 0.0)
-    share: FloatArray = found / found.sum()
+    distribution = np.maximum(solution, 0.0)
+    share: FloatArray = distribution / distribution.sum()
     return share
 
 
@@ -139,8 +139,8 @@ class ModeSpace:
     @cached_property
     def _generator(self) -> FloatArray | None:
         blocks = [markov_generator(np.asarray(c.mode_transition)) for c in self.classes]
-        known = [block for block in blocks if block is not None]
-        return linalg.block_diag(*known) if len(known) == len(blocks) else None
+        given = [block for block in blocks if block is not None]
+        return linalg.block_diag(*given) if len(given) == len(blocks) else None
 
     @cached_property
     def _eigen(self) -> tuple[Any, Any, Any] | None:

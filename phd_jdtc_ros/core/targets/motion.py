@@ -75,10 +75,10 @@ def _identity(state: FloatArray, axes: tuple[int, ...]) -> FloatArray:
 def _planar_factors(spectral_density: float) -> FloatArray:
     """Return the `noise_factors` of (x, vx, y, vy) with white acceleration."""
     factors = np.zeros((3, 4, 4))
-    for place, speed in ((0, 1), (2, 3)):
-        factors[0, speed, speed] = spectral_density
-        factors[1, place, speed] = factors[1, speed, place] = spectral_density
-        factors[2, place, place] = spectral_density
+    for position, velocity in ((0, 1), (2, 3)):
+        factors[0, velocity, velocity] = spectral_density
+        factors[1, position, velocity] = factors[1, velocity, position] = spectral_density
+        factors[2, position, position] = spectral_density
     return factors
 
 
@@ -95,11 +95,11 @@ class ConstantVelocity(MotionModel):
 
     def mean(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
         """Return F(dt) x of each row, its turn rate zero; shape (N, D)."""
-        moved: FloatArray = state.copy()
-        moved[:, X] += dt * state[:, VX]
-        moved[:, Y] += dt * state[:, VY]
-        moved[:, OMEGA] = 0.0
-        return moved
+        predicted: FloatArray = state.copy()
+        predicted[:, X] += dt * state[:, VX]
+        predicted[:, Y] += dt * state[:, VY]
+        predicted[:, OMEGA] = 0.0
+        return predicted
 
     def jacobian(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
         """Return F(dt) for each row; shape (N, D, D)."""
@@ -137,13 +137,13 @@ class CoordinatedTurn(MotionModel):
         along, across = chord * cos_half, chord * sin_half
         cos, sin = 1.0 - 2.0 * sin_half**2, 2.0 * sin_half * cos_half
         vx, vy = state[..., VX], state[..., VY]
-        moved = np.empty(state.shape)
-        moved[..., X] = state[..., X] + along * vx - across * vy
-        moved[..., VX] = cos * vx - sin * vy
-        moved[..., Y] = state[..., Y] + across * vx + along * vy
-        moved[..., VY] = sin * vx + cos * vy
-        moved[..., OMEGA] = omega
-        return moved
+        predicted = np.empty(state.shape)
+        predicted[..., X] = state[..., X] + along * vx - across * vy
+        predicted[..., VX] = cos * vx - sin * vy
+        predicted[..., Y] = state[..., Y] + across * vx + along * vy
+        predicted[..., VY] = sin * vx + cos * vy
+        predicted[..., OMEGA] = omega
+        return predicted
 
     def jacobian(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
         """Return the derivatives of `mean` at each row's state; shape (N, D, D).
@@ -192,9 +192,9 @@ class Stationary(MotionModel):
 
     def mean(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
         """Return each row's position, at rest; shape (N, D)."""
-        moved = np.zeros_like(state)
-        moved[:, self.support] = state[:, self.support]
-        return moved
+        predicted = np.zeros_like(state)
+        predicted[:, self.support] = state[:, self.support]
+        return predicted
 
     def jacobian(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
         """Return the derivatives of `mean`; shape (N, D, D)."""
@@ -220,12 +220,12 @@ def sample(
     model: MotionModel, state: FloatArray, dt: float, rng: np.random.Generator
 ) -> FloatArray:
     """Draw the next state of every row of `state` from `model`; shape (N, D)."""
-    moved = model.mean(state, dt)
+    drawn = model.mean(state, dt)
     factor = np.linalg.cholesky(model.noise_covariance(dt))
     noise = rng.standard_normal((len(state), len(model.support))) @ factor.T
     for column, axis in enumerate(model.support):
-        moved[:, axis] += noise[:, column]
-    return moved
+        drawn[:, axis] += noise[:, column]
+    return drawn
 
 
 def whitener(covariance: FloatArray) -> tuple[FloatArray, float]:

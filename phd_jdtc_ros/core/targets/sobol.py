@@ -50,8 +50,8 @@ def sobol_points(dimension: int, count: int) -> FloatArray:
         # with one bit more.
         half = 1 << bit
         points[half : 2 * half] = points[:half][::-1] ^ np.array(direction)
-    found: FloatArray = read_only(points * 2.0**-BITS)
-    return found
+    scaled: FloatArray = read_only(points * 2.0**-BITS)
+    return scaled
 
 
 def _directions(polynomial: int, initial: tuple[int, ...], count: int) -> list[int]:

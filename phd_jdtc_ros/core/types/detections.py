@@ -105,13 +105,13 @@ class Detections(ReadOnly):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        own, shape = self.__dict__, self.measurement.shape
+        values, shape = self.__dict__, self.measurement.shape
         if self.measurement.ndim != 2:
             raise ValueError(f"measurement: expected shape (M, Z), got {shape}")
         for name in _COLUMNS:
-            column, wanted = own[name], shape[:1] if name in _PER_DETECTION else shape
-            if column is not None and column.shape != wanted:
-                raise ValueError(f"{name}: expected shape {wanted}, got {column.shape}")
+            column, expected_shape = values[name], shape[:1] if name in _PER_DETECTION else shape
+            if column is not None and column.shape != expected_shape:
+                raise ValueError(f"{name}: expected shape {expected_shape}, got {column.shape}")
 
     def __len__(self) -> int:
         return len(self.measurement)
@@ -123,8 +123,8 @@ class Detections(ReadOnly):
 
     def take(self, rows: IntArray) -> Detections:
         """Return the detections of these rows, in this order; coverage and pose stay the same."""
-        own = self.__dict__
-        columns = {name: own[name][rows] for name in _COLUMNS if own[name] is not None}
+        values = self.__dict__
+        columns = {name: values[name][rows] for name in _COLUMNS if values[name] is not None}
         return self.changed(**columns)
 
 

@@ -139,10 +139,10 @@ class Estimates(_Targets):
 
     def take(self, rows: IntArray | slice) -> Estimates:
         """Return the estimates of these rows."""
-        own = self.__dict__
-        columns = {name: own[name][rows] for name in _PER_TARGET}
-        known = None if self.attributes is None else self.attributes.take(rows)
-        return self.changed(attributes=known, **columns)
+        values = self.__dict__
+        columns = {name: values[name][rows] for name in _PER_TARGET}
+        attributes = None if self.attributes is None else self.attributes.take(rows)
+        return self.changed(attributes=attributes, **columns)
 
     def select(self, mask: BoolArray) -> Estimates:
         """Return the estimates that a mask selects: these themselves if it selects all."""

@@ -62,7 +62,7 @@ def test_poses_at_close_times_do_not_give_a_velocity_of_noise_nor_fill_the_memor
     poses = PoseTrack(reset_threshold_s=10.0)
     for index in range(5000):
         poses.add(index * S, Pose((float(index), 0.0), 0.0))
-    assert len(poses._known) < 20
+    assert len(poses._poses) < 20
 
 
 def test_jumps_are_left_out():
