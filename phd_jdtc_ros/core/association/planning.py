@@ -42,21 +42,58 @@ class Plan(NamedTuple):
 
 @inner
 def _open_node(
-    graph: Graph, node: int, score: IntArray, place: IntArray, members: IntArray, width: int
+    graph: Graph, node: int, score: IntArray, open_place: IntArray, members: IntArray, width: int
 ) -> int:
     """Open a node that is not open yet; return how many nodes are open.
 
     The node with the least score is next: the one that opens the fewest nodes, and among those the
     one with the most edges left.
     """
-    if place[node] >= 0:
+    if open_place[node] >= 0:
         return width
-    members[width], place[node] = node, width
+    members[width], open_place[node] = node, width
     score[node] -= OPENS + (APART if score[node] >= APART else 0)
     for link in graph.link[graph.start[node] : graph.start[node + 1]]:
         neighbour = graph.target[link] + graph.detection[link] - node
         score[neighbour] -= OPENS + (APART if score[neighbour] >= APART else 0)
     return width + 1
+
+
+@inner
+def _least_score(score: IntArray, low: int, high: int) -> int:
+    """Return the first node of the least score among those from `low` to `high`."""
+    node = low
+    for candidate in range(low + 1, high):
+        if score[candidate] < score[node]:
+            node = candidate
+    return node
+
+
+@inner
+def _close_nodes(
+    edges_left: IntArray,
+    score: IntArray,
+    open_place: IntArray,
+    members: IntArray,
+    node: IntArray,
+    node_bit: IntArray,
+    closed: int,
+) -> tuple[int, int]:
+    """Close the open nodes, `members`, that have no edges left; the others move up.
+
+    Return how many nodes are open, and how many nodes of all clusters have been closed.
+    """
+    width = 0
+    for index in range(len(members)):
+        member = members[index]
+        if edges_left[member]:
+            members[width], open_place[member] = member, width
+            width += 1
+        else:
+            score[member] = CLOSED
+            node[closed], node_bit[closed] = member, 1 << index
+            closed += 1
+    return width, closed
 
 
 @compiled
@@ -83,10 +120,7 @@ def plan(graph: Graph, most_work: int) -> Plan:
         last = ordered + (graph.start[high] - graph.start[low]) // 2
         while ordered < last:
             table_before[step] = 1 << width
-            opener = low
-            for candidate in range(low + 1, high):
-                if score[candidate] < score[opener]:
-                    opener = candidate
+            opener = _least_score(score, low, high)
             width = _open_node(graph, opener, score, open_place, members, width)
             for link in graph.link[graph.start[opener] : graph.start[opener + 1]]:
                 neighbour = graph.target[link] + graph.detection[link] - opener
@@ -105,17 +139,9 @@ def plan(graph: Graph, most_work: int) -> Plan:
             if budget < 0 or entries > MOST_ENTRIES:
                 step = first[cluster]
                 break
-            still_open = 0
-            for index in range(width):
-                member = members[index]
-                if edges_left[member]:
-                    members[still_open], open_place[member] = member, still_open
-                    still_open += 1
-                else:
-                    score[member] = CLOSED
-                    node[closed], node_bit[closed] = member, 1 << index
-                    closed += 1
-            width = still_open
+            width, closed = _close_nodes(
+                edges_left, score, open_place, members[:width], node, node_bit, closed
+            )
             step += 1
             edge_start[step], node_start[step] = ordered, closed
         first[cluster + 1] = step

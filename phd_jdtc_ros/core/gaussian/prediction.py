@@ -18,6 +18,7 @@ from ..compilation import (
     Int1,
     Int2,
     in_place,
+    inner,
 )
 from ..snapshot import MAX_STATE, floats, integers
 from ..tracks import labels
@@ -137,6 +138,58 @@ def _write_pair_places(
     return active, factors
 
 
+@inner
+def _write_shares(
+    row: int,
+    weight: FloatArray,
+    from_mode: IntArray,
+    to_mode: IntArray,
+    change: FloatArray,
+    later: _Predicted,
+    share: FloatArray,
+    total: FloatArray,
+) -> None:
+    """Write a hypothesis's later weights, the weight of each pair, and that of each later mode."""
+    for mode in range(len(total)):
+        total[mode] = 0.0
+    for pair in range(len(from_mode)):
+        share[pair] = 0.0
+        for class_id in range(weight.shape[2]):
+            arriving = change[pair] * weight[row, from_mode[pair], class_id]
+            later.weight[row, to_mode[pair], class_id] += arriving
+            share[pair] += arriving
+        total[to_mode[pair]] += share[pair]
+
+
+@inner
+def _write_pair(
+    pair_row: int,
+    mean: FloatArray,
+    covariance: FloatArray,
+    transition: FloatArray,
+    turns: bool,
+    dt: float,
+    noise: FloatArray,
+    later: _Predicted,
+    spread: FloatArray,
+    scratch: _Scratch,
+) -> None:
+    """Write the prediction of a pair, with its covariance in `spread`, and its backward step."""
+    moved, gain, base = scratch.moved, later.gain[pair_row], later.base[pair_row]
+    move(mean, covariance, transition, turns, dt, moved)
+    for i in range(SIZE):
+        later.pair_mean[pair_row, i] = moved.mean[i]
+        for k in range(i + 1):
+            spread[i, k] = spread[k, i] = moved.covariance[i, k] + noise[i, k]
+    factor_row = later.factored[pair_row]
+    factor = later.factor[factor_row] if factor_row >= 0 else scratch.factor
+    factorise(spread, factor)
+    for i in range(SIZE):
+        write(solve(factor, moved.cross[i]), gain[i])
+        for k in range(i + 1):
+            base[i, k] = base[k, i] = covariance[i, k] - dot(gain[i], moved.cross[k])
+
+
 @in_place
 def _predict(
     weight: Float3,
@@ -158,72 +211,42 @@ def _predict(
     `source` is the interval of each hypothesis; the parameters from `turns` to `transition` are by
     mode or interval.
     """
-    count, modes, classes = weight.shape
     spread, share, total, spare, moved = scratch
     for matrices in (later.gain, later.base, later.factor, spread):
         check_matrices(matrices)
     for matrix in (spare, moved.cross, moved.covariance):
         check_matrices(matrix)
-    for row in range(count):
+    for row in range(len(weight)):
         interval = source[row]
-        for mode in range(modes):
-            total[mode] = 0.0
-        for pair in range(len(from_mode)):
-            share[pair] = 0.0
-            for class_id in range(classes):
-                arriving = change[interval, pair] * weight[row, from_mode[pair], class_id]
-                later.weight[row, to_mode[pair], class_id] += arriving
-                share[pair] += arriving
-            total[to_mode[pair]] += share[pair]
+        _write_shares(row, weight, from_mode, to_mode, change[interval], later, share, total)
         for pair in range(len(from_mode)):
             pair_row, mode = later.place[row, pair], to_mode[pair]
             if pair_row < 0:
                 continue
-            earlier_covariance = covariance[row, from_mode[pair]]
-            gain = later.gain[pair_row]
-            base = later.base[pair_row]
-            move(
+            _write_pair(
+                pair_row,
                 mean[row, from_mode[pair]],
-                earlier_covariance,
+                covariance[row, from_mode[pair]],
                 transition[interval, mode],
                 turns[mode],
                 dt[interval],
-                moved,
+                noise[interval, mode],
+                later,
+                spread[pair],
+                scratch,
             )
-            for i in range(SIZE):
-                later.pair_mean[pair_row, i] = moved.mean[i]
-                for k in range(i + 1):
-                    entry = moved.covariance[i, k] + noise[interval, mode, i, k]
-                    spread[pair, i, k] = spread[pair, k, i] = entry
-            factor_row = later.factored[pair_row]
-            factor = later.factor[factor_row] if factor_row >= 0 else spare
-            factorise(spread[pair], factor)
-            for i in range(SIZE):
-                write(solve(factor, moved.cross[i]), gain[i])
-                for k in range(i + 1):
-                    explained = dot(gain[i], moved.cross[k])
-                    base[i, k] = base[k, i] = earlier_covariance[i, k] - explained
             if share[pair] > 0.0:
                 share[pair] /= total[mode]
                 add_mean(share[pair], later.pair_mean[pair_row], later.mean[row, mode])
         for pair in range(len(from_mode)):
             if share[pair] > 0.0:
-                pair_row, mode = later.place[row, pair], to_mode[pair]
-                mixed_covariance = later.covariance[row, mode]
-                mixed_mean = later.mean[row, mode]
-                add_spread(
-                    share[pair],
-                    later.pair_mean[pair_row],
-                    spread[pair],
-                    mixed_mean,
-                    mixed_covariance,
-                )
-        for mode in range(modes):
+                pair_mean, mode = later.pair_mean[later.place[row, pair]], to_mode[pair]
+                later_mean, later_covariance = later.mean[row, mode], later.covariance[row, mode]
+                add_spread(share[pair], pair_mean, spread[pair], later_mean, later_covariance)
+        for mode in range(len(total)):
             if not total[mode] > 0.0:  # it cannot be reached
-                mixed_covariance = later.covariance[row, mode]
-                copy_gaussian(
-                    mean[row, mode], covariance[row, mode], later.mean[row, mode], mixed_covariance
-                )
+                later_mean, later_covariance = later.mean[row, mode], later.covariance[row, mode]
+                copy_gaussian(mean[row, mode], covariance[row, mode], later_mean, later_covariance)
 
 
 def survivors(earlier: Sequence[AgedMixture], dynamics: Dynamics) -> tuple[Mixture, Moves]:
@@ -269,13 +292,13 @@ def survivors(earlier: Sequence[AgedMixture], dynamics: Dynamics) -> tuple[Mixtu
         _diffuse(aged.mixture.snr, cell_transition)
         for aged, cell_transition in zip(earlier, snr, strict=True)
     ]
-    moved = stored.changed(
+    predicted = stored.changed(
         weight=later.weight,
         mean=later.mean,
         covariance=later.covariance,
         snr=np.concatenate(diffused),
     )
-    return moved, Moves(
+    return predicted, Moves(
         dynamics.pairs,
         change.take(source, axis=0),
         survival.take(source, axis=0),
