@@ -187,7 +187,10 @@ def load(path: Path) -> Any:
     try:
         text = content.decode()
     except UnicodeDecodeError as error:
-        raise ConfigError([f"{path}: is not YAML: {error}"]) from error
+        line, byte = content.count(b"\n", 0, error.start) + 1, content[error.start]
+        raise ConfigError(
+            [f"{path}: is not YAML: line {line}: byte 0x{byte:02x} is not UTF-8, as it must be"]
+        ) from error
     return parse(text, str(path))
 
 

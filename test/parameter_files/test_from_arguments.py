@@ -108,6 +108,17 @@ def test_load_refuses_what_is_no_yaml(tmp_path, content):
     assert fault.startswith(f"{path}: is not YAML: ")
 
 
+@pytest.mark.parametrize(
+    ("encoding", "line", "byte"), [("latin-1", 3, "0xe9"), ("utf-16", 1, "0xff")]
+)
+def test_load_asks_for_utf_8(tmp_path, encoding, line, byte):
+    path = tmp_path / "p.yaml"
+    text = "\ntracker: {ros__parameters: {lag: 3}}\n# caf\u00e9\n"
+    path.write_bytes(text.encode(encoding))
+    (fault,) = faults_of(from_arguments.load, path)
+    assert fault == (f"{path}: is not YAML: line {line}: byte {byte} is not UTF-8, as it must be")
+
+
 def test_load_names_the_line_of_broken_yaml(tmp_path):
     path = write(tmp_path / "p.yaml", "tracker:\n  lag: [1, 2\n  seed: 3\n")
     (fault,) = faults_of(from_arguments.load, path)
