@@ -6,6 +6,7 @@ import signal
 
 import pytest
 from live_radars import options
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
@@ -67,6 +68,26 @@ def test_recorder_takes_static_frames_published_before_it_began(peer, tmp_path):
     bag = BagReader(tmp_path / "bag")
     assert bag.counts[names.STATIC_FRAMES] == 1
     assert "transient_local" in (tmp_path / "bag" / "metadata.yaml").read_text()
+
+
+def test_recorder_that_cannot_subscribe_completes_its_bag(peer, tmp_path):
+    with pytest.raises(InvalidTopicNameException):
+        Recorder(peer.node, tmp_path / "bag", {"/9//note": STRING})
+
+    assert list(BagReader(tmp_path / "bag").messages()) == []
+    assert (tmp_path / "bag" / "metadata.yaml").exists()
+
+
+def test_evaluator_that_cannot_start_completes_its_bag(processes, tmp_path):
+    bag = tmp_path / "bag"
+    words = options(
+        record=bag, **{f"qos_overrides.{names.TRUTH}.subscription.reliability": "mostly"}
+    )
+    status, text = processes.run("evaluator", "--ros-args", *words)
+
+    assert status == 2
+    assert "Unexpected QoS override" in text
+    assert (bag / "metadata.yaml").exists()
 
 
 def record(processes, peer, directory, restrict):

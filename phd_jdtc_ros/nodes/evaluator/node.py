@@ -93,10 +93,15 @@ class Evaluator(RunnableNode):
             quantity: self.create_publisher(Float64, f"~/plot/{quantity}", qos)
             for quantity in plots.of_evaluator(self._classes)
         }
-        self._recorder = self._make_recorder()
         self._engine: str | None = None
         self._has_parameters = False
-        self._unconnected = self._subscribe()
+        self._recorder = self._make_recorder()
+        try:
+            self._unconnected = self._subscribe()
+        except Exception:
+            if self._recorder is not None:
+                self._recorder.close()
+            raise
         # This follows all subscriptions, because DDS announces endpoints in the order of their
         # creation: a tracker that replies has discovered the subscriptions.
         TrackerParameters(self, tracker, self._on_parameters)

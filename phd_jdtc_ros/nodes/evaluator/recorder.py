@@ -62,9 +62,16 @@ class Recorder:
         installed = interfaces.installed_class
         self._undeclared = {t: kind for t, kind in (optional or {}).items() if installed(kind)}
         frames = {names.STATIC_FRAMES: names.TRANSFORMS} if installed(names.TRANSFORMS) else {}
-        for topic, type_name in (frames | dict(topics)).items():
+        try:
+            self._subscribe_all(self._bag, frames | dict(topics))
+        except Exception:
+            self.close()
+            raise
+
+    def _subscribe_all(self, bag: BagWriter, topics: Mapping[str, str]) -> None:
+        for topic, type_name in topics.items():
             latched = topic == names.STATIC_FRAMES
-            self._bag.add_topic(Topic(topic, type_name, transient_local=latched))
+            bag.add_topic(Topic(topic, type_name, transient_local=latched))
             qos = endpoints.latched(DEPTH) if latched else endpoints.reliable(DEPTH)
             self._subscribe(topic, type_name, qos)
         for topic, type_name in self._undeclared.items():
