@@ -72,10 +72,10 @@ class ReadOnly:
 
     def __post_init__(self) -> None:
         cls: Any = type(self)
-        own = self.__dict__
+        values = self.__dict__
         for name, dtype in _array_fields(cls).items():
-            if own[name] is not None:
-                own[name] = read_only(own[name], dtype)
+            if values[name] is not None:
+                values[name] = read_only(values[name], dtype)
 
     def changed(self: ValueT, **values: Any) -> ValueT:
         """Return this value with some fields changed; faster than `dataclasses.replace`.
@@ -190,8 +190,8 @@ def distinct_cells(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:
     half of the time of an update with particles.
     """
     if cells > CELLS_PER_ENTRY * len(cell):
-        found, place = np.unique(cell, return_inverse=True)
-        return found, place.ravel()
+        found, index = np.unique(cell, return_inverse=True)
+        return found, index.ravel()
     table = np.zeros(cells, dtype=np.int64)
     table[cell] = 1
     distinct: IntArray = np.flatnonzero(table)

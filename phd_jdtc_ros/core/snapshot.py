@@ -226,11 +226,11 @@ def from_snapshot(
     fields. The fields that are not stored are given as further arguments. Raise `ValueError` if an
     array is missing, or the tracker could not have stored it.
     """
-    known, values = dict(sizes), others
+    known_sizes, values = dict(sizes), others
     for part, (stored, optional) in _fields(cast(Any, cls)).items():
         full = f"{name}.{stored.key or part}"
         absent = optional and full not in snapshot.arrays
-        values[part] = None if absent else stored.get(snapshot, full, known)
+        values[part] = None if absent else stored.get(snapshot, full, known_sizes)
     return cls(**values)
 
 

@@ -29,8 +29,8 @@ class Claims:
         """
         size = len(self.other)
         total = sum_by(self.column, self.mass, size)
-        part = sum_by(self.column, self.mass * rows.take(self.row), size)
-        share: FloatArray = part / np.where(total > 0.0, total, 1.0)
+        row_sum = sum_by(self.column, self.mass * rows.take(self.row), size)
+        share: FloatArray = row_sum / np.where(total > 0.0, total, 1.0)
         return share
 
 

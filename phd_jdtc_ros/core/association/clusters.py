@@ -66,7 +66,7 @@ def graph_of(targets: int, size: int, target: Int1, detection: Int1) -> tuple[In
     clusters, nodes = 0, 0
     first, middle = np.zeros(targets + 1, np.int64), np.zeros(targets, np.int64)
     cluster_number, free = np.zeros(targets, np.int64), np.zeros(targets, np.int64)
-    place = np.zeros(targets + size, np.int64)
+    index_of = np.zeros(targets + size, np.int64)
     for node in range(targets + size):
         if degree[node] == 0:
             continue
@@ -74,7 +74,7 @@ def graph_of(targets: int, size: int, target: Int1, detection: Int1) -> tuple[In
         if root == node:
             first[clusters], cluster_number[node], free[clusters] = nodes, clusters, nodes
             clusters, nodes = clusters + 1, nodes + members[node]
-        place[node] = free[cluster_number[root]]
+        index_of[node] = free[cluster_number[root]]
         free[cluster_number[root]] += 1
         if node < targets:
             middle[cluster_number[root]] = free[cluster_number[root]]
@@ -82,13 +82,15 @@ def graph_of(targets: int, size: int, target: Int1, detection: Int1) -> tuple[In
     order, start = np.zeros(nodes, np.int64), np.zeros(nodes + 1, np.int64)
     for node in range(targets + size):
         if degree[node]:
-            order[place[node]] = node
-            start[place[node] + 1] = degree[node]
+            order[index_of[node]] = node
+            start[index_of[node] + 1] = degree[node]
     start = np.cumsum(start)
-    ends, others = place[target], place[targets + detection]
+    target_end, detection_end = index_of[target], index_of[targets + detection]
     link, room = np.empty(2 * edges, np.int64), start.copy()
     for edge in range(edges):
-        for node in (ends[edge], others[edge]):
+        for node in (target_end[edge], detection_end[edge]):
             link[room[node]] = edge
             room[node] += 1
-    return order, Graph(first[: clusters + 1], middle[:clusters], ends, others, start, link)
+    return order, Graph(
+        first[: clusters + 1], middle[:clusters], target_end, detection_end, start, link
+    )

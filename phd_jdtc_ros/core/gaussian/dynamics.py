@@ -83,7 +83,7 @@ class Dynamics:
 
     @cached_property
     def pairs(self) -> tuple[IntArray, IntArray]:
-        """The K pairs (from, to) of motion modes that one class has, sorted by `to`."""
+        """The K pairs (from, to) of motion modes that one class has, sorted by the latter."""
         class_of = self.model.modes.class_of[self.flat_of]
         to_mode, from_mode = contiguous(*np.nonzero(class_of[:, None] == class_of))
         return from_mode, to_mode

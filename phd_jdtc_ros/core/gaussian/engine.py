@@ -33,8 +33,8 @@ class GaussianEngine(FixedLagEngine[Mixture, Link]):
         self._lineages.extend(self._window)
         around = self._lineages.smooth(stamp_ns, threshold)
         self.forward.on_stage_end("backward")
-        at = self.forward.dynamics, stamp_ns, lag, threshold
-        return extract_at(self._lineages, around, *at)
+        arguments = self.forward.dynamics, stamp_ns, lag, threshold
+        return extract_at(self._lineages, around, *arguments)
 
     def _figures(self, step: Filtered[Mixture, Link]) -> Mapping[str, float]:
         stored = step.entry.stored

@@ -94,13 +94,13 @@ class _Clusters(NamedTuple):
     centre: Float2  # Moments over the modes of each hypothesis, zeros at first, (H, D)
     spread: Float3  # (H, D, D)
     factor: Float2  # (D, D)
-    apart: Float1  # (D,)
+    whitened: Float1  # Whitened difference of two means, (D,)
 
 
 @compiled
 def _find_clusters(
     distance: float,
-    kept: Bool1,
+    is_kept: Bool1,
     target: Int1,
     weight: Float3,
     mean: Float3,
@@ -108,7 +108,7 @@ def _find_clusters(
 ) -> tuple[IntArray, IntArray, IntArray]:
     """Return the columns of `_Clusters` up to `leader`.
 
-    Only targets that are `kept`, (T,), have clusters.
+    Only targets that are `is_kept`, (T,), have clusters.
     """
     count, edges, clusters = len(target), 0, 0
     columns = _Clusters(
@@ -121,11 +121,11 @@ def _find_clusters(
         np.empty((SIZE, SIZE)),
         np.empty(SIZE),
     )
-    row_of, cluster, leader, merged, centre, spread, factor, apart = columns
+    row_of, cluster, leader, merged, centre, spread, factor, whitened = columns
     begin = end = 0
     while begin < count:
         while end < count and target[end] == target[begin]:
-            merged[end] = not kept[target[begin]]
+            merged[end] = not is_kept[target[begin]]
             end += 1
         for row in range(begin, end if end > begin + 1 else begin):
             _match_modes(weight[row], mean[row], covariance[row], centre[row], spread[row])
@@ -138,7 +138,8 @@ def _find_clusters(
             for row in range(leader_row, end):
                 if merged[row] or (
                     row > leader_row
-                    and square_distance(factor, centre[row], centre[leader_row], apart) > distance
+                    and square_distance(factor, centre[row], centre[leader_row], whitened)
+                    > distance
                 ):
                     continue
                 merged[row], row_of[edges], cluster[edges] = True, row, clusters
@@ -289,19 +290,19 @@ def _split(
     new_weight, new_share = np.zeros((len(row), modes, classes)), np.zeros((edges, modes, classes))
     new_child, new_parent = np.empty(edges, np.int64), np.empty(edges, np.int64)
     edge = 0
-    for new in range(len(row)):
-        old, begin = row[new], edge
-        for edge_before in range(start[old], start[old + 1]):
-            new_child[edge], new_parent[edge] = new, parent[edge_before]
+    for new_row in range(len(row)):
+        old_row, begin = row[new_row], edge
+        for edge_before in range(start[old_row], start[old_row + 1]):
+            new_child[edge], new_parent[edge] = new_row, parent[edge_before]
             edge += 1
-        for other in range(modes):
-            if stays_with[old, other] != mode[new]:
+        for other_mode in range(modes):
+            if stays_with[old_row, other_mode] != mode[new_row]:
                 continue
             for class_id in range(classes):
-                new_weight[new, other, class_id] = weight[old, other, class_id]
+                new_weight[new_row, other_mode, class_id] = weight[old_row, other_mode, class_id]
                 for offset in range(edge - begin):
-                    new_share[begin + offset, other, class_id] = share[
-                        start[old] + offset, other, class_id
+                    new_share[begin + offset, other_mode, class_id] = share[
+                        start[old_row] + offset, other_mode, class_id
                     ]
     return new_weight, new_child, new_parent, new_share
 
@@ -337,9 +338,9 @@ def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ance
     Salmond, "Mixture reduction algorithms for target tracking in clutter", Proceedings of SPIE
     1305, 1990, the clustering algorithm.
     """
-    mixture, kept = branched.mixture, _keep_targets(branched.mixture, bounds)
+    mixture, is_kept = branched.mixture, _keep_targets(branched.mixture, bounds)
     row_of, child, leader = _find_clusters(
-        bounds.merge_distance, kept, mixture.target, *mixture.gaussians
+        bounds.merge_distance, is_kept, mixture.target, *mixture.gaussians
     )
     weight, mean, covariance, snr, share = _merge(
         row_of, child, len(leader), *mixture.gaussians, mixture.snr

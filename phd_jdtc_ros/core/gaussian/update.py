@@ -115,9 +115,9 @@ class PriorMixture:
         """Probability that each Gaussian is detected, shape (H, R, C)."""
         detectable, sector = self._in_turn, self.report.detections.coverage
         if sector is not None:
-            measured, before = self._measured_in(sector), self._measured_before
-            if before is not None:
-                measured = EarlierSectors.only_in(measured, before)
+            measured, measured_before = self._measured_in(sector), self._measured_before
+            if measured_before is not None:
+                measured = EarlierSectors.only_in(measured, measured_before)
             detectable = detectable * measured
         return detectable if self._unseen is None else detectable * self._unseen
 
@@ -193,8 +193,8 @@ class PriorMixture:
         readings = self.report.project_as(pairs.projected)
         amplitudes = Amplitudes.of(self.report, self.steps.dynamics)
         coarse, factor = self._coarse_likelihood(pairs, readings), self._log_factor(pairs, evidence)
-        others = amplitudes.largest, factor, log_other
-        gated = PairLikelihoods(pairs.row, pairs.column, coarse, *others)
+        other_columns = amplitudes.largest, factor, log_other
+        gated = PairLikelihoods(pairs.row, pairs.column, coarse, *other_columns)
         kept, amplitude = select_likely(self.mixture, self.detectable, gated, amplitudes.relative)
         if len(kept) < len(factor):
             pairs, factor = pairs.take(kept), factor.take(kept)
@@ -204,8 +204,8 @@ class PriorMixture:
             self.mixture, pairs.row, pairs.projected_index, readings, self.measured
         )
         exact = update.log_likelihood.reshape(-1, self.mixture.mean.shape[1])
-        others = amplitudes.largest, factor, log_other
-        likelihoods = PairLikelihoods(pairs.row, pairs.column, exact, *others)
+        other_columns = amplitudes.largest, factor, log_other
+        likelihoods = PairLikelihoods(pairs.row, pairs.column, exact, *other_columns)
         association = associate(
             self.mixture, self.detectable, amplitude, likelihoods, self.steps.bounds
         )
@@ -254,10 +254,10 @@ class PriorMixture:
         """
         mixture, source, pair = self.mixture, association.source, association.kept_pair
         gaussians = update.updated_gaussians(mixture, source, pair)
-        moved = after_miss(mixture, self.expected, self.report.sensor, self.detectable)
-        if moved is not None:
+        after_misses = after_miss(mixture, self.expected, self.report.sensor, self.detectable)
+        if after_misses is not None:
             missed = pair < 0
-            for updated, moved_part in zip(gaussians, moved, strict=True):
+            for updated, moved_part in zip(gaussians, after_misses, strict=True):
                 updated[missed] = moved_part[source[missed]]
         probability = self._probability
         columns = mixture.snr, mixture.weight, self.detectable, probability.cell, probability.mean

@@ -70,7 +70,7 @@ class PosedReports:
 
     def release(self, everything: bool = False) -> Iterator[PosedReport]:
         """Yield the reports that need not wait any longer, or all of them."""
-        while self._queue and (everything or self._ready()):
+        while self._queue and (everything or self._is_ready()):
             radar, stamp_ns, detections, _ = self._queue.popleft()
             platform = self._platforms[radar]
             posed = (detections,) if platform is None else platform.with_pose(stamp_ns, detections)
@@ -80,7 +80,7 @@ class PosedReports:
         """Discard all reports; the poses stay."""
         self._queue.clear()
 
-    def _ready(self) -> bool:
+    def _is_ready(self) -> bool:
         first = self._queue[0]
         platform = self._platforms[first.radar]
         if platform is None or platform.reaches(first.stamp_ns, first.detections):

@@ -141,10 +141,10 @@ def _factor(
 
     They follow from the expected and actual numbers of detections, arrays of the same shape.
     """
-    shown = (PRIOR_WEIGHT + detected) / (PRIOR_WEIGHT + expected)
+    shrunk = (PRIOR_WEIGHT + detected) / (PRIOR_WEIGHT + expected)
     # The smaller of both probabilities has the lower precision, so that few looks prove little.
-    found = np.minimum(probability * np.minimum(shown, 1.0), MOST_PROBABILITY)
-    precision = expected / probability * found / (1.0 - found)
-    mean, variance = prior.posterior(np.log(shown), precision)
+    bounded = np.minimum(probability * np.minimum(shrunk, 1.0), MOST_PROBABILITY)
+    precision = expected / probability * bounded / (1.0 - bounded)
+    mean, variance = prior.posterior(np.log(shrunk), precision)
     factor = np.exp(mean)
     return factor, factor * np.sqrt(variance)

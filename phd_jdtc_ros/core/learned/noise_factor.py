@@ -59,8 +59,8 @@ class NoiseFactor(ReadOnly):
     @cached_property
     def _posterior(self) -> tuple[FloatArray, FloatArray]:
         """Mean and variance of the log of each ratio of variances, shapes (Z,)."""
-        shown = (PRIOR_WEIGHT + self.ratio) / (PRIOR_WEIGHT + self.weight)
-        log_ratio = np.log(np.minimum(np.maximum(shown, LEAST**2), MOST**2))
+        shrunk = (PRIOR_WEIGHT + self.ratio) / (PRIOR_WEIGHT + self.weight)
+        log_ratio = np.log(np.minimum(np.maximum(shrunk, LEAST**2), MOST**2))
         return PRIOR.posterior(log_ratio, 0.5 * self.weight)
 
     @cached_property

@@ -64,9 +64,9 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
         range_rate=_mean_rate(group, rates, count),
         range_rate_std=None if rate_std is None else _mean(group, rate_std, count),
         height=None if height is None else _mean(group, height, count),
-        code=_first(group, detections.code, count),
-        address=_first(group, detections.address, count),
-        sensor_type=_richest(group, detections.sensor_type, count),
+        code=_first_known(group, detections.code, count),
+        address=_first_known(group, detections.address, count),
+        sensor_type=_highest_type(group, detections.sensor_type, count),
     )
 
 
@@ -133,7 +133,7 @@ def _largest(group: IntArray, value: FloatArray | None, count: int) -> FloatArra
     return largest
 
 
-def _first(group: IntArray, value: IntArray | None, count: int) -> IntArray | None:
+def _first_known(group: IntArray, value: IntArray | None, count: int) -> IntArray | None:
     """Return the first known identity of each group, `UNKNOWN` without one."""
     if value is None:
         return None
@@ -143,7 +143,7 @@ def _first(group: IntArray, value: IntArray | None, count: int) -> IntArray | No
     return first
 
 
-def _richest(group: IntArray, sensor_type: IntArray | None, count: int) -> IntArray | None:
+def _highest_type(group: IntArray, sensor_type: IntArray | None, count: int) -> IntArray | None:
     """Return the sensor type of each group: the highest, which includes most of the lower ones."""
     if sensor_type is None:
         return None

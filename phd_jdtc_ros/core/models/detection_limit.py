@@ -40,9 +40,9 @@ def limit_detections(report: Report, predicted: FloatArray, mass: FloatArray) ->
         return report
     # The rate is per whole turn, of which the report may cover a part; an unknown part counts as
     # the whole turn.
-    part = report.part_of_turn or 1.0
+    turn_share = report.part_of_turn or 1.0
     targets = float(mass.sum())
-    explained = targets + sensor.clutter_rate * part + EXPLAINED_SIGMA * np.sqrt(size)
+    explained = targets + sensor.clutter_rate * turn_share + EXPLAINED_SIGMA * np.sqrt(size)
     most = MAX_DETECTIONS if size <= explained else MAX_UNEXPLAINED
     if size <= most and len(predicted) * size <= MAX_CANDIDATES:
         return report
@@ -64,6 +64,6 @@ def limit_detections(report: Report, predicted: FloatArray, mass: FloatArray) ->
         threshold = float(np.fmax(np.fmin.reduce(detections.amplitude[rows]), sensor.threshold))
         fewer = float(np.exp(sensor.clutter_amplitude.log_share(threshold, sensor.threshold)))
         share = 1.0
-    rate = max(sensor.clutter_rate * fewer, (count - targets) / part)
+    rate = max(sensor.clutter_rate * fewer, (count - targets) / turn_share)
     limited = sensor.changed(threshold=threshold, clutter_rate=rate)
     return report.changed(sensor=limited, detections=selected, share=share, complete=False)

@@ -91,14 +91,14 @@ class LearnedSensor(ReadOnly):
         expects: jamming, rain, a faulty plot extractor. Targets do not appear in such numbers
         at once, except at the start, when nothing is usual yet.
         """
-        usual, part = self.usual_count, report.part_of_turn
-        if usual is None or usual.turns < USUAL_TURNS or not part:
+        usual, turn_share = self.usual_count, report.part_of_turn
+        if usual is None or usual.turns < USUAL_TURNS or not turn_share:
             return report
         size = len(report)
-        surplus = size - usual.rate * part - USUAL_SIGMA * math.sqrt(size)
+        surplus = size - usual.rate * turn_share - USUAL_SIGMA * math.sqrt(size)
         if surplus <= 0.0:
             return report
-        sensor, rate = report.sensor, report.sensor.clutter_rate + surplus / part
+        sensor, rate = report.sensor, report.sensor.clutter_rate + surplus / turn_share
         return report.changed(sensor=sensor.changed(clutter_rate=rate))
 
     def after_count(self, report: Report) -> LearnedSensor:

@@ -256,4 +256,4 @@ class SensorMemory:
     def _entries(self) -> int:
         """Number of open trials and chains."""
         chains = (learned.chains for learned in self.sensors.values())
-        return len(self.trials) + sum(len(own) for own in chains if own is not None)
+        return len(self.trials) + sum(len(chain) for chain in chains if chain is not None)

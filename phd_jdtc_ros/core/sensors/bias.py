@@ -37,7 +37,7 @@ class SensorBias:
             return stamp_ns, detections
         distance = np.maximum(self.true_range(detections.measurement[:, 0]), 0.0)
         azimuth = wrap_angle(detections.measurement[:, 1] - self.azimuth)
-        return stamp_ns - self.offset_ns, _with(detections, distance, azimuth)
+        return stamp_ns - self.offset_ns, _with_measurement(detections, distance, azimuth)
 
     def apply_to(self, stamp_ns: int, detections: Detections) -> tuple[int, Detections]:
         """Return a report's stamp and detections as a radar with these biases measures them."""
@@ -45,7 +45,9 @@ class SensorBias:
             return stamp_ns, detections
         distance = self.range_bias + (1.0 + self.range_gain) * detections.measurement[:, 0]
         azimuth = wrap_angle(detections.measurement[:, 1] + self.azimuth)
-        return stamp_ns + self.offset_ns, _with(detections, np.maximum(distance, 0.0), azimuth)
+        return stamp_ns + self.offset_ns, _with_measurement(
+            detections, np.maximum(distance, 0.0), azimuth
+        )
 
     def followed_by(self, later: SensorBias) -> SensorBias:
         """Return the total biases of a radar with `later` ones after these have been removed."""
@@ -61,5 +63,7 @@ class SensorBias:
 NO_BIAS = SensorBias()
 
 
-def _with(detections: Detections, distance: FloatArray, azimuth: FloatArray) -> Detections:
+def _with_measurement(
+    detections: Detections, distance: FloatArray, azimuth: FloatArray
+) -> Detections:
     return replace(detections, measurement=np.stack([distance, azimuth], axis=1))

@@ -36,7 +36,7 @@ def gated_pairs(
     std, shift = own_std, detections.time_s if len(predicted) else None
     if std is None and shift is None:
         log_norm = -np.log(2.0 * np.pi * noise_std[0] * noise_std[1])
-        particle, detection, square = _near(predicted, detections, noise_std)
+        particle, detection, square = _near_pairs(predicted, detections, noise_std)
         return particle, detection, log_norm - 0.5 * square
     if std is None:
         std = np.tile(noise_std, (len(detections), 1))
@@ -45,7 +45,7 @@ def gated_pairs(
         fastest = np.abs(rate).max(axis=0) * np.abs(shift).max()
         # An ellipse larger by this margin contains every shifted gate.
         widest = widest + 1.5 * fastest / DETECTION_GATE_SIGMA
-    particle, detection, _ = _near(predicted, detections, widest)
+    particle, detection, _ = _near_pairs(predicted, detections, widest)
     error = detections.measurement[detection] - predicted[particle]
     if shift is not None and rate is not None:
         error -= rate[particle] * shift[detection, None]
@@ -62,7 +62,7 @@ def candidate_count(predicted: FloatArray, detections: Detections, noise_std: Fl
     return count_near(_wrap_azimuths(detections), *_gates(noise_std), predicted)
 
 
-def _near(
+def _near_pairs(
     predicted: FloatArray, detections: Detections, std: FloatArray
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return the pairs within the gate of these deviations; see `gating.near_detections`."""

@@ -122,10 +122,10 @@ class RadarModel(Sensor):
 
     def usual_noise_std(self, measurement: FloatArray) -> FloatArray:
         """Return the radar's standard deviations at the range of each measurement, (M, 2)."""
-        usual = super().usual_noise_std(measurement)
+        std = super().usual_noise_std(measurement)
         if self.range_growth:
-            usual[:, 0] = np.hypot(self.range_std, self.range_growth * measurement[:, 0])
-        return usual
+            std[:, 0] = np.hypot(self.range_std, self.range_growth * measurement[:, 0])
+        return std
 
     def configured_detection_probability(
         self, measured: FloatArray, std: FloatArray | None = None
@@ -154,8 +154,8 @@ class RadarModel(Sensor):
         self, predicted: FloatArray, sector: Coverage, std: FloatArray | None = None
     ) -> FloatArray:
         """Return the probability that targets are measured in a sector, (N,); see `Sensor`."""
-        own = self.azimuth_std
-        measured_std = own if std is None else np.hypot(std[:, 1], own)
+        azimuth_std = self.azimuth_std
+        measured_std = azimuth_std if std is None else np.hypot(std[:, 1], azimuth_std)
         return sector_probability(predicted[:, 1], sector, measured_std)
 
     @cached_property
@@ -213,8 +213,8 @@ class RadarModel(Sensor):
     ) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the pairs of points and detections in the gate; see `polar_gate.gated_pairs`."""
         alike = detections.noise_std is None and self.range_growth == 0.0
-        own = None if alike else self.noise_std_of(detections)
-        return polar_gate.gated_pairs(predicted, detections, self.noise_std, own, rate)
+        noise_std = None if alike else self.noise_std_of(detections)
+        return polar_gate.gated_pairs(predicted, detections, self.noise_std, noise_std, rate)
 
     def candidate_count(self, predicted: FloatArray, detections: Detections) -> int:
         """Return the number of candidate pairs of `gated_pairs`."""
@@ -233,20 +233,23 @@ class RadarModel(Sensor):
         margin = np.arcsin(np.minimum(radius / distance, 1.0))
         margin += DETECTION_GATE_SIGMA * self.azimuth_std
         azimuth = np.arctan2(line[:, 1], line[:, 0]) - self.yaw
-        near: BoolArray = radius >= distance
+        in_reach: BoolArray = radius >= distance
         coverage, field = detections.coverage, self.visibility
         swept = field.fov if coverage is None else coverage
         offset = np.mod(azimuth + margin - swept.start, FULL_TURN)
-        near |= offset <= swept.width + 2.0 * margin
+        in_reach |= offset <= swept.width + 2.0 * margin
         if coverage is None:
             gate = DETECTION_GATE_SIGMA * self.usual_noise_std(distance[:, None])[:, 0]
-            near &= distance - radius <= field.max_range + gate
-            near &= distance + radius >= field.min_range - gate
+            in_reach &= distance - radius <= field.max_range + gate
+            in_reach &= distance + radius >= field.min_range - gate
         elif len(detections):
-            seen, first = np.sort(np.mod(detections.measurement[:, 1], FULL_TURN)), azimuth - margin
-            following = seen[np.searchsorted(seen, np.mod(first, FULL_TURN)) % len(seen)]
-            near |= np.mod(following - first, FULL_TURN) <= 2.0 * margin
-        return near
+            azimuths = np.sort(np.mod(detections.measurement[:, 1], FULL_TURN))
+            first = azimuth - margin
+            following = azimuths[
+                np.searchsorted(azimuths, np.mod(first, FULL_TURN)) % len(azimuths)
+            ]
+            in_reach |= np.mod(following - first, FULL_TURN) <= 2.0 * margin
+        return in_reach
 
 
 def polar_radars(sensors: Iterable[Sensor]) -> tuple[RadarModel, ...]:

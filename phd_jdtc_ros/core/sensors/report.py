@@ -111,8 +111,8 @@ class Report(ReadOnly):
     @property
     def informative_prediction(self) -> LookPrediction | None:
         """The prediction of the last looks; None if no detection depends on them."""
-        own = self.look_prediction
-        return own if own is not None and own.is_informative else None
+        prediction = self.look_prediction
+        return prediction if prediction is not None and prediction.is_informative else None
 
     @cached_property
     def detection_std(self) -> FloatArray:
@@ -122,8 +122,8 @@ class Report(ReadOnly):
     @property
     def sensors_own_std(self) -> FloatArray:
         """Standard deviations of the sensor, (M, Z); NaN where a detection has its own."""
-        own, std = self.detections.noise_std, self.detection_std
-        return std if own is None else np.where(np.isfinite(own), np.nan, std)
+        reported_std, std = self.detections.noise_std, self.detection_std
+        return std if reported_std is None else np.where(np.isfinite(reported_std), np.nan, std)
 
     @cached_property
     def in_plane(self) -> PlanePlots:
@@ -147,10 +147,10 @@ class Report(ReadOnly):
         They are NaN where the noise cannot be learned: where the range rate is unknown or has its
         own standard deviation, and where folds are too close together.
         """
-        model, own = rates.model, self.detections.range_rate_std
+        model, reported_std = rates.model, self.detections.range_rate_std
         usable = np.isfinite(rates.rate)
-        if own is not None:
-            usable &= ~np.isfinite(own)
+        if reported_std is not None:
+            usable &= ~np.isfinite(reported_std)
         if model.ambiguity:
             usable &= model.ambiguity >= LEAST_FOLDS_APART * rates.std
         return np.where(usable, rates.std, np.nan)
@@ -165,8 +165,8 @@ class Report(ReadOnly):
         See `Sensor.log_class_likelihood`. `classes` are the same for every call.
         """
         if not self._by_class:
-            found = self.sensor.log_class_likelihood(self.detections, classes)
-            self._by_class.append(found)
+            log_likelihood = self.sensor.log_class_likelihood(self.detections, classes)
+            self._by_class.append(log_likelihood)
         return self._by_class[0]
 
     @cached_property

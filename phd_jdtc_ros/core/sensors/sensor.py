@@ -93,10 +93,10 @@ class Sensor(ReadOnly, ABC):
 
     def scaled_noise(self, factor: NoiseFactor) -> dict[str, Any]:
         """Return the fields of its noise, with deviations multiplied by learned factors."""
-        own = self.range_rate
-        if own is None or not factor.learned[-1]:
+        range_rate = self.range_rate
+        if range_rate is None or not factor.learned[-1]:
             return {}
-        return {"range_rate": replace(own, std=float(factor.of_std[-1]) * own.std)}
+        return {"range_rate": replace(range_rate, std=float(factor.of_std[-1]) * range_rate.std)}
 
     @property
     def noise_components(self) -> tuple[str, ...]:
@@ -150,8 +150,12 @@ class Sensor(ReadOnly, ABC):
 
     def noise_std_of(self, detections: Detections) -> FloatArray:
         """Return the standard deviations of each detection, its own or the sensor's, (M, Z)."""
-        usual, own = self.usual_noise_std(detections.measurement), detections.noise_std
-        return usual if own is None else np.where(np.isfinite(own), own, usual)
+        usual_std, reported_std = self.usual_noise_std(detections.measurement), detections.noise_std
+        return (
+            usual_std
+            if reported_std is None
+            else np.where(np.isfinite(reported_std), reported_std, usual_std)
+        )
 
     def noise_covariance_of(self, detections: Detections) -> FloatArray:
         """Return the covariance of the noise of each detection, (M, Z, Z)."""
@@ -274,12 +278,12 @@ class Sensor(ReadOnly, ABC):
         log_p_d = np.log(self.class_detection_probability(classes))[:, None]
         amplitude, density = detections.amplitude, None
         if amplitude is not None:
-            bands = (each.snr_band for each in classes)
+            bands = (target_class.snr_band for target_class in classes)
             log_density = amplitude_density.log_target_density
             density = np.stack([log_density(amplitude, band) for band in bands])
-        found = self.log_detected(log_p_d, density, detections.measurement)
+        log_likelihood = self.log_detected(log_p_d, density, detections.measurement)
         # A configured probability is the same for all classes and has no axis for them.
-        return np.zeros((len(classes), len(detections))) + found
+        return np.zeros((len(classes), len(detections))) + log_likelihood
 
     def log_detected(
         self, log_p_d: FloatArray, log_density: FloatArray | None, measurement: FloatArray
@@ -311,9 +315,15 @@ class Sensor(ReadOnly, ABC):
         model, rate = self.range_rate, detections.range_rate
         if model is None or rate is None:
             return None
-        own = detections.range_rate_std
-        usual = np.full(len(detections), model.std)
-        return Rates(model, rate, usual if own is None else np.where(np.isfinite(own), own, usual))
+        reported_std = detections.range_rate_std
+        usual_std = np.full(len(detections), model.std)
+        return Rates(
+            model,
+            rate,
+            usual_std
+            if reported_std is None
+            else np.where(np.isfinite(reported_std), reported_std, usual_std),
+        )
 
     def range_rate_of(self, state: FloatArray, time_s: FloatArray | None = None) -> FloatArray:
         """Return the noise-free range rate of each state, m/s; shape (N, D) to (N,).

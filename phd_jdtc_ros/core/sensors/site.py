@@ -91,9 +91,9 @@ class Site:
         Newton's method with the derivative on the sphere with the site's radius of curvature; the
         first value is the elevation on this sphere.
         """
-        own, radius = self.geodetic[2], self._radius
-        above = height - own
-        centre = radius + own
+        site_height, radius = self.geodetic[2], self._radius
+        above = height - site_height
+        centre = radius + site_height
         sine = (above * (2.0 * centre + above) - distance**2) / (2.0 * distance * centre)
         for _ in range(STEPS):
             clipped = np.clip(sine, -1.0, 1.0)

@@ -81,9 +81,9 @@ class Visibility:
         mean -= slope * std[:, None] * (density[:, 1:] - density[:, :-1])
         inside = share.sum(axis=1)
         nearest = np.interp(distance, self.ranges, self.probabilities)
-        some = inside > LEAST_INSIDE
-        expected: FloatArray = mean.sum(axis=1) / np.where(some, inside, 1.0)
-        return np.where(some, expected, nearest)
+        is_inside = inside > LEAST_INSIDE
+        expected: FloatArray = mean.sum(axis=1) / np.where(is_inside, inside, 1.0)
+        return np.where(is_inside, expected, nearest)
 
     @cached_property
     def _parts(self) -> tuple[FloatArray, FloatArray, FloatArray]:

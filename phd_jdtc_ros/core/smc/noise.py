@@ -48,14 +48,14 @@ def noise_evidence(
     return NoiseEvidence(
         *_evidence(
             KNOWN_EXISTENCE,
-            *contiguous(target, mass, _spread(target, mass, difference)),
+            *contiguous(target, mass, _measured_variance(target, mass, difference)),
             *contiguous(row[order], column[order], probability[order], error[order]),
             *contiguous(std),
         )
     )
 
 
-def _spread(target: IntArray, mass: FloatArray, difference: FloatArray) -> FloatArray:
+def _measured_variance(target: IntArray, mass: FloatArray, difference: FloatArray) -> FloatArray:
     """Return the variance of each target's measurements before the update, (T, Z).
 
     `difference` are the differences from a measurement of each target, (N, Z).

@@ -128,20 +128,22 @@ class PriorParticles:
         """Probability that each particle is detected, shape (N,)."""
         detectable, sector = self._in_turn, self.report.detections.coverage
         if sector is not None:
-            measured, before = self._measured_in(sector), self._measured_before
-            if before is not None:
-                measured = EarlierSectors.only_in(measured, before)
+            measured, measured_before = self._measured_in(sector), self._measured_before
+            if measured_before is not None:
+                measured = EarlierSectors.only_in(measured, measured_before)
             detectable = detectable * measured
         return detectable if self._unseen is None else detectable * self._unseen
 
     @cached_property
     def _in_turn(self) -> FloatArray:
         """Probability that each particle is detected in a whole turn, shape (N,)."""
-        seen = self.report.sensor.coverage_probability(self._all_measured, None) * self.report.share
+        covered = (
+            self.report.sensor.coverage_probability(self._all_measured, None) * self.report.share
+        )
         prediction = self.report.informative_prediction
         if prediction is None:
-            return seen * self._usual
-        return seen * prediction.probability(self._usual, self.particles.row_label)
+            return covered * self._usual
+        return covered * prediction.probability(self._usual, self.particles.row_label)
 
     @cached_property
     def _usual(self) -> FloatArray:

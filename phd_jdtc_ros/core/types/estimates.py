@@ -161,8 +161,12 @@ class Estimates(_Targets):
         order = np.concatenate([part.track_id for part in parts]).argsort(kind="stable")
         columns = zip(*map(_per_target, parts), strict=True)
         joined = [np.concatenate(column)[order] for column in columns]
-        known = [part.attributes for part in parts if part.attributes is not None]
-        attributes = Attributes.concatenate(known).take(order) if len(known) == len(parts) else None
+        attribute_parts = [part.attributes for part in parts if part.attributes is not None]
+        attributes = (
+            Attributes.concatenate(attribute_parts).take(order)
+            if len(attribute_parts) == len(parts)
+            else None
+        )
         named = dict(zip(_PER_TARGET, joined, strict=True))
         return parts[-1].changed(lag=lag, attributes=attributes, **named), stamps[order]
 

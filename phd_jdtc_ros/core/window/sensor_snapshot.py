@@ -95,7 +95,7 @@ def _place_of(sensor: Sensor) -> Place:
     return Place(np.array([*sensor.position, sensor.yaw], dtype=np.float64))
 
 
-def _law(snapshot: Snapshot, name: str, sensor: Sensor) -> Learned | None:
+def _restore_clutter_law(snapshot: Snapshot, name: str, sensor: Sensor) -> Learned | None:
     if not isinstance(sensor.clutter_amplitude, Learned):
         return None
     sizes, threshold = {"K": AMPLITUDE_CELLS}, sensor.threshold
@@ -105,15 +105,15 @@ def _law(snapshot: Snapshot, name: str, sensor: Sensor) -> Learned | None:
     return law
 
 
-def _map(snapshot: Snapshot, name: str, sensor: Sensor) -> ClutterMap | None:
+def _restore_clutter_map(snapshot: Snapshot, name: str, sensor: Sensor) -> ClutterMap | None:
     """Return the stored clutter map of a sensor; raises ValueError for one of another place."""
     if sensor.clutter_map is None:
         return None
-    place = _place_of(sensor).pose.tolist()
+    pose = _place_of(sensor).pose.tolist()
     stored = from_snapshot(Place, snapshot, name, {"X": 3}).pose.tolist()
-    if stored != place:
+    if stored != pose:
         raise ValueError(
-            f"{name}: map of a radar at {stored} (x, y in m, yaw in rad), expected {place}"
+            f"{name}: map of a radar at {stored} (x, y in m, yaw in rad), expected {pose}"
         )
     polar = isinstance(sensor.clutter_map.grid, PolarGrid)
     if polar != (f"{name}.grid.columns" in snapshot.arrays):
@@ -129,50 +129,50 @@ def _map(snapshot: Snapshot, name: str, sensor: Sensor) -> ClutterMap | None:
     return learned
 
 
-def _count(snapshot: Snapshot, name: str, sensor: Sensor) -> ClutterCount | None:
+def _restore_clutter_count(snapshot: Snapshot, name: str, sensor: Sensor) -> ClutterCount | None:
     if sensor.clutter_count is None:
         return None
     return from_snapshot(ClutterCount, snapshot, name, {})
 
 
-def _usual(snapshot: Snapshot, name: str, sensor: Sensor) -> ClutterCount:
+def _restore_usual_count(snapshot: Snapshot, name: str, sensor: Sensor) -> ClutterCount:
     return from_snapshot(ClutterCount, snapshot, name, {})
 
 
-def _detection(snapshot: Snapshot, name: str, sensor: Sensor) -> DetectionFactor | None:
+def _restore_detection(snapshot: Snapshot, name: str, sensor: Sensor) -> DetectionFactor | None:
     if (factor := sensor.detection_factor) is None:
         return None
     return from_snapshot(DetectionFactor, snapshot, name, {"K": CELLS}, max_range=factor.max_range)
 
 
-def _noise(snapshot: Snapshot, name: str, sensor: Sensor) -> NoiseFactor | None:
+def _restore_noise(snapshot: Snapshot, name: str, sensor: Sensor) -> NoiseFactor | None:
     if (factor := sensor.noise_factor) is None:
         return None
     sizes = {"Z": COMPONENTS}
     return from_snapshot(NoiseFactor, snapshot, name, sizes, learned=factor.learned)
 
 
-def _alarm(snapshot: Snapshot, name: str, sensor: Sensor) -> ChangeAlarm | None:
+def _restore_alarm(snapshot: Snapshot, name: str, sensor: Sensor) -> ChangeAlarm | None:
     if sensor.detection_factor is None and sensor.noise_factor is None:
         return None
     sizes = {"A": 1 + AZIMUTHS, "Z": COMPONENTS, "K": CELLS}
     return from_snapshot(ChangeAlarm, snapshot, name, sizes)
 
 
-def _chains(snapshot: Snapshot, name: str, sensor: Sensor) -> DetectionChains | None:
+def _restore_chains(snapshot: Snapshot, name: str, sensor: Sensor) -> DetectionChains | None:
     if sensor.correlation is None:
         return None
     return from_snapshot(DetectionChains, snapshot, name, {"B": SUMS})
 
 
-def _correlation(snapshot: Snapshot, name: str, sensor: Sensor) -> Correlation | None:
+def _restore_correlation(snapshot: Snapshot, name: str, sensor: Sensor) -> Correlation | None:
     if (correlation := sensor.correlation) is None or not correlation.learned:
         return None
     values = {"start": correlation.start, "learned": True}
     return from_snapshot(Correlation, snapshot, name, {"B": SUMS}, **values)
 
 
-def _antenna_pass(snapshot: Snapshot, name: str, sensor: Sensor) -> AntennaPass:
+def _restore_antenna_pass(snapshot: Snapshot, name: str, sensor: Sensor) -> AntennaPass:
     return from_snapshot(AntennaPass, snapshot, name, {})
 
 
@@ -180,14 +180,14 @@ MAP = "clutter_map"
 # Name in a snapshot of each field of `LearnedSensor`, and the function that restores it; None if
 # the sensor does not learn it.
 PARTS: Mapping[str, tuple[str, Callable[[Snapshot, str, Sensor], Any]]] = {
-    "clutter_law": ("clutter", _law),
-    "clutter_map": (MAP, _map),
-    "clutter_count": ("clutter_rate", _count),
-    "usual_count": ("usual_detections", _usual),
-    "detection": ("detection_factor", _detection),
-    "noise": ("noise_factor", _noise),
-    "alarm": ("change_alarm", _alarm),
-    "chains": ("last_looks", _chains),
-    "correlation": ("correlation", _correlation),
-    "antenna_pass": ("antenna_pass", _antenna_pass),
+    "clutter_law": ("clutter", _restore_clutter_law),
+    "clutter_map": (MAP, _restore_clutter_map),
+    "clutter_count": ("clutter_rate", _restore_clutter_count),
+    "usual_count": ("usual_detections", _restore_usual_count),
+    "detection": ("detection_factor", _restore_detection),
+    "noise": ("noise_factor", _restore_noise),
+    "alarm": ("change_alarm", _restore_alarm),
+    "chains": ("last_looks", _restore_chains),
+    "correlation": ("correlation", _restore_correlation),
+    "antenna_pass": ("antenna_pass", _restore_antenna_pass),
 }

@@ -68,6 +68,6 @@ def trim(
     )
     if not dropped:
         return window
-    kept = [entry for entry in window if entry.stamp_ns not in dropped]
-    stamps = {entry.stamp_ns for entry in kept}
-    return [entry if entry.source_stamps & stamps else entry.unlinked for entry in kept]
+    remaining = [entry for entry in window if entry.stamp_ns not in dropped]
+    stamps = {entry.stamp_ns for entry in remaining}
+    return [entry if entry.source_stamps & stamps else entry.unlinked for entry in remaining]

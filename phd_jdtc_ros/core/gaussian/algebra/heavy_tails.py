@@ -73,13 +73,15 @@ def _mix_noises(
         wide_u = (wide_d * along - b * across) / wide_determinant
         wide_v = (wide_a * across - b * along) / wide_determinant
         square = along * wide_u + across * wide_v
-        usual = log_likelihood[row] + math.log(1.0 - share)
-        outlier = (
+        log_usual = log_likelihood[row] + math.log(1.0 - share)
+        log_outlier = (
             -0.5 * (square + math.log(wide_determinant)) - math.log(2.0 * math.pi) + math.log(share)
         )
-        largest = max(usual, outlier)
-        mixed_log[row] = largest + math.log(math.exp(usual - largest) + math.exp(outlier - largest))
-        q = math.exp(outlier - mixed_log[row])
+        largest = max(log_usual, log_outlier)
+        mixed_log[row] = largest + math.log(
+            math.exp(log_usual - largest) + math.exp(log_outlier - largest)
+        )
+        q = math.exp(log_outlier - mixed_log[row])
         p = 1.0 - q
         mixed_weighted[row, 0], mixed_weighted[row, 1] = p * u + q * wide_u, p * v + q * wide_v
         # The spread of two components is q (1 - q) times the square of their difference.

@@ -65,7 +65,7 @@ def gate_pairs(
         block = slice(begin, begin + step)
         error = report.detections.measurement - reachable[block, :, None]
         error = sensor.wrap(error - rate[block, :, None] * report.time_s[:, None])
-        square, log_density = _normal(error, covariance[block, :, None] + noise)
+        square, log_density = _normal_density(error, covariance[block, :, None] + noise)
         inside = (square <= gate_sigma**2) & (weight[block] > 0.0)[..., None]
         log_density = np.where(inside, log_density, -np.inf).swapaxes(1, 2)
         gated_row, gated_column = np.nonzero(inside.any(axis=1))
@@ -119,7 +119,7 @@ def innovations(
         total = jacobian @ spread[rows] @ transposed + noise[rows]
         weighted[rows] = (transposed @ np.linalg.solve(total, error[..., None]))[..., 0]
         inverse[rows] = transposed @ np.linalg.solve(total, jacobian)
-        log_likelihood[rows] = _normal(error, total)[1]
+        log_likelihood[rows] = _normal_density(error, total)[1]
         updated = prior[rows] + (spread[rows] @ weighted[rows][..., None])[..., 0]
         step = (jacobian @ (updated - position[rows])[..., None])[..., 0]
         position[rows] = updated
@@ -127,7 +127,7 @@ def innovations(
     return np.broadcast_to(np.eye(2), inverse.shape), weighted, inverse, log_likelihood
 
 
-def _normal(error: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _normal_density(error: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the square Mahalanobis distances and log normal densities of errors, (...)."""
     solved = np.linalg.solve(covariance, error[..., None])[..., 0]
     square = (error * solved).sum(axis=-1)

@@ -52,7 +52,7 @@ def detection_probability(
     """
     classes, (count, modes, size) = snr.shape[1], expected.measured.shape
     flat, std = expected.measured.reshape(-1, size), expected.std.reshape(-1, size)
-    seen = sensor.coverage_probability(flat, None, std).reshape(count, modes, 1)
+    covered = sensor.coverage_probability(flat, None, std).reshape(count, modes, 1)
     by_gaussian = sensor.configured_detection_probability(flat, std)
     if by_gaussian is None:
         cell = dynamics.cell_probability(sensor)
@@ -66,7 +66,7 @@ def detection_probability(
     if prediction is not None:
         looked, detected = (column[:, None, None] for column in prediction)
         probability = probability * (1.0 - looked) + detected
-    return DetectionProbability(seen * probability, cell, mean)
+    return DetectionProbability(covered * probability, cell, mean)
 
 
 @compiled

@@ -224,14 +224,14 @@ def _mark_likely(least_share: float, target: int, column: IntArray, selection: _
     Each detection counts once, by the share that other targets' claims leave of it.
     """
     _, _, odds, total_odds, own_odds, alternatives, start, order, _ = selection
-    for place in range(start[target], start[target + 1]):
-        own_odds[column[order[place]]] += odds[order[place]]
-    for place in range(start[target], start[target + 1]):
-        z = column[order[place]]
+    for index in range(start[target], start[target + 1]):
+        own_odds[column[order[index]]] += odds[order[index]]
+    for index in range(start[target], start[target + 1]):
+        z = column[order[index]]
         alternatives[target] += own_odds[z] / (1.0 + max(total_odds[z] - own_odds[z], 0.0))
         own_odds[z] = 0.0
-    for place in range(start[target], start[target + 1]):
-        pair = order[place]
+    for index in range(start[target], start[target + 1]):
+        pair = order[index]
         selection.likely[pair] = odds[pair] > least_share * max(alternatives[target], 1.0)
 
 

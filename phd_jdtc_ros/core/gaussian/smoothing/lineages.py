@@ -93,10 +93,10 @@ class Lineages:
     def extend(self, window: Sequence[Entry[Mixture, Link]]) -> None:
         """Append the new entries of a window; begin again if it does not continue these entries."""
         latest_ns = next(reversed(self._places), -1)
-        new = window[_count_until(window, latest_ns) :]
+        new_entries = window[_count_until(window, latest_ns) :]
         if self._is_continued_by(window):
             self._drop_before(window[0].stamp_ns)
-            if all(map(self._append, new)):
+            if all(map(self._append, new_entries)):
                 return
         self._reset()
         self._make_room(window)
@@ -168,8 +168,8 @@ class Lineages:
         predicted, pairs, factors, edges = (ring.columns for ring in self._links)
         columns, updates = self._gaussians.columns, (self._dropped, self._updates)
         needed &= find_reportable(threshold, needed, *updates, columns[0], predicted[1])
-        kept = needed[around.before]
-        around = Around(around.before[kept], around.after[kept])
+        is_needed = needed[around.before]
+        around = Around(around.before[is_needed], around.after[is_needed])
         if first == self._done:
             return around
         from_mode, to_mode = self._pairs_of_modes

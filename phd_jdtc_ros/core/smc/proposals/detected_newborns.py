@@ -112,11 +112,11 @@ def _draw(
     count, size = leads.shape[:2]
     share = (1.0 - PRIOR_SHARE) / count
     # Systematic sampling gives each component its exact share; later indices are the prior.
-    part = np.floor((np.arange(size) + rng.random()) / size * (1.0 / share)).astype(np.int64)
+    component = np.floor((np.arange(size) + rng.random()) / size * (1.0 / share)).astype(np.int64)
     normal = rng.standard_normal((size, 2))
     velocity = births.velocity_std * normal
     for index in range(count):
-        rows = np.flatnonzero(part == index)
+        rows = np.flatnonzero(component == index)
         velocity[rows] = leads[index, rows] + normal[rows] @ spreads[index].T
     prior = np.exp(-0.5 * (velocity**2).sum(axis=1) / births.velocity_std**2)
     prior /= 2.0 * np.pi * births.velocity_std**2

@@ -45,14 +45,14 @@ def sample(
     The factors, (N,), are at most 1 / `BLIND_SHARE`, with mean 1. They are 1 for a motion without
     velocity, whose noise is too small to need detections. The detections are those at that time.
     """
-    moved = motion.sample(model, state, dt, rng)
+    drawn = motion.sample(model, state, dt, rng)
     if not set(model.space.velocity) <= set(model.support):
-        return moved, np.ones(len(state))
+        return drawn, np.ones(len(state))
     noise = model.noise_covariance(dt)
     position = [model.support.index(axis) for axis in model.space.position]
     sharp = detections.sharper_than(SHARP * float(np.sqrt(noise[position[0], position[0]])))
     if not 0 < len(sharp.position) * len(state) <= MAX_PAIRS:
-        return moved, np.ones(len(state))
+        return drawn, np.ones(len(state))
     # Covariance of the noise and the position, (M, K, 2), and of the innovation, (M, 2, 2).
     seen_noise = _at_detection_time(noise, sharp, model)
     innovation = sharp.covariance + _at_detection_time(seen_noise.swapaxes(1, 2), sharp, model)
@@ -61,12 +61,12 @@ def sample(
     guided = np.flatnonzero((total > 0.0) & (rng.random(len(state)) >= BLIND_SHARE))
     chosen = _choose(predictive[:, guided], rng)
     gain = seen_noise @ np.linalg.inv(innovation)
-    _pull(moved, guided, chosen, model, gain, sharp, rng)
-    explained = _densities(sharp, moved, model, sharp.covariance, gate=False)
+    _condition_on_detections(drawn, guided, chosen, model, gain, sharp, rng)
+    explained = _densities(sharp, drawn, model, sharp.covariance, gate=False)
     explained = (explained * (predictive > 0.0)).sum(axis=0)
     is_explained = total > 0.0
     ratio = np.divide(explained, total, out=np.ones(len(state)), where=is_explained)
-    return moved, 1.0 / (BLIND_SHARE + (1.0 - BLIND_SHARE) * ratio)
+    return drawn, 1.0 / (BLIND_SHARE + (1.0 - BLIND_SHARE) * ratio)
 
 
 def _at_detection_time(
@@ -115,8 +115,8 @@ def _choose(density: FloatArray, rng: np.random.Generator) -> IntArray:
     return np.minimum(drawn, len(density) - 1)
 
 
-def _pull(
-    moved: FloatArray,
+def _condition_on_detections(
+    drawn: FloatArray,
     rows: IntArray,
     chosen: IntArray,
     model: MotionModel,
@@ -131,7 +131,7 @@ def _pull(
     """
     root = np.linalg.cholesky(detections.covariance)
     error = (root[chosen] @ rng.standard_normal((len(rows), 2, 1)))[..., 0]
-    state = moved[rows]
+    state = drawn[rows]
     offset = detections.position[chosen] - state[:, list(model.space.position)] - error
     offset -= detections.time_s[chosen, None] * state[:, list(model.space.velocity)]
-    moved[np.ix_(rows, np.array(model.support))] += (gain[chosen] @ offset[..., None])[..., 0]
+    drawn[np.ix_(rows, np.array(model.support))] += (gain[chosen] @ offset[..., None])[..., 0]
