@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
@@ -56,11 +57,18 @@ def _names(table: Table) -> list[Any] | None:
 
 
 def _read_csv(path: Path) -> Columns:
-    with path.open(encoding="utf-8-sig", newline="") as stream:
-        rows = [row for row in csv.reader(stream) if row]
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            rows = [row for row in csv.reader(stream) if row]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ValueError(f"{path}: {error}; must be a CSV file in UTF-8") from error
     if not rows:
         raise ValueError(f"{path}: is empty, must have a line of names and lines of values")
     names = [name.strip() for name in rows[0]]
+    # Columns without a name are not used.
+    repeated = [name for name, count in Counter(names).items() if name and count > 1]
+    if repeated:
+        raise ValueError(f"{path}: {', '.join(map(repr, repeated))} names several columns")
     for line, row in enumerate(rows[1:], start=2):
         if len(row) != len(names):
             raise ValueError(f"{path}: row {line} has {len(row)} values, must have {len(names)}")

@@ -69,11 +69,18 @@ def test_columns_of_reports_what_does_not_fit(table, said):
 
 @pytest.mark.parametrize(
     ("text", "said"),
-    [("", "is empty"), ("time,range\n1,2\n3\n", "row 3 has 1 values, must have 2")],
+    [
+        (b"", "is empty"),
+        (b"time,range\n1,2\n3\n", "row 3 has 1 values, must have 2"),
+        (b"time,range,range,,\n1,2,3,,\n", "'range' names several columns"),
+        ("time,d\u00e9tection\n".encode("latin-1"), ".*; must be a CSV file in UTF-8"),
+        ("time,range\n".encode("utf-16"), ".*; must be a CSV file in UTF-8"),
+        (b"x" * 200_000, "field larger than field limit .*; must be a CSV file in UTF-8"),
+    ],
 )
 def test_csv_that_is_no_table_is_named_with_its_row(tmp_path, text, said):
     path = tmp_path / "detections.csv"
-    path.write_text(text)
+    path.write_bytes(text)
 
     with pytest.raises(ValueError, match=f"detections.csv: {said}"):
         columns_of(path)
