@@ -12,6 +12,7 @@ from rich.console import Console
 
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser, fail
@@ -91,6 +92,15 @@ def main(argv: Sequence[str]) -> int:
         bag = resources.bag(arguments.bag)
         config = command.tracker_config(arguments, bag)
         title = arguments.title or bag.name
-        return write(bag, arguments.out, config, title, None, arguments.cutoff)
+        status = write(bag, arguments.out, config, title, None, arguments.cutoff)
+        present = BagReader(bag).types
+        for radar in config.inputs:
+            if radar.topic not in present:
+                print(
+                    f"report: {bag}: {radar.topic} is missing, so the detections of {radar.name} "
+                    "are not shown",
+                    file=sys.stderr,
+                )
+        return status
 
     return command.run(parser, argv, work)

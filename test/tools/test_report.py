@@ -28,8 +28,13 @@ def test_report_writes_a_page_and_pictures(tracked, tmp_path, capsys):
     assert "report.html" in capsys.readouterr().out
 
 
-def test_report_of_untracked_detections_notes_that_there_are_no_estimates(short_bag, tmp_path):
-    assert run("report", [str(short_bag), "--out", str(tmp_path)]) == 0
+def test_report_of_untracked_detections_notes_what_is_missing(short_bag, tmp_path, capsys):
+    words = ["-p", "radar_2.topic:=/wrong/detections"]
+    assert run("report", [str(short_bag), "--out", str(tmp_path), *words]) == 0
+
+    said = capsys.readouterr().err.splitlines()[-1]
+    missing = "/wrong/detections is missing, so the detections of radar_2 are not shown"
+    assert said == f"report: {short_bag}: {missing}"
 
     text = (tmp_path / "report.html").read_text()
     assert "There are no estimates in this bag" in text
