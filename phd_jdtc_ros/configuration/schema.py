@@ -312,6 +312,8 @@ def _question(name: str, known: Iterable[str]) -> str:
     group = name.rpartition(".")[0]
     near = [each for each in known if each.rpartition(".")[0] == group]
     found = get_close_matches(name, sorted(near), 1, MIN_SIMILARITY)
+    # Swapped letters make a short name less similar than that.
+    found = found or [each for each in sorted(near) if sorted(each) == sorted(name)]
     return f", did you mean {found[0]}?" if found else ""
 
 

@@ -75,6 +75,7 @@ def test_resolve_lists_every_fault_at_once_with_name_value_and_what_is_allowed()
 @pytest.mark.parametrize(
     ("given", "fault"),
     [
+        ("lga", "lga: unknown parameter, did you mean lag?"),
         ("intervall_s", "intervall_s: unknown parameter, did you mean interval_s?"),
         (
             "radar_2.rang_std",
