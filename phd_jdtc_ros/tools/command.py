@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -136,6 +137,16 @@ def require_new(what: str, *paths: Path | None) -> None:
     for path in paths:
         if path is not None and path.exists():
             raise BagError(f"{path}: already exists, {what} is not overwritten")
+
+
+def require_new_files(*paths: Path | None) -> None:
+    """Raise `BagError` if a file that is to be written exists, or its directory does not."""
+    require_new("a file", *paths)
+    for path in paths:
+        parent = None if path is None else path.resolve().parent
+        if parent is not None and not os.access(parent, os.W_OK):
+            lacks = "cannot be written to" if parent.is_dir() else "is no directory"
+            raise BagError(f"{path}: cannot be written, {parent} {lacks}")
 
 
 def recorded_parameters(

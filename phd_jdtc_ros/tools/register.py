@@ -67,7 +67,7 @@ def main(argv: Sequence[str]) -> int:
 def _work(arguments: argparse.Namespace) -> int:
     out: Path | None = arguments.out
     drawn: Path | None = arguments.picture or (out.with_suffix(".png") if out else None)
-    command.require_new("a file", out, drawn)
+    command.require_new_files(out, drawn)
     source = resources.bag(arguments.bag)
     recorded = command.recorded_parameters(source, arguments.params_file)
     if recorded is None:

@@ -126,6 +126,10 @@ def main(argv: Sequence[str]) -> int:
             faults.append(f"--asterix: {arguments.asterix} exists, is not overwritten")
         if faults:
             raise ConfigError(faults)
+        sent_to: Path | None = arguments.asterix
+        # The bag's own directory is made first.
+        if sent_to is not None and sent_to.resolve().parent != arguments.out.resolve():
+            command.require_new_files(sent_to)
         write_bag(arguments.out, run, config, arguments.seed)
         if arguments.asterix is not None:
             blocks = simulated_asterix.write(arguments.asterix, run, config, sent, arguments.seed)

@@ -43,7 +43,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _work(arguments: argparse.Namespace) -> int:
-    command.require_new("a file", arguments.out)
+    command.require_new_files(arguments.out)
     source = resources.bag(arguments.bag)
     bag = BagReader(source)
     given, where = command.recorded_parameters(source, arguments.params_file) or (

@@ -103,6 +103,14 @@ def test_tune_overwrites_nothing(tmp_path, capsys):
     assert out.read_text() == "mine"
 
 
+def test_tune_names_a_missing_directory_before_it_reads(tmp_path, capsys):
+    out = tmp_path / "none" / "mine.yaml"
+    assert tune("one_radar", "--out", out) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err == f"tune: {out}: cannot be written, {out.parent} is no directory\n"
+
+
 def test_tune_names_the_fields_of_clouds_that_it_does_not_recognise(tmp_path, capsys):
     cloud = point_cloud.encode(10**9, "lidar", {"x": np.ones(3), "ring": np.ones(3)})
     write(tmp_path / "points", ["/lidar/points"], [("/lidar/points", cloud, 10**9)])

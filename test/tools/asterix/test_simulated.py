@@ -136,6 +136,15 @@ def test_radar_that_does_not_turn_sends_no_asterix(tmp_path, capsys):
     assert not (tmp_path / "bag").exists()
 
 
+def test_simulate_names_a_missing_directory_before_it_simulates(tmp_path, capsys):
+    path = tmp_path / "none" / "sent.ast"
+    scenario = str(resources.find(Path("config/scenarios/en_route_hour.yaml")))
+    given = ["--scenario", scenario, "--out", str(tmp_path / "bag"), "--asterix", str(path)]
+    assert simulate.main(given) == 2
+    assert f"{path}: cannot be written, {path.parent} is no directory" in capsys.readouterr().err
+    assert not (tmp_path / "bag").exists()
+
+
 def test_simulate_does_not_overwrite_a_recording(tmp_path, capsys):
     path = tmp_path / "sent.ast"
     path.write_bytes(b"mine")
