@@ -186,7 +186,7 @@ def test_merged_detections_have_the_first_known_identity_and_the_mean_height():
         None,
         height=np.array([1000.0, 1010.0, np.nan]),
         code=np.array([UNKNOWN, 5, UNKNOWN]),
-        address=np.array([7, 8, UNKNOWN]),
+        address=np.array([7, UNKNOWN, UNKNOWN]),
     )
     one = merge_clusters(detections, radar)
     assert one.code.tolist() == [5, UNKNOWN]
