@@ -22,6 +22,9 @@ LEAST_SPACES = 12.0
 # Land clutter: a cell with plots in more than the share `AGAIN` of all looks, and in at least
 # `LEAST_AGAIN` of them. A cell is `CELL_SIGMA` standard deviations wide in range and in azimuth.
 AGAIN, LEAST_AGAIN, CELL_SIGMA = 0.15, 5.0, 3.0
+# The times of a land cell's plots are spread over the recording: their standard deviation is at
+# least this share of that of uniform times. Those of a target that stops for a while are not.
+LEAST_SPREAD = 0.7
 # Crowded areas: cells of these numbers in range and azimuth with `CROWD` times the mean number of
 # untracked plots, and at least `LEAST_CROWD` of them.
 CELLS, CROWD, LEAST_CROWD = (32, 64), 10.0, 10
@@ -112,7 +115,12 @@ def elsewhere(plots: Plots, looks: float, range_std: float, azimuth_std: float) 
     column = np.floor((plots.measurement[:, 1] + np.pi) / (CELL_SIGMA * azimuth_std))
     cell = row * np.ceil(FULL_TURN / (CELL_SIGMA * azimuth_std) + 1.0) + column
     _, place, count = np.unique(cell, return_inverse=True, return_counts=True)
-    kept: IntArray = np.flatnonzero(count[place.ravel()] < max(AGAIN * looks, LEAST_AGAIN))
+    place = place.ravel()
+    first, second = (np.bincount(place, plots.time_s**power) / count for power in (1, 2))
+    spread = np.sqrt(np.maximum(second - first**2, 0.0))
+    lasting = spread >= LEAST_SPREAD * plots.duration_s / np.sqrt(12.0)
+    land = lasting & (count >= max(AGAIN * looks, LEAST_AGAIN))
+    kept: IntArray = np.flatnonzero(~land[place])
     return kept
 
 

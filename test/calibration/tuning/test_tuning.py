@@ -129,6 +129,22 @@ def test_recurring_places_are_separated_from_a_passing_target():
     assert len(elsewhere(moving, 70.0, 20.0, 0.01)) == len(plots)
 
 
+def test_a_target_that_stops_for_a_while_is_no_land():
+    rng, reports = np.random.default_rng(8), []
+    for cloud in range(200):
+        # It approaches, stays at 1000 m for two fifths of the time, and departs.
+        distance = 1000.0 + 10.0 * (max(60 - cloud, 0) + max(cloud - 140, 0))
+        drone = np.array([distance, 0.3]) + rng.standard_normal(2) * [2.0, 0.01]
+        tower = np.array([500.0, -0.8]) + rng.standard_normal(2) * [2.0, 0.01]
+        reports.append((cloud * 10**9, Detections(np.stack([drone, tower]), None)))
+    plots = plots_of(reports)
+    of_drone = np.flatnonzero(plots.measurement[:, 1] > 0.0)
+    rows = elsewhere(plots, 200.0, 2.0, 0.01)
+    assert np.isin(of_drone, rows).all()
+    # Plots at the edge of the noise are in cells of few plots.
+    assert len(rows) < len(of_drone) + 0.3 * 200
+
+
 def test_areas_of_dense_clutter_are_mapped_and_spoil_no_noise(standing):
     config, (dry, _) = standing
     rng, radar, reports, in_rain = np.random.default_rng(4), config.model.radars[0], [], []
