@@ -114,7 +114,7 @@ class PlotStream:
 
     `counts` has the skipped messages of all radars by reason: the reasons of `blocks`;
     ``unknown_radar``; ``too_many_radars``; and ``receipt_time``, datagrams whose time of receipt
-    does not fit a stamp and is ignored.
+    does not fit a stamp and is ignored. `unknown` has those of unknown radars by SAC and SIC.
     """
 
     def __init__(
@@ -131,6 +131,7 @@ class PlotStream:
         self.radars = {number: self._state(settings) for number, settings in radars.items()}
         self._others = others or RadarSettings("")
         self._named = bool(radars)
+        self.unknown: Counter[int] = Counter()
         self.datagrams = 0
         self.call_signs = CallSigns()
 
@@ -220,6 +221,7 @@ class PlotStream:
         """Return the state of a new radar, None if the radar is not accepted."""
         if self._named:
             self.counts["unknown_radar"] += 1
+            self.unknown[number] += 1
             return None
         if len(self.radars) >= MAX_RADARS:
             self.counts["too_many_radars"] += 1

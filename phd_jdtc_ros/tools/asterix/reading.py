@@ -28,8 +28,8 @@ from . import parameters
 DEPTH = 50
 # Smallest share of a recording that must be used; otherwise the tool fails.
 LEAST_USED = 0.5
-# Largest number of ports in a message.
-MAX_PORTS = 8
+# Largest number of ports, or of unknown radars, in a message.
+MAX_LISTED = 8
 # Descriptions of other categories, for the message that they are not used.
 TRACKS = "tracks of another tracker, not plots"
 PLACES = (
@@ -99,8 +99,7 @@ class Conversion:
 
     def _silence(self) -> str:
         silent = " or ".join(map(str, self._silent_ports()))
-        listed = ", ".join(f"{port} ({count})" for port, count in self.ports.most_common(MAX_PORTS))
-        return f"no datagram is to port {silent}; ports with their datagrams: {listed}"
+        return f"no datagram is to port {silent}; ports with their datagrams: {_most(self.ports)}"
 
     def faults(self) -> Iterator[str]:
         """Yield a line for each reason why the recording was not used as it should be."""
@@ -119,6 +118,9 @@ class Conversion:
         used = self.plots + sum(state.services for state in states) if self.clouds else 0
         if self.clouds and used >= LEAST_USED * intended:
             return
+        if not categories:
+            yield "has no data blocks of ASTERIX"
+            return
         held = ", ".join(f"CAT{number:03} {n}" for number, n in categories.most_common())
         reasons = counts_text(left_out)
         others = "".join(
@@ -129,7 +131,17 @@ class Conversion:
         yield (
             f"{used} of {intended} records could be used; all records: {held or 'none'}{others}"
             + (f"; left out: {reasons}" if reasons else "")
+            + (f"; SAC/SIC of unknown radars: {self._unknown()}" if self.stream.unknown else "")
         )
+
+    def _unknown(self) -> str:
+        radars = self.stream.unknown.items()
+        return _most(Counter({f"{radar >> 8}/{radar & 255}": count for radar, count in radars}))
+
+
+def _most(counts: Counter[Any]) -> str:
+    """Return the most frequent ports or radars with their counts, in words."""
+    return ", ".join(f"{name} ({count})" for name, count in counts.most_common(MAX_LISTED))
 
 
 def convert(

@@ -150,6 +150,19 @@ def test_port_without_datagrams_is_named_with_those_that_have_some(bridge, ports
     assert said.err.count("\n") == (1 if expected else 0)
 
 
+def test_wrong_source_is_reported_with_the_radars_of_the_recording(bridge):
+    data = b"".join(made.turns(1))
+    status, _, said = bridge(data, "-p", "radars:=[a]", "-p", "a.source:=[9, 9]")
+    assert status == 3
+    assert said.err.endswith("left out: unknown_radar 33; SAC/SIC of unknown radars: 1/2 (33)\n")
+
+
+def test_capture_without_datagrams_has_no_data_blocks(bridge):
+    status, _, said = bridge(made.pcap([]))
+    assert status == 3
+    assert said.err.endswith(": has no data blocks of ASTERIX\n")
+
+
 @pytest.mark.parametrize("given", ["0", "65536", "-1", "8600x", "9" * 5000])
 def test_impossible_port_is_refused(bridge, given, capsys):
     with pytest.raises(SystemExit, match="2"):
