@@ -92,8 +92,8 @@ def main(argv: Sequence[str]) -> int:
         bag = resources.bag(arguments.bag)
         config = command.tracker_config(arguments, bag)
         title = arguments.title or bag.name
-        status = write(bag, arguments.out, config, title, None, arguments.cutoff)
         present = BagReader(bag).types
+        status = write(bag, arguments.out, config, title, None, arguments.cutoff)
         for radar in config.inputs:
             if radar.topic not in present:
                 print(
