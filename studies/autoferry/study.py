@@ -58,8 +58,8 @@ def _combined(found: Sequence[Figures]) -> Figures:
             else each
             for each in found[0]["scores"]
         ],
-        "particles": half_width([_mean_gospa(one) for one in by_seed]),
         "runs": len(found),
+        "half_width": half_width([_mean_gospa(one) for one in by_seed]) if found[1:] else None,
     }
 
 
@@ -90,7 +90,7 @@ def _tables(found: Figures) -> list[Table | str]:
         shown.add_row(f"{tracker}, {source}", *cells, f"{over['position_rms']:.1f}")
     if found["runs"] == 1:
         return [shown]
-    widths = " and ".join(f"{width:.1f} m {name}" for name, width in found["particles"].items())
+    widths = " and ".join(f"{width:.1f} m {name}" for name, width in found["half_width"].items())
     return [shown, f"particles: the mean of {found['runs']} seeds, 95 % within {widths}"]
 
 

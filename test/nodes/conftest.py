@@ -149,6 +149,8 @@ class Peer:
             reply = self._reply(client, request)
             assert reply is not None, f"{name} does not answer"
             return reply
+        # A reply to a client that the node has not discovered is lost, and is not asked for again.
+        self.meet(name.rpartition("/")[0])
         future = client.call_async(request)
         assert self.spin_until(future.done), f"{name} does not answer"
         return future.result()

@@ -155,7 +155,8 @@ def test_the_figures_of_the_particles_are_means_over_seeds():
         (2, 20.0),
     ]
     # Student's t of one degree of freedom, 12.71, times the standard error of the mean, 1 m.
-    assert figures["particles"] == pytest.approx({"filtered": 12.71, "smoothed": 12.71}, rel=1e-3)
+    interval = {"filtered": 12.71, "smoothed": 12.71}
+    assert figures["half_width"] == pytest.approx(interval, rel=1e-3)
     shown = study.STUDY.tables(figures)
     assert (
         shown[-1]
