@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+from functools import partial
 from types import SimpleNamespace
 
 
@@ -38,3 +39,45 @@ def alone(active, task):
     time.sleep(0.05)
     active.unlink()
     return outcome(task)
+
+
+def interrupt_a_worker_that_sends(marker):
+    """Interrupt a pool of three while a worker waits to send the rest of its outcome."""
+    from phd_jdtc_ros.study.monte_carlo import execution
+
+    def report(_):
+        wait_for(marker)
+        time.sleep(0.5)
+        raise KeyboardInterrupt
+
+    execution.run_on_processes(tasks(3), 3, report, partial(_fill_the_pipe, marker))
+
+
+class _ReadSlowly:
+    """An outcome that keeps the thread which receives it for a while."""
+
+    def __init__(self, marker):
+        self.marker = marker
+
+    def __reduce__(self):
+        return _read, (self.marker,)
+
+
+def _read(marker):
+    marker.touch()
+    time.sleep(2.0)
+
+
+def _fill_the_pipe(marker, task):
+    if task.seed == 1:
+        return _ReadSlowly(marker)
+    if task.seed == 2:
+        wait_for(marker)
+        return bytes(1_000_000)
+    return outcome(task)
+
+
+def wait_for(marker):
+    deadline = time.monotonic() + 60.0
+    while not marker.exists() and time.monotonic() < deadline:
+        time.sleep(0.01)

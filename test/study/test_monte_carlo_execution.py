@@ -1,6 +1,11 @@
 import os
+import subprocess
+import sys
+import textwrap
 from functools import partial
+from pathlib import Path
 
+import fatal_tasks
 import numpy as np
 import pytest
 from fatal_tasks import alone, die_of_one, die_once, outcome
@@ -68,6 +73,26 @@ def test_run_on_processes_gives_up_on_the_guilty_task_alone(monkeypatch):
     assert seeds(found) == [0, 2, 3]
     assert failed.task.seed == 1
     assert "died" in failed.error
+
+
+def test_run_on_processes_is_interrupted_while_a_worker_sends_an_outcome(tmp_path):
+    script = f"""
+        from pathlib import Path
+        from fatal_tasks import interrupt_a_worker_that_sends
+        if __name__ == "__main__":
+            interrupt_a_worker_that_sends(Path({str(tmp_path / "marker")!r}))
+    """
+    (tmp_path / "main.py").write_text(textwrap.dedent(script))
+    path = os.pathsep.join([str(Path(fatal_tasks.__file__).parent), str(Path(__file__).parents[2])])
+    ended = subprocess.run(
+        [sys.executable, tmp_path / "main.py"],
+        env={**os.environ, "PYTHONPATH": path},
+        stderr=subprocess.PIPE,
+        timeout=60,
+        check=False,
+    )
+
+    assert ended.stderr.decode().strip().endswith("KeyboardInterrupt")
 
 
 def test_run_on_processes_restores_the_environment(monkeypatch):

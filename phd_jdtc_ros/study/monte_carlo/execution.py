@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from types import FrameType
 from typing import TypeAlias
 
 from phd_jdtc_ros.configuration.schema import ConfigError
@@ -59,7 +60,8 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     before = set(multiprocessing.active_children())
     settings = {name: os.environ.get(name) for name in THREAD_VARIABLES}
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
-    pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+    spawn = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(workers, mp_context=spawn, initializer=_Worker.begin)
     try:
         yield pool
     except BaseException:
@@ -73,6 +75,38 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
                 del os.environ[name]
             else:
                 os.environ[name] = value
+
+
+class _Worker:
+    """A worker process on SIGTERM: it ends in its task, but not while it sends an outcome.
+
+    This process would wait for the rest of an outcome for ever.
+    """
+
+    terminated = False
+    performing = False
+
+    @classmethod
+    def begin(cls) -> None:
+        """Handle SIGTERM from now on."""
+        signal.signal(signal.SIGTERM, cls._terminate)
+
+    @classmethod
+    def perform(cls, work: Work, task: Task) -> Outcome:
+        """Return the outcome of a task, unless SIGTERM comes before it is there."""
+        cls.performing = True
+        if cls.terminated:
+            os._exit(1)
+        try:
+            return work(task)
+        finally:
+            cls.performing = False
+
+    @classmethod
+    def _terminate(cls, number: int, frame: FrameType | None) -> None:
+        cls.terminated = True
+        if cls.performing:
+            os._exit(1)
 
 
 def _feed(
@@ -123,7 +157,7 @@ def _submit(pool: ProcessPoolExecutor, work: Work, task: Task) -> Future[Outcome
     """Submit a task; processes started for it ignore keyboard interrupts."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        return pool.submit(work, task)
+        return pool.submit(_Worker.perform, work, task)
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
