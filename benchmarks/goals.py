@@ -41,7 +41,7 @@ class Goal(NamedTuple):
 
     name: str
     bound: float
-    at_most: bool  # Whether the bound is an upper one
+    at_most: bool  # True if the bound is an upper one
     value: Value
     source: str  # The part of the summary that gives the reason if the value was not measured
     allowance: Value = lambda _: 0.0  # Value that is added to the bound

@@ -25,7 +25,7 @@ from .errors import RejectedMessageError
 
 _UPPER = tuple(zip(*np.triu_indices(len(PLANAR)), strict=True))
 _COVARIANCE = [f"cov_{row}{column}" for row, column in _UPPER]
-# Vertical covariances: of the height, of height and climb rate, and of the climb rate.
+# Indices of each covariance of height and climb rate, by field.
 _VERTICAL = {"cov_zz": (0, 0), "cov_zvz": (0, 1), "cov_vzvz": (1, 1)}
 _IDENTITIES = {"code": identities.CODES, "address": identities.ADDRESSES}
 _AGES = tuple(f"age_{sensor}" for sensor in SENSORS)
@@ -74,7 +74,7 @@ def _columns_of(estimates: Estimates) -> dict[str, npt.NDArray[Any]]:
         columns[f"p_class_{index}"] = estimates.class_probability[:, index]
     for name, (row, column) in zip(_COVARIANCE, _UPPER, strict=True):
         columns[name] = estimates.covariance[:, row, column]
-    # The state stands last, so that readers with fixed offsets keep working.
+    # Later fields follow the older ones, so that readers with fixed offsets keep working.
     columns["state"] = estimates.track_state
     if known is not None:
         for name, (one, other) in _VERTICAL.items():
@@ -178,6 +178,6 @@ def _detection_times(columns: Mapping[str, npt.NDArray[Any]], stamp_ns: int) -> 
 
 
 def _identity(column: npt.NDArray[Any], numbers: tuple[int, tuple[int, ...]]) -> IntArray:
-    every = np.ones(len(column), dtype=np.bool_)
-    found, _ = identities.read(column.astype(np.float64), every, numbers)
+    all_rows = np.ones(len(column), dtype=np.bool_)
+    found, _ = identities.read(column.astype(np.float64), all_rows, numbers)
     return np.full(len(column), UNKNOWN) if found is None else found

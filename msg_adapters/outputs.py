@@ -85,14 +85,14 @@ class Output:
     # Returns the messages, or their bytes, given the trigger's value.
     encode: Callable[[Any, View], Iterable[Any]]
     switch: str = ""  # Name by which a user enables the output; empty if it is always on
-    usual: bool = True  # Whether the output is on by default
-    latched: bool = False  # Whether late subscribers receive the last message
+    usual: bool = True  # True if the output is on by default
+    latched: bool = False  # True if late subscribers receive the last message
     # Returns whether the output applies to this tracker.
     needs: Callable[[View], bool] = lambda _: True
     period_s: float = 0.0  # Shortest time between two messages, by the stamps of scans
     # True if its encoder keeps what it is given, and needs it even without subscribers.
     remembers: bool = False
-    on_earth: bool = False  # Whether the output needs the world frame's place on the earth
+    on_earth: bool = False  # True if the output needs the world frame's place on the earth
     # Returns the message that clears the display, for an output that may be switched off at run
     # time.
     clear: Callable[[View], Any] | None = None

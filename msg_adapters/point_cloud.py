@@ -63,7 +63,7 @@ def to_cdr(
     columns: Mapping[str, npt.NDArray[Any]],
     wide: Collection[str] = (),
 ) -> bytes:
-    """Return the serialised cloud of `encode`, whose fields the middleware need not convert."""
+    """Return the cloud of `encode` in serialised form, which the middleware sends as it is."""
     points = _points(columns, wide)
     before, fields = _constant_bytes(points.dtype, frame)
     return b"".join(
@@ -128,10 +128,10 @@ def _layout(codes: tuple[tuple[str, str], ...]) -> np.dtype[np.void]:
 
 def _fields(layout: np.dtype[np.void]) -> list[PointField]:
     """Return the fields of a cloud, which belong to its message alone."""
-    places: Any = layout.fields
+    columns: Any = layout.fields
     return [
         PointField(name=name, offset=offset, datatype=_DATATYPES[dtype.str[1:]], count=1)
-        for name, (dtype, offset) in places.items()
+        for name, (dtype, offset) in columns.items()
     ]
 
 
@@ -141,8 +141,8 @@ def finite(column: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
     Estimates are published in single precision, and sums and squares of such numbers are finite in
     double precision. Neither holds for a double such as 1e300.
     """
-    near: npt.NDArray[np.bool_] = np.abs(column) <= LARGEST  # False for NaN
-    return near
+    mask: npt.NDArray[np.bool_] = np.abs(column) <= LARGEST  # False for NaN
+    return mask
 
 
 def require_finite(columns: Mapping[str, npt.NDArray[Any]]) -> None:

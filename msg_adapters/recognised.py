@@ -32,8 +32,8 @@ IN_DB = ("snr", "snr_db", "power", "rcs")
 # Allowed types of a field, where they differ from floats.
 TYPES: Mapping[str, Sequence[str]] = {"fields.amplitude": NUMBERS, "fields.sector": NUMBERS}
 # A unit of time is rejected if it puts detections farther from the stamp than FARTHEST_S seconds,
-# or than INTERVALS times the interval between clouds.
-FARTHEST_S, INTERVALS = 60.0, 20.0
+# or than FARTHEST_INTERVALS times the interval between clouds.
+FARTHEST_S, FARTHEST_INTERVALS = 60.0, 20.0
 # Times within this of the stamp, seconds, give no evidence of their unit.
 LEAST_S = 1e-4
 
@@ -56,7 +56,7 @@ def parameters(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:
     if not {"fields.range", "fields.azimuth"} <= set(found):
         return None
     found.setdefault("fields.amplitude", "")
-    if "fields.elevation" in found and not _any(full, found["fields.elevation"]):
+    if "fields.elevation" in found and not _has_elevations(full, found["fields.elevation"]):
         del found["fields.elevation"]  # all elevations are zero, so ranges are ground ranges
     found.update(_azimuths(full, found["fields.azimuth"]))
     if found["fields.amplitude"].lower() in IN_DB:
@@ -86,7 +86,7 @@ def _column(clouds: Sequence[PointCloud2], parameter: str, name: str) -> FloatAr
     return np.concatenate(parts).astype(np.float64)
 
 
-def _any(clouds: Sequence[PointCloud2], name: str) -> bool:
+def _has_elevations(clouds: Sequence[PointCloud2], name: str) -> bool:
     column = _column(clouds, "fields.elevation", name)
     return column is not None and bool(np.nan_to_num(column).any())
 
@@ -115,7 +115,9 @@ def _azimuths(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any]:
 def _times(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any] | None:
     """Return unit and reference of the detection times, None if no unit fits the stamps."""
     steps_s = np.diff([stamps.to_ns(cloud.header.stamp) * 1e-9 for cloud in clouds])
-    limit_s = min(FARTHEST_S, INTERVALS * float(np.median(steps_s))) if len(steps_s) else FARTHEST_S
+    limit_s = FARTHEST_S
+    if len(steps_s):
+        limit_s = min(FARTHEST_S, FARTHEST_INTERVALS * float(np.median(steps_s)))
     for reference, types in (("epoch", DOUBLES), ("stamp", point_cloud.FLOATS)):
         farthest = dict.fromkeys(TIME_UNITS, 0.0)
         for cloud in clouds:

@@ -17,7 +17,7 @@ FLIGHT_LEVEL = 30.48
 class Vertical(NamedTuple):
     """Heights and climb rates of T targets."""
 
-    known: npt.NDArray[np.bool_]  # Whether the height of each target is known, (T,)
+    known: npt.NDArray[np.bool_]  # True where a target's height is known, (T,)
     state: FloatArray  # Metres and metres per second, (T, 2); 0 if unknown
     covariance: FloatArray  # (T, 2, 2); 0 if unknown
 

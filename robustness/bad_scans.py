@@ -34,7 +34,7 @@ class BadScan:
     # Function of a stamp. Returns the serialised cloud of the first radar.
     data: Callable[[int], bytes]
     count: int = 1  # Expected count: 1, or the number of points if points are dropped
-    kept: bool = False  # Whether the tracker uses the scan without the dropped points
+    kept: bool = False  # True if the tracker uses the scan without the dropped points
 
 
 def _good(stamp_ns: int) -> PointCloud2:

@@ -51,7 +51,7 @@ class Scene(NamedTuple):
 
     aircraft: int
     radius: float  # Aircraft begin within this distance of the radar, metres
-    turns: bool  # Whether aircraft turn
+    turns: bool  # True if aircraft turn
     near: float  # Distance within which an estimate is of a target, metres
     parameters: Mapping[str, Any]
 

@@ -47,7 +47,7 @@ class Errors(NamedTuple):
     position: FloatArray  # Distance between track and flight, NM, (N,)
     speed: FloatArray  # Estimated minus true ground speed, kt, (N,)
     heading: FloatArray  # Estimated minus true heading, clockwise, degrees, (N,)
-    turning: FloatArray  # Whether the flight is in a turn, (N,)
+    turning: FloatArray  # 1 where the flight is in a turn, else 0, (N,)
     expected: int  # Number of updates if every flight always had a track
 
 

@@ -55,8 +55,8 @@ class Study:
     runs: int = 1
     # Shortest part of the scenario that has figures; None if it cannot be shortened.
     least_minutes: float | None = None
-    has_parameters: bool = False  # Whether the command takes parameters of the tracker
-    joins_summary: bool = False  # Whether its goals are added to the Monte Carlo study's
+    has_parameters: bool = False  # True if the command takes parameters of the tracker
+    joins_summary: bool = False  # True if its goals are added to the Monte Carlo study's
     # Adds the study's own arguments.
     add_arguments: Callable[[ArgumentParser], None] = lambda _: None
     # Combines the figures of all seeds, for tables and for goals that single seeds cannot have.

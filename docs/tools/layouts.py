@@ -29,11 +29,11 @@ LIVE_PANELS = ("Plot!ospa", "Plot!step", "DiagnosticSummary!all")
 class View(NamedTuple):
     """What a layout shows."""
 
-    extent: float  # Of the 3D panel from top to bottom, metres
-    cell: float  # Of its grid, metres
+    extent: float  # Height of the 3D panel, metres
+    cell: float  # Width of a cell of its grid, metres
     decay_s: float  # How long smoothed estimates stay, seconds
-    live: bool = True  # Whether it is for a recording of nodes
-    earth: bool = False  # Whether there is a map of the earth
+    live: bool = True  # True if it is for a recording of nodes
+    earth: bool = False  # True if there is a map of the earth
 
 
 VIEWS = {

@@ -30,7 +30,7 @@ LATEST_S = 9.2e9
 def columns_of(table: Table) -> Columns:
     """Return a table's columns by name, all of equal length; a CSV file has a header line.
 
-    Raise `ValueError` if it is no `Table`, or its columns differ in length.
+    Raise `ValueError` if it is not a `Table`, or its columns differ in length.
     """
     if isinstance(table, (str, os.PathLike)):
         return _read_csv(Path(table))
@@ -65,7 +65,7 @@ def _read_csv(path: Path) -> Columns:
     if not rows:
         raise ValueError(f"{path}: is empty, must have a line of names and lines of values")
     names = [name.strip() for name in rows[0]]
-    # Columns without a name are not used.
+    # Several columns may have no name, because such columns are not used.
     repeated = [name for name, count in Counter(names).items() if name and count > 1]
     if repeated:
         raise ValueError(f"{path}: {', '.join(map(repr, repeated))} names several columns")
@@ -83,7 +83,7 @@ def numbers(columns: Columns, name: str) -> FloatArray:
     """
     column = require_column(columns, name)
     if column.ndim > 1:
-        raise ValueError(f"{name}: shape {column.shape}, must be one number in a row")
+        raise ValueError(f"{name}: shape {column.shape}, must be one number per row")
     if column.dtype.kind in "US":
         column = np.where(column == "", "nan", column)
     try:
@@ -166,11 +166,11 @@ def _dates(name: str, column: Column) -> Column:
         ) from None
 
 
-def _invalid(name: str, column: Column, fits: Callable[[Any], Any], what: str) -> ValueError:
-    """Return the error that names the first invalid value of a column."""
+def _invalid(name: str, column: Column, convert: Callable[[Any], Any], what: str) -> ValueError:
+    """Return the error that names the first value of a column that `convert` rejects."""
     for row, value in enumerate(column.tolist(), start=1):
         try:
-            fits(value)
+            convert(value)
         except (TypeError, ValueError):
             return ValueError(f"{name}: {short(repr(value))} in row {row}, must be {what}")
     return ValueError(f"{name}: {column.dtype} given, must be {what}")
@@ -179,7 +179,7 @@ def _invalid(name: str, column: Column, fits: Callable[[Any], Any], what: str) -
 def table_of(found: Sequence[Estimates], class_names: Sequence[str]) -> Column:
     """Return estimates as a structured array with a row per estimate, in the given order.
 
-    The columns are those of `Tracker`.
+    The docstring of `Tracker` describes the columns.
     """
     widest = max(map(len, class_names))
     dtype = [

@@ -27,8 +27,8 @@ from .tables import Column, Table, columns_of, stamps_ns, table_of
 class Tracks(NamedTuple):
     """Estimates of targets, as structured arrays; see `Tracker` for their columns."""
 
-    filtered: Column  # From the detections up to their time
-    # From these and later detections within the lag: more accurate, but available scans later.
+    filtered: Column  # Estimates from the detections up to their time
+    # Estimates from later detections within the lag too: more accurate, and delayed by the lag.
     smoothed: Column
 
 

@@ -161,8 +161,8 @@ def _has_time(message: Message) -> bool:
 def _in_day(begin_ns: int, own_ns: int, period_ns: int, near_ns: int) -> int:
     """Return the time of a day that is nearest to another time, given the time modulo a period.
 
-    A truncated time also restarts at midnight, since its period does not divide the day; the last
-    period of a day is therefore short.
+    The period does not divide the day, and a truncated time restarts at midnight: the last period
+    of a day is shorter.
     """
     last = (NS_PER_DAY - 1 - own_ns) // period_ns
     turns = round((near_ns - begin_ns - own_ns) / period_ns)

@@ -50,7 +50,7 @@ class Extended(Rule):
     """Parts, each with a bit (FX) that announces the next part."""
 
     parts: tuple[int, ...]  # Lengths in bytes
-    last_extends: bool  # Whether the last part has such a bit, which must then be zero
+    last_extends: bool  # True if the last part has such a bit, which must then be zero
 
     def end(self, data: bytes, at: int, limit: int) -> int:
         """See `Rule.end`."""

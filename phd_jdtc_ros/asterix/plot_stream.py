@@ -87,8 +87,8 @@ class RadarState:
     waiting: list[tuple[Message, int | None]] = field(default_factory=list)
     _received_ns: dict[type, int] = field(default_factory=dict)
 
-    def belongs(self, kind: type, source: str | None, now_ns: int) -> bool:
-        """Return whether messages of this kind are accepted from this source.
+    def accept_source(self, kind: type, source: str | None, now_ns: int) -> bool:
+        """Return whether messages of this kind are accepted from this source, and count it.
 
         A second source of a radar is a redundant line or another radar with the same number. In
         neither case may messages of both sources be used.
@@ -108,8 +108,8 @@ class RadarState:
 class PlotStream:
     """Converts datagrams to the reports of radars, and collects the call signs of all plots.
 
-    `radars` are configured, by SAC in the upper and SIC in the lower eight bits, and `others` is
-    the configuration of all others, which are accepted as ``radar_SAC_SIC`` if there are none.
+    `radars` has the configured radars, by SAC in the upper and SIC in the lower eight bits. If it
+    is empty, every radar is accepted, with the settings `others` and the name ``radar_SAC_SIC``.
     `finders` creates an estimator of the rotation period of a radar without sector crossings.
 
     `counts` has the skipped messages of all radars by reason: the reasons of `blocks`;
@@ -130,7 +130,7 @@ class PlotStream:
         self.clock = clock or StreamClock()
         self.radars = {number: self._state(settings) for number, settings in radars.items()}
         self._others = others or RadarSettings("")
-        self._named = bool(radars)
+        self._configured_only = bool(radars)
         self.unknown: Counter[int] = Counter()
         self.datagrams = 0
         self.call_signs = CallSigns()
@@ -161,8 +161,8 @@ class PlotStream:
                 yield []
                 continue
             now_ns = state.time_ns if received_ns is None else received_ns
-            own = state.belongs(type(message), source, now_ns)
-            found = self._process(state, message, received_ns) if own else []
+            accepted = state.accept_source(type(message), source, now_ns)
+            found = self._process(state, message, received_ns) if accepted else []
             yield [(state, report) for report in found]
 
     def finish(self) -> list[tuple[RadarState, SectorReport]]:
@@ -219,7 +219,7 @@ class PlotStream:
 
     def _new(self, number: int) -> RadarState | None:
         """Return the state of a new radar, None if the radar is not accepted."""
-        if self._named:
+        if self._configured_only:
             self.counts["unknown_radar"] += 1
             self.unknown[number] += 1
             return None

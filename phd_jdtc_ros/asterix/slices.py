@@ -22,8 +22,8 @@ BACK_NS = 60 * 10**9
 PARTS, SHORTEST_NS = 8, 250_000_000
 # After this time without plots the radar counts as off, and no empty slices are sent.
 SILENCE_NS = 15 * 10**9
-# Largest accepted plot delay, which is also the time that the first slice waits, and the time over
-# which the maximum delay is kept.
+# Largest accepted delay of a plot, for which the first slice waits too, and the time for which the
+# maximum delay is remembered.
 MAX_DELAY_NS, MEMORY_NS = 2 * 10**9, 60 * 10**9
 # Factor on the delay of plots for which a slice waits.
 MARGIN = 1.25

@@ -46,9 +46,9 @@ class BagMessage:
 class BagReader:
     """Reads a bag: a rosbag2 directory with one MCAP file, or such a file alone.
 
-    `types` has the types of the readable topics, `foreign` kind and converter of the other topics,
-    and `counts` the messages by topic. The first and the last message have the log times `start_ns`
-    and `end_ns`.
+    `types` has the type of each readable topic, `foreign` why each other topic cannot be read, and
+    with which tool it can be converted, and `counts` the number of messages by topic. The first and
+    the last message have the log times `start_ns` and `end_ns`.
 
     Raise `BagError` if the bag is missing, of another kind, or damaged without any readable topic.
     """
@@ -111,9 +111,9 @@ class BagReader:
         read: Counter[int] = Counter()
         waiting = 0
         with _guard(self._file), self._file.open("rb") as stream:
-            # Log time, offset in the file, place and entry, ordered by time. An entry of place -1
-            # is the length of a chunk or run that has not been read, and its time that of its
-            # earliest message. The others are messages, with their places in their chunks.
+            # The queue is ordered by log time and has chunks (or runs) that are still unread, and
+            # messages of those that were read: log time, offset in the file, place, entry. For an
+            # unread chunk these are its earliest log time, its offset, -1 and its length.
             queue: list[tuple[int, int, int, Any]] = [
                 (start, offset, -1, length)
                 for start, offset, length in (*self._index.chunks, *self._index.runs)
@@ -141,8 +141,8 @@ class BagReader:
                             heapq.heappush(queue, (record.log_time, offset, position, record))
                 if waiting > MAX_WAITING:
                     raise BagError(
-                        f"{self._file}: its messages are too far out of order: more than "
-                        f"{MAX_WAITING // 2**20} MiB of them would have to wait at once"
+                        f"{self._file}: its messages are too far out of order: sorting them would "
+                        f"take more than {MAX_WAITING // 2**20} MiB of memory"
                     )
         self._require_all(read, lost, partly=until_ns is not None and until_ns < self.end_ns)
 

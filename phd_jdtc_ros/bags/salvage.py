@@ -112,8 +112,8 @@ class Index:
 def walk(stream: BinaryIO, begin: int, end: int, found: Index) -> int:
     """Read the intact records from `begin` to `end` into `found`, and return the end of the data.
 
-    The bounds are those of the data section, or of a part of it. `found` gets the first damage and
-    the number of lost bytes too.
+    The bounds are those of the data section, or of a part of it. The first damage and the number
+    of lost bytes are stored in `found` too.
     """
     position, searches = begin, 0
     while position + RECORD_HEAD <= end:
@@ -122,7 +122,7 @@ def walk(stream: BinaryIO, begin: int, end: int, found: Index) -> int:
         if opcode == Opcode.DATA_END and length == _DATA_END:
             return after
         try:
-            _take(stream, position, end, found)
+            _add_record(stream, position, end, found)
         except DamageError as error:
             found.damage = found.damage or str(error)
             # The length itself may be damaged.
@@ -144,7 +144,7 @@ def head(stream: BinaryIO, position: int) -> tuple[int, int]:
     return data[0], RECORD_HEAD + int.from_bytes(data[1:], "little")
 
 
-def _take(stream: BinaryIO, position: int, end: int, found: Index) -> None:
+def _add_record(stream: BinaryIO, position: int, end: int, found: Index) -> None:
     """Add the record at `position` to `found`, or raise `DamageError`."""
     opcode, length = head(stream, position)
     if position + length > end:
@@ -153,17 +153,17 @@ def _take(stream: BinaryIO, position: int, end: int, found: Index) -> None:
         records = chunks.unpack(stream, position, length)
         for record in records:
             found.define(record)
-        whole = [record for record in records if isinstance(record, Message)]
-        found.add_chunk(position, length, whole)
+        messages = [record for record in records if isinstance(record, Message)]
+        found.add_chunk(position, length, messages)
     elif opcode == Opcode.MESSAGE:
-        _take_message(stream, position, length, end, found)
+        _add_message(stream, position, length, end, found)
     elif opcode in (Opcode.CHANNEL, Opcode.SCHEMA):
-        _take_definition(stream, position, length, found)
+        _add_definition(stream, position, length, found)
     elif not _can_follow(stream, position + length, end):
         raise DamageError("a record does not end where another begins")
 
 
-def _take_message(stream: BinaryIO, position: int, length: int, end: int, found: Index) -> None:
+def _add_message(stream: BinaryIO, position: int, length: int, end: int, found: Index) -> None:
     if length > MAX_CHUNK:
         raise DamageError(f"a message of {length} bytes, at most {MAX_CHUNK} are allowed")
     if length < _MESSAGE_HEAD.size:
@@ -202,7 +202,7 @@ def _is_damaged_message(
     return sum(signs) >= 2
 
 
-def _take_definition(stream: BinaryIO, position: int, length: int, found: Index) -> None:
+def _add_definition(stream: BinaryIO, position: int, length: int, found: Index) -> None:
     if length > MAX_CHUNK:
         raise DamageError(f"a definition of {length} bytes, at most {MAX_CHUNK} are allowed")
     stream.seek(position)

@@ -141,10 +141,10 @@ class TrackerConfig(Tracking):
 
     @property
     def answer_delay_s(self) -> float:
-        """Largest time from the last scan that a report completes to the report's stamp, seconds.
+        """Largest difference between a report's stamp and that of its last scan, seconds.
 
-        A report of a turning radar becomes scans of parts of a turn, and one of a radar with a
-        late clock becomes an earlier scan; otherwise both stamps are equal.
+        A report of a turning radar becomes scans of parts of a turn, and the report of a radar with
+        a late clock an earlier scan. Otherwise a report and its scan have one stamp.
         """
         slices_s = [
             radar.rotation_s / max(radar.sectors / 2.0, 4.0)
@@ -167,7 +167,7 @@ class TrackerConfig(Tracking):
                 compass=radar.compass,
                 reset_threshold_s=self.reset_threshold_s,
                 azimuth_bias=radar.bias.azimuth,
-                # Without labels all targets are one row, and no part of them is updated alone.
+                # Filters without labels update all targets at once, so that turns are not cut.
                 min_period_s=MIN_PERIOD_S if self.rule.labelled and model.polar else math.inf,
             )
             for radar, model in zip(self.inputs, self.model.radars, strict=True)
@@ -204,8 +204,8 @@ def resolve(
 ) -> TrackerConfig:
     """Check a configuration and build the tracker's models; raise `ConfigError` with all faults.
 
-    The map projection about ``world_origin`` is that of `plane_about`, given latitude, longitude
-    and height: `earth.SystemPlane`. It is None where no place on the earth is allowed.
+    `plane_about` returns the map projection about ``world_origin`` (latitude, longitude, height),
+    as `earth.SystemPlane` does. If it is None, no ``world_origin`` is allowed.
     """
     table = schema(given)
     checked = _without_unknown_members(given, table)
@@ -225,9 +225,9 @@ def resolve(
 def _without_unknown_members(
     given: Mapping[str, Any], table: Mapping[str, Parameter]
 ) -> Mapping[str, Any]:
-    """Return the given parameters; those of members only if the lists of names have no fault.
+    """Return the given parameters, without those of undeclared parts if a list of names is faulty.
 
-    A faulty list is a fault of its own, and not one of each parameter of the names in it.
+    Only the faulty list is then reported, and not each parameter of the parts named in it.
     """
     lists = (group for group in GROUPS if group in given)
     if all(table[group].coerce(given[group]) is not None for group in lists):

@@ -55,9 +55,9 @@ AUTO, OUTLIERS, MULTIPATH, CORRELATED = "auto", "outliers", "multipath", "correl
 class _Words(NamedTuple):
     """The parts of a notation such as ``auto 0.9 correlated 0.5``."""
 
-    learned: bool  # Whether it begins with auto
+    learned: bool  # True if it begins with auto
     numbers: list[float]
-    flag: bool = False  # Whether the notation's own word follows, here correlated
+    flag: bool = False  # True if the notation's own word is given, here `correlated`
     after: Sequence[float] = ()
 
 
@@ -122,7 +122,7 @@ class Learnable(NamedTuple):
     """A value of a sensor."""
 
     start: float  # The value, or the one that learning starts from
-    learned: bool  # Whether it is learned while the tracker runs
+    learned: bool  # True if it is learned while the tracker runs
 
 
 class Noise(NamedTuple):
@@ -130,7 +130,7 @@ class Noise(NamedTuple):
 
     start: float
     learned: bool
-    outliers: bool  # Whether some detections have a larger noise in all components
+    outliers: bool  # True if some detections have a larger noise in all components
 
 
 class ClutterRate(NamedTuple):
@@ -138,7 +138,7 @@ class ClutterRate(NamedTuple):
 
     start: float
     learned: bool
-    multipath: bool  # Whether false detections are more frequent behind targets
+    multipath: bool  # True if false detections are more frequent behind targets
 
 
 class Detectability(NamedTuple):
@@ -146,7 +146,7 @@ class Detectability(NamedTuple):
 
     # Ranges, metres, with probabilities; empty if these follow from the SNR bands.
     start: tuple[tuple[float, float], ...]
-    learned: bool  # Whether the probability is learned while the tracker runs
+    learned: bool  # True if the probability is learned while the tracker runs
     correlation: Learnable | None  # None for independent looks
 
 

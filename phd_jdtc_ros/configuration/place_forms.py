@@ -23,7 +23,7 @@ class PoseSource(NamedTuple):
 
     topic: str  # Empty for a radar that does not move
     message: str  # One of `POSE_MESSAGES`
-    yaw: bool  # Whether the platform's orientation turns the radar
+    yaw: bool  # True if the platform's orientation turns the radar
 
 
 NO_POSE = PoseSource("", POSE_MESSAGES[0], True)

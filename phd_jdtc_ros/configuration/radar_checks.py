@@ -84,13 +84,13 @@ def _fields(radar: RadarParameters, parts: Parts) -> Iterator[str]:
 
 def _range_rates(radar: RadarParameters, parts: Parts) -> Iterator[str]:
     interval, std = radar.range_rate_ambiguity, radar.range_rate_std.start
-    rated = radar.fields.range_rate
-    if rated and 0.0 < interval < LEAST_INTERVAL * std:
+    field = radar.fields.range_rate
+    if field and 0.0 < interval < LEAST_INTERVAL * std:
         yield (
             f"{radar.name}.range_rate_ambiguity: {interval:g} given, must be 0 or at least "
             f"{LEAST_INTERVAL:g} times range_rate_std, {std:g}"
         )
-    if radar.fields.range_rate_std and not rated:
+    if radar.fields.range_rate_std and not field:
         yield f"{radar.name}.fields.range_rate: '' given, must be a name with range_rate_std"
 
 

@@ -74,7 +74,7 @@ def ratio(over: FloatArray, under: FloatArray | IntArray | int) -> FloatArray:
     return result
 
 
-# A function that returns the figure of every run of the totals, NaN where undefined.
+# A function that computes one figure from totals, for each run; NaN where undefined.
 Figure: TypeAlias = "Callable[[Totals], FloatArray]"
 # Values of a scan and set, ordered as an accumulator's `names`; None for a missing value.
 Values: TypeAlias = "tuple[float | None, ...]"
@@ -153,7 +153,7 @@ class Accumulator(ABC):
         self.cutoff, self.order = cutoff, order
 
     def update(self, scan: PairedScan) -> None:
-        """Add the next scan, before its values are computed; values of one scan need no state."""
+        """Add the next scan to the state; `values` is called afterwards."""
         return
 
     @abstractmethod
@@ -175,12 +175,11 @@ class LabelAccumulator(Accumulator):
         A scan without labels has no values.
         """
         truth, estimate = scan.truth.with_labels(), scan.estimate.with_labels()
-        back = self._newest_ns is not None and scan.stamp_ns < self._newest_ns
         if truth is None or estimate is None:
             self.clear()
             self._values = (None,) * len(self.names)
             return
-        if back:
+        if self._newest_ns is not None and scan.stamp_ns < self._newest_ns:
             self.clear()
         self._newest_ns = scan.stamp_ns
         self._values = self.add(truth, estimate, scan)

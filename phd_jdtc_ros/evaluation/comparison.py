@@ -96,8 +96,8 @@ class PointSet:
 def expected_speed(velocity: FloatArray, covariance: FloatArray | None) -> FloatArray:
     """Return the expected ground speeds, metres per second, (T,), of uncertain velocities, (T, 2).
 
-    The mean of velocities of different courses is shorter than they are. The variance across the
-    course, if the covariance is known, makes up for that to second order.
+    The length of the mean velocity is below the mean speed, because the course is uncertain. The
+    velocity's variance across the course, if known, corrects this to second order.
     """
     length: FloatArray = np.hypot(*velocity.T)
     if covariance is None:
@@ -137,7 +137,7 @@ class Comparison:
     paired_estimate: PointSet  # Their estimates, which may be of any class
     classes: int  # Number of compared classes
     class_id: int | None = None  # Class of the set; None for all targets
-    last: bool = False  # Whether the run ends with this scan
+    last: bool = False  # True if the run ends with this scan
 
     @staticmethod
     def of(scan: PairedScan, classes: int) -> dict[str, Comparison]:

@@ -47,7 +47,7 @@ class Evaluation:
     scores: dict[str, dict[int, ScanScore]] = field(init=False)
     truth_scans: int = field(init=False, default=0)
     repeated: int = field(init=False, default=0)
-    _between: bool = field(init=False, default=False)  # Whether estimates came between samples
+    _between: bool = field(init=False, default=False)  # True if estimates came between samples
     _runs: dict[str, RunScores] = field(init=False)
     _truth: TrueTracks = field(init=False)
     _waiting: dict[tuple[str, int], PointSet] = field(init=False, default_factory=dict)

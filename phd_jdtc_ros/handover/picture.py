@@ -44,7 +44,7 @@ class _Run:
     reached_ns: float = -math.inf
     # Latest stamp of an ended run whose estimates may still arrive, by tracker.
     until_ns: Mapping[int, float] = field(default_factory=dict)
-    closed: bool = False  # Whether further smoothed estimates are too late
+    closed: bool = False  # True if further smoothed estimates are too late
 
     def renumber(self, gathered: Gathered) -> Gathered:
         """Return estimates of a stamp with track numbers that are unique in the run."""

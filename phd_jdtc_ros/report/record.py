@@ -118,7 +118,7 @@ class Record:
     plane: Plane | None = None
     # Least speed of the targets that the tracker had to report, metres per second.
     least_speed: float = 0.0
-    learned: tuple[LearnedValue, ...] = ()  # What was learned of the sensors by the end of the run
+    learned: tuple[LearnedValue, ...] = ()  # The sensors' learned values at the end of the run
     # How each sensor had changed at the end of the run, by name.
     changes: Mapping[str, str] = field(default_factory=dict)
 
@@ -142,11 +142,13 @@ class Record:
     @property
     def class_fault(self) -> str | None:
         """Fault of the truth's classes; None if the tracker has all of them."""
-        known = [int(truth.class_id.max()) for truth in self.truth if len(truth.class_id)]
-        if not known or max(known) < self.classes:
+        largest = max(
+            (int(truth.class_id.max()) for truth in self.truth if len(truth.class_id)), default=-1
+        )
+        if largest < self.classes:
             return None
         return (
-            f"the truth has class_id {max(known)}, and the tracker {self.classes} classes: targets "
+            f"the truth has class_id {largest}, and the tracker {self.classes} classes: targets "
             "of the others are scored in total only"
         )
 

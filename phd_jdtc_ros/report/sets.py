@@ -21,7 +21,7 @@ class Sets:
 
     @staticmethod
     def of(classes: int, class_names: Sequence[str] = ()) -> Sets:
-        """Return the sets of `classes` classes; names are ignored if their number differs."""
+        """Return the sets of `classes` classes; another number of names is ignored."""
         fitting = len(class_names) == classes
         return Sets(tuple(class_names) if fitting else tuple(map(class_set, range(classes))))
 

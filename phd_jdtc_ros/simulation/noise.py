@@ -17,7 +17,7 @@ class Observation(NamedTuple):
     # are in (-pi, pi].
     measurement: FloatArray
     amplitude: FloatArray  # Envelopes, (N,)
-    seen: BoolArray  # Whether the radar detects each, (N,)
+    seen: BoolArray  # True where the radar detects the target, (N,)
 
     @property
     def detected(self) -> tuple[FloatArray, FloatArray]:

@@ -45,17 +45,20 @@ def corrections(
 
     It is None if all of them are unobservable.
     """
-    known = np.isfinite(found.std)
-    every = zip(known, biases, now, DIGITS, strict=True)
-    chosen = [round(bias, digits) + 0.0 if seen else old for seen, bias, old, digits in every]
-    return chosen if known.any() else None
+    observable = np.isfinite(found.std)
+    entries = zip(observable, biases, now, DIGITS, strict=True)
+    chosen = [
+        round(bias, digits) + 0.0 if is_observable else old
+        for is_observable, bias, old, digits in entries
+    ]
+    return chosen if observable.any() else None
 
 
 def rows(
     found: Registration, parameters: Mapping[str, Sequence[float]], now: TrackerConfig
 ) -> list[Row]:
-    """Return every error of every radar."""
-    every = []
+    """Return a row for each entry of each radar's `biases`."""
+    result = []
     for each in found.radars:
         name = f"{each.name}.biases"
         biases, before = parameters.get(name, now.values[name]), now.values[name]
@@ -65,7 +68,7 @@ def rows(
             if not np.isfinite(std):
                 hidden = (each.name, kind) in found.hidden
                 source = "not observable" if hidden else "the reference: taken to be right"
-            every.append(
+            result.append(
                 Row(
                     each.name,
                     NAMES[kind],
@@ -76,7 +79,7 @@ def rows(
                     old,
                 )
             )
-    return every
+    return result
 
 
 def table(every: Sequence[Row]) -> Table:

@@ -205,7 +205,7 @@ def _require_other_topics(config: TrackerConfig) -> None:
         )
 
 
-def _outcome(tracker: OfflineTracker, source: Path, out: Path) -> int:
+def _print_outcome(tracker: OfflineTracker, source: Path, out: Path) -> int:
     """Print the number of scans, drops and warnings; return the exit status."""
     if tracker.damage is not None:
         return fail("track_bag", tracker.damage)
@@ -263,7 +263,7 @@ def main(argv: Sequence[str]) -> int:
         command.require_new("a bag", arguments.out)
         output_files.require_new({f"--{n}": path for n, path in files.items()}, arguments.out)
         tracker = track_bag(BagReader(source), config, arguments.out)
-        status = _outcome(tracker, source, arguments.out)
+        status = _print_outcome(tracker, source, arguments.out)
         run = tracker.record()
         if files:
             _write_track_files(run, config, files)

@@ -53,7 +53,7 @@ def _work(arguments: argparse.Namespace) -> int:
     config = tracker_params.config(given)
     recorded = recorded_plots.read(bag, config, arguments.seconds)
     found = recorded_plots.findings_of(source, recorded)
-    # Without a file, only this was assumed to read the radars.
+    # Without a parameter file, the convention is the only setting that was assumed.
     assumed = [f"{radar.name}.azimuth_convention" for radar in config.inputs]
     now = config.values if where else {name: config.values[name] for name in assumed}
     rows = {radar: proposal.rows(each, now, radar) for radar, each in found.items()}
@@ -72,11 +72,11 @@ def _work(arguments: argparse.Namespace) -> int:
 def _table(
     radar: str, topic: str, found: Findings, rows: Sequence[Row], recorded: RecordedPlots
 ) -> Table:
-    when = found.timing
-    turns = "turns" if when.rotation_s else "looks"
+    timing = found.timing
+    turns = "turns" if timing.rotation_s else "looks"
     table = Table(
         title=f"{radar}, {topic}: {found.plots} detections, {found.looks:.0f} {turns} in "
-        f"{found.duration_s:.0f} s, a cloud every {when.cloud_interval_s:.4g} s",
+        f"{found.duration_s:.0f} s, a cloud every {timing.cloud_interval_s:.4g} s",
         title_justify="left",
         caption="in brackets: observed, but not proposed",
         caption_justify="left",
@@ -115,20 +115,20 @@ def _proposal(
     values["interval_s"] = proposal.interval_s(found)
     for radar, own in rows.items():
         values.update({f"{radar}.{row.name}": row.value for row in own if row.proposed})
-        # Antennas turn clockwise, so azimuths that rise with time count clockwise. The convention
-        # is written even where it is the default, because a wrong one mirrors the world.
+        # Antennas turn clockwise. One that seems to turn counter-clockwise has azimuths that count
+        # clockwise. The default is written too, because a wrong convention mirrors the picture.
         convention = f"{radar}.azimuth_convention"
-        when = found[radar].timing
+        timing = found[radar].timing
         if not specified and convention not in values:
-            compass = when.rotation_s and not when.clockwise
+            compass = timing.rotation_s and not timing.clockwise
             values[convention] = "compass_cw" if compass else schema(values)[convention].default
     return values
 
 
 def _head(source: Path, where: Path | None) -> str:
-    said = f"and {where}" if where else "alone: topics and fields are recognised by their names"
+    basis = f"and {where}" if where else "alone: topics and fields are recognised by their names"
     return (
-        f"Proposed by tune from {source}\n{said}.\n"
+        f"Proposed by tune from {source}\n{basis}.\n"
         "A comment gives the source of each value, and its earlier value."
     )
 

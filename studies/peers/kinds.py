@@ -23,8 +23,8 @@ class Peer:
 
     tracker: Callable[..., Tracks]
     settings: Settings
-    loud: bool = False  # Whether it gets detections of high amplitude only
-    smoothed: bool = False  # Whether it has lags above 0 in studies
+    loud: bool = False  # True if it gets detections of high amplitude only
+    smoothed: bool = False  # True if it has lags above 0 in studies
 
     def __call__(
         self, run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence[int]

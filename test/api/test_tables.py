@@ -91,7 +91,7 @@ def test_csv_that_is_no_table_is_named_with_its_row(tmp_path, text, said):
     [
         (["1.0", "far"], "range: 'far' in row 2, must be a number"),
         ([1.0, None, "x"], "range: None in row 2, must be a number"),
-        (np.zeros((2, 2)), r"range: shape \(2, 2\), must be one number in a row"),
+        (np.zeros((2, 2)), r"range: shape \(2, 2\), must be one number per row"),
     ],
 )
 def test_numbers_names_the_value_that_is_none(column, said):

@@ -27,7 +27,7 @@ class Source:
     sac: int  # System area code of the tracker
     sic: int  # System identification code
     service: int = 1  # Number of the service
-    monosensor: bool = False  # Whether there is only one radar
+    monosensor: bool = False  # True if there is only one radar
     # True if heights are above the ellipsoid; otherwise they refer to the standard atmosphere.
     geometric: bool = False
 
@@ -52,9 +52,9 @@ class TrackReport:
     course: int = UNKNOWN  # `STRAIGHT`, `RIGHT`, `LEFT` or `UNKNOWN`
     vertical: int = UNKNOWN  # `LEVEL`, `CLIMBING`, `DESCENDING` or `UNKNOWN`
     confirmed: bool = True
-    coasting: bool = False  # Whether it has no recent plot
-    first: bool = False  # Whether it is reported for the first time
-    last: bool = False  # Whether it is reported for the last time
+    coasting: bool = False  # True if it has no recent plot
+    first: bool = False  # True if it is reported for the first time
+    last: bool = False  # True if it is reported for the last time
     age_s: float = 0.0  # Time since it was first reported
     since_s: float = 0.0  # Time since it last was not coasting
     # Times since the last detection by a primary radar, a secondary radar and Mode S; NaN for

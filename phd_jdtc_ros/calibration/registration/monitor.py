@@ -41,7 +41,7 @@ class MeanResidual(NamedTuple):
     # Means in range and azimuth, metres and radians, (2,); NaN without residuals.
     mean: FloatArray
     sigma: FloatArray  # Standard deviations of the means, (2,)
-    significant: tuple[bool, bool]  # Whether each mean exceeds what noise explains
+    significant: tuple[bool, bool]  # True where each mean exceeds what noise explains
 
 
 @dataclass

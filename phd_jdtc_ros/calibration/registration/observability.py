@@ -31,7 +31,7 @@ OBSERVABLE_SHARE = 0.5
 class Observability:
     """The biases that can be estimated."""
 
-    free: BoolArray  # Whether each of the P biases can be estimated, (P,)
+    free: BoolArray  # True where each of the P biases can be estimated, (P,)
     # Covariance of the biases in the equations' units, (P, P); zero for those that are not free.
     covariance: FloatArray
     common: tuple[str, ...]  # Kinds of biases for which the reference radar is assumed to have none

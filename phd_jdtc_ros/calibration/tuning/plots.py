@@ -30,7 +30,7 @@ class Plots:
     # Position, metres, and yaw, radians, of the radar at each detection, (N, 3); zeros if it does
     # not move.
     pose: FloatArray
-    timed: bool  # Whether the detections of a cloud have times of their own
+    timed: bool  # True if the detections of a cloud have times of their own
 
     def __len__(self) -> int:
         return len(self.time_s)

@@ -39,7 +39,7 @@ class Row:
     source: str  # The data it was estimated from
     now: Any = None  # The current value, or words for it; None if none is set
     std: float = math.nan  # Standard deviation; NaN if there is none
-    proposed: bool = True  # Whether the value is proposed for the parameter
+    proposed: bool = True  # True if the value is proposed for the parameter
 
 
 def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
@@ -105,7 +105,7 @@ def _clusters(found: Findings, now: Now) -> Iterator[Row]:
 
 
 def _max_range(found: Findings, limit: float | None) -> Row:
-    farthest = _up(found.field.max_range)
+    farthest = _round_up(found.field.max_range)
     proposed = limit is None or not farthest <= limit <= MOST_BEYOND * farthest
     return Row("max_range", farthest, f"{found.plots} plots", limit, proposed=proposed)
 
@@ -114,10 +114,11 @@ def _clutter(found: Findings, now: Now, max_range: Any) -> Iterator[Row]:
     rate, given = found.clutter, now("clutter_rate")
     source = f"{rate.count} untracked plots"
     value = round_to_std(rate.value, rate.std)
-    # A learned clutter rate stays learned.
+    # `auto` is kept: the tracker then learns the rate itself.
     learned = isinstance(given, str)
     yield Row("clutter_rate", value, source, given, rate.std, not learned)
-    clutter_range = round_to_std(found.field.clutter_range, 0.01 * _up(found.field.max_range))
+    step = 0.01 * _round_up(found.field.max_range)
+    clutter_range = round_to_std(found.field.clutter_range, step)
     value = min(clutter_range, max_range)
     yield Row("clutter_max_range", value, source, now("clutter_max_range"))
     if found.land > MOST_LAND:
@@ -127,14 +128,15 @@ def _clutter(found: Findings, now: Now, max_range: Any) -> Iterator[Row]:
         source = f"{100.0 * found.crowded:.0f} % of plots in areas of dense clutter"
         yield Row("clutter_map", True, source, now("clutter_map"))
         if not now("clutter_map"):
-            # The clutter does not come from the same places: what rests there is a target.
+            # This clutter does not recur in the same places, so a stationary track is a target.
             yield Row("clutter_map_speed", 0.0, source, now("clutter_map_speed"))
 
 
 def _detection(found: Findings, now: Now, by_band: bool) -> Row:
     """Return the detection probability; SNR bands or a configured table that agrees are kept.
 
-    One that is learned is replaced by a number, or by the table that it starts from.
+    If the tracker learns the probability (`auto`), a number is proposed, or the table after `auto`
+    if the estimate agrees with it.
     """
     rate, name = found.detection, "detection_probability"
     value = min(round_to_std(rate.value, 0.01), MOST_PROBABILITY)
@@ -206,7 +208,7 @@ def round_to_std(value: float, std: float) -> float:
     return float(f"{value:.{digits}g}")
 
 
-def _up(value: float) -> float:
+def _round_up(value: float) -> float:
     """Return a value rounded up to two digits."""
     step = 10.0 ** (math.floor(math.log10(value)) - 1)
     return float(f"{math.ceil(value / step - 1e-9) * step:.6g}")

@@ -34,8 +34,8 @@ class Timing:
     rotation_s: float = 0.0  # Rotation period; 0 if no rotation is observable in the plots
     rotation_std_s: float = 0.0  # Standard error of the mean rotation period, seconds
     sectors: int = 0  # Number of clouds per turn; 0 if a cloud is a whole turn
-    clockwise: bool = False  # Whether the antenna turns clockwise
-    timed: bool = False  # Whether each plot has its own time, so that clouds may have any length
+    clockwise: bool = False  # True if the antenna turns clockwise
+    timed: bool = False  # True if each plot has its own time, so that clouds may have any length
 
     @property
     def look_s(self) -> float:

@@ -20,8 +20,8 @@ from .rotation import Timing
 
 # Share of a turn whose plots are assigned together.
 BATCH = 1.0 / 12.0
-# The beam passes a target once a turn: a track takes no second plot within this share of a turn.
-AGAIN = 0.5
+# The beam passes a target once a turn: two plots of a track are at least this share of it apart.
+LEAST_SPACING = 0.5
 # Gate, in standard deviations.
 GATE = 4.5
 # Initial score of a track: the log prior that an unassociated plot is of a new target.
@@ -30,8 +30,8 @@ LOG_NEW = -np.log(50.0)
 LEAST_HITS, LEAST_SCORE = 5, 8.0
 # Least share of an accepted track's plots that belong to no better track.
 LEAST_OWN = 0.7
-# Prior probability of a manoeuvre at a plot.
-MANOEUVRES = 0.1
+# Prior probability that the target manoeuvres before a plot.
+MANOEUVRE_PROBABILITY = 0.1
 # A plot of a track with at least OWNING_HITS plots does not start another track.
 OWNING_HITS = 3
 # A track ends when its misses are less probable than `IMPROBABLE`, within these bounds on their
@@ -39,7 +39,7 @@ OWNING_HITS = 3
 IMPROBABLE, LEAST_MISSES, MOST_MISSES = 0.005, 3, 6
 # Tentative tracks end with more than this many consecutive misses.
 TENTATIVE_MISSES = 1
-_LOG_MODE = np.log([1.0 - MANOEUVRES, MANOEUVRES])
+_LOG_MODE = np.log([1.0 - MANOEUVRE_PROBABILITY, MANOEUVRE_PROBABILITY])
 
 
 @dataclass(frozen=True)
@@ -118,8 +118,7 @@ class _TrackRows(NamedTuple):
     cloud: FloatArray
     hits: IntArray
     score: FloatArray
-    # Index of the track's plots in the linker.
-    number: IntArray
+    number: IntArray  # Index of the track's list in `_Linker._plots_of`
 
     def take(self, rows: IntArray) -> _TrackRows:
         """Return some tracks."""
@@ -138,7 +137,7 @@ class _Linker:
     ) -> None:
         self._plots, self._timing, self._model, self._log_ratio = plots, timing, model, log_ratio
         misses = np.log(IMPROBABLE) / np.log(max(1.0 - model.detection_probability, 1e-3))
-        self._patience = float(np.clip(np.ceil(misses), LEAST_MISSES, MOST_MISSES))
+        self._max_misses = float(np.clip(np.ceil(misses), LEAST_MISSES, MOST_MISSES))
         farthest = float(plots.measurement[:, 0].max(initial=1.0))
         # Log density of clutter in range and azimuth.
         self._log_clutter = np.log(max(model.clutter_rate, 0.1) / (2.0 * np.pi * farthest))
@@ -177,7 +176,7 @@ class _Linker:
         looks = self._timing.looks(now_s - tracks.time_s, cloud - tracks.cloud)
         # A look is missed half a turn after it was due, or when the next cloud has come.
         missed = looks - (0.5 if self._timing.rotation_s else 1.0)
-        ended = missed > np.where(tracks.hits < OWNING_HITS, TENTATIVE_MISSES, self._patience)
+        ended = missed > np.where(tracks.hits < OWNING_HITS, TENTATIVE_MISSES, self._max_misses)
         for row in np.flatnonzero(ended & (tracks.hits >= LEAST_HITS)).tolist():
             self._ended.append((self._plots_of[tracks.number[row]], float(tracks.score[row])))
         self._tracks = tracks.take(np.flatnonzero(~ended))
@@ -185,7 +184,7 @@ class _Linker:
     def _assign(self, rows: IntArray, batch: IntArray) -> IntArray:
         """Update tracks with the assignment of the largest total score.
 
-        Return the plots of the tracks that have at least `OWNING_HITS` plots with them.
+        Return the assigned plots that may not start another track; see `OWNING_HITS`.
         """
         row, plot = self._candidates(rows, batch)
         if not len(row):
@@ -224,8 +223,8 @@ class _Linker:
         row, plot = (grid.ravel() for grid in np.meshgrid(rows, batch, indexing="ij"))
         dt = plots.time_s[plot] - tracks.time_s[row]
         if self._timing.rotation_s:
-            fresh = dt > AGAIN * self._timing.rotation_s
-            row, plot, dt = row[fresh], plot[fresh], dt[fresh]
+            apart = dt > LEAST_SPACING * self._timing.rotation_s
+            row, plot, dt = row[apart], plot[apart], dt[apart]
         expected = tracks.mean[row, :2] + dt[:, None] * tracks.mean[row, 2:]
         distance2 = ((self._position[plot] - expected) ** 2).sum(axis=1)
         variance = np.diagonal(tracks.covariance, axis1=1, axis2=2)

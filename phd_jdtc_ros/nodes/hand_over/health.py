@@ -29,7 +29,7 @@ class TrackerHealth:
     clouds: Counter[str] = field(default_factory=Counter)  # By source
     # Clouds that are not in the picture, by reason.
     refused: Counter[str] = field(default_factory=Counter)
-    left_out: bool = False  # Whether the latest cloud is not in the picture
+    left_out: bool = False  # True if the latest cloud is not in the picture
     last_s: float | None = None  # Time of the last cloud by the steady clock
     _rhythm: Rhythm = field(default_factory=lambda: Rhythm(LONGEST_TURN_S))
     _rises: Rises = field(default_factory=Rises)

@@ -1,9 +1,9 @@
 """A tracker's snapshot as a file: written atomically, and checked before it is used.
 
-The file is a magic line, the SHA-256 of the rest, the length of a header in four bytes, the header,
-and the bytes of the arrays. The header is JSON: the stamp, the facts, the tracker's configuration,
-and type and shape of each array. Nothing in the file is executed, and sizes are checked before they
-are used.
+The file has a magic line, the SHA-256 of the rest, the length of the header in four bytes, the
+header, and the bytes of the arrays. The header is JSON: the stamp, the snapshot's JSON values
+(``facts``), the tracker's configuration, and type and shape of each array. Nothing in the file is
+executed, and sizes are checked before they are used.
 """
 
 from __future__ import annotations
@@ -92,9 +92,9 @@ def read(path: Path, configuration: Mapping[str, Any]) -> Snapshot:
         raise CheckpointError(f"{path}: damaged, its checksum does not match")
     try:
         header, arrays = _decode(body)
-        stamp_ns, facts, stored = (header[key] for key in (STAMP, FACTS, CONFIGURATION))
-        if not isinstance(facts, dict) or not isinstance(stored, dict):
-            raise ValueError("its facts are no mappings")
+        stamp_ns, json_values, stored = (header[key] for key in (STAMP, FACTS, CONFIGURATION))
+        if not isinstance(json_values, dict) or not isinstance(stored, dict):
+            raise ValueError(f"{FACTS} and {CONFIGURATION} must be mappings")
     except Exception as error:  # a forged header makes numpy raise many kinds
         reason = f"{type(error).__name__}: {error}"
         raise CheckpointError(f"{path}: not a checkpoint, {reason[:200]}") from error
@@ -102,7 +102,7 @@ def read(path: Path, configuration: Mapping[str, Any]) -> Snapshot:
     other = sorted(name for name in {*stored, *expected} if stored.get(name) != expected.get(name))
     if other:
         raise CheckpointError(f"{path}: of a tracker with another {', '.join(other)}")
-    return Snapshot(stamp_ns, arrays, facts)
+    return Snapshot(stamp_ns, arrays, json_values)
 
 
 def _content(path: Path) -> bytes:
@@ -136,12 +136,12 @@ def _decode(body: memoryview) -> tuple[dict[str, Any], dict[str, npt.NDArray[Any
     for name, (kind, shape) in header[ARRAYS].items():
         dtype, count = np.dtype(kind), math.prod(shape)
         if dtype.kind not in "iuf" or min(shape, default=0) < 0:
-            raise ValueError(f"an array of type {kind} and shape {shape}")
-        # A copy is aligned.
+            raise ValueError(f"an array of type {kind} and shape {shape}, must be of numbers")
+        # The copy is aligned and writable, unlike the view of the file's bytes.
         arrays[name] = np.frombuffer(body, dtype, count, position).reshape(shape).copy()
         position += count * dtype.itemsize
     if position != len(body):
-        raise ValueError("its arrays do not have its length")
+        raise ValueError(f"{len(body)} bytes, its header and arrays have {position}")
     return header, arrays
 
 
@@ -154,11 +154,11 @@ def _delete_leftovers(path: Path) -> None:
 
 
 class Checkpoints:
-    """A tracker's checkpoints: one is read at the start, and new ones are written.
+    """Reads a tracker's checkpoint at the start, and writes new ones.
 
-    One is written after every `every` scans, or only on request if that is 0. A restart continues
-    if its first scan is at most `max_age_s` later and the parameters are the same, except for those
-    that can change while the tracker runs, which are not in `configuration`.
+    A checkpoint is written after every `every` scans, or only on request if `every` is 0. A
+    restarted tracker continues from it if the first scan is at most `max_age_s` later and the
+    parameters in `configuration`, those that cannot change while the tracker runs, are the same.
     """
 
     def __init__(
@@ -183,7 +183,7 @@ class Checkpoints:
             return
         try:
             if stored.stamp_ns is None:
-                raise ValueError("it holds no scan")
+                raise ValueError("it contains no scan")
             age_s = (stamp_ns - stored.stamp_ns) * 1e-9
             if not 0.0 < age_s <= self._max_age_s:
                 raise ValueError(
@@ -205,7 +205,7 @@ class Checkpoints:
     def save(self, engine: Engine) -> str | None:
         """Write a checkpoint; return None, or the reason if it could not be written."""
         if not self._scans:
-            return "no scan has been taken in yet"
+            return "no scan has been processed yet"
         try:
             write(self._path, engine.snapshot(), self._configuration)
         except OSError as error:
@@ -220,5 +220,7 @@ class Checkpoints:
         try:
             self._path.unlink(missing_ok=True)
         except OSError as error:
-            text = f"the checkpoint of a run that is over stays: {self._path}: {error.strerror}"
+            text = (
+                f"the checkpoint of the ended run was not deleted: {self._path}: {error.strerror}"
+            )
             self._log.error(text, throttle_duration_sec=WARNING_PERIOD_S)

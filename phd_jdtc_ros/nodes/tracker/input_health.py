@@ -29,12 +29,12 @@ WORKING_SHARE = 0.5
 
 @dataclass(frozen=True)
 class Publishers:
-    """The publishers on a topic according to the graph, which lists a killed one for a while."""
+    """The publishers that the graph lists on a topic; a killed publisher is listed for a while."""
 
     identities: frozenset[Hashable]  # One identifier per publisher
     # One reason per publisher whose QoS prevents receiving from it.
     incompatible: tuple[str, ...] = ()
-    hint: str = ""  # Fault of a topic without publishers of the type; empty if it has some
+    hint: str = ""  # Why no publisher on the topic has the expected type; empty if one has it
 
 
 @dataclass
@@ -82,7 +82,7 @@ class InputHealth:
         self._last_s, self._worked_s = now_s, worked_s
 
     def begin_series(self) -> None:
-        """Let the next message begin a new series: messages until then were not expected."""
+        """Let the next message begin a new series: none before it counts as lost or late."""
         self._numbering.begin_series()
         self.rhythm.begin_series()
         self._last_s = None

@@ -28,7 +28,6 @@ from .endpoints import Listener
 from .input_health import InputHealth
 from .settings import Settings
 
-# Reasons for which poses are not used.
 POSE_FAULTS = {
     PoseFault.DUPLICATE: "duplicate stamp",
     PoseFault.LATE: "older than the previous pose",
@@ -101,12 +100,12 @@ class Inputs:
             self._listeners.append(Listener(self._node, kind, topic, take, health, POSE_DEPTH))
 
     def take_poses(self, awaited: Callable[[], int | None]) -> None:
-        """Take in the poses that have arrived, as long as a cloud waits for them.
+        """Process poses from the queue while a cloud waits for one.
 
-        An executor takes one message of each topic in turn. After a long step several clouds may
-        have arrived: the next would overtake the poses of the waiting one, which would then be
-        dropped. Other poses stay in the queue: taken early, they could push poses that a later
-        cloud needs out of a platform's memory. `awaited` returns the radar of the waiting cloud.
+        `awaited` returns the index of the waiting cloud's radar. The executor takes one message of
+        each topic in turn, so after a long step the next cloud could overtake the poses that the
+        waiting one needs, which would then be dropped. Further poses stay in the queue, because a
+        platform remembers a limited number of them, and a later cloud may need the oldest.
         """
         config = self._settings.config
         poses = dict(zip(self.platforms, self._listeners[len(self.radars) :], strict=True))
@@ -127,7 +126,7 @@ class Inputs:
             self._listeners.pop().destroy()
 
     def retune(self, settings: Settings) -> None:
-        """Use changed settings of the same inputs."""
+        """Use changed values of the mutable parameters."""
         self._settings = settings
 
     def begin_series(self) -> None:

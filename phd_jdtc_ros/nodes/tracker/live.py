@@ -106,18 +106,18 @@ class LiveTracker:
         self._outputs.destroy()
 
     def start(self) -> None:
-        """Process the radars' messages from now on; earlier ones are not counted in any way."""
+        """Process messages from now on; messages before this are neither received nor lost."""
         self.inputs.begin_series()
         self._active = True
 
     def stop(self) -> int:
-        """Ignore later messages, after a `flush`; return its result."""
+        """Flush, and ignore later messages; return the result of `flush`."""
         published = self.flush()
         self._active = False
         return published
 
     def retune(self, settings: Settings) -> None:
-        """Use changed settings from the next scan on; their structure must be the same."""
+        """Use changed values of the mutable parameters from the next scan on."""
         self._settings = settings
         self.inputs.retune(settings)
         self._pipeline.retune(settings.config.model, settings.config.rule)

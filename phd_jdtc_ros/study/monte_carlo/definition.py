@@ -74,7 +74,7 @@ class Goal:
     lag: int
     figure: str  # One of `FIGURES`
     bound: float
-    at_most: bool  # Whether it is an upper bound
+    at_most: bool  # True if it is an upper bound
     relative_to: str | None  # Variant whose figure `bound` multiplies; None for an absolute bound
     relative_case: str  # Case of that figure
 

@@ -50,11 +50,11 @@ class Kind:
     # None for this package's engines, whose variants share a filter, and for what is left out.
     track: Track | None = None
     modules: tuple[str, ...] = ()  # Modules and packages that the scores depend on, after `SHARED`
-    turning: bool = False  # Whether it runs on the cases with turning antennas, or on the others
-    ours: bool = False  # Whether it is this package's tracker
-    tuned: bool = False  # Whether a variant may have parameters of the tracker
-    known_association: bool = False  # Whether it is given the source of every detection
-    classes: bool = True  # Whether it estimates classes
+    turning: bool = False  # True if it runs on the cases with turning antennas only
+    ours: bool = False  # True if it is this package's tracker
+    tuned: bool = False  # True if a variant may have parameters of the tracker
+    known_association: bool = False  # True if it is given the source of every detection
+    classes: bool = True  # True if it estimates classes
     package: str = ""  # Optional package that it needs
 
     @property
