@@ -13,7 +13,6 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
@@ -24,6 +23,9 @@ from phd_jdtc_ros.core.types import Detections, Estimates, Scan
 # Number of innovations of a median, and least numbers that show that the noise is too large or too
 # small. If it is too small, few tracks are left, and the effect is strong.
 MEMORY, MIN_FOR_TOO_LARGE, MIN_FOR_TOO_SMALL = 200, 30, 6
+# Largest number of tracks that are compared with a radar's detections of a scan, drawn at random.
+# Medians of `MEMORY` innovations need no more.
+SAMPLE = 50
 # Factor by which a track's detection must be nearer than the next one, and than to other tracks.
 APART = 3.0
 # Largest age of an estimate that is compared, in scans of the slowest radar.
@@ -65,6 +67,7 @@ class InnovationMonitor:
         self._innovations: list[deque[FloatArray]] = [deque(maxlen=MEMORY) for _ in model.radars]
         self._fits = [_fit(radar, ()) for radar in model.radars]
         self._tracks: Estimates | None = None
+        self._rng = np.random.default_rng(0)
         self.retune(model)
 
     def retune(self, model: TrackerModel) -> None:
@@ -96,32 +99,33 @@ class InnovationMonitor:
         """Yield squared innovations relative to the expected ones, and by axis to the noise."""
         position = tracks.position + since_s * tracks.velocity
         passed = radar.coverage_probability(radar.linearise(position)[0], found.coverage) > 0.5
-        row, column = _pairs(position, radar.to_world(found.measurement), passed)
-        own = found.time_s
-        after_s = since_s + (np.zeros(len(found)) if own is None else own)[column]
-        after_s = np.maximum(after_s, 0.0)
+        compared = self._sample(np.flatnonzero(passed))
+        row, column = _pairs(position, radar.to_world(found.measurement), compared)
+        if not len(row):
+            return
+        after_s = np.full(len(row), since_s)
+        if found.time_s is not None:
+            after_s = np.maximum(after_s + found.time_s[column], 0.0)
         expected, slope = radar.linearise(
             tracks.position[row] + after_s[:, None] * tracks.velocity[row]
         )
         innovation = radar.wrap(found.measurement[column] - expected)
         noise = radar.noise_covariance_of(found)[column]
-        predicted = slope @ self._predict_covariance(tracks, row, after_s) @ slope.swapaxes(-1, -2)
+        space = tracks.space
+        axes = np.array([*space.position, *space.velocity])
+        covariance = tracks.covariance[row[:, None, None], axes[:, None], axes]
+        by_state = np.concatenate([slope, after_s[:, None, None] * slope], axis=2)
+        predicted = by_state @ covariance @ by_state.swapaxes(-1, -2)
+        # The tracks of a scan are predicted over about the same time.
+        added = _process_noise(self._motions, float(after_s.mean()))
+        predicted += added * (slope @ slope.swapaxes(-1, -2))
         normal = np.linalg.solve(predicted + noise, innovation[:, :, None])[:, :, 0]
         distance2 = (innovation * normal).sum(axis=1)
         yield from np.column_stack([distance2, innovation**2 / noise[:, (0, 1), (0, 1)]])
 
-    def _predict_covariance(
-        self, tracks: Estimates, row: IntArray, after_s: FloatArray
-    ) -> FloatArray:
-        """Return the covariances of tracks' positions, predicted by `after_s`, (P, 2, 2)."""
-        space = tracks.space
-        motion = np.zeros((len(row), 2, len(space)))
-        motion[:, (0, 1), space.position] = 1.0
-        motion[:, (0, 1), space.velocity] = after_s[:, None]
-        # The tracks of a scan are predicted over about the same time.
-        added = _process_noise(self._motions, float(after_s.mean()) if len(row) else 0.0)
-        moved = motion @ tracks.covariance[row] @ motion.swapaxes(-1, -2)
-        return np.asarray(moved + added * np.eye(2))
+    def _sample(self, rows: IntArray) -> IntArray:
+        """Return at most `SAMPLE` of some rows."""
+        return rows if len(rows) <= SAMPLE else self._rng.choice(rows, SAMPLE, replace=False)
 
     def fits(self) -> list[Fit]:
         """Return the comparison of each radar's innovations with its noise."""
@@ -134,27 +138,29 @@ class InnovationMonitor:
         return self._fits
 
 
-def _pairs(position: FloatArray, world: FloatArray, passed: BoolArray) -> tuple[IntArray, IntArray]:
-    """Return tracks that the antenna passed, each with its unambiguous detection."""
-    row = np.flatnonzero(passed)
-    if not len(row):
-        return row, row
-    near, column = cKDTree(world).query(position[row], k=2)
-    column = column[:, 0]
-    # The second distance is infinite if there is one detection only.
-    clear = near[:, 1] >= APART * near[:, 0]
-    row, column, near = row[clear], column[clear], near[clear, 0]
-    if not len(row):
-        return row, column
-    others, _ = cKDTree(position).query(world[column], k=2)
-    clear = others[:, 1] >= APART * near
-    return row[clear], column[clear]
+def _pairs(position: FloatArray, world: FloatArray, rows: IntArray) -> tuple[IntArray, IntArray]:
+    """Return those of some tracks that have an unambiguous detection, and their detections."""
+    to_detections, column = _nearest_two(position[rows], world)
+    clear = to_detections[:, 1] >= APART * to_detections[:, 0]
+    rows, column, distance = rows[clear], column[clear], to_detections[clear, 0]
+    to_tracks, _ = _nearest_two(world[column], position)
+    clear = to_tracks[:, 1] >= APART * distance
+    return rows[clear], column[clear]
+
+
+def _nearest_two(places: FloatArray, others: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Return the distances of places to the nearest two of `others`, (N, 2), and the nearest one.
+
+    The second distance is infinite if there is one only.
+    """
+    apart = places[:, None] - others
+    distance = np.full((len(places), len(others) + 1), np.inf)
+    np.hypot(apart[..., 0], apart[..., 1], out=distance[:, :-1])
+    return np.partition(distance, 1, axis=1)[:, :2], distance.argmin(axis=1)
 
 
 def _process_noise(motions: Sequence[MotionModel], dt: float) -> float:
     """Return the largest variance that a motion adds to positions along an axis in `dt`."""
-    if dt <= 0.0:
-        return 0.0
     axes = [motion.support.index(motion.space.position[0]) for motion in motions]
     return max(
         float(motion.noise_covariance(dt)[axis, axis])

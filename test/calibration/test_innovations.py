@@ -12,6 +12,7 @@ from phd_jdtc_ros.calibration.innovations import (
     HYSTERESIS,
     MIN_FOR_TOO_LARGE,
     MIN_FOR_TOO_SMALL,
+    SAMPLE,
     TWO,
     InnovationMonitor,
 )
@@ -154,3 +155,25 @@ def test_few_innovations_reveal_too_small_a_noise_and_many_too_large_a_noise():
     near = [(5e3 + 0.1, 0.0)]
     assert not looks(monitor, near, times=MIN_FOR_TOO_LARGE - 1).noise_too_large
     assert looks(monitor, near).noise_too_large
+
+
+def test_some_tracks_of_a_crowd_are_compared_and_others_in_the_next_scan():
+    count = 2 * SAMPLE
+    crowd = estimates(
+        states([[5e3 + 100.0 * number, 0.0] for number in range(count)]),
+        np.zeros((5, 5)),
+        class_probability=np.ones((count, 2)) / 2.0,
+        track_id=np.arange(count),
+        track_state=np.ones(count, int),
+    )
+    # The ranges of one half of the detections are far off.
+    off = np.where(np.arange(count) < SAMPLE, 1.0, 20.0)
+    report = Detections(np.column_stack([crowd.position[:, 0] + off, np.zeros(count)]), None)
+    monitor, fits = InnovationMonitor(ALONE), []
+    for _ in range(3):
+        monitor.add_scan(Scan(0, (None,)), (crowd,))
+        monitor.add_scan(Scan(10**8, (report,)), ())
+        fits.append(monitor.fits()[0])
+    assert [fit.innovations for fit in fits] == [SAMPLE, 2 * SAMPLE, 3 * SAMPLE]
+    # The median is that of the half of which more have been drawn.
+    assert len({fit.axes[0] for fit in fits}) > 1
