@@ -35,9 +35,9 @@ OWN_NODES = ("test/nodes/test_parameter_sections.py", "test/nodes/test_poses_bef
 # Number of the other live files that share a pytest: each pytest spends 3 s on imports, and 4 s on
 # the server of its nodes (see helpers/forked.py).
 TOGETHER = 10
-# One of two halves that take as long as each other, some 320 s of CPU: what one takes longer is for
+# One of two halves that take as long as each other, some 340 s of CPU: what one takes longer is for
 # one processor alone, because the live tests are over by then.
-HALF = ("test/core", "test/study")
+HALF = ("test/calibration", "test/core", "test/study")
 # Folders without live tests, most of all: conftest.py refuses live ones there.
 NEVER_LIVE = [
     f"test/{folder}"
@@ -107,7 +107,7 @@ def others(arguments):
     if arguments:  # which may name files of both halves
         return {"all that is not live": arguments}
     return {
-        "not live, the core and the study": HALF,
+        "not live, the core, calibration and the study": HALF,
         "not live, elsewhere": [f"--ignore={folder}" for folder in HALF],
     }
 

@@ -16,18 +16,19 @@ def outcome(task, error=""):
     return SimpleNamespace(task=task, error=error)
 
 
-def die_once(marker, task):
-    """Kill the process at the first task of seed 1."""
-    if task.seed == 1 and not marker.exists():
+def die_once(marker, seed, task):
+    """Kill the process at the first task of a seed."""
+    if task.seed == seed and not marker.exists():
         marker.touch()
         os.kill(os.getpid(), signal.SIGKILL)
     return outcome(task)
 
 
-def die_of_one(seed, task):
+def die_of_one(seed, marker, other, task):
+    """Kill the process at every task of a seed, and at the first one of another."""
     if task.seed == seed:
         os.kill(os.getpid(), signal.SIGKILL)
-    return outcome(task)
+    return die_once(marker, other, task)
 
 
 def alone(active, task):

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import fatal_tasks
 import numpy as np
-import pytest
 from fatal_tasks import alone, die_of_one, die_once, outcome
 from fatal_tasks import tasks as light_tasks
 
@@ -18,15 +17,6 @@ from phd_jdtc_ros.study.monte_carlo.tasks import perform
 
 def on_processes(tasks, report, *work):
     monte_carlo.run_on_processes(tasks, 2, report, *work)
-
-
-@pytest.fixture(params=["processes", "dask"])
-def run(request):
-    """Return a function that runs tasks on two workers, and reports outcomes."""
-    if request.param == "processes":
-        return on_processes
-    cluster = request.getfixturevalue("cluster")
-    return lambda tasks, report, *work: monte_carlo.run_on_dask(tasks, cluster, report, *work)
 
 
 def seeds(outcomes):
@@ -45,9 +35,10 @@ def test_dask_workers_do_what_perform_does(cluster, tasks):
         np.testing.assert_array_equal(each.scores["corrected"].values, expected)
 
 
-def test_a_dead_workers_tasks_are_run_again(run, tmp_path):
+def test_dask_runs_a_dead_workers_tasks_again(cluster, tmp_path):
     found = []
-    run(light_tasks(5), found.append, partial(die_once, tmp_path / "died"))
+    work = partial(die_once, tmp_path / "died", 1)
+    monte_carlo.run_on_dask(light_tasks(5), cluster, found.append, work)
 
     assert (tmp_path / "died").exists()
     assert seeds(found) == [0, 1, 2, 3, 4]
@@ -63,11 +54,15 @@ def test_run_on_processes_leaves_a_processor_to_what_takes_it(tmp_path):
     assert seeds(found) == [0, 0, 1, 2, 3]
 
 
-def test_run_on_processes_gives_up_on_the_guilty_task_alone(monkeypatch):
+def test_run_on_processes_runs_lost_tasks_again_and_gives_up_on_the_guilty_one_alone(
+    monkeypatch, tmp_path
+):
     monkeypatch.setattr(execution, "TRIES", 2)
     found = []
-    on_processes(light_tasks(4), found.append, partial(die_of_one, 1))
+    work = partial(die_of_one, 1, tmp_path / "died", 3)
+    on_processes(light_tasks(4), found.append, work)
 
+    assert (tmp_path / "died").exists()
     (failed,) = [outcome for outcome in found if outcome.error]
     found.remove(failed)
     assert seeds(found) == [0, 2, 3]
