@@ -121,7 +121,9 @@ pictures: demo
 test: $(VENV)/.ready-test
 	$(RUN) test/run.py
 
+# numba imports coverage where it is installed, which delays the start of every process.
 coverage: $(VENV)/.ready-test
+	@$(INSTALL) -e '.[coverage]' || $(NOT_INSTALLED)
 	$(RUN) -m coverage erase
 	$(RUN) -m coverage run test/run.py
 	$(RUN) -m coverage combine --quiet

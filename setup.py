@@ -63,10 +63,11 @@ setup(
         "test": [
             "pytest",
             "pytest-timeout",
-            "coverage>=7.10.4",
             "hypothesis",
             "rosbags",
         ],
+        # Apart from the others, because numba imports it where it is installed.
+        "coverage": ["coverage>=7.10.4"],
         "study": ["dask", "distributed"],
         "peers": ["stonesoup>=1.9,<2"],
         "docs": ["mkdocs>=1.6,<2", "mkdocs-material>=9.5", "latex2mathml>=3.77"],

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ..arrays import FloatArray, IntArray, sum_by, wrap_angle
 from ..sensors.polar_geometry import to_plane
@@ -75,6 +74,9 @@ def _close_pairs(position: FloatArray, detections: Detections, sensor: Sensor) -
     std = sensor.noise_std_of(detections)
     sides = np.stack([std[:, 0], std[:, 1] * detections.measurement[:, 0]], axis=1)
     reach = sensor.cluster_distance + NOISE_SIGMA * np.sqrt(2.0) * float(sides.max())
+    # Few radars need it, and a tracker starts the sooner without.
+    from scipy.spatial import cKDTree
+
     pairs: IntArray = cKDTree(position).query_pairs(reach, output_type="ndarray")
     first, second = pairs.T
     difference = position[second] - position[first]
