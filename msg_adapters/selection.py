@@ -19,7 +19,7 @@ from . import ground_ranges, identities, sent_columns
 # Largest envelope: 120 dB above the noise, more than any receiver reports.
 MAX_AMPLITUDE = 1e6
 # Largest azimuth within a turn: compass azimuths may be rounded up beyond a whole turn.
-A_TURN = FULL_TURN * (1.0 + 1e-6)
+LARGEST_AZIMUTH = FULL_TURN * (1.0 + 1e-6)
 # Largest azimuth in turns; beyond it, single precision is coarser than 0.03 degrees.
 MAX_TURNS = 1000.0
 # Largest time from the stamp in turns, or in seconds if the time of a turn is unknown.
@@ -30,8 +30,8 @@ RANGE_STDS = (1e-3, 1e5)
 AZIMUTH_STDS = (1e-6, np.pi)
 # Upper bound of range rates, m/s; targets of such a radar are slower.
 MAX_RANGE_RATE = 5e3
-# Tolerance of a range rate at the limit of the ambiguity, for single precision.
-AN_INTERVAL = 1.0 + 1e-6
+# Factor on the ambiguity interval, because single precision may round a range rate beyond it.
+AMBIGUITY_TOLERANCE = 1.0 + 1e-6
 # Plausible standard deviations of range rates, m/s.
 RANGE_RATE_STDS = (1e-3, 1e3)
 
@@ -67,7 +67,7 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         true = np.maximum(radar.bias.true_range(distance), 0.0)
         distance = np.where(distance < 0.0, distance, true)
     azimuth = np.radians(columns["azimuth"]) if radar.azimuth_in_degrees else columns["azimuth"]
-    turns = np.abs(azimuth)
+    azimuth_size = np.abs(azimuth)
     if radar.compass:
         azimuth = np.pi / 2.0 - azimuth
     if radar.bias.azimuth:
@@ -80,7 +80,7 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         "range": (distance >= 0.0)
         & (ground.distance >= 0.0)
         & (ground.distance <= radar.max_range),
-        "azimuth": turns <= MAX_TURNS * FULL_TURN,
+        "azimuth": azimuth_size <= MAX_TURNS * FULL_TURN,
     }
     time = amplitude = None
     if "time" in columns:
@@ -95,11 +95,11 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     repeats = kept & _repeats(columns)
     kept &= ~repeats
 
-    range_std, bad_ranges = _own(columns, "range_std", kept, RANGE_STDS)
+    range_std, bad_ranges = _kept_values(columns, "range_std", kept, RANGE_STDS)
     scale = np.pi / 180.0 if radar.azimuth_in_degrees else 1.0
-    azimuth_std, bad_azimuths = _own(columns, "azimuth_std", kept, AZIMUTH_STDS, scale)
-    rate_std, bad_rate_stds = _own(columns, "range_rate_std", kept, RANGE_RATE_STDS)
-    rate, bad_rates = _own(columns, "range_rate", kept, (-MAX_RANGE_RATE, MAX_RANGE_RATE))
+    azimuth_std, bad_azimuths = _kept_values(columns, "azimuth_std", kept, AZIMUTH_STDS, scale)
+    rate_std, bad_rate_stds = _kept_values(columns, "range_rate_std", kept, RANGE_RATE_STDS)
+    rate, bad_rates = _kept_values(columns, "range_rate", kept, (-MAX_RANGE_RATE, MAX_RANGE_RATE))
     interval = radar.range_rate_ambiguity or np.inf
     code, bad_codes = identities.read(columns.get("code"), kept, identities.CODES)
     address, bad_addresses = identities.read(columns.get("address"), kept, identities.ADDRESSES)
@@ -118,14 +118,16 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     )
     anomalies = Counter(
         detections_repeated=_count(repeats),
-        azimuths_beyond_a_turn=0 if radar.azimuth_in_degrees else _count(turns[kept] > A_TURN),
+        azimuths_beyond_a_turn=0
+        if radar.azimuth_in_degrees
+        else _count(azimuth_size[kept] > LARGEST_AZIMUTH),
         heights_unknown=0 if height is None else _count(~np.isfinite(height[kept])),
         deviations_unusable=bad_ranges + bad_azimuths + bad_rate_stds,
         sectors_unusable=bad_sectors,
         identities_unusable=bad_codes + bad_addresses,
         range_rates_unusable=bad_rates,
         range_rates_beyond_ambiguity=(
-            0 if rate is None else _count(np.abs(rate) > AN_INTERVAL * interval)
+            0 if rate is None else _count(np.abs(rate) > AMBIGUITY_TOLERANCE * interval)
         ),
     )
     return Report(stamp_ns - radar.bias.offset_ns, detections, dropped, +anomalies, sector)
@@ -151,8 +153,8 @@ def _repeats(columns: Columns) -> BoolArray:
     if len(np.unique(columns["range"])) == len(repeats):
         return ~repeats
     # Comparing bits makes unknown amplitudes (NaN) equal.
-    every = [column.astype(np.float64) for column in columns.values()]
-    rows = np.column_stack(every).view(np.int64)
+    numbers = [column.astype(np.float64) for column in columns.values()]
+    rows = np.column_stack(numbers).view(np.int64)
     repeats[np.unique(rows, axis=0, return_index=True)[1]] = False
     return repeats
 
@@ -168,7 +170,7 @@ def _finite(columns: Columns) -> BoolArray:
     return finite
 
 
-def _own(
+def _kept_values(
     columns: Columns,
     quantity: str,
     kept: BoolArray,
@@ -177,7 +179,7 @@ def _own(
 ) -> tuple[FloatArray | None, int]:
     """Return a quantity of the kept points, NaN if unknown, and the number beyond the bounds.
 
-    A quantity that the message does not have is None.
+    The quantity is None if the message does not have it.
     """
     if quantity not in columns:
         return None, 0

@@ -1,8 +1,8 @@
 """Groups the messages of one radar into reports, each of which becomes a cloud.
 
-With sector crossings, a report is a sector that the antenna has passed, also if it has no plots:
-this is how the tracker recognises missed detections. Without crossings a report is a slice of time
-(see `slices`), and the tracker estimates the antenna's motion from the plots.
+With sector crossings, a report is a sector that the antenna has passed. It is sent without plots
+too, because it shows the tracker which detections were missed. Without crossings a report is a
+slice of time (see `slices`), and the tracker estimates the antenna's motion from the plots.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ TOLERANCE = 0.5 * FULL_TURN / 2**8
 LARGEST_STEP, LONGEST_STEP_S = 0.25 * FULL_TURN + TOLERANCE, 15.0
 # After this many turns without a crossing the antenna's azimuth is unknown.
 TURNS_LOST = 1.5
-# LEARNED as `Assembler.hold` means: hold for the largest plot delay of the last MEMORY_NS, in
-# sectors; an eighth of a turn at first, a quarter at most.
+# Value of `Assembler.hold` for which reports are held back for the largest plot delay of the last
+# MEMORY_NS, in sectors: an eighth of a turn at first, a quarter at most.
 LEARNED = -1
 MEMORY_NS = 60 * 10**9
 # Plausible rotation periods, seconds.

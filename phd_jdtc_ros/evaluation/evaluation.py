@@ -51,7 +51,7 @@ class Evaluation:
     _runs: dict[str, RunScores] = field(init=False)
     _truth: TrueTracks = field(init=False)
     _waiting: dict[tuple[str, int], PointSet] = field(init=False, default_factory=dict)
-    # Stamps that only one source has a score for so far, and this source.
+    # The only source with a score so far, by stamp.
     _half: dict[int, str] = field(init=False, default_factory=dict)
     _passes: Passes = field(init=False)
     _scans: int = field(init=False, default=0)

@@ -1,4 +1,4 @@
-"""Takes radars' reports and platforms' poses to a tracker's pipeline."""
+"""Passes radars' reports and platforms' poses to a tracker's pipeline."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Feed:
         self._notices, self._monitors = notices, monitors
 
     def message(self, radar: int, read: Callable[[], Report]) -> Iterator[Event] | None:
-        """Take in a message, which `read` decodes; return None if no part of it is used."""
+        """Process a message, which `read` decodes; return None if no part of it is used."""
         try:
             report = read()
         except RejectedMessageError as error:
@@ -84,7 +84,7 @@ class Feed:
         return self.report(radar, report)
 
     def report(self, radar: int, report: Report) -> Iterator[Event] | None:
-        """Take in a report; see `message`."""
+        """Process a report; see `message`."""
         self._notices.on_report(radar, report)
         events = self.pipeline.add(radar, report.stamp_ns, report.detections, report.sector)
         self._notices.on_anomalies(radar, report.anomalies + self.pipeline.take_anomalies(radar))
@@ -95,7 +95,7 @@ class Feed:
         return self._monitor(events)
 
     def pose(self, topic: str, read: Callable[[], tuple[int, Pose]]) -> Iterator[Event] | None:
-        """Take in a platform's pose, which `read` decodes; return None if it is unreadable.
+        """Process a platform's pose, which `read` decodes; return None if it is unreadable.
 
         The events are those of the reports that waited for it.
         """
@@ -132,7 +132,7 @@ class Feed:
             monitor.forget_tracks()
 
     def _monitor(self, events: Iterable[Event]) -> Iterator[Event]:
-        """Yield events before the monitors take them; then give notice of lost reports."""
+        """Yield each event, and then show it to the monitors; at the end report the drops."""
         for event in events:
             yield event  # first, because estimates must not wait for the monitors
             for monitor in self._monitors:

@@ -35,14 +35,14 @@ Joint = tuple[str, Estimates]
 class _Run:
     """A run: estimates whose stamps do not go back."""
 
-    gathered: Mapping[str, Gathering]
+    gatherings: Mapping[str, Gathering]
     series: Sequence[TrackSeries]
     numbers: Numbers
     # Smoothed estimates that wait for their numbers.
     smoothed: list[Gathered] = field(default_factory=list)
     # Stamp of the filtered picture; infinite after the end of the run.
     reached_ns: float = -math.inf
-    # Latest stamp of an ended run whose estimates may still arrive, by tracker.
+    # Latest stamp of an ended run of which estimates may still arrive, by tracker.
     until_ns: Mapping[int, float] = field(default_factory=dict)
     closed: bool = False  # True if further smoothed estimates are too late
 
@@ -71,20 +71,20 @@ class JointPicture:
         self._wait_ns = round(wait_s * 1e9)
         self._longest_delay_s, self._most_waiting = longest_delay_s, most_waiting
         self._run = self._new_run()
-        self._before = self._new_run()
+        self._previous = self._new_run()
         self._common: deque[bool] = deque(maxlen=LATEST_STAMPS)
         self._overflow = 0
 
     def _new_run(self) -> _Run:
         count = len(self._trackers)
         limits = self._longest_delay_s, self._most_waiting
-        gathered = {source: Gathering(count, *limits) for source in SOURCES}
-        return _Run(gathered, [TrackSeries() for _ in range(count)], Numbers(self._wait_ns))
+        gatherings = {source: Gathering(count, *limits) for source in SOURCES}
+        return _Run(gatherings, [TrackSeries() for _ in range(count)], Numbers(self._wait_ns))
 
     @property
     def silent(self) -> frozenset[int]:
         """Indices of the trackers that the filtered picture does not wait for."""
-        return self._run.gathered[FILTERED].silent
+        return self._run.gatherings[FILTERED].silent
 
     @property
     def handed_over(self) -> int:
@@ -99,24 +99,24 @@ class JointPicture:
     @property
     def overflow(self) -> int:
         """Number of stamps that were closed incomplete because too many waited."""
-        gathered = self._run.gathered.values()
-        return self._overflow + sum(one.overflow for one in gathered)
+        gatherings = self._run.gatherings.values()
+        return self._overflow + sum(each.overflow for each in gatherings)
 
     def behind_s(self, tracker: int) -> float:
         """Return the age of a tracker's filtered estimates relative to the newest, seconds."""
-        return self._run.gathered[FILTERED].behind_s(tracker)
+        return self._run.gatherings[FILTERED].behind_s(tracker)
 
     def ahead_of(self, stamp_ns: int) -> frozenset[int]:
         """Return the trackers whose filtered stamps are ahead by more than the longest delay."""
-        longest_ns, latest = self._longest_delay_s * 1e9, self._run.gathered[FILTERED].latest_ns
+        longest_ns, latest = self._longest_delay_s * 1e9, self._run.gatherings[FILTERED].latest_ns
         return frozenset(k for k in self._trackers if (latest(k) or 0) - stamp_ns > longest_ns)
 
     def jumps_back(self, tracker: int, source: str, stamp_ns: int) -> bool:
         """Return whether `add` of such estimates would begin a new run."""
         return (
             source == FILTERED
-            and not self._is_of_before(tracker, source, stamp_ns)
-            and self._run.gathered[FILTERED].jumps_back(tracker, stamp_ns)
+            and not self._belongs_to_previous(tracker, source, stamp_ns)
+            and self._run.gatherings[FILTERED].jumps_back(tracker, stamp_ns)
         )
 
     def add(self, tracker: int, source: str, found: Estimates) -> list[Joint] | Refusal:
@@ -125,81 +125,83 @@ class JointPicture:
         Returns the joint estimates that are now complete, in the order of time for each source and
         run; or why these estimates are refused.
         """
-        if self._is_of_before(tracker, source, found.stamp_ns):
-            return self._add_to_before(tracker, source, found)
+        if self._belongs_to_previous(tracker, source, found.stamp_ns):
+            return self._add_to_previous(tracker, source, found)
         done = []
         if self.jumps_back(tracker, source, found.stamp_ns):
-            done = self._begin(self._run.gathered[FILTERED].expected_ns())
-        closed = self._run.gathered[source].add(tracker, found)
+            done = self._begin(self._run.gatherings[FILTERED].expected_ns())
+        closed = self._run.gatherings[source].add(tracker, found)
         if isinstance(closed, Refusal):
             return closed
         if source == FILTERED:
             return done + self._join_filtered(closed)
         self._run.smoothed += closed
-        if all(self._run.gathered[SMOOTHED].latest_ns(k) is not None for k in self._trackers):
-            done += self._close_before()
+        if all(self._run.gatherings[SMOOTHED].latest_ns(k) is not None for k in self._trackers):
+            done += self._close_previous()
         return done + self._join_smoothed(self._run)
 
     def close_all(self) -> list[Joint]:
         """Return all pending estimates, and begin a new run; numbers are not reused."""
-        gathered = self._run.gathered[FILTERED]
+        filtered = self._run.gatherings[FILTERED]
         # Stamps may go on: estimates after the newest stamp belong to the new run.
-        done = self._begin(gathered.expected_ns(gathered.newest_ns))
-        self._before.smoothed += self._before.gathered[SMOOTHED].close_all()
-        return done + self._join_smoothed(self._before)
+        done = self._begin(filtered.expected_ns(filtered.newest_ns))
+        self._previous.smoothed += self._previous.gatherings[SMOOTHED].close_all()
+        return done + self._join_smoothed(self._previous)
 
     def begin_again(self) -> list[Joint]:
         """Return all pending estimates, and begin a new run with the next ones at any stamp.
 
         It serves to recover from wrong stamps.
         """
-        return self._begin({}) + self._close_before()
+        return self._begin({}) + self._close_previous()
 
     def _begin(self, until_ns: Mapping[int, float]) -> list[Joint]:
         """Begin a new run; the current one accepts no more filtered estimates."""
-        over = self._run
-        done = self._close_before() + self._join_filtered(over.gathered[FILTERED].close_all())
-        over.reached_ns, over.until_ns = math.inf, until_ns
-        self._overflow += sum(one.overflow for one in over.gathered.values())
-        self._before, self._run = over, self._new_run()
+        ended = self._run
+        done = self._close_previous() + self._join_filtered(ended.gatherings[FILTERED].close_all())
+        ended.reached_ns, ended.until_ns = math.inf, until_ns
+        self._overflow += sum(each.overflow for each in ended.gatherings.values())
+        self._previous, self._run = ended, self._new_run()
         self._handover.forget()
-        return done + self._join_smoothed(over)
+        return done + self._join_smoothed(ended)
 
-    def _is_of_before(self, tracker: int, source: str, stamp_ns: int) -> bool:
+    def _belongs_to_previous(self, tracker: int, source: str, stamp_ns: int) -> bool:
         """Return whether estimates belong to the previous run.
 
         Topics are not ordered relative to each other: a tracker's last estimates may arrive after
         another tracker's stamps have jumped back.
         """
-        before, gathered = self._before, self._run.gathered
-        if gathered[source].latest_ns(tracker) is not None:
+        previous, gatherings = self._previous, self._run.gatherings
+        if gatherings[source].latest_ns(tracker) is not None:
             return False
-        if stamp_ns > before.until_ns.get(tracker, -math.inf):
+        if stamp_ns > previous.until_ns.get(tracker, -math.inf):
             return False
         # A tracker's first smoothed estimates belong to the new run if it has filtered their stamp
         # in it.
-        latest = before.gathered[source].latest_ns(tracker)
+        latest = previous.gatherings[source].latest_ns(tracker)
         if latest is None:
-            latest = gathered[FILTERED].latest_ns(tracker)
+            latest = gatherings[FILTERED].latest_ns(tracker)
         return latest is None or stamp_ns > latest
 
-    def _add_to_before(self, tracker: int, source: str, found: Estimates) -> list[Joint] | Refusal:
+    def _add_to_previous(
+        self, tracker: int, source: str, found: Estimates
+    ) -> list[Joint] | Refusal:
         """Add estimates of the previous run; smoothed ones still get its numbers."""
-        before = self._before
-        closed = before.gathered[source].add(tracker, found)
+        previous = self._previous
+        closed = previous.gatherings[source].add(tracker, found)
         if isinstance(closed, Refusal):
             return closed
-        if source == FILTERED or before.closed:
+        if source == FILTERED or previous.closed:
             return Refusal.LATE
-        before.smoothed += closed
-        return self._join_smoothed(before)
+        previous.smoothed += closed
+        return self._join_smoothed(previous)
 
-    def _close_before(self) -> list[Joint]:
+    def _close_previous(self) -> list[Joint]:
         """Return the pending estimates of the previous run, which accepts no more."""
-        before = self._before
-        before.smoothed += before.gathered[SMOOTHED].close_all()
-        before.closed = True
-        return self._join_smoothed(before)
+        previous = self._previous
+        previous.smoothed += previous.gatherings[SMOOTHED].close_all()
+        previous.closed = True
+        return self._join_smoothed(previous)
 
     def _join_filtered(self, closed: Sequence[Gathered]) -> list[Joint]:
         """Return the joint filtered estimates of stamps, and the smoothed ones that are now due."""
@@ -229,4 +231,4 @@ class JointPicture:
             joint = self._handover.join_numbered(gathered, run.numbers.at(stamp_ns))
             done.append((SMOOTHED, joint))
         # The previous run's estimates come first.
-        return self._close_before() + done if done and run is self._run else done
+        return self._close_previous() + done if done and run is self._run else done

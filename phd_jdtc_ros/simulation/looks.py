@@ -88,15 +88,15 @@ class TurningRadar:
         end = min(flight.end_s, self.scenario.duration_s)
         grid = np.arange(flight.start_s - rotation_s, end + SPARE_TURNS * rotation_s, rotation_s)
 
-        def part(time_s: FloatArray) -> FloatArray:
+        def bearing_turns(time_s: FloatArray) -> FloatArray:
             plane = self.scenario.measure(self.index, flight.states(time_s), time_s)
             return self.antenna.turns_to(plane[:, 1])
 
-        unwrapped = np.unwrap(part(grid), period=1.0)
+        unwrapped = np.unwrap(bearing_turns(grid), period=1.0)
         first = np.floor(self.turns_at(grid[:1]) - unwrapped[0])
         time = self.times_at(first + np.arange(len(grid)) + unwrapped)
         for _ in range(STEPS):
-            error = part(time) - self.turns_at(time)
+            error = bearing_turns(time) - self.turns_at(time)
             time = time + (error - np.round(error)) * rotation_s
         time = np.sort(time[(time >= flight.start_s) & (time <= end)])
         return time[np.diff(time, prepend=-np.inf) > SAME_PASS_S]

@@ -51,8 +51,8 @@ def turn_ends(scenario: Scenario) -> list[float]:
 
 def turning_run(scenario: Scenario, seed: int, ignored: IgnoredTargets = TAXIING) -> SimulatedRun:
     """Return a run without scans whose truth is at the end of each turn."""
-    every = (truth_after(scenario, end) for end in turn_ends(scenario))
-    truth = tuple(_without_slow(known, ignored) for known in every)
+    truths = (truth_after(scenario, end) for end in turn_ends(scenario))
+    truth = tuple(_without_slow(known, ignored) for known in truths)
     return SimulatedRun(scenario, seed, truth, (), (), ignored)
 
 

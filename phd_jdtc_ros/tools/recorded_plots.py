@@ -124,7 +124,7 @@ def _clouds(bag: BagReader, topic: str) -> list[Any]:
 
 def _frame_of(bag: BagReader, topic: str) -> dict[str, str]:
     for entry in Intact(bag).messages([topic]):
-        # The header's stamp takes 8 bytes behind the encapsulation's 4, then comes the string.
+        # The frame's name, a string, follows 4 bytes of encapsulation and 8 of the stamp.
         size = int.from_bytes(entry.data[12:16], "little")
         return {"frame": entry.data[16 : 16 + max(size - 1, 0)].decode(errors="replace")}
     return {}

@@ -125,8 +125,8 @@ def _iterate(
     trajectories = Trajectories(rows.position, np.zeros_like(rows.position))
     for number in range(PASSES + 1):
         found = filter_targets(rows, trajectories, density, weight, len(radars))
-        one_plot = _one_plot(radars, rows, trajectories)
-        observability = analyse(found.information, one_plot, reference)
+        plot_noise = _noise_of_one_plot(radars, rows, trajectories)
+        observability = analyse(found.information, plot_noise, reference)
         correction = found.bias_estimate(observability.free)
         trajectories = smooth_targets(rows, found, correction, density)
         if number == 0:
@@ -150,8 +150,8 @@ def _add_correction(biases: Sequence[SensorBias], correction: FloatArray) -> lis
 def _weights(rows: Sequences, trajectories: Trajectories) -> FloatArray:
     """Return the weights of plots; those far from their target's trajectory have less weight.
 
-    The weights divide the standard deviations. A plot with residual r has the weight c / r and
-    therefore counts (c / r)^2, less than by Huber's rule, by which it would count c / r.
+    The noise's standard deviation is divided by the weight. A plot with residual r has the weight
+    c / r, and so the information (c / r)^2; with Huber's weights it would have c / r.
     """
     distance2 = ((_residual(rows, trajectories) / rows.noise_std) ** 2).sum(axis=-1)
     scale = np.sqrt(np.median(distance2[rows.valid]) / MEDIAN_SQUARE)
@@ -181,7 +181,7 @@ def _standard_deviations(
     return np.where(observability.free, std, np.nan)
 
 
-def _one_plot(
+def _noise_of_one_plot(
     radars: Sequence[TrackedRadar], rows: Sequences, trajectories: Trajectories
 ) -> FloatArray:
     """Return the noise of one plot of each radar as a bias of each kind, in `UNITS`, (P,)."""
@@ -210,13 +210,13 @@ def _best_density(
     def value(density: float) -> float:
         return filter_targets(rows, trajectories, density, weight, radars).log_likelihood
 
-    best, known = start, value(start)
+    best, best_value = start, value(start)
     for factor in (FACTOR, 1.0 / FACTOR):
         for _ in range(STEPS):
             tried = value(best * factor)
-            if tried <= known:
+            if tried <= best_value:
                 break
-            best, known = best * factor, tried
+            best, best_value = best * factor, tried
         if best != start:
             break
     return best
@@ -264,9 +264,10 @@ def _residuals(radar: TrackedRadar, found: _Iteration, index: int) -> Residuals:
     late_s = found.biases[index].time_offset_s
     trajectories = found.trajectories
     position, velocity = trajectories.position[own], trajectories.velocity[own]
-    then, _ = kinematics.linearise(position + late_s * velocity, pose)
+    # A plot as reported has a stamp that is late by the time offset.
+    expected, _ = kinematics.linearise(position + late_s * velocity, pose)
     return Residuals(
         rows.time_s[own],
-        kinematics.residual(radar.measurement[plot], then),
+        kinematics.residual(radar.measurement[plot], expected),
         _residual(rows, trajectories)[own],
     )

@@ -18,9 +18,9 @@ from .rates import (
     clutter_rate,
     crowded,
     detection_probability,
-    elsewhere,
     field_of,
     looks_of,
+    outside_land,
 )
 from .rotation import Timing, timing
 from .start import first_guess
@@ -83,7 +83,7 @@ def findings(plots: Plots) -> Findings:
     guess, tracks = first_guess(plots, when)
     _require_tracks(plots, when, tracks)
     guess, tracks, noise = _iterate(plots, when, guess, tracks)
-    rows = elsewhere(plots, looks_of(plots, when), noise.range_std, noise.azimuth_std)
+    rows = outside_land(plots, looks_of(plots, when), noise.range_std, noise.azimuth_std)
     land = 1.0 - len(rows) / len(plots)
     kept = rows if land > MOST_LAND else np.arange(len(plots))
     dense = np.intersect1d(crowded(plots, np.setdiff1d(rows, tracks.claimed)), rows)

@@ -19,11 +19,11 @@ from .tracks import Tracks
 LEAST_GAP = np.radians(20.0)
 # The gap must also be wider than this many times the mean azimuth spacing of the plots.
 LEAST_SPACES = 12.0
-# Land clutter: a cell with plots in more than the share `AGAIN` of all looks, and in at least
-# `LEAST_AGAIN` of them. A cell is `CELL_SIGMA` standard deviations wide in range and in azimuth.
-AGAIN, LEAST_AGAIN, CELL_SIGMA = 0.15, 5.0, 3.0
-# The times of a land cell's plots are spread over the recording: their standard deviation is at
-# least this share of that of uniform times. Those of a target that stops for a while are not.
+# A cell is land clutter if it has plots in at least the share `LAND_SHARE` of all looks, and at
+# least `LEAST_LAND_PLOTS`. It is `CELL_SIGMA` standard deviations wide in range and in azimuth.
+LAND_SHARE, LEAST_LAND_PLOTS, CELL_SIGMA = 0.15, 5.0, 3.0
+# The times of a land cell's plots are spread over the recording, unlike those of a target that
+# stops for a while: their standard deviation is at least this share of that of uniform times.
 LEAST_SPREAD = 0.7
 # Crowded areas: cells of these numbers in range and azimuth with `CROWD` times the mean number of
 # untracked plots, and at least `LEAST_CROWD` of them.
@@ -48,7 +48,7 @@ class Rate:
 def detection_probability(plots: Plots, timing: Timing, tracks: Tracks) -> Rate:
     """Return the share of looks with a detection between each track's first and last plot.
 
-    These two plots do not count: a track exists only between them.
+    These two plots do not count, because they limit the track: it begins and ends with a detection.
     """
     looks = hits = 0
     for own in tracks.plots:
@@ -103,7 +103,7 @@ class Field:
     arc: tuple[float, float] | None
 
 
-def elsewhere(plots: Plots, looks: float, range_std: float, azimuth_std: float) -> IntArray:
+def outside_land(plots: Plots, looks: float, range_std: float, azimuth_std: float) -> IntArray:
     """Return the plots outside land clutter, which recurs in the same cells of a stationary radar.
 
     The recording has `looks` turns or clouds; the standard deviations are those of a plot,
@@ -119,7 +119,7 @@ def elsewhere(plots: Plots, looks: float, range_std: float, azimuth_std: float) 
     first, second = (np.bincount(place, plots.time_s**power) / count for power in (1, 2))
     spread = np.sqrt(np.maximum(second - first**2, 0.0))
     lasting = spread >= LEAST_SPREAD * plots.duration_s / np.sqrt(12.0)
-    land = lasting & (count >= max(AGAIN * looks, LEAST_AGAIN))
+    land = lasting & (count >= max(LAND_SHARE * looks, LEAST_LAND_PLOTS))
     kept: IntArray = np.flatnonzero(~land[place])
     return kept
 
@@ -165,7 +165,7 @@ def beside(
         )
         for far in (sigma, 2.0 * sigma)
     )
-    # The places around are three times as large.
+    # The area from one to two times the reach is three times as large as the inner one.
     by_chance = (around - near) / 3.0
     further = near - by_chance
     if further < SURE_SIGMA * np.sqrt(near + by_chance / 3.0):

@@ -22,7 +22,7 @@ from msg_adapters import diagnostics, names
 from .callbacks import steady_timer
 from .topics import reliable
 
-# A cause is logged once it has lasted this time, which a start or a single lost scan does not.
+# A cause is logged only after this time, so that a start or a single lost scan is not logged.
 LASTING_S = 5.0
 _NUMBERS = re.compile(r"\d+(\.\d+)?")
 
@@ -68,8 +68,8 @@ class StatusLog:
 
     def _take(self, status: DiagnosticStatus) -> None:
         name, now_s = status.name, self._clock()
-        well = status.level == DiagnosticStatus.OK
-        words = "" if well else _NUMBERS.sub("", status.message)
+        is_ok = status.level == DiagnosticStatus.OK
+        words = "" if is_ok else _NUMBERS.sub("", status.message)
         cause = self._causes.get(name)
         if cause is None or cause.words != words:
             cause = self._causes[name] = _Cause(words, now_s)
@@ -77,7 +77,7 @@ class StatusLog:
             return
         cause.logged = True
         text = f"{name}: {status.message}"
-        if not well:
+        if not is_ok:
             self._warned.add(name)
             # There are two calls, because rclpy allows one severity per place of a call.
             if status.level == DiagnosticStatus.ERROR:
@@ -133,7 +133,7 @@ class _Count:
 
 
 class Rises:
-    """Rises of counts that are read regularly; a count that falls has begun again at zero."""
+    """Rises of counts that are read regularly; a fall means that a count restarted at zero."""
 
     def __init__(self) -> None:
         self._counts: dict[str, _Count] = {}

@@ -237,7 +237,7 @@ class Evaluator(RunnableNode):
             )
 
     def _on_parameters(self, values: Mapping[str, Any]) -> None:
-        """Take in the tracker's parameters, which it sends once it has discovered this node."""
+        """Record the tracker's parameters, which it sends once it has discovered this node."""
         self._engine = ENGINE_OF.get(str(values.get("engine")))
         if self._recorder is not None:
             self._recorder.write_parameters(values)

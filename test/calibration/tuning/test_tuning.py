@@ -16,7 +16,7 @@ from phd_jdtc_ros.calibration.tuning.rates import (
     clutter_rate,
     crowded,
     detection_probability,
-    elsewhere,
+    outside_land,
 )
 from phd_jdtc_ros.calibration.tuning.rotation import Timing, timing
 from phd_jdtc_ros.calibration.tuning.tracks import LinkModel, Tracks, link_plots
@@ -121,12 +121,12 @@ def test_recurring_places_are_separated_from_a_passing_target():
         seen = np.concatenate([ship.measurement[ship.cloud == cloud], land])
         reports.append((cloud * 2 * 10**9, Detections(seen, None)))
     plots = plots_of(reports)
-    rows = elsewhere(plots, 70.0, 20.0, 0.01)
+    rows = outside_land(plots, 70.0, 20.0, 0.01)
     of_ship = np.flatnonzero(np.diff(plots.cloud, prepend=-1))
     assert np.isin(of_ship, rows).mean() > 0.95
     assert len(np.setdiff1d(rows, of_ship)) < 0.2 * 20 * 70
     moving = replace(plots, pose=rng.standard_normal(plots.pose.shape))
-    assert len(elsewhere(moving, 70.0, 20.0, 0.01)) == len(plots)
+    assert len(outside_land(moving, 70.0, 20.0, 0.01)) == len(plots)
 
 
 def test_a_target_that_stops_for_a_while_is_no_land():
@@ -139,7 +139,7 @@ def test_a_target_that_stops_for_a_while_is_no_land():
         reports.append((cloud * 10**9, Detections(np.stack([drone, tower]), None)))
     plots = plots_of(reports)
     of_drone = np.flatnonzero(plots.measurement[:, 1] > 0.0)
-    rows = elsewhere(plots, 200.0, 2.0, 0.01)
+    rows = outside_land(plots, 200.0, 2.0, 0.01)
     assert np.isin(of_drone, rows).all()
     # Plots at the edge of the noise are in cells of few plots.
     assert len(rows) < len(of_drone) + 0.3 * 200
