@@ -68,8 +68,8 @@ def from_msg(scan: Any, radar: RadarParameters) -> Report:
     rows = [
         (r.range, r.azimuth, r.elevation, r.doppler_velocity, r.amplitude) for r in scan.returns
     ]
-    every = np.array(rows, dtype=np.float64).reshape(-1, RETURN_FIELDS)
-    return _report(scan.header, every, radar)
+    returns = np.array(rows, dtype=np.float64).reshape(-1, RETURN_FIELDS)
+    return _report(scan.header, returns, radar)
 
 
 def from_cdr(data: bytes, radar: RadarParameters) -> Report:

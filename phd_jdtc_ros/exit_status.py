@@ -30,7 +30,7 @@ def faults_of(error: Exception) -> tuple[str, ...]:
 
 
 def fail(name: str, error: Exception) -> int:
-    """Print why an executable cannot go on, a line for each fault, and return its exit status."""
+    """Print why an executable ends, a line for each fault, and return its exit status."""
     for fault in faults_of(error):
         print(f"{name}: {fault}", file=sys.stderr)
     return CORRUPT if isinstance(error, BagError) and error.corrupt else USAGE

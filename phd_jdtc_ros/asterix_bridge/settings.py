@@ -214,14 +214,14 @@ def resolve(given: Mapping[str, Any], top: tuple[Parameter, ...] = OF_FILES) -> 
     `top` has the parameters that are not of a single radar: `TABLE` for the node. A radar's missing
     parameters default to those.
     """
-    every = with_members(top, "radars", RADAR, given)
-    values, faults = check(every.values(), given, replaced.BRIDGE, replaced.BRIDGE_RADAR)
+    parameters = with_members(top, "radars", RADAR, given)
+    values, faults = check(parameters.values(), given, replaced.BRIDGE, replaced.BRIDGE_RADAR)
     if not faults:
         faults = [*_faults(values), *_address_faults(values)]
     if faults:
         raise ConfigError(faults)
     radars = {_number(values, name): _radar(values, name) for name in values["radars"]}
-    return Bridge(values, every, radars, _radar(values, ""))
+    return Bridge(values, parameters, radars, _radar(values, ""))
 
 
 def _faults(values: Mapping[str, Any]) -> list[str]:

@@ -141,7 +141,7 @@ class Tally:
 
     @property
     def learned(self) -> dict[str, float]:
-        """What was learned of the sensors, by dotted name; see `SensorMemory.figures`."""
+        """The learned values of the sensors, by dotted name; see `SensorMemory.figures`."""
         return {name: value for name, value in self._figures.items() if "." in name}
 
     def about_radars(self, fits: Sequence[Fit] = ()) -> Iterator[tuple[int, str]]:

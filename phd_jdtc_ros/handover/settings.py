@@ -95,8 +95,10 @@ class Settings:
 
 def resolve(given: Mapping[str, Any]) -> Settings:
     """Check the parameters of the node, given by dotted name; `ConfigError` lists every fault."""
-    every = with_members(TABLE, "trackers", TRACKER, given)
-    values, faults = check(every.values(), given, replaced.HAND_OVER, replaced.HAND_OVER_TRACKER)
+    parameters = with_members(TABLE, "trackers", TRACKER, given)
+    values, faults = check(
+        parameters.values(), given, replaced.HAND_OVER, replaced.HAND_OVER_TRACKER
+    )
     if None not in values.values():
         faults += _faults(values)
     if faults:
@@ -108,7 +110,7 @@ def resolve(given: Mapping[str, Any]) -> Settings:
         raise ConfigError(faults)
     return Settings(
         values,
-        every,
+        parameters,
         trackers,
         tuple(_node(values, name) for name in trackers),
         regions,

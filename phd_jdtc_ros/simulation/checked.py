@@ -108,7 +108,7 @@ def read(
 
 @contextmanager
 def collecting_faults(prefix: str, faults: list[str]) -> Iterator[None]:
-    """Add the faults of a `ConfigError` in the block to `faults`, and go on after it."""
+    """Add the faults of a `ConfigError` in the block to `faults` instead of raising it."""
     try:
         yield
     except ConfigError as error:
@@ -130,11 +130,11 @@ def read_list(
     declared: type[T], given: Mapping[str, Any], name: str, prefix: str, faults: list[str]
 ) -> tuple[T, ...]:
     """Return what a list of mappings declares, without those that have faults; see `read`."""
-    every = (
+    checked = (
         read(declared, entry, f"{prefix}{name}[{index}].", faults)
         for index, entry in enumerate(mappings(given, name, prefix, faults))
     )
-    return tuple(each for each in every if each is not None)
+    return tuple(each for each in checked if each is not None)
 
 
 def mapping(

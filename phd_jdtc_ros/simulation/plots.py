@@ -48,11 +48,11 @@ def plots_of(radar: TurningRadar, rng: np.random.Generator) -> SimulatedPlots:
         *_mirror_plots(radar, rng),
     )
     columns = zip(*(part[:5] for part in parts), strict=True)
-    every = SimulatedPlots(*map(np.concatenate, columns))
-    others = len(every.turns) - len(targets.turns)
+    plots = SimulatedPlots(*map(np.concatenate, columns))
+    others = len(plots.turns) - len(targets.turns)
     range_rate = range_rates(own.state[observed.seen], others, radar.model, rng)
-    every = every._replace(range_rate=range_rate)
-    return every.take(np.argsort(every.turns, kind="stable"))
+    plots = plots._replace(range_rate=range_rate)
+    return plots.take(np.argsort(plots.turns, kind="stable"))
 
 
 def _detect(
@@ -69,8 +69,8 @@ def _detect(
     """
     moved = wrap_angle(observed.measurement[:, 1] - exact[:, 1]) / FULL_TURN
     turns = radar.turns_at(time_s) + (-moved if radar.antenna.clockwise else moved)
-    every = SimulatedPlots(turns, observed.measurement, observed.amplitude, source, replying)
-    return every.take(np.flatnonzero(observed.seen))
+    plots = SimulatedPlots(turns, observed.measurement, observed.amplitude, source, replying)
+    return plots.take(np.flatnonzero(observed.seen))
 
 
 def _reflector_plots(radar: TurningRadar, rng: np.random.Generator) -> Iterator[SimulatedPlots]:

@@ -102,7 +102,7 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         raise ConfigError(["scenario: must be a mapping"])
     faults: list[str] = []
     timing = read(Timing, document, "", faults, BLOCKS)
-    every = targets.targets(document, faults)
+    all_targets = targets.targets(document, faults)
     antennas = read_by_radar(Antenna, document, "antennas", radars, faults)
     biases = read_by_radar(Bias, document, "biases", radars, faults)
     clutter = law.laws(document, radars, faults)
@@ -112,11 +112,11 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     replies = transponders(document, faults)
     reflecting = mirrors(document, faults)
     duration_s = 0.0 if timing is None or faults else timing.duration_s
-    every += generators.traffic(mapping(document, "traffic", faults), duration_s, faults)
+    all_targets += generators.traffic(mapping(document, "traffic", faults), duration_s, faults)
     given = mapping(document, "manoeuvres", faults)
-    every += generators.manoeuvres(given, _origin(document, faults), duration_s, faults)
+    all_targets += generators.manoeuvres(given, _origin(document, faults), duration_s, faults)
     interval_s = timing.interval_s if timing else 1.0
-    flights = [t if isinstance(t, Flight) else t.flight(interval_s) for t in every]
+    flights = [t if isinstance(t, Flight) else t.flight(interval_s) for t in all_targets]
     unseen = gaps.of_targets(document, flights, faults)
     if timing is None or faults:
         raise ConfigError(faults)
@@ -124,7 +124,7 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         start_ns=round(timing.start_s * 1e9),
         interval_s=timing.interval_s,
         scans=timing.scans,
-        targets=tuple(every),
+        targets=tuple(all_targets),
         radars=radars,
         antennas=tuple(each or default_antenna(index) for index, each in enumerate(antennas)),
         most_radars=timing.most_radars,

@@ -28,5 +28,5 @@ def of_radars(
     document: Mapping[str, object], radars: tuple[RadarModel, ...], faults: list[str]
 ) -> tuple[Sending, ...]:
     """Return the timing of each radar's messages in a document; add faults to `faults`."""
-    every = read_by_radar(Sending, document, "sending", radars, faults)
-    return tuple(each or Sending() for each in every)
+    given = read_by_radar(Sending, document, "sending", radars, faults)
+    return tuple(each or Sending() for each in given)

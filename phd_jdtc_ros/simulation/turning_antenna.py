@@ -136,7 +136,7 @@ def reports_of(radar: TurningRadar, plots: SimulatedPlots, seed: int = 0) -> lis
     # Turns and sectors begin at the biased azimuths that the antenna reports.
     ahead = scenario.bias(radar.index).azimuth / FULL_TURN * (-1.0 if antenna.clockwise else 1.0)
     turned, time_s = plots.turns + ahead, radar.times_at(plots.turns)
-    every = _with_replies(radar, plots, time_s, seed)
+    observed = _with_replies(radar, plots, time_s, seed)
     parts = max(layout.sectors, 1)
     first = int(np.ceil(antenna.begin + ahead)) * parts
     last = int(np.floor((radar.end + ahead) * parts + 1e-9))
@@ -149,7 +149,7 @@ def reports_of(radar: TurningRadar, plots: SimulatedPlots, seed: int = 0) -> lis
         # The lead over a uniform rotation at the plot, minus the lead at the stamp.
         lead_change_s = antenna.ahead_s(time_s[rows]) - antenna.ahead_s(np.array(end_s))
         found = replace(
-            every.take(rows),
+            observed.take(rows),
             time_s=(turned[rows] - edge) * radar.model.rotation_s - lead_change_s,
             coverage=_coverage(antenna, number % parts, parts) if layout.sectors else None,
         )

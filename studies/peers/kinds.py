@@ -30,10 +30,10 @@ class Peer:
         self, run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence[int]
     ) -> TrackingResult:
         """Return the estimates of a run."""
-        heard = raised_threshold(run, LOUD_THRESHOLD) if self.loud else run
+        received = raised_threshold(run, LOUD_THRESHOLD) if self.loud else run
         own: dict[str, Any] = {"lags": lags} if self.smoothed else {}
         model = resolve(parameters).model
-        return TrackingResult(self.tracker(heard, self.settings, model=model, **own))
+        return TrackingResult(self.tracker(received, self.settings, model=model, **own))
 
 
 # The peers of Stone Soup, by the name of their kind.

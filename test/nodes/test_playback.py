@@ -96,10 +96,10 @@ def test_before_yields_what_was_recorded_earlier(tmp_path):
 
 def test_an_empty_part_or_a_start_beyond_all_numbers_is_refused(tmp_path):
     a, _ = SCANS
-    with pytest.raises(BagError, match="holds nothing in the chosen part"):
+    with pytest.raises(BagError, match="contains nothing in the selected part"):
         playback(tmp_path, [scan(a, 1, 1 * S)], 5.0)
     a, _ = SCANS
-    with pytest.raises(BagError, match="holds nothing in the chosen part"):
+    with pytest.raises(BagError, match="contains nothing in the selected part"):
         playback(tmp_path, [scan(a, 1, 1 * S)], 1e300)
 
 

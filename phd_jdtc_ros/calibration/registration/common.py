@@ -76,11 +76,11 @@ def _times(radars: Sequence[TrackedRadar]) -> FloatArray:
 
 def _sample_tracks(radar: TrackedRadar, bias: SensorBias, times: FloatArray) -> _SampledTracks:
     corrected = radar.remove_bias(bias)
-    every = corrected.position
+    positions = corrected.position
     position = np.full((len(radar.tracks), len(times), 2), np.nan)
     plot_std, reach = np.zeros(len(radar.tracks)), np.zeros(len(radar.tracks))
     for row, own in enumerate(radar.tracks):
-        time_s, place = corrected.time_s[own], every[own]
+        time_s, place = corrected.time_s[own], positions[own]
         inside = (times >= time_s[0]) & (times <= time_s[-1])
         for axis in (0, 1):
             position[row, inside, axis] = np.interp(times[inside], time_s, place[:, axis])

@@ -22,7 +22,7 @@ from .rates import (
     looks_of,
     outside_land,
 )
-from .rotation import Timing, timing
+from .rotation import Timing, timing_of
 from .start import first_guess
 from .tracks import LinkModel, Tracks, link_plots
 
@@ -77,13 +77,13 @@ def findings(plots: Plots) -> Findings:
     from clutter.
     """
     _require_some(plots)
-    when = timing(plots)
-    if when.cloud_interval_s <= 0.0:
+    timing = timing_of(plots)
+    if timing.cloud_interval_s <= 0.0:
         raise TuningError("all clouds have the same stamp; stamps must increase")
-    guess, tracks = first_guess(plots, when)
-    _require_tracks(plots, when, tracks)
-    guess, tracks, noise = _iterate(plots, when, guess, tracks)
-    rows = outside_land(plots, looks_of(plots, when), noise.range_std, noise.azimuth_std)
+    guess, tracks = first_guess(plots, timing)
+    _require_tracks(plots, timing, tracks)
+    guess, tracks, noise = _iterate(plots, timing, guess, tracks)
+    rows = outside_land(plots, looks_of(plots, timing), noise.range_std, noise.azimuth_std)
     land = 1.0 - len(rows) / len(plots)
     kept = rows if land > MOST_LAND else np.arange(len(plots))
     dense = np.intersect1d(crowded(plots, np.setdiff1d(rows, tracks.claimed)), rows)
@@ -91,58 +91,58 @@ def findings(plots: Plots) -> Findings:
     if share > MOST_CROWDED:
         kept = np.setdiff1d(kept, dense)
     if len(plots) > len(kept) > LEAST_PLOTS:
-        tracks, noise = _without_clutter(plots, kept, when, tracks, noise)
+        tracks, noise = _without_clutter(plots, kept, timing, tracks, noise)
     # With much land clutter the rate counts only the other cells, because the tracker's clutter map
     # covers the land. A map of dense areas is learned slowly, and the rate includes them.
-    clutter = clutter_rate(plots, when, tracks, rows if land > MOST_LAND else None)
+    clutter = clutter_rate(plots, timing, tracks, rows if land > MOST_LAND else None)
     return Findings(
-        when,
+        timing,
         noise,
-        detection_probability(plots, when, tracks),
+        detection_probability(plots, timing, tracks),
         clutter,
         field_of(plots, tracks.claimed),
         levels(plots, tracks),
         _speed_std(plots, tracks),
         len(tracks.plots),
         len(plots),
-        looks_of(plots, when),
+        looks_of(plots, timing),
         plots.duration_s,
         land,
         share,
-        beside(plots, when, tracks, noise.range_std, noise.azimuth_std),
+        beside(plots, timing, tracks, noise.range_std, noise.azimuth_std),
     )
 
 
 def _without_clutter(
-    plots: Plots, rows: IntArray, when: Timing, tracks: Tracks, noise: Noise
+    plots: Plots, rows: IntArray, timing: Timing, tracks: Tracks, noise: Noise
 ) -> tuple[Tracks, Noise]:
     """Return tracks and noise from the plots `rows` only; the given ones if these have no track."""
     part = plots.only(rows)
-    guess, found = first_guess(part, when)
+    guess, found = first_guess(part, timing)
     try:
-        _require_tracks(part, when, found)
-        _, found, noise = _iterate(part, when, guess, found)
+        _require_tracks(part, timing, found)
+        _, found, noise = _iterate(part, timing, guess, found)
     except TuningError:
         return tracks, noise
     return Tracks(tuple(rows[own] for own in found.plots), found.score), noise
 
 
 def _iterate(
-    plots: Plots, when: Timing, guess: LinkModel, tracks: Tracks
+    plots: Plots, timing: Timing, guess: LinkModel, tracks: Tracks
 ) -> tuple[LinkModel, Tracks, Noise]:
     """Estimate noise and tracks alternately until the guess converges."""
     noise = _as_noise(guess)
     for _ in range(ROUNDS):
         ratio = log_ratio(plots, plots, tracks)
         noise = fit_noise(plots, tracks, noise, guess.speed_std, ratio)
-        candidates = _candidates(guess, noise, plots, when, tracks)
-        found = [link_plots(plots, when, candidate, ratio) for candidate in candidates]
+        candidates = _candidates(guess, noise, plots, timing, tracks)
+        found = [link_plots(plots, timing, candidate, ratio) for candidate in candidates]
         best = int(np.argmax([each.score for each in found]))
         change = np.abs(_logarithms(candidates[best]) - _logarithms(guess)).max()
         guess, tracks = candidates[best], found[best]
         if change < CONVERGED:
             break
-    _require_tracks(plots, when, tracks)
+    _require_tracks(plots, timing, tracks)
     ratio = log_ratio(plots, plots, tracks)
     return guess, tracks, fit_noise(plots, tracks, noise, guess.speed_std, ratio)
 
@@ -161,11 +161,11 @@ def _require_some(plots: Plots) -> None:
         )
 
 
-def _require_tracks(plots: Plots, when: Timing, tracks: Tracks) -> None:
+def _require_tracks(plots: Plots, timing: Timing, tracks: Tracks) -> None:
     count = len(tracks.claimed)
     if len(tracks.plots) >= LEAST_TRACKS and count >= LEAST_PLOTS:
         return
-    looks = plots.duration_s / when.look_s
+    looks = plots.duration_s / timing.look_s
     raise TuningError(
         f"{len(tracks.plots)} targets with {count} detections are distinct from clutter, in "
         f"{plots.duration_s:.1f} s ({looks:.0f} looks) with {len(plots)} detections; must be at "
@@ -180,7 +180,7 @@ def _as_noise(guess: LinkModel) -> Noise:
 
 
 def _candidates(
-    guess: LinkModel, noise: Noise, plots: Plots, when: Timing, tracks: Tracks
+    guess: LinkModel, noise: Noise, plots: Plots, timing: Timing, tracks: Tracks
 ) -> list[LinkModel]:
     """Return the guesses that some tracks suggest.
 
@@ -190,9 +190,9 @@ def _candidates(
         guess,
         speed_std=1.5 * _speed_std(plots, tracks),
         detection_probability=float(
-            np.clip(detection_probability(plots, when, tracks).value, *PROBABILITIES)
+            np.clip(detection_probability(plots, timing, tracks).value, *PROBABILITIES)
         ),
-        clutter_rate=max(clutter_rate(plots, when, tracks).value, 0.1),
+        clutter_rate=max(clutter_rate(plots, timing, tracks).value, 0.1),
     )
     calm, hard = (max(density, LEAST_DENSITY) for density in noise.densities)
     fitting = replace(

@@ -47,7 +47,7 @@ class Timing:
         return seconds / self.rotation_s if self.rotation_s else clouds
 
 
-def timing(plots: Plots) -> Timing:
+def timing_of(plots: Plots) -> Timing:
     """Return the times of a radar's looks, given plots of at least two clouds."""
     interval_s = float(np.median(np.diff(plots.cloud_s)))
     still = Timing(interval_s)

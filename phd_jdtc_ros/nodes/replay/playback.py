@@ -62,7 +62,7 @@ class Playback:
         self.damage: BagError | None = None
         self.rewind()
         if self.upcoming is None:
-            raise self.damage or BagError(f"{bag.path}: holds nothing in the chosen part")
+            raise self.damage or BagError(f"{bag.path}: contains nothing in the selected part")
 
     def rewind(self) -> None:
         """Go to the first group."""

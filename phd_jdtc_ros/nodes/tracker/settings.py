@@ -81,18 +81,18 @@ def edit(
     Raise `ConfigError` with every fault: unknown parameters, and values that are not allowed.
     """
     wanted = {**values, **changes}
-    every = _table(wanted)
+    table = _table(wanted)
     # A parameter that another kind of sensor does not allow has its default there.
     known = {
         name: value
         for name, value in wanted.items()
-        if name in every and (name in changes or every[name].coerce(value) is not None)
+        if name in table and (name in changes or table[name].coerce(value) is not None)
     }
-    checked, faults = check(every.values(), known)
-    faults += build.name_faults(changes, every)
+    checked, faults = check(table.values(), known)
+    faults += build.name_faults(changes, table)
     if faults:
         raise ConfigError(faults)
-    return every, checked
+    return table, checked
 
 
 def change(settings: Settings, changes: Mapping[str, Any]) -> Settings:

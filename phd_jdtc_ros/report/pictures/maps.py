@@ -160,9 +160,9 @@ def trajectories(record: Record) -> Figure:
     figure, axes = _map(np.concatenate([position, *lines]), scale, margin=0.04)
     for line in lines:
         axes.plot(*line.T, color=INK, linewidth=0.6, zorder=1)
-    every = max(1, round(len(record.smoothed) / MARKS_PER_TRACK))
+    step = max(1, round(len(record.smoothed) / MARKS_PER_TRACK))
     for index, estimates in enumerate(record.smoothed):
-        if index % every == every // 2:
+        if index % step == step // 2:
             _ellipses(axes, estimates, scale)
     class_id = concatenate_rows(found.class_id for found in record.smoothed)
     for k in range(record.classes):

@@ -126,11 +126,11 @@ class FlightBlock:
 
 def targets(document: Mapping[str, Any], faults: list[str]) -> list[TargetScript | Flight]:
     """Return the checked targets; add faults to `faults`."""
-    every = [
+    checked = [
         (_flight if "legs" in script else _target)(script, f"targets[{index}].", faults)
         for index, script in enumerate(mappings(document, "targets", "", faults))
     ]
-    return [target for target in every if target is not None]
+    return [target for target in checked if target is not None]
 
 
 def _flight(script: Mapping[str, Any], prefix: str, faults: list[str]) -> Flight | None:
@@ -146,11 +146,11 @@ def _flight(script: Mapping[str, Any], prefix: str, faults: list[str]) -> Flight
 def legs(script: Mapping[str, Any], prefix: str, faults: list[str]) -> tuple[Leg, ...]:
     """Return the checked legs of a block; add faults to `faults` and then return none."""
     found: list[str] = []
-    every = read_list(Leg, script, "legs", prefix, found)
-    if not every and not found:
+    checked = read_list(Leg, script, "legs", prefix, found)
+    if not checked and not found:
         found.append(f"{prefix}legs: none given, must be at least one")
     faults += found
-    return () if found else every
+    return () if found else checked
 
 
 def _target(script: Mapping[str, Any], prefix: str, faults: list[str]) -> TargetScript | None:

@@ -18,7 +18,7 @@ from phd_jdtc_ros.calibration.tuning.rates import (
     detection_probability,
     outside_land,
 )
-from phd_jdtc_ros.calibration.tuning.rotation import Timing, timing
+from phd_jdtc_ros.calibration.tuning.rotation import Timing, timing_of
 from phd_jdtc_ros.calibration.tuning.tracks import LinkModel, Tracks, link_plots
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import Detections, Pose
@@ -196,7 +196,7 @@ def test_sectors_and_direction_are_those_of_the_antenna(timed, clockwise):
         place = np.stack([rng.uniform(1e3, 9e3, 3), azimuth], axis=1)
         found = Detections(place, None, time_s if timed else None)
         reports.append((round((1e3 + 0.25 * cloud) * 1e9), found))
-    found = timing(plots_of(reports))
+    found = timing_of(plots_of(reports))
     assert found.rotation_s == pytest.approx(3.0, rel=3e-3)
     assert (found.sectors, found.clockwise) == (12, clockwise)
 
@@ -207,7 +207,7 @@ def test_targets_in_one_direction_are_no_turning_antenna(interval_s):
     for cloud in range(150):
         place = np.stack([rng.uniform(1e3, 9e3, 3), rng.normal(1.0, 0.3, 3)], axis=1)
         reports.append((round(cloud * interval_s * 1e9), Detections(place, None)))
-    assert timing(plots_of(reports)).rotation_s == 0.0
+    assert timing_of(plots_of(reports)).rotation_s == 0.0
 
 
 # Parts.
