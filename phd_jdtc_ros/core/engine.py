@@ -13,12 +13,12 @@ from .snapshot import Snapshot
 from .tracks.reporting_rule import ReportingRule
 from .types import Estimates, Scan
 
-# Receives filtered estimates that are due, as soon as they are known.
+# An observer that gets the filtered estimates that are due, before the step is complete.
 OnFiltered: TypeAlias = "Callable[[tuple[Estimates, ...]], None]"
 
 
 def ignore_filtered(_: tuple[Estimates, ...]) -> None:
-    """Ignore the filtered estimates, which the complete step has too."""
+    """Ignore the filtered estimates; the caller takes them from the complete step."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ class Step:
 class EngineState:
     """The state of an engine before a scan, from which later scans can be reprocessed.
 
-    It is cheap, because it shares its sets with the engine, which never modifies them. Unlike a
-    `Snapshot` it cannot be stored.
+    A state is cheap to keep: it refers to the engine's sets, which are never modified. Unlike a
+    `Snapshot` it cannot be stored in a file.
     """
 
     stamp_ns: int | None  # Stamp of the previous scan; None before the first

@@ -57,7 +57,8 @@ class SensorStages:
     """The stages that the reports of one sensor pass before they join those of others in scans."""
 
     check: ReportCheck
-    # Cuts the reports of a turning radar into slices, again if an out-of-sequence one is inserted.
+    # Cuts the reports of a turning radar into slices. An out-of-sequence report changes the slices
+    # of its turn, which is then cut again.
     history: TurnHistory
     platform: Platform | None  # None for a fixed sensor
     # Numbers of reports that are dropped while they wait for poses, by reason.
@@ -65,7 +66,7 @@ class SensorStages:
 
 
 def start_cold(engine: Engine, stamp_ns: int) -> None:
-    """Start a run without restoring the engine."""
+    """Leave the engine as it is at the start of a run; see `Pipeline`."""
 
 
 class Pipeline:
@@ -77,10 +78,10 @@ class Pipeline:
 
     `begin` is called with the engine and the stamp of a run's first scan before that scan is
     stepped; it may restore the engine. `sensors` are in the configured order, and `out_of_sequence`
-    steps the same engine. `configured` are the model and the rule that the pipeline adapts to the
-    estimated antenna rotation for the engine. `on_filtered` gets the filtered estimates of each
-    step before the smoothing, which takes about as long as the filter; the step's event has them
-    too.
+    steps the same engine. `configured` are the configured model and rule. The engine uses a copy of
+    them with the estimated rotation periods of the antennas. `on_filtered` gets the filtered
+    estimates of each step before the smoothing, which takes about as long as the filter; the step's
+    event has them too.
     """
 
     def __init__(
@@ -132,8 +133,8 @@ class Pipeline:
             if finding != "sectors_not_configured" or not turns.period_s:
                 turns.anomalies[finding] += 1
         nominal_s = turns.nominal_period_s
-        recuts = sensor.history.kept and self._out_of_sequence.since_ns() is not None
-        if recuts and nominal_s and turns.behind(stamp_ns):
+        can_recut = sensor.history.kept and self._out_of_sequence.since_ns() is not None
+        if can_recut and nominal_s and turns.behind(stamp_ns):
             slices = self._insert(radar, stamp_ns, detections, sector)
         else:
             slices = sensor.history.split(stamp_ns, detections, sector)
@@ -187,9 +188,9 @@ class Pipeline:
     ) -> list[Scan | Reset] | Rejection:
         """Add a report, or a slice of one, to its scan; return the scans that this closes."""
         detections = self._select_in_region(radar, detections)
-        found = self._grouper.add(radar, stamp_ns, detections)
-        if found is not Rejection.LATE:
-            return found
+        grouped = self._grouper.add(radar, stamp_ns, detections)
+        if grouped is not Rejection.LATE:
+            return grouped
         since_ns, closed_ns = self._out_of_sequence.since_ns(), self._grouper.closed_ns
         if since_ns is None or closed_ns is None or not since_ns < stamp_ns <= closed_ns:
             return Rejection.LATE
@@ -204,7 +205,10 @@ class Pipeline:
     def _insert(
         self, radar: int, stamp_ns: int, detections: Detections, sector: int | None
     ) -> list[Slice] | Rejection:
-        """Recut the turns of a radar with an out-of-sequence report; no slice is left pending."""
+        """Cut the turns of a radar again with an out-of-sequence report inserted.
+
+        No slice remains to be grouped: the list is empty.
+        """
         turns, history = self._turns[radar], self._sensors[radar].history
         later = history.count_later(stamp_ns)
         if isinstance(later, Rejection):
@@ -260,11 +264,11 @@ class Pipeline:
                 continue
             if report.extrapolated:
                 self._turns[report.radar].anomalies["poses_extrapolated"] += 1
-            found = self._group(report.radar, report.stamp_ns, report.detections)
-            if isinstance(found, Rejection):
-                self._sensors[report.radar].drops[found.value] += 1
+            grouped = self._group(report.radar, report.stamp_ns, report.detections)
+            if isinstance(grouped, Rejection):
+                self._sensors[report.radar].drops[grouped.value] += 1
             else:
-                closed += found
+                closed += grouped
         return closed
 
     def take_anomalies(self, radar: int) -> Counter[str]:

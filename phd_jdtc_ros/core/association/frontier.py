@@ -16,8 +16,8 @@ from ..compilation import Float1, compiled, inner
 from .clusters import Graph
 from .planning import Plan
 
-# Largest excess of the prices in a cluster over the log weight of its best matching: exp underflows
-# below -700.
+# Largest excess of the prices in a cluster over the log weight of its best matching; see
+# `node_prices`. exp underflows below about -700.
 SLACK = 300.0
 # Smallest increment of a bid, which bounds the number of bids in a large cluster. There the excess
 # may be larger than SLACK, but it is distributed over the targets.

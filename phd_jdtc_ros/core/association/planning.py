@@ -1,7 +1,7 @@
 """The order in which the edges of clusters are processed, with few nodes open at a time.
 
-A node, target or detection, is open from its first edge to its last one. Each step processes all
-remaining edges of one node: of the one that opens the fewest others.
+A node is a target or a detection, and is open from its first edge to its last one. Each step
+processes all remaining edges of the node that opens the fewest others.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from ..arrays import IntArray
 from ..compilation import Int1, compiled, inner
 from .clusters import Graph
 
-# A cluster whose tables have more entries in total, 32 MiB, is left out.
+# Largest number of entries of a cluster's tables, 32 MiB in total; a larger cluster is left out.
 MOST_ENTRIES = 1 << 22
-# Parts of a node's score: for each node that its step would open; if neither the node nor any of
-# its neighbours is open; and the score of a closed node.
+# A node's score has OPENS for each node that its step would open, and APART if neither the node nor
+# any of its neighbours is open. The score of a closed node is CLOSED.
 OPENS, APART, CLOSED = 1 << 20, 1 << 42, 1 << 60
 
 
@@ -26,16 +26,16 @@ class Plan(NamedTuple):
 
     # The first step of each cluster, and S, (C + 1,); clusters too expensive to plan have no steps.
     first: Int1
-    # Size of each step's table, 2 to the power of the nodes open before it, (S,).
+    # Size of the table before each step: 2 to the power of the number of open nodes, (S,).
     table_before: Int1
-    table_size: Int1  # Its size with the nodes that the step opens, (S,)
+    table_size: Int1  # Size of the table with the nodes that the step opens, (S,)
     # Where the edges of each step begin in `edge`, and the end of the last, (S + 1,).
     edge_start: Int1
     # Where the nodes that each step closes begin in `node`, and the end of the last, (S + 1,).
     node_start: Int1
     edge: Int1  # The edges in the order of the steps, (E,)
-    lower_bit: Int1  # Bit in the table of each edge's one node, (E,)
-    upper_bit: Int1  # Bit in the table of its other node, the higher one, (E,)
+    lower_bit: Int1  # Lower one of the two bits that each edge's nodes have in the table, (E,)
+    upper_bit: Int1  # Higher one of these bits, (E,)
     node: Int1  # The nodes in the order in which they are closed, (N,)
     node_bit: Int1  # Bit in the table of each of these nodes, ascending within a step, (N,)
 

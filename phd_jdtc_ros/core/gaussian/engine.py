@@ -23,7 +23,7 @@ class GaussianEngine(FixedLagEngine[Mixture, Link]):
     """Gaussian mixtures of labelled targets with a fixed-lag backward smoother."""
 
     forward: GaussianFilter
-    # Lineages of the window that was smoothed last; made again for another window.
+    # Lineages of the window of the last step, which the next step extends.
     _lineages: Lineages = field(init=False, default_factory=Lineages, repr=False)
 
     def _extract(self, stored: Mixture, stamp_ns: int, lag: int, threshold: float) -> Estimates:
@@ -33,8 +33,7 @@ class GaussianEngine(FixedLagEngine[Mixture, Link]):
         self._lineages.extend(self._window)
         around = self._lineages.smooth(stamp_ns, threshold)
         self.forward.on_stage_end("backward")
-        arguments = self.forward.dynamics, stamp_ns, lag, threshold
-        return extract_at(self._lineages, around, *arguments)
+        return extract_at(self._lineages, around, self.forward.dynamics, stamp_ns, lag, threshold)
 
     def _figures(self, step: Filtered[Mixture, Link]) -> Mapping[str, float]:
         stored = step.entry.stored

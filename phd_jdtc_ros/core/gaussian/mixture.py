@@ -56,7 +56,7 @@ def _extents(
     mean: Float3,
     covariance: Float4,
 ) -> FloatArray:
-    """Return `Extents.moments`; `axes` are those of the position, and then of the velocity."""
+    """Return `Extents.moments`; `axes` has the axes of the position before the velocity's."""
     moments, half = np.zeros((len(existence), 6)), len(axes) // 2
     share = np.zeros(mode_weight.shape)
     for row in range(len(target)):

@@ -38,8 +38,8 @@ from .algebra.vectors import total_of
 from .dynamics import Dynamics
 from .mixture import Mixture
 
-# Bounds in a snapshot: on the entries of a backward step, of which metres per radian per second are
-# the largest, and on those of the factors of a covariance.
+# Bounds on values in a snapshot: on the gains of the backward step, which are largest in metres per
+# radian per second, and on the entries of covariance factors.
 MOST_GAIN, MOST_FACTOR = 1e15, 1e30
 
 
@@ -81,7 +81,7 @@ class Moves:
 
 
 class _Predicted(NamedTuple):
-    """The later hypotheses, zeros at first, and the columns of `Moves` from `mean` on."""
+    """The predicted hypotheses, which begin as zeros, and the columns of `Moves` from `mean` on."""
 
     weight: Float3
     mean: Float3
@@ -281,12 +281,23 @@ def survivors(earlier: Sequence[AgedMixture], dynamics: Dynamics) -> tuple[Mixtu
         places.place,
     )
     scratch = _Scratch(
-        *(np.empty((pairs, SIZE, SIZE)), np.empty(pairs), np.empty(modes)),
-        *(np.empty((SIZE, SIZE)), new_moved()),
+        np.empty((pairs, SIZE, SIZE)),
+        np.empty(pairs),
+        np.empty(modes),
+        np.empty((SIZE, SIZE)),
+        new_moved(),
     )
     _predict(
-        *(*stored.gaussians, source, *dynamics.pairs, dynamics.turns, dt),
-        *(change, noise, transition, later, scratch),
+        *stored.gaussians,
+        source,
+        *dynamics.pairs,
+        dynamics.turns,
+        dt,
+        change,
+        noise,
+        transition,
+        later,
+        scratch,
     )
     diffused = [
         _diffuse(aged.mixture.snr, cell_transition)
@@ -312,7 +323,7 @@ def survivors(earlier: Sequence[AgedMixture], dynamics: Dynamics) -> tuple[Mixtu
 
 
 def _diffuse(snr: FloatArray, transition: FloatArray | None) -> FloatArray:
-    """Return the later probabilities of the cells of SNR, (H, C, S); see `Intervals.snr`."""
+    """Return the predicted probabilities of the SNR cells, (H, C, S); see `Intervals.snr`."""
     if transition is None:
         return snr
     return np.ascontiguousarray((snr.swapaxes(0, 1) @ transition).swapaxes(0, 1))
@@ -367,8 +378,17 @@ def spawn(
         )
         matched = _Matched(np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE)), new_moved())
         _spawn(
-            *(rate, mixture.target, spawned_row, mixture.existence, *mixture.gaussians),
-            *(*dynamics.spawned, transition, dynamics.turns, dt, spawned, matched),
+            rate,
+            mixture.target,
+            spawned_row,
+            mixture.existence,
+            *mixture.gaussians,
+            *dynamics.spawned,
+            transition,
+            dynamics.turns,
+            dt,
+            spawned,
+            matched,
         )
         row_label = np.arange(label, label + count)
         parts.append(Mixture(row_label, *spawned, dynamics.unknown_snr(count)))
@@ -377,7 +397,7 @@ def spawn(
 
 
 class _Spawned(NamedTuple):
-    """The weights, zeros at first, and Gaussians of the spawned targets."""
+    """The weights, which begin as zeros, and the Gaussians of the spawned targets."""
 
     weight: Float3
     mean: Float3
@@ -385,7 +405,7 @@ class _Spawned(NamedTuple):
 
 
 class _Matched(NamedTuple):
-    """The Gaussian of each parent's hypotheses, of zeros at first, and working arrays."""
+    """The Gaussian matched to each parent's hypotheses, which begins as zeros; working arrays."""
 
     mean: Float2
     covariance: Float3

@@ -59,7 +59,7 @@ class Ancestry:
 
 
 @inner
-def _match_modes(
+def _write_moments(
     weight: FloatArray,
     mean: FloatArray,
     covariance: FloatArray,
@@ -81,13 +81,13 @@ def _match_modes(
 
 
 class _Clusters(NamedTuple):
-    """The clusters of hypotheses, with room for one of each, and working arrays.
+    """The clusters of similar hypotheses, and working arrays.
 
-    The rows of a target come one after the other, the most probable first; so do those of a
-    cluster.
+    The arrays have room for as many clusters as there are hypotheses. The rows of a target are
+    adjacent, and so are those of a cluster, each by descending probability.
     """
 
-    row: Int1  # The hypotheses of the clusters, (E,)
+    row: Int1  # The hypotheses, cluster by cluster, (E,)
     cluster: Int1  # The cluster of each of these, ascending, (E,)
     leader: Int1  # The first hypothesis of each cluster
     merged: Bool1  # Whether each hypothesis is in a cluster, (H,)
@@ -106,9 +106,10 @@ def _find_clusters(
     mean: Float3,
     covariance: Float4,
 ) -> tuple[IntArray, IntArray, IntArray]:
-    """Return the columns of `_Clusters` up to `leader`.
+    """Cluster each target's hypotheses around its most probable ones; see `reduce_hypotheses`.
 
-    Only targets that are `is_kept`, (T,), have clusters.
+    Return the columns of `_Clusters` up to `leader`. Only the targets with `is_kept`, (T,), have
+    clusters.
     """
     count, edges, clusters = len(target), 0, 0
     columns = _Clusters(
@@ -128,7 +129,7 @@ def _find_clusters(
             merged[end] = not is_kept[target[begin]]
             end += 1
         for row in range(begin, end if end > begin + 1 else begin):
-            _match_modes(weight[row], mean[row], covariance[row], centre[row], spread[row])
+            _write_moments(weight[row], mean[row], covariance[row], centre[row], spread[row])
         for leader_row in range(begin, end):
             if merged[leader_row]:
                 continue
@@ -157,7 +158,10 @@ def _write_merged_snr(
     snr: FloatArray,
     merged: FloatArray,
 ) -> None:
-    """Write the cells of SNR of a cluster: those of its hypotheses, by the class's weight."""
+    """Write the SNR distribution of a cluster, the mean of its hypotheses' by class.
+
+    Each hypothesis counts in proportion to its weight of the class.
+    """
     classes, cells = merged.shape
     for class_id in range(classes):
         class_weight = 0.0
@@ -174,14 +178,14 @@ def _write_merged_snr(
 
 
 class _Merged(NamedTuple):
-    """The columns of each cluster's hypothesis and `Ancestry.share`, zeros at first."""
+    """The hypotheses merged from the clusters, and `Ancestry.share`; all begin as zeros."""
 
     weight: Float3
     mean: Float3
     covariance: Float4
     snr: Float3
     share: Float3
-    part: Float1  # Share of each hypothesis in a mode of its cluster, (E,)
+    mode_share: Float1  # Working array: share of each hypothesis in one mode of its cluster, (E,)
 
 
 @compiled
@@ -194,7 +198,10 @@ def _merge(
     covariance: Float4,
     snr: Float3,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the columns of `_Merged` up to `share`, given the first two of `_Clusters`."""
+    """Merge the hypotheses of each cluster into one, mode by mode.
+
+    Return the columns of `_Merged` up to `share`, given the first two of `_Clusters`.
+    """
     (modes, classes), edges = weight.shape[1:], len(child)
     merged = _Merged(
         np.zeros((count, modes, classes)),
@@ -204,7 +211,7 @@ def _merge(
         np.zeros((edges, modes, classes)),
         np.empty(edges),
     )
-    mode_share = merged.part
+    mode_share = merged.mode_share
     begin = end = 0
     for cluster in range(len(merged.weight)):
         while end < edges and child[end] == cluster:
@@ -240,10 +247,11 @@ def _merge(
 
 @compiled
 def _separate_modes(least: float, weight: Float3) -> tuple[IntArray, IntArray, Int2]:
-    """Return the row and the mode of each hypothesis of one mode, and `stays_with`, (H, R).
+    """Return the modes that become hypotheses of their own: the row and the mode of each.
 
-    These are the modes whose share of a hypothesis is at least `least`, and its most probable one,
-    with which the others stay.
+    A mode is separated if its share of a hypothesis is at least `least`, or if it is the most
+    probable one. The others stay with the most probable one. The third array, `stays_with`, (H, R),
+    is the separated mode to which each mode belongs.
     """
     count, modes = weight.shape[:2]
     row_of, mode_of = np.empty(count * modes, np.int64), np.empty(count * modes, np.int64)
@@ -275,7 +283,7 @@ def _split(
     parent: Int1,
     share: Float3,
 ) -> tuple[FloatArray, IntArray, IntArray, FloatArray]:
-    """Return the weights of hypotheses of one mode each, and the columns of their `Ancestry`.
+    """Split hypotheses into their separated modes; return the weights and the `Ancestry` columns.
 
     For `row`, `mode` and `stays_with` see `_separate_modes`.
     """

@@ -157,7 +157,10 @@ class PriorMixture:
 
     @cached_property
     def _unseen(self) -> FloatArray | None:
-        """Factor on the detection probability, (H, R, C) or None; see `EarlierSectors.factor`."""
+        """Factor on the detection probability, (H, R, C); see `EarlierSectors.factor`.
+
+        It is None if no earlier sector can have detected a target.
+        """
         earlier, measured = self.report.earlier, self._measured_before
         if earlier is None or measured is None:
             return None
@@ -192,9 +195,11 @@ class PriorMixture:
         """
         readings = self.report.project_as(pairs.projected)
         amplitudes = Amplitudes.of(self.report, self.steps.dynamics)
-        coarse, factor = self._coarse_likelihood(pairs, readings), self._log_factor(pairs, evidence)
-        other_columns = amplitudes.largest, factor, log_other
-        gated = PairLikelihoods(pairs.row, pairs.column, coarse, *other_columns)
+        coarse = self._coarse_log_likelihood(pairs, readings)
+        factor = self._log_factor(pairs, evidence)
+        gated = PairLikelihoods(
+            pairs.row, pairs.column, coarse, amplitudes.largest, factor, log_other
+        )
         kept, amplitude = select_likely(self.mixture, self.detectable, gated, amplitudes.relative)
         if len(kept) < len(factor):
             pairs, factor = pairs.take(kept), factor.take(kept)
@@ -204,8 +209,9 @@ class PriorMixture:
             self.mixture, pairs.row, pairs.projected_index, readings, self.measured
         )
         exact = update.log_likelihood.reshape(-1, self.mixture.mean.shape[1])
-        other_columns = amplitudes.largest, factor, log_other
-        likelihoods = PairLikelihoods(pairs.row, pairs.column, exact, *other_columns)
+        likelihoods = PairLikelihoods(
+            pairs.row, pairs.column, exact, amplitudes.largest, factor, log_other
+        )
         association = associate(
             self.mixture, self.detectable, amplitude, likelihoods, self.steps.bounds
         )
@@ -223,7 +229,7 @@ class PriorMixture:
             approximate=association.approximate,
         )
 
-    def _coarse_likelihood(self, pairs: Paired, readings: Report) -> FloatArray:
+    def _coarse_log_likelihood(self, pairs: Paired, readings: Report) -> FloatArray:
         """Return the log likelihoods of pairs, linearised at the predicted means, (P, R)."""
         if (rates := readings.range_rates) is None:
             return pairs.log_likelihood
@@ -257,8 +263,8 @@ class PriorMixture:
         after_misses = after_miss(mixture, self.expected, self.report.sensor, self.detectable)
         if after_misses is not None:
             missed = pair < 0
-            for updated, moved_part in zip(gaussians, after_misses, strict=True):
-                updated[missed] = moved_part[source[missed]]
+            for updated, after in zip(gaussians, after_misses, strict=True):
+                updated[missed] = after[source[missed]]
         probability = self._probability
         columns = mixture.snr, mixture.weight, self.detectable, probability.cell, probability.mean
         snr = snr_after(*columns, amplitudes.relative, source, pair, association.claims.column)

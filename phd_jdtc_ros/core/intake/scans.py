@@ -52,7 +52,8 @@ class ScanGrouper:
     """Groups reports into scans."""
 
     radars: int  # Number of configured radars
-    # A stamp that is further behind the newest one begins a new run; its report is not late.
+    # A stamp that is behind the newest one by more than this begins a new run, seconds. With a
+    # smaller difference the report is late.
     reset_threshold_s: float
     # Longest interval between two scans of one run, seconds.
     max_gap_s: float = math.inf
@@ -70,7 +71,7 @@ class ScanGrouper:
         self._last_stamp: list[int | None] = [None] * self.radars
         self._first_stamp: int | None = None
         # For each radar the interval of stamps before a jump back whose reports may still arrive.
-        self._overtaken: dict[int, tuple[int, int]] = {}
+        self._before_jump: dict[int, tuple[int, int]] = {}
 
     @property
     def waiting(self) -> bool:
@@ -88,10 +89,10 @@ class ScanGrouper:
         newest = max(self._pending, default=self.closed_ns)
         if newest is not None and stamp_ns < newest - self.reset_threshold_s * 1e9:
             events = [*self.close_all(), Reset((stamp_ns - newest) * 1e-9)]
-            overtaken = self._pending_intervals(newest)
+            outstanding = self._outstanding_intervals(newest)
             self.reset()
-            self._overtaken = overtaken
-        if self._is_overtaken(radar, stamp_ns):
+            self._before_jump = outstanding
+        if self._is_before_jump(radar, stamp_ns):
             return Rejection.LATE
         last = self._last_stamp[radar]
         if stamp_ns == last or radar in self._pending.get(stamp_ns, ()):
@@ -123,7 +124,7 @@ class ScanGrouper:
                 self._pending.setdefault(stamp_ns, {})[radar] = detections
         self._last_stamp[radar] = reports[-1][0]
 
-    def _pending_intervals(self, newest: int) -> dict[int, tuple[int, int]]:
+    def _outstanding_intervals(self, newest: int) -> dict[int, tuple[int, int]]:
         """Return for each radar the interval of stamps whose reports may still arrive.
 
         Topics are not ordered relative to each other: a radar's last report may arrive after
@@ -133,13 +134,13 @@ class ScanGrouper:
         since = [earliest if last is None else max(last, earliest) for last in self._last_stamp]
         return {radar: (last, newest) for radar, last in enumerate(since) if last < newest}
 
-    def _is_overtaken(self, radar: int, stamp_ns: int) -> bool:
+    def _is_before_jump(self, radar: int, stamp_ns: int) -> bool:
         """Return whether a report belongs to the run before the jump back."""
-        after, until = self._overtaken.pop(radar, (0, 0))
+        after, until = self._before_jump.pop(radar, (0, 0))
         if not after < stamp_ns <= until:
             return False
         if stamp_ns < until:
-            self._overtaken[radar] = stamp_ns, until
+            self._before_jump[radar] = stamp_ns, until
         return True
 
     def close_all(self) -> list[Scan | Reset]:

@@ -32,8 +32,8 @@ from .scans import Rejection
 from .sectors import coverage_of, is_sector, smallest_arc
 from .slices import SLICES, RadarReport, Slice, UnstampedSlice, arc, cut
 
-# Largest difference between the antenna's directions at the end of one report and at the start of
-# the next that is removed, radians.
+# Directions of the antenna at the end of one report and at the start of the next are joined if they
+# differ by less than this, radians.
 MAX_EDGE_DIFFERENCE = 0.3
 # Smallest number of detections whose azimuths show which part of the field a report covers, while
 # the antenna's motion is unknown.
@@ -146,16 +146,12 @@ class Turns:
             self._remember(report, report.detection_s)
             self.state = self.state._replace(slice_ns=stamp_ns)
             return [(stamp_ns, detections)]
-        steps, previous_number = self._reports_due(report.stamp_s), self.state.number
-        number = self._sector_number(report, sector, steps)
-        if (
-            steps < 0.5
-            and self._per_turn > 1
-            and self._is_repeated(report, number, previous_number)
-        ):
+        due, previous_number = self._reports_due(report.stamp_s), self.state.number
+        number = self._sector_number(report, sector, due)
+        if due < 0.5 and self._per_turn > 1 and self._is_repeated(report, number, previous_number):
             self.anomalies["sectors_repeated"] += 1
             return self._stamp(report, [UnstampedSlice(stamp_ns, detections, UNKNOWN_COVERAGE)])
-        start_s, end_s = self._covered_time(report, steps)
+        start_s, end_s = self._covered_time(report, due)
         slices, end = self._slices(report, number, start_s, end_s)
         self.state = self.state._replace(end_s=end_s, end=end)
         return self._stamp(report, slices)
@@ -212,7 +208,7 @@ class Turns:
             return 1.0
         return (stamp_s - last_s) / duration_s
 
-    def _sector_number(self, report: RadarReport, sector: int | None, steps: float) -> int | None:
+    def _sector_number(self, report: RadarReport, sector: int | None, due: float) -> int | None:
         """Return the sector's number: the reported one, or the next one for an empty report."""
         previous_number = self.state.number
         step = self.state.step
@@ -221,13 +217,13 @@ class Turns:
             step = 1 if (antenna.rate > 0.0) != self.compass else -1
         if sector is None:
             if not len(report.detections) and previous_number is not None and step:
-                sector = (previous_number + step * max(round(steps), 1)) % self.sectors
+                sector = (previous_number + step * max(round(due), 1)) % self.sectors
         elif not is_sector(report.azimuth, self._coverage(sector)):
             self.anomalies["sector_numbers_wrong"] += 1
             sector = None
         elif previous_number is not None and self.sectors > 2:
-            follows = {1: 1, self.sectors - 1: -1}
-            step = follows.get((sector - previous_number) % self.sectors, step)
+            adjacent_steps = {1: 1, self.sectors - 1: -1}
+            step = adjacent_steps.get((sector - previous_number) % self.sectors, step)
         self.state = self.state._replace(number=sector, step=step)
         return sector
 
@@ -252,14 +248,10 @@ class Turns:
         horizon = self.state.horizon.after(report.stamp_s, detection_s, self.period_s)
         self.state = self.state._replace(horizon=horizon)
 
-    def _covered_time(self, report: RadarReport, steps: float) -> tuple[float, float]:
+    def _covered_time(self, report: RadarReport, due: float) -> tuple[float, float]:
         """Return the start and the end of the time that a report covers, seconds."""
-        before_s, length_s, detection_s = (
-            self.state.end_s,
-            self.report_duration_s,
-            report.detection_s,
-        )
-        period_s = self.period_s
+        before_s, length_s, period_s = self.state.end_s, self.report_duration_s, self.period_s
+        detection_s = report.detection_s
         if report.timed and (antenna := self.state.track.antenna) is not None:
             detection_s = detection_s[antenna.fits(detection_s, report.azimuth)]
             self.anomalies["times_disagree"] += report.detection_s.size - detection_s.size
@@ -268,7 +260,8 @@ class Turns:
         lead_s = 0.0 if math.isnan(lead_s) else lead_s
         # No time is covered twice; for the first report `before_s` is NaN.
         end_s = float(np.fmax(report.stamp_s + lead_s, before_s))
-        start_s, lost = end_s - MAX_COVERED_TURNS * period_s, round(steps) >= 2
+        start_s = end_s - MAX_COVERED_TURNS * period_s
+        lost = round(due) >= 2
         if lost or math.isnan(before_s):
             # A detection from the gap shows that its part of the gap was not lost.
             start_s = max(start_s, min(end_s - length_s, detection_s.min(initial=math.inf)))
@@ -284,11 +277,12 @@ class Turns:
     ) -> tuple[list[UnstampedSlice], float]:
         """Return the slices of a report, and the antenna's direction at its end, radians or NaN."""
         stamp_ns, detections = report.stamp_ns, report.detections
-        antenna, sector = self.state.track.antenna, number is not None and self._coverage(number)
-        if antenna is None or (sector and not report.timed):
-            covered = sector or self._unclear_coverage(report)
+        antenna = self.state.track.antenna
+        sector = None if number is None else self._coverage(number)
+        if antenna is None or (sector is not None and not report.timed):
+            covered = self._unclear_coverage(report) if sector is None else sector
             return [UnstampedSlice(stamp_ns, detections, covered)], math.nan
-        if sector:
+        if sector is not None:
             # The number gives the azimuths, and the antenna's motion the times.
             half = math.copysign(0.5 * sector.width, antenna.rate)
             middle = sector.start + 0.5 * sector.width
@@ -299,8 +293,8 @@ class Turns:
             start, end = antenna.azimuth_at(start_s), antenna.azimuth_at(end_s)
             if start_s == self.state.end_s and not math.isnan(self.state.end):
                 # With joined edges, no azimuth between two reports is left out or covered twice.
-                off = math.remainder(start - self.state.end, FULL_TURN)
-                start -= off if abs(off) < MAX_EDGE_DIFFERENCE else 0.0
+                difference = math.remainder(start - self.state.end, FULL_TURN)
+                start -= difference if abs(difference) < MAX_EDGE_DIFFERENCE else 0.0
             start = start if (end - start) * antenna.rate > 0.0 else end
         if not report.timed:
             return [UnstampedSlice(stamp_ns, detections, arc(start, end))], end

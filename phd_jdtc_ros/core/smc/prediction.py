@@ -114,18 +114,16 @@ def _spawn(
     """Return the spawned particles; a labelled corrector gives those of each parent a new label."""
     spawn = model.spawn
     mass = float(particles.weight.sum())
-    wanted = int(np.ceil(spawn.particles_per_target * mass))
-    count = min(wanted, budget.most)
+    count = min(int(np.ceil(spawn.particles_per_target * mass)), budget.most)
     parent = resampling.draw(particles.weight, count, rng)
     mode = _draw_mode(spawn.transition, particles.mode[parent], rng)
     state = np.empty((len(parent), particles.state.shape[1]))
     for index, motion_model in enumerate(model.modes.motions):
         rows = np.flatnonzero(mode == index)
-        centre = motion_model.mean(particles.state.take(parent.take(rows), axis=0), dt)
+        moved = motion_model.mean(particles.state.take(parent.take(rows), axis=0), dt)
         support = list(motion_model.support)
-        noise = rng.standard_normal((len(rows), len(support))) * spawn.std[support]
-        centre[:, support] += noise
-        state[rows] = centre
+        moved[:, support] += rng.standard_normal((len(rows), len(support))) * spawn.std[support]
+        state[rows] = moved
     rate = spawn.rate * dt / model.modes.interval_s
     weight = np.full(len(parent), rate * mass / max(count, 1))
     log_snr = model.amplitudes.draw(mode, model.modes, rng)

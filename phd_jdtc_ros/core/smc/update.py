@@ -30,7 +30,7 @@ from .noise import noise_evidence
 from .particle_set import ParticleSet
 from .reacquisition import with_reacquired
 
-# Lower bound of probabilities by which others are divided, and of which the log is taken.
+# Lower bound of a probability that is a divisor or the argument of a logarithm.
 TINY = float(np.finfo(float).tiny)
 
 
@@ -147,7 +147,7 @@ class PriorParticles:
 
     @cached_property
     def _usual(self) -> FloatArray:
-        """Detection probability of each particle, if covered, whatever the last look saw, (N,)."""
+        """Detection probability of each covered particle, regardless of the last look, (N,)."""
         report, model, particles = self.report, self.steps.model, self.particles
         probability = report.sensor.configured_detection_probability(self._all_measured)
         if probability is None:
@@ -175,7 +175,10 @@ class PriorParticles:
 
     @cached_property
     def _unseen(self) -> FloatArray | None:
-        """Factor of earlier sectors, shape (N,); None if they saw none of the targets."""
+        """Factor on the detection probability, shape (N,); see `EarlierSectors.factor`.
+
+        It is None if no earlier sector can have detected a target.
+        """
         earlier, measured = self.report.earlier, self._measured_before
         if earlier is None or measured is None:
             return None
@@ -220,8 +223,9 @@ class PriorParticles:
             mean = self._mean(self._unseen)
             log_likelihood += np.log(np.maximum(mean, LEAST_UNSEEN)).take(self.target.take(row))
         if report.informative_prediction is not None:
-            later = report.informative_prediction.probability(self._usual, particles.row_label)
-            ratio = self._mean(later) / np.maximum(self._mean(self._usual), TINY)
+            usual = self._usual
+            after_look = report.informative_prediction.probability(usual, particles.row_label)
+            ratio = self._mean(after_look) / np.maximum(self._mean(usual), TINY)
             log_likelihood += np.log(np.maximum(ratio, TINY)).take(self.target.take(row))
         sources = competing_sources(log_other, column, log_likelihood)
         scaled = np.exp(log_likelihood - sources.log_scale.take(column))

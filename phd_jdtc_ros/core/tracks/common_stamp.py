@@ -103,12 +103,12 @@ def interpolate(
     Positions follow the cubic Hermite spline of the positions and velocities at both ends.
     Everything else is linear in time.
     """
-    length = ((between_ns[1] - between_ns[0]) * 1e-9)[:, None]
-    s = (stamp_ns - between_ns[0])[:, None] * 1e-9 / length
+    duration_s = ((between_ns[1] - between_ns[0]) * 1e-9)[:, None]
+    s = (stamp_ns - between_ns[0])[:, None] * 1e-9 / duration_s
     state = (1.0 - s) * before.state + s * after.state
     position, velocity = list(before.space.position), list(before.space.velocity)
     p0, p1 = before.state[:, position], after.state[:, position]
-    v0, v1 = length * before.state[:, velocity], length * after.state[:, velocity]
+    v0, v1 = duration_s * before.state[:, velocity], duration_s * after.state[:, velocity]
     state[:, position] = (
         (1.0 + 2.0 * s) * (1.0 - s) ** 2 * p0
         + s * (1.0 - s) ** 2 * v0
@@ -119,7 +119,7 @@ def interpolate(
         6.0 * s * (1.0 - s) * (p1 - p0)
         + (1.0 - s) * (1.0 - 3.0 * s) * v0
         + s * (3.0 * s - 2.0) * v1
-    ) / length
+    ) / duration_s
 
     def linear(first: FloatArray, second: FloatArray) -> FloatArray:
         fraction = s.reshape(-1, *[1] * (first.ndim - 1))
@@ -174,10 +174,10 @@ def between(
     threshold: float,
     modes: ModeSpace,
 ) -> Estimates:
-    """Return the targets at a stamp, given the rows to interpolate between and those to predict.
+    """Return the targets at a stamp: interpolated, or predicted if they have no later estimate.
 
-    `before` and `after` are the rows of the same targets before and after the stamp, and `alone`
-    those of targets up to the stamp that have no later estimate; all are ascending.
+    `before` and `after` are the rows to interpolate between, in the same order of targets. `alone`
+    are the rows to predict. All three are ascending.
     """
     parts = []
     if len(time_ns[alone]):

@@ -20,9 +20,9 @@ from .known_aircraft import MARGIN, KnownAircraft, Reach
 # Largest restored number: messages have 32 bits for a track number, and half of the range remains
 # for tracks after the restart.
 MAX_TRACK_NUMBER = 1 << 31
-# Number of labels below which the numbers of ended targets are kept.
+# The numbers of ended targets are kept while there are fewer labels than this.
 FEW_NUMBERS = 256
-# Rank of two tracks of one aircraft by their states; the lower one is reported.
+# Rank of a track by its state. Of two tracks of one aircraft, the one of lower rank is reported.
 PREFERENCE = {CONFIRMED: 0, COASTING: 1, TENTATIVE: 2}
 
 
@@ -37,7 +37,8 @@ class Numbers(NamedTuple):
 class TrackNumbers:
     """Maps labels to track numbers, in the order in which tracks are first reported.
 
-    `number` are those in use by label, and `count` is the last assigned one; the first is 1.
+    `number` has the number of each label in use, and `count` is the number that was assigned last.
+    The first number is 1.
     """
 
     def __init__(
@@ -49,13 +50,14 @@ class TrackNumbers:
         self._number = number or {}
         self.count = count
         self.aircraft = aircraft or KnownAircraft()
-        # Number of labels with a number when those of ended targets were last dropped.
-        self._settled = 0
+        # How many numbers remained when those of ended targets were last dropped.
+        self._kept = 0
 
     def assign(self, estimates: Estimates, reach: Reach | None = None) -> Estimates:
         """Return the estimates with distinct track numbers instead of labels; 0 stays 0.
 
-        `reach` is that of aircraft whose tracks have ended, None if no radar reports identities.
+        `reach` limits which aircraft without a track a new track may continue; it is None if no
+        radar reports identities.
         """
         if reach is None or estimates.attributes is None:
             return self._with_numbers(estimates)
@@ -64,8 +66,10 @@ class TrackNumbers:
             row for row, track_id in enumerate(label) if track_id and track_id not in self._number
         ]:
             if address[row] != UNKNOWN:
-                position_and_stamp = estimates.position[row].tolist(), estimates.stamp_ns
-                former_number = self.aircraft.number_of(address[row], *position_and_stamp, reach)
+                position = estimates.position[row].tolist()
+                former_number = self.aircraft.number_of(
+                    address[row], position, estimates.stamp_ns, reach
+                )
                 if former_number is not None:
                     self._number[label[row]] = former_number
         self._join(estimates)
@@ -133,13 +137,13 @@ class TrackNumbers:
     def forget_all_but(self, labels: list[IntArray]) -> None:
         """Drop the numbers of targets that can no longer be reported.
 
-        They are kept until there are twice as many numbers as when some were last dropped: a number
-        that no target has changes nothing.
+        They are dropped only when the numbers have doubled since the last time, because a number
+        without a target does no harm.
         """
-        if len(self._number) > 2 * self._settled + FEW_NUMBERS:
+        if len(self._number) > 2 * self._kept + FEW_NUMBERS:
             alive = set((np.concatenate(labels) + 1).tolist())
             self._number = {label: n for label, n in self._number.items() if label in alive}
-            self._settled = len(self._number)
+            self._kept = len(self._number)
 
 
 class NoNumbers(TrackNumbers):
