@@ -50,7 +50,7 @@ class Parameters:
     """A tracker's parameters from the user and from a recording, by dotted name."""
 
     given: Mapping[str, Any]
-    # If true, missing ones have the node's defaults, as in a parameter file, and not `DEFAULTS`.
+    # True for those of a parameter file: the defaults are then the node's instead of `DEFAULTS`.
     for_node: bool = False
     # Values estimated from a recording; given parameters take precedence.
     found: Mapping[str, Any] = field(default_factory=dict)

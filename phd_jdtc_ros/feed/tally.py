@@ -173,7 +173,7 @@ class Tally:
         return self.detections.fault()
 
     def about_targets(self) -> Iterator[str]:
-        """Yield the warning that no target was ever reported, if some are overdue."""
+        """Yield the warning that no target was ever reported, if there were enough scans for it."""
         if self._overdue and not self._targets_seen:
             yield anomalies.no_targets(self._overdue)
 

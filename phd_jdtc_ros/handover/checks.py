@@ -8,7 +8,7 @@ from phd_jdtc_ros.core.types import Estimates
 
 # Largest number of targets of one stamp, which bounds work and memory.
 MOST_TARGETS = 10_000
-# An eigenvalue of a correlation matrix below this is not explained by FLOAT32 rounding.
+# FLOAT32 rounding does not make an eigenvalue of a correlation matrix smaller than this.
 ROUNDING = -1e-6
 # Matching adds this to each axis; half of it belongs to each estimate.
 _SLACK = 0.5

@@ -3,8 +3,7 @@
 After a cold start, a reset or a flush a tracker numbers its tracks from 1 again, while its stamps
 continue. Earlier tracks with these numbers were other targets. The estimates do not announce a
 restart, but the tracks do not continue, and numbers reappear that were used before. The same
-happens when all tracks are lost for a while and return; they then count as new tracks, as they do
-in the joint picture.
+happens when all tracks are lost for a while and return; they then count as new tracks.
 """
 
 from __future__ import annotations

@@ -62,21 +62,21 @@ def levels(plots: Plots, tracks: Tracks) -> Levels | None:
     )
 
 
-def log_ratio(plots: Plots, of: Plots, tracks: Tracks) -> FloatArray:
+def log_ratio(plots: Plots, linked: Plots, tracks: Tracks) -> FloatArray:
     """Return the log likelihood ratio of each plot's amplitude, target to clutter, shape (N,).
 
-    Both densities are histograms: of the plots in tracks, and of the other plots. `of` has the
-    plots that `tracks` refers to: the same, or a part of them.
+    Both densities are histograms: of the plots in tracks, and of the other plots. `linked` has the
+    plots from which `tracks` were made: `plots`, or a part of them.
     """
     ratio = np.zeros(len(plots))
-    if plots.amplitude is None or of.amplitude is None:
+    if plots.amplitude is None or linked.amplitude is None:
         return ratio
-    known = np.flatnonzero(np.isfinite(of.amplitude))
+    known = np.flatnonzero(np.isfinite(linked.amplitude))
     claimed = np.intersect1d(known, tracks.claimed)
     free = np.setdiff1d(known, claimed)
     if min(len(claimed), len(free)) < LEAST:
         return ratio
-    cell = _cells(of.amplitude)
+    cell = _cells(linked.amplitude)
     cells = int(cell.max()) + 1
     of_targets = np.bincount(cell[claimed], minlength=cells) + PRIOR
     of_clutter = np.bincount(cell[free], minlength=cells) + PRIOR

@@ -20,7 +20,7 @@ LEAST_FOLLOWED = 0.25
 PLOTS, PERIOD_S = 12, 1.0
 # Limit on plots per step; no radar has more in that time.
 MOST_PLOTS = 1000
-# Over a gap of more turns their number is ambiguous.
+# The number of turns in a longer gap is ambiguous.
 MOST_TURNS = 3.0
 # If a turn differs from the mean by more than this share, the antenna has changed its speed.
 SWITCHED = 0.1

@@ -1,6 +1,6 @@
-"""Initial guess of noise and speeds: the one of several that explains a recording best.
+"""Initial guess of noise and speeds: the guess of a grid that explains a recording best.
 
-All guesses are compared on a part of the recording, and the best of them on the whole.
+All guesses are compared on a part of the recording, and the best few on the whole.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ AZIMUTHS_DEG = (0.06, 0.25, 1.0, 4.0)
 USUAL_SPEED, SPEEDS = 40.0, (8.0, 160.0)
 # Number of the best noise guesses that are combined with every speed.
 BEST = 3
-# Guesses are compared on the first LOOKS looks of a recording: on fewer if these have more than
-# PLOTS plots, but at least on LEAST_LOOKS.
+# Guesses are compared on the first LOOKS looks of a recording, or on fewer, at least LEAST_LOOKS,
+# if these have more than PLOTS plots.
 LOOKS, PLOTS, LEAST_LOOKS = 24, 1000, 10.0
 # Assumed detection probability before any estimate.
 DETECTION_PROBABILITY = 0.85

@@ -19,7 +19,6 @@ from ..accumulator import OUTSIDE as OUTSIDE_TABLE
 from ..accumulator import Accumulator, Group, Metric, Totals, Values, share
 from ..comparison import Comparison, PairedScan
 
-# Marks an unknown age.
 NO_AGE = -1
 # A track number that is not reported for this many scans is removed.
 FORGOTTEN = 10

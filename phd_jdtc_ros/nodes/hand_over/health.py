@@ -24,7 +24,7 @@ LONGEST_TURN_S = 12.0
 class TrackerHealth:
     """The estimates received from a tracker."""
 
-    # Time without clouds beyond the usual interval after which the tracker is quiet, seconds.
+    # The tracker is quiet after its usual interval plus this time without clouds, seconds.
     limit_s: float
     clouds: Counter[str] = field(default_factory=Counter)  # By source
     # Clouds that are not in the picture, by reason.

@@ -82,7 +82,7 @@ class HandOver(RunnableNode):
         )
 
     def _take(self, tracker: int, source: str, cloud: PointCloud2) -> None:
-        """Take in a tracker's cloud, and publish the stamps that it completes."""
+        """Process a tracker's cloud, and publish the stamps that it completes."""
         own = self._trackers[tracker]
         own.take(source, time.monotonic())
         try:

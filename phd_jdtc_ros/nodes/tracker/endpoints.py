@@ -60,7 +60,7 @@ def publisher(
             event_callbacks=PublisherEventCallbacks(
                 incompatible_qos=on_incompatible,
                 matched=None if on_subscriber is None else on_matched,
-                # An executor looks at every event of every publisher whenever it waits.
+                # Each event costs time, because an executor checks all of them whenever it waits.
                 use_default_callbacks=False,
             ),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
@@ -94,8 +94,7 @@ class Listener:
 
     def _subscribe(self) -> Subscription:
         usual = QoSOverridingOptions.with_default_policies().policy_kinds
-        # The profile is new each time, because rclpy writes an override into the one that it is
-        # given.
+        # A new profile is made each time, because rclpy writes overrides into the given one.
         qos = QoSProfile(depth=self._depth, reliability=ReliabilityPolicy.BEST_AVAILABLE)
         with topics.qos_of(self._health.topic):
             return self._node.create_subscription(

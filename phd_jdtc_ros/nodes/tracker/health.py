@@ -20,7 +20,7 @@ OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 # stepped at about the rate of their stamps. A replay that waits for the tracker keeps it as busy,
 # but at a much higher rate.
 BUSY_SHARE, REAL_TIME = 0.95, 0.9
-# How to reduce the step time, of some engines in other ways than of most.
+# Advice for reducing the step time, and that for engines with parameters of their own.
 LOAD_ADVICE = "turn down accuracy or lag"
 OTHER_ADVICE = {"particles": "turn down accuracy, particles_per_target or lag"}
 REGISTRATION_ADVICE = "record a bag and run register"

@@ -115,7 +115,7 @@ class Outputs:
         self._values = settings.node
 
     def clear(self) -> None:
-        """Clear all displays; their topics are latched, so late subscribers would get the last."""
+        """Clear all displays: their topics are latched, and would show old data to late ones."""
         self._clear(list(self._publishers))
 
     def _clear(self, rows: list[Output]) -> None:
@@ -125,7 +125,7 @@ class Outputs:
                 self._publishers[row].publish(row.clear(self._view))
 
     def publish(self, when: str, stamp_ns: int, data: Any) -> None:
-        """Publish data on all topics of an occasion; see `Output.when`."""
+        """Publish data on all topics with this trigger; see `Output.when`."""
         for row, publisher in self._publishers.items():
             if row.when != when or not _is_wanted(row, self._values):
                 continue

@@ -58,7 +58,6 @@ IGNORED = tuple(Parameter(name, value, "", 0.0) for name, value in TAXIING._asdi
 SHARE = Parameter(
     "run_share", 1.0, "", form=Form("above 0 and at most 1", lambda given: number(given, SMALL, 1))
 )
-# Parameters of an extraction variant.
 EXTRACTION = (
     Parameter("death_term", "bernoulli", "", choices=tuple(DEATH_TERMS)),
     Parameter("extraction", "components", "", choices=tuple(EXTRACTIONS)),
