@@ -21,7 +21,7 @@ MIN_TOTAL_PROBABILITY = 1e-12
 
 
 class BeliefUpdate(NamedTuple):
-    """Likelihoods of the edges' detections; None for attributes that these do not report."""
+    """Likelihoods of the edges' detections; None for an attribute that no detection reports."""
 
     before: Beliefs
     code: identity.ReplyLikelihood | None

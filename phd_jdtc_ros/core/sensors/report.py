@@ -39,11 +39,11 @@ class EarlierSectors:
 
     @staticmethod
     def only_in(sector: FloatArray, measured: FloatArray) -> FloatArray:
-        """Return the probabilities that targets are measured in a later sector, and not in these.
+        """Return the probabilities that targets are measured in a later sector alone.
 
-        `sector` and `measured` are the probabilities that they are measured in the later sector and
-        in these. Edges may be estimates, so that sectors overlap a little, but a target is measured
-        once.
+        `sector` is the probability of a target to be measured in the later sector, and `measured`
+        that in the earlier ones. Their sum can exceed 1, because sectors with estimated edges may
+        overlap a little, but a target is measured once.
         """
         return np.minimum(sector, 1.0 + ROUNDING - measured)
 

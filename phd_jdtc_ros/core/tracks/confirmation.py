@@ -176,10 +176,13 @@ def _next_columns(
             same_turn = stamp_ns - detected_ns[track] < durations.same_turn
             is_missed = covered and lower and not same_turn
         is_detected = not has_record or (covered and not lower)
-        tentative, prior = previous_state == TENTATIVE, record_weight[class_id]
+        tentative = previous_state == TENTATIVE
+        pseudo_count = record_weight[class_id]
         if is_missed:
-            factor[track] *= (1.0 + missed[track] / prior) / (1.0 + expected[track] / prior)
-        if is_detected or math.isinf(prior):
+            factor[track] *= (1.0 + missed[track] / pseudo_count) / (
+                1.0 + expected[track] / pseudo_count
+            )
+        if is_detected or math.isinf(pseudo_count):
             factor[track] = 1.0
         existence = weight
         if factor[track] != 1.0:
@@ -187,17 +190,17 @@ def _next_columns(
         if is_detected:
             detected_ns[track] = stamp_ns
         since_ns = stamp_ns - detected_ns[track]
-        long_ago = since_ns > durations.patience
+        is_stale = since_ns > durations.patience
         if tentative:
             reported = weight > confirm[class_id]
         else:
-            lowest = hidden[class_id] if long_ago and not covered else delete[class_id]
-            reported = existence >= lowest and weight >= min(MIN_EXISTENCE, delete[class_id])
+            least = hidden[class_id] if is_stale and not covered else delete[class_id]
+            reported = existence >= least and weight >= min(MIN_EXISTENCE, delete[class_id])
         bound = MAX_STATIONARY_TO_CONFIRM if tentative else MAX_STATIONARY_CONFIRMED
         recent = is_detected or covered or since_ns <= durations.coasting
         if reported and recent and tracks.stationary[track] <= bound:
-            stays = not is_detected and previous_state == COASTING
-            state[track] = COASTING if is_missed or long_ago or stays else CONFIRMED
+            still_coasts = not is_detected and previous_state == COASTING
+            state[track] = COASTING if is_missed or is_stale or still_coasts else CONFIRMED
         if (is_missed or is_detected) and not tentative:
             expected[track] += miss_probability
             missed[track] += is_missed

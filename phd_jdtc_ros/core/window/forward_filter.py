@@ -31,7 +31,7 @@ class Progress(NamedTuple):
 
     scan_index: Annotated[int, integers("", 0, MAX_SCANS)]  # Index of the next scan
     birth: Annotated[IntArray, integers("B", 0, MAX_SCANS)]  # Birth terms, (B,)
-    # Time of an antenna's last pass over each of these, (B,).
+    # Time of an antenna's last pass over each birth term, (B,).
     born_ns: Annotated[IntArray, integers("B", 0, MAX_STAMP_NS)]
     # Stamps of the sets that later scans continue, (Q,).
     unswept_ns: Annotated[IntArray, integers("Q", 0, MAX_STAMP_NS, key="current_ns")]
@@ -53,7 +53,12 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
     """A filter over scans, with the sets that later scans continue."""
 
     STATE: ClassVar[tuple[str, ...]] = (
-        *("unswept", "stamp_ns", "_born_ns", "_scan_index", "attributes", "sensors"),
+        "unswept",
+        "stamp_ns",
+        "_born_ns",
+        "_scan_index",
+        "attributes",
+        "sensors",
     )
 
     model: TrackerModel
