@@ -62,7 +62,7 @@ class InputHealth:
     _listed_since_s: dict[Hashable, float] = field(default_factory=dict)
     _warnings: int = 0
     _warning: str = ""
-    _worse: bool = False
+    _was_worse: bool = False
     _rises: Rises = field(default_factory=Rises)
 
     def note_message(self, now_s: float, sequence: int | None, worked_s: float) -> None:
@@ -169,8 +169,8 @@ class InputHealth:
         if self.lost_by_overload(now_s):
             where = "the tracker is too slow, see its step time"
         noise = None if self.fit is None else anomalies.of_noise(self.fit)
-        worse = anomalies.of_learned(self.learned, self._worse)
-        self._worse = worse is not None
+        worse = anomalies.of_learned(self.learned, self._was_worse)
+        self._was_worse = worse is not None
         changed = anomalies.of_changes(self.learned)
         return first(
             (ERROR, shared, f"several publishers on {self.topic}, must be one"),
