@@ -18,23 +18,15 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-# The halves of what is not live and three files of live ones keep two processors busy, and so do
+# The halves of what is not live and three of what is live keep two processors busy, and so do
 # five of these; more would only wait for one another.
 AT_A_TIME = 5
-# Live files that take longest, which begin first so that none of them is left over at the end,
-# each in a pytest of its own.
-LONGEST = (
-    "test/robustness/test_live_faults.py",
-    "test/robustness/test_full_tracker.py",
-    "test/nodes/test_demo.py",
-    "test/nodes/test_asterix_demo.py",
-)
 # Files with nodes in pytest's own process, whose graph keeps them after their end: run apart from
 # the others.
 OWN_NODES = ("test/nodes/test_parameter_sections.py", "test/nodes/test_poses_before_clouds.py")
-# Number of the other live files that share a pytest: each pytest spends 3 s on imports, and 4 s on
-# the server of its nodes (see helpers/forked.py).
-TOGETHER = 10
+# Number of pytests for the other live files, which begin at once: each spends 3 s on imports, and
+# 4 s on the server of its nodes (see helpers/forked.py).
+LIVE_PYTESTS = AT_A_TIME - 2
 # One of two halves that take as long as each other, some 340 s of CPU: what one takes longer is for
 # one processor alone, because the live tests are over by then.
 HALF = ("test/calibration", "test/core", "test/study")
@@ -87,19 +79,15 @@ def live(files, *arguments):
 
 
 def live_files(arguments):
-    """Return the files that have live tests, those of each pytest together, the longest first."""
+    """Return the files that have live tests, those of each pytest together."""
     where = [] if arguments else [f"--ignore={folder}" for folder in NEVER_LIVE]
     status, text = pytest("--collect-only", "-q", "-m", "live", *where, *arguments)
     if status not in (0, NOTHING):
         sys.exit(text)
     found = sorted(set(re.findall(r"^(\S+\.py)::", text, re.MULTILINE)))
-    others = [file for file in found if file not in (*LONGEST, *OWN_NODES)]
-    count = -(-len(others) // TOGETHER)
-    return [
-        *([file] for file in LONGEST if file in found),
-        *(others[k::count] for k in range(count)),
-        *filter(None, [[file for file in OWN_NODES if file in found]]),
-    ]
+    others = [file for file in found if file not in OWN_NODES]
+    together = [others[k::LIVE_PYTESTS] for k in range(LIVE_PYTESTS)]
+    return [*filter(None, [*together, [file for file in OWN_NODES if file in found]])]
 
 
 def others(arguments):

@@ -107,7 +107,6 @@ def test_arrays_keep_their_shape_and_nan():
     assert all(found.shape == (0,) for found in plane.to_plane([], []))
     assert plane.convergence([], []).shape == (0,)
     assert all(found.shape == () for found in plane.to_geodetic(1.0, 2.0))
-    plane = plane_about(52.0, 4.0)
     x, y = plane.to_plane([math.nan, 52.5], [4.0, 4.5])
     north, east = plane.to_geodetic([math.nan, 1.0], [0.0, 1.0])
     yaw = plane.convergence([52.5, math.nan], [4.5, 4.0])

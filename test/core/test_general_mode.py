@@ -75,7 +75,6 @@ def test_splitting_a_mode_into_twins_changes_nothing_unless_they_are_unequal(one
     scans, expected = one_mode
     assert_same_distribution(statistics({**PLAIN, **TWINS}, plain, scans), expected)
     # The comparison has power: a second mode with other noise differs from a twin.
-    scans, expected = one_mode
     given = {**PLAIN, **TWINS, "twin.noise_density": 30.0}
     with pytest.raises(AssertionError):
         assert_same_distribution(statistics(given, plain, scans), expected)

@@ -58,7 +58,6 @@ def test_drawn_targets_are_born_and_survive_in_their_class(drawn):
     born = sum(len({n for truth in run for n in truth.track_id.tolist()}) for run in runs)
     expected = RUNS * SCANS * sum(term.rate.sum() for term in model.births)
     assert abs(born - expected) < 4.0 * np.sqrt(expected)
-    runs, model = drawn
     pairs = [pair for run in runs for pair in pairwise(run)]
     lived = sum(len(before.track_id) for before, _ in pairs)
     died = sum(len(np.setdiff1d(one.track_id, two.track_id)) for one, two in pairs)

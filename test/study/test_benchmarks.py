@@ -67,7 +67,6 @@ def test_weights_of_every_form_are_those_of_the_dense_one(window, death_term):
 
     assert_allclose(smoothed.weight, exact, rtol=1e-3, atol=1e-9 * exact.sum())
     assert np.abs(smoothed.weight - exact).sum() < 1e-5 * exact.sum()
-    exact = of_rows(dense(window, death_term), window.stored[0])
     # The form by label needs labels, and the tree is right within the gate only.
     by_label = [forms.dense_by_label] if window.corrector.labelled else []
     for form in (forms.dense_products, *by_label, forms.k_d_tree):

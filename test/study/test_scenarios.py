@@ -82,7 +82,6 @@ def test_a_shipped_scenario_has_targets_of_every_class_in_a_small_whole_bag(path
     config, found = resolved(path)
     classes = config.model.modes.classes
     assert {target.class_id for target in found.targets} == set(range(len(classes)))
-    config, found = resolved(path)
     bag = ROOT / "bags" / path.stem
     assert sum(file.stat().st_size for file in bag.iterdir()) < LARGEST_BAG
     topics = [names.TRUTH, *(radar.topic for radar in config.inputs)]
@@ -96,7 +95,6 @@ def test_targets_are_within_the_bands_of_their_classes_in_sight_of_every_radar(p
     for target in found.targets:
         low, high = classes[target.class_id].snr_band
         assert low < target.snr < high
-    _, found = resolved(path)
     for scan in range(found.scans):
         for radar in found.radars:
             distance = radar.measure(truth_at(found, scan).state)[:, 0]

@@ -116,9 +116,6 @@ def test_node_prices_bound_every_edge_near_the_heaviest_matching(seed):
     assert (price >= 0.0).all()
     excess = log_odds - price[clusters.target] - price[clusters.detection]
     assert excess.max() < 1e-10
-    odds = random_odds(seed)
-    clusters, target, detection, _ = graph(odds)
-    price = node_prices(clusters, np.log(odds[target, detection]))
     gain = np.log(np.maximum(odds, 1.0))  # nobody takes a pair that weighs less than none
     heaviest = gain[linear_sum_assignment(gain, maximize=True)].sum()
     count = len(clusters.middle)

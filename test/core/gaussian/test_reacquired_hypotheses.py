@@ -39,7 +39,6 @@ def test_reacquired_hypothesis_is_one_of_the_most_probable_one():
     np.testing.assert_array_equal(after.mixture.mean[3], before.mixture.mean[1])
     np.testing.assert_allclose(after.mixture.existence, before.mixture.existence, rtol=1e-12)
     np.testing.assert_allclose(after.mixture.mass[3], PROBABILITY * 0.7, rtol=1e-12)
-    model, before = predicted()
     after = with_reacquired(before, lost([0, 0], [0, 1], [SINCE_S, SINCE_S]), model)
     assert after.mixture.row_label.tolist() == [4, 4, 6, 4]
 

@@ -118,7 +118,6 @@ def test_log_class_likelihood_is_the_untruncated_density():
     likelihood = RADAR.log_class_likelihood(Detections(np.ones((3, 2)), a), classes)
     expected = [amplitude_density.log_target_density(a, c.snr_band) for c in classes]
     np.testing.assert_array_equal(likelihood, expected)
-    classes = small().model.modes.classes
     likelihood = RADAR.log_class_likelihood(Detections(np.ones((3, 2)), None), classes)
     p_d = RADAR.class_detection_probability(classes)
     assert likelihood.shape == (2, 3)

@@ -94,7 +94,6 @@ def test_high_targets_may_have_no_ground_range_or_elevation():
     sine = site.elevation_of(np.array([10e3]), np.array([0.4]), height)
     assert sine[0] == pytest.approx(1.0, abs=1e-12)
     assert site.to_ground(np.array([10e3]), np.array([0.4]), np.minimum(sine, 1.0))[0][0] < 0.1
-    site = Site((52.3, 4.8, 30.0), SystemPlane((52.0, 4.0, 0.0)))
     sine = site.elevation_of(np.array([9e3, 9e3]), np.zeros(2), np.array([10e3, -9.5e3]))
     assert sine[0] > 1.0
     assert sine[1] < -1.0

@@ -66,7 +66,6 @@ def test_predict_survivors_keep_class_origin_and_poisson_weight():
     np.testing.assert_array_equal(MODES.class_of[predicted.mode], MODES.class_of[source])
     np.testing.assert_array_equal(predicted.row_label, phd.row_label[predicted.parent])
     assert (predicted.mode != source).any()
-    phd = scattered()
     held = sparse.csr_array((phd.weight, (np.arange(len(phd)), phd.row_label)), shape=(len(phd), 3))
     updated = replace(
         phd, poisson=np.zeros(len(phd)), components=held, label=np.arange(3, dtype=np.int64)
@@ -97,6 +96,5 @@ def test_predict_names_births_after_term_and_scan_if_there_are_some():
         near = scans[0].state[scans[0].row_label == term]
         assert np.abs(near[:, 0] - mean.mean[0]).max() < 6.0 * 200.0
     model = replace(MODEL, births=())
-    empty = ParticleSet.empty(5)
     predicted = predict(empty, model, *METHOD, 6.0, 0, np.random.default_rng(0))
     assert len(predicted) == 0

@@ -25,11 +25,9 @@ def test_messages_go_through_links_newest_first():
     third = Entry(30, "c", (Source(20, None, 2),), "bc")
     b = "b(None:0-2 c by bc)"
     assert smoothed(first, second, third) == ["c", b, f"a(None:0-3 {b} by ab)"]
-    first = Entry(10, "a")
     second = Entry(20, "b", (Source(10, (0,), 1),), "x")
     third = Entry(30, "c", (Source(10, (1,), 1),), "y")
     assert smoothed(first, second, third)[-1] == "a((1,):0-1 c by y; (0,):0-1 b by x)"
-    first = Entry(10, "a")
     second = Entry(20, "b", (Source(10, None, 1),), None)
     third = Entry(30, "c", (Source(5, None, 1),), "gone")
     fourth = Entry(40, "d", (Source(20, None, 1),), "bd")

@@ -72,7 +72,6 @@ def test_parted_takes_who_is_near_a_detection_outside_of_what_was_covered(covera
 def test_parted_takes_everything_without_coverage_labels_or_news():
     rows = [current()]
     assert partition_swept(rows, scan(1.0, None, None), MODEL, True) == (rows, [])
-    rows = [current()]
     assert partition_swept(rows, scan(1.0, 0.3, 0.1), MODEL, False) == (rows, [])
     touched, others = partition_swept([current()], scan(6.5, 0.3, 0.1), MODEL, True)
     assert origins_of(touched) == [0, 1, 2]

@@ -24,7 +24,6 @@ def test_a_flight_moves_turns_and_accelerates_by_its_legs():
     state = flight.states(time)
     moved = np.cumsum(0.5e-3 * (state[1:, [1, 3]] + state[:-1, [1, 3]]), axis=0)
     np.testing.assert_allclose(state[1:, [0, 2]], state[0, [0, 2]] + moved, atol=1e-3)
-    flight = flown()
     vx, vy = flight.states(np.array([10.0, 39.0, 60.0, 80.0, 100.0, 125.0]))[:, [1, 3]].T
     np.testing.assert_allclose(np.hypot(vx, vy), [100.0, 100.0, 100.0, 110.0, 120.0, 120.0])
     course = np.degrees(np.arctan2(vy, vx))

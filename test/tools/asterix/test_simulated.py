@@ -136,23 +136,19 @@ def test_radar_that_does_not_turn_sends_no_asterix(tmp_path, capsys):
     assert not (tmp_path / "bag").exists()
 
 
-def test_simulate_names_a_missing_directory_before_it_simulates(tmp_path, capsys):
-    path = tmp_path / "none" / "sent.ast"
+def test_simulate_names_an_impossible_recording_before_it_simulates(tmp_path, capsys):
+    missing, taken = tmp_path / "none" / "sent.ast", tmp_path / "sent.ast"
+    taken.write_bytes(b"mine")
     scenario = str(resources.find(Path("config/scenarios/en_route_hour.yaml")))
-    given = ["--scenario", scenario, "--out", str(tmp_path / "bag"), "--asterix", str(path)]
-    assert simulate.main(given) == 2
-    assert f"{path}: cannot be written, {path.parent} is no directory" in capsys.readouterr().err
-    assert not (tmp_path / "bag").exists()
-
-
-def test_simulate_does_not_overwrite_a_recording(tmp_path, capsys):
-    path = tmp_path / "sent.ast"
-    path.write_bytes(b"mine")
-    scenario = str(resources.find(Path("config/scenarios/en_route_hour.yaml")))
-    given = ["--scenario", scenario, "--out", str(tmp_path / "bag"), "--asterix", str(path)]
-    assert simulate.main(given) == 2
-    assert f"{path} exists, is not overwritten" in capsys.readouterr().err
-    assert path.read_bytes() == b"mine"
+    faults = {
+        missing: f"{missing}: cannot be written, {missing.parent} is no directory",
+        taken: f"{taken} exists, is not overwritten",
+    }
+    for path, fault in faults.items():
+        given = ["--scenario", scenario, "--out", str(tmp_path / "bag"), "--asterix", str(path)]
+        assert simulate.main(given) == 2
+        assert fault in capsys.readouterr().err
+    assert taken.read_bytes() == b"mine"
     assert not (tmp_path / "bag").exists()
 
 

@@ -282,7 +282,6 @@ def test_build_to_or_from_an_empty_set_has_no_pairs():
     link = backward_kernel.build(ParticleSet.empty(5), later, model, BERNOULLI, 6.0)
     assert link.ratio.shape == (0, 3)
     assert len(link.ratio @ later.weight) == 0
-    model = small().model
     earlier = intensity(np.zeros((3, 5)), [0.1, 0.1, 0.1])
     link = backward_kernel.build(earlier, ParticleSet.empty(5), model, BERNOULLI, 6.0)
     np.testing.assert_array_equal(link.ratio @ np.zeros(0), np.zeros(3))
