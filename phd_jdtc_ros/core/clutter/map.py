@@ -24,8 +24,8 @@ ALONE_FACTOR = 5.0
 REFLECTOR_FACTOR = 60.0
 # Factor of the prior in a neighbourhood: reflectors lie in lines, in a sixth of its cells or less.
 GATHERED = 6.0
-# Number of detections that a moving target leaves in a cell before it has a track; a reflector must
-# have more.
+# Number of detections that a moving target leaves before it has a track; a reflector must have more
+# in its cell, and rain in its neighbourhood.
 PASSING = 2.0
 # Share of turns with a detection below which a cell probably contains no reflector.
 MIN_SHARE = 0.15
@@ -58,7 +58,9 @@ class ClutterMap(ReadOnly):
     from becoming targets, and n / (n + ...) keeps moving ships from being masked by their own first
     detections. The neighbourhood determines the prior: A is its number of detections per turn
     beyond one reflector and uniform clutter, counted without delay, and b rises with A from
-    ALONE_FACTOR to REFLECTOR_FACTOR; see `neighbourhood`.
+    ALONE_FACTOR to REFLECTOR_FACTOR; see `neighbourhood`. Rain is nowhere long enough for this: the
+    local rate is at least that of the neighbourhood's recent detections, with the memory
+    RECENT_TURNS, beyond those that A leaves out and PASSING of one new target.
     """
 
     grid: Grid  # A detection counts in the four nearest cells
@@ -82,7 +84,7 @@ class ClutterMap(ReadOnly):
         above 0, which are uniform in azimuth and in range up to `max_range`, metres.
         """
         cell, share = corners(self.grid, self.grid.places(measurement, world))
-        excess = self.neighbourhood_excess(measurement, world, rate, max_range)
+        lasting, begun = self._excesses(measurement, world, rate, max_range)
         cell_count = np.zeros(cell.shape)
         if len(self.cell):
             index = np.minimum(np.searchsorted(self.cell, cell), len(self.cell) - 1)
@@ -90,14 +92,14 @@ class ClutterMap(ReadOnly):
             cell_count = np.where(self.cell[index] == cell, np.maximum(counting, 0.0), 0.0)
         local_count = (cell_count * share).sum(axis=0)
         turns = max(self.turns - self.recent_turns, 0.0)
-        among = neighbourhood.probability_among_reflectors(excess)
+        among = neighbourhood.probability_among_reflectors(lasting)
         factor = ALONE_FACTOR + (REFLECTOR_FACTOR - ALONE_FACTOR) * among
         local = factor * local_count**2 / (local_count + PASSING + MIN_SHARE * turns)
-        local += PRIOR_TURNS * GATHERED * excess / neighbourhood.CELLS
+        local += PRIOR_TURNS * GATHERED * lasting / neighbourhood.CELLS
+        local = np.maximum(local / (PRIOR_TURNS + turns), begun / neighbourhood.CELLS)
         log_uniform = np.log(rate) + self.grid.log_share(measurement, max_range)
         with np.errstate(divide="ignore"):  # cells without detections
-            log_place = np.log(local) - np.log(PRIOR_TURNS + turns)
-        log_factor: FloatArray = np.logaddexp(0.0, log_place - log_uniform)
+            log_factor: FloatArray = np.logaddexp(0.0, np.log(local) - log_uniform)
         return log_factor
 
     def neighbourhood_excess(
@@ -108,13 +110,27 @@ class ClutterMap(ReadOnly):
         Those of one reflector and of uniform clutter are subtracted. For the arguments see
         `log_factor`.
         """
-        count = neighbourhood.detections_around(
-            self.grid, self.cell, self.count, self.grid.places(measurement, world)
+        return self._excesses(measurement, world, rate, max_range)[0]
+
+    def _excesses(
+        self, measurement: FloatArray, world: FloatArray, rate: float, max_range: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return `neighbourhood_excess`, and that of the recent turns alone, shapes (M,).
+
+        From the recent detections, those of one new target are subtracted too.
+        """
+        count, recent = neighbourhood.detections_around(
+            self.grid,
+            self.cell,
+            np.stack([self.count, self.recent]),
+            self.grid.places(measurement, world),
         )
         share = neighbourhood.CELLS * np.exp(self.grid.log_share(measurement, max_range))
+        usual = count / max(self.turns, 1.0)
         expected = neighbourhood.UNCOUNTED + rate * np.minimum(share, 1.0)
-        excess: FloatArray = np.maximum(count / max(self.turns, 1.0) - expected, 0.0)
-        return excess
+        explained = np.minimum(usual, expected)
+        begun = (recent - PASSING) / max(self.recent_turns, 1.0) - explained
+        return usual - explained, np.maximum(begun, 0.0)
 
     def after(
         self, measurement: FloatArray, world: FloatArray, weight: FloatArray, turns: float

@@ -28,12 +28,13 @@ EVEN_EXCESS = 0.5
 def detections_around(
     grid: Grid, cell: IntArray, count: FloatArray, places: FloatArray
 ) -> FloatArray:
-    """Return the number of detections in the neighbourhood of each place, shape (M,).
+    """Return the number of detections in the neighbourhood of each place, shape (..., M).
 
-    Cells and counts, (K,), are as in `ClutterMap`; for the places, (2, M), see `Grid.places`.
+    Cells, (K,), and counts, (..., K), are as in `ClutterMap`; for the places, (2, M), see
+    `Grid.places`.
     """
     centre = np.floor(places + 0.5).astype(np.int64)
-    cumulative = np.concatenate([[0.0], np.cumsum(count)])
+    cumulative = np.concatenate([np.zeros((*count.shape[:-1], 1)), count.cumsum(axis=-1)], axis=-1)
     wide_count, own_count = (_block(grid, cell, cumulative, centre, half) for half in (REACH, OWN))
     return np.maximum(wide_count - own_count, 0.0)
 
@@ -49,16 +50,16 @@ def probability_among_reflectors(excess: FloatArray) -> FloatArray:
 def _block(
     grid: Grid, cell: IntArray, cumulative: FloatArray, centre: IntArray, half: int
 ) -> FloatArray:
-    """Return the detections in squares of cells, (M,), given the cumulative counts, (K + 1,)."""
+    """Return the detections in squares of cells, (..., M), of cumulative counts, (..., K + 1)."""
     columns = grid.columns
     half_across = min(half, (columns - 1) // 2)
     row = centre[0] + np.arange(-half, half + 1)[:, None]
     first, end = centre[1] - half_across, centre[1] + half_across + 1
-    total = np.zeros(centre.shape[1])
+    total = np.zeros((*cumulative.shape[:-1], centre.shape[1]))
     # The last column adjoins the first: a square may wrap around the end of a row.
     for turn in (-columns, 0, columns):
         left, right = (np.clip(edge + turn, 0, columns) for edge in (first, end))
         if (right > left).any():
             low, high = (np.searchsorted(cell, row * columns + edge) for edge in (left, right))
-            total += (cumulative[high] - cumulative[low]).sum(axis=0)
+            total += (cumulative[..., high] - cumulative[..., low]).sum(axis=-2)
     return total

@@ -125,6 +125,33 @@ def test_ships_alone_at_sea_are_reported_at_once_and_a_quay_is_not(engine):
     assert quay.sum() < 60
 
 
+@pytest.mark.parametrize("engine", ENGINES)
+def test_rain_that_begins_and_moves_makes_no_targets_and_hides_no_ships(engine):
+    """The turns before it are dry, and tracks that are born in it claim most of its detections."""
+    given = {**HARBOUR, **MAPPED, "engine": engine, "amplitude": "none"}
+    tracker, rng, false, seen = new_engine(small(given)), np.random.default_rng(6), [], []
+    mast = small(HARBOUR).model.radars[0]
+    for turn in range(50):
+        ships = START + 2.5 * turn * VELOCITY
+        place = [ships[rng.random(3) < 0.9]]
+        if turn >= 25:
+            centre = np.array([5000.0 - 30.0 * turn, -5000.0])
+            place.append(centre + 500.0 * rng.standard_normal((rng.poisson(20.0), 2)))
+        state = np.zeros((sum(map(len, place)), 5))
+        state[:, [0, 2]] = np.concatenate(place)
+        found = mast.measure(state)
+        found += rng.standard_normal(found.shape) * mast.noise_std
+        noise, _ = false_detections(mast, rng.poisson(10.0), rng, NOISE)
+        report = Detections(np.concatenate([found, noise]), None)
+        position = tracker.step(Scan((turn + 1) * 2_500_000_000, (report,))).filtered[0].position
+        away = np.hypot(*(position[:, None] - ships).transpose(2, 0, 1)).reshape(-1, 3)
+        false.append(int(np.count_nonzero(away.min(axis=1) > 200.0)))
+        seen.append(int(np.count_nonzero(away.min(axis=0, initial=1e9) < 200.0)))
+    # By the average over all remembered turns, it is 47 and more.
+    assert sum(false) < 10
+    assert np.mean(seen[5:]) > 2.85
+
+
 def test_particles_have_no_map_of_a_radar_that_moves():
     """They would lose ships to it."""
     given = {**HARBOUR, **MAPPED, "mast.pose": "/ship/odometry"}
