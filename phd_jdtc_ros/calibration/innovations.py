@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -98,17 +99,17 @@ class InnovationMonitor:
     ) -> Iterator[FloatArray]:
         """Yield squared innovations relative to the expected ones, and by axis to the noise."""
         position = tracks.position + since_s * tracks.velocity
-        passed = radar.coverage_probability(radar.linearise(position)[0], found.coverage) > 0.5
-        compared = self._sample(np.flatnonzero(passed))
-        row, column = _pairs(position, radar.to_world(found.measurement), compared)
+        expected, slope = radar.linearise(position)
+        passed = np.flatnonzero(radar.coverage_probability(expected, found.coverage) > 0.5)
+        world = radar.to_world(found.measurement)
+        row, column = _pairs(position, world, self._sample(passed))
         if not len(row):
             return
-        after_s = np.full(len(row), since_s)
+        expected, slope, after_s = expected[row], slope[row], np.full(len(row), since_s)
         if found.time_s is not None:
             after_s = np.maximum(after_s + found.time_s[column], 0.0)
-        expected, slope = radar.linearise(
-            tracks.position[row] + after_s[:, None] * tracks.velocity[row]
-        )
+            position = tracks.position[row] + after_s[:, None] * tracks.velocity[row]
+            expected, slope = radar.linearise(position)
         innovation = radar.wrap(found.measurement[column] - expected)
         noise = radar.noise_covariance_of(found)[column]
         space = tracks.space
@@ -159,7 +160,8 @@ def _nearest_two(places: FloatArray, others: FloatArray) -> tuple[FloatArray, In
     return np.partition(distance, 1, axis=1)[:, :2], distance.argmin(axis=1)
 
 
-def _process_noise(motions: Sequence[MotionModel], dt: float) -> float:
+@lru_cache(maxsize=16)  # Scans are often equally far apart
+def _process_noise(motions: tuple[MotionModel, ...], dt: float) -> float:
     """Return the largest variance that a motion adds to positions along an axis in `dt`."""
     axes = [motion.support.index(motion.space.position[0]) for motion in motions]
     return max(
