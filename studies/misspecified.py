@@ -24,8 +24,8 @@ from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.study.monte_carlo.definition import CUTOFF, ORDER
-from phd_jdtc_ros.study.runs import SimulatedRun, simulated_run
-from phd_jdtc_ros.study.tracker import ExtractionVariant, track
+from phd_jdtc_ros.study.runs import ExtractionVariant, SimulatedRun, simulated_run
+from phd_jdtc_ros.study.tracker import track
 
 from .runner import Figures, Goal, Study, add_engine_argument, goal, table
 

@@ -2,7 +2,8 @@
 
 The filter does not depend on death term and extraction. Variants that differ only in these share
 one filter, and one backward pass over the window gives the smoothed sets of all lags, for every
-engine.
+engine. The modules of an engine are imported when its first run begins, because they load numba and
+compiled code.
 """
 
 from __future__ import annotations
@@ -15,10 +16,6 @@ import numpy as np
 
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.engines import gaussian_engine, particle_filter
-from phd_jdtc_ros.core.gaussian import extraction as gaussian_extraction
-from phd_jdtc_ros.core.gaussian.smoothing import smoother as gaussian_smoother
-from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS, estimates
-from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
 from phd_jdtc_ros.core.tracks.confirmation import TrackStates
 from phd_jdtc_ros.core.tracks.reporting_rule import ReportingRule
 from phd_jdtc_ros.core.types import Estimates
@@ -26,18 +23,10 @@ from phd_jdtc_ros.core.window.entries import Entry
 from phd_jdtc_ros.core.window.forward_filter import ForwardFilter
 from phd_jdtc_ros.evaluation.comparison import PointSet
 
-from .runs import SimulatedRun, Tracks
+from .runs import ExtractionVariant, SimulatedRun, Tracks
 
 # The entries of the latest scans, oldest first; the type of their sets depends on the engine.
 Window: TypeAlias = "Sequence[Entry[Any, Any]]"
-
-
-class ExtractionVariant(NamedTuple):
-    """A variant of extraction: death term and extraction method."""
-
-    label: str
-    death_term: str  # One of `DEATH_TERMS`
-    extraction: str  # One of `EXTRACTIONS`
 
 
 class Extraction(NamedTuple):
@@ -61,6 +50,9 @@ class _Parts(NamedTuple):
 
 
 def _of_particles(config: TrackerConfig) -> _Parts:
+    from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS, estimates
+    from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
+
     modes = config.model.modes
 
     def backward(window: Window, death_term: str) -> Iterable[Any]:
@@ -74,14 +66,16 @@ def _of_particles(config: TrackerConfig) -> _Parts:
 
 
 def _of_gaussians(config: TrackerConfig) -> _Parts:
+    from phd_jdtc_ros.core.gaussian.extraction import extract as extract_gaussians
+    from phd_jdtc_ros.core.gaussian.smoothing import smoother
+
     forward = gaussian_engine(config).forward
 
     def backward(window: Window, _: str) -> Iterable[Any]:
-        return gaussian_smoother.backward_pass(window)
+        return smoother.backward_pass(window)
 
     def extract(stored: Any, how: Extraction) -> Estimates:
-        dynamics = forward.dynamics
-        return gaussian_extraction.extract(stored, dynamics, how.stamp_ns, how.lag, how.threshold)
+        return extract_gaussians(stored, forward.dynamics, how.stamp_ns, how.lag, how.threshold)
 
     return _Parts(forward, backward, extract, config.rule)
 

@@ -23,7 +23,8 @@ from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Scan, Truth
 from phd_jdtc_ros.core.window.entries import Entry
 from phd_jdtc_ros.exit_status import ArgumentParser
-from phd_jdtc_ros.study.tracker import PARTS, Extraction, ExtractionVariant
+from phd_jdtc_ros.study.runs import ExtractionVariant
+from phd_jdtc_ros.study.tracker import PARTS, Extraction
 
 from ..runner import Figures, Goal, Study, goal, table
 from .diagram import ENOUGH, TOLERANCE, draw

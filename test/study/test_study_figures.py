@@ -13,7 +13,7 @@ from phd_jdtc_ros.study.monte_carlo.definition import Variant
 from phd_jdtc_ros.study.monte_carlo.kinds import KINDS
 from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
 from phd_jdtc_ros.study.monte_carlo.scores import Scores
-from phd_jdtc_ros.study.tracker import ExtractionVariant
+from phd_jdtc_ros.study.runs import ExtractionVariant
 
 SCANS = 6
 OVER_TIME = {

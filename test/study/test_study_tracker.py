@@ -6,8 +6,8 @@ from inner import resolve
 
 from phd_jdtc_ros.configuration.engines import ENGINES, new_engine
 from phd_jdtc_ros.simulation.scenario import paper_scenario
-from phd_jdtc_ros.study.runs import simulated_run
-from phd_jdtc_ros.study.tracker import PARTS, ExtractionVariant, track
+from phd_jdtc_ros.study.runs import ExtractionVariant, simulated_run
+from phd_jdtc_ros.study.tracker import PARTS, track
 
 SCANS = 9
 SEED = 3

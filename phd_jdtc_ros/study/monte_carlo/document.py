@@ -23,8 +23,7 @@ from phd_jdtc_ros.simulation.checked import mapping, mappings, take
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.simulation.transponder import transponders
 
-from ..runs import TAXIING, IgnoredTargets
-from ..tracker import ExtractionVariant
+from ..runs import TAXIING, ExtractionVariant, IgnoredTargets
 from .definition import FIGURES, OWN, Case, Goal, Study, Variant, merge_layers
 from .kinds import KINDS, Kind
 

@@ -18,7 +18,6 @@ from typing import Any, TypeAlias
 from phd_jdtc_ros.configuration.engines import ENGINES
 
 from .. import turning
-from ..reference import BEST_NOISE, known_association
 from ..runs import SimulatedRun, TrackingResult
 
 # Function of a run, the tracker's parameters and lags that returns the tracker's estimates.
@@ -94,11 +93,16 @@ def code_of(kind: Kind) -> str:
     return digest.hexdigest()
 
 
+# `reference` loads compiled code, so that only a run with it imports it.
 def _reference(run: SimulatedRun, _: Mapping[str, Any], lags: Sequence[int]) -> TrackingResult:
+    from ..reference import known_association
+
     return TrackingResult(known_association(run, lags))
 
 
 def _best_reference(run: SimulatedRun, _: Mapping[str, Any], lags: Sequence[int]) -> TrackingResult:
+    from ..reference import BEST_NOISE, known_association
+
     return TrackingResult(known_association(run, lags, BEST_NOISE))
 
 

@@ -16,7 +16,6 @@ from phd_jdtc_ros.configuration import build as tracker_config
 from phd_jdtc_ros.simulation.scenario import Scenario
 
 from ..runs import TAXIING, IgnoredTargets, SimulatedRun, TrackingResult, simulated_run
-from ..tracker import track
 from ..turning import turning_run
 from .definition import ORDER, OWN, Case, Study, Variant
 from .kinds import Kind, code_of
@@ -159,6 +158,9 @@ def perform(task: Task) -> Outcome:
 def _track_variants(task: Task, run: SimulatedRun) -> dict[str, TrackingResult]:
     lags = sorted({lag for variant in task.variants for lag in variant.lags})
     if task.kind.is_engine:
+        # An engine loads compiled code, so that only its runs import it.
+        from ..tracker import track
+
         extractions = [v.extraction for v in task.variants if v.extraction is not None]
         by_name = track(run, tracker_config.resolve(task.parameters), extractions, lags)
         return {name: TrackingResult(tracks) for name, tracks in by_name.items()}
