@@ -16,7 +16,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from phd_jdtc_ros.report.style import COLOURS, DPI, GREY, INK, MARKERS, WIDTH_IN, plain_axes
 
-from .recursion import GAUSSIAN, PARTICLES
+from .recursion import FAST, GAUSSIAN, PARTICLES
 
 HEIGHT_IN = 5.2
 
@@ -38,6 +38,7 @@ LOOKS = {
 STEP_LOOKS = {
     PARTICLES: Look("particles", COLOURS[0], MARKERS[0]),
     GAUSSIAN: Look("Gaussian", COLOURS[1], MARKERS[3]),
+    FAST: Look("Gaussian, accuracy fast", COLOURS[2], MARKERS[1]),
 }
 AXES = {
     "particles_per_target": ("particles per target", "{targets} targets"),

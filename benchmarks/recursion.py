@@ -28,9 +28,17 @@ from phd_jdtc_ros.simulation.simulate import simulate
 from . import scenes
 
 PARTICLES, GAUSSIAN = "particles", "gaussian"
+# Gaussians with mixed motion modes, as in the profiles for many targets.
+FAST = "gaussian, accuracy fast"
 PARTS = {
     PARTICLES: ("predict", "update", "resample", "transition", "backward", "extraction"),
     GAUSSIAN: ("predict", "update", "reduce", "backward", "extraction"),
+}
+# Engine and accuracy of the measured forms.
+FORMS = {
+    PARTICLES: (PARTICLES, "normal"),
+    GAUSSIAN: (GAUSSIAN, "normal"),
+    FAST: (GAUSSIAN, "fast"),
 }
 # Number of scans after which particles started at the truth are distributed as in a run.
 SETTLING = 6

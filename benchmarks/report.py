@@ -12,7 +12,7 @@ from rich.text import Text
 from phd_jdtc_ros.report.table import simple_table
 
 from . import late
-from .recursion import GAUSSIAN, PARTICLES, PARTS
+from .recursion import FORMS, GAUSSIAN, PARTICLES, PARTS
 from .turning import ONE_CLOUD
 
 # Counts in the table of a step, by engine.
@@ -118,16 +118,16 @@ def _growth(growth: Mapping[str, Any]) -> Table:
 
 
 def _steps(scenes: Mapping[str, Any]) -> Iterator[Table]:
-    """Yield a table of the parts of a step for each engine."""
-    for engine, parts in PARTS.items():
+    """Yield a table of the parts of a step for each form."""
+    for form, (engine, _) in FORMS.items():
         columns = {
-            scene: (found["detections_a_radar"], found["engines"][engine])
+            scene: (found["detections_a_radar"], found["engines"][form])
             for scene, found in scenes.items()
-            if engine in found["engines"]
+            if form in found["engines"]
         }
-        title = f"the whole step, engine {engine}, CPU medians in ms"
+        title = f"the whole step, engine {form}, CPU medians in ms"
         table = simple_table(title, ["part", *columns], caption=STEPS_CAPTIONS[engine])
-        for part in ("step", *parts):
+        for part in ("step", *PARTS[engine]):
             cells = [f"{of['times'][part]['median_ms']:.1f}" for _, of in columns.values()]
             table.add_row(part, *cells, end_section=part == "step")
         table.add_section()
@@ -139,7 +139,7 @@ def _steps(scenes: Mapping[str, Any]) -> Iterator[Table]:
 
 
 def _step_growth(growth: Mapping[str, Any]) -> Table:
-    """Return each engine's step by number of targets, and the memory."""
+    """Return each form's step by number of targets, and the memory."""
     sizes = sorted({size for form in growth["forms"].values() for size in form["size"]})
     memory = ", ".join(f"{name} {_number(mb)} MB" for name, mb in growth["memory"]["MB"].items())
 

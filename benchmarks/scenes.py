@@ -33,6 +33,7 @@ def configuration(
     targets: int,
     per_target: int,
     engine: str = "particles",
+    accuracy: str = "normal",
     clutter: float | None = None,
 ) -> TrackerConfig:
     """Return the reference configuration with `per_target` particles and matching radars.
@@ -60,7 +61,14 @@ def configuration(
             "azimuth_std_deg": float(usual.values[f"{radar.name}.azimuth_std_deg"]) / scale,
         }.items()
     }
-    config = resolve({"engine": engine, "particles_per_target": per_target, **radars})
+    config = resolve(
+        {
+            "engine": engine,
+            "accuracy": accuracy,
+            "particles_per_target": per_target,
+            **radars,
+        }
+    )
     # No target has fewer particles because there are many of them.
     most = max(config.budget.most, 2 * targets * per_target)
     least = max(per_target // 5, 1)

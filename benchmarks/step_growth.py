@@ -1,4 +1,4 @@
-"""Growth of the whole step's cost with the targets, of both engines, and the memory they hold.
+"""Growth of the whole step's cost with the targets, of each form, and the memory it holds.
 
 The targets are as dense in every scene, see `scenes.configuration`.
 """
@@ -15,23 +15,24 @@ from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
 from . import scenes
-from .recursion import GAUSSIAN, PARTICLES, SETTLING, tracking
+from .recursion import FAST, FORMS, GAUSSIAN, PARTICLES, SETTLING, tracking
 from .smoothing import PER_TARGET
 from .timing import exponent, peak_bytes, spread
 
 # A thousand targets have half a million particles, which take a second per step.
-LADDER = {GAUSSIAN: (200, 500, 1000, 2000, 5000), PARTICLES: (200, 500, 1000)}
-QUICK_LADDER = {GAUSSIAN: (10, 20, 40), PARTICLES: (10, 20)}
+GAUSSIAN_LADDER = (200, 500, 1000, 2000, 5000)
+LADDER = {GAUSSIAN: GAUSSIAN_LADDER, FAST: GAUSSIAN_LADDER, PARTICLES: (200, 500, 1000)}
+QUICK_LADDER = {GAUSSIAN: (10, 20, 40), FAST: (10, 20, 40), PARTICLES: (10, 20)}
 STEPS = 6
 MEMORY_TARGETS, QUICK_MEMORY_TARGETS = 1000, 20
 
 
 def measure(quick: bool) -> dict[str, Any]:
-    """Return the cost of a step by form and size, and the memory of each engine."""
+    """Return the cost of a step by form and size, and the memory of each form."""
     ladder = QUICK_LADDER if quick else LADDER
-    forms = {engine: _form(engine, sizes) for engine, sizes in ladder.items()}
+    forms = {form: _growth(form, sizes) for form, sizes in ladder.items()}
     targets = QUICK_MEMORY_TARGETS if quick else MEMORY_TARGETS
-    memory = {engine: memory_of(engine, targets) / 1e6 for engine in ladder}
+    memory = {form: memory_of(form, targets) / 1e6 for form in ladder}
     return {
         "forms": forms,
         "particles_per_target": PER_TARGET,
@@ -39,8 +40,8 @@ def measure(quick: bool) -> dict[str, Any]:
     }
 
 
-def _form(engine: str, sizes: Sequence[int]) -> dict[str, Any]:
-    times = [spread(step_times_ms(engine, size)) for size in sizes]
+def _growth(form: str, sizes: Sequence[int]) -> dict[str, Any]:
+    times = [spread(step_times_ms(form, size)) for size in sizes]
     medians = [each["median_ms"] for each in times]
     return {
         "size": list(sizes),
@@ -49,15 +50,15 @@ def _form(engine: str, sizes: Sequence[int]) -> dict[str, Any]:
     }
 
 
-def _scene(engine: str, targets: int) -> tuple[TrackerConfig, Scenario, list[Scan]]:
-    config = scenes.configuration(targets, PER_TARGET, engine=engine)
+def _scene(form: str, targets: int) -> tuple[TrackerConfig, Scenario, list[Scan]]:
+    config = scenes.configuration(targets, PER_TARGET, *FORMS[form])
     scene = scenes.crowd(targets, SETTLING + config.lag.scans + STEPS, config, seed=3)
     return config, scene, [scan for _, scan in simulate(scene, seed=3)]
 
 
-def step_times_ms(engine: str, targets: int) -> list[float]:
+def step_times_ms(form: str, targets: int) -> list[float]:
     """Return the CPU milliseconds of each measured step."""
-    config, scene, scans = _scene(engine, targets)
+    config, scene, scans = _scene(form, targets)
     run = tracking(config, scene, seed=3)
     times = []
     for scan in scans:
@@ -67,9 +68,9 @@ def step_times_ms(engine: str, targets: int) -> list[float]:
     return times[-STEPS:]
 
 
-def memory_of(engine: str, targets: int) -> int:
-    """Return the most bytes that an engine has held, its start and its window included."""
-    config, scene, scans = _scene(engine, targets)
+def memory_of(form: str, targets: int) -> int:
+    """Return the most bytes that a tracker has held, its start and its window included."""
+    config, scene, scans = _scene(form, targets)
 
     def run() -> None:
         tracker = tracking(config, scene, seed=3)

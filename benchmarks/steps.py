@@ -17,7 +17,7 @@ from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
 from . import scenes
-from .recursion import GAUSSIAN, PARTICLES, PARTS, SETTLING, TimedEngine, tracking
+from .recursion import FAST, FORMS, GAUSSIAN, PARTICLES, SETTLING, TimedEngine, tracking
 from .smoothing import PER_TARGET
 from .timing import peak_bytes, spread
 
@@ -29,23 +29,23 @@ class Crowd(NamedTuple):
     """A scene."""
 
     targets: int
-    engines: tuple[str, ...] = BOTH
+    forms: tuple[str, ...] = BOTH
     clutter: float | None = None  # See `scenes.configuration`
 
 
 CROWDS = {
     "20 targets": Crowd(20),
-    "200 targets": Crowd(200),
+    "200 targets": Crowd(200, (*BOTH, FAST)),
     # The clutter completes a radar's report to 1000 detections. Half a million particles take a
     # second per step, and are left to `step_growth`.
-    "1000 targets": Crowd(1000, (GAUSSIAN,), 11.0),
+    "1000 targets": Crowd(1000, (GAUSSIAN, FAST), 11.0),
 }
 # Number of measured steps.
 STEPS = 12
 
 
 def measure(quick: bool) -> dict[str, Any]:
-    """Return the cost of the step and its parts, by scene and engine."""
+    """Return the cost of the step and its parts, by scene and form."""
     found = {PAPER: _reference(20 if quick else None)}
     for name, crowd in CROWDS.items():
         if not quick or crowd.targets <= 20:
@@ -65,16 +65,14 @@ def _reference(count: int | None) -> dict[str, Any]:
 
 def _crowd(crowd: Crowd) -> dict[str, Any]:
     configs = {
-        engine: scenes.configuration(
-            crowd.targets, PER_TARGET, engine=engine, clutter=crowd.clutter
-        )
-        for engine in crowd.engines
+        form: scenes.configuration(crowd.targets, PER_TARGET, *FORMS[form], clutter=crowd.clutter)
+        for form in crowd.forms
     }
-    config = configs[crowd.engines[0]]
+    config = configs[crowd.forms[0]]
     settling = SETTLING + config.lag.scans
     scene = scenes.crowd(crowd.targets, settling + STEPS, config, seed=2)
     scans = [scan for _, scan in simulate(scene, seed=0)]
-    runs = {engine: tracking(configs[engine], scene, seed=2) for engine in crowd.engines}
+    runs = {form: tracking(configs[form], scene, seed=2) for form in crowd.forms}
     return _measure(runs, scans, settling)
 
 
@@ -82,18 +80,18 @@ def _measure(
     runs: Mapping[str, TimedEngine], scans: Sequence[Scan], settling: int
 ) -> dict[str, Any]:
     """Return the figures of a scene, without its first `settling` steps."""
-    costs: dict[str, list[dict[str, float]]] = {engine: [] for engine in runs}
+    costs: dict[str, list[dict[str, float]]] = {form: [] for form in runs}
     for scan in scans[:-1]:
-        # The engines alternate scan by scan.
-        for engine, run in runs.items():
-            costs[engine].append(_timed_step(run, scan))
+        # The forms alternate scan by scan.
+        for form, run in runs.items():
+            costs[form].append(_timed_step(run, scan))
     found: dict[str, Any] = {"detections_a_radar": _mean_detections(scans), "engines": {}}
-    for engine, run in runs.items():
-        measured = costs[engine][settling:]
-        found["engines"][engine] = {
+    for form, run in runs.items():
+        measured = costs[form][settling:]
+        found["engines"][form] = {
             "counts": _counts(measured),
             "times": {
-                part: spread([cost[part] for cost in measured]) for part in ("step", *PARTS[engine])
+                part: spread([cost[part] for cost in measured]) for part in ("step", *run.parts_ms)
             },
             "peak_MB": peak_bytes(partial(run.step, scans[-1])) / 1e6,
         }
