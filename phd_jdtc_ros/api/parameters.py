@@ -161,7 +161,7 @@ class Parameters:
             if not self.for_node:
                 found.update(_fields(radar, columns))
             rows = proposal.rows(each, self.given, radar)
-            found.update({f"{radar}.{row.name}": row.value for row in rows if row.proposed})
+            found.update({f"{radar}.{row.name}": row.given for row in rows if row.proposed})
         return Parameters(self.given, self.for_node, found)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 
 from .levels import Levels, levels, log_ratio
-from .noise import Noise, fit_noise
+from .noise import Noise, find_outliers, fit_noise
 from .plots import Plots
 from .rates import (
     Field,
@@ -41,6 +41,8 @@ MOST_BESIDE = 0.03
 PROBABILITIES = (0.3, 0.98)
 # Smallest spectral density of the white acceleration, m^2/s^3.
 LEAST_DENSITY = 1e-9
+# Ratio of the standard deviation of a newborn target's velocity to the tracks'.
+SPEED_MARGIN = 1.5
 # Ratio by which the manoeuvres' density is enlarged for one of the tried guesses.
 WILDER = 20.0
 
@@ -54,7 +56,8 @@ class Findings:
     """The estimates of one radar from a recording."""
 
     timing: Timing
-    noise: Noise
+    noise: Noise  # The noise without outliers
+    with_outliers: Noise | None  # The noise with outliers; None if it is not clearly more likely
     detection: Rate  # Detection probability per look
     clutter: Rate  # False detections per look
     field: Field
@@ -68,6 +71,11 @@ class Findings:
     land: float  # Share of the plots that are land clutter
     crowded: float  # Share of the plots in areas of dense clutter, land excepted
     beside: float  # Share of the tracks' plots with a further plot of the same target
+
+    @property
+    def likelier_noise(self) -> Noise:
+        """The noise with outliers if that is clearly more likely."""
+        return self.with_outliers or self.noise
 
 
 def findings(plots: Plots) -> Findings:
@@ -95,14 +103,16 @@ def findings(plots: Plots) -> Findings:
     # With much land clutter the rate counts only the other cells, because the tracker's clutter map
     # covers the land. A map of dense areas is learned slowly, and the rate includes them.
     clutter = clutter_rate(plots, timing, tracks, rows if land > MOST_LAND else None)
+    speed_std, ratio = _speed_std(plots, tracks), log_ratio(plots, plots, tracks)
     return Findings(
         timing,
         noise,
+        find_outliers(plots, tracks, noise, SPEED_MARGIN * speed_std, ratio),
         detection_probability(plots, timing, tracks),
         clutter,
         field_of(plots, tracks.claimed),
         levels(plots, tracks),
-        _speed_std(plots, tracks),
+        speed_std,
         len(tracks.plots),
         len(plots),
         looks_of(plots, timing),
@@ -188,7 +198,7 @@ def _candidates(
     """
     estimated = replace(
         guess,
-        speed_std=1.5 * _speed_std(plots, tracks),
+        speed_std=SPEED_MARGIN * _speed_std(plots, tracks),
         detection_probability=float(
             np.clip(detection_probability(plots, timing, tracks).value, *PROBABILITIES)
         ),

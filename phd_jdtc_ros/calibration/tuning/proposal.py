@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.forms import probability_numbers
+from phd_jdtc_ros.configuration.forms import OUTLIERS, probability_numbers
 from phd_jdtc_ros.configuration.schema import Value
 
 from .findings import MOST_BESIDE, MOST_CROWDED, MOST_LAND, Findings
@@ -25,6 +25,8 @@ MOST_BEYOND = 1.5
 # Clutter counts as noise if its mean level is within this factor of the noise level.
 NOISE_FACTOR = 1.25
 MOST_PROBABILITY = 0.999
+# The engine whose measurement noise may have outliers.
+GAUSSIAN = "gaussian"
 
 # Returns the current value of a radar's parameter, None if none is set.
 Now = Callable[[str], Any]
@@ -40,6 +42,12 @@ class Row:
     now: Any = None  # The current value, or words for it; None if none is set
     std: float = math.nan  # Standard deviation; NaN if there is none
     proposed: bool = True  # True if the value is proposed for the parameter
+    word: str = ""  # The word that follows the value in the parameter's notation
+
+    @property
+    def given(self) -> Value:
+        """The value in the parameter's notation."""
+        return f"{self.value:g} {self.word}" if self.word else self.value
 
 
 def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
@@ -52,7 +60,7 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
     max_range = _max_range(found, now("max_range"))
     return [
         *_rotation(found, now),
-        *_noise(found, now),
+        *_noise(found, now, values.get("engine", GAUSSIAN)),
         *_clusters(found, now),
         _detection(found, now, by_band),
         max_range,
@@ -87,12 +95,13 @@ def _rotation(found: Findings, now: Now) -> Iterator[Row]:
         yield Row("rotation_s", given, note, given, proposed=False)
 
 
-def _noise(found: Findings, now: Now) -> Iterator[Row]:
-    noise = found.noise
+def _noise(found: Findings, now: Now, engine: str) -> Iterator[Row]:
+    noise = found.likelier_noise if engine == GAUSSIAN else found.noise
     values = {"range_std": noise.range_std, "azimuth_std_deg": math.degrees(noise.azimuth_std)}
     for (name, value), log_std in zip(values.items(), noise.log_std, strict=True):
         std = value * float(log_std)
-        yield Row(name, round_to_std(value, std), _tracks(found), now(name), std)
+        word = OUTLIERS if noise.outliers and name == "range_std" else ""
+        yield Row(name, round_to_std(value, std), _tracks(found), now(name), std, word=word)
 
 
 def _clusters(found: Findings, now: Now) -> Iterator[Row]:

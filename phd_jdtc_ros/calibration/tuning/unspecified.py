@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from .findings import Findings
+from .findings import SPEED_MARGIN, Findings
 from .proposal import ALARMS, round_to_std
 
 # Least displacement by acceleration in a look, as a share of the range's standard deviation.
@@ -15,8 +15,6 @@ LEAST_OFF_COURSE = 0.1
 LEAST_RATIO = 20.0
 # The SNR band is wider than the tracks' levels by this much on either side, dB.
 BESIDE_DB = 5.0
-# Ratio of the standard deviation of a newborn target's velocity to the tracks'.
-SPEED_MARGIN = 1.5
 
 
 def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict[str, Any]:
@@ -32,9 +30,10 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
         for radar, each in found.items()
         if each.timing.rotation_s and not each.timing.sectors and timed[radar]
     ]
-    floor = 3.0 * (LEAST_OFF_COURSE * first.noise.range_std) ** 2 / look_s**3
-    calm = max(first.noise.densities[0], floor)
-    hard = max(first.noise.densities[1], LEAST_RATIO * calm)
+    noise = first.likelier_noise
+    floor = 3.0 * (LEAST_OFF_COURSE * noise.range_std) ** 2 / look_s**3
+    calm = max(noise.densities[0], floor)
+    hard = max(noise.densities[1], LEAST_RATIO * calm)
     given: dict[str, Any] = {
         "engine": "gaussian",
         "interval_s": round_to_std(look_s, 1e-3 * look_s),

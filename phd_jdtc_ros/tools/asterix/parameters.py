@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -127,7 +127,7 @@ def measure(proposed: Proposal, bag: Path) -> None:
                 value = max(row.value, MIN_STD.get(row.name, 0.0))
                 least = "; raised to the smallest plausible value" if value > row.value else ""
                 origin = f"measured: {row.value:g} by {row.source}{least}"
-                proposed.set(f"{radar}.{row.name}", value, origin)
+                proposed.set(f"{radar}.{row.name}", replace(row, value=value).given, origin)
         if math.isfinite(own.detection.value):
             _set_detection_probability(proposed, radar, own.detection.value)
 

@@ -10,7 +10,7 @@ from scenes import small
 from phd_jdtc_ros.calibration.tuning import kinematics, noise, proposal, unspecified
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.calibration.tuning.levels import log_ratio
-from phd_jdtc_ros.calibration.tuning.noise import Noise, fit_noise
+from phd_jdtc_ros.calibration.tuning.noise import Noise, find_outliers, fit_noise
 from phd_jdtc_ros.calibration.tuning.plots import Plots, limit_plots, plots_of
 from phd_jdtc_ros.calibration.tuning.rates import (
     clutter_rate,
@@ -264,6 +264,31 @@ def test_noise_is_found_from_far_away_and_its_deviation_is_honest():
     assert abs(np.mean(off)) < 1.0
 
 
+def eight_targets(outliers, seed):
+    """Return targets side by side, and their tracks; `outliers` have three times the noise."""
+    rng, count, north, reports = np.random.default_rng(seed), 60, 1e3 * np.arange(1, 9), []
+    for cloud in range(count):
+        east = 4000.0 - 20.0 * cloud
+        place = np.stack([np.hypot(east, north), np.arctan2(north, east)], axis=1)
+        scale = np.where(rng.random((8, 1)) < outliers, 3.0, 1.0) * [20.0, 0.01]
+        place += scale * rng.standard_normal((8, 2))
+        reports.append((cloud * 2 * 10**9, Detections(place, None)))
+    rows = np.arange(8 * count).reshape(count, 8)
+    return plots_of(reports), Tracks(tuple(rows.T), 0.0)
+
+
+@pytest.mark.parametrize("seed", [10, 11])
+def test_outliers_are_found_if_there_are_some(seed):
+    start = Noise(20.0, 0.01, (1e-4, 1e-3), np.ones(2), 0)
+    for share in (0.0, 0.2):
+        plots, tracks = eight_targets(share, seed)
+        found = find_outliers(plots, tracks, start, 20.0, np.zeros(len(plots)))
+        assert (found is not None) == (share > 0.0)
+    assert found.outliers
+    assert found.range_std == pytest.approx(20.0, rel=0.2)
+    assert found.azimuth_std == pytest.approx(0.01, rel=0.2)
+
+
 def test_prediction_is_that_of_the_matrices():
     rng = np.random.default_rng(3)
     root = rng.standard_normal((5, 4, 4))
@@ -285,9 +310,9 @@ def test_prediction_is_that_of_the_matrices():
 def test_likelihood_of_one_motion_is_that_of_a_kalman_filter():
     """Of two plots far away, where a linear filter is the same."""
     plots = one_target(count=2)
-    sequences = noise._sequences(plots, Tracks((np.arange(2),), 0.0), np.full(2, 30.0))
+    sequences = noise._sequences(plots, Tracks((np.arange(2),), 0.0), np.full(2, 30.0), 20.0)
     calm = np.array([[np.log(20.0), np.log(0.01), np.log(1e-6), noise.LEAST_RATIO]])
-    (found,) = noise._log_likelihood(sequences, calm, 20.0)
+    (found,) = noise._log_likelihood(sequences, calm)
     first, second = plots.measurement
     mean, covariance = kinematics.initial_state(
         first, np.zeros(3), np.array([20.0**2, 0.01**2]), 20.0
@@ -298,7 +323,7 @@ def test_likelihood_of_one_motion_is_that_of_a_kalman_filter():
     error = second - expected
     exact = -0.5 * error @ np.linalg.solve(spread, error)
     exact -= 0.5 * np.log(np.linalg.det(2.0 * np.pi * spread))
-    assert found == pytest.approx(exact + np.log1p(-noise.OUTLIER_PROBABILITY), abs=1e-3)
+    assert found == pytest.approx(exact + np.log1p(-noise.CLUTTER_PROBABILITY), abs=1e-3)
 
 
 def test_amplitudes_separate_targets_from_clutter_if_there_are_some():
@@ -379,6 +404,16 @@ def test_rows_list_proposed_and_current_values(estimated):
     assert not rows["max_range"].proposed
     assert rows_of(estimated, max_range=30e3)["max_range"].proposed
     assert rows_of(estimated, max_range=900e3)["max_range"].proposed
+
+
+@pytest.mark.parametrize(("engine", "given"), [("gaussian", "55 outliers"), ("particles", 70.0)])
+def test_outliers_are_proposed_to_the_engine_that_knows_them(estimated, engine, given):
+    config, found = estimated
+    usual = replace(found.noise, range_std=70.0)
+    found = replace(found, noise=usual, with_outliers=replace(usual, range_std=55.0, outliers=True))
+    rows = proposal.rows(found, {**config.values, "engine": engine}, "tower")
+    assert {row.name: row.given for row in rows}["range_std"] == given
+    assert rows_of((config, found))["azimuth_std_deg"].word == ""
 
 
 FOUND, TABLE = pytest.approx(0.85, abs=0.06), [0.0, 0.9, 8e4, 0.8]
