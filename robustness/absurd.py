@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from itertools import chain
+from itertools import chain, product
 from typing import Any
 
 import numpy as np
@@ -74,15 +74,15 @@ Case = tuple[str, Callable[[], None]]
 
 
 @measures("absurd finite numbers in a radar's clouds", GOAL, of_engines=True)
-def measure_radar() -> Found:
-    """Process every spoilt cloud of a radar as a tracker does."""
-    return _outcomes(_of_radars())
+def measure_radar(every: int = 1, **given: Any) -> Found:
+    """Process every spoilt cloud of a radar, or some, as a tracker with some parameters does."""
+    return _outcomes(_of_radars(every, given))
 
 
 @measures("absurd finite numbers in other messages", GOAL)
-def measure() -> Found:
-    """Process every spoilt pose, and every spoilt cloud of estimates or truth, as a node does."""
-    return _outcomes(chain(_of_poses(), _of_clouds()))
+def measure(every: int = 1) -> Found:
+    """Process every spoilt pose, and spoilt clouds of estimates or truth, as a node does."""
+    return _outcomes(chain(_of_poses(), _of_clouds(every)))
 
 
 def _outcomes(cases: Iterator[Case]) -> Found:
@@ -104,13 +104,13 @@ def outcome(use: Callable[[], None]) -> str:
     return ""
 
 
-def _of_clouds() -> Iterator[Case]:
+def _of_clouds(every: int) -> Iterator[Case]:
     """Yield clouds of estimates at each node that takes them, and clouds of truth."""
     clouds = ((_hand_over, "hand_over"), (_to_asterix, "asterix"), (_evaluate, "evaluator"))
     for use, name in clouds:
-        for what, make in spoil(estimates.to_msg(_estimates(START_NS), "map")):
+        for what, make in spoil(estimates.to_msg(_estimates(START_NS), "map"))[::every]:
             yield f"estimates to {name}: {what}", partial(_use, use, make)
-    for what, make in spoil(truth.to_msg(_truth(START_NS), "map")):
+    for what, make in spoil(truth.to_msg(_truth(START_NS), "map"))[::every]:
         yield f"truth: {what}", partial(_use, _evaluate_truth, make)
 
 
@@ -118,11 +118,12 @@ def _use(use: Callable[[PointCloud2], None], make: Callable[[], PointCloud2]) ->
     use(make())
 
 
-def spoil(cloud: PointCloud2) -> Iterator[tuple[str, Callable[[], PointCloud2]]]:
-    """Yield a cloud with each value in each field of its first point, and with each stamp.
+def spoil(cloud: PointCloud2) -> list[tuple[str, Callable[[], PointCloud2]]]:
+    """Return a cloud with each value in each field of its first point, and with each stamp.
 
     It is made by a function, which is described.
     """
+    found: list[tuple[str, Callable[[], PointCloud2]]] = []
     codes = [_CODES.get(field.datatype, "u1") for field in cloud.fields]
     wanted = {field.name: [*point_cloud.FLOATS, "u4", "u1"] for field in cloud.fields}
     columns = point_cloud.decode(cloud, wanted)
@@ -132,10 +133,13 @@ def spoil(cloud: PointCloud2) -> Iterator[tuple[str, Callable[[], PointCloud2]]]
                 continue
             changed = column.astype(code)
             changed[0] = value
-            yield f"{name} {value:g}", partial(_cloud, cloud, {**columns, name: changed}, name)
-    for sec in SECONDS:
-        for nanosec in NANOSECONDS:
-            yield f"stamp {sec} s {nanosec} ns", partial(_stamped, cloud, sec, nanosec)
+            make = partial(_cloud, cloud, {**columns, name: changed}, name)
+            found.append((f"{name} {value:g}", make))
+    found += [
+        (f"stamp {sec} s {nanosec} ns", partial(_stamped, cloud, sec, nanosec))
+        for sec, nanosec in product(SECONDS, NANOSECONDS)
+    ]
+    return found
 
 
 def _stamped(cloud: PointCloud2, sec: int, nanosec: int) -> PointCloud2:
@@ -185,7 +189,7 @@ def _require_finite(*arrays: Any) -> None:
         raise ValueError("a number that is not finite goes out")
 
 
-def _of_radars() -> Iterator[Case]:
+def _of_radars(every: int, given: Mapping[str, Any]) -> Iterator[Case]:
     """Yield clouds of a radar with all optional fields, in one run of the tracker."""
     values = from_arguments.load(PROFILE)
     values |= {f"approach.fields.{name}": name for name in FIELDS}
@@ -193,6 +197,7 @@ def _of_radars() -> Iterator[Case]:
         "approach.range_rate_std": 2.0,
         "engine": engines.current(),
         "lag": f"{INTERVAL_S} s",
+        **given,
     }
     config = tracker_params.config(values)
     pipeline, rng = new_pipeline(config), np.random.default_rng(0)
@@ -209,10 +214,10 @@ def _of_radars() -> Iterator[Case]:
 
     for _ in range(3):
         yield "radar: as usual", partial(use, plots())
-    every = [what for what, _ in spoil(plots())]
     # Absurd stamps come last, because they end the run.
-    for what in sorted(every, key=lambda what: what.startswith("stamp")):
-        yield f"radar: {what}", partial(_use, use, dict(spoil(plots()))[what])
+    for index in range(0, len(spoil(plots())), every):
+        what, make = spoil(plots())[index]
+        yield f"radar: {what}", partial(_use, use, make)
     yield "radar: the end", lambda: _step(pipeline, pipeline.flush())
 
 

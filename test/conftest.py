@@ -1,5 +1,4 @@
 import os
-from pathlib import Path
 
 # Before anything imports rclpy: tests talk on this machine only, apart from other ROS processes.
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
@@ -12,6 +11,7 @@ from robustness.domains import Domain
 # Never released: it is this process's until that ends.
 os.environ["ROS_DOMAIN_ID"] = str(Domain().number)
 
+import live_files
 import pytest
 from hypothesis import settings
 
@@ -19,22 +19,12 @@ from hypothesis import settings
 settings.register_profile("project", deadline=None, derandomize="CI" in os.environ)
 settings.load_profile("project")
 
-LIVE = {"processes", "executables", "peer", "lasting", "demo"}
-# Tests in these folders need no nodes, so that run.py looks for no live tests in them.
-NEVER_LIVE = {
-    Path(__file__).parent / folder
-    for folder in (
-        *("api", "asterix", "bags", "calibration", "configuration", "core", "evaluation"),
-        *("handover", "msg_adapters", "report", "simulation"),
-    )
-}
-
 
 def pytest_collection_modifyitems(items):
     """Mark tests whose fixtures start nodes or talk to them as live."""
     for item in items:
         # A launch test has no fixtures.
-        if LIVE & {*getattr(item, "fixturenames", ())}:
+        if live_files.FIXTURES & {*getattr(item, "fixturenames", ())}:
             item.add_marker(pytest.mark.live)
-        if item.get_closest_marker("live") and NEVER_LIVE & {*item.path.parents}:
-            raise pytest.UsageError(f"{item.nodeid}: run.py looks for no live tests in this folder")
+        if item.get_closest_marker("live") and not live_files.names_live_tests(item.path):
+            raise pytest.UsageError(f"{item.nodeid}: run.py does not find this live test")

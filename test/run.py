@@ -17,6 +17,8 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
+from helpers.live_files import names_live_tests
+
 ROOT = Path(__file__).parents[1]
 # The halves of what is not live and three of what is live keep two processors busy, and so do
 # five of these; more would only wait for one another.
@@ -29,15 +31,7 @@ OWN_NODES = ("test/nodes/test_parameter_sections.py", "test/nodes/test_poses_bef
 LIVE_PYTESTS = AT_A_TIME - 2
 # One of two halves that take as long as each other, some 340 s of CPU: what one takes longer is for
 # one processor alone, because the live tests are over by then.
-HALF = ("test/calibration", "test/core", "test/study")
-# Folders without live tests, most of all: conftest.py refuses live ones there.
-NEVER_LIVE = [
-    f"test/{folder}"
-    for folder in (
-        *("api", "asterix", "bags", "calibration", "configuration", "core", "evaluation"),
-        *("handover", "msg_adapters", "report", "simulation"),
-    )
-]
+HALF = ("test/calibration", "test/core", "test/studies", "test/study")
 # Some hundred processes import the same files: what one has compiled serves the others.
 ENVIRONMENT = {name: os.environ[name] for name in os.environ if name != "PYTHONDONTWRITEBYTECODE"}
 LIMIT_S = 2400.0
@@ -65,29 +59,27 @@ def pytest(*arguments):
     return done.returncode, done.stdout
 
 
-def live(files, *arguments):
+def live(arguments):
     """Run the live tests of files, once again after a crash; return as `pytest` does."""
-    status, text = pytest("-m", "live", *files, *arguments)
+    status, text = pytest("-m", "live", *arguments)
     if status < 0:
-        names = " ".join(files)
+        names = " ".join(arguments)
         print(f"{names}: ended by signal {-status}, and run again\n{text}", flush=True)
-        status, text = pytest("-m", "live", *files, *arguments)
+        status, text = pytest("-m", "live", *arguments)
         # This text has the form of pytest's plugin; the last line is counted.
         *lines, last = text.rstrip().split("\n")
         text = "\n".join([*lines, f"1 rerun, {last}"])
     return status, text
 
 
-def live_files(arguments):
-    """Return the files that have live tests, those of each pytest together."""
-    where = [] if arguments else [f"--ignore={folder}" for folder in NEVER_LIVE]
-    status, text = pytest("--collect-only", "-q", "-m", "live", *where, *arguments)
-    if status not in (0, NOTHING):
-        sys.exit(text)
-    found = sorted(set(re.findall(r"^(\S+\.py)::", text, re.MULTILINE)))
-    others = [file for file in found if file not in OWN_NODES]
-    together = [others[k::LIVE_PYTESTS] for k in range(LIVE_PYTESTS)]
-    return [*filter(None, [*together, [file for file in OWN_NODES if file in found]])]
+def live_groups(arguments):
+    """Return the arguments of each pytest of what is live."""
+    if arguments:
+        return [arguments]
+    paths = sorted(path for path in (ROOT / "test").rglob("test_*.py") if names_live_tests(path))
+    files = [str(path.relative_to(ROOT)) for path in paths]
+    shared = [file for file in files if file not in OWN_NODES]
+    return [*(shared[k::LIVE_PYTESTS] for k in range(LIVE_PYTESTS)), OWN_NODES]
 
 
 def others(arguments):
@@ -95,7 +87,7 @@ def others(arguments):
     if arguments:  # which may name files of both halves
         return {"all that is not live": arguments}
     return {
-        "not live, the core, calibration and the study": HALF,
+        "not live, the core, calibration and the studies": HALF,
         "not live, elsewhere": [f"--ignore={folder}" for folder in HALF],
     }
 
@@ -130,7 +122,6 @@ def summary(found, seconds):
 def main(arguments):
     begin, found, failed = time.monotonic(), Counter(), False
     with ThreadPoolExecutor(AT_A_TIME) as pool:
-        found_live = pool.submit(live_files, arguments)
         # A live test does not wait for a tracker that compiles.
         compiling = [sys.executable, "-m", "phd_jdtc_ros", "compile_engines"]
         subprocess.run(compiling, cwd=ROOT, check=True)
@@ -138,8 +129,8 @@ def main(arguments):
             pool.submit(pytest, "-m", "not live", *own): name
             for name, own in others(arguments).items()
         }
-        for files in found_live.result():
-            running[pool.submit(live, files, *arguments)] = " ".join(files)
+        for own in live_groups(arguments):
+            running[pool.submit(live, own)] = " ".join(own)
         try:
             for run in as_completed(running):
                 status, text = run.result()

@@ -39,7 +39,7 @@ every_engine = pytest.mark.parametrize("engine", engines.ALL)
     [
         (bags.measure_recovery, (100,)),
         (bags.measure_bomb, ()),
-        (absurd.measure, ()),
+        (absurd.measure, (3,)),
         (hostile.measure_names, ()),
         (hostile.measure_forged_times, ()),
         (asterix_bytes.measure, (300,)),
@@ -68,7 +68,7 @@ def test_fault_outside_an_engine_reaches_its_goal(measure, bounds):
     [
         # Two kinds of detections with particles: with either corrector one.
         (crowd.measure, {"detections": 10_000, "seeds": 1, "every": 3}),
-        (absurd.measure_radar, {}),
+        (absurd.measure_radar, {"every": 3, **FEW}),
         (hostile.measure_repeated, {}),
         (forgeries.measure, FEW),
     ],

@@ -101,7 +101,7 @@ def test_goals_compare_with_the_better_peer_of_the_same_source():
     assert not goals["GOSPA smoothed, particles, to the better peer's"]["reached"]
 
 
-CHANGES = {"lidar.range_std": 9.0}
+CHANGES = {"lidar.range_std": 9.0, "particles_per_target": 150, "particles_per_birth": 128}
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +110,7 @@ def boats(tmp_path_factory):
     pytest.importorskip("stonesoup")
     directory = tmp_path_factory.mktemp("boats")
     rng, rows, truth = np.random.default_rng(0), [], []
-    for scan in range(40):
+    for scan in range(34):
         time_s, own = 1000.0 + 1.68 * scan, np.array([0.5 * scan, -0.3 * scan])
         for target, (place, velocity) in enumerate(
             [((60.0, 80.0), (-2.0, 1.0)), ((-90.0, 50.0), (1.5, -2.0))], start=1

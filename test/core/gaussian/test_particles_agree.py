@@ -8,9 +8,8 @@ from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.smc import extraction
 
 REPEATS = 5
-# Four times as many, in all of the scans.
-PARTICLES = 2_000
-SCANS = 9
+PARTICLES = 1_000
+SCANS = 7
 GIVEN = {
     "sensors": ["radar"],
     "classes": ["slow", "fast"],
@@ -22,7 +21,7 @@ GIVEN = {
     "confirm_probability": 0.2,
     "delete_probability": 0.2,
     "particles_per_target": PARTICLES,
-    "budget.least": 1000,
+    "budget.least": 500,
     "particles_per_birth": 16_384,
     "spawn.rate": 0.0,
     "slow.snr_band_db": [15.0, 30.0],
