@@ -146,25 +146,6 @@ def test_parameters_in_the_table_of_the_page_on_csv_are_some():
         assert Tracker(parameters).parameters
 
 
-def test_plots_of_the_page_on_other_inputs_are_where_targets_are():
-    (example,) = python_of("other_inputs.md")
-    plots_of = run_all([example])["plots_of"]
-    rng = np.random.default_rng(1)
-    video = rng.rayleigh(1.0, (720, 600))
-    places = ((100, 50), (400, 300), (650, 580))
-    for spoke, column in places:
-        video[spoke - 1 : spoke + 2, column - 1 : column + 2] += 12.0
-    azimuth = np.mod(1.0 + np.arange(720) * 2.0 * np.pi / 720, 2.0 * np.pi)
-
-    found = plots_of(video, azimuth, 10.0 + np.arange(720) / 300.0, cell=5.0)
-
-    assert found["range"] == pytest.approx([5.0 * (column + 0.5) for _, column in places], abs=2.5)
-    assert found["time"] == pytest.approx([10.0 + spoke / 300.0 for spoke, _ in places], abs=0.002)
-    angle = found["azimuth"] - [1.0 + spoke * 2.0 * np.pi / 720 for spoke, _ in places]
-    assert np.abs(np.exp(1j * angle) - 1.0).max() < 0.005
-    assert (found["amplitude"] > 4.0).all()
-
-
 def test_readmes_python_example_prints_four_tracks_to_their_end(capsys):
     page = (ROOT / "README.md").read_text()
     found = run_all(re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE))
