@@ -58,14 +58,7 @@ def smooth(
 ) -> ParticleSet:
     """Return the oldest set smoothed over all later ones; every kernel is evaluated on the way.
 
-    Parameters
-    ----------
-    stored : sequence of ParticleSet
-        The oldest first.
-    dt : float
-        Between consecutive sets, seconds.
-    link : callable
-        `dense` or `k_d_tree`.
+    The oldest set comes first; `link` is `dense`, `k_d_tree` or the like.
     """
     smoothed = stored[-1]
     for earlier, later in zip(stored[-2::-1], stored[:0:-1], strict=True):
@@ -83,13 +76,10 @@ def dense(
     dt: float,
     density: Density | None = None,
 ) -> Transition:
-    """Return the transition with K and mu between all particles.
+    """Return the transition with K and mu between all particles, as in Sec. IV-C, Step 4.
 
-    `density` returns N(state; mean, covariance) of all pairs, element by element by default.
-
-    Notes
-    -----
-    Sec. IV-C, Step 4. The matrix is dense, with 8 bytes per pair of particles of a class.
+    `density` returns N(state; mean, covariance) of all pairs, element by element by default. The
+    matrix is dense, with 8 bytes per pair of particles of a class.
     """
     density = density or _dense_gaussian
     survival = model.modes.survival(dt)[earlier.mode]

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from functools import reduce
-from operator import getitem
 from typing import Any, NamedTuple, TypeAlias
 
 from . import late
 from .asterix_rates import CLOUDS
 from .recursion import FAST, GAUSSIAN, PARTICLES
-from .step_growth import MEMORY_TARGETS
 from .steps import PAPER
 from .turning import AT_EVERY_SECTOR, BY_SECTORS, ONE_CLOUD
 
@@ -21,11 +18,13 @@ SECTOR_S = 0.25
 Value: TypeAlias = "Callable[[Mapping[str, Any]], float]"
 
 
-def at(*path: str) -> Value:
+def at(*path: str | int) -> Value:
     """Return a function that takes the value at a path of keys from the summary."""
 
     def value(summary: Mapping[str, Any]) -> float:
-        found: Any = reduce(getitem, path, summary)
+        found: Any = summary
+        for key in path:
+            found = found[key]
         return float(found)
 
     return value
@@ -114,7 +113,7 @@ def _against_own(form: str, part: str) -> Value:
 
 
 def _least_against_tree(summary: Mapping[str, Any]) -> float:
-    return min(_against_paper("k-d tree", size)(summary) for size in summary["paper_smoother"])
+    return min(_against_paper("k-d tree", size)(summary) for size in summary[PAPERS])
 
 
 def _exponent(ladder: str) -> Value:
@@ -148,23 +147,15 @@ def _late(engine: str) -> Value:
     return lambda summary: late.ratio(summary["late"], engine, late.READY)
 
 
-def _step_exponent(summary: Mapping[str, Any]) -> float:
-    if summary["quick"]:
-        raise LookupError("few targets, which are not equally dense")
-    return at("step_growth", "forms", FAST, "exponent")(summary)
+def _step_growth(*path: str | int) -> Value:
+    """Return a value of `step_growth`, but not of a quick run, which has few targets."""
 
+    def value(summary: Mapping[str, Any]) -> float:
+        if summary["quick"]:
+            raise LookupError("few targets")
+        return at("step_growth", *path)(summary)
 
-def _largest_step(summary: Mapping[str, Any]) -> float:
-    if summary["quick"]:
-        raise LookupError("few targets")
-    return float(summary["step_growth"]["forms"][FAST]["times"][-1]["median_ms"])
-
-
-def _memory(summary: Mapping[str, Any]) -> float:
-    memory = summary["step_growth"]["memory"]
-    if memory["targets"] < MEMORY_TARGETS:
-        raise LookupError("few targets")
-    return float(memory["MB"][GAUSSIAN])
+    return value
 
 
 def _beyond_sector(summary: Mapping[str, Any]) -> float:
@@ -188,24 +179,14 @@ def _least(source: str, name: str, bound: float, value: Value) -> Goal:
     return Goal(name, bound, False, value, source)
 
 
-PAPERS = "paper_smoother"
+PAPERS, GROWTH = "paper_smoother", ("forms", FAST)
 GOALS: tuple[Goal, ...] = (
     *(
-        _least(part, f"the same kernel: {name}, N = 1e4, times", bound, value)
-        for name, bound, part, value in (
-            (
-                "dense products, as in the paper",
-                30.0,
-                PAPERS,
-                _against_own("dense products", PAPERS),
-            ),
-            ("dense products", 30.0, "smoother", _against_own("dense products", "smoother")),
-            (
-                "dense products by origin",
-                4.0,
-                "smoother",
-                _against_own("dense products by origin", "smoother"),
-            ),
+        _least(part, f"the same kernel: {name}, N = 1e4, times", bound, _against_own(form, part))
+        for name, form, part, bound in (
+            ("dense products, as in the paper", "dense products", PAPERS, 30.0),
+            ("dense products", "dense products", "smoother", 30.0),
+            ("dense products by origin", "dense products by origin", "smoother", 4.0),
         )
     ),
     *(
@@ -308,12 +289,16 @@ GOALS: tuple[Goal, ...] = (
         )
         for part, bound in (("p50", 4.0), ("p99", 8.0))
     ),
-    _most("step_growth", f"{FAST}: step, 5000 targets, ms", 250.0, _largest_step),
-    _most(
-        "step_growth",
-        f"{FAST}: growth of a step in targets, 200 to 5000, exponent",
-        1.1,
-        _step_exponent,
+    *(
+        _most("step_growth", name, bound, _step_growth(*path))
+        for name, bound, path in (
+            (f"{FAST}: step, 5000 targets, ms", 250.0, (*GROWTH, "times", -1, "median_ms")),
+            (
+                f"{FAST}: growth of a step in targets, 200 to 5000, exponent",
+                1.1,
+                (*GROWTH, "exponent"),
+            ),
+            ("gaussian: memory, 1000 targets, MB", 200.0, ("memory", "MB", GAUSSIAN)),
+        )
     ),
-    _most("step_growth", "gaussian: memory, 1000 targets, MB", 200.0, _memory),
 )

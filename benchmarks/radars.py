@@ -35,13 +35,7 @@ class Reply:
 
 
 class Radars(Peer):
-    """Publishes clouds to the tracker and records when its replies come.
-
-    Parameters
-    ----------
-    inputs : sequence of RadarParameters
-        Topics and layouts of the clouds, one per radar.
-    """
+    """Publishes the clouds of each radar to the tracker and records when its replies come."""
 
     def __init__(self, inputs: Sequence[RadarParameters]) -> None:
         super().__init__("benchmark_radars")
@@ -95,11 +89,8 @@ class Radars(Peer):
     def reply_to(self, stamp_ns: int, length_ns: int = 1) -> Reply | None:
         """Return the last complete reply to a report, None if there is none.
 
-        Parameters
-        ----------
-        length_ns : int
-            Time that the report covers until its stamp: the tracker gives the scan of a sector a
-            stamp within it.
+        The report covers the time `length_ns` until its stamp: the tracker gives the scan of a
+        sector a stamp within it.
         """
         whole = {stamp: reply for stamp, reply in self.replies.items() if reply.whole}
         last = max((s for s in whole if stamp_ns - length_ns < s <= stamp_ns), default=None)

@@ -47,10 +47,7 @@ SETTLING = 6
 class TimedEngine:
     """An engine that measures the CPU time of each part of a step.
 
-    Parameters
-    ----------
-    start : ParticleSet, Mixture or None
-        The stored set an interval before the first scan; None for a new start.
+    `start` is the stored set an interval before the first scan; None for a new start.
     """
 
     def __init__(self, config: TrackerConfig, start: ParticleSet | Mixture | None = None) -> None:

@@ -38,17 +38,10 @@ def configuration(
 ) -> TrackerConfig:
     """Return the reference configuration with `per_target` particles and matching radars.
 
-    Parameters
-    ----------
-    clutter : float or None
-        Expected false detections per radar and scan. None for half as many as targets: 200 targets
-        then give 300 detections per radar.
-
-    Notes
-    -----
-    In a larger field the radars' ranges grow, and the azimuth's standard deviation falls so that
-    the error at the edge stays the same in metres. All scenes of at least `DENSEST` targets are
-    thus equally ambiguous.
+    Without `clutter`, the expected false detections per radar and scan, they are half as many as
+    targets: 200 targets then give 300 detections per radar. In a larger field the radars' ranges
+    grow, and the azimuth's standard deviation falls so that the error at the edge stays the same in
+    metres. All scenes of at least `DENSEST` targets are thus equally ambiguous.
     """
     usual, scale = resolve({}), _scale(targets)
     radars = {
@@ -88,14 +81,8 @@ def _scale(targets: int) -> float:
 def crowd(targets: int, scans: int, config: TrackerConfig, seed: int) -> Scenario:
     """Return targets of both classes, spread evenly over the radars' field, that fly straight.
 
-    Parameters
-    ----------
-    scans : int
-        Every target exists in all of them; half-way through, the targets form the pattern.
-    config : TrackerConfig
-        For the radars.
-    seed : int
-        Of the headings.
+    Every target exists in all scans; half-way through, the targets form the pattern. The seed is
+    that of the headings.
     """
     rng = np.random.default_rng(seed)
     scene = paper_scenario(polar_radars(config.model.radars))

@@ -113,12 +113,7 @@ def latencies(
 ) -> FloatArray:
     """Return the latency of every detection, seconds, shape (M,).
 
-    Parameters
-    ----------
-    replies : sequence of Reply
-        One for each of them.
-    zero_s : float
-        Monotonic time of the stamp 0.
+    There is a reply to each report; `zero_s` is the monotonic time of the stamp 0.
     """
     late = []
     for report, reply in zip(reports, replies, strict=True):

@@ -127,19 +127,10 @@ def _backward(stored: Sequence[ParticleSet], links: Sequence[Transition]) -> Non
 
 
 def gate_error(window: Window, dense: ParticleSet) -> dict[str, float]:
-    """Compare smoothed weights with the dense form's.
+    """Compare smoothed weights with those of the oldest set's copies, smoothed by `forms.dense`.
 
-    Parameters
-    ----------
-    dense : ParticleSet
-        The oldest set's copies, smoothed by `forms.dense`.
-
-    Returns
-    -------
-    dict
-        ``largest_relative``: largest relative error of weights above `LEAST_SHARE` of the total;
-        ``l1``: error of all weights as a share of the total; ``mass``: relative error of the
-        total, which is a weak measure.
+    ``largest_relative`` is of weights above `LEAST_SHARE` of the total; ``l1`` is the error of all
+    weights as a share of the total.
     """
     *_, smoothed = backward_pass(chain(window.stored, window.links()), DEATH_TERM)
     row = np.repeat(np.arange(len(smoothed)), smoothed.multiplicity)
@@ -149,7 +140,6 @@ def gate_error(window: Window, dense: ParticleSet) -> dict[str, float]:
     return {
         "largest_relative": float(relative.max()),
         "l1": float(np.abs(smoothed.weight - exact).sum() / exact.sum()),
-        "mass": float(abs(smoothed.weight.sum() / exact.sum() - 1.0)),
     }
 
 

@@ -29,12 +29,8 @@ from studies.peers.problem import Problem
 def step_times_ms(run: SimulatedRun, config: TrackerConfig, targets: int) -> list[float]:
     """Return the CPU milliseconds of prediction and updates, per scan.
 
-    Parameters
-    ----------
-    config : TrackerConfig
-        For the budget, births, survival and radars.
-    targets : int
-        Number of targets whose particle budget is kept by resampling after every radar.
+    The configuration has the budget, births, survival and radars. Resampling after every radar
+    keeps the particle budget of this number of targets.
     """
     np.random.seed(0)  # noqa: NPY002 - Stone Soup's resampler draws from the global generator
     size = targets * config.budget.per_target

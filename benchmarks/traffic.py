@@ -47,14 +47,8 @@ def configuration(changes: Mapping[str, Any]) -> TrackerConfig:
 def scene(turns: int, config: TrackerConfig, seed: int, aircraft: int = AIRCRAFT) -> Scenario:
     """Return aircraft around the radar that all exist from the first turn to the last.
 
-    Parameters
-    ----------
-    turns : int
-        Half-way through, the aircraft are spread evenly over a circle.
-    config : TrackerConfig
-        For the radar.
-    seed : int
-        Of the speeds and the headings.
+    Half-way through, they are spread evenly over a circle. The seed is that of the speeds and
+    headings.
     """
     rng = np.random.default_rng(seed)
     rotation_s = config.radars[0].rotation_s

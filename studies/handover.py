@@ -126,12 +126,7 @@ def _flight(start: Any, velocity: Any, legs: tuple[Leg, ...]) -> Flight:
 def run(parameters: Mapping[str, Any], seed: int) -> tuple[dict[str, Scores], dict[str, float]]:
     """Return the scores of a seeded run by arrangement of trackers, and their CPU seconds.
 
-    Parameters
-    ----------
-    parameters : mapping
-        Parameters of a tracker of two radars, whose detections have no amplitudes.
-    seed : int
-        Seed of the traffic and the plots.
+    The parameters are those of a tracker of two radars, whose detections have no amplitudes.
     """
     # Only filtered estimates are scored.
     given = {**parameters, "seed": seed, "lag": 0}

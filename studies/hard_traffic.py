@@ -114,13 +114,9 @@ def measure(arguments: argparse.Namespace, seed: int) -> Figures:
 def scores(run: SimulatedRun, found: Sequence[PointSet], near: float) -> Figures:
     """Return the scores of a tracker's estimates at each turn.
 
-    Returns
-    -------
-    dict
-        ``found``, the share of targets with an estimate within `near`; ``lost``, the number of
-        times that a target has none in three turns or more; ``rms``, metres; ``switches``;
-        ``false_tracks``, the number of track numbers that are farther than `near` from all targets
-        in most of their turns.
+    ``found`` is the share of targets with an estimate within `near`; ``lost`` the number of times
+    that a target has none in three turns or more; ``rms`` is in metres; ``false_tracks`` the number
+    of track numbers that are farther than `near` from all targets in most of their turns.
     """
     switches, identity = 0, IdentitySwitches(near)
     there, right, away = [], Counter[int](), Counter[int]()

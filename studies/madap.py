@@ -122,18 +122,11 @@ FIGURES = (
 
 
 def errors_of(truth: Sequence[Truth], found: Sequence[PointSet]) -> Errors:
-    """Return the errors of tracks at the stamps of the truth.
+    """Return the errors of tracks with velocities at the stamps of the truth.
 
-    Parameters
-    ----------
-    found : sequence of PointSet
-        With velocities.
-
-    Notes
-    -----
     Assumptions: tracks are assigned to flights by distance, within `CUTOFF_NM`; the first
-    `SETTLING_S` are left out; a flight is in a turn exactly where its true turn rate is not zero;
-    a track's ground speed is the expected one, `expected_speed`.
+    `SETTLING_S` are left out; a flight is in a turn exactly where its true turn rate is not zero; a
+    track's ground speed is the expected one, `expected_speed`.
     """
     rows: list[FloatArray] = [np.zeros((0, 4))]
     expected = 0
@@ -163,8 +156,6 @@ def _course(velocity: FloatArray) -> FloatArray:
 def figures_of(errors: Errors) -> dict[str, float | None]:
     """Return the figures by name; None without data.
 
-    Notes
-    -----
     Assumptions: the position error is the distance, the errors of speed and heading are signed; all
     means and standard deviations are over straight legs and turns together. The published mean
     heading error is negative, as of a track that lags in turns to the right.

@@ -144,22 +144,10 @@ def goals_of(rows: Sequence[Row], errors: Mapping[str, Mapping[str, float]]) -> 
 def run(
     document: Mapping[str, Any], seed: int, seconds: float | None, tracked_s: float = TRACKED_S
 ) -> Figures:
-    """Return the biases of every radar and the errors of the tracker.
+    """Return the biases of every radar and the errors of the tracker, for a scenario's document.
 
-    Parameters
-    ----------
-    document : mapping
-        Content of a scenario file.
-    seed : int
-        Seed of the plots and of the tracker.
-    seconds, tracked_s : float
-        Length of the part of the scenario for the registration, None for all of it, and of the part
-        for the tracker.
-
-    Raises
-    ------
-    StudyError
-        If the biases are not observable in the plots.
+    The registration takes the first `seconds` of the scenario, or all of it, the tracker
+    `tracked_s`. Raise `StudyError` if the biases are not observable in the plots.
     """
     parameters = from_arguments.scenario_parameters(document)
     config = resolve(parameters)

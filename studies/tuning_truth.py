@@ -93,21 +93,10 @@ def _cells(found: Findings, radar: RadarModel, share: float, interval: str) -> t
 
 
 def share_detected(truth: Sequence[Truth], plots: Plots, radar: RadarModel) -> float:
-    """Return the share of looks in which targets in the radar's field were detected.
+    """Return the share of looks in which targets in a stationary radar's field were detected.
 
-    Parameters
-    ----------
-    truth : sequence of Truth
-        Ordered by time.
-    plots : Plots
-        Plots of a stationary radar.
-    radar : RadarModel
-        The simulated position and noise.
-
-    Returns
-    -------
-    float
-        The share; NaN without targets.
+    The truth is ordered by time; the radar has the simulated position and noise. NaN without
+    targets.
     """
     hits, chances = 0, 0.0
     for number in np.unique(np.concatenate([targets.track_id for targets in truth])):
@@ -136,11 +125,7 @@ def _detection_times(
 ) -> FloatArray:
     """Return the times of the plots near a target, ascending, seconds.
 
-    Parameters
-    ----------
-    stamp_s : array of shape (K,)
-    state : array of shape (K, D)
-        States of the target at these times.
+    The target's states, (K, D), are of the times `stamp_s`.
     """
     during = (plots.time_s >= stamp_s[0]) & (plots.time_s <= stamp_s[-1])
     time_s = plots.time_s[during]

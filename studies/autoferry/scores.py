@@ -111,21 +111,10 @@ def scores_of(
 ) -> list[Score]:
     """Return the scores of both engines and both peers, filtered and smoothed.
 
-    Parameters
-    ----------
-    parameters : mapping
-        Parameters of the tracker with the radar alone.
-    with_lidar : mapping or None
-        Parameters of the tracker with both sensors; None to leave this variant out.
-    changes : mapping or None
-        Parameters that replace those of our trackers; the lidar's concern the second one only.
-    seed : int
-        Seed of the particles; nothing else is random.
-
-    Raises
-    ------
-    ImportError
-        Without Stone Soup.
+    The parameters are those of a tracker with the radar alone, and `with_lidar` of one with both
+    sensors, which None leaves out. `changes` replace parameters of our trackers; the lidar's
+    concern the second one only. The seed is that of the particles; nothing else is random. Raise
+    `ImportError` without Stone Soup.
     """
     scans = scans_of(recording)
     truth = [recording.truth(scan.stamp_ns) for scan in scans]

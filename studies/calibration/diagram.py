@@ -19,12 +19,7 @@ TOLERANCE, ENOUGH = 0.05, 200
 def draw(rows: Mapping[str, Mapping[str, Bins]], edges: Mapping[str, Sequence[float]]) -> Figure:
     """Draw one diagram for each kind of probability, above the numbers of its statements.
 
-    Parameters
-    ----------
-    rows : mapping
-        Bins by kind of probability and by source.
-    edges : mapping
-        Edges of the bins of each kind.
+    The bins are by kind of probability and by source, their edges by kind.
     """
     figure = Figure(figsize=(WIDTH_IN, 5.4), dpi=DPI, layout="constrained")
     grid = figure.subplots(2, len(rows), height_ratios=[3.2, 1.0], sharex="col", squeeze=False)

@@ -36,10 +36,7 @@ def drawn_run(
 ) -> list[tuple[Truth, Scan]]:
     """Return truth and detections of consecutive scans, one nominal interval apart.
 
-    Parameters
-    ----------
-    model : TrackerModel
-        With births at places, without spawned targets; its amplitude model draws the SNR.
+    The model has births at places, and no spawned targets; its amplitude model draws the SNR.
     """
     modes, radars = model.modes, polar_radars(model.radars)
     none = np.zeros(0, dtype=np.int64)

@@ -74,10 +74,7 @@ def of_run(
 ) -> Scores:
     """Return the scores of estimates of all targets above `LEAST`, scan by scan.
 
-    Parameters
-    ----------
-    covered : sequence of bool arrays of shape (T,)
-        Whether a radar can see each target.
+    `covered` says for each target of a scan, shape (T,), whether a radar can see it.
     """
     said, exists, believed, right = ([np.zeros(0)] for _ in range(4))
     squares, seen = [np.zeros(0)], [np.zeros(0, dtype=bool)]

@@ -23,11 +23,8 @@ WITH_ADDRESSES = ("approach_hour",)
 def goals_of(hour: str, ways: Mapping[str, Mapping[str, Any]]) -> list[Goal]:
     """Return the goals of an hour; the exit status alone if there are no tracks.
 
-    Parameters
-    ----------
-    ways : mapping
-        By name of the way, ``status``, the worst exit status of the commands, ``scores`` by source
-        and ``plot_kalman``, as `Scores` in JSON.
+    Each way has its ``status``, the worst exit status of the commands, ``scores`` by source and
+    ``plot_kalman``, as `Scores` in JSON.
     """
     goals = [
         goal(f"{hour}: exit status, {way}", ways[way]["status"], 0.0) for way in WAYS if way in ways

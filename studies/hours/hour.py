@@ -82,11 +82,8 @@ class Reader:
     ) -> tuple[FloatArray, BoolArray]:
         """Return ranges and azimuths over ground, (M, 2), and whether each is possible, (M,).
 
-        Parameters
-        ----------
-        distance, azimuth, height : arrays of shape (M,)
-            Slant ranges, metres; azimuths, radians counter-clockwise from true east; heights,
-            metres, NaN if unknown.
+        Slant ranges and heights, NaN if unknown, are in metres, azimuths in radians
+        counter-clockwise from true east.
         """
         known = height if self.layout.fields.height else None
         own = azimuth - self.radar.yaw if self.layout.site is None else azimuth
@@ -162,10 +159,7 @@ class Hour:
 def shift_s(own_s: FloatArray, recorded_s: FloatArray) -> float:
     """Return the time shift of a recording against the simulation, seconds.
 
-    Parameters
-    ----------
-    own_s, recorded_s : arrays of shape (M,) and (K,)
-        Times of plots in the simulation and in the recording; some may be missing in either.
+    The times are of plots in the simulation and in the recording; some may be missing in either.
     """
     some = recorded_s[np.linspace(0, len(recorded_s) - 1, SHIFT_TIMES).astype(np.int64)]
     differences = (some[:, None] - own_s).ravel()
@@ -181,12 +175,8 @@ def tracks(
 ) -> tuple[FloatArray, list[PointSet]]:
     """Return the scored times, seconds after scan 0, and the tracks at each, one set per turn.
 
-    Parameters
-    ----------
-    found : sequence of Estimates
-        Estimates of one source.
-    later_s : float
-        Time shift of the stamps against the simulation's times since the epoch, seconds.
+    The estimates are of one source; their stamps are `later_s` later than the simulation's times
+    since the epoch, seconds.
     """
     ordered = sorted(found, key=lambda estimates: estimates.stamp_ns)
     zero_ns = hour.scenario.start_ns + round(later_s * 1e9)
@@ -224,12 +214,7 @@ def _ns(times_s: FloatArray) -> list[int]:
 def scores(hour: Hour, reader: Reader, times_s: FloatArray, found: Sequence[PointSet]) -> Scores:
     """Return the scores of tracks, one set per time.
 
-    Parameters
-    ----------
-    reader : Reader
-        Conversion to the tracks' plane.
-    times_s : array of shape (K,)
-        Seconds after scan 0, ascending.
+    The times are in seconds after scan 0, ascending; the reader converts to the tracks' plane.
     """
     sums = _Sums()
     for time_s, points in zip(times_s.tolist(), found, strict=True):

@@ -18,21 +18,11 @@ def gm_phd(
 ) -> Tracks:
     """Return the estimates of Stone Soup's Gaussian-mixture PHD filter, at lag 0.
 
-    Parameters
-    ----------
-    model : TrackerModel or None
-        See `Problem.of`.
-
-    Returns
-    -------
-    Tracks
-        Components with a weight above ``settings.extract``; all of class 0.
-
-    Notes
-    -----
-    Stone Soup's updater applies survival once per radar; here only the first radar of a scan
-    applies it. It also drops components tagged as births if the first radar misses them. Births
-    here have no such tag, and their weight is divided by the survival probability in advance.
+    They are the components with a weight above ``settings.extract``, all of class 0; for the model
+    see `Problem.of`. Stone Soup's updater applies survival once per radar; here only the first
+    radar of a scan applies it. It also drops components tagged as births if the first radar misses
+    them. Births here have no such tag, and their weight is divided by the survival probability in
+    advance.
     """
     problem = Problem.of(run, model)
     soup = problem.soup

@@ -88,13 +88,7 @@ def _convert(
 
 
 class Tracker:
-    """The current tracks, one row each.
-
-    Parameters
-    ----------
-    rotations : array of shape (R,)
-        Time of one turn of each radar, seconds.
-    """
+    """The current tracks, one row each, of radars with these times of a turn, seconds."""
 
     def __init__(self, settings: Settings, rotations: FloatArray) -> None:
         self.settings, self.rotations = settings, rotations
@@ -221,14 +215,9 @@ def follow(
     stamps_ns: Sequence[int],
     settings: Settings = SETTINGS,
 ) -> list[PointSet]:
-    """Return the confirmed tracks, predicted to some stamps.
+    """Return the confirmed tracks, predicted to ascending stamps.
 
-    Parameters
-    ----------
-    radars : sequence of RadarModel
-        Turning radars.
-    stamps_ns : sequence of int
-        Ascending. The tracks at a stamp use the plots up to it.
+    The radars turn. The tracks at a stamp use the plots up to it.
     """
     plots = Plots(reports, radars)
     rotations = np.array([radar.rotation_s for radar in radars])
@@ -248,16 +237,10 @@ def follow(
 def plot_kalman(
     run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence[int]
 ) -> TrackingResult:
-    """Return the tracker's filtered estimates of a run of turning radars.
+    """Return the tracker's filtered estimates of a run of `turning.turning_run`.
 
-    Parameters
-    ----------
-    run : SimulatedRun
-        Result of `turning.turning_run`.
-    parameters : mapping of str
-        The tracker's, for the layout of the radars' messages: whether plots have times.
-    lags : sequence of int
-        Lags; all get the filtered estimates, since the tracker has no smoother.
+    The parameters are the tracker's, for the layout of the radars' messages: whether plots have
+    times. All lags get the filtered estimates, since there is no smoother.
     """
     reports = simulate_reports(run.scenario, resolve(parameters).radars, run.seed)
     begin = time.process_time()

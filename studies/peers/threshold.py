@@ -12,15 +12,7 @@ from phd_jdtc_ros.study.runs import SimulatedRun
 def raised_threshold(run: SimulatedRun, threshold: float) -> SimulatedRun:
     """Return the same run as reported by radars with a higher detection threshold.
 
-    Parameters
-    ----------
-    threshold : float
-        Threshold of the amplitude; at least the threshold of every radar.
-
-    Raises
-    ------
-    ValueError
-        If it is lower, or if a radar reports no amplitudes.
+    Raise `ValueError` if it is below the threshold of a radar, or if a radar reports no amplitudes.
     """
     lowest = max(radar.threshold for radar in run.scenario.radars)
     if threshold < lowest:

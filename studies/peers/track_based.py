@@ -83,14 +83,9 @@ def follow(
     associator: Callable[[RadarModel], Part],
     settings: TrackSettings,
 ) -> History:
-    """Run one of Stone Soup's trackers.
+    """Run one of Stone Soup's trackers, with the data associator of each radar.
 
-    Parameters
-    ----------
-    tracker_type : Part
-        `MultiTargetTracker` or `MultiTargetMixtureTracker`.
-    associator : callable
-        The data associator for a radar.
+    Its type is `MultiTargetTracker` or `MultiTargetMixtureTracker`.
     """
     tracker = tracker_type(
         initiator=NoInitiator(),
