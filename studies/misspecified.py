@@ -1,14 +1,16 @@
 """The accuracy of a tracker with misconfigured radars, with and without learning.
 
 Noise, detection probability and clutter of the radars of the reference scenario are the nominal
-ones times a factor, and so is the noise of range rates in the automotive scenario. A tracker with
-the true values is the reference. The first scans do not count, because nothing is learned yet.
+ones times a factor, and so is the noise of range rates in the automotive scenario; in one case the
+noise has heavy tails. A tracker with the true values is the reference. The first scans do not
+count, because nothing is learned yet.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +19,13 @@ from rich.table import Table
 
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
+from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.metrics import ospa
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
-from phd_jdtc_ros.simulation import scenario_file
+from phd_jdtc_ros.simulation import noise, scenario_file
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.study.monte_carlo.definition import CUTOFF, ORDER
 from phd_jdtc_ros.study.runs import ExtractionVariant, SimulatedRun, simulated_run
@@ -57,6 +61,10 @@ CASES: Mapping[str, Mapping[str, float]] = {
         "clutter_rate": 3.0,
     },
 }
+# Noise with heavy tails, which a tracker with the true values knows; see `heavy_tailed`.
+HEAVY_TAILS, OUTLIERS = "heavy tails", "outliers"
+# Noise of detections to which other noise is added.
+EXACT: Mapping[str, float] = {"range_std": 1e-2, "azimuth_std_deg": 1e-4}
 # The same for the radar of the automotive scenario, which measures range rates.
 RATE_SCENARIO = Path("config/scenarios/automotive.yaml")
 RATE, RATE_STD = "front.range_rate_std", 0.15
@@ -88,8 +96,47 @@ def measure(arguments: argparse.Namespace, seed: int) -> Figures:
             name: _distances(run, {"engine": arguments.engine, **of_radars(given)})
             for name, given in trackers.items()
         }
+    found[HEAVY_TAILS] = _of_heavy_tails(arguments.engine, seed)
     rates = {case: _of_rates(arguments.engine, factor, seed) for case, factor in RATE_CASES.items()}
     return {"cases": found, "rates": rates}
+
+
+def _of_heavy_tails(engine: str, seed: int) -> Figures:
+    """Return the distances with heavy-tailed noise, of trackers with outliers and without."""
+    run = heavy_tailed_run(seed)
+    trackers: dict[str, dict[str, Any]] = {"told": {**NOMINAL}, "wrong": {**NOMINAL}}
+    trackers["learned"] = {**LEARNED}
+    if engine == "gaussian":  # particles do not know outliers
+        for name in ("told", "learned"):
+            trackers[name]["range_std"] = f"{trackers[name]['range_std']} {OUTLIERS}"
+    return {
+        name: _distances(run, {"engine": engine, **of_radars(given)})
+        for name, given in trackers.items()
+    }
+
+
+def heavy_tailed_run(seed: int) -> SimulatedRun:
+    """Return a run of the reference scenario with nominal noise that has heavy tails."""
+    run = simulated_run(scenario_of({**NOMINAL, **EXACT}), seed)
+    rng = np.random.default_rng(seed)
+    std = np.array([NOMINAL["range_std"], np.radians(NOMINAL["azimuth_std_deg"])])
+
+    def moved(exact: Detections | None) -> Detections | None:
+        if exact is None:
+            return None
+        measured = exact.measurement + std * heavy_tailed(rng, len(exact))
+        return replace(exact, measurement=noise.polar(measured))
+
+    scans = (replace(scan, detections=tuple(map(moved, scan.detections))) for scan in run.scans)
+    return replace(run, scans=tuple(scans))
+
+
+def heavy_tailed(rng: np.random.Generator, count: int) -> FloatArray:
+    """Return noise in standard deviations, (N, 2): Student's t, and outliers in one of twenty."""
+    outlier = rng.random((count, 1)) < 0.05
+    large, usual = 5.0 * rng.standard_normal((count, 2)), rng.standard_t(3, (count, 2))
+    found: FloatArray = np.where(outlier, large, usual / np.sqrt(3.0))
+    return found
 
 
 def _of_rates(engine: str, factor: float, seed: int) -> Figures:
@@ -150,7 +197,7 @@ def goals(figures: Figures) -> list[Goal]:
     """Return the goals: the error of a learning tracker, relative to one with the true values."""
     found = []
     for case, of_case in (figures["cases"] | figures["rates"]).items():
-        right = RATE_CASES.get(case, 1.0) == 1.0 and not CASES.get(case)
+        right = RATE_CASES.get(case, 1.0) == 1.0 and not CASES.get(case, case == HEAVY_TAILS)
         bound = MOST_RIGHT if right else MOST_WRONG
         for source in LAGS:
             ratio = of_case["learned"][source] / of_case["told"][source]

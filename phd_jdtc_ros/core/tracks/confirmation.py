@@ -112,6 +112,25 @@ class _Tracks(NamedTuple):
     stationary: Float1  # Probability that it is stationary
 
 
+class _Rule(NamedTuple):
+    """The numbers of each class, (C,)."""
+
+    survival: Float1  # Probability to survive a nominal interval
+    confirm: Float1  # These are those of the `ReportingRule`
+    delete: Float1
+    hidden: Float1
+    record_weight: Float1
+
+
+class _Look(NamedTuple):
+    """What a scan shows of a track."""
+
+    covered: bool  # True if a detection was likely
+    is_detected: bool
+    is_missed: bool
+    since_ns: int  # Time since the last detection
+
+
 class _Durations(NamedTuple):
     """Durations that confirmation depends on, nanoseconds."""
 
@@ -127,16 +146,39 @@ def _odds(probability: float) -> float:
     return probability / max(1.0 - probability, EPSILON)
 
 
+@inner
+def _next_state(
+    previous: int,
+    look: _Look,
+    existence: tuple[float, float],
+    class_id: int,
+    stationary: float,
+    rule: _Rule,
+    durations: _Durations,
+) -> int:
+    """Return the state of a track; `existence` is its probability, corrected and as estimated."""
+    corrected, estimated = existence
+    is_stale, tentative = look.since_ns > durations.patience, previous == TENTATIVE
+    delete = rule.delete[class_id]
+    if tentative:
+        reported = estimated > rule.confirm[class_id]
+    else:
+        least = rule.hidden[class_id] if is_stale and not look.covered else delete
+        reported = corrected >= least and estimated >= min(MIN_EXISTENCE, delete)
+    bound = MAX_STATIONARY_TO_CONFIRM if tentative else MAX_STATIONARY_CONFIRMED
+    recent = look.is_detected or look.covered or look.since_ns <= durations.coasting
+    if not (reported and recent and stationary <= bound):
+        return TENTATIVE
+    still_coasts = not look.is_detected and previous == COASTING
+    return COASTING if look.is_missed or is_stale or still_coasts else CONFIRMED
+
+
 @compiled
 def _next_columns(
     stamp_ns: int,
     durations: _Durations,
     tracks: _Tracks,
-    survival: Float1,
-    confirm: Float1,
-    delete: Float1,
-    hidden: Float1,
-    record_weight: Float1,
+    rule: _Rule,
     label: Int1,
     latest_ns: Int1,
     detected_before_ns: Int1,
@@ -148,15 +190,13 @@ def _next_columns(
 ) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
     """Return when each track was last detected, its state, and the last columns of its record.
 
-    `survival`, (C,), is the probability of each class to survive a nominal interval; the next four
-    are those of the `ReportingRule`, and from `label` on the columns of the `ConfirmationRecords`
-    before the scan.
+    From `label` on the parameters are the columns of the `ConfirmationRecords` before the scan.
 
     A detection raises the odds of existence. The odds of a track that is missed are corrected by
     its own record.
     """
     count, record = len(tracks.label), 0
-    detected_ns, state = np.full(count, stamp_ns), np.full(count, TENTATIVE)
+    detected_ns, state = np.full(count, stamp_ns), np.empty(count, np.int64)
     expected, missed, factor = np.zeros(count), np.zeros(count), np.ones(count)
     for track in range(count):
         class_id, weight = tracks.class_id[track], tracks.existence[track]
@@ -171,13 +211,13 @@ def _next_columns(
             expected[track], missed[track] = expected_before[record], missed_before[record]
             factor[track], covered = factor_before[record], miss_probability < MAX_MISS_PROBABILITY
             intervals = (stamp_ns - latest_ns[record]) / durations.interval
-            lower = odds < _odds(existence_before[record] * survival[class_id] ** intervals)
+            survival = rule.survival[class_id] ** intervals
+            lower = odds < _odds(existence_before[record] * survival)
             # A target at the edge of two slices is detected in one of them; the other is no miss.
             same_turn = stamp_ns - detected_ns[track] < durations.same_turn
             is_missed = covered and lower and not same_turn
         is_detected = not has_record or (covered and not lower)
-        tentative = previous_state == TENTATIVE
-        pseudo_count = record_weight[class_id]
+        pseudo_count = rule.record_weight[class_id]
         if is_missed:
             factor[track] *= (1.0 + missed[track] / pseudo_count) / (
                 1.0 + expected[track] / pseudo_count
@@ -189,19 +229,17 @@ def _next_columns(
             existence = odds * factor[track] / (1.0 + odds * factor[track])
         if is_detected:
             detected_ns[track] = stamp_ns
-        since_ns = stamp_ns - detected_ns[track]
-        is_stale = since_ns > durations.patience
-        if tentative:
-            reported = weight > confirm[class_id]
-        else:
-            least = hidden[class_id] if is_stale and not covered else delete[class_id]
-            reported = existence >= least and weight >= min(MIN_EXISTENCE, delete[class_id])
-        bound = MAX_STATIONARY_TO_CONFIRM if tentative else MAX_STATIONARY_CONFIRMED
-        recent = is_detected or covered or since_ns <= durations.coasting
-        if reported and recent and tracks.stationary[track] <= bound:
-            still_coasts = not is_detected and previous_state == COASTING
-            state[track] = COASTING if is_missed or is_stale or still_coasts else CONFIRMED
-        if (is_missed or is_detected) and not tentative:
+        look = _Look(covered, is_detected, is_missed, stamp_ns - detected_ns[track])
+        state[track] = _next_state(
+            previous_state,
+            look,
+            (existence, weight),
+            class_id,
+            tracks.stationary[track],
+            rule,
+            durations,
+        )
+        if (is_missed or is_detected) and previous_state != TENTATIVE:
             expected[track] += miss_probability
             missed[track] += is_missed
     return detected_ns, state, expected, missed, factor
@@ -277,11 +315,9 @@ class TrackStates:
             scan.stamp_ns,
             durations,
             tracks,
-            modes.nominal_survival,
-            rule.confirm,
-            rule.delete,
-            rule.hidden,
-            rule.record_weight,
+            _Rule(
+                modes.nominal_survival, rule.confirm, rule.delete, rule.hidden, rule.record_weight
+            ),
             *self._records,
         )
         latest_ns, existence = np.full(len(rows), scan.stamp_ns), tracks.existence

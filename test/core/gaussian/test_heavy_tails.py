@@ -9,6 +9,7 @@ from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.evaluation.metrics import ospa
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
+from studies.misspecified import heavy_tailed
 
 RADARS = ("radar_1", "radar_2")
 STD = np.array([300.0, np.radians(1.0)])
@@ -18,14 +19,6 @@ EXACT = {
     for radar in RADARS
     for name, value in (("range_std", 1e-2), ("azimuth_std_deg", 1e-4))
 }
-
-
-def heavy_tailed(rng, count):
-    """Return noise in standard deviations: Student's t, and outliers in one of twenty."""
-    noise = rng.standard_t(3, (count, 2)) / np.sqrt(3.0)
-    outlier = rng.random(count) < 0.05
-    noise[outlier] = 5.0 * rng.standard_normal((outlier.sum(), 2))
-    return noise
 
 
 def normal(rng, count):
