@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.types import Estimates
@@ -275,9 +275,9 @@ def _forgeries(given: Mapping[str, Any]) -> Iterator[tuple[str, bytes]]:
             yield name, checkpoint.MAGIC + hashlib.sha256(body).digest() + body
 
 
-def outcome(path: Path, given: Mapping[str, Any]) -> str:
+def outcome(path: Path, config: TrackerConfig) -> str:
     """Start from a file and track on; return ``cold``, or the fault."""
-    log, engine = _Log(), new_engine(resolve(given))
+    log, engine = _Log(), new_engine(config)
     following = scans.reference()[SCANS : SCANS + 2]
     try:
         found = checkpoint.Checkpoints(path, 0, 60.0, VALUES, log)
@@ -311,8 +311,9 @@ def outcomes(given: Mapping[str, Any]) -> dict[str, Any]:
             os._exit(0)
         os.waitpid(child, 0)
         paths = sorted(Path(directory).iterdir())
-        new_engine(resolve(given)).step(scans.reference()[0])
+        config = resolve(given)
+        new_engine(config).step(scans.reference()[0])
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        found = {path.name[4:]: outcome(path, given) for path in paths}
+        found = {path.name[4:]: outcome(path, config) for path in paths}
         after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return {"outcomes": found, "memory_mb": (after - before) / 1024.0}

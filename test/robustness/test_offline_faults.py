@@ -29,8 +29,8 @@ from robustness import (
 
 # Fewer particles than a user has: what is tested is their numbers' range.
 FEW = {"particles_per_target": 200, "particles_per_birth": 256}
-# Scans of each case of `numerics`; the gap of an hour is behind the fortieth.
-SCANS = 45
+# Scans of a case of `numerics`; the gap of an hour is behind the fortieth.
+SCANS = {**dict.fromkeys(numerics.CASES, 20), "an hour's gap": 45}
 every_engine = pytest.mark.parametrize("engine", engines.ALL)
 
 
@@ -84,7 +84,9 @@ def test_fault_in_an_engine_reaches_its_goal(measure, bounds, engine):
 @pytest.mark.parametrize("case", numerics.CASES)
 def test_no_covariance_that_is_none_leaves_an_engine(case, engine):
     whole = numerics.CASES[case]
-    begun = numerics.Case(lambda config: whole.scans(config)[:SCANS], {**FEW, **whole.values})
+    begun = numerics.Case(
+        lambda config: whole.scans(config)[: SCANS[case]], {**FEW, **whole.values}
+    )
     assert numerics.outcome(begun, engine) == ""
 
 

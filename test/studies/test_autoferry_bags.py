@@ -78,7 +78,8 @@ def test_the_shipped_recording_has_the_profiles_parameters():
 
 def test_figures_of_the_shipped_recording_need_no_dataset(tmp_path, capsys):
     pytest.importorskip("stonesoup")
-    assert main(["autoferry", "--out", str(tmp_path)]) == 0
+    few = ["-p", "particles_per_target:=200", "-p", "particles_per_birth:=256"]
+    assert main(["autoferry", "--out", str(tmp_path), *few]) == 0
     found = json.loads((tmp_path / "autoferry.json").read_text())
     by_key = {(each["tracker"], each["source"]): each for each in found["scores"]}
     assert len(by_key) == 8

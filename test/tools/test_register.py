@@ -144,7 +144,7 @@ def test_register_of_no_bag_does_not_ask_for_parameters(tmp_path, capsys):
 
 def test_register_names_a_picture_for_which_there_is_no_room(bag, tmp_path, capsys):
     with largest_file(1000):
-        assert register(bag, "--picture", tmp_path / "drawn.png") == 2
+        assert register(bag, "--seconds", 150, "--picture", tmp_path / "drawn.png") == 2
     assert capsys.readouterr().err == f"register: {tmp_path / 'drawn.png'}: File too large\n"
     assert not (tmp_path / "drawn.png").exists()
 
