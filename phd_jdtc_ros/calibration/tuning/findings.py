@@ -18,6 +18,7 @@ from .rates import (
     clutter_rate,
     crowded,
     detection_probability,
+    ends,
     field_of,
     looks_of,
     outside_land,
@@ -59,6 +60,7 @@ class Findings:
     noise: Noise  # The noise without outliers
     with_outliers: Noise | None  # The noise with outliers; None if it is not clearly more likely
     detection: Rate  # Detection probability per look
+    ends: Rate  # Ends of tracks per look; see `rates.ends`
     clutter: Rate  # False detections per look
     field: Field
     levels: Levels | None  # None without amplitudes
@@ -109,6 +111,7 @@ def findings(plots: Plots) -> Findings:
         noise,
         find_outliers(plots, tracks, noise, SPEED_MARGIN * speed_std, ratio),
         detection_probability(plots, timing, tracks),
+        ends(plots, timing, tracks),
         clutter,
         field_of(plots, tracks.claimed),
         levels(plots, tracks),

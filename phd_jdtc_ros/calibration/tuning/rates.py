@@ -13,7 +13,7 @@ from phd_jdtc_ros.core.types import FULL_TURN
 
 from .plots import Plots
 from .rotation import Timing
-from .tracks import Tracks
+from .tracks import MOST_MISSES, Tracks
 
 # A field of view is proposed only if a gap in azimuth without plots is wider than this, radians.
 LEAST_GAP = np.radians(20.0)
@@ -60,6 +60,24 @@ def detection_probability(plots: Plots, timing: Timing, tracks: Tracks) -> Rate:
     # Laplace's rule: one hit and one miss are added.
     value = (hits + 1.0) / (looks + 2.0)
     return Rate(value, float(np.sqrt(value * (1.0 - value) / (looks + 3.0))), looks)
+
+
+def ends(plots: Plots, timing: Timing, tracks: Tracks) -> Rate:
+    """Return the number of tracks that end before the recording, for each look at a track.
+
+    It bounds the rate at which targets disappear, because the linker also ends the tracks of
+    targets that it loses. A track whose last plot is in the last looks may go on.
+    """
+    looks, count, last_cloud = 0.0, 0, len(plots.cloud_s) - 1
+    for own in tracks.plots:
+        first, last = own[0], own[-1]
+        elapsed = plots.time_s[last] - plots.time_s[first], plots.cloud[last] - plots.cloud[first]
+        looks += float(timing.looks(*elapsed))
+        left = timing.looks(plots.duration_s - plots.time_s[last], last_cloud - plots.cloud[last])
+        count += bool(left > MOST_MISSES)
+    # Laplace's rule, as for detections.
+    value = (count + 1.0) / (looks + 2.0)
+    return Rate(value, float(np.sqrt(count + 1.0) / (looks + 2.0)), count)
 
 
 def looks_of(plots: Plots, timing: Timing) -> float:

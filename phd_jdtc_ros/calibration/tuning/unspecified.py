@@ -15,6 +15,8 @@ LEAST_OFF_COURSE = 0.1
 LEAST_RATIO = 20.0
 # The SNR band is wider than the tracks' levels by this much on either side, dB.
 BESIDE_DB = 5.0
+# Least probability that a target survives a look. Lost tracks would make a lower one too low.
+LEAST_SURVIVAL = 0.99
 
 
 def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict[str, Any]:
@@ -48,7 +50,7 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
         "spawn.rate": 0.0,
         "target.motions": ["cv", "ct"],
         "target.mode_transition": [0.95, 0.05, 0.1, 0.9],
-        "target.survival_probability": 0.99,
+        "target.survival_probability": _survival_probability(found, look_s),
         "cv.model": "constant_velocity",
         "cv.noise_density": round_to_std(calm, calm),
         "ct.model": "coordinated_turn",
@@ -60,6 +62,15 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
     if len(found) > 1 and whole:
         given["reorder_s"] = round_to_std(max(whole), 1e-3 * max(whole))
     return given | _amplitudes(found)
+
+
+def _survival_probability(found: Mapping[str, Findings], look_s: float) -> float:
+    """Return the probability that a target survives a look of a length in seconds.
+
+    Each radar's tracks bound the rate of disappearances from above; the lowest bound counts.
+    """
+    rate = min(each.ends.value / each.timing.look_s for each in found.values())
+    return max(LEAST_SURVIVAL, round(1.0 - round_to_std(rate * look_s, rate * look_s), 6))
 
 
 def _amplitudes(found: Mapping[str, Findings]) -> dict[str, Any]:

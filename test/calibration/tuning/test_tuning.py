@@ -16,6 +16,7 @@ from phd_jdtc_ros.calibration.tuning.rates import (
     clutter_rate,
     crowded,
     detection_probability,
+    ends,
     outside_land,
 )
 from phd_jdtc_ros.calibration.tuning.rotation import Timing, timing_of
@@ -243,6 +244,43 @@ def test_one_target_is_one_track_through_misses():
     # Only the plots that are not on land count, where a map of clutter is proposed.
     sea = np.arange(0, len(plots), 3)
     assert clutter_rate(plots, SECONDS, tracks, sea).value == pytest.approx(1.0, abs=0.05)
+
+
+def test_ends_of_tracks_are_those_of_targets_that_disappear():
+    rng, death, clouds = np.random.default_rng(7), 0.01, 120
+    # Twenty targets at a time, a kilometre apart, of which each is followed by another one.
+    age = np.zeros(20, dtype=np.int64)
+    reports, died, looks = [], 0, 0
+    for cloud in range(clouds):
+        dies = rng.random(20) < death
+        died, looks = died + int(dies.sum()), looks + 20
+        age = np.where(dies, -8, age + 1)  # eight looks later the next one comes
+        seen = np.flatnonzero((age >= 0) & (rng.random(20) < 0.9))
+        place = np.stack([2e3 + 1e3 * seen + 3.0 * age[seen], np.full(len(seen), 0.5)], axis=1)
+        place += rng.standard_normal(place.shape) * [20.0, 0.01]
+        reports.append((cloud * 2 * 10**9, Detections(place, None)))
+    plots = plots_of(reports)
+    tracks = link_plots(plots, SECONDS, GUESS, np.zeros(len(plots)))
+    found = ends(plots, SECONDS, tracks)
+    assert died > 15
+    # Those that disappear in the last looks may have been missed.
+    assert died - 4 <= found.count <= died
+    assert found.value == pytest.approx(died / looks, rel=0.25)
+    assert found.std == pytest.approx(found.value / math.sqrt(found.count + 1), rel=1e-9)
+
+
+@pytest.mark.parametrize(("rate", "survival"), [(0.002, 0.998), (0.03, 0.99), (2e-6, 0.999998)])
+def test_survival_is_the_highest_that_the_ends_of_tracks_allow(estimated, rate, survival):
+    _, found = estimated
+    long = replace(found, ends=replace(found.ends, value=rate))
+    # The other radar looks half as often, and loses targets more often.
+    slow = replace(
+        long,
+        timing=replace(found.timing, rotation_s=2.0 * found.timing.rotation_s),
+        ends=replace(long.ends, value=2.5 * rate),
+    )
+    values = unspecified.parameters({"a": long, "b": slow}, {"a": True, "b": True})
+    assert values["target.survival_probability"] == pytest.approx(survival, abs=1e-9)
 
 
 def test_clutter_alone_has_no_tracks():
