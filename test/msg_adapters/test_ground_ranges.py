@@ -49,7 +49,7 @@ def read(points, names=("range", "azimuth", "height"), **changes):
 
 
 def around(distance, height):
-    """Return the places of targets in 24 directions: latitude, longitude; and their plots."""
+    """Return where targets in 24 directions are in the plane, (24, 2), and their plots."""
     bearing = np.arange(0.0, 360.0, 15.0)
     count = len(bearing)
     longitude, latitude, _ = Geod(ellps="WGS84").fwd(
@@ -58,33 +58,32 @@ def around(distance, height):
     east, north, up = TOPOCENTRIC.transform(longitude, latitude, np.full(count, height))
     slant = np.sqrt(east**2 + north**2 + up**2)
     compass = np.degrees(np.arctan2(east, north)) % 360.0
-    return latitude, longitude, slant, compass, np.degrees(np.arcsin(up / slant))
+    places = np.stack(PLANE.to_plane(latitude, longitude), axis=1)
+    return places, slant, compass, np.degrees(np.arcsin(up / slant))
 
 
-def in_plane(detections):
-    """Return where detections are in the plane, shape (M, 2)."""
-    distance, azimuth = detections.measurement.T
+def assert_at(places, report):
+    """Compare where detections are in the plane."""
+    distance, azimuth = report.detections.measurement.T
     bearing = azimuth + SITE.yaw
-    return np.add(
-        SITE.position, np.stack([distance * np.cos(bearing), distance * np.sin(bearing)], axis=1)
-    )
+    apart = np.stack([distance * np.cos(bearing), distance * np.sin(bearing)], axis=1)
+    assert_allclose(SITE.position + apart, places, rtol=0.0, atol=0.01)
 
 
 @pytest.mark.parametrize("distance", [20e3, 150e3, 400e3])
 @pytest.mark.parametrize("height", [-300.0, 1000.0, 11e3])
 def test_plots_with_heights_are_where_the_targets_are(distance, height):
-    latitude, longitude, slant, compass, _ = around(distance, height)
+    places, slant, compass, _ = around(distance, height)
     report = read([(*plot, height) for plot in zip(slant, compass, strict=True)])
     assert not report.dropped
     assert not report.anomalies
-    expected = np.stack(PLANE.to_plane(latitude, longitude), axis=1)
-    assert_allclose(in_plane(report.detections), expected, rtol=0.0, atol=0.01)
+    assert_at(places, report)
     # Heights are above the world's zero, that of the origin.
     assert_allclose(report.detections.height, height - ORIGIN[2])
 
 
 def test_plots_with_elevations_are_where_the_targets_are():
-    latitude, longitude, slant, compass, elevation = around(150e3, 6000.0)
+    places, slant, compass, elevation = around(150e3, 6000.0)
     names = ("range", "azimuth", "elevation")
     plots = [
         (distance, math.radians(90.0 - azimuth), math.radians(up))
@@ -98,8 +97,7 @@ def test_plots_with_elevations_are_where_the_targets_are():
         compass=False,
         azimuth_in_degrees=False,
     )
-    expected = np.stack(PLANE.to_plane(latitude, longitude), axis=1)
-    assert_allclose(in_plane(report.detections), expected, rtol=0.0, atol=0.01)
+    assert_at(places, report)
 
 
 def test_an_elevation_beyond_the_zenith_is_out_of_range():
@@ -114,18 +112,16 @@ def test_an_elevation_beyond_the_zenith_is_out_of_range():
 
 
 def test_an_unknown_height_is_the_antennas_or_the_assumed_one():
-    latitude, longitude, slant, compass, _ = around(80e3, PLACE[2])
+    places, slant, compass, _ = around(80e3, PLACE[2])
     report = read([(*plot, NAN) for plot in zip(slant, compass, strict=True)])
-    expected = np.stack(PLANE.to_plane(latitude, longitude), axis=1)
-    assert_allclose(in_plane(report.detections), expected, rtol=0.0, atol=0.01)
+    assert_at(places, report)
     assert report.anomalies == {"heights_unknown": 24}
     (text,) = anomalies.of(sited(), report.anomalies)
     assert "the antenna's height is assumed, set radar_1.assumed_height" in text
-    latitude, longitude, slant, compass, _ = around(80e3, 6000.0)
+    places, slant, compass, _ = around(80e3, 6000.0)
     plots = list(zip(slant, compass, strict=True))
     report = read(plots, ("range", "azimuth"), height_field="", assumed_height=6000.0)
-    expected = np.stack(PLANE.to_plane(latitude, longitude), axis=1)
-    assert_allclose(in_plane(report.detections), expected, rtol=0.0, atol=0.01)
+    assert_at(places, report)
     assert report.detections.height is None
 
 

@@ -264,9 +264,8 @@ class Evaluator(RunnableNode):
             self._scores.publish(
                 diagnostics.score_to_msg(score, self._values["cutoff"], self._values["order"])
             )
-            if self._plots:
-                for quantity, message in plots.score_to_msgs(score).items():
-                    self._plots[quantity].publish(message)
+            for quantity, message in plots.score_to_msgs(score).items():
+                self._plots[quantity].publish(message)
 
     def _check(self) -> None:
         """Log the connection to the tracker and missing matches, and end when complete."""
