@@ -62,9 +62,8 @@ def test_everything_that_the_tests_use_is_declared():
     files = list((ROOT / "test").rglob("*.py"))
     text = "\n".join(path.read_text() for path in files)
     optional = set(re.findall(r'importorskip\(\s*"((?:ament|launch)_?\w*)', text))
-    own = {path.stem for path in [*files, *(ROOT / "docs" / "tools").glob("*.py")]} | {
-        path.name for path in ROOT.iterdir() if path.is_dir()
-    }
+    folders = [path for path in (*ROOT.iterdir(), ROOT / "test" / "helpers") if path.is_dir()]
+    own = {path.stem for path in [*files, *(ROOT / "docs" / "tools").glob("*.py"), *folders]}
     known = declared("depend", "exec_depend", "test_depend")
     named = set(re.findall(r"^(?:from|import) (\w+)", text, re.MULTILINE))
     foreign = named - own - sys.stdlib_module_names - known
