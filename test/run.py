@@ -29,7 +29,7 @@ OWN_NODES = ("test/nodes/test_parameter_sections.py", "test/nodes/test_poses_bef
 # Number of pytests for the other live files, which begin at once: each spends 3 s on imports, and
 # 4 s on the server of its nodes (see helpers/forked.py).
 LIVE_PYTESTS = AT_A_TIME - 2
-# One of two halves that take as long as each other, some 340 s of CPU: what one takes longer is for
+# One of two halves that take as long as each other, some 300 s of CPU: what one takes longer is for
 # one processor alone, because the live tests are over by then.
 HALF = ("test/calibration", "test/core", "test/studies", "test/study")
 # Some hundred processes import the same files: what one has compiled serves the others.

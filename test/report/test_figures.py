@@ -56,9 +56,11 @@ def without_pixels(record):
 
 
 @pytest.mark.parametrize("classes", [1, 2, 3])
-def test_write_all_writes_every_picture_1200_pixels_wide(tmp_path, classes):
+def test_write_all_writes_pictures_1200_pixels_wide_and_leaves_settings_alone(tmp_path, classes):
+    before = dict(matplotlib.rcParams)
     pictures = written(record_of(classes), tmp_path / "new")
 
+    assert dict(matplotlib.rcParams) == before
     assert set(pictures) == EVERYTHING
     for path in pictures.values():
         width, height = png_size(path)
@@ -104,15 +106,6 @@ UNKNOWN_AMPLITUDE = plots_of([[0.0, 0.0], [1e3, 1e3]], [np.nan, 0.0])
 )
 def test_write_all_draws_what_the_record_has(tmp_path, parts, pictures):
     assert set(written(record_of(**parts), tmp_path)) == pictures
-
-
-@pytest.mark.usefixtures("few_pixels")
-def test_write_all_leaves_global_settings_alone(tmp_path):
-    before = dict(matplotlib.rcParams)
-
-    written(record_of(), tmp_path)
-
-    assert dict(matplotlib.rcParams) == before
 
 
 def test_number_error_shows_estimated_minus_true():

@@ -2,6 +2,7 @@ import base64
 import gzip
 import json
 import re
+from functools import cache
 from html.parser import HTMLParser
 
 import pytest
@@ -54,11 +55,19 @@ def nothing_known():
     }
 
 
+@cache
+def usual_charts():
+    return charts_of(record_of())
+
+
+def charts_of(record):
+    return html.charts_of(record, record.evaluate(1000.0, 2.0))
+
+
 def page(tmp_path, summary, title="A run", record=None, notes=()):
-    record = record_of() if record is None else record
-    drawn = html.charts_of(record, record.evaluate(1000.0, 2.0))
+    drawn = usual_charts() if record is None else charts_of(record)
     path = tmp_path / "deep" / "report.html"
-    assert write_report(path, title, summary, record, drawn, notes) == path
+    assert write_report(path, title, summary, record or record_of(), drawn, notes) == path
     return path.read_text(encoding="utf-8")
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from functools import cache
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -131,11 +132,17 @@ def _compressed_parts(charts: Sequence[Chart], picture: Picture | None) -> str:
     """Return the compressed parts of the page as elements: columns and the charts' library."""
     parts = {} if picture is None else {"columns": picture.columns.text()}
     if charts:
-        parts["plotly"] = pack(get_plotlyjs().encode("utf-8"))
+        parts["plotly"] = _library()
     return "\n".join(
         f'<script type="application/octet-stream" id="{name}">{text}</script>'
         for name, text in parts.items()
     )
+
+
+@cache
+def _library() -> str:
+    """Return the charts' library, compressed, which takes most of the time of a page."""
+    return pack(get_plotlyjs().encode("utf-8"))
 
 
 def _chart(chart: Chart) -> str:
