@@ -5,6 +5,7 @@ from array import array
 from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
+import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
@@ -149,3 +150,14 @@ def with_heights(given, heights):
     covariance = np.where(np.isnan(height[:, :1, None]), np.nan, np.diag([60.0, 1.5]))
     none = np.full(len(given), UNKNOWN)
     return replace(given, attributes=Attributes(height, covariance, none, none))
+
+
+of_every_kind = pytest.mark.parametrize(
+    "found",
+    [
+        *(nothing(), estimates(), many_estimates(1), many_estimates(40)),
+        replace(estimates(2), class_id=np.array([1, 1])),
+        with_heights(estimates(3), [[3048.0, -5.0], [np.nan, np.nan], [900.0, 0.0]]),
+    ],
+    ids=["none", "samples", "one", "many", "one_class", "heights"],
+)

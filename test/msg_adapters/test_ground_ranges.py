@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from pyproj import Geod, Transformer
+from pyproj import Geod
 from samples import FRAME, STAMP_NS, cloud, radar
 from sensor_msgs.msg import PointField
+from topocentric import seen_from
 
 from msg_adapters import anomalies, radar_scan
 from msg_adapters import detections as adapter
@@ -21,11 +22,7 @@ from phd_jdtc_ros.earth import SystemPlane
 ORIGIN, PLACE = (52.3, 4.8, 5.0), (53.1, 6.9, 40.0)
 PLANE = SystemPlane(ORIGIN)
 SITE = Site(PLACE, PLANE)
-TOPOCENTRIC = Transformer.from_pipeline(
-    "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad "
-    "+step +proj=cart +ellps=WGS84 "
-    f"+step +proj=topocentric +ellps=WGS84 +lat_0={PLACE[0]} +lon_0={PLACE[1]} +h_0={PLACE[2]}"
-)
+TOPOCENTRIC = seen_from(*PLACE)
 F8 = PointField.FLOAT64
 NAN = np.nan
 

@@ -5,7 +5,7 @@ import pytest
 from marker_messages import marker_array
 from numpy.testing import assert_allclose
 from rclpy.serialization import deserialize_message, serialize_message
-from samples import as_sent, estimates, many_estimates, nothing, with_heights
+from samples import as_sent, estimates, many_estimates, of_every_kind
 from visualization_msgs.msg import Marker, MarkerArray
 
 from msg_adapters import markers
@@ -120,18 +120,7 @@ def fields(message):
     return {name: getattr(message, name) for name in message.get_fields_and_field_types()}
 
 
-CASES = pytest.mark.parametrize(
-    "found",
-    [
-        *(nothing(), estimates(), many_estimates(1), many_estimates(40)),
-        replace(estimates(2), class_id=np.array([1, 1])),
-        with_heights(estimates(3), [[3048.0, -5.0], [np.nan, np.nan], [900.0, 0.0]]),
-    ],
-    ids=["none", "samples", "one", "many", "one_class", "heights"],
-)
-
-
-@CASES
+@of_every_kind
 # Frames of several lengths, so that markers begin at every alignment.
 @pytest.mark.parametrize("frame", ["map", "world", "enu/origin"])
 def test_to_cdr_equals_the_serialised_objects(found, frame):

@@ -1,31 +1,19 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseArray
 from marker_messages import pose_array
 from numpy.testing import assert_allclose, assert_array_equal
 from rclpy.serialization import deserialize_message, serialize_message
-from samples import STAMP_NS, as_sent, estimates, many_estimates, nothing, with_heights
+from samples import STAMP_NS, as_sent, estimates, of_every_kind
 
 from msg_adapters import poses, stamps
-
-CASES = pytest.mark.parametrize(
-    "found",
-    [
-        *(nothing(), estimates(), many_estimates(1), many_estimates(40)),
-        replace(estimates(2), class_id=np.array([1, 1])),
-        with_heights(estimates(3), [[3048.0, -5.0], [np.nan, np.nan], [900.0, 0.0]]),
-    ],
-    ids=["none", "samples", "one", "many", "one_class", "heights"],
-)
 
 
 def made(given, class_id, frame="map"):
     return deserialize_message(poses.to_cdr(given, class_id, frame), PoseArray)
 
 
-@CASES
+@of_every_kind
 # Frames of several lengths, so that the poses begin at every alignment.
 @pytest.mark.parametrize("frame", ["map", "world", "enu/origin"])
 def test_to_cdr_equals_the_serialised_objects(found, frame):

@@ -45,14 +45,11 @@ def few_pixels(monkeypatch):
         monkeypatch.setattr(module, "DPI", 20)
 
 
-def without_pixels(record):
-    """Every figure of a record, undrawn."""
+def undrawn(record, name):
+    """Return a figure of a record, without pixels; None if the record lacks its data."""
+    (picture,) = (each for each in figures.PICTURES if each.name == name)
     evaluation = record.evaluate(1000.0, 2.0)
-    return {
-        c.name: c.draw(record, evaluation)
-        for c in figures.PICTURES
-        if c.has_data(record, evaluation)
-    }
+    return picture.draw(record, evaluation) if picture.has_data(record, evaluation) else None
 
 
 @pytest.mark.parametrize("classes", [1, 2, 3])
@@ -111,7 +108,7 @@ def test_write_all_draws_what_the_record_has(tmp_path, parts, pictures):
 def test_number_error_shows_estimated_minus_true():
     record = record_of(2, smoothed=tuple(estimates_of(k, 2, 5, 1) for k in range(SCANS)))
 
-    rows = without_pixels(record)["number_error"].axes
+    rows = undrawn(record, "number_error").axes
 
     assert [set(axes.lines[-1].get_ydata()) for axes in rows] == [{0.0}, {-1.0}]
 
@@ -127,24 +124,23 @@ def test_clock_counts_from_the_first_stamp_in_minutes_where_long():
 
 @pytest.mark.parametrize(("record", "unit"), [(record_of(2), "km"), (shrunk(record_of(2)), "m")])
 def test_maps_have_equal_scales_in_metres_where_they_are_short(record, unit):
-    drawn = without_pixels(record)
     for name in ("scenario", "measurements", "trajectories"):
-        axes = drawn[name].axes[0]
+        axes = undrawn(record, name).axes[0]
         assert (axes.get_xlabel(), axes.get_ylabel()) == (f"x ({unit})", f"y ({unit})")
         assert axes.get_aspect() == 1.0
-    low, high = drawn["trajectories"].axes[0].dataLim.intervaly
+    low, high = axes.dataLim.intervaly
     # Two targets 2 km apart, or 20 m.
     assert high - low == pytest.approx(2.04 if unit == "km" else 20.4, rel=0.05)
 
 
 def test_detections_are_purple_with_a_scale_of_known_amplitudes():
-    (dots,) = without_pixels(record_of(2))["measurements"].axes[0].collections
+    (dots,) = undrawn(record_of(2), "measurements").axes[0].collections
     low, high = dots.cmap([0.0, 1.0])[:, :3]
 
     for red, green, blue in (low, high):
         assert blue > red > green
     assert low.sum() > high.sum()
-    figure = without_pixels(without_amplitudes(record_of(2)))["measurements"]
+    figure = undrawn(without_amplitudes(record_of(2)), "measurements")
     ((red, green, blue, _),) = figure.axes[0].collections[0].get_facecolor()
 
     assert len(figure.axes) == 1
@@ -153,8 +149,7 @@ def test_detections_are_purple_with_a_scale_of_known_amplitudes():
 
 def test_single_class_is_drawn_once_by_its_name():
     record = replace(record_of(1), class_names=("car",))
-    drawn = without_pixels(record)
-    titles = {name: [a.get_title("left") for a in drawn[name].axes] for name in SCORED}
+    titles = {name: [a.get_title("left") for a in undrawn(record, name).axes] for name in SCORED}
 
     assert titles == {
         "number_error": ["car"],
@@ -170,7 +165,7 @@ LEARNED = ClutterRaster((-3000.0, 1000.0), 50.0, np.where(np.eye(20, 40, 7) > 0.
 def test_learned_clutter_is_a_picture_of_its_own_where_it_lies(tmp_path):
     record = replace(record_of(2), clutter=LEARNED)
     assert set(written(record, tmp_path)) == {*EVERYTHING, "clutter"}
-    figure = without_pixels(record)["clutter"]
+    figure = undrawn(record, "clutter")
     (image,) = figure.axes[0].images
     assert [*image.get_extent()] == [-3.0, -1.0, 1.0, 2.0]
     assert image.origin == "lower"
@@ -181,4 +176,4 @@ def test_learned_clutter_is_a_picture_of_its_own_where_it_lies(tmp_path):
 
 def test_a_picture_of_no_clutter_is_left_out():
     nothing = replace(LEARNED, density=np.zeros((4, 4)))
-    assert "clutter" not in without_pixels(replace(record_of(2), clutter=nothing))
+    assert undrawn(replace(record_of(2), clutter=nothing), "clutter") is None

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from pyproj import Transformer
 from scenario_blocks import exact
+from topocentric import seen_from
 
 from msg_adapters import detections as adapter
 from msg_adapters import point_cloud
@@ -33,11 +33,7 @@ TARGETS = [
         ([-50e3, 80e3], -200.0),
     ]
 ]
-TOPOCENTRIC = Transformer.from_pipeline(
-    "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad "
-    "+step +proj=cart +ellps=WGS84 "
-    f"+step +proj=topocentric +ellps=WGS84 +lat_0={PLACE[0]} +lon_0={PLACE[1]} +h_0={PLACE[2]}"
-)
+TOPOCENTRIC = seen_from(*PLACE)
 DOUBLE = point_cloud.FLOATS
 
 

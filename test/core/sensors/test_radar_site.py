@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pyproj
 import pytest
+from topocentric import seen_from
 
 from phd_jdtc_ros.core.sensors.site import Site
 from phd_jdtc_ros.earth import SystemPlane
@@ -20,16 +21,6 @@ SCENES = [
 GEOD = pyproj.Geod(ellps="WGS84")
 
 
-def topocentric(place):
-    """Return PROJ's transformation of longitude, latitude and height to east, north and up."""
-    latitude, longitude, height = place
-    return pyproj.Transformer.from_pipeline(
-        "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad "
-        "+step +proj=cart +ellps=WGS84 "
-        f"+step +proj=topocentric +ellps=WGS84 +lat_0={latitude} +lon_0={longitude} +h_0={height}"
-    )
-
-
 def targets(place, height, distances=(500.0, 30e3, 150e3, 400e3)):
     """Return latitudes, longitudes and heights around a radar, all azimuths at all distances."""
     bearing, distance = np.meshgrid(np.arange(0.0, 360.0, 15.0), distances)
@@ -43,7 +34,7 @@ def targets(place, height, distances=(500.0, 30e3, 150e3, 400e3)):
 
 def measured(place, latitude, longitude, height):
     """Return slant ranges, azimuths from true east, and sines of elevations, by PROJ."""
-    east, north, up = topocentric(place).transform(longitude, latitude, height)
+    east, north, up = seen_from(*place).transform(longitude, latitude, height)
     slant = np.sqrt(east**2 + north**2 + up**2)
     return slant, np.arctan2(north, east), up / slant
 

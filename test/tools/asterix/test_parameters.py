@@ -7,6 +7,7 @@ import asterix_records as made
 import numpy as np
 import pyproj
 import pytest
+from topocentric import seen_from
 
 from msg_adapters import interfaces, names
 from msg_adapters.readers import reader_of
@@ -242,11 +243,7 @@ def test_guessed_place_gives_the_ground_ranges_of_the_true_one(bridged, latitude
     longitude, north, _ = GEOD.fwd(
         *(np.full(len(far), place[1]), np.full(len(far), place[0])), 360.0 * turned, far
     )
-    local = pyproj.Transformer.from_pipeline(
-        "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=cart "
-        f"+ellps=WGS84 +step +proj=topocentric +ellps=WGS84 +lat_0={place[0]} +lon_0={place[1]}"
-    )
-    east, ahead, up = local.transform(longitude, north, np.full(len(far), 11e3))
+    east, ahead, up = seen_from(*place).transform(longitude, north, np.full(len(far), 11e3))
     slant = np.sqrt(east**2 + ahead**2 + up**2)
     _, data = sweep(20.0, 4.0, [*zip(turned, slant, strict=True)], code=1, height=11e3, each=1)
     _, bag, _, given = bridged(data)
