@@ -29,6 +29,20 @@ OWN_NODES = ("test/nodes/test_parameter_sections.py", "test/nodes/test_poses_bef
 # Number of pytests for the other live files, which begin at once: each spends 3 s on imports, and
 # 4 s on the server of its nodes (see helpers/forked.py).
 LIVE_PYTESTS = AT_A_TIME - 2
+# Seconds that live files take beside others, where it is long, so that the sums of the pytests are
+# about the same; `USUAL_S` is for all others.
+SECONDS = {
+    "test/robustness/test_live_faults.py": 140,
+    "test/tools/test_installed.py": 60,
+    "test/nodes/test_asterix_bridge_node.py": 60,
+    "test/nodes/test_sensor_replay.py": 50,
+    "test/nodes/test_warm_restart.py": 50,
+    "test/nodes/test_replay_waits.py": 45,
+    "test/nodes/test_second_tracker.py": 45,
+    "test/nodes/test_tracker_diagnostics.py": 40,
+    "test/robustness/test_full_tracker.py": 40,
+}
+USUAL_S = 15
 # One of two halves that take as long as each other, some 300 s of CPU: what one takes longer is for
 # one processor alone, because the live tests are over by then.
 HALF = ("test/calibration", "test/core", "test/studies", "test/study")
@@ -78,8 +92,13 @@ def live_groups(arguments):
         return [arguments]
     paths = sorted(path for path in (ROOT / "test").rglob("test_*.py") if names_live_tests(path))
     files = [str(path.relative_to(ROOT)) for path in paths]
-    shared = [file for file in files if file not in OWN_NODES]
-    return [*(shared[k::LIVE_PYTESTS] for k in range(LIVE_PYTESTS)), OWN_NODES]
+    groups, sums = [[] for _ in range(LIVE_PYTESTS)], [0] * LIVE_PYTESTS
+    for file in sorted(files, key=lambda file: -SECONDS.get(file, USUAL_S)):
+        if file not in OWN_NODES:
+            least = sums.index(min(sums))
+            groups[least].append(file)
+            sums[least] += SECONDS.get(file, USUAL_S)
+    return [*groups, OWN_NODES]
 
 
 def others(arguments):
