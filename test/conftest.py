@@ -1,7 +1,11 @@
 import os
 
-# Before anything imports rclpy: tests talk on this machine only, apart from other ROS processes.
-os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+from robustness.isolation import ISOLATED
+
+# Before anything imports rclpy: tests talk on this machine only, apart from other ROS processes, by
+# the shipped profile. With a discovery range besides, a restarted node is found only after seconds.
+os.environ.update(ISOLATED)
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SUBNET"
 # Before anything imports numpy: with others beside them, the threads of a BLAS mostly wait for one
 # another, and busily. The processes that tests start inherit it.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from ament_index_python.packages import get_package_share_directory
 
+from robustness.isolation import ISOLATED
+
 launch = pytest.importorskip("launch", reason="launch is not installed")
 actions = pytest.importorskip("launch.actions", reason="launch is not installed")
 sources = pytest.importorskip("launch.launch_description_sources")
@@ -23,11 +25,13 @@ except LookupError:
     pytest.skip("the package is not built with colcon", allow_module_level=True)
 
 OUT = Path(tempfile.mkdtemp())
-PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
 
 @pytest.mark.launch_test
 def generate_test_description():
+    # Launch sets its own in this very process.
+    for name in ISOLATED:
+        os.environ.pop(name, None)
     demo = actions.IncludeLaunchDescription(
         sources.PythonLaunchDescriptionSource(str(SHARE / "launch" / "demo.launch.py")),
         launch_arguments={"out": str(OUT), "namespace": "alpha"}.items(),
@@ -49,15 +53,13 @@ class TestDemoAfterwards(unittest.TestCase):
 
     @classmethod
     def tearDownClass(cls):
-        # Launch has set them in this very process.
-        for name in PROFILE_VARIABLES:
-            os.environ.pop(name, None)
+        os.environ.update(ISOLATED)
 
     def test_every_node_ended_well(self, proc_info):
         asserts.assertExitCodes(proc_info)
 
     def test_every_node_kept_to_this_machine(self, proc_info):
-        profiles = {info.env.get(name) for info in proc_info for name in PROFILE_VARIABLES}
+        profiles = {info.env.get(name) for info in proc_info for name in ISOLATED}
         assert profiles == {str(SHARE / "config" / "dds" / "localhost_only.xml")}
 
     def test_every_scan_was_scored(self):
