@@ -15,7 +15,7 @@ GOAL = "one clear error, tracking goes on"
 SCANS = 60
 # Number of scans after which the disk must be full.
 MOST_SCANS = 600
-DISK = "400k"
+DISK = "200k"
 
 
 def _mount(directory: Path, options: str) -> Sequence[str]:

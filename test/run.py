@@ -32,17 +32,18 @@ LIVE_PYTESTS = AT_A_TIME - 2
 # Seconds that live files take beside others, where it is long, so that the sums of the pytests are
 # about the same; `USUAL_S` is for all others.
 SECONDS = {
-    "test/robustness/test_live_faults.py": 140,
-    "test/tools/test_installed.py": 60,
-    "test/nodes/test_asterix_bridge_node.py": 60,
-    "test/nodes/test_sensor_replay.py": 50,
-    "test/nodes/test_warm_restart.py": 50,
-    "test/nodes/test_replay_waits.py": 45,
-    "test/nodes/test_second_tracker.py": 45,
-    "test/nodes/test_tracker_diagnostics.py": 40,
-    "test/robustness/test_full_tracker.py": 40,
+    "test/robustness/test_live_faults.py": 95,
+    "test/nodes/test_demo.py": 80,
+    "test/nodes/test_asterix_bridge_node.py": 75,
+    "test/nodes/test_asterix_demo.py": 45,
+    "test/tools/test_installed.py": 45,
+    "test/robustness/test_full_tracker.py": 35,
+    "test/nodes/test_second_tracker.py": 30,
+    "test/nodes/test_replay_waits.py": 25,
+    "test/nodes/test_tracker_diagnostics.py": 25,
+    "test/robustness/test_isolation.py": 25,
 }
-USUAL_S = 15
+USUAL_S = 8
 # One of two halves that take as long as each other, some 300 s of CPU: what one takes longer is for
 # one processor alone, because the live tests are over by then.
 HALF = ("test/calibration", "test/core", "test/studies", "test/study")
