@@ -59,8 +59,10 @@ class ClutterMap(ReadOnly):
     detections. The neighbourhood determines the prior: A is its number of detections per turn
     beyond one reflector and uniform clutter, counted without delay, and b rises with A from
     ALONE_FACTOR to REFLECTOR_FACTOR; see `neighbourhood`. Rain is nowhere long enough for this: the
-    local rate is at least that of the neighbourhood's recent detections, with the memory
-    RECENT_TURNS, beyond those that A leaves out and PASSING of one new target.
+    local rate is at least B / CELLS times s / (s + PASSING). B is the number of the neighbourhood's
+    recent detections per turn, with the memory RECENT_TURNS, beyond uniform clutter. The surplus s
+    is their number beyond PASSING of one new target, uniform clutter, and those that earlier
+    detections let expect, at most one reflector's.
     """
 
     grid: Grid  # A detection counts in the four nearest cells
@@ -115,9 +117,9 @@ class ClutterMap(ReadOnly):
     def _excesses(
         self, measurement: FloatArray, world: FloatArray, rate: float, max_range: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Return `neighbourhood_excess`, and that of the recent turns alone, shapes (M,).
+        """Return `neighbourhood_excess`, and the clutter that has begun, per turn, shapes (M,).
 
-        From the recent detections, those of one new target are subtracted too.
+        A surplus of recent detections is evidence that they are all clutter.
         """
         count, recent = neighbourhood.detections_around(
             self.grid,
@@ -126,11 +128,16 @@ class ClutterMap(ReadOnly):
             self.grid.places(measurement, world),
         )
         share = neighbourhood.CELLS * np.exp(self.grid.log_share(measurement, max_range))
+        uniform = rate * np.minimum(share, 1.0)
+        expected = neighbourhood.UNCOUNTED + uniform
         usual = count / max(self.turns, 1.0)
-        expected = neighbourhood.UNCOUNTED + rate * np.minimum(share, 1.0)
-        explained = np.minimum(usual, expected)
-        begun = (recent - PASSING) / max(self.recent_turns, 1.0) - explained
-        return usual - explained, np.maximum(begun, 0.0)
+        # The recent detections do not explain themselves, only the earlier ones do.
+        earlier = np.maximum(count - recent, 0.0) / max(self.turns - self.recent_turns, 1.0)
+        turns = max(self.recent_turns, 1.0)
+        known = turns * np.clip(earlier, uniform, expected)
+        surplus = np.maximum(recent - known - PASSING, 0.0)
+        begun = surplus / (surplus + PASSING) * np.maximum(recent / turns - uniform, 0.0)
+        return usual - np.minimum(usual, expected), begun
 
     def after(
         self, measurement: FloatArray, world: FloatArray, weight: FloatArray, turns: float

@@ -12,6 +12,7 @@ from phd_jdtc_ros.core.types import Detections
 RATE, MAX_RANGE = 10.0, 20e3
 STD = np.array([10.0, np.radians(0.2)])
 PLACE = np.array([[4e3, 1.0]])
+CELL = 3.0 * STD  # extent of a cell
 
 
 def empty():
@@ -114,6 +115,22 @@ def test_reflectors_nearby_make_a_place_likely_to_answer():
     alone, among = answered(4), answered(4, np.concatenate([PLACE, QUAY]))
     assert factor(alone, PLACE)[0] < 0.2 * factor(among, PLACE)[0]
     assert factor(answered(30), PLACE)[0] > 10.0 * factor(alone, PLACE)[0]
+
+
+@pytest.mark.parametrize(("rate", "share"), [(5.0, 0.6), (20.0, 0.8)])
+def test_rain_that_begins_is_not_explained_by_itself(rate, share):
+    """It has most of its density after twenty turns; a passing target has none."""
+    rng, places, extent = np.random.default_rng(4), answered(0), 15.5 * CELL
+    for turn in range(60):
+        count = rng.poisson(rate) if turn >= 40 else 0
+        seen = PLACE + rng.uniform(-1.0, 1.0, (count, 2)) * extent
+        places = after(places, seen, np.ones(count), 1.0)
+    inside = PLACE + rng.uniform(-0.5, 0.5, (300, 2)) * extent
+    uniform = RATE * np.exp(places.grid.log_share(PLACE, MAX_RANGE)[0])
+    true = 1.0 + rate / 31.0**2 / uniform
+    assert share * true < factor(places, inside).mean() < 1.2 * true
+    passed = answered(2, PLACE + 4.0 * CELL, places=answered(0))
+    assert factor(passed, PLACE)[0] == 1.0
 
 
 def test_sectors_and_neighbours_count_as_parts_of_a_turn_that_closes():
