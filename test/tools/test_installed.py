@@ -72,9 +72,12 @@ def start(installed, directory, *command, **environment):
 
 def test_an_installed_package_finds_its_files_from_any_directory(installed, tmp_path):
     text = (
+        "import os\n"
         "from phd_jdtc_ros import resources\n"
         "from phd_jdtc_ros.tools import monte_carlo\n"
         "import phd_jdtc_ros\n"
+        # The tests' own profile would be kept.
+        "for name in resources.PROFILE_VARIABLES: os.environ.pop(name)\n"
         "print(phd_jdtc_ros.__file__, resources.bag('paper_scenario'),"
         " *resources.isolation().values(), resources.find(monte_carlo.PUBLISHED))\n"
     )
