@@ -83,7 +83,7 @@ class Drawing {
   writeApart(text, places) {
     const width = this.brush.measureText(text).width;
     for (const [px, py] of places) {
-      const box = [px, py - 10, px + width, py + 3];
+      const box = [px - 6, py - 10, px + width + 6, py + 3];
       if (this.written.some((other) => box[0] < other[2] && box[2] > other[0]
         && box[1] < other[3] && box[3] > other[1])) continue;
       this.written.push(box);
