@@ -78,7 +78,7 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         "height": ground.possible,
         # An elevation beyond the zenith is invalid, and makes the ground range negative.
         "range": (distance >= 0.0)
-        & (ground.distance >= 0.0)
+        & (ground.distance >= radar.min_range)
         & (ground.distance <= radar.max_range),
         "azimuth": azimuth_size <= MAX_TURNS * FULL_TURN,
     }

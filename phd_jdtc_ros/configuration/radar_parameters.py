@@ -117,7 +117,11 @@ class RadarParameters(SensorParameters):
         17e3, "Range beyond which targets and detections are ignored, m.", POSITIVE
     )
     min_range: float = parameter(
-        0.0, "Range below which the radar detects no targets, m.", NOT_NEGATIVE, mutable=True
+        0.0,
+        "Range below which targets and detections are ignored, m. The detections are dropped and "
+        "counted as those beyond max_range are: set it to leave out sea clutter around the radar.",
+        NOT_NEGATIVE,
+        mutable=True,
     )
     fov_deg: list[float] = parameter(
         [0.0, 360.0],
@@ -172,7 +176,8 @@ class RadarParameters(SensorParameters):
     )
     clutter_max_range: float = parameter(
         15e3,
-        "Range up to which false detections are uniformly distributed in range and azimuth, m.",
+        "Range up to which false detections are uniformly distributed in range and azimuth, m. "
+        "clutter_rate counts them from range 0 on, also below min_range.",
         POSITIVE,
         mutable=True,
     )

@@ -28,7 +28,7 @@ PARAMETERS = {
     "late_burst": "reorder_s, late_reports",
     "not_finite": "fields",
     "pose_missing": "pose",
-    "range": "max_range",
+    "range": "min_range, max_range",
     "schema": "fields",
     "time": "time_unit, time_reference, rotation_s",
 }

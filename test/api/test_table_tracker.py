@@ -278,6 +278,24 @@ def test_unused_detections_are_reported():
     assert tracker.dropped["range"] == np.count_nonzero(far["range"] == 2000.0)
 
 
+def test_clutter_nearer_than_min_range_is_left_out_and_starts_no_targets(tracked):
+    rng, times = np.random.default_rng(3), np.unique(DETECTIONS["time"])
+    clutter = {
+        "time": np.repeat(times, 15),
+        "range": rng.uniform(5.0, 60.0, 15 * len(times)),
+        "azimuth": rng.uniform(-np.pi, np.pi, 15 * len(times)),
+    }
+    table = {name: np.concatenate([DETECTIONS[name], own]) for name, own in clutter.items()}
+    tracker = Tracker(with_radar(min_range=60.0))
+    with pytest.warns(UserWarning, match=r"detections were not used: range \d+"):
+        found = tracker.track(table)
+    assert tracker.dropped["range"] == np.count_nonzero(table["range"] < 60.0)
+    scores = evaluate(TRUTH, found.smoothed, cutoff=50.0)
+    alone = evaluate(TRUTH, tracked.smoothed, cutoff=50.0)
+    assert scores["false"] == pytest.approx(alone["false"], abs=0.02)
+    assert scores["ospa"] < 8.0
+
+
 def test_what_must_be_known_is_named_together():
     with pytest.raises(ConfigError) as raised:
         Tracker({"radar": {"range_std": 5.0}}).track(DETECTIONS)

@@ -45,8 +45,8 @@ def test_less_than_half_is_reported_with_the_main_reasons_and_their_parameters()
     used.refuse("late", 9)
     used.unreadable("schema")
     assert used.fault() == (
-        "11 of 34 detections could be used; most frequent reasons: range 10 (max_range), late 9 "
-        "(reorder_s, late_reports), not_finite 2 (fields)"
+        "11 of 34 detections could be used; most frequent reasons: range 10 (min_range, "
+        "max_range), late 9 (reorder_s, late_reports), not_finite 2 (fields)"
     )
 
 

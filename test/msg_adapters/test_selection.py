@@ -258,3 +258,10 @@ def test_an_unusable_deviation_of_a_range_rate_is_a_doubt(bad):
     report = read(["rr", "sd"], [(1000.0, 0.1, 1.0, bad)], **RATES)
     assert_array_equal(report.detections.range_rate_std, [NAN])
     assert report.anomalies == {"deviations_unusable": 1}
+
+
+def test_detections_out_of_the_range_limits_are_dropped_and_counted():
+    points = [(599.0, 0.1), (600.0, 0.1), (9e3, 0.1), (9001.0, 0.1)]
+    report = read([], points, min_range=600.0, max_range=9e3)
+    assert report.detections.measurement[:, 0].tolist() == [600.0, 9e3]
+    assert report.dropped == {"range": 2}

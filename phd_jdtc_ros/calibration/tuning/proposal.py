@@ -22,6 +22,8 @@ ALARMS = (1e-12, 0.5)
 # A configured maximum range is kept if no plot lies beyond it and it is below this many times the
 # range of the farthest plot.
 MOST_BEYOND = 1.5
+# Upper bound of the share of the clutter that is nearer than the minimum range.
+MOST_NEAR = 0.99
 # Clutter counts as noise if its mean level is within this factor of the noise level.
 NOISE_FACTOR = 1.25
 MOST_PROBABILITY = 0.999
@@ -122,10 +124,12 @@ def _max_range(found: Findings, limit: float | None) -> Row:
 def _clutter(found: Findings, now: Now, max_range: Any) -> Iterator[Row]:
     rate, given = found.clutter, now("clutter_rate")
     source = f"{rate.count} untracked plots"
-    value = round_to_std(rate.value, rate.std)
+    # The rate also counts the clutter nearer than the minimum range, which was not read.
+    whole = 1.0 / (1.0 - min((now("min_range") or 0.0) / found.field.clutter_range, MOST_NEAR))
+    value = round_to_std(whole * rate.value, whole * rate.std)
     # `auto` is kept: the tracker then learns the rate itself.
     learned = isinstance(given, str)
-    yield Row("clutter_rate", value, source, given, rate.std, not learned)
+    yield Row("clutter_rate", value, source, given, whole * rate.std, not learned)
     step = 0.01 * _round_up(found.field.max_range)
     clutter_range = round_to_std(found.field.clutter_range, step)
     value = min(clutter_range, max_range)

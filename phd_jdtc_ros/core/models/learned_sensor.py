@@ -126,7 +126,7 @@ class LearnedSensor(ReadOnly):
         if turns and count is not None:
             # Unclaimed detections that the clutter map does not explain.
             uniform = np.exp(-sensor.log_clutter_factor(detections.measurement))
-            unclaimed = float(((1.0 - claimed) * uniform).sum())
+            unclaimed = float(((1.0 - claimed) * uniform).sum()) / sensor.clutter_share
             learned = learned.changed(clutter_count=count.after(unclaimed, turns))
         if turns and clutter_map is not None:
             weight, measurement = 1.0 - claimed * (1.0 - stationary), detections.measurement

@@ -20,6 +20,9 @@ from .polar_geometry import MIN_RANGE
 from .sensor import Sensor
 from .visibility import Visibility, sector_probability
 
+# Lower bound of the share of the uniform clutter by which counts of it are divided.
+LEAST_CLUTTER_SHARE = 0.01
+
 
 @dataclass(frozen=True, kw_only=True)
 class RadarModel(Sensor):
@@ -191,6 +194,11 @@ class RadarModel(Sensor):
         if isinstance(self.clutter_map.grid, GroundGrid):
             return excess
         return np.where(self.visibility.sees(measurement) > 0.0, excess, np.inf)
+
+    @property
+    def clutter_share(self) -> float:
+        """Share of the uniform clutter that is not too near to be used; see `Sensor`."""
+        return max(1.0 - self.visibility.min_range / self.clutter_max_range, LEAST_CLUTTER_SHARE)
 
     @property
     def _rate_of_turn(self) -> float:

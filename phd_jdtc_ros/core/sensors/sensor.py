@@ -56,7 +56,7 @@ class Sensor(ReadOnly, ABC):
     yaw: float  # Direction of the sensor's x axis in the world frame, radians counter-clockwise
     threshold: float  # Detection threshold tau on the amplitude
     # Expected uniform false detections in the field of view per turn of the antenna, or per scan if
-    # it does not turn.
+    # it does not turn; those at rejected ranges are included.
     clutter_rate: float
     # In the world frame, metres per second; range rates are relative to it.
     velocity: tuple[float, float] = (0.0, 0.0)
@@ -97,6 +97,11 @@ class Sensor(ReadOnly, ABC):
         if range_rate is None or not factor.learned[-1]:
             return {}
         return {"range_rate": replace(range_rate, std=float(factor.of_std[-1]) * range_rate.std)}
+
+    @property
+    def clutter_share(self) -> float:
+        """Share of its uniform clutter, `clutter_rate`, that is among its detections; above 0."""
+        return 1.0
 
     @property
     def noise_components(self) -> tuple[str, ...]:

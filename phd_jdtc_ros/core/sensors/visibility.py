@@ -49,7 +49,7 @@ class Visibility:
     """A radar's field of view, and its detection probability if it is given."""
 
     max_range: float  # Largest range at which targets are detected, metres
-    min_range: float = 0.0  # Smallest range at which targets are detected, metres
+    min_range: float = 0.0  # Smallest range, metres: detections are rejected below
     fov: Coverage = WHOLE_TURN  # Azimuths of the field of view
     blind: tuple[Coverage, ...] = ()  # Obstructed azimuths within the field of view
     # Ranges at which the detection probability is given, metres. It is linear between them, and

@@ -493,3 +493,12 @@ def test_plots_are_bounded_in_number_and_time():
     part = plots.until(10.0)
     assert isinstance(part, Plots)
     assert (len(part.cloud_s), len(part), part.duration_s) == (6, 6, 10.0)
+
+
+def test_the_proposed_rate_counts_the_clutter_that_is_too_near_to_be_read(standing):
+    config, recorded = standing
+    plots = recorded[1]
+    found = findings(plots.only(np.flatnonzero(plots.measurement[:, 0] >= 5e3)))
+    rows = proposal.rows(found, {"radar.min_range": 5e3}, "radar")
+    proposed = {row.name: row.value for row in rows}
+    assert proposed["clutter_rate"] == pytest.approx(config.model.radars[1].clutter_rate, rel=0.15)
