@@ -16,6 +16,8 @@ from . import forms, place_forms, sensor_parameters
 from .schema import NOT_NEGATIVE, POSITIVE, SMALL, parameter
 from .sensor_parameters import SensorParameters
 
+# Largest number of clouds in a turn.
+MOST_SECTORS = 256
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -157,7 +159,7 @@ class RadarParameters(SensorParameters):
         0,
         "Number of clouds per turn; 0 if a cloud is a whole turn or detections have times of their "
         "own.",
-        (0, 256),
+        (0, MOST_SECTORS),
     )
     cluster_distance: float = parameter(
         0.0,

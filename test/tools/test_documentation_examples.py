@@ -18,7 +18,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.handover import settings as hand_over
-from phd_jdtc_ros.parameter_files import from_arguments
+from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 from phd_jdtc_ros.simulation import scenario_file, sending
 from phd_jdtc_ros.simulation.sending import Sending
 from phd_jdtc_ros.tools import recorded_plots
@@ -135,6 +135,25 @@ def test_examples_of_the_page_on_csv_run(tmp_path, monkeypatch):
     assert [float(row["x"]) for row in written] == found["tracks"]["x"].tolist()
     radars = recorded_plots.recognised_radars(BagReader(tmp_path / "bag"))
     assert radars["sensors"] == ["radar"]
+
+
+def test_script_of_the_page_on_csv_writes_a_cloud_for_each_turn(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    time = 1.7e9 + 0.5 + np.arange(400) * 0.0375
+    lines = [f"{each:.4f},{5e3 + each % 7.0},{each % 1.5 * 4.0}" for each in time]
+    (tmp_path / "detections.csv").write_text("\n".join(["time,range,azimuth", *lines]))
+    *_, script = python_of("csv.md")
+
+    run_all([script.replace("TURN_S = 0.0", "TURN_S = 1.5")])
+
+    bag = BagReader(tmp_path / "bag")
+    given = recorded_plots.recognised_radars(bag)
+    assert (given["radar.fields.time"], given["radar.time_unit"]) == ("time", "s")
+    plots = recorded_plots.read(bag, tracker_params.config(given), 100.0).plots["radar"]
+    assert plots.timed
+    assert len(plots.cloud_s) == 11
+    times = plots.time_s + plots.zero_ns / 1e9
+    np.testing.assert_allclose(times, np.round(time, 4), atol=1e-5)
 
 
 def test_parameters_in_the_table_of_the_page_on_csv_are_some():

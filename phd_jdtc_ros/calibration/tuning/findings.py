@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from phd_jdtc_ros.configuration.radar_parameters import MOST_SECTORS
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 
 from .levels import Levels, levels, log_ratio
@@ -84,12 +85,19 @@ def findings(plots: Plots) -> Findings:
     """Return the estimates of one radar from a recording.
 
     Raise `TuningError` if the recording is too short, or has no detections or no targets distinct
-    from clutter.
+    from clutter, or if a turn has too many clouds.
     """
     _require_some(plots)
     timing = timing_of(plots)
     if timing.cloud_interval_s <= 0.0:
         raise TuningError("all clouds have the same stamp; stamps must increase")
+    if not plots.timed and timing.rotation_s > MOST_SECTORS * timing.cloud_interval_s:
+        clouds = timing.rotation_s / timing.cloud_interval_s
+        raise TuningError(
+            f"about {clouds:.0f} clouds in a turn of {timing.rotation_s:.3g} s, must be at most "
+            f"{MOST_SECTORS}; put the detections of a turn, or of a sector, into one cloud, with "
+            "a time for each of them in the field that fields.time names"
+        )
     guess, tracks = first_guess(plots, timing)
     _require_tracks(plots, timing, tracks)
     guess, tracks, noise = _iterate(plots, timing, guess, tracks)

@@ -96,8 +96,10 @@ def plots_of(reports: Sequence[tuple[int, Detections]]) -> Plots:
     cloud_s = np.array([(stamp_ns - zero_ns) * 1e-9 for stamp_ns, _ in ordered])
     sizes = [len(found) for _, found in ordered]
     cloud = np.repeat(np.arange(len(ordered)), sizes)
+    # The times of single detections are their own too.
+    most = max(sizes)
     timed = any(
-        len(found) and found.time_s is not None and np.ptp(found.time_s) > 0.0
+        len(found) and found.time_s is not None and (most == 1 or np.ptp(found.time_s) > 0.0)
         for _, found in ordered
     )
     offset = np.concatenate(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from phd_jdtc_ros.configuration.radar_parameters import MOST_SECTORS
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.intake.antenna import MIN_PERIOD_S, Antenna, AntennaTrack
 from phd_jdtc_ros.core.intake.sectors import smallest_arc
@@ -70,11 +71,12 @@ def timing_of(plots: Plots) -> Timing:
     sectors = round(turns.turn_s / interval_s)
     narrow = 1.5 * FULL_TURN / max(sectors, 1)
     widths = [smallest_arc(plots.measurement[rows, 1])[1] for rows in clouds if len(rows) > 1]
+    is_sector = 1 < sectors <= MOST_SECTORS and (not widths or float(np.median(widths)) < narrow)
     return Timing(
         interval_s,
         turns.turn_s,
         turns.turn_std_s,
-        sectors if sectors > 1 and (not widths or float(np.median(widths)) < narrow) else 0,
+        sectors if is_sector else 0,
         turns.clockwise,
         plots.timed,
     )

@@ -202,6 +202,25 @@ def test_sectors_and_direction_are_those_of_the_antenna(timed, clockwise):
     assert (found.sectors, found.clockwise) == (12, clockwise)
 
 
+def one_by_one(timed):
+    """Return the plots of an antenna that turns in 3 s, 300 in a turn, each in its own cloud."""
+    rng, reports = np.random.default_rng(1), []
+    for time_s in np.arange(2000) * 0.01:
+        place = np.array([[rng.uniform(1e3, 9e3), -2.0 * np.pi * time_s / 3.0]])
+        found = Detections(place, None, np.zeros(1) if timed else None)
+        reports.append((round((1e3 + time_s) * 1e9), found))
+    return plots_of(reports)
+
+
+def test_no_more_sectors_are_proposed_than_are_allowed():
+    plots = one_by_one(timed=True)
+    assert plots.timed
+    assert timing_of(plots).rotation_s == pytest.approx(3.0, rel=3e-3)
+    assert timing_of(plots).sectors == 0
+    with pytest.raises(TuningError, match=r"about 300 clouds in a turn of 3 s, must be at most 256"):
+        findings(one_by_one(timed=False))
+
+
 @pytest.mark.parametrize("interval_s", [0.1, 1.0, 6.0])
 def test_targets_in_one_direction_are_no_turning_antenna(interval_s):
     rng, reports = np.random.default_rng(1), []
