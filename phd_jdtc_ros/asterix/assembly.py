@@ -20,7 +20,8 @@ from .slices import MAX_PENDING, NoTurnFinder, RecentMaximum, SectorReport, Slic
 TOLERANCE = 0.5 * FULL_TURN / 2**8
 # Upper bounds between consecutive sector crossings: a quarter of a turn, and seconds. North marks
 # alone are not sector crossings.
-LARGEST_STEP, LONGEST_STEP_S = 0.25 * FULL_TURN + TOLERANCE, 15.0
+LARGEST_PART, LONGEST_STEP_S = 0.25, 15.0
+LARGEST_STEP = LARGEST_PART * FULL_TURN + TOLERANCE
 # After this many turns without a crossing the antenna's azimuth is unknown.
 TURNS_LOST = 1.5
 # Value of `Assembler.hold` for which reports are held back for the largest plot delay of the last
@@ -96,11 +97,15 @@ class Assembler:
         """Add a plot, and return the reports that it completes."""
         # A single plot with a wrong time does not show that the crossings have ended.
         known_ns, self._plot_ns = min(time_ns, self._plot_ns), time_ns
-        lost = self._end_if_lost(known_ns) if known_ns > self._phase_ns else []
+        lost: list[SectorReport] = []
+        if self._begin is not None and known_ns > self._phase_ns:
+            self._slicer.follow(known_ns)
+            lost = self._end_if_lost(known_ns)
         if self._begin is None:
             return lost + self._record_slices(self._slicer.add(plot, time_ns))
+        self._slicer.follow(time_ns)
         number = self._keep(plot, time_ns)
-        self._delay.add(max(self._passed + 1 - number, 0), self._phase_ns)
+        self._delay.add(max(self._last_end(self._phase) + 1 - number, 0), self._phase_ns)
         return []
 
     def keep_plot(self, plot: Plot, time_ns: int) -> None:
@@ -124,15 +129,47 @@ class Assembler:
             if not self._crosses(*before):
                 return found
             found += self._anchor(*before)
+        else:
+            self._slicer.follow(time_ns)
         return found + self._advance(message.azimuth, time_ns)
 
     def finish(self) -> list[SectorReport]:
         """Return all pending reports at the end of a recording or when the radar is silent."""
-        sectors = [self._close() for _ in range(len(self._ends_ns))]
-        for _, own_ns, plot in self._pending:  # the ends of their sectors are missing
+        if self._begin is None:
+            return self._record_slices(self._slicer.finish())
+        sectors = self._close_all()
+        # The next crossing would come by this time.
+        step_s = min(LARGEST_PART * (self.turn_s or LONGEST_TURN_S), LONGEST_STEP_S)
+        end_ns = self._phase_ns + round(step_s * 1e9)
+        outside: list[tuple[int, int, Plot]] = []
+        if self._slicer.latest_ns > end_ns:  # the crossings have ended
+            outside = [entry for entry in self._pending if entry[1] > end_ns]
+            self._pending = [entry for entry in self._pending if entry[1] <= end_ns]
+        if self._pending:
+            self._pass_pending(end_ns)
+            sectors += self._close_all()
+            for _, own_ns, plot in self._pending:  # ahead of the antenna, by wrong azimuths
+                sectors[-1].times_ns.append(own_ns)
+                sectors[-1].plots.append(plot)
+            self._pending.clear()
+        self._slicer.begin(self._stamp_ns)
+        for _, own_ns, plot in outside:
             self._slicer.keep(plot, own_ns)
-        self._pending.clear()
         return sectors + self._record_slices(self._slicer.finish())
+
+    def _pass_pending(self, end_ns: int) -> None:
+        """Count the sectors of the pending plots as passed, though their crossings are missing.
+
+        The latest plot before `end_ns` shows how far the antenna has turned.
+        """
+        farthest = self._passed + 1 + int(LARGEST_PART * self.sectors)
+        ahead = [
+            (own_ns, number)
+            for number, own_ns, _ in self._pending
+            if self._passed < number <= farthest and own_ns <= end_ns
+        ]
+        time_ns, last = max(ahead, default=(self._phase_ns, self._passed + 1))
+        self._pass(last, last * self._width - self._phase, max(time_ns, self._phase_ns))
 
     def _record_slices(self, found: list[SectorReport]) -> list[SectorReport]:
         self.by_time += len(found)
@@ -150,7 +187,7 @@ class Assembler:
         oldest_ns = time_ns - round(0.5e9 * self.turn_s) if self.turn_s else 0
         self._phase, self._phase_ns = azimuth, time_ns
         self._begin = azimuth, time_ns
-        self._passed = math.floor((azimuth + TOLERANCE) / self._width)
+        self._passed = self._last_end(azimuth)
         for own_ns, plot in self._slicer.take():
             if own_ns >= oldest_ns and math.remainder(plot.azimuth - azimuth, FULL_TURN) > 0.0:
                 self._keep(plot, own_ns)
@@ -167,7 +204,6 @@ class Assembler:
         # Keep the last known rotation period.
         self.rotation_s = self._slicer.rotation_s = self.turn_s
         found = self.finish()
-        self._slicer.begin(self._stamp_ns)
         self._phase, self._begin = math.nan, None
         return found
 
@@ -176,23 +212,29 @@ class Assembler:
         found = self._end_if_lost(time_ns)
         if self._begin is None:
             self._phase, self._phase_ns = azimuth, time_ns
-            return found + self._record_slices(self._slicer.advance(time_ns))
+            return found
         step = self._step(azimuth, time_ns)
         if step <= 0.0:
             return []
-        before, before_ns = self._phase, self._phase_ns
-        self._phase, self._phase_ns = before + step, time_ns
-        last = math.floor((self._phase + TOLERANCE) / self._width)
+        last = self._last_end(self._phase + step)
         self.counts["sectors_bridged"] += max(last - self._passed - 1, 0)
-        while self._passed < last:
-            self._passed += 1
-            part = (self._passed * self._width - before) / step
-            # The tolerance may put a sector's end before the antenna's previous azimuth.
-            self._ends_ns.append(
-                before_ns + round(min(max(part, 0.0), 1.0) * (time_ns - before_ns))
-            )
+        self._pass(last, step, time_ns)
+        self._phase, self._phase_ns = self._phase + step, time_ns
         hold = self._delay.value if self.hold == LEARNED else self.hold
         return [self._close() for _ in range(len(self._ends_ns) - hold)]
+
+    def _last_end(self, azimuth: float) -> int:
+        """Return the number of the last sector end that the antenna has passed at an azimuth."""
+        return math.floor((azimuth + TOLERANCE) / self._width)
+
+    def _pass(self, last: int, step: float, time_ns: int) -> None:
+        """Count the ends up to number `last` as passed, in a step that ended at a time."""
+        while self._passed < last:
+            self._passed += 1
+            part = (self._passed * self._width - self._phase) / step
+            # The tolerance may put a sector's end before the antenna's previous azimuth.
+            passed_ns = round(min(max(part, 0.0), 1.0) * (time_ns - self._phase_ns))
+            self._ends_ns.append(self._phase_ns + passed_ns)
 
     def _step(self, azimuth: float, time_ns: int) -> float:
         """Return the angle by which the antenna has turned, radians."""
@@ -214,6 +256,9 @@ class Assembler:
         number = self._passed + 1 + math.floor(ahead / self._width + 1e-9)
         insort(self._pending, (number, time_ns, plot), key=_number_of)
         return number
+
+    def _close_all(self) -> list[SectorReport]:
+        return [self._close() for _ in range(len(self._ends_ns))]
 
     def _close(self) -> SectorReport:
         """Return the first sector that is not reported yet, with the plots up to its end."""

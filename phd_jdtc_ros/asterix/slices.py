@@ -111,7 +111,7 @@ class Slicer:
         # End of the last slice sent, the latest time that two messages have reached, and the time
         # of the last message.
         self._sent_ns = 0
-        self._latest_ns = 0
+        self.latest_ns = 0
         self._last_ns: int | None = None
 
     @property
@@ -123,7 +123,7 @@ class Slicer:
         """Add a plot, and return the slices that it completes."""
         found = self.advance(time_ns)
         self.finder.add(plot.azimuth, time_ns)
-        self._delay.add(max(self._latest_ns - time_ns, 0), self._latest_ns)
+        self._delay.add(max(self.latest_ns - time_ns, 0), self.latest_ns)
         self.counts["late_plots"] += time_ns < self._sent_ns
         self.keep(plot, time_ns)
         return found
@@ -133,7 +133,7 @@ class Slicer:
         insort(self._pending, (time_ns, plot), key=_time_of)
         if len(self._pending) > MAX_PENDING:
             # Plots far ahead would wait forever and displace all others.
-            ahead = self._pending[-1][0] > self._latest_ns + SILENCE_NS
+            ahead = self._pending[-1][0] > self.latest_ns + SILENCE_NS
             del self._pending[-1 if ahead else 0]
             self.counts["overflow"] += 1
 
@@ -145,19 +145,24 @@ class Slicer:
             self.counts["overflow"] += 1
 
     def advance(self, time_ns: int) -> list[SectorReport]:
-        """Process the time of a radar's message, and return the slices that it completes.
+        """Process the time of a radar's message, and return the slices that it completes."""
+        found = self.follow(time_ns)
+        return found or self._until(self.latest_ns - round(MARGIN * self._delay.value))
+
+    def follow(self, time_ns: int) -> list[SectorReport]:
+        """Process the time of a message; return the pending slices if times have gone back.
 
         A single message with a wrong time has no effect; two of them have.
         """
         last_ns = time_ns if self._last_ns is None else self._last_ns
         self._last_ns = time_ns
-        if max(last_ns, time_ns) < self._latest_ns - BACK_NS:
+        if max(last_ns, time_ns) < self.latest_ns - BACK_NS:
             found = self.finish()
-            self._sent_ns, self._latest_ns = 0, max(last_ns, time_ns)
+            self._sent_ns, self.latest_ns = 0, max(last_ns, time_ns)
             self.finder.begin_again()
             return found
-        self._latest_ns = max(self._latest_ns, min(last_ns, time_ns))
-        return self._until(self._latest_ns - round(MARGIN * self._delay.value))
+        self.latest_ns = max(self.latest_ns, min(last_ns, time_ns))
+        return []
 
     def take(self) -> list[tuple[int, Plot]]:
         """Remove and return the pending plots, sorted by time."""
@@ -166,21 +171,23 @@ class Slicer:
 
     def begin(self, time_ns: int) -> None:
         """Begin slices at a time until which plots have been reported by sector."""
-        self._sent_ns = max(self._sent_ns, time_ns)
+        # After times have gone back, the reports by sector may be of later times.
+        if time_ns < self.latest_ns + BACK_NS:
+            self._sent_ns = max(self._sent_ns, time_ns)
 
     def finish(self) -> list[SectorReport]:
         """Return the slices of all pending plots.
 
         The last slice includes plots far ahead of all messages, and the plots kept aside.
         """
-        far = bisect_left(self._pending, self._latest_ns + SILENCE_NS, key=_time_of)
+        far = bisect_left(self._pending, self.latest_ns + SILENCE_NS, key=_time_of)
         ahead, self._pending = self._pending[far:], self._pending[:far]
         found = []
         while self._pending:
             found.append(self._next())
         ahead, self._aside = ahead + self._aside, []
         if ahead and not found:
-            self._sent_ns = max(self._sent_ns, self._latest_ns) + 1
+            self._sent_ns = max(self._sent_ns, self.latest_ns) + 1
             found.append(SectorReport(self._sent_ns, None, [], []))
         for time_ns, plot in ahead:
             found[-1].times_ns.append(time_ns)
@@ -201,7 +208,7 @@ class Slicer:
     def _end_ns(self) -> int | None:
         """Return the end of the next slice, None if it depends on the next plot."""
         width_ns = self._width_ns
-        first_ns = self._pending[0][0] if self._pending else self._latest_ns
+        first_ns = self._pending[0][0] if self._pending else self.latest_ns
         if self._sent_ns and first_ns - self._sent_ns < SILENCE_NS:
             return self._sent_ns + width_ns
         if not self._pending:

@@ -99,6 +99,20 @@ def test_north_marks_alone_or_ended_crossings_make_slices_of_time():
     assert found[-1].sector is None
 
 
+@pytest.mark.parametrize("end_deg", [1800.0, 1900.0, 2200.0, 2400.0, 3600.0])
+def test_plots_after_ended_crossings_are_in_slices_of_their_time(end_deg):
+    assembler = Assembler(32)
+    plots = [(float(k), plot(k)) for k in range(0, round(end_deg), 7)]
+    events = sorted([*plots, *crossings(0.0, 1800.0)], key=lambda event: event[0])
+    found = fed(assembler, *events) + assembler.finish()
+    times = [time for report in found for time in report.times_ns]
+    assert sorted(times) == [at(turned) for turned, _ in plots]
+    stamps = [report.stamp_ns for report in found]
+    assert stamps == sorted(set(stamps))
+    assert stamps[-1] < at(end_deg) + NS // 2
+    assert all(abs(report.stamp_ns - time) <= NS for report in found for time in report.times_ns)
+
+
 def test_lost_crossings_are_bridged_and_long_gaps_not_invented():
     events = crossings(0.0, 720.0)
     kept = [event for k, event in enumerate(events) if k not in (3, 4, 30, 31, 32, 40)]

@@ -1,3 +1,5 @@
+import copy
+import itertools
 import math
 
 import asterix_records as made
@@ -170,3 +172,55 @@ def test_radar_position_is_the_reported_one_or_else_the_configured_one():
     fed(stream, [said, made.site(50.25, -8.5, 120.0, sic=3)])
     assert stream.radars[0x102].site == pytest.approx((50.25, -8.5, 120.0), abs=1e-4)
     assert stream.radars[0x103].site == (1.0, 2.0, 3.0)
+
+
+def passing(sectors, delay_s, turns=6, turn_s=4.0):
+    """Return the time of each message, seconds, with its data, as they are sent.
+
+    Plots are sent so much after the antenna has passed them. Without sectors there are only plots.
+    """
+    first_s = 1000.0
+    sent = [
+        (time_s + delay_s, time_s, made.plots(made.plot(time_s * 90.0 % 360.0, time_s)))
+        for time_s in first_s + np.arange(0.05, turns * turn_s, 0.17)
+    ]
+    sent += [
+        (time_s, time_s, made.sector((time_s - first_s) * 90.0 % 360.0, time_s))
+        for time_s in first_s + np.arange(turns * sectors) * turn_s / max(sectors, 1)
+    ]
+    return [(time_s, data) for _, time_s, data in sorted(sent)]
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.3])
+@pytest.mark.parametrize("sectors", [32, 4, 0])
+def test_stream_may_stop_anywhere(sectors, delay_s):
+    messages = passing(sectors, delay_s)
+    stream, before = PlotStream({}), []
+    # After the stop of a radar without sectors its last slice is sent before it is over.
+    open_s = 0.0 if sectors else 0.25
+    for number, (_, data) in enumerate(messages):
+        before += fed(stream, [data])
+        if number < len(messages) - 80:
+            continue
+        paused = copy.deepcopy(stream)
+        last = ended(paused, [])
+        reports = [report for _, report in before + last]
+        latest_s = max(time_s for time_s, _ in messages[: number + 1])
+        stamps_s = [report.stamp_ns / NS for report in reports]
+        assert all(a < b for a, b in itertools.pairwise(stamps_s))
+        assert stamps_s[-1] <= latest_s + open_s + 1 / 128
+        times_s = sorted(time_ns / NS for report in reports for time_ns in report.times_ns)
+        plots_s = [time_s for time_s, data in messages[: number + 1] if data[0] == 48]
+        assert times_s == pytest.approx(plots_s, abs=1 / 128)
+        for _, report in last:
+            assert (report.sector is not None) == bool(sectors)
+            assert all(abs(time - report.stamp_ns) < 1.5 * NS for time in report.times_ns)
+            if sectors:
+                numbers = {int(each.azimuth / math.tau * 32 + 1e-9) for each in report.plots}
+                assert numbers <= {report.sector}
+        # The stream goes on after the stop, with nothing lost or sent twice.
+        after = ended(paused, fed(paused, [data for _, data in messages[number + 1 :]]))
+        stamps_s += [report.stamp_ns / NS for _, report in after]
+        assert all(a < b for a, b in itertools.pairwise(stamps_s))
+        plots = sum(len(report.plots) for _, report in before + last + after)
+        assert plots == sum(data[0] == 48 for _, data in messages)
