@@ -63,13 +63,22 @@ def of_noise(fit: Fit) -> str | None:
         factor, wrong = 1.0 / math.sqrt(fit.ratio_to_expected), "smaller"
     else:
         return None
-    axes = zip(fit.components, fit.axes, strict=True)
-    parameters = (DEVIATIONS.get(each, f"{each}_std") for each in fit.components)
-    deviations = " and ".join(f"{component}s {ratio:.2g}" for component, ratio in axes)
+    parameters = [DEVIATIONS.get(each, f"{each}_std") for each in fit.components]
+    axes = zip(fit.components, fit.axes, parameters, strict=True)
+    deviations = ", ".join(
+        f"{component}s are off by {ratio:.2g} times {parameter}"
+        for component, ratio, parameter in axes
+    )
+    noise = f"{fit.radar}.{' and '.join(parameters)}, or the fields of standard deviations"
+    if fit.noise_too_large and fit.axes.max() > WORSE_NOISE:
+        return (
+            f"innovations contradict the noise: {deviations}, and the predictions are still less "
+            f"certain; check which fields are the {' and the '.join(fit.components)} and their "
+            f"units, and {noise}"
+        )
     return (
-        f"innovations are {factor:.2g} times {wrong} than the noise predicts ({deviations} of its "
-        f"standard deviations); check {fit.radar}.{' and '.join(parameters)}, or the fields of "
-        "standard deviations; tune finds them in a recording"
+        f"innovations are {factor:.2g} times {wrong} than the noise predicts ({deviations}); "
+        f"check {noise}; tune finds them in a recording"
     )
 
 

@@ -42,11 +42,15 @@ class DetectionCounts:
     offered: int = 0
     lost: Counter[str] = field(default_factory=Counter)  # Unused detections by reason
     _reports: int = 0
+    _unreadable: int = 0
+    _details: dict[str, str] = field(default_factory=dict)  # Of the first message, by reason
 
-    def unreadable(self, reason: str) -> None:
+    def unreadable(self, reason: str, detail: str) -> None:
         """Count a message that cannot be read."""
         self.offered += 1
         self.lost[reason] += 1
+        self._unreadable += 1
+        self._details.setdefault(reason, detail)
 
     def read(self, kept: int, dropped: Mapping[str, int]) -> None:
         """Count a message's detections: the kept ones, and the dropped ones by reason."""
@@ -70,13 +74,20 @@ class DetectionCounts:
         if self.offered - lost >= LEAST_USED * self.offered:
             return None
         listed = ", ".join(
-            f"{reason} {count}" + (f" ({PARAMETERS[reason]})" if reason in PARAMETERS else "")
+            f"{reason} {count}{self._hint(reason)}"
             for reason, count in self.lost.most_common(MAX_LISTED)
         )
+        what = "messages" if self._unreadable == self.offered else "detections"
         return (
-            f"{self.offered - lost} of {self.offered} detections could be used; "
+            f"{self.offered - lost} of {self.offered} {what} could be used; "
             f"most frequent reasons: {listed}"
         )
+
+    def _hint(self, reason: str) -> str:
+        """Return what to check for a reason, and what is wrong with the first message."""
+        known = PARAMETERS.get(reason), self._details.get(reason)
+        hint = ": ".join(each for each in known if each)
+        return f" ({hint})" if hint else ""
 
 
 class Tally:
@@ -97,7 +108,8 @@ class Tally:
         """Count a message that is not a valid report."""
         self._silent.discard(radar)
         self.dropped[error.reason] += 1
-        self.detections.unreadable(error.reason)
+        name = self._config.inputs[radar].name
+        self.detections.unreadable(error.reason, f"{name}: {error}")
 
     def on_report(self, radar: int, report: Report) -> None:
         """Count a report's detections, used and dropped."""

@@ -43,10 +43,21 @@ def test_less_than_half_is_reported_with_the_main_reasons_and_their_parameters()
     used = DetectionCounts()
     used.read(20, {"range": 10, "azimuth": 1, "not_finite": 2})
     used.refuse("late", 9)
-    used.unreadable("schema")
+    used.unreadable("schema", "north: no field")
     assert used.fault() == (
         "11 of 34 detections could be used; most frequent reasons: range 10 (min_range, "
         "max_range), late 9 (reorder_s, late_reports), not_finite 2 (fields)"
+    )
+
+
+def test_messages_that_cannot_be_read_are_reported_as_such_with_the_first_ones_fault():
+    tally = Tally(build.resolve({"sensors": ["mast"]}))
+    for _ in range(3):
+        error = RejectedMessageError("frame", "frame_id 'radar', must be 'mast'")
+        tally.on_unreadable(0, error)
+    assert tally.fault() == (
+        "0 of 3 messages could be used; most frequent reasons: frame 3 (frame: mast: frame_id "
+        "'radar', must be 'mast')"
     )
 
 

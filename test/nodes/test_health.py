@@ -155,7 +155,16 @@ def test_noise_that_detections_contradict_is_a_warning_as_long_as_they_do():
     values = diagnostics.values_of(found)
     assert (values["range_innovation"], values["azimuth_innovation"]) == ("40.0", "1.5")
     health.fit = Fit("north", 99, 0.04, 0.09, np.array([0.3, 0.3]), PAIR, noise_too_large=True)
-    assert status(health).message.startswith("innovations are 5 times smaller than")
+    assert status(health).message.startswith(
+        "innovations are 5 times smaller than the noise predicts (ranges are off by 0.3 times "
+        "range_std, azimuths are off by 0.3 times azimuth_std_deg)"
+    )
+    health.fit = health.fit._replace(axes=np.array([0.99, 22.0]))
+    assert status(health).message.startswith(
+        "innovations contradict the noise: ranges are off by 0.99 times range_std, azimuths are "
+        "off by 22 times azimuth_std_deg, and the predictions are still less certain; check which "
+        "fields are the range and the azimuth"
+    )
     health.fit = health.fit._replace(noise_too_large=False)
     assert status(health).level == OK
 
