@@ -9,6 +9,7 @@ from typing import Any
 from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.configuration.sensor_parameters import SensorParameters
+from phd_jdtc_ros.core.intake.scans import Reset
 
 # A radar is worse than configured if it detects targets with less than this share of the configured
 # probability, or if its noise is larger by this factor, each with this many standard deviations.
@@ -36,6 +37,13 @@ def of(sensor: SensorParameters, counts: Mapping[str, int]) -> Iterator[str]:
 def no_amplitude(radar: SensorParameters) -> str:
     """Return the warning about a radar whose messages have no amplitudes."""
     return f"no field {radar.fields.amplitude!r}; classification does not use its amplitudes"
+
+
+def started_again(reset: Reset, jumps: int = 1) -> str:
+    """Return the warning about a jump of the stamps, which is the largest of several `jumps`."""
+    limit = ", more than max_gap_scans" if reset.ahead else ""
+    more = f"; the largest of {jumps} jumps" if jumps > 1 else ""
+    return f"{reset}{limit}: starting again{more}"
 
 
 def turn_found(radar: SensorParameters, turn_s: float) -> str:

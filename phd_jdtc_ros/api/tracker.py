@@ -281,13 +281,13 @@ class _Run:
         yield from (f"{each.name}: silent, without a row" for each in self.tally.silent())
         for radar, text in self.tally.about_radars(self._innovations.fits()):
             yield f"{self.config.inputs[radar].name}: {text}"
-        yield from self.tally.about_targets()
+        yield from self.tally.about_run()
 
     def _keep(self, events: Iterable[Event]) -> None:
         for event in events:
+            self.tally.note_event(event)
             if isinstance(event, RunEnded):
                 self._smoothed += event.smoothed
                 continue
-            self.tally.note_step(event)
             self._filtered += event.step.filtered
             self._smoothed += event.step.smoothed

@@ -13,7 +13,8 @@ from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.sensor_parameters import SensorParameters
 from phd_jdtc_ros.core.intake.poses import PoseFault
-from phd_jdtc_ros.core.pipeline import Stepped
+from phd_jdtc_ros.core.intake.scans import Reset
+from phd_jdtc_ros.core.pipeline import Event, RunEnded
 
 # Least share of used detections for a result that counts as a success.
 LEAST_USED = 0.5
@@ -103,6 +104,7 @@ class Tally:
         self._silent = set(range(len(config.inputs)))  # Sensors without a message
         self._targets_seen, self._overdue = False, 0
         self._figures: Mapping[str, float] = {}
+        self._resets: list[Reset] = []
 
     def on_unreadable(self, radar: int, error: RejectedMessageError) -> None:
         """Count a message that is not a valid report."""
@@ -145,8 +147,11 @@ class Tally:
         """Count a pose that is not used, once for each cause."""
         self.dropped.update({f"pose_{fault.value}" for fault in faults})
 
-    def note_step(self, event: Stepped) -> None:
-        """Record whether targets were found."""
+    def note_event(self, event: Event) -> None:
+        """Record whether targets were found, or that the stamps jumped."""
+        if isinstance(event, RunEnded):
+            self._resets += [] if event.reset is None else [event.reset]
+            return
         self._targets_seen |= event.step.targets > 0
         self._overdue = event.scans_without_targets or self._overdue
         self._figures = event.step.figures
@@ -184,8 +189,14 @@ class Tally:
             return f"nothing to track, without a message on {topics}"
         return self.detections.fault()
 
-    def about_targets(self) -> Iterator[str]:
-        """Yield the warning that no target was ever reported, if there were enough scans for it."""
+    def about_run(self) -> Iterator[str]:
+        """Yield the warnings that the stamps jumped, and that no target was ever reported.
+
+        The latter needs enough scans.
+        """
+        if self._resets:
+            largest = max(self._resets, key=lambda reset: abs(reset.jump_s))
+            yield anomalies.started_again(largest, len(self._resets))
         if self._overdue and not self._targets_seen:
             yield anomalies.no_targets(self._overdue)
 
@@ -194,4 +205,4 @@ class Tally:
         yield from (f"{each.topic}: silent, without a message" for each in self.silent())
         for index, text in self.about_radars(fits):
             yield f"{self._config.inputs[index].topic}: {text}"
-        yield from self.about_targets()
+        yield from self.about_run()

@@ -133,12 +133,12 @@ class OfflineTracker:
 
     def _write(self, events: Iterable[Event]) -> None:
         for event in events:
+            self.tally.note_event(event)
             if isinstance(event, RunEnded):
                 self._write_estimates(SMOOTHED, event.smoothed)
                 continue
             self.scans += 1
             self._last_ns = event.scan.stamp_ns
-            self.tally.note_step(event)
             self._write_estimates(FILTERED, event.step.filtered)
             self._write_estimates(SMOOTHED, event.step.smoothed)
             self.step_ms.append(self._step_clock.take_ms())

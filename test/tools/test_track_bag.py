@@ -102,7 +102,7 @@ def moved(entry, scan, by_s):
 
 
 @pytest.mark.parametrize(("gap_s", "resets"), [(84, 0), (3600, 1)])
-def test_track_bag_starts_again_after_a_long_gap(short_bag, track, tmp_path, gap_s, resets):
+def test_track_bag_starts_again_after_a_long_gap(short_bag, track, tmp_path, faults, gap_s, resets):
     # With the usual 6 s it is 90 s from scan to scan, the 15 intervals that are allowed.
     rewrite(short_bag, tmp_path / "gap", lambda entry: [moved(entry, 4, gap_s)])
     status, out = track(tmp_path / "gap")
@@ -118,6 +118,24 @@ def test_track_bag_starts_again_after_a_long_gap(short_bag, track, tmp_path, gap
     )
     assert before
     assert not resets or (after and min(after) > max(before))
+    jump = f"stamps jumped ahead by {gap_s + 6}.0 s, more than max_gap_scans: starting again"
+    assert (jump in faults()) == bool(resets)
+
+
+@pytest.mark.parametrize(("moves", "more"), [({4: -600}, ""), ({4: -600, 6: -200}, "2")])
+def test_track_bag_names_stamps_that_go_back(short_bag, track, tmp_path, faults, moves, more):
+    def back(entry):
+        # The log time shows the order in which the messages came.
+        for scan, by_s in moves.items():
+            entry = (*moved(entry, scan, by_s)[:2], entry[2])
+        return [entry]
+
+    rewrite(short_bag, tmp_path / "back", back)
+    status, _ = track(tmp_path / "back")
+    assert status == 0
+    first = max(abs(by_s) for by_s in moves.values()) - 6
+    largest = f"; the largest of {more} jumps" if more else ""
+    assert f"stamps jumped back by {first}.0 s: starting again{largest}" in faults()
 
 
 def of_scan_3(topic, log_time):

@@ -247,8 +247,7 @@ class LiveTracker:
     def _end_run(self, event: RunEnded) -> None:
         """Publish the pending smoothed estimates, and begin a new run."""
         if event.reset is not None:
-            limit = ", more than max_gap_scans" if event.reset.ahead else ""
-            self._node.get_logger().warning(f"{event.reset}{limit}: starting again")
+            self._node.get_logger().warning(anomalies.started_again(event.reset))
             self._step_health.epoch += 1
         for smoothed in event.smoothed:
             self._outputs.publish(SMOOTHED, smoothed.stamp_ns, smoothed)
