@@ -18,7 +18,15 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_geometry import MIN_RANGE
 from phd_jdtc_ros.core.sensors.sensor import Sensor
 
-from .tables import Columns, numbers, require_column, rows_by_stamp, stamps_ns
+from .tables import (
+    Columns,
+    numbers,
+    place_of,
+    require_column,
+    rows_by_stamp,
+    rows_of,
+    stamps_ns,
+)
 
 # Columns of positions, and of their standard deviation, which replace ranges and azimuths.
 POSITION, POSITION_STD = ("x", "y"), "position_std"
@@ -46,7 +54,7 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[RadarReport]:
         if not len(rows):
             continue
         radar = config.radars[index]
-        sent = _columns_of({name: column[rows] for name, column in columns.items()}, config, index)
+        sent = _columns_of(rows_of(columns, rows), config, index)
         timed = radar.fields.time == TIME
         stamp_ns = _ends_ns(time_ns[rows], radar) if timed else time_ns[rows]
         parts = {int(stamp_ns[part[0]]): part for part in rows_by_stamp(stamp_ns)}
@@ -76,7 +84,8 @@ def _rows_of_radars(columns: Columns, radars: Sequence[RadarParameters]) -> Iter
     if unknown.any():
         row = int(np.argmax(unknown))
         raise ValueError(
-            f"radar: {str(name[row])!r} in row {row + 1}, must be one of {', '.join(known)}"
+            f"radar: {str(name[row])!r} in {place_of(columns, row)}, must be one of "
+            f"{', '.join(known)}"
         )
     for each in known:
         yield np.flatnonzero(name == each)

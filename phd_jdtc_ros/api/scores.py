@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,7 @@ from phd_jdtc_ros.core.types import COASTING
 from phd_jdtc_ros.evaluation.comparison import ALL, PairedScan, PointSet
 from phd_jdtc_ros.evaluation.run_scores import RunScores
 from phd_jdtc_ros.evaluation.true_tracks import TrueTracks
+from phd_jdtc_ros.quoting import short
 
 from .tables import (
     STATES,
@@ -19,10 +22,14 @@ from .tables import (
     Table,
     columns_of,
     numbers,
+    place_of,
     require_column,
     rows_by_stamp,
     stamps_ns,
 )
+
+# Largest order p of OSPA and GOSPA.
+MOST_ORDER = 100.0
 
 
 def evaluate(
@@ -62,9 +69,13 @@ def evaluate(
     ValueError
         If a table is invalid, the truth does not span a time, or tracks have other times.
     """
-    if not (np.isfinite(cutoff) and cutoff > 0.0):
-        raise ValueError(f"cutoff: {cutoff} given, must be a number above 0")
+    if not (_is_number(cutoff) and cutoff > 0.0):
+        raise ValueError(f"cutoff: {short(repr(cutoff))} given, must be a number above 0")
+    if not (_is_number(order) and 1.0 <= order <= MOST_ORDER):
+        raise ValueError(f"order: {short(repr(order))} given, must be from 1 to {MOST_ORDER:g}")
     true, found = columns_of(truth), columns_of(tracks)
+    for table, columns in (("truth", true), ("tracks", found)):
+        _require_finite(table, columns)
     names = _class_names(true, found)
     samples, estimates = _by_stamp(true, names), _by_stamp(found, names)
     known = TrueTracks()
@@ -88,6 +99,22 @@ def evaluate(
             raise ValueError(f"truth: unknown at {stamp_ns / 1e9} s, must span all times")
         run.add(PairedScan.of(stamp_ns, targets, estimates.get(stamp_ns, none), cutoff))
     return {**run.figures()[ALL], "scans": run.scans}
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, Real) and math.isfinite(value)
+
+
+def _require_finite(table: str, columns: Columns) -> None:
+    """Raise `ValueError` if a position is unknown."""
+    for name in ("x", "y"):
+        unknown = ~np.isfinite(numbers(columns, name))
+        if unknown.any():
+            row = int(np.argmax(unknown))
+            raise ValueError(
+                f"{table}: {name} is {short(str(columns[name][row]))!r} in "
+                f"{place_of(columns, row)}, must be finite"
+            )
 
 
 def _class_names(*tables: Columns) -> list[str]:

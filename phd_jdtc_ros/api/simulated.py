@@ -19,6 +19,7 @@ from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Truth
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
+from phd_jdtc_ros.quoting import short
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, check_sites, truth_and_reports
@@ -57,6 +58,8 @@ def simulate(
     ConfigError
         A ValueError with all faults of the scenario.
     """
+    if not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise ConfigError([f"seed: {short(repr(seed))} given, must be a whole number from 0 on"])
     document = _document(scenario)
     config = _config(from_arguments.scenario_parameters(document))
     radars = polar_radars(config.model.radars)
@@ -75,8 +78,20 @@ def _document(scenario: Mapping[str, Any] | str | os.PathLike[str] | None) -> An
     if scenario is None or isinstance(scenario, Mapping):
         return scenario
     path = Path(scenario)
+    if len(path.parts) != 1:
+        return yaml_files.load(path)
     shipped = resources.find(SHIPPED / f"{path}.yaml")
-    return yaml_files.load(shipped if len(path.parts) == 1 and shipped.is_file() else path)
+    if shipped.is_file():
+        return yaml_files.load(shipped)
+    if not path.suffix and not os.path.exists(path):
+        names = sorted(file.stem for file in resources.find(SHIPPED).glob("*.yaml"))
+        raise ConfigError(
+            [
+                f"scenario: {short(repr(str(path)))} given, must be a mapping, the path of a file, "
+                f"or one of {', '.join(names)}"
+            ]
+        )
+    return yaml_files.load(path)
 
 
 def _config(parameters: Mapping[str, Any]) -> TrackerConfig:

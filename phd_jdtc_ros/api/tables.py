@@ -27,6 +27,37 @@ STATES = {TENTATIVE: "tentative", CONFIRMED: "confirmed", COASTING: "coasting"}
 LATEST_S = 9.2e9
 
 
+class Located(dict[str, Column]):
+    """Columns that know where their rows come from."""
+
+    def __init__(self, columns: Columns, places: IntArray, path: Path | None = None) -> None:
+        super().__init__(columns)
+        self.places = places  # Lines of a file, or rows of a larger table, from 1 on
+        self.path = path  # The file; None for rows of a table
+
+
+def rows_of(columns: Columns, rows: IntArray) -> Columns:
+    """Return some rows of columns."""
+    own = {name: column[rows] for name, column in columns.items()}
+    if isinstance(columns, Located):
+        return Located(own, columns.places[rows], columns.path)
+    return Located(own, rows + 1)
+
+
+def with_column(columns: Columns, name: str, column: Column) -> Columns:
+    """Return columns with another one of a name, at the same places."""
+    own = {**columns, name: column}
+    return Located(own, columns.places, columns.path) if isinstance(columns, Located) else own
+
+
+def place_of(columns: Columns, row: int) -> str:
+    """Return the words for the place of a row, as the user counts."""
+    if not isinstance(columns, Located):
+        return f"row {row + 1}"
+    number = columns.places[row]
+    return f"row {number}" if columns.path is None else f"line {number} of {columns.path}"
+
+
 def columns_of(table: Table) -> Columns:
     """Return a table's columns by name, all of equal length; a CSV file has a header line.
 
@@ -59,21 +90,24 @@ def _names(table: Table) -> list[Any] | None:
 def _read_csv(path: Path) -> Columns:
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
-            rows = [row for row in csv.reader(stream) if row]
+            reader = csv.reader(stream)
+            numbered = [(reader.line_num, row) for row in reader if row]
     except (UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f"{path}: {error}; must be a CSV file in UTF-8") from error
-    if not rows:
+    if not numbered:
         raise ValueError(f"{path}: is empty, must have a line of names and lines of values")
+    lines, rows = zip(*numbered, strict=True)
     names = [name.strip() for name in rows[0]]
     # Several columns may have no name, because such columns are not used.
     repeated = [name for name, count in Counter(names).items() if name and count > 1]
     if repeated:
         raise ValueError(f"{path}: {', '.join(map(repr, repeated))} names several columns")
-    for line, row in enumerate(rows[1:], start=2):
+    for line, row in numbered[1:]:
         if len(row) != len(names):
-            raise ValueError(f"{path}: row {line} has {len(row)} values, must have {len(names)}")
+            raise ValueError(f"{path}: line {line} has {len(row)} values, must have {len(names)}")
     values = np.array(rows[1:], dtype=np.str_).reshape(-1, len(names))
-    return {name: np.char.strip(values[:, index]) for index, name in enumerate(names)}
+    columns = {name: np.char.strip(values[:, index]) for index, name in enumerate(names)}
+    return Located(columns, np.array(lines[1:], dtype=np.int64), path)
 
 
 def numbers(columns: Columns, name: str) -> FloatArray:
@@ -89,7 +123,7 @@ def numbers(columns: Columns, name: str) -> FloatArray:
     try:
         return column.astype(np.float64)
     except (TypeError, ValueError):
-        raise _invalid(name, column, float, "a number") from None
+        raise _invalid(name, column, columns, float, "a number") from None
 
 
 def require_column(columns: Columns, name: str) -> Column:
@@ -110,21 +144,21 @@ def stamps_ns(columns: Columns, name: str = "time") -> IntArray:
     """
     column = require_column(columns, name)
     if column.dtype.kind in "US" and not _all_numbers(column):
-        column = _dates(name, column)
+        column = _dates(name, columns)
     elif column.dtype.kind == "O":
         column = np.array([_since_1970(value) for value in column.tolist()], dtype=object)
     if column.dtype.kind == "M":
         micros = column.astype("datetime64[us]").astype(np.int64)
         bad = (micros < 0) | (micros > LATEST_S * 1e6)
     else:
-        seconds = numbers({name: column}, name)
+        seconds = numbers(with_column(columns, name, column), name)
         bad = ~((seconds >= 0.0) & (seconds <= LATEST_S))
         micros = np.rint(np.where(bad, 0.0, seconds) * 1e6).astype(np.int64)
     if bad.any():
         row = int(np.argmax(bad))
         raise ValueError(
-            f"{name}: {str(column[row])!r} in row {row + 1}, must be a time from 0 s on: seconds "
-            "or a date since 1970"
+            f"{name}: {str(column[row])!r} in {place_of(columns, row)}, must be a time from 0 s "
+            "on: seconds or a date since 1970"
         )
     stamps: IntArray = 1000 * micros
     return stamps
@@ -145,34 +179,56 @@ def _since_1970(value: Any) -> Any:
 
 
 def _all_numbers(column: Column) -> bool:
+    """Return whether all texts are numbers or empty."""
     try:
-        column.astype(np.float64)
+        np.where(column == "", "nan", column).astype(np.float64)
     except ValueError:
         return False
     return True
 
 
-def _dates(name: str, column: Column) -> Column:
+def _dates(name: str, columns: Columns) -> Column:
     """Convert texts to dates; a Z at the end is dropped, because UTC is the default."""
+    column = columns[name]
 
     def date(text: str) -> np.datetime64:
         return np.datetime64(text.removesuffix("Z"), "ns")
 
+    def either(text: str) -> None:
+        try:
+            float(text)
+        except ValueError:
+            date(text)
+
     try:
         return np.array([date(text) for text in column.tolist()], dtype="datetime64[ns]")
     except ValueError:
-        raise _invalid(
-            name, column, date, "seconds or a date such as 2026-01-31T12:00:00.5"
-        ) from None
+        # A text that is no time at all is at fault before one that differs from the first.
+        usual = float if _all_numbers(column[:1]) else date
+        what = "seconds or a date such as 2026-01-31T12:00:00.5, as all in its column"
+        raise _invalid(name, column, columns, either, what, usual) from None
 
 
-def _invalid(name: str, column: Column, convert: Callable[[Any], Any], what: str) -> ValueError:
-    """Return the error that names the first value of a column that `convert` rejects."""
-    for row, value in enumerate(column.tolist(), start=1):
+def _invalid(
+    name: str,
+    column: Column,
+    columns: Columns,
+    convert: Callable[[Any], Any],
+    what: str,
+    otherwise: Callable[[Any], Any] | None = None,
+) -> ValueError:
+    """Return the error that names the first value of a column that `convert` rejects.
+
+    If it rejects none, `otherwise` does.
+    """
+    for row, value in enumerate(column.tolist()):
         try:
             convert(value)
         except (TypeError, ValueError):
-            return ValueError(f"{name}: {short(repr(value))} in row {row}, must be {what}")
+            place = place_of(columns, row)
+            return ValueError(f"{name}: {short(repr(value))} in {place}, must be {what}")
+    if otherwise is not None:
+        return _invalid(name, column, columns, otherwise, what)
     return ValueError(f"{name}: {column.dtype} given, must be {what}")
 
 

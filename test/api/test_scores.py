@@ -62,6 +62,9 @@ def test_evaluate_interpolates_the_truth_at_given_times():
         ({"time": TRUTH["time"] + 0.5}, {}, "tracks: 40 of 40 times, such as 10.5"),
         ({}, {"times": [*TRUTH["time"], 100.0]}, "truth: unknown at 100.0 s"),
         ({}, {"cutoff": 0.0}, "cutoff: 0.0 given, must be a number above 0"),
+        ({}, {"cutoff": "x"}, "cutoff: 'x' given, must be a number above 0"),
+        ({}, {"order": 0.5}, "order: 0.5 given, must be from 1 to 100"),
+        ({"y": np.where(TRUTH["time"] == 11.0, np.nan, 0.0)}, {}, "tracks: y is 'nan' in row 3, "),
     ],
 )
 def test_evaluate_reports_what_does_not_fit(change, arguments, said):

@@ -81,10 +81,17 @@ def test_simulate_gives_plots_of_turning_antennas_their_own_times():
     ("scenario", "said"),
     [
         ("coastal_ship", "platform: given, must be absent"),
-        ("no_such", "no_such: cannot be read"),
+        ("no_such", "scenario: 'no_such' given, must be .* one of approach_hour, automotive, "),
+        ("no_such.yaml", "no_such.yaml: cannot be read"),
         ({"scans": -1}, "scans: -1"),
     ],
 )
 def test_simulate_reports_what_does_not_fit(scenario, said):
     with pytest.raises(ConfigError, match=said):
         simulate(scenario, seed=0)
+
+
+@pytest.mark.parametrize("seed", [-1, "x", 1.5])
+def test_simulate_names_a_seed_that_is_none(seed):
+    with pytest.raises(ConfigError, match=r"seed: .* given, must be a whole number from 0 on"):
+        simulate("one_radar", seed=seed)

@@ -5,7 +5,9 @@ from datetime import datetime, timedelta, timezone
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.api.tables import columns_of, numbers, stamps_ns
+from phd_jdtc_ros.api.parameters import Parameters
+from phd_jdtc_ros.api.reports import reports_of
+from phd_jdtc_ros.api.tables import columns_of, numbers, rows_of, stamps_ns
 
 
 class Frame:
@@ -71,7 +73,7 @@ def test_columns_of_reports_what_does_not_fit(table, said):
     ("text", "said"),
     [
         (b"", "is empty"),
-        (b"time,range\n1,2\n3\n", "row 3 has 1 values, must have 2"),
+        (b"time,range\n1,2\n3\n", "line 3 has 1 values, must have 2"),
         (b"time,range,range,,\n1,2,3,,\n", "'range' names several columns"),
         ("time,d\u00e9tection\n".encode("latin-1"), ".*; must be a CSV file in UTF-8"),
         ("time,range\n".encode("utf-16"), ".*; must be a CSV file in UTF-8"),
@@ -84,6 +86,35 @@ def test_csv_that_is_no_table_is_named_with_its_row(tmp_path, text, said):
 
     with pytest.raises(ValueError, match=f"detections.csv: {said}"):
         columns_of(path)
+
+
+NINE = "".join(f"1700000000.{k},north,2.0\n" for k in range(9))
+
+
+@pytest.mark.parametrize(
+    ("lines", "said"),
+    [
+        (NINE + "soon,north,2.0\n", "time: 'soon' in line 12 of .*csv, must be seconds or a date"),
+        (NINE + "2026-01-01,north,2.0\n", "time: '2026-01-01' in line 12 of .*csv, must be"),
+        (NINE + ",north,2.0\n", "time: '' in line 12 of .*csv, must be a time from 0 s on"),
+        (NINE + "-1,north,2.0\n", "time: '-1' in line 12 of .*csv, must be a time from 0 s on"),
+        (NINE + "1.0,south,x\n", "range: 'x' in line 12 of .*csv, must be a number"),
+        (NINE + "1.0,east,2.0\n", "radar: 'east' in line 12 of .*csv, must be one of north, south"),
+    ],
+)
+def test_values_of_a_csv_are_named_by_their_lines(tmp_path, lines, said):
+    path = tmp_path / "detections.csv"
+    path.write_text("time,radar,range,azimuth\n\n" + lines.replace("\n", ",0.0\n"))
+    config = Parameters.of({"sensors": ["north", "south"]}).config(incomplete=True)
+
+    with pytest.raises(ValueError, match=said):
+        reports_of(columns_of(path), config)
+
+
+def test_rows_of_one_radar_are_named_by_the_rows_of_the_whole_table():
+    table = columns_of({"range": ["1.0", "2.0", "far"]})
+    with pytest.raises(ValueError, match="range: 'far' in row 3, must be a number"):
+        numbers(rows_of(table, np.array([0, 2])), "range")
 
 
 @pytest.mark.parametrize(
