@@ -33,6 +33,7 @@ class RecordedPlots:
 
     plots: dict[str, Plots | None]  # None if a radar has no usable messages
     dropped: dict[str, Counter[str]]  # Unused messages and points, by reason
+    offered: dict[str, int]  # Number of usable detections, of which `plots` may be the first
     damage: BagError | None = None  # Damage of the bag; all intact messages were used
 
 
@@ -59,6 +60,10 @@ def read(
             for radar, own in zip(inputs, reports, strict=True)
         },
         {radar.name: count for radar, count in zip(inputs, dropped, strict=True)},
+        {
+            radar.name: sum(len(found) for _, found in own)
+            for radar, own in zip(inputs, reports, strict=True)
+        },
         intact.damage,
     )
 

@@ -52,12 +52,20 @@ def _work(arguments: argparse.Namespace) -> int:
     )
     config = tracker_params.config(given)
     recorded = recorded_plots.read(bag, config, arguments.seconds)
+    console = Console()
+    for radar, plots in recorded.plots.items():
+        if plots is not None and len(plots) < recorded.offered[radar]:
+            console.print(
+                f"{radar}: the first {len(plots)} of {recorded.offered[radar]} detections are "
+                "used, which take minutes",
+                soft_wrap=True,
+                highlight=False,
+            )
     found = recorded_plots.findings_of(source, recorded)
     # Without a parameter file, the convention is the only setting that was assumed.
     assumed = [f"{radar.name}.azimuth_convention" for radar in config.inputs]
     now = config.values if where else {name: config.values[name] for name in assumed}
     rows = {radar: proposal.rows(each, now, radar) for radar, each in found.items()}
-    console = Console()
     for radar, each in found.items():
         topic = next(entry.topic for entry in config.inputs if entry.name == radar)
         console.print(_table(radar, topic, each, rows[radar], recorded))

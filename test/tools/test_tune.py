@@ -1,5 +1,6 @@
 """The command that proposes a configuration from a recording."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -70,6 +71,16 @@ def test_tune_recognises_a_radar_by_its_fields(unknown, tmp_path, capsys):
     assert not read.dropped["radar_1"]
     assert len(read.plots["radar_1"].cloud_s) == 11
     assert capsys.readouterr().err == ""
+
+
+def test_tune_says_if_it_uses_only_the_first_detections(monkeypatch, capsys):
+    read = recorded_plots.read
+    monkeypatch.setattr(recorded_plots, "read", lambda *given: read(*given, most=900))
+    assert tune("one_radar") == 0
+    (said,) = [line for line in capsys.readouterr().out.splitlines() if "detections are" in line]
+    assert re.fullmatch(
+        r"radar_1: the first 9\d\d of \d{4} detections are used, which take minutes", said
+    )
 
 
 def test_tune_reports_what_a_recording_lacks(short_bag, tmp_path, capsys):
