@@ -8,6 +8,7 @@ and the descriptors of ROS follow; `build` makes an instance of the class from c
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
@@ -28,6 +29,7 @@ MIN_SIMILARITY = 0.8
 # Largest number of unknown names for which suggestions are searched: more mean that the file is for
 # another program, and each search takes time.
 MAX_SUGGESTIONS = 20
+_DIGITS = re.compile(r"\d+")
 _NO_NAMES: Mapping[str, str] = MappingProxyType({})
 # Key of a parameter in the metadata of its field.
 _DECLARED = "parameter"
@@ -308,13 +310,29 @@ def name_faults(
 
 
 def _question(name: str, known: Iterable[str]) -> str:
-    """Return a question for the most similar name of the same group, empty without one."""
+    """Return a question for the most similar name of the same group, empty without one.
+
+    A name with a mistyped group is searched in the similar groups.
+    """
     group = name.rpartition(".")[0]
     near = [each for each in known if each.rpartition(".")[0] == group]
     found = get_close_matches(name, sorted(near), 1, MIN_SIMILARITY)
     # Swapped letters make a short name less similar than that.
     found = found or [each for each in sorted(near) if sorted(each) == sorted(name)]
+    found = found or [each for each in sorted(known) if _is_mistyped_group(name, each)]
     return f", did you mean {found[0]}?" if found else ""
+
+
+def _is_mistyped_group(name: str, meant: str) -> bool:
+    """Return whether two names differ only in the letters of similar groups.
+
+    Groups that differ in their numbers are different ones, as radar_1 and radar_3.
+    """
+    group, _, member = name.rpartition(".")
+    other, _, other_member = meant.rpartition(".")
+    if not group or member != other_member or _DIGITS.findall(group) != _DIGITS.findall(other):
+        return False
+    return bool(get_close_matches(group, [other], 1, MIN_SIMILARITY))
 
 
 def check(

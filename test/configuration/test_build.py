@@ -81,6 +81,11 @@ def test_resolve_lists_every_fault_at_once_with_name_value_and_what_is_allowed()
             "radar_2.rang_std",
             "radar_2.rang_std: unknown parameter, did you mean radar_2.range_std?",
         ),
+        (
+            "radr_2.range_std",
+            "radr_2.range_std: unknown parameter, did you mean radar_2.range_std?",
+        ),
+        ("radr_2.lag", "radr_2.lag: unknown parameter"),
         ("radar_3.range_std", "radar_3.range_std: unknown parameter"),
         ("survival", "survival: unknown parameter"),
     ],

@@ -79,7 +79,7 @@ def test_node_refuses_stray_words_and_what_is_no_time_to_go_by(processes, tmp_pa
 
     assert status == 2
     assert text.splitlines()[-1] == (
-        f"{name}: error: unrecognized arguments: --params-file {tmp_path / 'p.yaml'}"
+        f"{name}: --params-file: is a ROS argument, must follow --ros-args"
     )
     words = NODES[name][:1]
     status, text = processes.run(name, *words, "--ros-args", "-p", "use_sim_time:=5")

@@ -13,6 +13,8 @@ from phd_jdtc_ros.parameter_files import sections, yaml_files
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
 _EXAMPLES = "--ros-args -p NAME:=VALUE, --params-file FILE, -r FROM:=TO, -r __ns:=/NAME"
+# ROS arguments that are refused with advice where they are given as others.
+_OF_ROS = ("-p", "--param", "--params-file", "-r", "--remap", "--log-level", "-e", "--enclave")
 # rcl's names of arguments that it cannot parse, with their valid forms.
 _FORMS = {
     "parameter override rule": "-p NAME:=VALUE",
@@ -40,15 +42,23 @@ def check(name: str, purpose: str, argv: Sequence[str]) -> tuple[ParameterFile, 
     return files
 
 
-def split(name: str, argv: Sequence[str]) -> tuple[list[str], tuple[ParameterFile, ...]]:
+def split(
+    name: str, argv: Sequence[str], own: Sequence[str] = ()
+) -> tuple[list[str], tuple[ParameterFile, ...]]:
     """Return the other arguments, and the parameter files of the ROS arguments.
+
+    `own` has the options of the program that ROS has too.
 
     Raise `SystemExit` with status 2 after a line for each fault of the ROS arguments.
     """
     try:
         # Files are checked first, because rcl does not name the fault of a file.
         files = sections.given_in(argv)
-        return remove_ros_args([name, *argv])[1:], files
+        others = remove_ros_args([name, *argv])[1:]
+        misplaced = [word for word in others if word in _OF_ROS and word not in own]
+        if misplaced:
+            raise ConfigError([f"{misplaced[0]}: is a ROS argument, must follow --ros-args"])
+        return others, files
     except ConfigError as error:
         raise SystemExit(fail(name, error)) from error
     except Exception as error:  # rclpy's own type for this is private

@@ -148,7 +148,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--recording", type=Path, required=True, help="of ASTERIX")
     parser.add_argument("--send", required=True, type=udp.address, metavar="HOST:PORT")
     parser.add_argument("--params-file", type=Path, required=True, help="of the tracker")
-    others, _ = arguments.split(NAME, argv)
+    others, _ = arguments.split(NAME, argv, own=["--params-file"])
     given, flags = parser.parse_known_args(others)
     make = partial(AsterixPlayer, given, sensor_replay.flags(flags))
     return runtime.run(NAME, make, argv[len(others) :])
