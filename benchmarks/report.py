@@ -13,6 +13,7 @@ from phd_jdtc_ros.report.table import simple_table
 
 from . import late
 from .recursion import FORMS, GAUSSIAN, PARTICLES, PARTS
+from .steps import PAPER
 from .turning import ONE_CLOUD
 
 # Counts in the table of a step, by engine.
@@ -126,7 +127,8 @@ def _steps(scenes: Mapping[str, Any]) -> Iterator[Table]:
             if form in found["engines"]
         }
         title = f"the whole step, engine {form}, CPU medians in ms"
-        table = simple_table(title, ["part", *columns], caption=STEPS_CAPTIONS[engine])
+        caption = STEPS_CAPTIONS[engine] if PAPER in columns else ""
+        table = simple_table(title, ["part", *columns], caption=caption)
         for part in ("step", *PARTS[engine]):
             cells = [f"{of['times'][part]['median_ms']:.1f}" for _, of in columns.values()]
             table.add_row(part, *cells, end_section=part == "step")
