@@ -28,6 +28,7 @@ CORRECTIONS = {
 STEPS = {
     "particles": "particles",
     "gaussian": "Gaussians",
+    "gaussian, accuracy fast": "with accuracy: fast",
 }
 # Between the labels of lines that end near each other, points.
 APART = 13.0
