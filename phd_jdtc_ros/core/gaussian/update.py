@@ -94,7 +94,7 @@ class PriorMixture:
     @property
     def missed_mass(self) -> FloatArray:
         """Weight of each hypothesis without a detection, shape (H,)."""
-        return sum_modes(self.mixture.weight * (1.0 - self.detectable))
+        return sum_modes(self.mixture.weight * (1.0 - self.detection_probability))
 
     @property
     def measured(self) -> FloatArray:
@@ -111,15 +111,15 @@ class PriorMixture:
         return measured
 
     @cached_property
-    def detectable(self) -> FloatArray:
+    def detection_probability(self) -> FloatArray:
         """Probability that each Gaussian is detected, shape (H, R, C)."""
-        detectable, sector = self._in_turn, self.report.detections.coverage
+        probability, sector = self._in_turn, self.report.detections.coverage
         if sector is not None:
             measured, measured_before = self._measured_in(sector), self._measured_before
             if measured_before is not None:
                 measured = EarlierSectors.only_in(measured, measured_before)
-            detectable = detectable * measured
-        return detectable if self._unseen is None else detectable * self._unseen
+            probability = probability * measured
+        return probability if self._unseen is None else probability * self._unseen
 
     @cached_property
     def _probability(self) -> DetectionProbability:
@@ -200,7 +200,9 @@ class PriorMixture:
         gated = PairLikelihoods(
             pairs.row, pairs.column, coarse, amplitudes.largest, factor, log_other
         )
-        kept, amplitude = select_likely(self.mixture, self.detectable, gated, amplitudes.relative)
+        kept, amplitude = select_likely(
+            self.mixture, self.detection_probability, gated, amplitudes.relative
+        )
         if len(kept) < len(factor):
             pairs, factor = pairs.take(kept), factor.take(kept)
             evidence = None if evidence is None else evidence.take(kept)
@@ -213,7 +215,7 @@ class PriorMixture:
             pairs.row, pairs.column, exact, amplitudes.largest, factor, log_other
         )
         association = associate(
-            self.mixture, self.detectable, amplitude, likelihoods, self.steps.bounds
+            self.mixture, self.detection_probability, amplitude, likelihoods, self.steps.bounds
         )
         return Posterior(
             rows=self._branch(association, update, amplitudes),
@@ -260,13 +262,21 @@ class PriorMixture:
         """
         mixture, source, pair = self.mixture, association.source, association.kept_pair
         gaussians = update.updated_gaussians(mixture, source, pair)
-        after_misses = after_miss(mixture, self.expected, self.report.sensor, self.detectable)
+        after_misses = after_miss(
+            mixture, self.expected, self.report.sensor, self.detection_probability
+        )
         if after_misses is not None:
             missed = pair < 0
             for updated, after in zip(gaussians, after_misses, strict=True):
                 updated[missed] = after[source[missed]]
         probability = self._probability
-        columns = mixture.snr, mixture.weight, self.detectable, probability.cell, probability.mean
+        columns = (
+            mixture.snr,
+            mixture.weight,
+            self.detection_probability,
+            probability.cell,
+            probability.mean,
+        )
         snr = snr_after(*columns, amplitudes.relative, source, pair, association.claims.column)
         mean, covariance = gaussians
         branched = mixture.changed(

@@ -106,7 +106,7 @@ class PriorParticles:
     @property
     def missed_mass(self) -> FloatArray:
         """Weight of each particle times its probability of a missed detection, shape (N,)."""
-        return self.particles.weight * (1.0 - self.detectable)
+        return self.particles.weight * (1.0 - self.detection_probability)
 
     @cached_property
     def _all_measured(self) -> FloatArray:
@@ -124,15 +124,15 @@ class PriorParticles:
         return self.measured[np.unique(self.target, return_index=True)[1]]
 
     @cached_property
-    def detectable(self) -> FloatArray:
+    def detection_probability(self) -> FloatArray:
         """Probability that each particle is detected, shape (N,)."""
-        detectable, sector = self._in_turn, self.report.detections.coverage
+        probability, sector = self._in_turn, self.report.detections.coverage
         if sector is not None:
             measured, measured_before = self._measured_in(sector), self._measured_before
             if measured_before is not None:
                 measured = EarlierSectors.only_in(measured, measured_before)
-            detectable = detectable * measured
-        return detectable if self._unseen is None else detectable * self._unseen
+            probability = probability * measured
+        return probability if self._unseen is None else probability * self._unseen
 
     @cached_property
     def _in_turn(self) -> FloatArray:
@@ -234,7 +234,7 @@ class PriorParticles:
             column=column,
             mass=particles.weight.take(row) * scaled,
             other=sources.total,
-            detection_probability=self.detectable,
+            detection_probability=self.detection_probability,
         )
         corrected = self.steps.corrector.correct(particles, claims)
         return Posterior(

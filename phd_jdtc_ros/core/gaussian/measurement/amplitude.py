@@ -131,7 +131,7 @@ class Amplitudes(NamedTuple):
 def snr_after(
     snr: Float3,
     weight: Float3,
-    detectable: Float3,
+    detection_probability: Float3,
     cell_probability: Float2,
     mean_probability: Float2,
     relative: Float3,
@@ -145,7 +145,7 @@ def snr_after(
     ----------
     snr : array of shape (H, C, S)
         The probabilities before.
-    weight, detectable : arrays of shape (H, R, C)
+    weight, detection_probability : arrays of shape (H, R, C)
         Weights before, and probabilities of detection, of each Gaussian and class.
     cell_probability, mean_probability : arrays of shape (C, S) and (H, C)
         See `DetectionProbability`.
@@ -165,7 +165,8 @@ def snr_after(
             for mode in range(weight.shape[1]):
                 mass += weight[hypothesis, mode, class_id]
                 detected += (
-                    weight[hypothesis, mode, class_id] * detectable[hypothesis, mode, class_id]
+                    weight[hypothesis, mode, class_id]
+                    * detection_probability[hypothesis, mode, class_id]
                 )
             detected /= mass if mass > 0.0 else 1.0
             detected /= max(mean_probability[hypothesis, class_id], TINY)

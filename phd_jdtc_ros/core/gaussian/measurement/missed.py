@@ -48,13 +48,13 @@ def _partial_moments_within(limits: FloatArray, mean: FloatArray, std: FloatArra
 
 
 def after_miss(
-    mixture: Mixture, expected: Expected, sensor: Sensor, detectable: FloatArray
+    mixture: Mixture, expected: Expected, sensor: Sensor, detection_probability: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
     """Return the means and covariances after a miss, (H, R, D) and (H, R, D, D).
 
     Parameters
     ----------
-    detectable : array of shape (H, R, C)
+    detection_probability : array of shape (H, R, C)
         Probability that each Gaussian is detected.
 
     Returns
@@ -85,8 +85,10 @@ def after_miss(
         return None
     axis = smaller_part[:, rows].argmax(axis=0)
     mass_inside, first, second = partial_moments[axis, :, rows].T
-    weight, detectable = (part.reshape(size, -1)[rows] for part in (mixture.weight, detectable))
-    detected = np.average(detectable, axis=1, weights=weight)
+    weight, detection_probability = (
+        part.reshape(size, -1)[rows] for part in (mixture.weight, detection_probability)
+    )
+    detected = np.average(detection_probability, axis=1, weights=weight)
     probability = np.minimum(detected / mass_inside, 1.0)
     missed = 1.0 - probability * mass_inside
     shift = -probability * first / missed

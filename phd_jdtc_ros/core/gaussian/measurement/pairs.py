@@ -136,7 +136,7 @@ def _write_pair_weight(
 def _write_missed_weight(
     hypothesis: int,
     prior: FloatArray,
-    detectable: FloatArray,
+    detection_probability: FloatArray,
     factor: float,
     row: int,
     weight: FloatArray,
@@ -150,7 +150,7 @@ def _write_missed_weight(
         total = 0.0
         for class_id in range(prior.shape[2]):
             missed = prior[hypothesis, mode, class_id] * (
-                1.0 - detectable[hypothesis, mode, class_id]
+                1.0 - detection_probability[hypothesis, mode, class_id]
             )
             weight[row, mode, class_id] = factor * missed
             total += factor * missed
@@ -241,7 +241,7 @@ def _select_likely(
     target_of: Int1,
     existence: Float1,
     weight: Float3,
-    detectable: Float3,
+    detection_probability: Float3,
     snr: Float3,
     relative: Float3,
     row: Int1,
@@ -283,7 +283,7 @@ def _select_likely(
         selection.alternatives[target] = 1.0 - existence[target]
     for hypothesis in range(len(target_of)):
         selection.alternatives[target_of[hypothesis]] += _write_missed_weight(
-            hypothesis, weight, detectable, 1.0, 0, selection.weight
+            hypothesis, weight, detection_probability, 1.0, 0, selection.weight
         )
     for target in range(len(existence)):
         _mark_likely(least_share, target, column, selection)
@@ -299,7 +299,10 @@ def _select_likely(
 
 
 def select_likely(
-    mixture: Mixture, detectable: FloatArray, pairs: PairLikelihoods, relative: FloatArray
+    mixture: Mixture,
+    detection_probability: FloatArray,
+    pairs: PairLikelihoods,
+    relative: FloatArray,
 ) -> tuple[IntArray, FloatArray]:
     """Return the pairs that may exceed `LEAST_SHARE` of both their target and their detection.
 
@@ -311,13 +314,13 @@ def select_likely(
 
     Parameters
     ----------
-    detectable : array of shape (H, R, C)
+    detection_probability : array of shape (H, R, C)
         Probability of detection.
     relative : array of shape (M, C, S)
         See `amplitude.Amplitudes`.
     """
     of_mixture = LEAST_SHARE, mixture.target, mixture.existence, mixture.weight
-    return _select_likely(*(*of_mixture, detectable, mixture.snr, relative, *pairs))
+    return _select_likely(*(*of_mixture, detection_probability, mixture.snr, relative, *pairs))
 
 
 class _Weights(NamedTuple):
@@ -335,7 +338,7 @@ class _Weights(NamedTuple):
 def _weights(
     target_of: Int1,
     weight: Float3,
-    detectable: Float3,
+    detection_probability: Float3,
     amplitude: Float2,
     row: Int1,
     column: Int1,
@@ -366,7 +369,8 @@ def _weights(
         for mode in range(modes):
             for class_id in range(classes):
                 detected += (
-                    weight[hypothesis, mode, class_id] * detectable[hypothesis, mode, class_id]
+                    weight[hypothesis, mode, class_id]
+                    * detection_probability[hypothesis, mode, class_id]
                 )
         prior = posterior.prior[hypothesis] if posterior.prior[hypothesis] > 0.0 else 1.0
         posterior.detected[hypothesis] = detected / prior
@@ -383,7 +387,7 @@ def _weights(
 @in_place
 def _write_posterior(
     weight: Float3,
-    detectable: Float3,
+    detection_probability: Float3,
     scaled: Float1,
     unseen: Float1,
     share: Float1,
@@ -397,7 +401,7 @@ def _write_posterior(
             scaled[hypothesis] / prior if prior > 0.0 else 1.0
         )
         posterior.mass[hypothesis] = _write_missed_weight(
-            hypothesis, weight, detectable, factor, hypothesis, posterior.weight
+            hypothesis, weight, detection_probability, factor, hypothesis, posterior.weight
         )
     for pair in range(len(share)):
         posterior.mass[rows + pair] *= share[pair]
@@ -410,7 +414,7 @@ def _write_posterior(
 
 def associate(
     mixture: Mixture,
-    detectable: FloatArray,
+    detection_probability: FloatArray,
     amplitude: FloatArray,
     pairs: PairLikelihoods,
     bounds: Bounds,
@@ -419,20 +423,22 @@ def associate(
 
     Parameters
     ----------
-    detectable : array of shape (H, R, C)
+    detection_probability : array of shape (H, R, C)
         Probability of detection.
     amplitude : array of shape (P, C)
         See `select_likely`.
     """
     rows, targets = len(mixture), len(mixture.label)
     weight, target = mixture.weight, mixture.target
-    posterior, sources, mass = _weights(target, weight, detectable, amplitude, *pairs, targets)
+    posterior, sources, mass = _weights(
+        target, weight, detection_probability, amplitude, *pairs, targets
+    )
     claims = Claims(pairs.row, pairs.column, mass, sources.total, posterior.detected)
     scaled, unseen, share, claimed, approximate = posterior_shares(
         *(marginals.MOST_WORK, targets, target, posterior.prior, pairs.row, pairs.column),
         *(mass, sources.total, posterior.detected),
     )
-    _write_posterior(weight, detectable, scaled, unseen, share, posterior)
+    _write_posterior(weight, detection_probability, scaled, unseen, share, posterior)
     least = bounds.hypotheses, bounds.least_share
     kept, factor = most_probable(*least, posterior.target, posterior.mass)
     return Association(

@@ -48,8 +48,8 @@ def target_at(place):
 def missed_at(place):
     """Return the mean of a target, and its mean and covariance after a miss, or None."""
     mean, mixture, expected = target_at(place)
-    detectable = detection_probability(expected, mixture.snr, RADAR, DYNAMICS).by_class
-    return mean, after_miss(mixture, expected, RADAR, detectable)
+    probability = detection_probability(expected, mixture.snr, RADAR, DYNAMICS).by_class
+    return mean, after_miss(mixture, expected, RADAR, probability)
 
 
 @pytest.mark.parametrize("place", LIMITS.values(), ids=LIMITS)

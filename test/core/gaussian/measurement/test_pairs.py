@@ -28,8 +28,10 @@ def test_likely_pairs_are_of_a_share_of_all_that_may_be(existence, missed, odds,
     row, column, none = np.zeros(2, dtype=int), np.arange(2), np.zeros(2)
     log_likelihood = np.log(np.array(odds) / existence)[:, None]
     likelihoods = pairs.PairLikelihoods(row, column, log_likelihood, none, none, none[None])
-    detectable = np.full((1, 1, 1), 1.0 - missed / existence)
-    found, amplitude = pairs.select_likely(mixture, detectable, likelihoods, np.ones((2, 1, 1)))
+    detection_probability = np.full((1, 1, 1), 1.0 - missed / existence)
+    found, amplitude = pairs.select_likely(
+        mixture, detection_probability, likelihoods, np.ones((2, 1, 1))
+    )
     np.testing.assert_array_equal(amplitude, np.ones((len(kept), 1)))
     np.testing.assert_array_equal(found, kept)
 
@@ -51,15 +53,17 @@ def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, cou
     )
     row, column = contiguous(*np.nonzero(rng.random((4, count)) < 0.9))
     weight = rng.exponential(1.0, len(row)) * 10.0 ** rng.uniform(-3, 0.5, len(row))
-    detectable = 1.0 - rng.uniform(0.1, 0.9, (4, 1, 1))
-    missed = mixture.weight * (1.0 - detectable)
+    detection_probability = 1.0 - rng.uniform(0.1, 0.9, (4, 1, 1))
+    missed = mixture.weight * (1.0 - detection_probability)
     total = np.array([0.3, 1e-12, 2.0])[:count]
     log_likelihood = np.log(weight / mixture.mass[row])
     likelihoods = pairs.PairLikelihoods(
         *(row, column, log_likelihood[:, None], np.zeros(count), np.zeros(len(row))),
         np.log(total)[None],
     )
-    found, _ = pairs.select_likely(mixture, detectable, likelihoods, np.ones((count, 1, 1)))
+    found, _ = pairs.select_likely(
+        mixture, detection_probability, likelihoods, np.ones((count, 1, 1))
+    )
 
     scale = np.log(total)
     np.maximum.at(scale, column, log_likelihood)
