@@ -1,7 +1,11 @@
+"""The turns that are found in plots."""
+
 import numpy as np
 import pytest
+from plot_recordings import recorded
 
-from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns
+from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
+from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns, timing_of
 
 NS = 10**9
 BEGIN_S = 20_779 * 86_400.0
@@ -65,3 +69,37 @@ def test_turns_are_known_after_a_minute_where_there_are_any():
     assert found((time_s, rng.uniform(0.0, 2.0 * np.pi, 3000))) == 0.0
     time_s = np.arange(0.0, 300.0, 0.1)
     assert found((time_s, np.full(len(time_s), 1.0))) == 0.0
+
+
+@pytest.mark.parametrize("timed", [True, False])
+@pytest.mark.parametrize("clockwise", [True, False])
+def test_sectors_and_direction_are_those_of_the_antenna(timed, clockwise):
+    rng, way = np.random.default_rng(1), -1.0 if clockwise else 1.0
+    clouds, times_s = [], []
+    for cloud in range(200):
+        times_s.append(np.sort(rng.uniform(0.0, 0.25, 3)))
+        azimuth = way * 2.0 * np.pi * (0.25 * cloud + times_s[-1]) / 3.0
+        clouds.append(np.stack([rng.uniform(1e3, 9e3, 3), azimuth], axis=1))
+    turn = timing_of(recorded(clouds, 0.25, times_s if timed else None))
+    assert turn.rotation_s == pytest.approx(3.0, rel=3e-3)
+    assert (turn.sectors, turn.clockwise) == (12, clockwise)
+
+
+def test_no_more_sectors_are_proposed_than_are_allowed():
+    # An antenna that turns in 3 s: each of the 300 plots of a turn is a cloud.
+    distance = np.random.default_rng(1).uniform(1e3, 9e3, (2000, 1))
+    azimuth = -2.0 * np.pi * 0.01 * np.arange(2000).reshape(-1, 1) / 3.0
+    clouds = np.stack([distance, azimuth], axis=2)
+    plots = recorded(clouds, 0.01, [np.zeros(1)] * 2000)
+    assert plots.timed
+    assert timing_of(plots).rotation_s == pytest.approx(3.0, rel=3e-3)
+    assert timing_of(plots).sectors == 0
+    with pytest.raises(TuningError, match=r"about 300 clouds in a turn of 3 s, must be"):
+        findings(recorded(clouds, 0.01))
+
+
+@pytest.mark.parametrize("interval_s", [0.1, 1.0, 6.0])
+def test_targets_in_one_direction_are_no_turning_antenna(interval_s):
+    rng = np.random.default_rng(1)
+    clouds = np.stack([rng.uniform(1e3, 9e3, (150, 3)), rng.normal(1.0, 0.3, (150, 3))], axis=2)
+    assert timing_of(recorded(clouds, interval_s)).rotation_s == 0.0

@@ -1,0 +1,297 @@
+"""A recording's turns, noise, detections and clutter, against how it was simulated."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from plot_recordings import one_target, recorded
+from scenes import small
+
+from phd_jdtc_ros.calibration.tuning import proposal, unspecified
+from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
+from phd_jdtc_ros.calibration.tuning.plots import plots_of
+from phd_jdtc_ros.calibration.tuning.rates import crowded, outside_land
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.types import Detections, Pose
+from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
+from phd_jdtc_ros.simulation.simulate import simulate
+from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
+from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
+
+# Unlike the shipped recordings: nothing here may depend on their noise.
+STANDING = {
+    "radar_1.range_std": 80.0,
+    "radar_1.azimuth_std_deg": 0.4,
+    "radar_1.clutter_rate": 8.0,
+    "radar_2.range_std": 30.0,
+    "radar_2.azimuth_std_deg": 1.5,
+    "radar_2.clutter_rate": 15.0,
+}
+TURNING = {
+    "sensors": ["tower"],
+    "tower.rotation_s": 5.0,
+    "tower.range_std": 70.0,
+    "tower.azimuth_std_deg": 0.15,
+    "tower.max_range": 8e4,
+    "tower.clutter_max_range": 8e4,
+    "tower.clutter_rate": 12.0,
+    "tower.detection_probability": 0.85,
+    "tower.azimuth_convention": "compass_cw",
+    "tower.fields.time": "time",
+    "tower.fields.amplitude": "",
+}
+
+
+@pytest.fixture(scope="module")
+def standing():
+    config = small(STANDING)
+    run = list(simulate(replace(paper_scenario(config.model.radars), scans=60), 3))
+    return config, [
+        plots_of([(scan.stamp_ns, scan.detections[index]) for _, scan in run]) for index in (0, 1)
+    ]
+
+
+def flights(count, seed):
+    """Return aircraft all around that fly straight, and turn once."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for _ in range(count):
+        bearing, distance, course = rng.uniform([0.0, 2e4, 0.0], [6.28, 5e4, 6.28])
+        speed, turn = rng.uniform(100.0, 220.0), rng.choice([-0.03, 0.0, 0.03])
+        legs = (Leg(rng.uniform(60.0, 120.0)), Leg(25.0, turn), Leg(160.0))
+        place = distance * math.cos(bearing), distance * math.sin(bearing)
+        velocity = speed * math.cos(course), speed * math.sin(course)
+        found.append(Flight(0, 1e3, 0.0, place, velocity, legs))
+    return tuple(found)
+
+
+def turning(seed=5, count=5, seconds=100, **given):
+    config = resolve({**TURNING, **given})
+    scene = Scenario(10**12, 1.0, seconds + 1, flights(count, seed), config.model.radars)
+    reports = simulate_reports(scene, config.inputs, seed)
+    return config, plots_of([(report.stamp_ns, report.detections) for report in reports])
+
+
+@pytest.fixture(scope="module")
+def estimated():
+    config, plots = turning()
+    return config, findings(plots)
+
+
+def rows_of(estimated, **given):
+    config, found = estimated
+    values = {**config.values, **{f"tower.{name}": value for name, value in given.items()}}
+    return {row.name: row for row in proposal.rows(found, values, "tower")}
+
+
+def assert_estimated(found, radar, probability):
+    """The goals of a proposal."""
+    assert found.noise.range_std == pytest.approx(radar.range_std, rel=0.2)
+    assert found.noise.azimuth_std == pytest.approx(radar.azimuth_std, rel=0.2)
+    assert found.detection.value == pytest.approx(probability, abs=0.05)
+    assert radar.clutter_rate / 1.5 < found.clutter.value < 1.5 * radar.clutter_rate
+
+
+def test_parameters_of_a_stationary_radar_are_estimated_from_its_plots(standing):
+    config, recordings = standing
+    for radar, plots in zip(config.model.radars, recordings, strict=True):
+        found = findings(plots)
+        assert_estimated(found, radar, 0.985)
+        assert (found.timing.rotation_s, found.timing.sectors) == (0.0, 0)
+        assert found.timing.look_s == 6.0
+        assert found.levels.false_alarm_probability == pytest.approx(1e-3, rel=0.1)
+        assert found.levels.excess == pytest.approx(1.0, rel=0.2)
+        assert found.field.arc is None
+        assert found.field.clutter_range == pytest.approx(radar.clutter_max_range, rel=0.02)
+
+
+def test_parameters_of_a_radar_that_reports_sectors_are_estimated_from_its_plots():
+    config, plots = turning(**{"tower.sectors": 8})
+    found = findings(plots)
+    assert_estimated(found, config.model.radars[0], 0.85)
+    assert found.timing.rotation_s == pytest.approx(5.0, rel=2e-3)
+    assert (found.timing.sectors, found.timing.clockwise) == (8, True)
+    assert found.levels is None
+
+
+def test_parameters_of_a_radar_that_reports_whole_turns_are_estimated_from_its_plots(estimated):
+    config, found = estimated
+    assert_estimated(found, config.model.radars[0], 0.85)
+    assert (found.timing.sectors, found.timing.clockwise) == (0, True)
+
+
+def test_parameters_of_a_moving_radar_are_estimated_as_well(standing):
+    config, recordings = standing
+    radar, still = config.model.radars[0], recordings[0]
+    drift = np.stack([8.0 * still.time_s, -5.0 * still.time_s, 0.002 * still.time_s], axis=1)
+    reports = []
+    for cloud, stamp_s in enumerate(still.cloud_s):
+        own = np.flatnonzero(still.cloud == cloud)
+        x, y, yaw = drift[own[0]]
+        line = still.position[own] - [x, y]
+        seen = np.stack([np.hypot(*line.T), np.arctan2(line[:, 1], line[:, 0]) - yaw], axis=1)
+        pose = Pose((x, y), yaw)
+        reports.append((round(stamp_s * 1e9), Detections(seen, still.amplitude[own], pose=pose)))
+    moving = plots_of(reports)
+    np.testing.assert_allclose(moving.position, still.position, atol=1e-6)
+    assert findings(moving).noise.range_std == pytest.approx(radar.range_std, rel=0.25)
+
+
+def test_recurring_places_are_separated_from_a_passing_target():
+    rng, ship = np.random.default_rng(6), one_target(count=70)
+    east = np.linspace(-2500.0, 2500.0, 20)
+    coast = np.stack([np.hypot(east, 1500.0), np.arctan2(-1500.0, east)], axis=1)
+    clouds = []
+    for cloud in range(70):
+        land = coast + rng.standard_normal(coast.shape) * [20.0, 0.01]
+        clouds.append(np.concatenate([ship.measurement[ship.cloud == cloud], land]))
+    plots = recorded(clouds)
+    rows = outside_land(plots, 70.0, 20.0, 0.01)
+    of_ship = np.flatnonzero(np.diff(plots.cloud, prepend=-1))
+    assert np.isin(of_ship, rows).mean() > 0.95
+    assert len(np.setdiff1d(rows, of_ship)) < 0.2 * 20 * 70
+    moving = replace(plots, pose=rng.standard_normal(plots.pose.shape))
+    assert len(outside_land(moving, 70.0, 20.0, 0.01)) == len(plots)
+
+
+def test_a_target_that_stops_for_a_while_is_no_land():
+    rng, clouds = np.random.default_rng(8), []
+    for cloud in range(200):
+        # It approaches, stays at 1000 m for two fifths of the time, and departs.
+        distance = 1000.0 + 10.0 * (max(60 - cloud, 0) + max(cloud - 140, 0))
+        drone = np.array([distance, 0.3]) + rng.standard_normal(2) * [2.0, 0.01]
+        tower = np.array([500.0, -0.8]) + rng.standard_normal(2) * [2.0, 0.01]
+        clouds.append(np.stack([drone, tower]))
+    plots = recorded(clouds, 1.0)
+    of_drone = np.flatnonzero(plots.measurement[:, 1] > 0.0)
+    rows = outside_land(plots, 200.0, 2.0, 0.01)
+    assert np.isin(of_drone, rows).all()
+    # Plots at the edge of the noise are in cells of few plots.
+    assert len(rows) < len(of_drone) + 0.3 * 200
+
+
+def test_areas_of_dense_clutter_are_mapped_and_spoil_no_noise(standing):
+    config, (dry, _) = standing
+    rng, radar, clouds, in_rain = np.random.default_rng(4), config.model.radars[0], [], []
+    for cloud in range(len(dry.cloud_s)):
+        places = dry.measurement[dry.cloud == cloud]
+        # Each drop is somewhere else in the rain.
+        rain = np.stack([rng.uniform(10e3, 12.5e3, 4), rng.uniform(-2.3, -2.0, 4)], axis=1)
+        in_rain += [False] * len(places) + [True] * len(rain)
+        clouds.append(np.concatenate([places, rain]))
+    plots, drops = recorded(clouds, 6.0), np.flatnonzero(in_rain)
+
+    found = findings(plots)
+    assert found.clutter.value == pytest.approx(radar.clutter_rate + 4.0, rel=0.15)
+    assert_estimated(replace(found, clutter=replace(found.clutter, value=8.0)), radar, 0.985)
+    assert found.crowded == pytest.approx(len(drops) / len(plots), rel=0.25)
+    proposed = {row.name: row.value for row in proposal.rows(found, {}, "radar")}
+    # Targets that rest are still reported, because clutter does not come from the same places.
+    assert (proposed["clutter_map"], proposed["clutter_map_speed"]) == (True, 0.0)
+    given = {"radar.clutter_map": True, "radar.clutter_map_speed": 2.5}
+    assert "clutter_map_speed" not in [row.name for row in proposal.rows(found, given, "radar")]
+
+    dense = crowded(plots, np.arange(len(plots)))
+    assert np.isin(drops, dense).mean() > 0.8  # the edge of the rain is in cells of few drops
+    moving = replace(plots, pose=rng.standard_normal(plots.pose.shape))
+    assert not len(crowded(moving, np.arange(len(plots))))
+
+
+def test_land_is_mapped(estimated):
+    config, found = estimated
+    assert not {"clutter_map", "clutter_map_speed"} & {*rows_of(estimated)}
+    assert rows_of((config, replace(found, land=0.5)))["clutter_map"].value is True
+
+
+def test_insufficient_recordings_name_what_is_missing():
+    nothing = recorded([np.zeros((0, 2))] * 50, 1.0)
+    with pytest.raises(TuningError, match=r"0 detections in 49.0 s, must be at least 30"):
+        findings(nothing)
+    with pytest.raises(TuningError, match=r"5 clouds in 8.0 s, must be at least 10"):
+        findings(one_target(count=5))
+    only = one_target(count=40, missed=set(range(40)), clutter=5)
+    with pytest.raises(TuningError, match=r"0 targets with 0 detections are distinct from clutter"):
+        findings(only)
+    frozen = recorded([np.ones((5, 2))] * 20, 0.0)
+    with pytest.raises(TuningError, match="all clouds have the same stamp"):
+        findings(frozen)
+
+
+def test_rows_list_proposed_and_current_values(estimated):
+    rows = rows_of(estimated)
+    assert (rows["rotation_s"].value, rows["rotation_s"].now) == (5.0, 5.0)
+    assert 0.03 < rows["range_std"].std / rows["range_std"].value < 0.15
+    assert rows["range_std"].now == 70.0
+    assert rows["detection_probability"].proposed
+    # Nothing was seen beyond.
+    assert not rows["max_range"].proposed
+    assert rows_of(estimated, max_range=30e3)["max_range"].proposed
+    assert rows_of(estimated, max_range=900e3)["max_range"].proposed
+    row = rows_of(estimated, clutter_rate="auto")["clutter_rate"]
+    assert (row.now, row.proposed) == ("auto", False)
+    row = rows_of(estimated, range_std="auto 70")["range_std"]
+    assert row.proposed
+    assert isinstance(row.value, float)
+
+
+@pytest.mark.parametrize(("engine", "given"), [("gaussian", "55 outliers"), ("particles", 70.0)])
+def test_outliers_are_proposed_to_the_engine_that_knows_them(estimated, engine, given):
+    config, found = estimated
+    usual = replace(found.noise, range_std=70.0)
+    found = replace(found, noise=usual, with_outliers=replace(usual, range_std=55.0, outliers=True))
+    rows = proposal.rows(found, {**config.values, "engine": engine}, "tower")
+    assert {row.name: row.given for row in rows}["range_std"] == given
+    assert rows_of((config, found))["azimuth_std_deg"].word == ""
+
+
+FOUND, TABLE = pytest.approx(0.85, abs=0.06), [0.0, 0.9, 8e4, 0.8]
+
+
+@pytest.mark.parametrize(
+    ("given", "proposed", "value"),
+    [
+        ("auto", True, FOUND),
+        ("auto 0.5", True, FOUND),
+        ("auto 0 0.9 80000 0.8", True, TABLE),
+        (TABLE, False, FOUND),
+        ([0.0, 0.5, 8e4, 0.4], True, FOUND),
+    ],
+    ids=["learned", "learned from", "learned table", "table that agrees", "other table"],
+)
+def test_a_detection_probability_is_proposed_unless_it_agrees(estimated, given, proposed, value):
+    row = rows_of(estimated, detection_probability=given)["detection_probability"]
+    assert (row.proposed, row.value) == (proposed, value)
+
+
+@pytest.mark.parametrize(("rate", "survival"), [(0.002, 0.998), (0.03, 0.99), (2e-6, 0.999998)])
+def test_survival_is_the_highest_that_the_ends_of_tracks_allow(estimated, rate, survival):
+    _, found = estimated
+    long = replace(found, ends=replace(found.ends, value=rate))
+    # The other radar looks half as often, and loses targets more often.
+    slow = replace(
+        long,
+        timing=replace(found.timing, rotation_s=2.0 * found.timing.rotation_s),
+        ends=replace(long.ends, value=2.5 * rate),
+    )
+    values = unspecified.parameters({"a": long, "b": slow}, {"a": True, "b": True})
+    assert values["target.survival_probability"] == pytest.approx(survival, abs=1e-9)
+
+
+def test_unspecified_tracker_is_one_that_the_configuration_takes(estimated):
+    _, found = estimated
+    values = unspecified.parameters(
+        {"tower": found, "other": found}, {"tower": True, "other": True}
+    )
+    config = resolve({"sensors": ["tower", "other"], **values})
+    assert config.engine == "gaussian"
+    assert (config.values["interval_s"], config.values["reorder_s"]) == (5.0, 5.0)
+    assert config.values["amplitude"] == "none"
+
+
+def test_the_proposed_rate_counts_the_clutter_that_is_too_near_to_be_read(standing):
+    config, (_, plots) = standing
+    found = findings(plots.only(np.flatnonzero(plots.measurement[:, 0] >= 5e3)))
+    rows = proposal.rows(found, {"radar.min_range": 5e3}, "radar")
+    proposed = {row.name: row.value for row in rows}
+    assert proposed["clutter_rate"] == pytest.approx(config.model.radars[1].clutter_rate, rel=0.15)
