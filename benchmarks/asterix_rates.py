@@ -88,7 +88,7 @@ def _by_library(datagrams: list[bytes]) -> int:
 
 def _to_plots(datagrams: list[bytes]) -> int:
     counts: Counter[str] = Counter()
-    found = sum(len(blocks.BlockReader(counts).messages(data)) for data in datagrams)
+    found = sum(len(list(blocks.BlockReader(counts).messages(data))) for data in datagrams)
     # Each datagram without plots is a service message.
     return found - sum(data[0] == 34 for data in datagrams)
 

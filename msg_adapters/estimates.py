@@ -56,7 +56,7 @@ def to_cdr(estimates: Estimates, frame: str) -> bytes:
 def _columns_of(estimates: Estimates) -> dict[str, npt.NDArray[Any]]:
     """Return the columns of a cloud by field name, in order."""
     state, known = estimates.state, estimates.attributes
-    height = np.zeros((len(estimates), 2)) if known is None else np.nan_to_num(known.height)
+    height = np.nan_to_num(estimates.known_attributes.height)
     columns = {
         "x": state[:, X],
         "y": state[:, Y],
@@ -82,9 +82,7 @@ def _columns_of(estimates: Estimates) -> dict[str, npt.NDArray[Any]]:
         columns["code"] = identities.encode(known.code, len(estimates))
         columns["address"] = identities.encode(known.address, len(estimates))
         if known.seen_ns is not None:
-            ages = np.maximum(estimates.stamp_ns - known.seen_ns, 0) * 1e-9
-            ages[known.seen_ns == UNKNOWN] = np.nan
-            columns |= dict(zip(_AGES, ages.T, strict=True))
+            columns |= dict(zip(_AGES, known.ages_s(estimates.stamp_ns).T, strict=True))
     return columns
 
 

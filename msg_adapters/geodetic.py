@@ -10,8 +10,6 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import Estimates
 
-from . import vertical
-
 # Speed below which a target has no course, m/s.
 LEAST_SPEED = 1e-3
 
@@ -40,7 +38,7 @@ def of(estimates: Estimates, plane: Plane) -> Places:
     return Places(
         latitude,
         longitude,
-        vertical.heights(estimates) + plane.origin[2],
+        estimates.known_attributes.height[:, 0] + plane.origin[2],
         speed,
         np.where(speed < LEAST_SPEED, np.nan, course),
         convergence,

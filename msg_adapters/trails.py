@@ -6,7 +6,6 @@ from collections import deque
 
 from phd_jdtc_ros.core.types import Estimates
 
-from . import vertical
 from .tracks import Waypoint, rows_by_track
 
 # A trail is continued if its track is estimated again within this number of scans.
@@ -37,7 +36,7 @@ class Trails:
 
     def _add(self, found: Estimates) -> None:
         self._unseen = {track: scans + 1 for track, scans in self._unseen.items()}
-        heights = vertical.heights(found).tolist()
+        heights = found.known_attributes.height[:, 0].tolist()
         for track, row in rows_by_track(found):
             trail = self._trails.setdefault(track, deque(maxlen=self._length))
             trail.append(Waypoint(found.stamp_ns, found.state[row], heights[row]))

@@ -24,17 +24,9 @@ class Vertical(NamedTuple):
 
 def of(estimates: Estimates) -> Vertical:
     """Return the heights of estimates, all unknown if no radar reports heights."""
-    count, found = len(estimates), estimates.attributes
-    if found is None:
-        return Vertical(np.zeros(count, np.bool_), np.zeros((count, 2)), np.zeros((count, 2, 2)))
+    found = estimates.known_attributes
     known = np.isfinite(found.height[:, 0])
     return Vertical(known, np.nan_to_num(found.height), np.nan_to_num(found.height_covariance))
-
-
-def heights(estimates: Estimates) -> FloatArray:
-    """Return the estimated heights above the world's zero, metres, (T,); NaN if unknown."""
-    known = estimates.attributes
-    return np.full(len(estimates), np.nan) if known is None else known.height[:, 0]
 
 
 def words(estimates: Estimates, datum: float = 0.0) -> list[str]:
@@ -42,13 +34,10 @@ def words(estimates: Estimates, datum: float = 0.0) -> list[str]:
 
     `datum` is the height of the world's zero in the scale of flight levels, metres.
     """
-    found = estimates.attributes
-    if found is None:
-        return [""] * len(estimates)
     return [
         " ".join(filter(None, (_level(datum + height), code or address)))
         for height, (code, address) in zip(
-            found.height[:, 0].tolist(), identities(estimates), strict=True
+            estimates.known_attributes.height[:, 0].tolist(), identities(estimates), strict=True
         )
     ]
 
@@ -65,9 +54,7 @@ def _level(height: float) -> str:
 
 def identities(estimates: Estimates) -> list[tuple[str, str]]:
     """Return the code, octal, and the address, hexadecimal, of each target; empty if unknown."""
-    found = estimates.attributes
-    if found is None:
-        return [("", "")] * len(estimates)
+    found = estimates.known_attributes
     return [
         ("" if code == UNKNOWN else f"{code:04o}", "" if address == UNKNOWN else f"{address:06X}")
         for code, address in zip(found.code.tolist(), found.address.tolist(), strict=True)

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Estimates
+from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, Estimates
 from phd_jdtc_ros.quoting import short
 
 Column: TypeAlias = "npt.NDArray[Any]"
@@ -262,7 +262,7 @@ def structured_array(dtype: Any, parts: Sequence[tuple[int, Mapping[str, Any]]])
 
 def _columns(found: Estimates, class_names: Sequence[str]) -> Mapping[str, Any]:
     """Return the columns of the estimates of one stamp."""
-    axes, known = [*found.space.position, *found.space.velocity], found.attributes
+    axes, known = [*found.space.position, *found.space.velocity], found.known_attributes
     return {
         "time": found.stamp_ns / 1e9,
         "label": found.track_id,
@@ -272,7 +272,7 @@ def _columns(found: Estimates, class_names: Sequence[str]) -> Mapping[str, Any]:
         "state": np.array([STATES[state] for state in sorted(STATES)])[found.track_state],
         **dict(zip(("x", "y", "vx", "vy"), found.state[:, axes].T, strict=True)),
         "covariance": found.covariance[:, axes][:, :, axes],
-        "height": np.nan if known is None else known.height[:, 0],
-        "code": UNKNOWN if known is None else known.code,
-        "address": UNKNOWN if known is None else known.address,
+        "height": known.height[:, 0],
+        "code": known.code,
+        "address": known.address,
     }

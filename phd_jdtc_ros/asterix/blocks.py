@@ -14,9 +14,8 @@ from . import records
 from .item_rules import MalformedError
 from .messages import Message
 from .specification import layouts
-from .transport.framing import CATEGORIES
+from .transport.framing import BLOCK_HEADER, CATEGORIES
 
-HEADER = 3
 # Some recorders and networks append a trailer to every datagram. A rest of at most LONGEST_TRAILER
 # bytes counts as a trailer once its length has occurred TRAILERS times.
 LONGEST_TRAILER, TRAILERS = 16, 3
@@ -44,11 +43,7 @@ class BlockReader:
         """Return the numbers of trailers by length."""
         return {size: n for size, n in self.trailers.items() if n >= TRAILERS}
 
-    def messages(self, data: bytes) -> list[Message]:
-        """Return the messages of a datagram in order."""
-        return list(self.read(data))
-
-    def read(self, data: bytes) -> Iterator[Message]:
+    def messages(self, data: bytes) -> Iterator[Message]:
         """Yield the messages of a datagram in order, each decoded on demand."""
         for category, begin, end in self._blocks(data):
             reads = records.reader(category)
@@ -72,14 +67,14 @@ class BlockReader:
         at = 0
         while at < len(data):
             left = len(data) - at
-            length = data[at + 1] << 8 | data[at + 2] if left >= HEADER else left + 1
-            if not HEADER < length <= left:
+            length = data[at + 1] << 8 | data[at + 2] if left >= BLOCK_HEADER else left + 1
+            if not BLOCK_HEADER < length <= left:
                 fault = "block_truncated" if length > left else "block_length"
                 # The header of a cut block still gives its whole length.
                 cut = data[at] in CATEGORIES and left < length <= LARGEST_BLOCK
                 self._rest(fault, left, at > 0 and not cut)
                 return
-            yield data[at], at + HEADER, at + length
+            yield data[at], at + BLOCK_HEADER, at + length
             at += length
 
     def _rest(self, fault: str, size: int, no_block: bool) -> None:

@@ -155,7 +155,7 @@ class PlotStream:
         if received_ns is not None and not fits_stamp(received_ns):
             self.counts["receipt_time"] += 1
             received_ns = None
-        for message in self.blocks.read(data):
+        for message in self.blocks.messages(data):
             state = self.radars.get(message.radar) or self._new(message.radar)
             if state is None:
                 yield []

@@ -13,15 +13,12 @@ from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.writing import tracks as tracks_out
 from phd_jdtc_ros.asterix.writing.tracks import Source, TrackReport
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.targets.motion import CoordinatedTurn
 from phd_jdtc_ros.core.types import (
     COASTING,
     CONFIRMED,
-    SENSORS,
-    UNKNOWN,
-    Attributes,
     Estimates,
 )
 
@@ -130,11 +127,11 @@ class TrackOutput:
             geodetic = np.stack(self._plane.to_geodetic(*position.T), axis=1).tolist()
         std = _deviations(covariance)
         position_std, velocity_std = std[:, list(space.position)], std[:, list(space.velocity)]
-        known = estimated.attributes or Attributes.unknown(len(later))
+        known = estimated.known_attributes
         height = self._datum + known.height @ np.array([1.0, ahead_s])
         climbed = np.array([[1.0, ahead_s], [0.0, 1.0]])
         up_std = _deviations(climbed @ known.height_covariance @ climbed.T)
-        ages = _ages(known.seen_ns, len(later), time_ns)
+        ages = known.ages_s(time_ns).tolist()
         found: dict[int, TrackReport] = {}
         for row in np.flatnonzero(estimated.track_id > 0).tolist():
             number = int(estimated.track_id[row])
@@ -171,16 +168,6 @@ def _deviations(covariance: FloatArray) -> FloatArray:
     """Return the standard deviations of covariances, shape (N, D)."""
     deviations: FloatArray = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
     return deviations
-
-
-def _ages(seen_ns: IntArray | None, count: int, time_ns: int) -> list[list[float]]:
-    """Return the times since the last detections by each kind of sensor, s; NaN for never."""
-    if seen_ns is None:
-        return [[math.nan] * len(SENSORS)] * count
-    ages = np.maximum(time_ns - seen_ns, 0) * 1e-9
-    ages[seen_ns == UNKNOWN] = math.nan
-    found: list[list[float]] = ages.tolist()
-    return found
 
 
 def _course(omega: float, std: float) -> int:

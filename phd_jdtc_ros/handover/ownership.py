@@ -17,7 +17,7 @@ import numpy as np
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.tracks.renumbering import match
-from phd_jdtc_ros.core.types import Attributes, Estimates
+from phd_jdtc_ros.core.types import Estimates
 
 # Two tracks belong to one target after this many consecutive stamps near each other, and no longer
 # after this many apart.
@@ -228,9 +228,7 @@ def _joint(found: Sequence[Estimates], parts: Sequence[Sequence[tuple[int, int]]
         index = np.array([row for row, _ in rows], dtype=np.int64)
         number = np.array([joint for _, joint in rows], dtype=np.int64)
         part = replace(estimates.take(index), track_id=number)
-        if attributed and part.attributes is None:
-            part = replace(part, attributes=Attributes.unknown(len(part)))
-        own.append(part)
+        own.append(replace(part, attributes=part.known_attributes if attributed else None))
     # The lag of empty estimates is unknown, because messages carry it with each estimate.
     return Estimates.concatenate(own, max(estimates.lag for estimates in found))[0]
 

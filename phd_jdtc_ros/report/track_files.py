@@ -81,10 +81,8 @@ def fixes(
 def _nowhere(found: Estimates) -> geodetic.Places:
     """Return places with heights and speeds only: the frame's position on the earth is unknown."""
     unknown = np.full(len(found), np.nan)
-    speed = np.hypot(*found.velocity.T)
-    return geodetic.Places(
-        unknown, unknown, vertical.heights(found), speed, unknown, convergence=unknown
-    )
+    height, speed = found.known_attributes.height[:, 0], np.hypot(*found.velocity.T)
+    return geodetic.Places(unknown, unknown, height, speed, unknown, convergence=unknown)
 
 
 def to_csv(rows: Sequence[Fix]) -> str:

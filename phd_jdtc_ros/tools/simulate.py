@@ -118,22 +118,20 @@ def main(argv: Sequence[str]) -> int:
         run = scenario_file.resolve(document, radars)
         check_platform(run, config)
         check_sites(config.radars)
-        if arguments.asterix is not None:
+        sent_to: Path | None = arguments.asterix
+        if sent_to is not None:
             simulated_asterix.check(run)
         faults: list[str] = []
         sent = sending.of_radars(document, radars, faults)
-        if arguments.asterix is not None and arguments.asterix.exists():
-            faults.append(f"--asterix: {arguments.asterix} exists, is not overwritten")
         if faults:
             raise ConfigError(faults)
-        sent_to: Path | None = arguments.asterix
-        # The bag's own directory is made first.
+        # The bag's own directory is new.
         if sent_to is not None and sent_to.resolve().parent != arguments.out.resolve():
             command.require_new_files(sent_to)
         write_bag(arguments.out, run, config, arguments.seed)
-        if arguments.asterix is not None:
-            blocks = simulated_asterix.write(arguments.asterix, run, config, sent, arguments.seed)
-            print(f"{arguments.asterix}: {blocks} data blocks")
+        if sent_to is not None:
+            blocks = simulated_asterix.write(sent_to, run, config, sent, arguments.seed)
+            print(f"{sent_to}: {blocks} data blocks")
         noun = "radar" if len(radars) == 1 else "radars"
         print(f"{arguments.out}: {run.scans} scans, {len(radars)} {noun}, seed {arguments.seed}")
         return OK

@@ -16,7 +16,7 @@ FOOT = 0.3048
 def read(data):
     """Return the messages of data blocks, and what was left out."""
     counts = Counter()
-    return blocks.BlockReader(counts).messages(data), +counts
+    return list(blocks.BlockReader(counts).messages(data)), +counts
 
 
 def one(**items):

@@ -73,6 +73,14 @@ class Attributes(ReadOnly):
         columns = {name: getattr(self, name)[rows] for name in _PER_ATTRIBUTE}
         return Attributes(**columns, seen_ns=None if self.seen_ns is None else self.seen_ns[rows])
 
+    def ages_s(self, time_ns: int) -> FloatArray:
+        """Return the times since the detections in `seen_ns`, (T, S); NaN for never or unknown."""
+        if self.seen_ns is None:
+            return np.full((len(self.code), len(SENSORS)), np.nan)
+        ages: FloatArray = np.maximum(time_ns - self.seen_ns, 0) * 1e-9
+        ages[self.seen_ns == UNKNOWN] = np.nan
+        return ages
+
 
 class _Targets(ReadOnly):
     """Positions and velocities of states in the world frame."""
@@ -125,6 +133,11 @@ class Estimates(_Targets):
     def velocity_covariance(self) -> FloatArray:
         """Covariances of the velocities, (m/s)^2, shape (T, 2, 2)."""
         return self._covariance_of(self.space.velocity)
+
+    @property
+    def known_attributes(self) -> Attributes:
+        """Heights and identities, all of which are unknown if no radar reports any."""
+        return self.attributes or Attributes.unknown(len(self))
 
     def _covariance_of(self, axes: tuple[int, ...]) -> FloatArray:
         return self.covariance[:, axes][:, :, axes]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 
@@ -103,7 +104,7 @@ class EstimateRows:
         order = grid.begin(source, self._of("track_id").astype(np.int64), self._frame)
         datum = self._plane.origin[2] if self._plane is not None else 0.0
         unit = vertical.FLIGHT_LEVEL if flying else 1.0
-        upward = concatenate_rows(map(_upward, self._sets), 2)[order]
+        upward = self._of("known_attributes.height", 2)[order]
         velocity, share = self._of("velocity", 2)[order], _shares(self._sets)[order]
         grid.add(source, self._of("position", 2)[order])
         variance, axes = np.linalg.eigh(self._of("position_covariance", 2, 2)[order])
@@ -128,7 +129,7 @@ class EstimateRows:
             grid.columns.add(f"{source}.{name}", np.rint(values))
 
     def _of(self, name: str, *shape: int) -> FloatArray:
-        return concatenate_rows((getattr(entry, name) for entry in self._sets), *shape)
+        return concatenate_rows(map(attrgetter(name), self._sets), *shape)
 
     def _course(self, entry: Estimates) -> FloatArray:
         """Return courses, degrees clockwise from y, or from true north on the earth; 0 at rest."""
@@ -149,12 +150,6 @@ class EstimateRows:
         return np.array(found, dtype=np.int64)
 
 
-def _upward(entry: Estimates) -> FloatArray:
-    """Return heights and climb rates, shape (T, 2), NaN where unknown."""
-    none = np.full((len(entry), 2), np.nan)
-    return none if entry.attributes is None else entry.attributes.height
-
-
 def _shares(sets: Sequence[Estimates]) -> FloatArray:
     return concatenate_rows(e.class_probability[np.arange(len(e)), e.class_id] for e in sets)
 
@@ -162,7 +157,9 @@ def _shares(sets: Sequence[Estimates]) -> FloatArray:
 def known_heights(record: Record) -> FloatArray:
     """Return all known heights of estimates, metres above the world's zero."""
     found = concatenate_rows(
-        _upward(entry)[:, 0] for source in SOURCES for entry in record.of_source(source)
+        entry.known_attributes.height[:, 0]
+        for source in SOURCES
+        for entry in record.of_source(source)
     )
     known: FloatArray = found[np.isfinite(found)]
     return known

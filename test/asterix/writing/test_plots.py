@@ -33,7 +33,7 @@ def test_plots_are_read_again_to_their_resolution():
     rng, counts = made.rng(3), Counter()
     plots = [(int(rng.integers(86_400 * NS)), random_plot(rng)) for _ in range(100)]
     data = b"".join(plots_out.plot_blocks(plots))
-    found = blocks.BlockReader(counts).messages(data)
+    found = list(blocks.BlockReader(counts).messages(data))
     assert not counts
     for (time_ns, plot), again, record in zip(plots, found, decoded(data), strict=True):
         assert again.time_of_day == pytest.approx(time_ns * 128 / NS, abs=0.5001)

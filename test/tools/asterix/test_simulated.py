@@ -142,7 +142,7 @@ def test_simulate_names_an_impossible_recording_before_it_simulates(tmp_path, ca
     scenario = str(resources.find(Path("config/scenarios/en_route_hour.yaml")))
     faults = {
         missing: f"{missing}: cannot be written, {missing.parent} is no directory",
-        taken: f"{taken} exists, is not overwritten",
+        taken: f"{taken}: already exists, a file is not overwritten",
     }
     for path, fault in faults.items():
         given = ["--scenario", scenario, "--out", str(tmp_path / "bag"), "--asterix", str(path)]
