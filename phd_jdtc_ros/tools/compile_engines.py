@@ -1,4 +1,4 @@
-"""Compiles the engines ahead of their first start, for images and new installations."""
+"""Compiles the engines and `tune` ahead of their first start, for images and new installations."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ OTHERS = (
     *("smoothing.backward_step", "prediction", "measurement.gating", "reduction", "extraction"),
     *("measurement.amplitude", "smoothing.updates"),
 )
+TUNING = "phd_jdtc_ros.calibration.tuning.findings"
 
 
 @contextlib.contextmanager
@@ -44,14 +45,14 @@ def main(argv: Sequence[str]) -> int:
     """Run the tool."""
     parser = ArgumentParser(
         prog="compile_engines",
-        description="Compiles the engines, so that the first start of a tracker does not. The "
+        description="Compiles the engines and tune, so that their first start does not. The "
         "result is stored in the package's directory, or in NUMBA_CACHE_DIR.",
     )
     return command.run(parser, argv, _compile)
 
 
 def _compile(_: argparse.Namespace) -> int:
-    """Compile the functions of both engines, and store them beside the source."""
+    """Compile the functions of both engines and of `tune`, and store them beside the source."""
     if compilation.numba is None:
         print("compile_engines: numba is not installed: pip install numba", file=sys.stderr)
         return FAILED
@@ -62,6 +63,8 @@ def _compile(_: argparse.Namespace) -> int:
     for name in ENGINES:
         new_engine(resolve({"engine": name}))
         print(f"{name}: ready after {time.perf_counter() - begin:.1f} s")
+    importlib.import_module(TUNING)
+    print(f"tune: ready after {time.perf_counter() - begin:.1f} s")
     if compilation.NOT_STORED:
         print(
             "compile_engines: the package's directory is not writable, nothing is stored; set "

@@ -12,10 +12,9 @@ from itertools import combinations
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.bias import SensorBias
 
-from ..tuning.plots import PlotSequences, pad_rows
 from .tracked_radars import TrackedRadar
 
 # Interval of the comparison in scans of the slowest radar, largest number of times, and least
@@ -145,13 +144,26 @@ class _TrackGroups:
 
 
 @dataclass(frozen=True)
-class Sequences(PlotSequences):
-    """The plots of targets by all radars, with known biases removed; see `PlotSequences`."""
+class Sequences:
+    """The plots of T targets by time, at most K each, padded; known biases are removed."""
 
+    valid: BoolArray  # False for padding, (K, T)
+    time_s: FloatArray  # Ascending, seconds, (K, T)
+    measurement: FloatArray  # (K, T, 2)
+    pose: FloatArray  # Pose of the radar at each plot, (K, T, 3)
     radar: IntArray  # Radar of each plot, (K, T)
     plot: IntArray  # Index among the plots of its radar, (K, T)
     position: FloatArray  # Measured position, world frame, metres, (K, T, 2)
     noise_std: FloatArray  # Metres and radians, (K, T, 2)
+
+
+def _pad_rows(rows: Sequence[IntArray]) -> tuple[IntArray, BoolArray]:
+    """Return T rows as columns (K, T), padded with their last entry, and the mask of valid ones."""
+    length = np.array([len(row) for row in rows])
+    step = np.arange(length.max())[:, None]
+    place = np.cumsum(length) - length + np.minimum(step, length - 1)
+    columns: IntArray = np.concatenate(rows)[place]
+    return columns, step < length
 
 
 def sequences(
@@ -167,7 +179,7 @@ def sequences(
         order = np.argsort(np.concatenate(time_s), kind="stable")
         radar_rows.append(index[order])
         plot_rows.append(np.concatenate(own)[order])
-    (radar, valid), (plot, _) = pad_rows(radar_rows), pad_rows(plot_rows)
+    (radar, valid), (plot, _) = _pad_rows(radar_rows), _pad_rows(plot_rows)
 
     def gather(columns: Sequence[FloatArray]) -> FloatArray:
         """Return the value of each plot in its radar's column."""

@@ -81,25 +81,14 @@ class Innovation(NamedTuple):
         return self.cross @ self.inverse
 
 
-def innovation(
-    mean: FloatArray,
-    covariance: FloatArray,
-    measured: FloatArray,
-    pose: FloatArray,
-    variance: FloatArray,
-) -> Innovation:
-    """Return the innovations of plots, linearised at the predicted means.
-
-    `variance`, shape (..., 2), has the variances of range and azimuth, m^2 and rad^2.
-    """
-    expected, jacobian = linearise(mean[..., :2], pose)
-    return innovation_of(residual(measured, expected), covariance, jacobian, variance)
-
-
 def innovation_of(
     value: FloatArray, covariance: FloatArray, jacobian: FloatArray, variance: FloatArray
 ) -> Innovation:
-    """Return innovations of these values, given the Jacobians of the plots; see `innovation`."""
+    """Return innovations of these values.
+
+    `jacobian`, (..., 2, 2), is that of the plots by the position, and `variance`, (..., 2), has the
+    variances of range and azimuth, m^2 and rad^2.
+    """
     cross = covariance[..., :2] @ jacobian.swapaxes(-1, -2)
     matrix = jacobian @ cross[..., :2, :]
     matrix[..., 0, 0] += variance[..., 0]

@@ -15,18 +15,20 @@ Kalman filtering", IEEE Trans. AC 15(2), 1970.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize
 
-from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray, contiguous
+from phd_jdtc_ros.core.compilation import Float1, Float2, Float3, Float4, Int1, compiled, inner
 from phd_jdtc_ros.core.sensors.outliers import Outliers
 
 from . import kinematics
-from .plots import Plots, PlotSequences, pad_rows
+from .filter_steps import copy, innovate, predict, update
+from .plots import Plots
 from .tracks import GATE, NoiseModel, Tracks
 
 # Transition probabilities [mode, mode at the next plot], and the probabilities of the modes at a
@@ -45,6 +47,8 @@ MOST_PLOTS = 1000
 SEARCH_WIDTH, DENSITY_SEARCH_WIDTH = np.log(30.0), np.log(1e4)
 # Smallest standard deviations, m and rad: only synthetic plots are more accurate.
 LEAST_STD = (0.01, 1e-5)
+# Smallest likelihood, which has a logarithm.
+TINY = float(np.finfo(float).tiny)
 # Step of the finite differences, and least logarithmic ratio of the second density to the first.
 STEP, LEAST_RATIO = 0.02, np.log(4.0)
 
@@ -58,27 +62,22 @@ class Noise(NoiseModel):
     outliers: bool = False  # True if the standard deviations are those of all but the outliers
 
 
-class _Component(NamedTuple):
-    """A component of the mixture that is the measurement noise of a track's plots."""
-
-    share: float
-    ratio: float  # Its variances relative to those of the first component
-
-
-USUAL = (_Component(1.0, 1.0),)
-WITH_OUTLIERS = (
-    _Component(1.0 - Outliers.share, 1.0),
-    _Component(Outliers.share, Outliers.ratio**2),
-)
+# Shares of the components of the measurement noise, and their variances relative to the first.
+USUAL = (1.0,), (1.0,)
+WITH_OUTLIERS = (1.0 - Outliers.share, Outliers.share), (1.0, Outliers.ratio**2)
 
 
 @dataclass(frozen=True)
-class _Sequences(PlotSequences):
-    """Tracks, and what is assumed of them."""
+class _Sequences:
+    """The plots of T tracks, one track after the other, and what is assumed of them."""
 
-    log_ratio: FloatArray  # Log likelihood ratios of the amplitudes, (K, T)
+    first: IntArray  # The first plot of each track, and the number of plots, (T + 1,)
+    time_s: FloatArray  # Ascending in each track, seconds, (K,)
+    measurement: FloatArray  # Ranges and azimuths, (K, 2)
+    pose: FloatArray  # Pose of the radar at each plot, (K, 3)
+    log_ratio: FloatArray  # Log likelihood ratios of the amplitudes, (K,)
     speed_std: float  # See `fit_noise`
-    components: tuple[_Component, ...] = USUAL
+    components: tuple[tuple[float, ...], tuple[float, ...]] = USUAL
 
 
 def fit_noise(
@@ -117,7 +116,7 @@ def find_outliers(
 def _start(noise: Noise) -> tuple[FloatArray, list[tuple[float, float]]]:
     """Return the start of a search at an estimate, and its bounds; see `_log_likelihood`."""
     ratio = np.log(noise.densities[1] / noise.densities[0])
-    least = np.log([*LEAST_STD, np.finfo(float).tiny])
+    least = np.log([*LEAST_STD, TINY])
     begin = np.maximum(np.log([noise.range_std, noise.azimuth_std, noise.densities[0]]), least)
     reach = np.array([SEARCH_WIDTH, SEARCH_WIDTH, DENSITY_SEARCH_WIDTH])
     lowest = np.maximum(begin - reach, least)
@@ -142,8 +141,8 @@ def _search(
         azimuth_std=float(np.exp(point[1])),
         densities=(float(np.exp(point[2])), float(np.exp(point[2] + point[3]))),
         log_std=_standard_errors(sequences, point),
-        plots=int(sequences.valid.sum()),
-        outliers=len(sequences.components) > 1,
+        plots=len(sequences.time_s),
+        outliers=sequences.components is WITH_OUTLIERS,
     )
 
 
@@ -181,9 +180,10 @@ def _sequences(plots: Plots, tracks: Tracks, log_ratio: FloatArray, speed_std: f
     Manoeuvring targets have short tracks, which must be represented too.
     """
     ordered = sorted(tracks.plots, key=len, reverse=True)
-    rows, valid = pad_rows(ordered[:: max(1, round(len(tracks.claimed) / MOST_PLOTS))])
+    chosen = ordered[:: max(1, round(len(tracks.claimed) / MOST_PLOTS))]
+    rows = np.concatenate(chosen)
     return _Sequences(
-        valid,
+        np.cumsum([0, *map(len, chosen)]),
         plots.time_s[rows],
         plots.measurement[rows],
         plots.pose[rows],
@@ -192,85 +192,153 @@ def _sequences(plots: Plots, tracks: Tracks, log_ratio: FloatArray, speed_std: f
     )
 
 
+@inner
+def _mix(
+    mean: FloatArray,
+    covariance: FloatArray,
+    probability: FloatArray,
+    mixed_mean: FloatArray,
+    mixed_covariance: FloatArray,
+    later: FloatArray,
+) -> None:
+    """Write the moment-matched Gaussian of each mode at the next plot, and its probability."""
+    for mode in range(2):
+        first = probability[0] * MODE_TRANSITION[0, mode]
+        later[mode] = first + probability[1] * MODE_TRANSITION[1, mode]
+        share = first / max(later[mode], TINY)
+        for i in range(4):
+            mixed_mean[mode, i] = share * mean[0, i] + (1.0 - share) * mean[1, i]
+            for k in range(4):
+                apart = (mean[0, i] - mean[1, i]) * (mean[0, k] - mean[1, k])
+                mixed_covariance[mode, i, k] = (
+                    share * covariance[0, i, k]
+                    + (1.0 - share) * covariance[1, i, k]
+                    + share * (1.0 - share) * apart
+                )
+
+
+@inner
+def _update(
+    measured: FloatArray,
+    pose: FloatArray,
+    variance: FloatArray,
+    log_share: FloatArray,
+    log_clutter: float,
+    parts: FloatArray,
+    found: FloatArray,
+    step: FloatArray,
+    mean: FloatArray,
+    covariance: FloatArray,
+) -> float:
+    """Update a Gaussian, and return the log density of the measurement."""
+    count = len(log_share)
+    for c in range(count):
+        found[c, 0], found[c, 1], found[c, 2], found[c, 3] = innovate(
+            mean,
+            covariance,
+            measured,
+            pose,
+            variance[c],
+            step[c],
+        )
+        log_peak = -0.5 * math.log(4.0 * math.pi**2 * found[c, 3])
+        if c == 0:
+            parts[count] = log_peak + log_clutter
+        parts[c] = log_peak + log_share[c] - 0.5 * found[c, 2]
+    total, highest = 0.0, max(parts)
+    for part in parts:
+        total += math.exp(part - highest)
+    log_density = highest + math.log(total)
+    for c in range(count):
+        probability = math.exp(parts[c] - log_density)
+        update(probability, found[c], step[c], mean, covariance)
+    return float(log_density)
+
+
+@compiled
+def _filter(
+    start_mean: Float3,
+    start_covariance: Float4,
+    variance: Float3,
+    density: Float2,
+    log_share: Float1,
+    first: Int1,
+    time_s: Float1,
+    measurement: Float2,
+    pose: Float2,
+    log_clutter: Float1,
+) -> FloatArray:
+    """Return the log likelihood at B points, by a filter of each track from its first plot.
+
+    The first four arrays have a row for each point; the variances, (B, C, 2), are those of the
+    components of the noise, and `log_share` has the logarithms of their shares. `log_clutter`,
+    shape (K,), is the log density of clutter in the gate relative to the peak of a target's density
+    with the usual noise.
+    """
+    total = np.zeros(len(variance))
+    mean, mixed_mean = np.empty((2, 4)), np.empty((2, 4))
+    covariance, mixed_covariance = np.empty((2, 4, 4)), np.empty((2, 4, 4))
+    probability, joint, parts = np.empty(2), np.empty(2), np.empty(len(log_share) + 1)
+    found, step = np.empty((len(log_share), 4)), np.empty((len(log_share), 2, 2, 4))
+    for point in range(len(variance)):
+        for track in range(len(first) - 1):
+            for mode in range(2):
+                probability[mode] = INITIAL_MODE_PROBABILITY[mode]
+                begin, spread = start_mean[point, track], start_covariance[point, track]
+                copy(begin, spread, mean[mode], covariance[mode])
+            for k in range(first[track] + 1, first[track + 1]):
+                dt = time_s[k] - time_s[k - 1]
+                _mix(mean, covariance, probability, mixed_mean, mixed_covariance, joint)
+                mean, mixed_mean = mixed_mean, mean
+                covariance, mixed_covariance = mixed_covariance, covariance
+                for mode in range(2):
+                    predict(mean[mode], covariance[mode], dt, density[point, mode])
+                    joint[mode] *= math.exp(
+                        _update(
+                            measurement[k],
+                            pose[k],
+                            variance[point],
+                            log_share,
+                            log_clutter[k],
+                            parts,
+                            found,
+                            step,
+                            mean[mode],
+                            covariance[mode],
+                        )
+                    )
+                likelihood = joint[0] + joint[1]
+                total[point] += math.log(max(likelihood, TINY))
+                for mode in range(2):
+                    probability[mode] = joint[mode] / max(likelihood, TINY)
+    return total
+
+
 def _log_likelihood(sequences: _Sequences, points: FloatArray) -> FloatArray:
     """Return the log likelihood at points, shape (B,).
 
     A point, of `points` (B, 4), has the logarithms of the standard deviations of range and
     azimuth, of the lower density, and of the ratio of the higher density to it.
     """
-    variance = np.exp(2.0 * points[:, :2])[:, None, None, :]
-    density = np.exp(np.stack([points[:, 2], points[:, 2] + points[:, 3]], axis=1))[:, :, None]
-    length, tracks = sequences.time_s.shape
-    mean, covariance = kinematics.initial_state(
-        sequences.measurement[0], sequences.pose[0], variance, sequences.speed_std
+    variance = np.exp(2.0 * points[:, :2])
+    density = np.exp(np.stack([points[:, 2], points[:, 2] + points[:, 3]], axis=1))
+    first = sequences.first[:-1]
+    plots = sequences.measurement[first], sequences.pose[first]
+    start = kinematics.initial_state(*plots, variance[:, None], sequences.speed_std)
+    share, ratio = sequences.components
+    log_share = np.log((1.0 - CLUTTER_PROBABILITY) * np.array(share))
+    log_clutter = math.log(2.0 * CLUTTER_PROBABILITY / GATE**2) - sequences.log_ratio
+    likelihood: FloatArray = _filter(
+        *contiguous(
+            *start,
+            variance[:, None] * np.array(ratio)[:, None],
+            density,
+            log_share,
+            sequences.first,
+            sequences.time_s,
+            sequences.measurement,
+            sequences.pose,
+            log_clutter,
+        )
     )
-    mean = np.repeat(mean, 2, axis=1)
-    covariance = np.repeat(covariance, 2, axis=1)
-    probability = np.tile(INITIAL_MODE_PROBABILITY[None, :, None], (len(points), 1, tracks))
-    total = np.zeros(len(points))
-    for k in range(1, length):
-        dt = sequences.time_s[k] - sequences.time_s[k - 1]
-        mixed, probability = _mix(mean, covariance, probability)
-        predicted = kinematics.predict(
-            *mixed, dt + np.zeros_like(probability), density + 0.0 * probability
-        )
-        mean, covariance, log_density = _update(
-            *predicted,
-            sequences.measurement[k],
-            sequences.pose[k],
-            variance,
-            np.log(2.0 * CLUTTER_PROBABILITY / GATE**2) - sequences.log_ratio[k],
-            sequences.components,
-        )
-        joint = probability * np.exp(log_density)
-        likelihood = np.einsum("brt->bt", joint)
-        log_likelihood = np.log(np.maximum(likelihood, np.finfo(float).tiny))
-        total += (log_likelihood * sequences.valid[k]).sum(axis=1)
-        probability = joint / np.maximum(likelihood, 1e-300)[:, None]
-    return total
-
-
-def _mix(
-    mean: FloatArray, covariance: FloatArray, probability: FloatArray
-) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
-    """Return the moment-matched Gaussian of each mode at the next plot, (B, 2, T, ...)."""
-    joint = probability[:, :, None, :] * MODE_TRANSITION[None, :, :, None]
-    later = joint.sum(axis=1)
-    share = joint / np.maximum(later, 1e-300)[:, None]
-    centre = np.einsum("bijt,bitd->bjtd", share, mean)
-    spread = np.einsum("bijt,bitde->bjtde", share, covariance)
-    off = mean[:, :, None] - centre[:, None]
-    spread += np.einsum("bijt,bijtd,bijte->bjtde", share, off, off)
-    return (centre, spread), later
-
-
-def _update(
-    mean: FloatArray,
-    covariance: FloatArray,
-    measured: FloatArray,
-    pose: FloatArray,
-    variance: FloatArray,
-    log_clutter: FloatArray,
-    components: tuple[_Component, ...],
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return updated Gaussians and the log density of the measurements, shape (B, 2, T).
-
-    `log_clutter`, shape (T,), is the log density of clutter in the gate relative to the peak of a
-    target's density with the usual noise.
-    """
-    found = [
-        kinematics.innovation(mean, covariance, measured, pose, each.ratio * variance)
-        for each in components
-    ]
-    log_peak = [-np.log(2.0 * np.pi) - 0.5 * np.log(each.determinant) for each in found]
-    log_parts = [
-        peak + np.log((1.0 - CLUTTER_PROBABILITY) * component.share) - 0.5 * each.distance2
-        for component, each, peak in zip(components, found, log_peak, strict=True)
-    ]
-    log_density = np.logaddexp.reduce([*log_parts, log_peak[0] + log_clutter])
-    for each, log_part in zip(found, log_parts, strict=True):
-        probability, gain = np.exp(log_part - log_density), each.gain
-        mean = mean + probability[..., None] * np.einsum("brtij,brtj->brti", gain, each.value)
-        reduction = gain @ each.cross.swapaxes(-1, -2)
-        covariance = covariance - probability[..., None, None] * reduction
-    return mean, covariance, log_density
+    return likelihood

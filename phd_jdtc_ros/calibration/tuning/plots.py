@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.types import Detections
 
 from . import kinematics
@@ -61,25 +61,6 @@ class Plots:
             amplitude=None if self.amplitude is None else self.amplitude[rows],
             pose=self.pose[rows],
         )
-
-
-@dataclass(frozen=True)
-class PlotSequences:
-    """The plots of T tracks or targets by time, at most K each, padded with the last plot."""
-
-    valid: BoolArray  # False for padding, (K, T)
-    time_s: FloatArray  # Ascending, seconds, (K, T)
-    measurement: FloatArray  # (K, T, 2)
-    pose: FloatArray  # Pose of the radar at each plot, (K, T, 3)
-
-
-def pad_rows(rows: Sequence[IntArray]) -> tuple[IntArray, BoolArray]:
-    """Return T rows as columns (K, T), padded with their last entry, and the mask of valid ones."""
-    length = np.array([len(row) for row in rows])
-    step = np.arange(length.max())[:, None]
-    place = np.cumsum(length) - length + np.minimum(step, length - 1)
-    columns: IntArray = np.concatenate(rows)[place]
-    return columns, step < length
 
 
 def limit_plots(plots: Plots, most: int = MOST_PLOTS) -> Plots:

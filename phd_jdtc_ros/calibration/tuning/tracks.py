@@ -6,15 +6,17 @@ Sec. 6.2); the sum over all tracks measures how well a model of the noise explai
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray, contiguous
+from phd_jdtc_ros.core.compilation import Float1, Float2, Float3, Int1, compiled, inner
 
 from . import kinematics
+from .filter_steps import copy, innovate, predict, update
 from .plots import Plots
 from .rotation import Timing
 
@@ -85,199 +87,281 @@ class Tracks:
         return np.concatenate([np.zeros(0, dtype=np.int64), *self.plots])
 
 
+class _Columns(NamedTuple):
+    """The plots, and for each plot the track that it would start: the state after its last plot."""
+
+    time_s: Float1
+    cloud: Float1
+    measurement: Float2
+    pose: Float2
+    position: Float2
+    log_ratio: Float1
+    mean: Float2
+    covariance: Float3
+    last: Int1  # The last plot of the track
+    hits: Int1
+    score: Float1
+
+
+class _Numbers(NamedTuple):
+    """The numbers of a `LinkModel`, and those that follow from it."""
+
+    rotation_s: float
+    most_misses: float
+    variance: Float1
+    densities: Float1
+    log_miss: float
+    log_detection: float  # Log density of a detection relative to that of clutter
+
+
+@inner
+def _looks(plots: _Columns, earlier: int, later: int, rotation_s: float) -> float:
+    """Return the number of looks between two plots; turns are not rounded."""
+    if rotation_s > 0.0:
+        return float((plots.time_s[later] - plots.time_s[earlier]) / rotation_s)
+    return float(plots.cloud[later] - plots.cloud[earlier])
+
+
+@inner
+def _may_be_near(plots: _Columns, track: int, plot: int, numbers: _Numbers) -> bool:
+    """Return whether a plot may be within the gate of a track, by a coarse upper bound."""
+    dt = plots.time_s[plot] - plots.time_s[plots.last[track]]
+    if numbers.rotation_s > 0.0 and dt <= LEAST_SPACING * numbers.rotation_s:
+        return False
+    mean, covariance = plots.mean[track], plots.covariance[track]
+    east = plots.position[plot, 0] - mean[0] - dt * mean[2]
+    north = plots.position[plot, 1] - mean[1] - dt * mean[3]
+    place = covariance[0, 0] + covariance[1, 1]
+    trace = 2.0 * (place + dt * dt * (covariance[2, 2] + covariance[3, 3]))
+    trace += numbers.densities[1] * dt * dt * dt + numbers.variance[0]
+    # The variance across the line of sight, at the plot's range.
+    trace += plots.measurement[plot, 0] ** 2 * numbers.variance[1]
+    return bool(east * east + north * north < (1.5 * GATE) ** 2 * trace)
+
+
+@compiled
+def _score_pairs(
+    rows: Int1, batch: Int1, plots: _Columns, numbers: _Numbers
+) -> tuple[FloatArray, IntArray]:
+    """Return the scores of tracks and plots, (R, B), and the likelier mode; -inf outside the gate.
+
+    A score is relative to that of a missed detection in this look.
+    """
+    score = np.full((len(rows), len(batch)), -np.inf)
+    likelier = np.zeros((len(rows), len(batch)), np.int64)
+    mean, covariance = np.empty(4), np.empty((4, 4))
+    step, log_mode = np.empty((2, 2, 4)), np.empty(2)
+    for i, track in enumerate(rows):
+        for k, plot in enumerate(batch):
+            if not _may_be_near(plots, track, plot, numbers):
+                continue
+            dt, nearest = plots.time_s[plot] - plots.time_s[plots.last[track]], np.inf
+            for mode in range(2):
+                copy(plots.mean[track], plots.covariance[track], mean, covariance)
+                predict(mean, covariance, dt, numbers.densities[mode])
+                _, _, square, determinant = innovate(
+                    mean,
+                    covariance,
+                    plots.measurement[plot],
+                    plots.pose[plot],
+                    numbers.variance,
+                    step,
+                )
+                nearest = min(nearest, square)
+                log_mode[mode] = _LOG_MODE[mode] - 0.5 * (square + math.log(determinant))
+            if nearest < GATE**2:
+                likelier[i, k] = log_mode[1] > log_mode[0]
+                looks = _looks(plots, plots.last[track], plot, numbers.rotation_s)
+                misses = max(round(looks) - 1.0, 0.0)
+                score[i, k] = (
+                    np.logaddexp(log_mode[0], log_mode[1])
+                    + numbers.log_detection
+                    + plots.log_ratio[plot]
+                    + (misses - 1.0) * numbers.log_miss
+                )
+    return score, likelier
+
+
+@compiled
+def _best_assignment(score: Float2) -> IntArray:
+    """Return the column of each row, or -1: the assignment of the largest sum of positive scores.
+
+    Rows are added one by one, each by the shortest augmenting path along reduced costs (Crouse,
+    "On implementing 2D rectangular assignment algorithms", IEEE Trans. AES 52(4), 2016). A path may
+    also end at a row that loses its column, at no cost.
+    """
+    rows, columns = score.shape
+    column, owner = np.full(rows, -1), np.full(columns, -1)
+    row_price, price = np.zeros(rows), np.zeros(columns)
+    shortest, seen = np.empty(columns), np.empty(columns, np.bool_)
+    before = np.zeros(columns, np.int64)
+    for first in range(rows):
+        shortest[:] = np.inf
+        seen[:] = False
+        row, length, loser, loss, end = first, 0.0, first, np.inf, -1
+        while True:
+            if length - row_price[row] < loss:
+                loser, loss = row, length - row_price[row]
+            nearest = -1
+            for k in range(columns):
+                if seen[k]:
+                    continue
+                path = length - score[row, k] - row_price[row] - price[k]
+                if score[row, k] > 0.0 and path < shortest[k]:
+                    shortest[k], before[k] = path, row
+                if shortest[k] < np.inf and (nearest < 0 or shortest[k] < shortest[nearest]):
+                    nearest = k
+            if nearest < 0 or loss <= shortest[nearest]:
+                length, end, column[loser] = loss, column[loser], -1
+                break
+            length, seen[nearest] = shortest[nearest], True
+            if owner[nearest] < 0:
+                end = nearest
+                break
+            row = owner[nearest]
+        row_price[first] += length
+        for k in range(columns):
+            if seen[k] and owner[k] >= 0:
+                row_price[owner[k]] += length - shortest[k]
+                price[k] -= length - shortest[k]
+        while end >= 0:
+            row = before[end]
+            owner[end] = row
+            column[row], end = end, column[row]
+    return column
+
+
+@inner
+def _add_plot(
+    plots: _Columns, track: int, plot: int, density: float, numbers: _Numbers, step: FloatArray
+) -> None:
+    """Update a track; `step` is written over."""
+    mean, covariance = plots.mean[track], plots.covariance[track]
+    predict(mean, covariance, plots.time_s[plot] - plots.time_s[plots.last[track]], density)
+    measured, pose = plots.measurement[plot], plots.pose[plot]
+    found = innovate(mean, covariance, measured, pose, numbers.variance, step)
+    update(1.0, found, step, mean, covariance)
+    plots.last[track] = plot
+    plots.hits[track] += 1
+
+
+@inner
+def _goes_on(plots: _Columns, track: int, plot: int, numbers: _Numbers) -> bool:
+    """Return whether a track has few consecutive misses at the time of a plot."""
+    # A look is missed half a turn after it was due, or when the next cloud has come.
+    missed = _looks(plots, plots.last[track], plot, numbers.rotation_s)
+    missed -= 0.5 if numbers.rotation_s > 0.0 else 1.0
+    tentative = plots.hits[track] < OWNING_HITS
+    return bool(missed <= (TENTATIVE_MISSES if tentative else numbers.most_misses))
+
+
+@compiled
+def _link(order: Int1, first: Int1, plots: _Columns, numbers: _Numbers) -> IntArray:
+    """Return the track to which each plot was added, or -1; a track is that of its first plot.
+
+    For `order` and `first` see `_batches`. In each batch, plots are assigned to confirmed tracks,
+    then to tentative ones; the rest start tracks.
+    """
+    added_to, step = np.full(len(order), -1), np.empty((2, 2, 4))
+    current, rows, free = np.empty_like(order), np.empty_like(order), np.empty_like(order)
+    tracks = 0
+    for batch in range(len(first) - 1):
+        begin, left = first[batch], first[batch + 1] - first[batch]
+        for k in range(left):
+            free[k] = order[begin + k]
+        going_on = 0
+        for i in range(tracks):
+            if _goes_on(plots, current[i], order[begin], numbers):
+                current[going_on] = current[i]
+                going_on += 1
+        for confirmed in (True, False):
+            count, still = 0, 0
+            for i in range(going_on):
+                if (plots.hits[current[i]] >= LEAST_HITS) == confirmed:
+                    rows[count] = current[i]
+                    count += 1
+            score, likelier = _score_pairs(rows[:count], free[:left], plots, numbers)
+            column = _best_assignment(score)
+            for i in range(count):
+                if column[i] >= 0:
+                    plot, density = free[column[i]], numbers.densities[likelier[i, column[i]]]
+                    _add_plot(plots, rows[i], plot, density, numbers, step)
+                    plots.score[rows[i]] += score[i, column[i]] + numbers.log_miss
+                    added_to[plot] = rows[i]
+            for k in range(left):
+                track = added_to[free[k]]
+                if track < 0 or plots.hits[track] < OWNING_HITS:
+                    free[still] = free[k]
+                    still += 1
+            left = still
+        tracks = going_on + left
+        for k in range(left):
+            current[going_on + k] = free[k]
+    return added_to
+
+
 def link_plots(plots: Plots, timing: Timing, model: LinkModel, log_ratio: FloatArray) -> Tracks:
     """Return the tracks of a recording.
 
     `log_ratio`, shape (N,), has the log likelihood ratio of each plot's amplitude, target to
     clutter; 0 where unknown.
     """
-    linker = _Linker(plots, timing, model, log_ratio)
-    for batch in _batches(plots, timing):
-        linker.add(batch)
-    return linker.finish()
+    misses = np.log(IMPROBABLE) / np.log(max(1.0 - model.detection_probability, 1e-3))
+    farthest = float(plots.measurement[:, 0].max(initial=1.0))
+    log_clutter = np.log(max(model.clutter_rate, 0.1) / (2.0 * np.pi * farthest))
+    numbers = _Numbers(
+        timing.rotation_s,
+        float(np.clip(np.ceil(misses), LEAST_MISSES, MOST_MISSES)),
+        model.variance,
+        np.array(model.densities),
+        model.log_miss,
+        float(np.log(model.detection_probability) - log_clutter - np.log(2.0 * np.pi)),
+    )
+    count = len(plots)
+    measured = plots.measurement, plots.pose
+    columns = _Columns._make(
+        contiguous(
+            plots.time_s,
+            plots.cloud.astype(np.float64),
+            *measured,
+            plots.position,
+            log_ratio,
+            *kinematics.initial_state(*measured, model.variance, model.speed_std),
+            np.arange(count),
+            np.ones(count, dtype=np.int64),
+            LOG_NEW + log_ratio,
+        )
+    )
+    added_to = _link(*_batches(plots, timing), columns, numbers)
+    track, plot = np.append(np.arange(count), added_to), np.tile(np.arange(count), 2)
+    kept = (track >= 0) & (columns.hits[track] >= LEAST_HITS)
+    order = np.flatnonzero(kept)[np.argsort(track[kept], kind="stable")]
+    starts = np.flatnonzero(np.diff(track[order], prepend=-1))
+    return _accepted(np.split(plot[order], starts[1:]), columns.score[track[order[starts]]])
 
 
-def _batches(plots: Plots, timing: Timing) -> list[IntArray]:
-    """Return the plots that are assigned together: of a cloud, or of a share of a turn."""
-    if not len(plots):
-        return []
+def _accepted(tracks: list[IntArray], scores: FloatArray) -> Tracks:
+    """Return the tracks that are accepted; a plot of two tracks goes to that of better score."""
+    taken: set[int] = set()
+    accepted, total = [], 0.0
+    for index in np.argsort(-scores, kind="stable"):
+        own = [plot for plot in tracks[index].tolist() if plot not in taken]
+        enough = len(own) >= max(LEAST_HITS, LEAST_OWN * len(tracks[index]))
+        if enough and scores[index] >= LEAST_SCORE:
+            taken.update(own)
+            accepted.append(np.array(own))
+            total += float(scores[index])
+    return Tracks(tuple(accepted), total)
+
+
+def _batches(plots: Plots, timing: Timing) -> tuple[IntArray, IntArray]:
+    """Return the plots batch by batch, and the first of each batch, and their number.
+
+    Those of a batch are assigned together: those of a cloud, or of a share of a turn.
+    """
     number: FloatArray = plots.cloud.astype(np.float64)
     if timing.rotation_s:
         number = np.floor(plots.time_s / (BATCH * timing.rotation_s))
     order = np.argsort(number, kind="stable")
-    edges = np.flatnonzero(np.diff(number[order])) + 1
-    return np.split(order, edges)
-
-
-class _TrackRows(NamedTuple):
-    """The current tracks, one row each: state, time and cloud after the last plot."""
-
-    mean: FloatArray
-    covariance: FloatArray
-    time_s: FloatArray
-    cloud: FloatArray
-    hits: IntArray
-    score: FloatArray
-    number: IntArray  # Index of the track's list in `_Linker._plots_of`
-
-    def take(self, rows: IntArray) -> _TrackRows:
-        """Return some tracks."""
-        return _TrackRows._make(column[rows] for column in self)
-
-    def append(self, other: _TrackRows) -> _TrackRows:
-        """Return these tracks and others."""
-        return _TrackRows._make(map(np.concatenate, zip(self, other, strict=True)))
-
-
-class _Linker:
-    """Links plots to tracks, batch by batch."""
-
-    def __init__(
-        self, plots: Plots, timing: Timing, model: LinkModel, log_ratio: FloatArray
-    ) -> None:
-        self._plots, self._timing, self._model, self._log_ratio = plots, timing, model, log_ratio
-        misses = np.log(IMPROBABLE) / np.log(max(1.0 - model.detection_probability, 1e-3))
-        self._max_misses = float(np.clip(np.ceil(misses), LEAST_MISSES, MOST_MISSES))
-        farthest = float(plots.measurement[:, 0].max(initial=1.0))
-        # Log density of clutter in range and azimuth.
-        self._log_clutter = np.log(max(model.clutter_rate, 0.1) / (2.0 * np.pi * farthest))
-        self._position = plots.position
-        self._plots_of: list[list[int]] = []
-        self._tracks = self._new(np.zeros(0, dtype=np.int64))
-        self._ended: list[tuple[list[int], float]] = []
-
-    def add(self, batch: IntArray) -> None:
-        """Assign plots to confirmed tracks, then to tentative ones; the rest start tracks."""
-        self._end(float(self._plots.time_s[batch].min()), float(self._plots.cloud[batch].min()))
-        confirmed = self._tracks.hits >= LEAST_HITS
-        for rows in (np.flatnonzero(confirmed), np.flatnonzero(~confirmed)):
-            if len(rows) and len(batch):
-                batch = np.setdiff1d(batch, self._assign(rows, batch))
-        if len(batch):
-            self._tracks = self._tracks.append(self._new(batch))
-
-    def finish(self) -> Tracks:
-        """End all tracks and return the accepted ones."""
-        self._end(np.inf, np.inf)
-        # A plot in two tracks goes to the track with the better score.
-        taken: set[int] = set()
-        accepted, total = [], 0.0
-        for plots, score in sorted(self._ended, key=lambda entry: -entry[1]):
-            own = [plot for plot in plots if plot not in taken]
-            if score >= LEAST_SCORE and len(own) >= max(LEAST_HITS, LEAST_OWN * len(plots)):
-                taken.update(own)
-                accepted.append(np.array(own))
-                total += score
-        return Tracks(tuple(accepted), total)
-
-    def _end(self, now_s: float, cloud: float) -> None:
-        """End the tracks with too many consecutive misses before a time and a cloud."""
-        tracks = self._tracks
-        looks = self._timing.looks(now_s - tracks.time_s, cloud - tracks.cloud)
-        # A look is missed half a turn after it was due, or when the next cloud has come.
-        missed = looks - (0.5 if self._timing.rotation_s else 1.0)
-        ended = missed > np.where(tracks.hits < OWNING_HITS, TENTATIVE_MISSES, self._max_misses)
-        for row in np.flatnonzero(ended & (tracks.hits >= LEAST_HITS)).tolist():
-            self._ended.append((self._plots_of[tracks.number[row]], float(tracks.score[row])))
-        self._tracks = tracks.take(np.flatnonzero(~ended))
-
-    def _assign(self, rows: IntArray, batch: IntArray) -> IntArray:
-        """Update tracks with the assignment of the largest total score.
-
-        Return the assigned plots that may not start another track; see `OWNING_HITS`.
-        """
-        row, plot = self._candidates(rows, batch)
-        if not len(row):
-            return plot
-        tracks, plots, model = self._tracks, self._plots, self._model
-        dt = plots.time_s[plot] - tracks.time_s[row]
-        # Both modes are in the leading axis: shapes (2, P, ...).
-        density = np.array(model.densities)[:, None] * np.ones(len(row))
-        mean, covariance = kinematics.predict(tracks.mean[row], tracks.covariance[row], dt, density)
-        found = kinematics.innovation(
-            mean, covariance, plots.measurement[plot], plots.pose[plot], model.variance
-        )
-        distance2 = found.distance2
-        near = np.flatnonzero(distance2.min(axis=0) < GATE**2)
-        log_mode = _LOG_MODE[:, None] - 0.5 * distance2 - 0.5 * np.log(found.determinant)
-        score = self._scores(row, plot, log_mode)
-        # The assignment compares each score with that of a missed detection in this look.
-        better = score[near] - model.log_miss
-        chosen = near[_best_assignment(row[near], plot[near], better)]
-        row, plot, mode = row[chosen], plot[chosen], np.argmax(log_mode[:, chosen], axis=0)
-        cross = found.cross[mode, chosen]
-        gain = cross @ found.inverse[mode, chosen]
-        tracks.mean[row] = mean[chosen] + np.einsum("pij,pj->pi", gain, found.value[chosen])
-        later = covariance[mode, chosen] - gain @ cross.swapaxes(1, 2)
-        tracks.covariance[row] = 0.5 * (later + later.swapaxes(1, 2))
-        tracks.score[row] += score[chosen]
-        tracks.time_s[row], tracks.cloud[row] = plots.time_s[plot], plots.cloud[plot]
-        tracks.hits[row] += 1
-        for number, index in zip(tracks.number[row], plot.tolist(), strict=True):
-            self._plots_of[number].append(index)
-        return plot[tracks.hits[row] >= OWNING_HITS]
-
-    def _candidates(self, rows: IntArray, batch: IntArray) -> tuple[IntArray, IntArray]:
-        """Return the pairs (row, plot) that may be within the gate, by a coarse upper bound."""
-        tracks, plots, model = self._tracks, self._plots, self._model
-        row, plot = (grid.ravel() for grid in np.meshgrid(rows, batch, indexing="ij"))
-        dt = plots.time_s[plot] - tracks.time_s[row]
-        if self._timing.rotation_s:
-            apart = dt > LEAST_SPACING * self._timing.rotation_s
-            row, plot, dt = row[apart], plot[apart], dt[apart]
-        expected = tracks.mean[row, :2] + dt[:, None] * tracks.mean[row, 2:]
-        distance2 = ((self._position[plot] - expected) ** 2).sum(axis=1)
-        variance = np.diagonal(tracks.covariance, axis1=1, axis2=2)
-        place, speed = variance[:, :2].sum(axis=1), variance[:, 2:].sum(axis=1)
-        trace = 2.0 * (place[row] + dt**2 * speed[row])
-        trace += model.densities[1] * dt**3 + model.range_std**2
-        # The azimuth's standard deviation in metres, at the plot's range.
-        trace += (plots.measurement[plot, 0] * model.azimuth_std) ** 2
-        near = np.flatnonzero(distance2 < (1.5 * GATE) ** 2 * trace)
-        return row[near], plot[near]
-
-    def _scores(self, row: IntArray, plot: IntArray, log_mode: FloatArray) -> FloatArray:
-        """Return the log likelihood ratios of pairs, given those of both modes, shape (P,)."""
-        tracks, plots, model = self._tracks, self._plots, self._model
-        elapsed = plots.time_s[plot] - tracks.time_s[row], plots.cloud[plot] - tracks.cloud[row]
-        misses = np.maximum(np.round(self._timing.looks(*elapsed)) - 1.0, 0.0)
-        return np.asarray(
-            np.logaddexp(*log_mode)
-            - np.log(2.0 * np.pi)
-            + np.log(model.detection_probability)
-            + misses * model.log_miss
-            - self._log_clutter
-            + self._log_ratio[plot]
-        )
-
-    def _new(self, batch: IntArray) -> _TrackRows:
-        """Return a tentative track for each plot."""
-        plots, count = self._plots, len(batch)
-        first = len(self._plots_of)
-        self._plots_of += [[index] for index in batch.tolist()]
-        return _TrackRows(
-            *kinematics.initial_state(
-                plots.measurement[batch],
-                plots.pose[batch],
-                self._model.variance,
-                self._model.speed_std,
-            ),
-            plots.time_s[batch],
-            plots.cloud[batch].astype(np.float64),
-            np.ones(count, dtype=np.int64),
-            LOG_NEW + self._log_ratio[batch],
-            first + np.arange(count),
-        )
-
-
-def _best_assignment(row: IntArray, plot: IntArray, score: FloatArray) -> IntArray:
-    """Return the indices of the assignment with the largest total score."""
-    rows, i = np.unique(row, return_inverse=True)
-    columns, j = np.unique(plot, return_inverse=True)
-    table = np.zeros((len(rows), len(columns)))
-    pair = np.full(table.shape, -1)
-    table[i, j] = np.maximum(score, 0.0)
-    pair[i, j] = np.where(score > 0.0, np.arange(len(score)), -1)
-    chosen = pair[linear_sum_assignment(table, maximize=True)]
-    pairs: IntArray = chosen[chosen >= 0]
-    return pairs
+    edges = np.flatnonzero(np.diff(number[order], prepend=-np.inf))
+    return order, np.append(edges, len(order))

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from plot_recordings import one_target, recorded
+from scipy.optimize import linear_sum_assignment
 
-from phd_jdtc_ros.calibration.tuning import kinematics, noise
+from phd_jdtc_ros.calibration.tuning import kinematics, noise, tracks
 from phd_jdtc_ros.calibration.tuning.levels import log_ratio
 from phd_jdtc_ros.calibration.tuning.noise import Noise, find_outliers, fit_noise
 from phd_jdtc_ros.calibration.tuning.plots import Plots, limit_plots
@@ -35,17 +36,30 @@ def test_plots_are_bounded_in_number_and_time():
 
 def test_one_target_is_one_track_through_misses():
     plots = one_target(missed={10, 11, 30}, clutter=3)
-    tracks = linked(plots)
-    assert len(tracks.plots) == 1
-    own = tracks.plots[0]
+    found = linked(plots)
+    assert len(found.plots) == 1
+    own = found.plots[0]
     # Three of clutter follow each of the target's.
     assert np.isin(np.flatnonzero(np.diff(plots.cloud, prepend=-1)), own).sum() >= 55
-    probability = detection_probability(plots, SECONDS, tracks)
+    probability = detection_probability(plots, SECONDS, found)
     assert probability.value == pytest.approx(57 / 60, abs=0.03)
-    assert clutter_rate(plots, SECONDS, tracks).value == pytest.approx(3.0, abs=0.15)
+    assert clutter_rate(plots, SECONDS, found).value == pytest.approx(3.0, abs=0.15)
     # Only the plots that are not on land count, where a map of clutter is proposed.
     sea = np.arange(0, len(plots), 3)
-    assert clutter_rate(plots, SECONDS, tracks, sea).value == pytest.approx(1.0, abs=0.05)
+    assert clutter_rate(plots, SECONDS, found, sea).value == pytest.approx(1.0, abs=0.05)
+
+
+def test_plots_are_assigned_with_the_largest_score():
+    rng = np.random.default_rng(5)
+    for shape in [(1, 1), (3, 7), (7, 3), (6, 6), (0, 4), (4, 0)] * 20:
+        score = rng.uniform(-5.0, 10.0, shape)
+        score[rng.random(shape) < 0.3] = -np.inf
+        column = tracks._best_assignment(score)
+        row = np.flatnonzero(column >= 0)
+        assert len(np.unique(column[row])) == len(row)
+        gain = np.maximum(score, 0.0)
+        best = gain[linear_sum_assignment(gain, maximize=True)].sum()
+        assert score[row, column[row]].sum() == pytest.approx(best, abs=1e-9)
 
 
 def test_ends_of_tracks_are_those_of_targets_that_disappear():
@@ -74,8 +88,8 @@ def test_noise_is_found_from_far_away_and_its_deviation_is_honest():
     off = []
     for seed in range(8):
         plots = one_target(seed=seed)
-        tracks = Tracks((np.arange(len(plots)),), 0.0)
-        found = fit_noise(plots, tracks, start, 20.0, np.zeros(len(plots)))
+        whole = Tracks((np.arange(len(plots)),), 0.0)
+        found = fit_noise(plots, whole, start, 20.0, np.zeros(len(plots)))
         logs = np.log([found.range_std / 20.0, found.azimuth_std / 0.01])
         off.append(logs / found.log_std)
     # Standard normal, sixteen of them.
@@ -99,8 +113,8 @@ def eight_targets(outliers, seed):
 def test_outliers_are_found_if_there_are_some(seed):
     start = Noise(20.0, 0.01, (1e-4, 1e-3), np.ones(2), 0)
     for share in (0.0, 0.2):
-        plots, tracks = eight_targets(share, seed)
-        found = find_outliers(plots, tracks, start, 20.0, np.zeros(len(plots)))
+        plots, targets = eight_targets(share, seed)
+        found = find_outliers(plots, targets, start, 20.0, np.zeros(len(plots)))
         assert (found is not None) == (share > 0.0)
     assert found.outliers
     assert found.range_std == pytest.approx(20.0, rel=0.2)
