@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -68,15 +69,21 @@ def read(
     )
 
 
-def findings_of(source: Path, recorded: RecordedPlots) -> dict[str, Findings]:
-    """Return the findings of each radar; `BagError` names every radar that cannot be tuned."""
-    found, faults = {}, []
-    for radar, plots in recorded.plots.items():
+def findings_of(
+    source: Path, recorded: RecordedPlots, note: Callable[[str], None] = lambda text: None
+) -> dict[str, Findings]:
+    """Return the findings of each radar; `BagError` names every radar that cannot be tuned.
+
+    `note` is called with a line about each radar before its estimation, which takes the time.
+    """
+    found, faults, count = {}, [], len(recorded.plots)
+    for number, (radar, plots) in enumerate(recorded.plots.items(), start=1):
         dropped = counts_text(recorded.dropped[radar])
         suffix = f" (dropped: {dropped})" if dropped else ""
         if plots is None:
             faults.append(f"{radar}: none of its messages can be used{suffix}")
             continue
+        note(f"{radar}, radar {number} of {count}: estimating from {len(plots)} detections")
         try:
             found[radar] = findings(plots)
         except TuningError as error:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -44,6 +46,7 @@ def main(argv: Sequence[str]) -> int:
 
 def _work(arguments: argparse.Namespace) -> int:
     command.require_new_files(arguments.out)
+    begin = time.perf_counter()
     source = resources.bag(arguments.bag)
     bag = BagReader(source)
     given, where = command.recorded_parameters(source, arguments.params_file) or (
@@ -51,17 +54,19 @@ def _work(arguments: argparse.Namespace) -> int:
         None,
     )
     config = tracker_params.config(given)
+    _note(f"reading {source}")
     recorded = recorded_plots.read(bag, config, arguments.seconds)
     console = Console()
     for radar, plots in recorded.plots.items():
         if plots is not None and len(plots) < recorded.offered[radar]:
             console.print(
                 f"{radar}: the first {len(plots)} of {recorded.offered[radar]} detections are "
-                "used, which take minutes",
+                "used, because more hardly sharpen the estimates",
                 soft_wrap=True,
                 highlight=False,
             )
-    found = recorded_plots.findings_of(source, recorded)
+    found = recorded_plots.findings_of(source, recorded, _note)
+    _note(f"done in {time.perf_counter() - begin:.1f} s")
     # Without a parameter file, the convention is the only setting that was assumed.
     assumed = [f"{radar.name}.azimuth_convention" for radar in config.inputs]
     now = config.values if where else {name: config.values[name] for name in assumed}
@@ -75,6 +80,11 @@ def _work(arguments: argparse.Namespace) -> int:
     comments = _comments(rows, where is None)
     command.write_proposal(arguments.out, _head(source, where), proposed, comments)
     return status
+
+
+def _note(text: str) -> None:
+    """Print what is being done, beside the proposals."""
+    print(f"tune: {text}", file=sys.stderr)
 
 
 def _table(
