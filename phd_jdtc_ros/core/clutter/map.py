@@ -63,6 +63,9 @@ class ClutterMap(ReadOnly):
     recent detections per turn, with the memory RECENT_TURNS, beyond uniform clutter. The surplus s
     is their number beyond PASSING of one new target, uniform clutter, and those that earlier
     detections let expect, at most one reflector's.
+
+    Where stationary targets are not clutter, b is 0 for a place alone: a ship at anchor that is
+    missed before it has a track would otherwise be clutter for ever.
     """
 
     grid: Grid  # A detection counts in the four nearest cells
@@ -77,13 +80,20 @@ class ClutterMap(ReadOnly):
     recent_turns: Annotated[float, floats("", 0.0, MAX_TURNS)] = 0.0  # Turns that do not count yet
 
     def log_factor(
-        self, measurement: FloatArray, world: FloatArray, rate: float, max_range: float
+        self,
+        measurement: FloatArray,
+        world: FloatArray,
+        rate: float,
+        max_range: float,
+        *,
+        alone: bool = True,
     ) -> FloatArray:
         """Return the log density of all clutter relative to the uniform one, (M,); at least 0.
 
         Measurements are range and azimuth, metres and radians, (M, 2); `world` has the same places
         in the world frame, metres. `rate` is the number of expected false detections per turn,
-        above 0, which are uniform in azimuth and in range up to `max_range`, metres.
+        above 0, which are uniform in azimuth and in range up to `max_range`, metres. With `alone`
+        a place with repeated detections away from fixed clutter is clutter.
         """
         cell, share = corners(self.grid, self.grid.places(measurement, world))
         lasting, begun = self._excesses(measurement, world, rate, max_range)
@@ -95,7 +105,8 @@ class ClutterMap(ReadOnly):
         local_count = (cell_count * share).sum(axis=0)
         turns = max(self.turns - self.recent_turns, 0.0)
         among = neighbourhood.probability_among_reflectors(lasting)
-        factor = ALONE_FACTOR + (REFLECTOR_FACTOR - ALONE_FACTOR) * among
+        alone_factor = ALONE_FACTOR if alone else 0.0
+        factor = alone_factor + (REFLECTOR_FACTOR - alone_factor) * among
         local = factor * local_count**2 / (local_count + PASSING + MIN_SHARE * turns)
         local += PRIOR_TURNS * GATHERED * lasting / neighbourhood.CELLS
         local = np.maximum(local / (PRIOR_TURNS + turns), begun / neighbourhood.CELLS)

@@ -173,8 +173,13 @@ class RadarModel(Sensor):
         """
         factor = np.zeros(len(measurement))
         if self.clutter_map is not None:
-            uniform = self._rate_of_turn, self.clutter_max_range
-            factor += self.clutter_map.log_factor(measurement, self.to_world(measurement), *uniform)
+            factor += self.clutter_map.log_factor(
+                measurement,
+                self.to_world(measurement),
+                self._rate_of_turn,
+                self.clutter_max_range,
+                alone=self.clutter_map_speed > 0.0,
+            )
         if self.multipath is not None:
             gate = DETECTION_GATE_SIGMA * self.range_std
             echoes = self.multipath.density(measurement, self.azimuth_std, gate)

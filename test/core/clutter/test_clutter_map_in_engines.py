@@ -172,6 +172,35 @@ def test_targets_at_rest_stay_if_they_may():
 
 
 @pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(("bound", "expected"), [(2.5, 0), (0.0, 3)])
+def test_ships_at_rest_that_are_missed_at_first_are_found_if_they_may_be(engine, bound, expected):
+    """Their first detections are no clutter that explains the later ones."""
+    given = {
+        **HARBOUR,
+        **MAPPED,
+        "engine": engine,
+        "mast.clutter_map_speed": bound,
+        "detection_births.rates": [0.1, 0.1],
+        "detection_births.least_probability": 0.005,
+    }
+    tracker, rng = new_engine(small(given)), np.random.default_rng(3)
+    mast = small(given).model.radars[0]
+    state = np.zeros((3, 5))
+    state[:, [0, 2]] = START
+    place = mast.measure(state)
+    found = []
+    for turn in range(25):
+        seen = place[: 0 if turn == 1 else None]
+        seen = seen + rng.standard_normal(seen.shape) * mast.noise_std
+        false, _ = false_detections(mast, rng.poisson(10.0), rng, NOISE)
+        report = Detections(np.concatenate([seen, false]), None)
+        ships = tracker.step(Scan((turn + 1) * 2_500_000_000, (report,))).filtered[0].position
+        away = np.hypot(*(ships[:, None] - START).transpose(2, 0, 1)).reshape(-1, 3)
+        found.append(int(np.count_nonzero(away.min(axis=0, initial=1e9) < 200.0)))
+    assert max(found[-5:]) == min(found[-5:]) == expected
+
+
+@pytest.mark.parametrize("engine", ENGINES)
 def test_restored_engine_goes_on_with_its_map_bit_by_bit(engine):
     given = {**HARBOUR, **MAPPED, "engine": engine, "particles_per_birth": 64}
     run = [scan for _, scan in harbour(10, 3)]
