@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -144,6 +144,13 @@ class Parameters:
             for name in (*REQUIRED, *of_radars)
             if name not in values
         ]
+
+    def hidden(self, findings: Mapping[str, Findings]) -> Iterator[str]:
+        """Yield what the clutter maps hide that the findings propose and that are not given."""
+        for radar, each in findings.items():
+            text = proposal.hidden(each, self.given, radar)
+            if text and f"{radar}.clutter_map" not in self.given:
+                yield f"{radar}: {text}"
 
     def with_findings(
         self,

@@ -125,7 +125,7 @@ class Tracker:
         Warns
         -----
         UserWarning
-            If detections contradict the parameters.
+            If detections contradict the parameters, or slow targets are taken for clutter.
         """
         columns = columns_of(detections)
         config = without_max_range(self._parameters.config(columns, incomplete=True))
@@ -147,6 +147,8 @@ class Tracker:
                 faults.append(f"{name}: {error}")
         if faults:
             raise TuningError("; ".join(faults))
+        for text in self._parameters.hidden(found):
+            warnings.warn(text, stacklevel=2)
         self._parameters = self._parameters.with_findings(found, timed, columns)
         return self
 

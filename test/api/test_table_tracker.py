@@ -73,6 +73,23 @@ def test_fit_warns_of_degrees_that_are_read_as_radians():
         Tracker().fit(degrees)
 
 
+def test_fit_says_that_it_takes_targets_at_rest_for_clutter():
+    rng, times = np.random.default_rng(5), np.unique(DETECTIONS["time"])
+    places = np.array([[300.0, 0.5], [420.0, -2.0], [350.0, 2.0], [250.0, -1.0]])
+    at_anchor = np.tile(places, (len(times), 1))
+    at_anchor += rng.standard_normal(at_anchor.shape) * [5.0, np.radians(0.5)]
+    added = {"time": np.repeat(times, len(places)), "range": at_anchor[:, 0]}
+    added["azimuth"] = at_anchor[:, 1]
+    both = {name: np.concatenate([DETECTIONS[name], added[name]]) for name in added}
+    expected = r"^radar: \d+ % of the detections are in recurring places, which clutter_map: true"
+    with pytest.warns(UserWarning, match=expected):
+        fitted = Tracker().fit(both)
+    assert fitted.parameters["radar.clutter_map"] is True
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Tracker({"radar": {"clutter_map": False}}).fit(both)
+
+
 def test_fit_goes_with_other_classes_and_motions():
     given = {
         "classes": ["boat", "ship"],

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from phd_jdtc_ros.configuration.forms import OUTLIERS, probability_numbers
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.configuration.schema import Value
 
 from .findings import MOST_BESIDE, MOST_CROWDED, MOST_LAND, Findings
@@ -143,6 +144,21 @@ def _clutter(found: Findings, now: Now, max_range: Any) -> Iterator[Row]:
         if not now("clutter_map"):
             # This clutter does not recur in the same places, so a stationary track is a target.
             yield Row("clutter_map_speed", 0.0, source, now("clutter_map_speed"))
+
+
+def hidden(found: Findings, values: Mapping[str, Any], radar: str) -> str:
+    """Return a sentence about targets that a proposed clutter map hides; empty if there are none.
+
+    For the arguments see `rows`.
+    """
+    speed = values.get(f"{radar}.clutter_map_speed", RadarParameters().clutter_map_speed)
+    if values.get(f"{radar}.clutter_map") or found.land <= MOST_LAND or speed == 0.0:
+        return ""
+    return (
+        f"{100.0 * found.land:.0f} % of the detections are in recurring places, which "
+        f"clutter_map: true takes for clutter: targets slower than {speed:g} m/s are not reported; "
+        f"set {radar}.clutter_map_speed to 0 if they are ships at anchor"
+    )
 
 
 def _detection(found: Findings, now: Now, by_band: bool) -> Row:

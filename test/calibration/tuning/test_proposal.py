@@ -201,7 +201,15 @@ def test_areas_of_dense_clutter_are_mapped_and_spoil_no_noise(standing):
 def test_land_is_mapped(estimated):
     config, found = estimated
     assert not {"clutter_map", "clutter_map_speed"} & {*rows_of(estimated)}
-    assert rows_of((config, replace(found, land=0.5)))["clutter_map"].value is True
+    land = replace(found, land=0.5)
+    assert rows_of((config, land))["clutter_map"].value is True
+    said = proposal.hidden(land, {}, "radar")
+    assert "50 % of the detections" in said
+    assert "slower than 2.5 m/s" in said
+    assert "set radar.clutter_map_speed to 0" in said
+    assert not proposal.hidden(found, {}, "radar")
+    for name, value in (("clutter_map", True), ("clutter_map_speed", 0.0)):
+        assert not proposal.hidden(land, {f"radar.{name}": value}, "radar")
 
 
 def test_insufficient_recordings_name_what_is_missing():
