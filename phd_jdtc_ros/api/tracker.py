@@ -94,6 +94,8 @@ class Tracker:
     def __init__(self, parameters: Mapping[str, Any] | str | PathLike[str] | None = None) -> None:
         self._parameters = Parameters.of(parameters)
         self._run: _Run | None = None
+        # Stamp and radar of the reports before the first detections, which define the columns.
+        self._before_run: list[tuple[int, int]] = []
         self.dropped: Counter[str] = Counter()
         # This raises for invalid values, but not for parameters that are still missing.
         self._parameters.config(incomplete=True)
@@ -202,16 +204,19 @@ class Tracker:
         """
         columns = {} if detections is None else columns_of(detections)
         stamp_ns = int(stamps_ns(columns_of({TIME: [time]}))[0])
-        if self._run is None:
-            if not columns:
-                # Before the first detections the columns are unknown, and there is nothing to
-                # track.
-                return self._empty()
-            self._run = _Run(self._parameters.config(columns))
-        config = self._run.config
+        run = self._run
+        if run is None and columns:
+            run = self._run = _Run(self._parameters.config(columns))
+            for empty_ns, index in self._before_run:
+                run.add(index, report_of(empty_ns, {}, run.config, index))
+            self._before_run.clear()
+        config = self._parameters.config(incomplete=True) if run is None else run.config
         index = _index_of(radar, [each.name for each in config.inputs])
-        self._run.add(index, report_of(stamp_ns, columns, config, index))
-        return self._run.take()
+        if run is None:
+            self._before_run.append((stamp_ns, index))
+            return self._empty()
+        run.add(index, report_of(stamp_ns, columns, config, index))
+        return run.take()
 
     def flush(self) -> Tracks:
         """End the run, and return all pending estimates; the next `update` begins a new run.
@@ -222,6 +227,7 @@ class Tracker:
             As in `track`.
         """
         run = self._run
+        self._before_run.clear()
         if run is None:
             return self._empty()
         self._run = None

@@ -176,15 +176,23 @@ def test_updates_and_flush_give_what_track_gives(tracked):
     assert len(parts[-1].smoothed) > 0
 
 
-def test_reports_before_the_first_detection_begin_nothing():
-    tracker = Tracker({"interval_s": 1.0, "radar": {"range_std": 5.0, "max_range": 1500.0}})
+def test_scans_before_the_first_detection_count():
+    parameters = {"interval_s": 1.0, "radar": {"range_std": 5.0, "max_range": 1500.0}}
+    table, tracker = cartesian(DETECTIONS), Tracker(parameters)
+    table = {name: column[table["time"] < 25.0] for name, column in table.items()}
 
-    assert len(tracker.update(9.0).filtered) == 0
-    table = cartesian(DETECTIONS)
-    for time in np.unique(table["time"])[:15]:
+    tracker.update(1.0)
+    tracker.flush()
+    parts = [tracker.update(5.0), tracker.update(9.0)]
+    assert not any(len(part.filtered) for part in parts)
+    for time in np.unique(table["time"]):
         now = table["time"] == time
-        tracker.update(time, {name: table[name][now] for name in ("x", "y")})
-    assert len(tracker.flush().smoothed) > 0
+        parts.append(tracker.update(time, {name: table[name][now] for name in ("x", "y")}))
+    found = np.concatenate([part.filtered for part in [*parts, tracker.flush()]])
+
+    empty = {"time": [5.0, 9.0], "x": [np.nan] * 2, "y": [np.nan] * 2}
+    whole = {name: np.append(empty[name], column) for name, column in table.items()}
+    assert_same(found, Tracker(parameters).track(whole).filtered)
 
 
 def test_flush_begins_another_run():
@@ -372,6 +380,8 @@ def test_update_asks_which_radar_it_is_of():
 
     with pytest.raises(ValueError, match="radar: None given, must be one of a, b"):
         tracker.update(1.0, {"range": [1.0], "azimuth": [0.0]})
+    with pytest.raises(ValueError, match="radar: 'c' given, must be one of a, b"):
+        tracker.update(1.0, radar="c")
 
 
 def test_parameters_go_into_a_file_of_the_node(tmp_path, fitted):
