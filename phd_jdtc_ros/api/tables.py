@@ -73,11 +73,18 @@ def columns_of(table: Table) -> Columns:
             "a data frame, a structured array or the path of a CSV file; an array of rows is "
             'dict(zip(("time", "range", "azimuth"), array.T))'
         )
-    columns = {str(name): np.atleast_1d(np.asarray(table[name])) for name in names}
+    columns = {str(name): _column_of(table[name]) for name in names}
     lengths = {name: len(column) for name, column in columns.items()}
     if len(set(lengths.values())) > 1:
         raise ValueError(f"columns must have equal lengths, have {short(str(lengths))}")
     return columns
+
+
+def _column_of(values: Any) -> Column:
+    """Return a column; texts that a data frame stores as objects become an array of texts."""
+    column = np.atleast_1d(np.asarray(values))
+    are_texts = column.dtype.kind == "O" and all(isinstance(each, str) for each in column.flat)
+    return column.astype(np.str_) if are_texts else column
 
 
 def _names(table: Table) -> list[Any] | None:

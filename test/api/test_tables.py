@@ -144,11 +144,21 @@ def test_numbers_names_the_columns_that_there_are():
         ["1700000000.25"],
         ["2023-11-14T22:13:20.250Z"],
         ["2023-11-14 22:13:20.25"],
+        np.array(["2023-11-14T22:13:20.250"], dtype=object),
         np.array(["2023-11-14T22:13:20.250"], dtype="datetime64[ms]"),
         [datetime(2023, 11, 14, 22, 13, 20, 250_000)],
         [datetime(2023, 11, 15, 0, 13, 20, 250_000, timezone(timedelta(hours=2)))],
     ],
-    ids=["seconds", "text", "ISO 8601", "with a space", "dates", "Python's", "with a zone"],
+    ids=[
+        "seconds",
+        "text",
+        "ISO 8601",
+        "with a space",
+        "data frame",
+        "dates",
+        "Python's",
+        "with a zone",
+    ],
 )
 def test_stamps_are_seconds_or_dates(column):
     assert stamps_ns(columns_of({"time": column})).tolist() == [1_700_000_000_250_000_000]
