@@ -157,5 +157,5 @@ def _labels(table: Columns) -> IntArray | None:
         return None
     label = table["label"]
     _, number = np.unique(label, return_inverse=True)
-    unlabelled = label == 0 if label.dtype.kind in "iuf" else np.zeros(len(label), dtype=bool)
+    unlabelled = label == ("0" if label.dtype.kind == "U" else 0)  # a CSV file has texts
     return np.where(unlabelled, 0, number.reshape(-1) + 1)
