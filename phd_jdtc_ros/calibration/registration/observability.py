@@ -80,17 +80,16 @@ def analyse(information: FloatArray, one_plot: FloatArray, reference: int) -> Ob
 
 def require_common(radars: Sequence[TrackedRadar], targets: Sequence[Target]) -> None:
     """Raise `RegistrationError` if a radar has no target in common with the others."""
-    linked = {0}
-    while True:
-        more = {r for target in targets for r, _ in target if any(k in linked for k, _ in target)}
-        if more <= linked:
-            break
-        linked |= more
-    alone = [each for index, each in enumerate(radars) if index not in linked]
-    if alone and len(linked) == 1 and len(radars) == 2:
-        alone = list(radars)
-    if not alone:
+    groups = [{index} for index in range(len(radars))]
+    for target in targets:
+        own = {radar for radar, _ in target}
+        linked = [group for group in groups if group & own]
+        groups = [own.union(*linked), *(group for group in groups if group not in linked)]
+    largest = max(groups, key=lambda group: (len(group), -min(group)))
+    if len(largest) == len(radars):
         return
+    others = set(range(len(radars))) - (largest if len(largest) > 1 else set())
+    alone = [radars[index] for index in sorted(others)]
     end = min(float(each.time_s[-1]) for each in radars)
     seconds = max(end - max(float(each.time_s[0]) for each in radars), 0.0)
     counts = "; ".join(f"{each.name} has {len(each.tracks)} tracks" for each in alone)

@@ -98,6 +98,12 @@ def test_radars_that_see_nothing_together_are_refused(sensors):
     far = replace(sensors[1], pose=sensors[1].pose + np.array([4e5, 0.0, 0.0]))
     with pytest.raises(RegistrationError, match=r"no common targets: east has \d+ tracks"):
         register([sensors[0], far, sensors[2]], "west")
+    shifts = 4e5 * np.eye(3)[:2]
+    lost = [replace(sensors[k], pose=sensors[k].pose + shift) for k, shift in enumerate(shifts)]
+    with pytest.raises(RegistrationError, match=r"no common targets: west has \d+ tracks, none"):
+        register([lost[0], *sensors[1:]], "west")
+    with pytest.raises(RegistrationError, match=r"targets: west has .*; east has .*; south has"):
+        register([*lost, sensors[2]], "west")
     later = replace(sensors[1], time_s=sensors[1].time_s + 1e4)
     with pytest.raises(RegistrationError, match="in the 0 s covered by all radars"):
         register([sensors[0], later], "west")
