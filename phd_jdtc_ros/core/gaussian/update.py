@@ -13,7 +13,7 @@ from ..attributes.reprojection import Paired
 from ..attributes.uniqueness import OutOfGate
 from ..models.detection_birth import Newborn
 from ..models.tracker_model import TrackerModel
-from ..sensors.report import EarlierSectors, Report
+from ..sensors.report import Report
 from ..types import Coverage, Detections
 from ..window.update_steps import Posterior
 from .algebra.kalman import TINY
@@ -110,16 +110,10 @@ class PriorMixture:
         measured: FloatArray = self.expected.measured[row, mode]
         return measured
 
-    @cached_property
+    @property
     def detection_probability(self) -> FloatArray:
         """Probability that each Gaussian is detected, shape (H, R, C)."""
-        probability, sector = self._in_turn, self.report.detections.coverage
-        if sector is not None:
-            measured, measured_before = self._measured_in(sector), self._measured_before
-            if measured_before is not None:
-                measured = EarlierSectors.only_in(measured, measured_before)
-            probability = probability * measured
-        return probability if self._unseen is None else probability * self._unseen
+        return self._seen[0]
 
     @cached_property
     def _probability(self) -> DetectionProbability:
@@ -149,22 +143,15 @@ class PriorMixture:
         """Return the probability that a target is measured in a sector, shape (H, R, 1)."""
         return sector_probability(self.expected, self.report.sensor, sector)
 
-    @cached_property
-    def _measured_before(self) -> FloatArray | None:
-        """Probability that a target is measured in earlier sectors, (H, R, 1); None without any."""
-        earlier = self.report.earlier
-        return None if earlier is None else self._measured_in(earlier.coverage)
-
-    @cached_property
+    @property
     def _unseen(self) -> FloatArray | None:
-        """Factor on the detection probability, (H, R, C); see `EarlierSectors.factor`.
+        """Factor of the earlier sectors, (H, R, C); see `Report.detection_probability`."""
+        return self._seen[1]
 
-        It is None if no earlier sector can have detected a target.
-        """
-        earlier, measured = self.report.earlier, self._measured_before
-        if earlier is None or measured is None:
-            return None
-        return earlier.factor(self.mixture.row_label, self._in_turn, measured)
+    @cached_property
+    def _seen(self) -> tuple[FloatArray, FloatArray | None]:
+        label = self.mixture.row_label
+        return self.report.detection_probability(label, self._in_turn, self._measured_in)
 
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the gated pairs; see `gating.gate_pairs`."""

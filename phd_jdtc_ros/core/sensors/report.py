@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -36,16 +37,6 @@ class EarlierSectors:
 
     coverage: Coverage  # Their azimuths
     continued: AntennaPass  # The pass that the report continues
-
-    @staticmethod
-    def only_in(sector: FloatArray, measured: FloatArray) -> FloatArray:
-        """Return the probabilities that targets are measured in a later sector alone.
-
-        `sector` is the probability of a target to be measured in the later sector, and `measured`
-        that in the earlier ones. Their sum can exceed 1, because sectors with estimated edges may
-        overlap a little, but a target is measured once.
-        """
-        return np.minimum(sector, 1.0 + ROUNDING - measured)
 
     def factor(
         self, label: IntArray, in_turn: FloatArray, measured: FloatArray
@@ -107,6 +98,30 @@ class Report(ReadOnly):
         """Duration of a turn if the report is of a sector, nanoseconds; otherwise 0."""
         sector = self.detections.coverage
         return 0.0 if sector is None or not sector.turns else 1e9 * self.sensor.rotation_s
+
+    def detection_probability(
+        self,
+        label: IntArray,
+        in_turn: FloatArray,
+        measured_in: Callable[[Coverage], FloatArray],
+    ) -> tuple[FloatArray, FloatArray | None]:
+        """Return the probability that each target is detected, and the earlier sectors' factor.
+
+        The factor is None if no earlier sector can have detected a target; see
+        `EarlierSectors.factor`, also for `label` and `in_turn`. `measured_in` returns the
+        probability that each target is measured in a sector.
+        """
+        sector, earlier = self.detections.coverage, self.earlier
+        if sector is None:
+            return in_turn, None
+        measured = measured_in(sector)
+        if earlier is None:
+            return in_turn * measured, None
+        before = measured_in(earlier.coverage)
+        factor = earlier.factor(label, in_turn, before)
+        # Sectors with estimated edges may overlap a little, but a target is measured once.
+        probability = in_turn * np.minimum(measured, 1.0 + ROUNDING - before)
+        return probability if factor is None else probability * factor, factor
 
     @property
     def informative_prediction(self) -> LookPrediction | None:

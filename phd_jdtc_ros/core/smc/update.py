@@ -22,7 +22,7 @@ from ..models import detection_birth, newborn_sampling
 from ..models.competing_sources import competing_sources
 from ..models.detection_birth import Newborn
 from ..models.tracker_model import TrackerModel
-from ..sensors.report import LEAST_UNSEEN, EarlierSectors, Report
+from ..sensors.report import LEAST_UNSEEN, Report
 from ..types import Coverage, Detections
 from ..window.update_steps import Posterior
 from .correction import Corrector
@@ -123,16 +123,10 @@ class PriorParticles:
         """Measurement of each target's first particle, shape (T, Z)."""
         return self.measured[np.unique(self.target, return_index=True)[1]]
 
-    @cached_property
+    @property
     def detection_probability(self) -> FloatArray:
         """Probability that each particle is detected, shape (N,)."""
-        probability, sector = self._in_turn, self.report.detections.coverage
-        if sector is not None:
-            measured, measured_before = self._measured_in(sector), self._measured_before
-            if measured_before is not None:
-                measured = EarlierSectors.only_in(measured, measured_before)
-            probability = probability * measured
-        return probability if self._unseen is None else probability * self._unseen
+        return self._seen[0]
 
     @cached_property
     def _in_turn(self) -> FloatArray:
@@ -167,22 +161,15 @@ class PriorParticles:
         """Return the probability that each particle is measured in a sector, (N,)."""
         return self.report.sensor.sector_probability(self._all_measured, sector)
 
-    @cached_property
-    def _measured_before(self) -> FloatArray | None:
-        """Probability that a particle is measured in earlier sectors, (N,); None without any."""
-        earlier = self.report.earlier
-        return None if earlier is None else self._measured_in(earlier.coverage)
-
-    @cached_property
+    @property
     def _unseen(self) -> FloatArray | None:
-        """Factor on the detection probability, shape (N,); see `EarlierSectors.factor`.
+        """Factor of the earlier sectors, shape (N,); see `Report.detection_probability`."""
+        return self._seen[1]
 
-        It is None if no earlier sector can have detected a target.
-        """
-        earlier, measured = self.report.earlier, self._measured_before
-        if earlier is None or measured is None:
-            return None
-        return earlier.factor(self.particles.row_label, self._in_turn, measured)
+    @cached_property
+    def _seen(self) -> tuple[FloatArray, FloatArray | None]:
+        label = self.particles.row_label
+        return self.report.detection_probability(label, self._in_turn, self._measured_in)
 
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the gated pairs, with the log likelihoods of the measurements."""
