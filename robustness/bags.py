@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import lz4.frame
 import zstandard
 from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.reader import make_reader
@@ -145,17 +146,19 @@ def chunks_of(file: Path) -> list[Part]:
 
 @measures("hostile bag's memory", "at most 256 MB")
 def measure_bomb() -> Found:
-    """Open a small file whose chunk unpacks to half a gigabyte."""
-    found = {}
+    """Open small files whose chunk unpacks to half a gigabyte."""
+    found, largest = {}, 0
     with tempfile.TemporaryDirectory() as directory:
         file = Path(directory) / "bomb.mcap"
-        for name, declared in {"honest": BOMB_SIZE, "lying": 1000}.items():
-            write_bomb(file, declared)
-            size = file.stat().st_size
-            found[name] = in_own_process(read_bomb, str(file))
+        for compression in ("zstd", "lz4"):
+            data = packed(compression)
+            for name, declared in {"honest": BOMB_SIZE, "lying": 1000}.items():
+                write_bomb(file, compression, data, declared)
+                largest = max(largest, file.stat().st_size)
+                found[f"{compression} {name}"] = in_own_process(read_bomb, str(file))
     most = max(mb for _, mb in found.values())
     outcomes = {outcome for outcome, _ in found.values()}
-    text = f"{most:.0f} MB for {size / 1e3:.0f} kB ({', '.join(sorted(outcomes))})"
+    text = f"{most:.0f} MB for {largest / 1e3:.0f} kB ({', '.join(sorted(outcomes))})"
     return text, outcomes == {"corrupt"} and most <= MOST_MB, {"peak_mb": found}
 
 
@@ -166,13 +169,22 @@ def read_bomb(path: str) -> tuple[str, float]:
     return what, peak_mb()
 
 
-def write_bomb(file: Path, declared: int) -> None:
-    """Write a bag with one chunk of `BOMB_SIZE` bytes when unpacked, which declares `declared`."""
-    head = b"\x80" + (BOMB_SIZE - 9).to_bytes(8, "little")
-    packer = zstandard.ZstdCompressor(level=19).compressobj(size=BOMB_SIZE)
-    parts = [packer.compress(head + bytes(2**20 - 9))]
+def packed(compression: str) -> bytes:
+    """Return `BOMB_SIZE` bytes, one record of an unknown kind, compressed."""
+    if compression == "lz4":
+        packer = lz4.frame.LZ4FrameCompressor()
+        begin = packer.begin()
+    else:
+        packer = zstandard.ZstdCompressor(level=1).compressobj(size=BOMB_SIZE)
+        begin = b""
+    head = b"\x80" + (BOMB_SIZE - RECORD_HEAD).to_bytes(8, "little")
+    parts = [begin, packer.compress(head + bytes(2**20 - RECORD_HEAD))]
     parts += [packer.compress(bytes(2**20)) for _ in range(BOMB_SIZE // 2**20 - 1)]
-    data = b"".join([*parts, packer.flush()])
+    return b"".join([*parts, packer.flush()])
+
+
+def write_bomb(file: Path, compression: str, data: bytes, declared: int) -> None:
+    """Write a bag with one chunk of compressed data, whose unpacked size is declared."""
     with file.open("wb") as stream:
         writer = Writer(stream, use_chunking=False)
         writer.start("ros2")
@@ -181,11 +193,11 @@ def write_bomb(file: Path, declared: int) -> None:
         writer.register_channel(names.detections("radar_1"), "cdr", schema)
         offset = stream.tell()
         record = RecordBuilder()
-        Chunk("zstd", data, 2, 1, 0, declared).write(record)
+        Chunk(compression, data, 2, 1, 0, declared).write(record)
         chunk = record.end()
         stream.write(chunk)
         # The library has no public way to add an index.
         vars(writer)["_Writer__chunk_indices"].append(
-            ChunkIndex(len(chunk), offset, "zstd", len(data), 2, 0, {}, 1, declared)
+            ChunkIndex(len(chunk), offset, compression, len(data), 2, 0, {}, 1, declared)
         )
         writer.finish()

@@ -2,10 +2,11 @@
 
 import pytest
 from mcap.reader import make_reader
-from small_bags import chunked, made, outcome, write
+from small_bags import chunked, made, write
 
 from phd_jdtc_ros.bags import chunks, salvage
 from phd_jdtc_ros.bags.reader import BagReader
+from robustness.bags import outcome
 
 
 @pytest.fixture(scope="module")

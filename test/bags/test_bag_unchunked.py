@@ -8,12 +8,13 @@ from mcap.opcode import Opcode
 from mcap.records import Message
 from mcap.writer import IndexType, Writer
 from samples import STAMP_NS
-from small_bags import MARKERS, RADAR, TOPICS, made, outcome, write
+from small_bags import MARKERS, RADAR, TOPICS, made, write
 
 from msg_adapters import interfaces, names
 from phd_jdtc_ros.bags import reader as bag_module
 from phd_jdtc_ros.bags import salvage
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
+from robustness.bags import outcome
 
 HEAD = 31  # of a message: opcode, length, channel, sequence, two times
 LENGTH = slice(1, 9)

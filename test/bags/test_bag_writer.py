@@ -1,15 +1,16 @@
 import pytest
 import yaml
+from full_disk import largest_file
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 from samples import STAMP_NS, plain
-from small_bags import MARKERS, POSES, RADAR, SECOND, TOPICS, made, printed, read_all, types, write
+from small_bags import MARKERS, POSES, RADAR, SECOND, TOPICS, made, read_all, types, write
 
 from msg_adapters import interfaces, names
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.bags.writer import BagWriter
+from phd_jdtc_ros.bags.writer import BagWriter, Topic
 
 
 def test_writer_gives_the_same_uncompressed_bytes_for_the_same_messages(bag, tmp_path):
@@ -155,21 +156,15 @@ def test_writer_finishes_the_bag_when_its_block_fails(tmp_path):
 
 
 def test_writer_turns_a_full_disk_into_one_error_that_later_writes_repeat(tmp_path):
-    script = """
-        import resource, sys
-        from pathlib import Path
-        from phd_jdtc_ros.bags.errors import BagError
-        from phd_jdtc_ros.bags.writer import BagWriter, Topic
-        resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
-        with BagWriter(Path(sys.argv[1])) as bag:
-            bag.add_topic(Topic("/cloud", "sensor_msgs/msg/PointCloud2"))
-            for index in range(10):
-                try:
-                    bag.write("/cloud", b"x" * 100_000, index)
-                except BagError as error:
-                    print(error)
-    """
-    first, *others = printed(script, tmp_path / "bag").splitlines()
+    said = []
+    with largest_file(200_000), BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic(Topic("/cloud", names.CLOUD))
+        for index in range(10):
+            try:
+                bag.write("/cloud", b"x" * 100_000, index)
+            except BagError as error:
+                said.append(str(error))
+    first, *others = said
     reason = first.removeprefix(f"{tmp_path / 'bag'}: cannot be written: ")
     assert reason != first
     again = f"{tmp_path / 'bag'}: cannot be written: closed after an error: {reason}"

@@ -1,9 +1,5 @@
 """Small recordings, and what reading them gives."""
 
-import subprocess
-import sys
-import textwrap
-
 import bag_content
 from marker_messages import marker_array, pose_array
 from mcap.writer import CompressionType
@@ -12,7 +8,6 @@ from samples import FRAME, STAMP_NS, detections, estimates, truth
 from msg_adapters import detections as detections_adapter
 from msg_adapters import names
 from msg_adapters import truth as truth_adapter
-from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import Topic
 from robustness.small_chunks import rewritten
@@ -52,17 +47,6 @@ def chunked(directory, source, chunk_size=300, compression=CompressionType.NONE)
     return rewritten(source, directory / "small_0.mcap", compression, chunk_size)
 
 
-def outcome(path):
-    """Return what was yielded until the end or the error, and the error."""
-    found = []
-    try:
-        for entry in BagReader(path).messages():
-            found.append(entry)
-    except BagError as error:
-        return found, error
-    return found, None
-
-
 def types():
     """Return name and type of each topic of the recording."""
     return [(topic.name, topic.type_name) for topic in TOPICS]
@@ -70,11 +54,3 @@ def types():
 
 def read_all(path):
     return list(BagReader(path).messages())
-
-
-def printed(script, path):
-    """Return what a script prints, which is run with a path by a process of its own."""
-    command = [sys.executable, "-c", textwrap.dedent(script), str(path)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert done.stderr == ""
-    return done.stdout

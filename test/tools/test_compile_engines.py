@@ -1,3 +1,5 @@
+import contextlib
+
 import pytest
 
 from phd_jdtc_ros.core import compilation
@@ -23,5 +25,6 @@ def test_without_numba_it_fails_and_says_what_is_missing(monkeypatch, capsys):
 
 def test_a_result_that_is_not_stored_is_a_failure(monkeypatch, capsys):
     monkeypatch.setattr(compilation, "NOT_STORED", ["sums"])
+    monkeypatch.setattr(compile_engines, "_beside", contextlib.nullcontext)
     assert compile_engines.main([]) == FAILED
     assert "NUMBA_CACHE_DIR" in capsys.readouterr().err

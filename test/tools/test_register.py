@@ -11,6 +11,9 @@ from full_disk import largest_file
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
+# As much of the recording as has common tracks.
+SHORT = ("--seconds", "100")
+
 
 def register(*arguments):
     return run("register", [str(argument) for argument in arguments])
@@ -92,7 +95,7 @@ def test_register_finds_nothing_more_once_its_file_is_used(bag, registered, tmp_
 
 def test_register_without_out_writes_nothing(bag, capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    assert register(bag, "--seconds", "150") == 0
+    assert register(bag, *SHORT) == 0
     said = capsys.readouterr().out
     assert "nothing is written without --out FILE" in said
     assert "the reference: taken to be right" in said
@@ -113,11 +116,11 @@ def test_register_overwrites_nothing(bag, tmp_path, capsys):
     ("changes", "arguments", "reason"),
     [
         ({"sensors": ["west"]}, (), "west alone given, must be at least two to compare"),
-        ({"east.fields.time": ""}, (), "have no individual times; map them with fields.time"),
-        ({"east.position": [9e5, 0.0]}, (), "no common targets: east has"),
+        ({"east.fields.time": ""}, SHORT, "have no individual times; map them with fields.time"),
+        ({"east.position": [9e5, 0.0]}, SHORT, "no common targets: east has"),
         ({"east.topic": "/nowhere"}, (), "/nowhere"),
         ({"east.range_bais": 3.0}, (), "east.range_bais: unknown parameter"),
-        ({"east.range_std": 0.01, "east.azimuth_std_deg": 1e-5}, (), "range_std and azimuth_std"),
+        ({"east.range_std": 0.01, "east.azimuth_std_deg": 1e-5}, SHORT, "range_std and azimuth"),
         ({}, ("--reference", "north"), "north given, must be one of west, east, south"),
         ({}, ("--seconds", "25"), "must be"),
         ({}, ("--seconds", "soon"), "soon given, must be a number of at least 1 s"),
@@ -144,7 +147,7 @@ def test_register_of_no_bag_does_not_ask_for_parameters(tmp_path, capsys):
 
 def test_register_names_a_picture_for_which_there_is_no_room(bag, tmp_path, capsys):
     with largest_file(1000):
-        assert register(bag, "--seconds", 150, "--picture", tmp_path / "drawn.png") == 2
+        assert register(bag, *SHORT, "--picture", tmp_path / "drawn.png") == 2
     assert capsys.readouterr().err == f"register: {tmp_path / 'drawn.png'}: File too large\n"
     assert not (tmp_path / "drawn.png").exists()
 

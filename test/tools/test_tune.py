@@ -58,7 +58,7 @@ def test_tune_proposes_what_was_simulated_in_a_file_that_the_tracker_takes(tmp_p
 
 def test_tune_recognises_a_radar_by_its_fields(unknown, tmp_path, capsys):
     out = tmp_path / "proposed.yaml"
-    assert tune(unknown, "--out", out) == 0
+    assert tune(unknown, "--seconds", 120, "--out", out) == 0
     text = out.read_text()
     assert "no recording contains" in text
     # The default too, or a mirrored world would not show where it is from.
