@@ -23,7 +23,7 @@ from .figures import Found, in_own_process, measures, peak_mb
 DETECTIONS = 100_000
 # The profile has motions for Gaussians; particles have the default ones.
 BORN_ANYWHERE = {"births": [], "detection_births.rates": [0.05, 0.05]}
-CROWDED, CROWDS, LAST = 30, 2, 45
+CROWDED, CROWDS, LAST = 16, 2, 28
 CUTOFF, ORDER = 1000.0, 2.0
 # Several seeds, because the mean distance over the few scans afterwards varies by a tenth.
 SEEDS = 3
