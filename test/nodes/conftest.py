@@ -6,13 +6,13 @@ import time
 from contextlib import closing, contextmanager
 
 import pytest
-import rclpy
 from forked import Forked
 from live_radars import connected, start_tracker
 from rcl_interfaces.srv import GetParameters
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
+
+import robustness.radars
 
 DEADLINE_S = 60.0
 
@@ -60,23 +60,14 @@ class Processes:
                 process.kill()
 
 
-class Peer:
+class Peer(robustness.radars.Peer):
     """A node of the test's own, beside those under test."""
 
     def __init__(self):
-        self.context = rclpy.Context()
-        rclpy.init(context=self.context)
-        self.node = rclpy.create_node("peer", context=self.context)
-        self._executor = SingleThreadedExecutor(context=self.context)
-        self._executor.add_node(self.node)
+        super().__init__("peer")
 
-    def spin_until(self, condition, timeout=DEADLINE_S):
-        end = time.monotonic() + timeout
-        while not condition():
-            if time.monotonic() > end:
-                return False
-            self._executor.spin_once(timeout_sec=0.02)
-        return True
+    def spin_until(self, condition, timeout_s=DEADLINE_S):
+        return super().spin_until(condition, timeout_s)
 
     def said(self, process, text, times=1):
         """Wait until a process has logged a text; return its log."""
@@ -91,7 +82,7 @@ class Peer:
 
     def pace(self, seconds):
         """Let time pass between two messages, as a radar does; never to wait for something."""
-        self.spin_until(lambda: False, seconds)
+        self.spin(seconds)
 
     def meet(self, node="/tracker", times=1):
         """Wait until a node has discovered all that this one has, and has taken what was sent.
@@ -154,11 +145,6 @@ class Peer:
         future = client.call_async(request)
         assert self.spin_until(future.done), f"{name} does not answer"
         return future.result()
-
-    def close(self):
-        self._executor.shutdown()
-        self.node.destroy_node()
-        rclpy.shutdown(context=self.context)
 
 
 @contextmanager

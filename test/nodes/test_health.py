@@ -1,6 +1,7 @@
 import math
 import re
 from collections import Counter
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.configuration.engines import ENGINES
 from phd_jdtc_ros.configuration.tables import TOP
 from phd_jdtc_ros.nodes.common.health import WARNING_MEMORY_S, Rhythm, Rises, ThrottledWarnings
-from phd_jdtc_ros.nodes.tracker.health import OutputHealth, StepHealth
+from phd_jdtc_ros.nodes.tracker.health import Load, OutputHealth, StepHealth
 from phd_jdtc_ros.nodes.tracker.input_health import LEASE_S, InputHealth, Publishers
 
 ALONE = Publishers(frozenset({"driver"}))
@@ -325,19 +326,28 @@ def test_rises_are_of_recent_counts_since_they_began_again():
     assert found == [math.inf, 0.0, 3.0]
 
 
-class Logger:
-    def __init__(self):
-        self.said = []
-
-    def warning(self, text):
-        self.said.append(text)
-
-
 def test_every_subject_is_throttled_by_itself():
-    logger, now = Logger(), [0.0]
-    warnings = ThrottledWarnings(logger, lambda: now[0])
+    said, now = [], [0.0]
+    warnings = ThrottledWarnings(SimpleNamespace(warning=said.append), lambda: now[0])
     for second in range(8):
         now[0] = float(second)
         for radar in ("north", "south"):
             warnings.warn((radar, "late"), f"{radar} at {second}")
-    assert logger.said == ["north at 0", "south at 0", "north at 5", "south at 5"]
+    assert said == ["north at 0", "south at 0", "north at 5", "south at 5"]
+
+
+def test_load_is_the_share_of_the_window_that_was_worked():
+    load = Load(10.0)
+    assert load.share(100.0) == 0.0
+    load.add(100.0, 101.0)
+    load.add(104.0, 106.0)
+    assert load.share(106.0) == pytest.approx(0.3)
+    assert load.worked_s == 3.0
+    load = Load(10.0)
+    load.add(100.0, 104.0)
+    assert load.share(112.0) == pytest.approx(0.2)
+    assert load.share(114.0) == 0.0
+    assert load.worked_s == 4.0
+    load = Load(10.0)
+    load.add(100.0, 130.0)
+    assert load.share(130.0) == 1.0

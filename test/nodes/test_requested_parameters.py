@@ -13,9 +13,9 @@ class Tracker:
     """A node with parameters that replies only while it is served."""
 
     def __init__(self, peer):
-        self.node = rclpy.create_node("tracker", context=peer.context)
+        self.node = rclpy.create_node("tracker", context=peer.node.context)
         self._peer = peer
-        self._executor = SingleThreadedExecutor(context=peer.context)
+        self._executor = SingleThreadedExecutor(context=peer.node.context)
         self._executor.add_node(self.node)
 
     def serve_until(self, condition, timeout=20.0):
@@ -46,7 +46,7 @@ def tracker(peer):
 
 
 def test_lost_reply_is_requested_again_of_the_successor(peer, received):
-    killed = rclpy.create_node("tracker", context=peer.context, start_parameter_services=False)
+    killed = rclpy.create_node("tracker", context=peer.node.context, start_parameter_services=False)
     lists = killed.create_service(ListParameters, "~/list_parameters", None)
     killed.create_service(GetParameters, "~/get_parameters", None)
     # It takes the request, and ends before it replies.

@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters import diagnostics
@@ -7,27 +9,15 @@ OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 ERROR, STALE = DiagnosticStatus.ERROR, DiagnosticStatus.STALE
 
 
-class Logger:
-    def __init__(self):
-        self.said = []
-
-    def info(self, text):
-        self.said.append(("info", text))
-
-    def warning(self, text):
-        self.said.append(("warning", text))
-
-    def error(self, text):
-        self.said.append(("error", text))
-
-
 def said(*looks):
     """Return what is logged of looks: seconds, level and message of the status `north`."""
-    logger, now = Logger(), [0.0]
-    log = StatusLog(logger, lambda: now[0])
+    found, now = [], [0.0]
+    levels = ("info", "warning", "error")
+    logger = {level: lambda text, level=level: found.append((level, text)) for level in levels}
+    log = StatusLog(SimpleNamespace(**logger), lambda: now[0])
     for now[0], level, text in looks:
         log.take([diagnostics.status("north", {}, level, text)])
-    return logger.said
+    return found
 
 
 def test_every_lasting_cause_is_logged_once_and_what_goes_by_is_not():
