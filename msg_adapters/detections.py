@@ -24,8 +24,9 @@ DOUBLES = ("f8",)
 WHOLE = ("amplitude", "sector", "code", "address", "kind")
 # Quantities that a cloud must have if the radar's configuration names their fields.
 REQUIRED = ("range", "azimuth", "elevation")
-# Usual field names, in lower case, that are recognised if a radar's own name is missing. An SNR is
-# in decibels; a power or an RCS has a reference that only the driver defines.
+# Usual field names, in lower case, that are recognised if a radar's own name is missing, as is that
+# name in other letter cases. An SNR is in decibels; a power or an RCS has a reference that only the
+# driver defines.
 SYNONYMS = {
     "range": ("rho", "distance", "dist", "radial_distance", "ground_range", "r"),
     "azimuth": ("azimuth_angle", "theta", "bearing", "az", "angle"),
@@ -65,7 +66,8 @@ def from_msg(cloud: PointCloud2, radar: RadarParameters) -> Report:
     Range, azimuth, elevation, times, heights, range rates and standard deviations are floats;
     amplitude, sector, code, address and kind may also be integers. With an elevation or a height
     field, ranges are slant ranges. If the cloud lacks a configured field that is not a coordinate,
-    its quantity is unknown: an anomaly.
+    its quantity is unknown: an anomaly. A cloud with neither points nor fields, such as a new
+    message, is a report without detections.
 
     Raise `RejectedMessageError`: ``frame`` if the cloud is in another frame than the radar's;
     otherwise see `stamps.of_header` and `point_cloud.decode`.
@@ -74,6 +76,9 @@ def from_msg(cloud: PointCloud2, radar: RadarParameters) -> Report:
     present = set(point_cloud.field_names(cloud))
     radar = _recognise_fields(radar, present)
     named = _wanted_fields(radar)
+    if not (present or cloud.width * cloud.height or len(cloud.data)):
+        nothing = {what: np.zeros(0) for what in named}
+        return select(stamps.of_header(cloud.header), radar, nothing)
     missing = [w for w, (name, _) in named.items() if w not in REQUIRED and name not in present]
     wanted = dict(entry for what, entry in named.items() if what not in missing)
     # Converting a signalling NaN warns. Such a value is handled like any other NaN.
@@ -91,7 +96,7 @@ def from_msg(cloud: PointCloud2, radar: RadarParameters) -> Report:
 def _recognise_fields(radar: RadarParameters, present: Collection[str]) -> RadarParameters:
     """Return a radar's layout with the names that a cloud uses for missing fields."""
     lacking = {
-        quantity: names
+        quantity: (quantity, *names)
         for quantity, names in SYNONYMS.items()
         if getattr(radar.fields, quantity) == quantity and quantity not in present
     }
@@ -104,7 +109,7 @@ def _recognise_fields(radar: RadarParameters, present: Collection[str]) -> Radar
         for quantity, names in lacking.items()
         if not own.keys().isdisjoint(names)
     }
-    in_db = "amplitude" in found or radar.amplitude_in_db
+    in_db = found.get("amplitude", "amplitude").lower() != "amplitude" or radar.amplitude_in_db
     return replace(radar, fields=replace(radar.fields, **found), amplitude_in_db=in_db)
 
 

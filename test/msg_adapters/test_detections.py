@@ -4,10 +4,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from samples import FRAME, STAMP_NS, cloud, detections, polar, radar
-from sensor_msgs.msg import PointField
+from sensor_msgs.msg import PointCloud2, PointField
 
 from msg_adapters import detections as adapter
-from msg_adapters import stamps
+from msg_adapters import point_cloud, stamps
 from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.core.types import Detections
 
@@ -73,6 +73,37 @@ def test_an_empty_scan_survives_the_message():
     assert len(report.detections) == 0
     assert report.detections.amplitude is not None
     assert not report.dropped
+
+
+@pytest.mark.parametrize("fields", [{}, {"time": "time", "sector": "sector", "height": "height"}])
+def test_a_new_cloud_with_nothing_in_it_is_an_empty_scan(fields):
+    """Drivers publish it where they have no detections."""
+    message = PointCloud2(header=stamps.header(STAMP_NS, FRAME))
+    layout = radar(**{f"{what}_field": name for what, name in fields.items()})
+    report = adapter.from_msg(message, layout)
+    with_fields = adapter.from_msg(
+        point_cloud.encode(
+            STAMP_NS,
+            FRAME,
+            {name: np.zeros(0) for name in ("range", "azimuth", "amplitude", *fields.values())},
+        ),
+        layout,
+    )
+    assert report.stamp_ns == STAMP_NS
+    assert len(report.detections) == 0
+    assert report.anomalies == with_fields.anomalies
+    assert not report.dropped
+
+
+def test_names_are_recognised_in_other_letter_cases():
+    message = point_cloud.encode(
+        STAMP_NS,
+        FRAME,
+        {"Range": np.array([100.0]), "AZIMUTH": np.array([0.5]), "Amplitude": np.array([3.0])},
+    )
+    found = adapter.from_msg(message, radar()).detections
+    assert_allclose(found.measurement, [[100.0, 0.5]])
+    assert_allclose(found.amplitude, [3.0])  # an envelope as before, and no decibels
 
 
 @pytest.mark.parametrize("frame", ["", "radar_2", "map", "/radar_1"])
