@@ -64,8 +64,10 @@ class ClutterMap(ReadOnly):
     is their number beyond PASSING of one new target, uniform clutter, and those that earlier
     detections let expect, at most one reflector's.
 
-    Where stationary targets are not clutter, b is 0 for a place alone: a ship at anchor that is
-    missed before it has a track would otherwise be clutter for ever.
+    Where stationary targets are not clutter, ALONE_FACTOR is multiplied by the share that the
+    neighbourhood has of its own and the place's detections beyond uniform clutter. It is large in
+    rain, and small for a ship alone at anchor, which would otherwise be clutter for ever if it is
+    missed before it has a track.
     """
 
     grid: Grid  # A detection counts in the four nearest cells
@@ -93,19 +95,23 @@ class ClutterMap(ReadOnly):
         Measurements are range and azimuth, metres and radians, (M, 2); `world` has the same places
         in the world frame, metres. `rate` is the number of expected false detections per turn,
         above 0, which are uniform in azimuth and in range up to `max_range`, metres. With `alone`
-        a place with repeated detections away from fixed clutter is clutter.
+        a place with repeated detections is clutter also where there is no other clutter.
         """
         cell, share = corners(self.grid, self.grid.places(measurement, world))
-        lasting, begun = self._excesses(measurement, world, rate, max_range)
-        cell_count = np.zeros(cell.shape)
+        lasting, begun, around = self._excesses(measurement, world, rate, max_range)
+        cell_count, counted = np.zeros(cell.shape), np.zeros(cell.shape)
         if len(self.cell):
             index = np.minimum(np.searchsorted(self.cell, cell), len(self.cell) - 1)
-            counting = self.count[index] - self.recent[index]
-            cell_count = np.where(self.cell[index] == cell, np.maximum(counting, 0.0), 0.0)
-        local_count = (cell_count * share).sum(axis=0)
+            known = np.where(self.cell[index] == cell, share, 0.0)
+            counted = known * self.count[index]
+            cell_count = known * np.maximum(self.count[index] - self.recent[index], 0.0)
+        local_count = cell_count.sum(axis=0)
         turns = max(self.turns - self.recent_turns, 0.0)
         among = neighbourhood.probability_among_reflectors(lasting)
-        alone_factor = ALONE_FACTOR if alone else 0.0
+        alone_factor = np.full(len(measurement), ALONE_FACTOR)
+        if not alone:
+            own = counted.sum(axis=0) / max(self.turns, 1.0)
+            alone_factor *= around / np.maximum(around + own, MIN_COUNT)
         factor = alone_factor + (REFLECTOR_FACTOR - alone_factor) * among
         local = factor * local_count**2 / (local_count + PASSING + MIN_SHARE * turns)
         local += PRIOR_TURNS * GATHERED * lasting / neighbourhood.CELLS
@@ -127,9 +133,10 @@ class ClutterMap(ReadOnly):
 
     def _excesses(
         self, measurement: FloatArray, world: FloatArray, rate: float, max_range: float
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return `neighbourhood_excess`, and the clutter that has begun, per turn, shapes (M,).
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return numbers of detections per turn in the neighbourhood of each place, (M,).
 
+        They are `neighbourhood_excess`, the clutter that has begun, and all beyond uniform clutter.
         A surplus of recent detections is evidence that they are all clutter.
         """
         count, recent = neighbourhood.detections_around(
@@ -148,7 +155,7 @@ class ClutterMap(ReadOnly):
         known = turns * np.clip(earlier, uniform, expected)
         surplus = np.maximum(recent - known - PASSING, 0.0)
         begun = surplus / (surplus + PASSING) * np.maximum(recent / turns - uniform, 0.0)
-        return usual - np.minimum(usual, expected), begun
+        return usual - np.minimum(usual, expected), begun, np.maximum(usual - uniform, 0.0)
 
     def after(
         self, measurement: FloatArray, world: FloatArray, weight: FloatArray, turns: float

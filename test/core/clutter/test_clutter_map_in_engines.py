@@ -126,9 +126,11 @@ def test_ships_alone_at_sea_are_reported_at_once_and_a_quay_is_not(engine):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_rain_that_begins_and_moves_makes_no_targets_and_hides_no_ships(engine):
+@pytest.mark.parametrize("bound", [2.5, 0.0])
+def test_rain_that_begins_and_moves_makes_no_targets_and_hides_no_ships(engine, bound):
     """The turns before it are dry, and tracks that are born in it claim most of its detections."""
     given = {**HARBOUR, **MAPPED, "engine": engine, "amplitude": "none"}
+    given["mast.clutter_map_speed"] = bound
     tracker, rng, false, seen = new_engine(small(given)), np.random.default_rng(6), [], []
     mast = small(HARBOUR).model.radars[0]
     for turn in range(50):
