@@ -20,7 +20,7 @@ from phd_jdtc_ros.core.types import (
     Estimates,
 )
 
-from . import identities, point_cloud, stamps
+from . import identities, point_cloud, stamps, vertical
 from .errors import RejectedMessageError
 
 _UPPER = tuple(zip(*np.triu_indices(len(PLANAR)), strict=True))
@@ -56,7 +56,7 @@ def to_cdr(estimates: Estimates, frame: str) -> bytes:
 def _columns_of(estimates: Estimates) -> dict[str, npt.NDArray[Any]]:
     """Return the columns of a cloud by field name, in order."""
     state, known = estimates.state, estimates.attributes
-    height = np.nan_to_num(estimates.known_attributes.height)
+    height = vertical.known_or_zero(estimates.known_attributes.height)
     columns = {
         "x": state[:, X],
         "y": state[:, Y],

@@ -26,7 +26,12 @@ def of(estimates: Estimates) -> Vertical:
     """Return the heights of estimates, all unknown if no radar reports heights."""
     found = estimates.known_attributes
     known = np.isfinite(found.height[:, 0])
-    return Vertical(known, np.nan_to_num(found.height), np.nan_to_num(found.height_covariance))
+    return Vertical(known, known_or_zero(found.height), known_or_zero(found.height_covariance))
+
+
+def known_or_zero(values: FloatArray) -> FloatArray:
+    """Return values with zeros where they are unknown."""
+    return np.where(np.isfinite(values), values, 0.0)
 
 
 def words(estimates: Estimates, datum: float = 0.0) -> list[str]:
@@ -34,6 +39,8 @@ def words(estimates: Estimates, datum: float = 0.0) -> list[str]:
 
     `datum` is the height of the world's zero in the scale of flight levels, metres.
     """
+    if estimates.attributes is None:
+        return [""] * len(estimates)
     return [
         " ".join(filter(None, (_level(datum + height), code or address)))
         for height, (code, address) in zip(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from operator import attrgetter
 from typing import Annotated
 
@@ -134,7 +135,7 @@ class Estimates(_Targets):
         """Covariances of the velocities, (m/s)^2, shape (T, 2, 2)."""
         return self._covariance_of(self.space.velocity)
 
-    @property
+    @cached_property
     def known_attributes(self) -> Attributes:
         """Heights and identities, all of which are unknown if no radar reports any."""
         return self.attributes or Attributes.unknown(len(self))
