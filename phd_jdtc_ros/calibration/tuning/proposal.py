@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,8 +23,8 @@ ALARMS = (1e-12, 0.5)
 # A configured maximum range is kept if no plot lies beyond it and it is below this many times the
 # range of the farthest plot.
 MOST_BEYOND = 1.5
-# Upper bound of the share of the clutter that is nearer than the minimum range.
-MOST_NEAR = 0.99
+# Upper bounds of the shares of the clutter that are nearer than the minimum range, and obstructed.
+MOST_NEAR, MOST_BLIND = 0.99, 0.99
 # Clutter counts as noise if its mean level is within this factor of the noise level.
 NOISE_FACTOR = 1.25
 MOST_PROBABILITY = 0.999
@@ -60,15 +60,15 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
         return values.get(f"{radar}.{name}")
 
     by_band = found.levels is not None and values.get("amplitude", "none") != "none"
-    max_range = _max_range(found, now("max_range"))
+    max_range, fov = _max_range(found, now("max_range")), [*_fov(found, now)]
     return [
         *_rotation(found, now),
         *_noise(found, now, values.get("engine", GAUSSIAN)),
         *_clusters(found, now),
         _detection(found, now, by_band),
         max_range,
-        *_clutter(found, now, max_range.value if max_range.proposed else max_range.now),
-        *_fov(found, now),
+        *_clutter(found, now, max_range.value if max_range.proposed else max_range.now, fov),
+        *fov,
         *_amplitudes(found, now),
         *_motion(found),
     ]
@@ -122,11 +122,14 @@ def _max_range(found: Findings, limit: float | None) -> Row:
     return Row("max_range", farthest, f"{found.plots} plots", limit, proposed=proposed)
 
 
-def _clutter(found: Findings, now: Now, max_range: Any) -> Iterator[Row]:
+def _clutter(found: Findings, now: Now, max_range: Any, fov: Sequence[Row]) -> Iterator[Row]:
     rate, given = found.clutter, now("clutter_rate")
     source = f"{rate.count} untracked plots"
-    # The rate also counts the clutter nearer than the minimum range, which was not read.
-    whole = 1.0 / (1.0 - min((now("min_range") or 0.0) / found.field.clutter_range, MOST_NEAR))
+    # The rate also counts the clutter nearer than the minimum range and in blind sectors, which
+    # was not read.
+    near = min((now("min_range") or 0.0) / found.field.clutter_range, MOST_NEAR)
+    arc: Any = fov[0].value if fov else now("fov_deg") or RadarParameters().fov_deg
+    whole = 1.0 / ((1.0 - near) * _clear_share(arc, now("blind_sectors_deg") or ()))
     value = round_to_std(whole * rate.value, whole * rate.std)
     # `auto` is kept: the tracker then learns the rate itself.
     learned = isinstance(given, str)
@@ -159,6 +162,15 @@ def hidden(found: Findings, values: Mapping[str, Any], radar: str) -> str:
         f"clutter_map: true takes for clutter: targets slower than {speed:g} m/s are not reported; "
         f"set {radar}.clutter_map_speed to 0 if they are ships at anchor"
     )
+
+
+def _clear_share(fov: Sequence[float], blind: Sequence[float]) -> float:
+    """Return the share of a field of view outside blind sectors, which are given by their edges."""
+    width = (fov[1] - fov[0]) % 360.0 or 360.0
+    azimuth = fov[0] + np.linspace(0.0, width, 3601)[:, None]
+    begin, end = np.reshape(blind, (-1, 2)).T
+    clear = ((azimuth - begin) % 360.0 > (end - begin) % 360.0).all(axis=1)
+    return max(float(clear.mean()), 1.0 - MOST_BLIND)
 
 
 def _detection(found: Findings, now: Now, by_band: bool) -> Row:

@@ -202,8 +202,9 @@ class RadarModel(Sensor):
 
     @property
     def clutter_share(self) -> float:
-        """Share of the uniform clutter that is not too near to be used; see `Sensor`."""
-        return max(1.0 - self.visibility.min_range / self.clutter_max_range, LEAST_CLUTTER_SHARE)
+        """Share of the uniform clutter that is neither too near nor obstructed; see `Sensor`."""
+        far = 1.0 - self.visibility.min_range / self.clutter_max_range
+        return max(far * self.visibility.clear_share, LEAST_CLUTTER_SHARE)
 
     @property
     def _rate_of_turn(self) -> float:

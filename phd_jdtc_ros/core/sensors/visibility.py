@@ -115,6 +115,13 @@ class Visibility:
             )
         return probability
 
+    @property
+    def clear_share(self) -> float:
+        """Share of the field of view's azimuths that are not obstructed."""
+        if not self.blind:
+            return 1.0
+        return sum(arc.width for arc in self._arcs or ()) / self.fov.width
+
     @cached_property
     def limits(self) -> tuple[FloatArray, FloatArray]:
         """Intervals of the ranges and of the azimuths of the field of view, (I, 2) each.

@@ -297,9 +297,22 @@ def test_unspecified_tracker_is_one_that_the_configuration_takes(estimated):
     assert config.values["amplitude"] == "none"
 
 
-def test_the_proposed_rate_counts_the_clutter_that_is_too_near_to_be_read(standing):
+@pytest.mark.parametrize(
+    ("hidden", "share"),
+    [
+        ({"min_range": 5e3}, 1.0),
+        # Sectors too narrow for a proposed field of view, and one that is outside it.
+        ({"blind_sectors_deg": [20.0, 36.0, 80.0, 96.0, 140.0, 156.0, 200.0, 216.0]}, 1.0),
+        ({"blind_sectors_deg": [20.0, 110.0]}, 0.75),
+    ],
+    ids=["near", "obstructed", "outside the field of view"],
+)
+def test_the_proposed_rate_counts_the_clutter_that_cannot_be_read(standing, hidden, share):
     config, (_, plots) = standing
-    found = findings(plots.only(np.flatnonzero(plots.measurement[:, 0] >= 5e3)))
-    rows = proposal.rows(found, {"radar.min_range": 5e3}, "radar")
+    given = {f"radar.{name}": value for name, value in hidden.items()}
+    sight = resolve({"sensors": ["radar"], **given}).model.radars[0].visibility
+    found = findings(plots.only(np.flatnonzero(sight.sees(plots.measurement) > 0.0)))
+    rows = proposal.rows(found, given, "radar")
     proposed = {row.name: row.value for row in rows}
-    assert proposed["clutter_rate"] == pytest.approx(config.model.radars[1].clutter_rate, rel=0.15)
+    rate = share * config.model.radars[1].clutter_rate
+    assert proposed["clutter_rate"] == pytest.approx(rate, rel=0.1)

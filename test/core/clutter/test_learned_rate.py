@@ -120,13 +120,16 @@ def test_with_a_map_the_rate_is_that_of_what_comes_from_no_place_in_particular()
     assert memory.sensors["radar"].clutter_count.rate == pytest.approx(6.0, rel=0.25)
 
 
-def test_the_rate_counts_the_clutter_that_is_too_near_to_be_used():
-    given = {"radar.clutter_rate": "auto", "radar.min_range": 4e4}
+@pytest.mark.parametrize(
+    "hidden", [{"radar.min_range": 4e4}, {"radar.blind_sectors_deg": [30.0, 120.0, 350.0, 10.0]}]
+)
+def test_the_rate_counts_the_clutter_that_is_too_near_or_obstructed(hidden):
+    given = {"radar.clutter_rate": "auto", **hidden}
     model, rng = configuration(given).model, np.random.default_rng(6)
     radar, memory = model.radars[0], SensorMemory.of(model)
     for _ in range(150):
         drawn = rng.uniform([0.0, -np.pi], [radar.clutter_max_range, np.pi], (rng.poisson(10.0), 2))
-        found = Detections(drawn[drawn[:, 0] >= 4e4], None)
+        found = Detections(drawn[radar.visibility.sees(drawn) > 0.0], None)
         report = memory.prepare(Report(radar, found))
         memory.learn_clutter(report, np.zeros(len(found)), np.zeros(len(found)))
     assert memory.sensors["radar"].clutter_count.rate == pytest.approx(10.0, rel=0.15)
