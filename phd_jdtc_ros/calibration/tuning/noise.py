@@ -50,7 +50,7 @@ LEAST_STD = (0.01, 1e-5)
 # Smallest likelihood, which has a logarithm.
 TINY = float(np.finfo(float).tiny)
 # Step of the finite differences, and least logarithmic ratio of the second density to the first.
-STEP, LEAST_RATIO = 0.02, np.log(4.0)
+STEP, LEAST_RATIO = 1e-3, np.log(4.0)
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ _SCALES = np.log([0.2, 0.45, 1.0, 2.2, 5.0])
 _GRID = np.array(
     [(a, b, c, 0.0) for a, b, c in product(_SCALES, _SCALES, np.log([1e-3, 1.0, 30.0]))]
 )
-_OPTIONS = {"maxiter": 30, "ftol": 1e-7}
+_OPTIONS = {"maxiter": 100, "ftol": 1e-11}
 
 
 def _standard_errors(sequences: _Sequences, point: FloatArray) -> FloatArray:
