@@ -201,41 +201,24 @@ def _dates(name: str, columns: Columns) -> Column:
     def date(text: str) -> np.datetime64:
         return np.datetime64(text.removesuffix("Z"), "ns")
 
-    def either(text: str) -> None:
-        try:
-            float(text)
-        except ValueError:
-            date(text)
-
     try:
         return np.array([date(text) for text in column.tolist()], dtype="datetime64[ns]")
     except ValueError:
-        # A text that is no time at all is at fault before one that differs from the first.
         usual = float if _all_numbers(column[:1]) else date
         what = "seconds or a date such as 2026-01-31T12:00:00.5, as all in its column"
-        raise _invalid(name, column, columns, either, what, usual) from None
+        raise _invalid(name, column, columns, usual, what) from None
 
 
 def _invalid(
-    name: str,
-    column: Column,
-    columns: Columns,
-    convert: Callable[[Any], Any],
-    what: str,
-    otherwise: Callable[[Any], Any] | None = None,
+    name: str, column: Column, columns: Columns, convert: Callable[[Any], Any], what: str
 ) -> ValueError:
-    """Return the error that names the first value of a column that `convert` rejects.
-
-    If it rejects none, `otherwise` does.
-    """
+    """Return the error that names the first value of a column that `convert` rejects."""
     for row, value in enumerate(column.tolist()):
         try:
             convert(value)
         except (TypeError, ValueError):
             place = place_of(columns, row)
             return ValueError(f"{name}: {short(repr(value))} in {place}, must be {what}")
-    if otherwise is not None:
-        return _invalid(name, column, columns, otherwise, what)
     return ValueError(f"{name}: {column.dtype} given, must be {what}")
 
 
