@@ -12,7 +12,7 @@ All matrices are [from, to]; rows sum to one.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -46,15 +46,6 @@ def markov_generator(transition: FloatArray) -> FloatArray | None:
     transition matrix has one: no two-state chain in continuous time changes its state within an
     interval with a probability above one half in both directions, as [[.3, .7], [.7, .3]] does.
     """
-    generator = _generator_of(tuple(map(tuple, transition.tolist())))
-    return None if generator is None else generator.copy()
-
-
-# Results are cached, because classes mostly have the same matrix, which the checks and the model
-# both need.
-@lru_cache(maxsize=256)
-def _generator_of(rows: tuple[tuple[float, ...], ...]) -> FloatArray | None:
-    transition = np.array(rows).reshape(len(rows), len(rows))
     if np.array_equal(transition, np.eye(len(transition))):
         return np.zeros_like(transition)
     if np.linalg.det(transition) <= 0.0:  # det expm(G) = exp(trace G) > 0
