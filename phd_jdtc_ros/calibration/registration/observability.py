@@ -67,7 +67,7 @@ def analyse(information: FloatArray, one_plot: FloatArray, reference: int) -> Ob
             common.append(KINDS[kind])
         else:
             worst = int(rows[np.argmax(np.where(rows // kinds != reference, share, -1.0))])
-            if not free[worst] or worst // kinds == reference:
+            if worst // kinds == reference:
                 worst = int(rows[np.argmax(share)])
             free[worst] = False
             hidden.append(worst)

@@ -14,7 +14,7 @@ from functools import cached_property
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from ..arrays import BoolArray, FloatArray, IntArray
-from ..state_space import StateSpace
+from ..state_space import PLANAR, StateSpace
 
 
 class Extents(NamedTuple):
@@ -100,17 +100,9 @@ class Entry(Generic[RowsT, LinkT]):
         return self.stored.label
 
     @cached_property
-    def _extents(self) -> list[Extents]:
-        return []
-
-    def extents(self, space: StateSpace) -> Extents:
-        """Return the position and velocity of the target of each label; computed once.
-
-        `space` is the same for every call.
-        """
-        if not self._extents:
-            self._extents.append(self.stored.extents(space))
-        return self._extents[0]
+    def extents(self) -> Extents:
+        """Position and velocity of the target of each label."""
+        return self.stored.extents(PLANAR)
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ def partition_swept(
         return unswept, []
     longest_s = MAX_UNSWEPT_TURNS * slowest_s(model)
     space = model.modes.space
-    extents = [rows.entry.extents(space) for rows in unswept]
+    extents = [rows.entry.extents for rows in unswept]
     sizes = [extent.label.size for extent in extents]
     age_s = (scan.stamp_ns - np.array([rows.entry.stamp_ns for rows in unswept])) * 1e-9
     x = space.position[0]
@@ -63,8 +63,8 @@ def partition_swept(
     for index, (rows, extent, size) in enumerate(zip(unswept, extents, sizes, strict=True)):
         end = begin + size
         # Most entries have no row to test. An empty entry counts as swept.
-        untouched = size and index not in entries_near
-        parts += [(None, rows) if untouched else rows.split(is_near[begin:end][extent.target])]
+        is_unswept = size > 0 and index not in entries_near
+        parts += [(None, rows) if is_unswept else rows.split(is_near[begin:end][extent.target])]
         begin = end
     swept = [inside for inside, _ in parts if inside is not None]
     return swept, [outside for _, outside in parts if outside is not None]

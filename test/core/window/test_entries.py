@@ -43,7 +43,7 @@ def test_current_rows_are_a_set_with_their_origins_and_their_mass():
 
 def test_extents_are_those_of_each_origin_and_computed_once():
     held = entry()
-    extents = held.extents(PLANAR)
+    extents = held.extents
     np.testing.assert_array_equal(extents.label, [3, 5, 9])
     np.testing.assert_array_equal(extents.label[extents.target], ORIGIN)
     expected = [
@@ -52,4 +52,4 @@ def test_extents_are_those_of_each_origin_and_computed_once():
         [6.0, 0.0, 0.0, 0.0, np.sqrt(8.0), 0.0],
     ]
     np.testing.assert_allclose(extents.moments, expected)
-    assert held.extents(PLANAR) is extents
+    assert held.extents is extents
