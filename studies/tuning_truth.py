@@ -106,7 +106,7 @@ def share_detected(truth: Sequence[Truth], plots: Plots, radar: RadarModel) -> f
             continue
         stamp_s = np.array([(each.stamp_ns - plots.zero_ns) * 1e-9 for each, _ in there])
         state = np.array([each.state[row] for each, row in there])
-        inside = radar.visibility.sees(radar.measure(state)) > 0.0
+        inside = radar.visibility.probability_in_view(radar.measure(state)) > 0.0
         time_s = _detection_times(stamp_s, state, plots, radar)
         if radar.rotation_s:
             again = np.diff(time_s) < AGAIN * radar.rotation_s
@@ -134,7 +134,7 @@ def _detection_times(
     error = plots.measurement[during] - expected
     error[:, 1] = wrap_angle(error[:, 1])
     near = ((error / radar.noise_std) ** 2).sum(axis=1) < GATE**2
-    near &= radar.visibility.sees(expected) > 0.0
+    near &= radar.visibility.probability_in_view(expected) > 0.0
     detected: FloatArray = time_s[near]
     return detected
 

@@ -36,14 +36,14 @@ TIME = "time"
 PARTS_OF_A_TURN, DEFAULT_PART_S = 8, 1.0
 
 
-class RadarReport(NamedTuple):
+class IndexedReport(NamedTuple):
     """A report of one radar."""
 
     radar: int  # Index in the configured order
     report: Report
 
 
-def reports_of(columns: Columns, config: TrackerConfig) -> list[RadarReport]:
+def reports_of(columns: Columns, config: TrackerConfig) -> list[IndexedReport]:
     """Return the reports of a table, by ascending stamp and then by radar.
 
     Raise `ValueError` if a required column is missing or has an invalid value.
@@ -61,7 +61,9 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[RadarReport]:
         if timed:
             empty_ns = _empty_ns([*parts], _step_ns(radar))
             parts |= dict.fromkeys(empty_ns, np.arange(0))
-        found += [RadarReport(index, _report(ns, sent, part, radar)) for ns, part in parts.items()]
+        found += [
+            IndexedReport(index, _report(ns, sent, part, radar)) for ns, part in parts.items()
+        ]
     return sorted(found, key=lambda each: (each.report.stamp_ns, each.radar))
 
 

@@ -124,7 +124,9 @@ def report_check(radar: RadarParameters) -> ReportCheck:
         or radar.assumed_height is not None
     )
     return ReportCheck(
-        by_sectors=radar.sectors > 1,
-        whole_turn=whole and not visibility.blind and not radar.rotation_s,
-        slant_ranges=radar.rotation_s > SLOW_TURN and radar.max_range > FAR and not ground_known,
+        reports_sectors=radar.sectors > 1,
+        sees_whole_turn=whole and not visibility.blind and not radar.rotation_s,
+        lacks_ground_ranges=radar.rotation_s > SLOW_TURN
+        and radar.max_range > FAR
+        and not ground_known,
     )

@@ -134,7 +134,7 @@ class Pipeline:
                 turns.anomalies[finding] += 1
         nominal_s = turns.nominal_period_s
         can_recut = sensor.history.kept and self._out_of_sequence.since_ns() is not None
-        if can_recut and nominal_s and turns.behind(stamp_ns):
+        if can_recut and nominal_s and turns.is_behind(stamp_ns):
             slices = self._insert(radar, stamp_ns, detections, sector)
         else:
             slices = sensor.history.split(stamp_ns, detections, sector)

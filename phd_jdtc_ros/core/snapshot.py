@@ -179,9 +179,9 @@ def integers(
     return _Array("i", shape, low, high, below, ascending, key=key)
 
 
-def floats(shape: str, low: float, high: float) -> _Stored:
+def floats(shape: str, low: float, high: float, *, key: str = "") -> _Stored:
     """Declare an array of finite floats; see `integers`."""
-    return _Array("f", shape, low, high)
+    return _Array("f", shape, low, high, key=key)
 
 
 def covariances(shape: str, std: float) -> _Stored:

@@ -153,7 +153,8 @@ class TurningRadar:
         state = flight.states(time_s)
         exact = [scenario.measure(k, state, time_s) for k in range(len(scenario.radars))]
         sees = [
-            radar.visibility.sees(z) > 0.0 for radar, z in zip(scenario.radars, exact, strict=True)
+            radar.visibility.probability_in_view(z) > 0.0
+            for radar, z in zip(scenario.radars, exact, strict=True)
         ]
         distance = np.where(sees, [z[:, 0] for z in exact], np.inf)
         nearer: BoolArray = (distance < distance[self.index]).sum(axis=0) < scenario.most_radars

@@ -113,5 +113,5 @@ def _clutter(radar: TurningRadar, rng: np.random.Generator) -> SimulatedPlots:
     measurement, amplitude = false_detections(model, int(count.sum()), rng, law)
     turns = np.repeat(np.arange(last), count) + radar.antenna.turns_to(measurement[:, 1])
     none = np.zeros(len(turns), dtype=np.int64)
-    kept = np.flatnonzero(model.visibility.sees(measurement) > 0.0)
+    kept = np.flatnonzero(model.visibility.probability_in_view(measurement) > 0.0)
     return SimulatedPlots(turns, measurement, amplitude, none, none).take(kept)

@@ -80,10 +80,10 @@ def observe(
     envelope exceeds the threshold. If the radar has a detection probability, detection follows
     it, and the envelope is drawn above the threshold.
     """
-    visible = radar.visibility.sees(exact) > 0.0
+    visible = radar.visibility.probability_in_view(exact) > 0.0
     envelope = rng.rayleigh(np.sqrt(1.0 + snr))
     noisy = with_noise(exact, radar, rng)
-    if radar.visibility.given:
+    if radar.visibility.has_probability:
         found = rng.random(len(exact)) < radar.visibility.probability(exact[:, 0])
         # Squares of Rayleigh envelopes are exponential, and the exponential law is memoryless.
         envelope = np.sqrt(radar.threshold**2 + envelope**2)

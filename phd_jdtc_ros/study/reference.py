@@ -92,7 +92,8 @@ def predict(before: Gaussian, motion: MotionModel, dt: float) -> tuple[Gaussian,
     later_mean, jacobian = motion.mean(state, dt)[0], motion.jacobian(state, dt)[0]
     noise, gain = np.zeros((size, size)), np.zeros((size, size))
     noise[np.ix_(axes, axes)] = motion.noise_covariance(dt)
-    later, cross = kalman.predicted_covariance(before.covariance, jacobian, noise)
+    cross = before.covariance @ jacobian.T
+    later = kalman.symmetric(jacobian @ cross + noise)
     gain[:, axes] = np.linalg.solve(later[np.ix_(axes, axes)], cross[:, axes].T).T
     return Gaussian(later_mean, later), Backward(before, Gaussian(later_mean, later), gain)
 

@@ -100,7 +100,9 @@ def posteriors(
 def _covered(truth: Truth, config: TrackerConfig) -> BoolArray:
     """Return whether any radar can see each target."""
     radars = polar_radars(config.model.radars)
-    sees = [radar.visibility.sees(radar.measure(truth.state)) > 0.0 for radar in radars]
+    sees = [
+        radar.visibility.probability_in_view(radar.measure(truth.state)) > 0.0 for radar in radars
+    ]
     covered: BoolArray = np.any(sees, axis=0)
     return covered
 

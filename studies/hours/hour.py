@@ -127,7 +127,7 @@ class Hour:
     def in_sight(self) -> dict[int, FloatArray]:
         """The times at which the beam passes a target, seconds after scan 0, by its number."""
         own = self.turning.looks()
-        seen = self.scenario.radars[0].visibility.sees(own.exact) > 0.0
+        seen = self.scenario.radars[0].visibility.probability_in_view(own.exact) > 0.0
         numbers = np.unique(own.source[seen]).tolist()
         return {number: own.time_s[seen & (own.source == number)] for number in numbers}
 

@@ -53,7 +53,7 @@ def test_field_of_view_is_counted_as_the_radar_counts(convention, seen, hidden):
     radar = build.resolve(given).model.radars[0]
     for azimuths, expected in ((seen, 1.0), (hidden, 0.0)):
         measured = np.stack([np.full(2, 5e3), np.radians(azimuths)], axis=1)
-        assert radar.visibility.sees(measured).tolist() == [expected] * 2
+        assert radar.visibility.probability_in_view(measured).tolist() == [expected] * 2
 
 
 def test_resolve_builds_three_classes_of_different_motions():

@@ -77,7 +77,11 @@ def test_what_supports_radars_only_refuses_other_kinds():
 @pytest.mark.usefixtures("a_second_kind")
 def test_input_checks_of_azimuths_are_only_for_radars():
     none, _ = build.resolve(GIVEN).report_checks()
-    assert (none.by_sectors, none.whole_turn, none.slant_ranges) == (True, False, False)
+    assert (none.reports_sectors, none.sees_whole_turn, none.lacks_ground_ranges) == (
+        True,
+        False,
+        False,
+    )
 
 
 @pytest.mark.usefixtures("a_second_kind")

@@ -11,7 +11,7 @@ from phd_jdtc_ros.core.window import window_snapshot
 from phd_jdtc_ros.core.window.backward_pass import smoothed_sets
 from phd_jdtc_ros.core.window.entries import Entry, Extents, UnsweptRows
 from phd_jdtc_ros.core.window.forward_filter import Filtered, ForwardFilter
-from phd_jdtc_ros.core.window.smoothed_sets import SetSmoother
+from phd_jdtc_ros.core.window.set_smoother import SetSmoother
 from phd_jdtc_ros.core.window.swept import partition_swept
 
 MODEL = configuration().model

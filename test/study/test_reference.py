@@ -6,7 +6,6 @@ from scipy.optimize import minimize
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.arrays import wrap_angle
-from phd_jdtc_ros.core.gaussian.algebra import kalman
 from phd_jdtc_ros.core.targets.motion import ConstantVelocity, sample
 from phd_jdtc_ros.core.types import Detections, Scan, Truth
 from phd_jdtc_ros.evaluation.metrics import ospa
@@ -77,7 +76,8 @@ def filtered_toy(rng, scans):
     for k in range(scans):
         predicted = updated
         if k:
-            later, cross = kalman.predicted_covariance(updated.covariance, moving, noise)
+            cross = updated.covariance @ moving.T
+            later = moving @ cross + noise
             predicted = Gaussian(moving @ updated.mean, later)
             back = Backward(updated, predicted, cross @ np.linalg.inv(later))
         gain = predicted.covariance[:, 0] / (predicted.covariance[0, 0] + variance)

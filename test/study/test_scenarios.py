@@ -171,7 +171,7 @@ def test_vehicles_appear_in_sight_and_are_seen_several_times_now_and_then():
     first = {}
     for scan in range(found.scans):
         truth = truth_at(found, scan)
-        seen = radar.visibility.sees(radar.measure(truth.state)) > 0.0
+        seen = radar.visibility.probability_in_view(radar.measure(truth.state)) > 0.0
         for number, visible in zip(truth.track_id.tolist(), seen.tolist(), strict=True):
             first.setdefault(number, visible)
     assert first == dict.fromkeys(range(1, 12), True)

@@ -22,7 +22,7 @@ class Claims:
     other: FloatArray  # Intensity of clutter and unknown targets, divided by the same scale, (M,)
     detection_probability: FloatArray  # p_D of each row, (N,); 0 beyond the radar's range
 
-    def part(self, rows: BoolArray | FloatArray) -> FloatArray:
+    def share_of(self, rows: BoolArray | FloatArray) -> FloatArray:
         """Return the share of some rows, (N,), in the likelihoods of each detection, (M,).
 
         `rows` is a mask, or the probability that each row counts.

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..arrays import BoolArray, FloatArray, IntArray, distinct_cells, sum_by
 from ..types import UNKNOWN, Detections
-from . import height, identity, updates
+from . import detection_times, height, identity
 from .records import AttributeModel, AttributeRecords, Beliefs
 
 # Smallest total association probability with which a target's beliefs are updated.
@@ -118,7 +118,7 @@ class Evidence:
         probability = probability / np.maximum(total, 1.0)[self.target]
         missed = np.maximum(1.0 - total, 0.0)
         beliefs, restarted = self.belief_update.after(self.target, probability, missed)
-        seen_ns = updates.update(
+        seen_ns = detection_times.update(
             seen_ns=self.before.seen_ns,
             target=self.target,
             column=self.column,

@@ -12,7 +12,7 @@ from ..arrays import FloatArray, IntArray, matches
 from ..sensors.report import Report
 from ..snapshot import ROUNDING, Snapshot, from_snapshot, to_snapshot
 from ..types import SENSORS, UNKNOWN, Attributes, Detections, Estimates
-from . import reprojection, uniqueness, updates
+from . import detection_times, reprojection, uniqueness
 from .evidence import Evidence, addresses_of, compare, edges_of, log_clutter_factor
 from .history import History
 from .identity import CANDIDATES, Belief
@@ -158,7 +158,7 @@ class AttributesAt(NamedTuple):
         if reply is None or not self.memory.model.address.unique:
             return None
         identity, seen_ns = self.memory.addresses(label)
-        reply_ns = updates.times_of(detections, self.stamp_ns)
+        reply_ns = detection_times.times_of(detections, self.stamp_ns)
         return uniqueness.find_out_of_gate(identity, seen_ns, reply, reply_ns, (target, column))
 
     def evidence(
@@ -226,8 +226,8 @@ class AttributesAt(NamedTuple):
         prior = Beliefs.fresh(count, self.memory.model)
         update = compare(prior, edge, edge, detections, self.memory.model)
         beliefs, _ = update.after(edge, certain, np.zeros(count))
-        seen_ns = updates.update(
-            updates.never(count), edge, edge, certain, detections, self.stamp_ns
+        seen_ns = detection_times.update(
+            detection_times.never(count), edge, edge, certain, detections, self.stamp_ns
         )
         records = AttributeRecords.of(label + edge, self.stamp_ns, beliefs, seen_ns)
         self.memory.store(records, self.stamp_ns)

@@ -10,7 +10,7 @@ import numpy as np
 from ..arrays import FloatArray, IntArray
 from ..snapshot import MAX_STAMP_NS, MAX_STATE, ROUNDING, covariances, floats, integers
 from ..types import UNKNOWN
-from . import updates
+from . import detection_times
 from .height import HeightModel, Heights
 from .identity import ADDRESSES, CODES, Belief, IdentityModel
 
@@ -75,7 +75,7 @@ class AttributeRecords(NamedTuple):
     ) -> AttributeRecords:
         """Return records of beliefs; without `seen_ns` no sensor has detected the targets."""
         stamps = np.full(len(label), stamp_ns, dtype=np.int64)
-        seen_ns = updates.never(len(label)) if seen_ns is None else seen_ns
+        seen_ns = detection_times.never(len(label)) if seen_ns is None else seen_ns
         columns = *beliefs.code, *beliefs.address, *beliefs.heights
         return AttributeRecords(label, stamps, *columns, seen_ns)
 

@@ -61,8 +61,9 @@ class ClutterMap(ReadOnly):
     ALONE_FACTOR to REFLECTOR_FACTOR; see `neighbourhood`. Rain is nowhere long enough for this: the
     local rate is at least B / CELLS times s / (s + PASSING). B is the number of the neighbourhood's
     recent detections per turn, with the memory RECENT_TURNS, beyond uniform clutter. The surplus s
-    is their number beyond PASSING of one new target, uniform clutter, and those that earlier
-    detections let expect, at most one reflector's.
+    is the number of recent detections less PASSING, for one new target, and less the number that
+    is usual there. This is known from earlier detections: at least that of uniform clutter, and at
+    most that of uniform clutter and one reflector.
 
     Where stationary targets are not clutter, ALONE_FACTOR is multiplied by the share that the
     neighbourhood has of its own and the place's detections beyond uniform clutter. It is large in

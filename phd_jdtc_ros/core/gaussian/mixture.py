@@ -90,8 +90,8 @@ class Mixture(ReadOnly):
 
     Notes
     -----
-    Given its class and its detections, a target's SNR is independent of its motion, apart from
-    missed detections at places of different detection probability. That is neglected.
+    The SNR of a target counts as independent of its motion, given its class and its detections.
+    This neglects that a miss shows less where the detection probability is small anyway.
     """
 
     # Label of each hypothesis's target, (H,); see `labels`.

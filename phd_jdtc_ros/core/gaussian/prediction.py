@@ -113,7 +113,12 @@ class _Places(NamedTuple):
 
 @in_place
 def _write_pair_places(
-    weight: Float3, source: Int1, from_mode: Int1, to_mode: Int1, change: Float2, places: _Places
+    weight: Float3,
+    interval_of: Int1,
+    from_mode: Int1,
+    to_mode: Int1,
+    change: Float2,
+    places: _Places,
 ) -> tuple[int, int]:
     """Write the places of the pairs that have weight; return their number, and that of factors."""
     (count, _, classes), active, factors = weight.shape, 0, 0
@@ -124,7 +129,7 @@ def _write_pair_places(
             for class_id in range(classes):
                 has_weight = has_weight or weight[row, from_mode[pair], class_id] > 0.0
             place[row, pair] = -1
-            if has_weight and change[source[row], pair] > 0.0:
+            if has_weight and change[interval_of[row], pair] > 0.0:
                 place[row, pair], factored[active] = active, -1
                 active += 1
         for pair in range(len(from_mode)):
@@ -195,7 +200,7 @@ def _predict(
     weight: Float3,
     mean: Float3,
     covariance: Float4,
-    source: Int1,
+    interval_of: Int1,
     from_mode: Int1,
     to_mode: Int1,
     turns: Bool1,
@@ -208,8 +213,8 @@ def _predict(
 ) -> None:
     """Write the later hypotheses and the moves.
 
-    `source` is the interval of each hypothesis; the parameters from `turns` to `transition` are by
-    mode or interval.
+    `interval_of` has the interval of each hypothesis; the parameters from `turns` to `transition`
+    are by mode or interval.
     """
     spread, share, total, spare, moved = scratch
     for matrices in (later.gain, later.base, later.factor, spread):
@@ -217,7 +222,7 @@ def _predict(
     for matrix in (spare, moved.cross, moved.covariance):
         check_matrices(matrix)
     for row in range(len(weight)):
-        interval = source[row]
+        interval = interval_of[row]
         _write_shares(row, weight, from_mode, to_mode, change[interval], later, share, total)
         for pair in range(len(from_mode)):
             pair_row, mode = later.place[row, pair], to_mode[pair]
@@ -263,12 +268,14 @@ def survivors(earlier: Sequence[AgedMixture], dynamics: Dynamics) -> tuple[Mixtu
     switching coefficients", IEEE Transactions on Automatic Control 33(8), 1988.
     """
     stored = Mixture.concatenate([aged.mixture for aged in earlier])
-    source = np.arange(len(earlier)).repeat([len(aged.mixture) for aged in earlier])
+    interval_of = np.arange(len(earlier)).repeat([len(aged.mixture) for aged in earlier])
     dt = np.array([aged.dt for aged in earlier])
     survival, change, noise, transition, snr = dynamics.over(dt)
     count, modes, pairs = len(stored), len(dynamics.turns), len(dynamics.pairs[0])
     places = _Places(np.empty((count, pairs), np.int64), np.empty(count * pairs, np.int64))
-    active, factors = _write_pair_places(stored.weight, source, *dynamics.pairs, change, places)
+    active, factors = _write_pair_places(
+        stored.weight, interval_of, *dynamics.pairs, change, places
+    )
     later = _Predicted(
         np.zeros(stored.weight.shape),
         np.zeros(stored.mean.shape),
@@ -289,7 +296,7 @@ def survivors(earlier: Sequence[AgedMixture], dynamics: Dynamics) -> tuple[Mixtu
     )
     _predict(
         *stored.gaussians,
-        source,
+        interval_of,
         *dynamics.pairs,
         dynamics.turns,
         dt,
@@ -311,8 +318,8 @@ def survivors(earlier: Sequence[AgedMixture], dynamics: Dynamics) -> tuple[Mixtu
     )
     return predicted, Moves(
         dynamics.pairs,
-        change.take(source, axis=0),
-        survival.take(source, axis=0),
+        change.take(interval_of, axis=0),
+        survival.take(interval_of, axis=0),
         later.pair_mean,
         later.factor,
         later.factored,

@@ -247,15 +247,15 @@ class PriorMixture:
 
         Only the Gaussians of kept hypotheses are updated.
         """
-        mixture, source, pair = self.mixture, association.source, association.kept_pair
-        gaussians = update.updated_gaussians(mixture, source, pair)
+        mixture, prior_row, pair = self.mixture, association.prior_row, association.kept_pair
+        gaussians = update.updated_gaussians(mixture, prior_row, pair)
         after_misses = after_miss(
             mixture, self.expected, self.report.sensor, self.detection_probability
         )
         if after_misses is not None:
             missed = pair < 0
             for updated, after in zip(gaussians, after_misses, strict=True):
-                updated[missed] = after[source[missed]]
+                updated[missed] = after[prior_row[missed]]
         probability = self._probability
         columns = (
             mixture.snr,
@@ -264,13 +264,13 @@ class PriorMixture:
             probability.cell,
             probability.mean,
         )
-        snr = snr_after(*columns, amplitudes.relative, source, pair, association.claims.column)
+        snr = snr_after(*columns, amplitudes.relative, prior_row, pair, association.claims.column)
         mean, covariance = gaussians
         branched = mixture.changed(
-            row_label=mixture.row_label.take(source),
+            row_label=mixture.row_label.take(prior_row),
             weight=association.weight,
             mean=mean,
             covariance=covariance,
             snr=snr,
         )
-        return Branched(branched, self.parent.take(source))
+        return Branched(branched, self.parent.take(prior_row))

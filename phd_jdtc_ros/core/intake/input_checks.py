@@ -42,9 +42,10 @@ PATIENCE = 30
 class ReportCheck:
     """Checks the reports of one radar."""
 
-    by_sectors: bool = True  # Whether the radar is configured to report by sectors
-    whole_turn: bool = False  # Whether it is configured to see all azimuths at once
-    slant_ranges: bool = False  # Whether ground ranges are unknown although the difference matters
+    reports_sectors: bool = True  # Whether the radar is configured to report by sectors
+    sees_whole_turn: bool = False  # Whether it is configured to see all azimuths at once
+    # Whether its ground ranges are unknown although it is probably a radar for aircraft.
+    lacks_ground_ranges: bool = False
     _reports: int = field(init=False, default=0)
     _detections: int = field(init=False, default=0)
     _all: BoolArray = zeros_field(CELLS, dtype=np.bool_)
@@ -58,13 +59,17 @@ class ReportCheck:
         two occur at most once.
         """
         noticed = []
-        if self.slant_ranges and len(detections):
-            self.slant_ranges = False
+        if self.lacks_ground_ranges and len(detections):
+            self.lacks_ground_ranges = False
             noticed.append("slant_ranges")
         azimuth = detections.measurement[:, 1]
-        if not self.by_sectors and azimuth.size >= SECTOR_DETECTIONS and self._is_sector(azimuth):
+        if (
+            not self.reports_sectors
+            and azimuth.size >= SECTOR_DETECTIONS
+            and self._is_sector(azimuth)
+        ):
             noticed.append("sectors_not_configured")
-        if self.whole_turn and self._is_field(azimuth):
+        if self.sees_whole_turn and self._is_field(azimuth):
             noticed.append("fov_not_configured")
         return noticed
 
@@ -82,13 +87,13 @@ class ReportCheck:
         return bool(covered)
 
     def _is_field(self, azimuth: FloatArray) -> bool:
-        """Return, at most once, that all detections lie within a part of the turn."""
+        """Return whether all detections lie within a part of the turn; true at most once."""
         self._reports += 1
         self._detections += len(azimuth)
         self._all[_cells(azimuth)] = True
         if self._reports < FIELD_REPORTS or self._detections < FIELD_DETECTIONS:
             return False
-        self.whole_turn = False
+        self.sees_whole_turn = False
         seen = np.linspace(0.0, FULL_TURN, CELLS, endpoint=False)[self._all]
         return smallest_arc(seen)[1] < FIELD_ARC * FULL_TURN
 

@@ -27,7 +27,7 @@ import numpy as np
 from ..arrays import FloatArray
 from ..types import FULL_TURN, UNKNOWN_COVERAGE, Coverage, Detections
 from .antenna import MIN_PERIOD_S, AntennaTrack
-from .horizon import Horizon
+from .report_timing import ReportTiming
 from .scans import Rejection
 from .sectors import coverage_of, is_sector, smallest_arc
 from .slices import SLICES, RadarReport, Slice, UnstampedSlice, arc, cut
@@ -58,7 +58,7 @@ class State(NamedTuple):
     last_ns: int | None = None  # Stamp of the latest report
     slice_ns: int = 0  # Stamp of the latest slice
     # Timing of the reports, without those that repeated an earlier one.
-    horizon: Horizon = Horizon()
+    timing: ReportTiming = ReportTiming()
     end_s: float = math.nan  # End of the time that the reports cover, seconds; NaN if unknown
     end: float = math.nan  # Direction of the antenna at this time, radians; NaN if unknown
     number: int | None = None  # Number of the latest sector
@@ -109,7 +109,7 @@ class Turns:
         """Length of time that a report covers, seconds; 0 if unknown."""
         if self.sectors:
             return self.period_s / self.sectors
-        return min(self.state.horizon.interval_s, self.period_s)
+        return min(self.state.timing.interval_s, self.period_s)
 
     @property
     def _per_turn(self) -> int:
@@ -118,7 +118,7 @@ class Turns:
             max(round(self.period_s / self.report_duration_s), 1) if self.report_duration_s else 1
         )
 
-    def behind(self, stamp_ns: int) -> bool:
+    def is_behind(self, stamp_ns: int) -> bool:
         """Return whether a report is no newer than the latest of this run."""
         last_ns = self.state.last_ns
         if last_ns is None:
@@ -136,7 +136,7 @@ class Turns:
         has one.
         """
         sector = sector if self.sectors > 1 else None
-        if self.behind(stamp_ns):
+        if self.is_behind(stamp_ns):
             return self._out_of_order(stamp_ns, detections, sector)
         if self.state.last_ns is not None and stamp_ns < self.state.last_ns:
             self.reset()
@@ -172,8 +172,8 @@ class Turns:
 
     def _follow_antenna(self, report: RadarReport) -> None:
         """Update the antenna's track by a report's detections."""
-        previous_track, horizon = self.state.track, self.state.horizon
-        track, timed = previous_track, not math.isnan(horizon.lead_s)
+        previous_track, timing = self.state.track, self.state.timing
+        track, timed = previous_track, not math.isnan(timing.lead_s)
         if report.timed:
             # Detections' own times replace a track that was estimated from stamps.
             track = previous_track if timed else AntennaTrack(self.nominal_period_s)
@@ -181,7 +181,7 @@ class Turns:
                 report.stamp_s, report.detection_s, report.azimuth, self.min_period_s
             )
         elif not timed:
-            azimuth, min_period_s = report.azimuth, max(1.9 * horizon.interval_s, self.min_period_s)
+            azimuth, min_period_s = report.azimuth, max(1.9 * timing.interval_s, self.min_period_s)
             if len(azimuth):
                 # The antenna was somewhere in their arc at the stamp. Fewer than two reports per
                 # turn do not show the motion.
@@ -191,7 +191,7 @@ class Turns:
             track = previous_track.follow(report.stamp_s, time_s, azimuth, min_period_s)
             if self.sectors > 1:
                 # Stamps give the period more accurately than azimuths that are known by sector.
-                track = track.with_period(self.sectors * horizon.interval_s)
+                track = track.with_period(self.sectors * timing.interval_s)
         first_s = self.state.first_period_s if previous_track.period_s else track.period_s
         self.anomalies["antenna_unclear"] += track.unclear > previous_track.unclear
         self.state = self.state._replace(
@@ -202,9 +202,9 @@ class Turns:
 
     def _reports_due(self, stamp_s: float) -> float:
         """Return the number of reports due since the previous one, including this one."""
-        horizon, duration_s = self.state.horizon, self.report_duration_s
-        last_s = horizon.last_s
-        if math.isnan(last_s) or not duration_s or not horizon.regular:
+        timing, duration_s = self.state.timing, self.report_duration_s
+        last_s = timing.last_s
+        if math.isnan(last_s) or not duration_s or not timing.regular:
             return 1.0
         return (stamp_s - last_s) / duration_s
 
@@ -244,9 +244,9 @@ class Turns:
         return Coverage(start, measured.width)
 
     def _remember(self, report: RadarReport, detection_s: FloatArray) -> None:
-        """Update the horizon by a report's stamp and its plausible detection times."""
-        horizon = self.state.horizon.after(report.stamp_s, detection_s, self.period_s)
-        self.state = self.state._replace(horizon=horizon)
+        """Update the timing by a report's stamp and its plausible detection times."""
+        timing = self.state.timing.after(report.stamp_s, detection_s, self.period_s)
+        self.state = self.state._replace(timing=timing)
 
     def _covered_time(self, report: RadarReport, due: float) -> tuple[float, float]:
         """Return the start and the end of the time that a report covers, seconds."""
@@ -256,7 +256,7 @@ class Turns:
             detection_s = detection_s[antenna.fits(detection_s, report.azimuth)]
             self.anomalies["times_disagree"] += report.detection_s.size - detection_s.size
         self._remember(report, detection_s)
-        lead_s = self.state.horizon.lead_s if report.timed else 0.5 * length_s
+        lead_s = self.state.timing.lead_s if report.timed else 0.5 * length_s
         lead_s = 0.0 if math.isnan(lead_s) else lead_s
         # No time is covered twice; for the first report `before_s` is NaN.
         end_s = float(np.fmax(report.stamp_s + lead_s, before_s))

@@ -23,9 +23,7 @@ PRIOR_WEIGHT = 4.0
 MEMORY = 1000.0
 # Largest number of remembered pairs accepted in a snapshot.
 MAX_REMEMBERED = 1e7
-# Number of sums over pairs of looks. These are of 1; of the product and the mean of both looks'
-# detections; of the mean of both expectations; of the detection of one look times the expectation
-# of the other, as the mean of both orders; and of the product of both expectations.
+# Number of sums over pairs of looks; see `sums_of`.
 SUMS = 6
 
 
@@ -35,7 +33,11 @@ def sums_of(
     expected: FloatArray,
     expected_before: FloatArray,
 ) -> FloatArray:
-    """Return the summands of each pair of looks, (P, B), given values of shape (P,)."""
+    """Return the summands of each pair of looks, (P, B), given values of shape (P,).
+
+    `detected` is the probability that the later look detected the target, and `expected` its
+    detection probability. A summand that depends on the order of the looks is the mean of both.
+    """
     return np.stack(
         [
             np.ones(len(detected)),

@@ -50,7 +50,7 @@ class OpenTrials(ReadOnly):
     expected: Annotated[FloatArray, floats("E", 0.0, MOST_EXPECTED)] = zeros_field(0)
     detected: Annotated[FloatArray, floats("E", 0.0, 1.0)] = zeros_field(0)
     # Share of each trial that is open.
-    still: Annotated[FloatArray, floats("E", 0.0, 1.0)] = zeros_field(0)
+    open_share: Annotated[FloatArray, floats("E", 0.0, 1.0, key="still")] = zeros_field(0)
 
     def __len__(self) -> int:
         return len(self.label)
@@ -62,7 +62,7 @@ class OpenTrials(ReadOnly):
             self.cell[rows],
             self.expected[rows],
             self.detected[rows],
-            self.still[rows],
+            self.open_share[rows],
         )
 
     def of(self, labels: IntArray) -> OpenTrials:
@@ -76,12 +76,20 @@ class OpenTrials(ReadOnly):
         given that it exists, the share d of its open trials counts, times its existence
         probability. The share 1 - d stays open, and so does the report's own trial for it.
         """
-        label, cell, (expected, detected, still), counted = _count_trials(
-            *(LEAST_OPEN, cells, self.label, self.cell, self.expected, self.detected, self.still),
+        label, cell, (expected, detected, open_share), counted = _count_trials(
+            *(
+                LEAST_OPEN,
+                cells,
+                self.label,
+                self.cell,
+                self.expected,
+                self.detected,
+                self.open_share,
+            ),
             *contiguous(*trials),
         )
         trials_left = self.changed(
-            label=label, cell=cell, expected=expected, detected=detected, still=still
+            label=label, cell=cell, expected=expected, detected=detected, open_share=open_share
         )
         return trials_left, TrialSums(*counted)
 
@@ -94,7 +102,7 @@ def _count_trials(
     cell: Int1,
     expected: Float1,
     detected: Float1,
-    still: Float1,
+    share: Float1,
     own_label: Int1,
     own_cell: Int1,
     own_expected: Float1,
@@ -114,15 +122,15 @@ def _count_trials(
         target, detected_now = count_below(own_label, label[trial]), 0.0
         if target < targets and own_label[target] == label[trial]:
             detected_now = own_detected[target]
-            counted = detected_now * existence[target] * still[trial]
+            counted = detected_now * existence[target] * share[trial]
             sums[0, cell[trial]] += counted
             sums[1, cell[trial]] += counted * expected[trial]
             sums[2, cell[trial]] += counted * detected[trial]
-        open_share = (1.0 - detected_now) * still[trial]
-        if open_share > least:
+        remaining = (1.0 - detected_now) * share[trial]
+        if remaining > least:
             labels[count], places[count] = label[trial], cell[trial]
             values[0, count], values[1, count] = expected[trial], detected[trial]
-            values[2, count] = open_share
+            values[2, count] = remaining
             count += 1
     for target in range(targets):
         if own_expected[target] > 0.0:

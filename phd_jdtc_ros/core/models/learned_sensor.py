@@ -161,8 +161,8 @@ class LearnedSensor(ReadOnly):
         learned, sector, sensor = self, report.detections.coverage, report.sensor
         if sector is not None and report.turn_ns and sector.width <= WIDEST:
             latest = AntennaPass.of(sector, report.stamp_ns)
-            if report.earlier is not None:
-                latest = report.earlier.continued
+            if report.earlier_sectors is not None:
+                latest = report.earlier_sectors.continued
             learned = learned.changed(antenna_pass=latest.detecting(look.label, look.detected))
         prediction, correlation = report.look_prediction, sensor.correlation
         if prediction is not None and correlation is not None:

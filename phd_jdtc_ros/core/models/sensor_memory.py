@@ -69,7 +69,7 @@ class SensorMemory:
         These are the earlier sectors of the same pass of an antenna, and the last look at each
         target if misses are correlated.
         """
-        learned, sensor = self._of(report.sensor), self.learned(report.sensor)
+        learned, sensor = self._of(report.sensor), self.with_learned_values(report.sensor)
         earlier = prediction = None
         if self.labelled:
             earlier = learned.earlier_sectors(report)
@@ -77,9 +77,9 @@ class SensorMemory:
                 prediction = learned.look_prediction(report, correlation)
         if sensor is report.sensor and earlier is None and prediction is None:
             return report
-        return report.changed(sensor=sensor, earlier=earlier, look_prediction=prediction)
+        return report.changed(sensor=sensor, earlier_sectors=earlier, look_prediction=prediction)
 
-    def learned(self, sensor: Sensor) -> Sensor:
+    def with_learned_values(self, sensor: Sensor) -> Sensor:
         """Return a configured sensor with its learned values."""
         values, cached = self._of(sensor), self._cache.get(sensor.name)
         # A scan begins with the values learned by the one before, whose sensor is used again.
@@ -91,7 +91,7 @@ class SensorMemory:
 
     def with_learned_sensors(self, model: TrackerModel) -> TrackerModel:
         """Return a tracker's model whose sensors have their learned values."""
-        radars = tuple(map(self.learned, model.radars))
+        radars = tuple(map(self.with_learned_values, model.radars))
         return model if all(map(is_, radars, model.radars)) else model.changed(radars=radars)
 
     @property
@@ -127,7 +127,10 @@ class SensorMemory:
         if previous is None:
             return None
         last, later = previous
-        others = [looks.report(row, self.learned(model.radars[looks.sensor[row]])) for row in later]
+        others = [
+            looks.report(row, self.with_learned_values(model.radars[looks.sensor[row]]))
+            for row in later
+        ]
         return EarlierLooks(int(looks.stamp_ns[last]), others)
 
     def others_looked(self, report: Report) -> bool:

@@ -134,13 +134,13 @@ class RadarModel(Sensor):
         self, measured: FloatArray, std: FloatArray | None = None
     ) -> FloatArray | None:
         """Return the configured p_D at (range, azimuth), (N,); see `Sensor`."""
-        if not self.visibility.given:
+        if not self.visibility.has_probability:
             return None
         return self.visibility.probability(measured[:, 0], None if std is None else std[:, 0])
 
     def miss_probability(self, log_snr: FloatArray) -> FloatArray:
         """Return the probability of a missed detection; see `Sensor.miss_probability`."""
-        if self.visibility.given:
+        if self.visibility.has_probability:
             return np.full_like(log_snr, 1.0 - max(self.visibility.probabilities))
         return super().miss_probability(log_snr)
 
@@ -148,7 +148,7 @@ class RadarModel(Sensor):
         self, predicted: FloatArray, coverage: Coverage | None, std: FloatArray | None = None
     ) -> FloatArray:
         """Return the probability that a report covers each target, (N,); see `Sensor`."""
-        probability = self.visibility.sees(predicted, std)
+        probability = self.visibility.probability_in_view(predicted, std)
         if coverage is not None:
             probability *= self.sector_probability(predicted, coverage, std)
         return probability
@@ -198,7 +198,7 @@ class RadarModel(Sensor):
         excess = self.clutter_map.neighbourhood_excess(measurement, world, *uniform)
         if isinstance(self.clutter_map.grid, GroundGrid):
             return excess
-        return np.where(self.visibility.sees(measurement) > 0.0, excess, np.inf)
+        return np.where(self.visibility.probability_in_view(measurement) > 0.0, excess, np.inf)
 
     @property
     def clutter_share(self) -> float:

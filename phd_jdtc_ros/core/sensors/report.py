@@ -72,7 +72,7 @@ class Report(ReadOnly):
     share: float = 1.0
     complete: bool = True  # Whether the report has all detections of the sensor
     # The sectors before the report; None if it continues no pass of the antenna.
-    earlier: EarlierSectors | None = None
+    earlier_sectors: EarlierSectors | None = None
     # Prediction from the sensor's last look at each target; None if its misses are independent.
     look_prediction: LookPrediction | None = None
 
@@ -91,13 +91,13 @@ class Report(ReadOnly):
     def part_of_turn(self) -> float:
         """Part of a turn that the report covers; 0 if it is unknown."""
         coverage = self.detections.coverage
-        return 1.0 if coverage is None else coverage.turns
+        return 1.0 if coverage is None else coverage.part_of_turn
 
     @property
     def turn_ns(self) -> float:
         """Duration of a turn if the report is of a sector, nanoseconds; otherwise 0."""
         sector = self.detections.coverage
-        return 0.0 if sector is None or not sector.turns else 1e9 * self.sensor.rotation_s
+        return 0.0 if sector is None or not sector.part_of_turn else 1e9 * self.sensor.rotation_s
 
     def detection_probability(
         self,
@@ -111,7 +111,7 @@ class Report(ReadOnly):
         `EarlierSectors.factor`, also for `label` and `in_turn`. `measured_in` returns the
         probability that each target is measured in a sector.
         """
-        sector, earlier = self.detections.coverage, self.earlier
+        sector, earlier = self.detections.coverage, self.earlier_sectors
         if sector is None:
             return in_turn, None
         measured = measured_in(sector)

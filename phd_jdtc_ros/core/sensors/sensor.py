@@ -124,7 +124,7 @@ class Sensor(ReadOnly, ABC):
         return np.array([*self.space.position, *self.space.velocity])
 
     @cached_property
-    def frame(self) -> FloatArray:
+    def planar_pose(self) -> FloatArray:
         """Its position, and the cosine and the sine of its yaw, (4,)."""
         return np.array([*self.position, math.cos(self.yaw), math.sin(self.yaw)])
 

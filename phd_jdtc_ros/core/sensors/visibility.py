@@ -58,7 +58,7 @@ class Visibility:
     probabilities: tuple[float, ...] = ()  # Detection probability at each of `ranges`
 
     @property
-    def given(self) -> bool:
+    def has_probability(self) -> bool:
         """Whether the detection probability is given."""
         return len(self.probabilities) > 0
 
@@ -94,7 +94,9 @@ class Visibility:
         level = np.interp(edges, self.ranges, self.probabilities)
         return edges, level, np.diff(level) / np.diff(edges)
 
-    def sees(self, measured: FloatArray, std: FloatArray | None = None) -> FloatArray:
+    def probability_in_view(
+        self, measured: FloatArray, std: FloatArray | None = None
+    ) -> FloatArray:
         """Return the probability that targets are in the field of view, (N,).
 
         `measured` has expected ranges and azimuths, (N, 2), and `std` their standard deviations;

@@ -11,7 +11,7 @@ import numpy as np
 from ..snapshot import Snapshot
 from ..types import Estimates
 from ..window.forward_filter import Filtered
-from ..window.smoothed_sets import SetSmoother
+from ..window.set_smoother import SetSmoother
 from . import snapshot
 from .extraction import Extraction, estimates
 from .filter import ParticleFilter

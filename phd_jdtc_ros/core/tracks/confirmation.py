@@ -122,7 +122,7 @@ class _Rule(NamedTuple):
     record_weight: Float1
 
 
-class _Look(NamedTuple):
+class _ScanEvidence(NamedTuple):
     """What a scan shows of a track."""
 
     covered: bool  # True if a detection was likely
@@ -149,7 +149,7 @@ def _odds(probability: float) -> float:
 @inner
 def _next_state(
     previous: int,
-    look: _Look,
+    look: _ScanEvidence,
     existence: tuple[float, float],
     class_id: int,
     stationary: float,
@@ -229,7 +229,7 @@ def _next_columns(
             existence = odds * factor[track] / (1.0 + odds * factor[track])
         if is_detected:
             detected_ns[track] = stamp_ns
-        look = _Look(covered, is_detected, is_missed, stamp_ns - detected_ns[track])
+        look = _ScanEvidence(covered, is_detected, is_missed, stamp_ns - detected_ns[track])
         state[track] = _next_state(
             previous_state,
             look,

@@ -40,8 +40,8 @@ class Coverage:
             )
 
     @property
-    def turns(self) -> float:
-        """Share of a turn; 0 if the swept azimuths are unknown."""
+    def part_of_turn(self) -> float:
+        """Part of a turn; 0 if the swept azimuths are unknown."""
         return 0.0 if self == UNKNOWN_COVERAGE else self.width / FULL_TURN
 
 

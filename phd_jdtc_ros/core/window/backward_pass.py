@@ -41,18 +41,18 @@ def smoothed_sets(
         receives at most one message; rows without a message keep their filtered values.
     """
     received: dict[int, list[Message[MessageT]]] = {}
-    in_window = {entry.stamp_ns for entry in entries}
+    stamps = {entry.stamp_ns for entry in entries}
     for entry in reversed(entries):
         smoothed = entry.stored
         if entry.stamp_ns in received:
             smoothed = receive(smoothed, received.pop(entry.stamp_ns))
         yield smoothed
-        if entry.link is None or not any(source.stamp_ns in in_window for source in entry.sources):
+        if entry.link is None or not any(source.stamp_ns in stamps for source in entry.sources):
             continue
         content, first = send(smoothed, entry.link), 0
         for source in entry.sources:
             part = slice(first, first + source.size)
             first += source.size
-            if source.stamp_ns in in_window:
+            if source.stamp_ns in stamps:
                 message = Message(source.rows, part, content)
                 received.setdefault(source.stamp_ns, []).append(message)

@@ -29,7 +29,7 @@ def learn(
     """
     bound = report.sensor.clutter_map_speed
     if memory.learns_clutter(report):
-        slower = posterior.claims.part(prior.probability_slower(bound))
+        slower = posterior.claims.share_of(prior.probability_slower(bound))
         stationary = model.detection_births.stationary(slower, bound)
         memory.learn_clutter(report, posterior.claimed_probability, stationary)
     if posterior.noise is not None:

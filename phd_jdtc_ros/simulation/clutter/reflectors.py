@@ -74,7 +74,7 @@ class Reflectors:
     ) -> Observation:
         """Return a radar's measurements of reflectors at true ranges and azimuths, (N, 2)."""
         found = rng.random(len(exact)) < self.detection_probability
-        visible = radar.visibility.sees(exact) > 0.0
+        visible = radar.visibility.probability_in_view(exact) > 0.0
         amplitude = self.law.draw(radar.threshold, len(exact), rng)
         return Observation(with_noise(exact, radar, rng), amplitude, found & visible)
 

@@ -224,7 +224,7 @@ class _Radar:
             end_ns += round(part * self._input.rotation_s * 1e9)
         for block in plots_out.plot_blocks(plots):
             yield end_ns, block
-        if coverage is None or coverage.turns:
+        if coverage is None or coverage.part_of_turn:
             turn_s = self._input.rotation_s
             yield end_ns, plots_out.service_block(self._number, end_ns, azimuth, turn_s)
 

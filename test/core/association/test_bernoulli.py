@@ -107,7 +107,7 @@ def test_part_of_claims_is_that_of_some_rows_of_each_detection():
     row, column = np.array([0, 1, 2, 0, 2]), np.array([0, 0, 0, 1, 1])
     mass = np.array([0.1, 0.2, 0.5, 0.3, 0.9])
     claims = Claims(row, column, mass, np.array([0.1, 0.2, 0.3]), np.full(3, 0.9))
-    part = claims.part(np.array([True, True, False]))
+    part = claims.share_of(np.array([True, True, False]))
     np.testing.assert_allclose(part, [0.375, 0.25, 0.0])
 
 

@@ -37,10 +37,14 @@ def test_existence_after_a_miss_at_a_limit_is_that_of_an_enumeration(limit):
 
     states = mean + std * np.random.default_rng(3).standard_normal((400_000, len(mean)))
     measured = radar.measure(states)
-    detected = radar.visibility.sees(measured) * radar.visibility.probability(measured[:, 0])
+    detected = radar.visibility.probability_in_view(measured) * radar.visibility.probability(
+        measured[:, 0]
+    )
     exact = 0.9 * (1.0 - detected.mean()) / (1.0 - 0.9 * detected.mean())
     at_mean = radar.measure(mean[None])
-    certain = radar.visibility.sees(at_mean) * radar.visibility.probability(at_mean[:, 0])
+    certain = radar.visibility.probability_in_view(at_mean) * radar.visibility.probability(
+        at_mean[:, 0]
+    )
     assert found == pytest.approx(exact, abs=3e-3)
     if limit != "p_D by range":
         assert abs(0.9 * (1.0 - certain[0]) / (1.0 - 0.9 * certain[0]) - exact) > 0.03
@@ -286,7 +290,7 @@ def test_target_that_stays_at_a_limit_keeps_the_existence_of_an_enumeration(fiel
     mean[[0, 2]] = radar.to_world(np.array([[7e3, 0.8]]))[0]
     found = mixture_of(Dynamics(config.model), [(0.9, mean, std)])
     states = mean + std * np.random.default_rng(5).standard_normal((400_000, len(mean)))
-    missed = 1.0 - 0.9 * radar.visibility.sees(radar.measure(states))
+    missed = 1.0 - 0.9 * radar.visibility.probability_in_view(radar.measure(states))
     for scans in range(1, 6):
         found = updated(config, found, NOTHING)[0].mixture
         exact = 0.9 * np.mean(missed**scans)

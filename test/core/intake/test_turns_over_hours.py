@@ -118,7 +118,7 @@ def off(hour, covered, since_s):
         kept &= np.abs(time_s - edge_s) > near_s
     for interval in (hour.quiet_s, hour.stop_s):
         kept &= ~_inside(time_s, interval)
-    known = np.array([coverage.turns > 0.0 for _, coverage in covered])
+    known = np.array([coverage.part_of_turn > 0.0 for _, coverage in covered])
     rows = np.flatnonzero(kept & known)
     middle = np.array([covered[k][1].start + 0.5 * covered[k][1].width for k in rows])
     ahead_s = np.where(time_s[rows] > hour.step_s, hour.step_by_s, 0.0)

@@ -62,7 +62,7 @@ def test_misses_count_with_the_next_detection_and_the_detection_with_the_one_aft
 def test_shares_of_looks_follow_detection_and_existence():
     left, sums = after([trials([7], [0.0]), trials([7], [0.4])])
     np.testing.assert_allclose(sums[:, 0], [0.4, 0.4, 0.0])
-    np.testing.assert_allclose(left.still, [0.6, 1.0])
+    np.testing.assert_allclose(left.open_share, [0.6, 1.0])
     _, sums = after([trials([7], [0.0]), trials([7], [1.0], existence=0.25)])
     np.testing.assert_allclose(sums[:, 0], [0.25, 0.25, 0.0])
     _, sums = after([trials([7], [0.0], cell=2, expected=0.8), trials([7], [1.0], cell=1)])

@@ -265,7 +265,10 @@ def test_may_have_swept_of_a_whole_report_is_who_may_be_in_the_field_of_view():
         angle, share = np.meshgrid(np.linspace(-np.pi, np.pi, 90), np.linspace(0.0, 1.0, 12))
         ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1) * share[..., None]
         points = centre[:, None] + radius[:, None, None] * ring.reshape(-1, 2)
-        inside = radar.visibility.sees(radar.measure(resting(points.reshape(-1, 2)))) > 0.0
+        inside = (
+            radar.visibility.probability_in_view(radar.measure(resting(points.reshape(-1, 2))))
+            > 0.0
+        )
         seen = inside.reshape(40, -1).any(axis=1)
         assert near[seen].all()
         # Nobody is near who is out of the gate of every place of the field.

@@ -53,7 +53,7 @@ def test_sees_what_is_in_range_in_the_field_and_not_hidden():
         blind=(Coverage(0.2, 0.1),),
     )
     measured = np.array([[400.0, 0.0], [600.0, 0.0], [11e3, 0.0], [5e3, 1.1], [5e3, 0.25]])
-    assert seen.sees(measured).tolist() == [0.0, 1.0, 0.0, 0.0, 0.0]
+    assert seen.probability_in_view(measured).tolist() == [0.0, 1.0, 0.0, 0.0, 0.0]
 
 
 LIMITED = Visibility(
@@ -75,8 +75,8 @@ def drawn_around(place, spread):
 @pytest.mark.parametrize("row", range(len(PLACES)))
 def test_sees_and_probability_of_a_density_are_means_over_its_places(row):
     drawn = drawn_around(PLACES[row], SPREAD[row])
-    found = LIMITED.sees(PLACES[[row]], SPREAD[[row]])[0]
-    assert found == pytest.approx(LIMITED.sees(drawn).sum() / 10**6, abs=3e-3)
+    found = LIMITED.probability_in_view(PLACES[[row]], SPREAD[[row]])[0]
+    assert found == pytest.approx(LIMITED.probability_in_view(drawn).sum() / 10**6, abs=3e-3)
     distance = drawn_around(PLACES[row], SPREAD[row])[:, 0]
     inside = distance[(distance >= LIMITED.min_range) & (distance <= LIMITED.max_range)]
     found = LIMITED.probability(PLACES[[row], 0], SPREAD[[row], 0])[0]

@@ -131,8 +131,8 @@ def test_sector_that_does_not_adjoin_is_not_conditioned():
     report = report_of(SECTORS[0], 10**12)
     learn(memory, report, [3], [0.7])
     later = 10**12 + 10**9
-    assert memory.prepare(report_of(Coverage(EDGE + 1.5, 0.4), later)).earlier is None
-    earlier = memory.prepare(report_of(SECTORS[1], later)).earlier
+    assert memory.prepare(report_of(Coverage(EDGE + 1.5, 0.4), later)).earlier_sectors is None
+    earlier = memory.prepare(report_of(SECTORS[1], later)).earlier_sectors
     assert earlier.coverage.start == pytest.approx(SECTORS[0].start)
     assert earlier.coverage.width == SECTORS[0].width
     continued = earlier.continued
@@ -154,4 +154,4 @@ def test_halves_of_a_turn_are_not_conditioned():
     memory = SensorMemory((RADAR.name,))
     first, second = (Coverage(start, np.pi) for start in (-np.pi, 0.0))
     learn(memory, report_of(first, 10**12), [3], [0.7])
-    assert memory.prepare(report_of(second, 10**12 + 10**9)).earlier is None
+    assert memory.prepare(report_of(second, 10**12 + 10**9)).earlier_sectors is None

@@ -28,16 +28,6 @@ TINY = float(np.finfo(np.float64).tiny)
 NO_TIMES = np.zeros(0)
 
 
-def predicted_covariance(
-    covariance: FloatArray, transition: FloatArray, noise: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return F P F' + Q, and the covariance P F' of the earlier and the later state."""
-    cross = covariance @ _transpose(transition)
-    predicted = transition @ cross
-    predicted += noise
-    return symmetric(predicted), cross
-
-
 class Innovation(NamedTuple):
     """The innovation of a measurement, linearised at the posterior position."""
 
@@ -218,7 +208,7 @@ def innovations(
         expected = np.zeros((0, 2))
     return Innovation(
         *_innovations(
-            *(iterations, converged, modes, sensor.axes, sensor.frame),
+            *(iterations, converged, modes, sensor.axes, sensor.planar_pose),
             *contiguous(mean, covariance, weight, expected, gaussian, column),
             *contiguous(measurement, noise, NO_TIMES if time_s is None else time_s),
         )

@@ -135,7 +135,7 @@ def snr_after(
     cell_probability: Float2,
     mean_probability: Float2,
     relative: Float3,
-    source: Int1,
+    prior_row: Int1,
     pair: Int1,
     column: Int1,
 ) -> FloatArray:
@@ -151,15 +151,15 @@ def snr_after(
         See `DetectionProbability`.
     relative : array of shape (M, C, S)
         See `Amplitudes`.
-    source, pair : int arrays of shape (K,)
+    prior_row, pair : int arrays of shape (K,)
         Hypothesis before the update, and its pair; -1 for a missed detection.
     column : int array of shape (P,)
         Detection of each pair.
     """
     classes, cells = snr.shape[1:]
-    posterior = np.empty((len(source), classes, cells))
-    for row in range(len(source)):
-        hypothesis, z = source[row], column[pair[row]] if pair[row] >= 0 else -1
+    posterior = np.empty((len(prior_row), classes, cells))
+    for row in range(len(prior_row)):
+        hypothesis, z = prior_row[row], column[pair[row]] if pair[row] >= 0 else -1
         for class_id in range(classes):
             mass, detected, total = 0.0, 0.0, 0.0
             for mode in range(weight.shape[1]):

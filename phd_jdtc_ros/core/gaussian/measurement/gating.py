@@ -41,7 +41,9 @@ class Expected(NamedTuple):
             variance = np.diagonal(result[1], axis1=-2, axis2=-1)
             return Expected(*contiguous(*result, np.sqrt(np.maximum(variance, LEAST_STD**2))))
         return Expected(
-            *_expected_measurements(mixture.mean, mixture.covariance, sensor.axes, sensor.frame)
+            *_expected_measurements(
+                mixture.mean, mixture.covariance, sensor.axes, sensor.planar_pose
+            )
         )
 
 
@@ -366,7 +368,7 @@ def gate_pairs(
     turn = measurement[:, 1] % FULL_TURN
     order = turn.argsort(kind="stable")
     return _gate(
-        *(sensor.max_range, sensor.axes, sensor.frame, mixture.mean, expected.measured),
+        *(sensor.max_range, sensor.axes, sensor.planar_pose, mixture.mean, expected.measured),
         *(expected.covariance, mixture.mode_weight, measurement, report.detection_std),
         *(report.time_s, turn[order], order),
     )

@@ -13,7 +13,7 @@ from .gating import Expected
 
 # Gaussians with a smaller part within the limits, or beyond them, keep their moments.
 LEAST_PART = 1e-3
-# The standard normal distribution of minus this is less than `LEAST_PART`.
+# A limit farther away, in standard deviations, cuts off less than `LEAST_PART` of a Gaussian.
 FAR_SIGMA = 3.1
 # Gaussians whose azimuths have a larger deviation keep their moments, radians: they are so near to
 # the sensor that neither the azimuth nor the range is normal.

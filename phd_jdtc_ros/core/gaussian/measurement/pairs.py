@@ -50,7 +50,7 @@ class Association(NamedTuple):
     pair: FloatArray  # Association probability of each pair, (P,)
     existence: FloatArray  # Existence probability of each target, (T,)
     # Prior hypothesis of each kept one, by target and then descending probability, (K,).
-    source: IntArray
+    prior_row: IntArray
     kept_pair: IntArray  # Index of each kept one's pair with a detection, (K,); -1 for a miss
     weight: FloatArray  # Weights of the kept hypotheses, (K, R, C)
     approximate: int  # Number of clusters of targets too large for exact association probabilities
@@ -447,7 +447,7 @@ def associate(
         claimed=claimed,
         pair=posterior.mass[rows:],
         existence=posterior.existence,
-        source=np.concatenate([np.arange(rows), pairs.row]).take(kept),
+        prior_row=np.concatenate([np.arange(rows), pairs.row]).take(kept),
         kept_pair=np.maximum(kept - rows, -1),
         weight=factor[:, None, None] * posterior.weight.take(kept, axis=0),
         approximate=approximate,

@@ -56,7 +56,7 @@ def missed_at(place):
 def test_gaussian_after_a_miss_at_a_limit_has_the_moments_of_drawn_states(place):
     mean, (found, covariance) = missed_at(place)
     drawn = mean + np.random.default_rng(6).standard_normal((10**6, 5)) @ ROOT.T
-    share = 1.0 - 0.9 * RADAR.visibility.sees(RADAR.measure(drawn))
+    share = 1.0 - 0.9 * RADAR.visibility.probability_in_view(RADAR.measure(drawn))
     exact = share @ drawn / share.sum()
     apart = drawn - exact
     spread = (apart * share[:, None]).T @ apart / share.sum()

@@ -28,7 +28,7 @@ MAX_BEYOND_INTERVALS = 0.75
 MAX_BEYOND_TURNS = 0.06
 
 
-class Horizon(NamedTuple):
+class ReportTiming(NamedTuple):
     """Timing of the latest reports of a radar, from which the next one's is predicted."""
 
     # One row for each report, oldest first, seconds, (K, 3): its stamp; the time of its first
@@ -47,8 +47,8 @@ class Horizon(NamedTuple):
         """Stamp of the latest report, seconds; NaN before the first."""
         return float(self.timings[-1, 0]) if len(self.timings) else math.nan
 
-    def after(self, stamp_s: float, time_s: FloatArray, period_s: float) -> Horizon:
-        """Return the horizon after a new report.
+    def after(self, stamp_s: float, time_s: FloatArray, period_s: float) -> ReportTiming:
+        """Return the timing after a new report.
 
         `time_s` has the times of its detections, (M,), empty without any; `period_s` is the
         rotation period.
@@ -67,7 +67,7 @@ class Horizon(NamedTuple):
         )
         lead_s = np.fmin(np.fmax.reduce(timings[:, 2]), np.fmin.reduce(timings[:, 1]))
         lead_s = self.lead_s if np.isnan(lead_s) else float(lead_s)
-        return Horizon(timings, interval_s, regular, lead_s)
+        return ReportTiming(timings, interval_s, regular, lead_s)
 
     def _plausible_times(self, stamp_s: float, time_s: FloatArray, period_s: float) -> FloatArray:
         """Return the times that are plausible for a report, without those off by a turn.

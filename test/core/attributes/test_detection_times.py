@@ -7,7 +7,7 @@ from tower import PERIOD_S
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.attributes import updates
+from phd_jdtc_ros.core.attributes import detection_times
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, UNKNOWN, Detections, Scan
 
 NS = 10**9
@@ -21,7 +21,7 @@ def detections(**columns):
 
 
 def test_a_plot_is_of_the_sensors_that_its_kind_names():
-    found = updates.sensors_of(detections(sensor_type=np.arange(1, 8)))
+    found = detection_times.sensors_of(detections(sensor_type=np.arange(1, 8)))
     named = [
         {name for name, of in zip(("psr", "ssr", "mds"), row, strict=True) if of} for row in found
     ]
@@ -38,16 +38,16 @@ def test_a_plot_is_of_the_sensors_that_its_kind_names():
 
 def test_without_a_kind_a_plot_is_of_what_its_identity_needs():
     given = detections(code=np.array([UNKNOWN, 0, 5]), address=np.array([UNKNOWN, UNKNOWN, 7]))
-    assert np.argmax(updates.sensors_of(given), axis=1).tolist() == [0, 1, 2]
-    assert updates.sensors_of(given).sum(axis=1).tolist() == [1, 1, 1]
+    assert np.argmax(detection_times.sensors_of(given), axis=1).tolist() == [0, 1, 2]
+    assert detection_times.sensors_of(given).sum(axis=1).tolist() == [1, 1, 1]
     said = detections(code=np.array([0, 0]), sensor_type=np.array([UNKNOWN, 1]))
-    assert updates.sensors_of(said).tolist() == [[False, True, False], [True, False, False]]
+    assert detection_times.sensors_of(said).tolist() == [[False, True, False], [True, False, False]]
 
 
 def test_only_a_plot_that_is_probably_the_targets_updates_it():
     given = detections(sensor_type=np.array([3, 1]), time_s=np.array([-1.5, -0.5]))
-    after = updates.update(
-        updates.never(2),
+    after = detection_times.update(
+        detection_times.never(2),
         np.array([0, 0, 1]),
         np.array([0, 1, 1]),
         np.array([0.7, 0.2, 0.45]),
@@ -57,7 +57,9 @@ def test_only_a_plot_that_is_probably_the_targets_updates_it():
     assert after.tolist() == [[8.5 * NS, 8.5 * NS, UNKNOWN], [UNKNOWN] * 3]
     # A second radar's older plot does not make it older.
     older = detections(sensor_type=np.array([1]), time_s=np.array([-3.0]))
-    again = updates.update(after, np.zeros(1, int), np.zeros(1, int), np.ones(1), older, 10 * NS)
+    again = detection_times.update(
+        after, np.zeros(1, int), np.zeros(1, int), np.ones(1), older, 10 * NS
+    )
     assert again.tolist() == after.tolist()
 
 
