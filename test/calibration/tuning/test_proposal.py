@@ -311,7 +311,7 @@ def test_the_proposed_rate_counts_the_clutter_that_cannot_be_read(standing, hidd
     config, (_, plots) = standing
     given = {f"radar.{name}": value for name, value in hidden.items()}
     sight = resolve({"sensors": ["radar"], **given}).model.radars[0].visibility
-    found = findings(plots.only(np.flatnonzero(sight.sees(plots.measurement) > 0.0)))
+    found = findings(plots.only(np.flatnonzero(sight.probability_in_view(plots.measurement) > 0.0)))
     rows = proposal.rows(found, given, "radar")
     proposed = {row.name: row.value for row in rows}
     rate = share * config.model.radars[1].clutter_rate

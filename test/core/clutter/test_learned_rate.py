@@ -129,7 +129,7 @@ def test_the_rate_counts_the_clutter_that_is_too_near_or_obstructed(hidden):
     radar, memory = model.radars[0], SensorMemory.of(model)
     for _ in range(150):
         drawn = rng.uniform([0.0, -np.pi], [radar.clutter_max_range, np.pi], (rng.poisson(10.0), 2))
-        found = Detections(drawn[radar.visibility.sees(drawn) > 0.0], None)
+        found = Detections(drawn[radar.visibility.probability_in_view(drawn) > 0.0], None)
         report = memory.prepare(Report(radar, found))
         memory.learn_clutter(report, np.zeros(len(found)), np.zeros(len(found)))
     assert memory.sensors["radar"].clutter_count.rate == pytest.approx(10.0, rel=0.15)
