@@ -101,7 +101,7 @@ def require_common(radars: Sequence[TrackedRadar], targets: Sequence[Target]) ->
 
 
 def require_observable(
-    radars: Sequence[TrackedRadar], free: BoolArray, reference: int, rows: Sequences
+    radars: Sequence[TrackedRadar], free: BoolArray, reference: int, plots: Sequences
 ) -> None:
     """Raise `RegistrationError` if no bias of a radar but the reference is observable."""
     nothing = [
@@ -111,19 +111,19 @@ def require_observable(
     ]
     if nothing:
         raise RegistrationError(
-            f"{', '.join(nothing)}: no bias is observable: {hidden_reason(radars, rows)}"
+            f"{', '.join(nothing)}: no bias is observable: {hidden_reason(radars, plots)}"
         )
 
 
-def hidden_reason(radars: Sequence[TrackedRadar], rows: Sequences) -> str:
+def hidden_reason(radars: Sequence[TrackedRadar], plots: Sequences) -> str:
     """Return the reason why biases are unobservable."""
-    plots, targets = int(np.count_nonzero(rows.valid)), rows.valid.shape[1]
-    seen = f"{targets} common tracks with {plots} plots"
-    place = rows.position[rows.valid]
+    count, targets = int(np.count_nonzero(plots.valid)), plots.valid.shape[1]
+    seen = f"{targets} common tracks with {count} plots"
+    place = plots.position[plots.valid]
     extent = np.linalg.svd(place - place.mean(axis=0), compute_uv=False)
     if extent[1] < LINE * extent[0]:
         return f"{seen}, all on one line"
-    begin, end = rows.time_s[rows.valid].min(), rows.time_s[rows.valid].max()
+    begin, end = plots.time_s[plots.valid].min(), plots.time_s[plots.valid].max()
     looks = (end - begin) / max(each.look_s for each in radars)
     if looks < SHORT:
         return f"{seen}, too short: {looks:.0f} looks in {end - begin:.0f} s"

@@ -86,7 +86,7 @@ class _Iteration:
     std: FloatArray  # Standard deviations of the biases in `UNITS`, (P,); NaN if unobservable
     observability: Observability
     density: float  # Spectral density of the white acceleration, m^2/s^3
-    rows: Sequences
+    plots: Sequences
     trajectories: Trajectories
 
 
@@ -107,7 +107,7 @@ def register(radars: Sequence[TrackedRadar], reference: str) -> Registration:
         biases, density = found.biases, found.density
         if number and _change(before, found) < CONVERGED:
             break
-    require_observable(radars, found.observability.free, index, found.rows)
+    require_observable(radars, found.observability.free, index, found.plots)
     return _registration(radars, found, reference)
 
 
@@ -119,24 +119,24 @@ def _iterate(
     reference: int,
 ) -> _Iteration:
     """Return the biases of all radars, given the targets, by repeated linearisation."""
-    rows = sequences(radars, biases, targets)
-    weight = np.ones(rows.radar.shape)
+    plots = sequences(radars, biases, targets)
+    weight = np.ones(plots.radar.shape)
     # The velocities are unknown until the first pass.
-    trajectories = Trajectories(rows.position, np.zeros_like(rows.position))
+    trajectories = Trajectories(plots.position, np.zeros_like(plots.position))
     for number in range(PASSES + 1):
-        found = filter_targets(rows, trajectories, density, weight, len(radars))
-        plot_noise = _noise_of_one_plot(radars, rows, trajectories)
+        found = filter_targets(plots, trajectories, density, weight, len(radars))
+        plot_noise = _noise_of_one_plot(radars, plots, trajectories)
         observability = analyse(found.information, plot_noise, reference)
         correction = found.bias_estimate(observability.free)
-        trajectories = smooth_targets(rows, found, correction, density)
+        trajectories = smooth_targets(plots, found, correction, density)
         if number == 0:
-            density = _best_density(rows, trajectories, density, weight, len(radars))
+            density = _best_density(plots, trajectories, density, weight, len(radars))
             continue
         biases = _add_correction(biases, correction)
         std = _standard_deviations(found, correction, observability)
-        rows = sequences(radars, biases, targets)
-        weight = _weights(rows, trajectories)
-    return _Iteration(targets, tuple(biases), std, observability, density, rows, trajectories)
+        plots = sequences(radars, biases, targets)
+        weight = _weights(plots, trajectories)
+    return _Iteration(targets, tuple(biases), std, observability, density, plots, trajectories)
 
 
 def _add_correction(biases: Sequence[SensorBias], correction: FloatArray) -> list[SensorBias]:
@@ -147,23 +147,23 @@ def _add_correction(biases: Sequence[SensorBias], correction: FloatArray) -> lis
     ]
 
 
-def _weights(rows: Sequences, trajectories: Trajectories) -> FloatArray:
+def _weights(plots: Sequences, trajectories: Trajectories) -> FloatArray:
     """Return the weights of plots; those far from their target's trajectory have less weight.
 
     The noise's standard deviation is divided by the weight. A plot with residual r has the weight
     c / r, and so the information (c / r)^2; with Huber's weights it would have c / r.
     """
-    distance2 = ((_residual(rows, trajectories) / rows.noise_std) ** 2).sum(axis=-1)
-    scale = np.sqrt(np.median(distance2[rows.valid]) / MEDIAN_SQUARE)
+    distance2 = ((_residual(plots, trajectories) / plots.noise_std) ** 2).sum(axis=-1)
+    scale = np.sqrt(np.median(distance2[plots.valid]) / MEDIAN_SQUARE)
     far = np.sqrt(distance2) / max(float(scale), 1e-9)
     weight: FloatArray = np.maximum(FAR / np.maximum(far, FAR), LEAST_WEIGHT)
     return weight
 
 
-def _residual(rows: Sequences, trajectories: Trajectories) -> FloatArray:
+def _residual(plots: Sequences, trajectories: Trajectories) -> FloatArray:
     """Return the residuals of plots against the trajectories, shape (K, T, 2)."""
-    expected, _ = kinematics.linearise(trajectories.position, rows.pose)
-    return kinematics.residual(rows.measurement, expected)
+    expected, _ = kinematics.linearise(trajectories.position, plots.pose)
+    return kinematics.residual(plots.measurement, expected)
 
 
 def _standard_deviations(
@@ -182,14 +182,14 @@ def _standard_deviations(
 
 
 def _noise_of_one_plot(
-    radars: Sequence[TrackedRadar], rows: Sequences, trajectories: Trajectories
+    radars: Sequence[TrackedRadar], plots: Sequences, trajectories: Trajectories
 ) -> FloatArray:
     """Return the noise of one plot of each radar as a bias of each kind, in `UNITS`, (P,)."""
     found = []
     for index, each in enumerate(radars):
-        own = rows.valid & (rows.radar == index)
+        own = plots.valid & (plots.radar == index)
         range_std, azimuth_std = each.noise_std
-        farthest = float(rows.measurement[..., 0][own].max(initial=1.0))
+        farthest = float(plots.measurement[..., 0][own].max(initial=1.0))
         speed = max(float(np.median(np.hypot(*trajectories.velocity[own].T))), LEAST_SPEED)
         found.append([range_std, range_std / farthest, azimuth_std, range_std / speed])
     scaled: FloatArray = np.array(found) / UNITS
@@ -203,12 +203,12 @@ def _first_density(radars: Sequence[TrackedRadar]) -> float:
 
 
 def _best_density(
-    rows: Sequences, trajectories: Trajectories, start: float, weight: FloatArray, radars: int
+    plots: Sequences, trajectories: Trajectories, start: float, weight: FloatArray, radars: int
 ) -> float:
     """Return the most probable spectral density, within a factor of two."""
 
     def value(density: float) -> float:
-        return filter_targets(rows, trajectories, density, weight, radars).log_likelihood
+        return filter_targets(plots, trajectories, density, weight, radars).log_likelihood
 
     best, best_value = start, value(start)
     for factor in (FACTOR, 1.0 / FACTOR):
@@ -234,7 +234,7 @@ def _registration(
     std = found.std.reshape(-1, len(KINDS)) * UNITS
     estimates = []
     for index, each in enumerate(radars):
-        own = found.rows.valid & (found.rows.radar == index)
+        own = found.plots.valid & (found.plots.radar == index)
         estimates.append(
             RadarEstimate(
                 each.name,
@@ -251,7 +251,7 @@ def _registration(
         tuple(estimates),
         reference,
         found.observability.common,
-        dict.fromkeys(names, hidden_reason(radars, found.rows)),
+        dict.fromkeys(names, hidden_reason(radars, found.plots)),
         len(found.targets),
         found.density,
     )
@@ -259,15 +259,15 @@ def _registration(
 
 def _residuals(radar: TrackedRadar, found: _Iteration, index: int) -> Residuals:
     """Return the residuals of a radar's plots, as reported and corrected."""
-    rows, own = found.rows, found.rows.valid & (found.rows.radar == index)
-    plot, pose = rows.plot[own], rows.pose[own]
+    plots, own = found.plots, found.plots.valid & (found.plots.radar == index)
+    plot, pose = plots.plot[own], plots.pose[own]
     late_s = found.biases[index].time_offset_s
     trajectories = found.trajectories
     position, velocity = trajectories.position[own], trajectories.velocity[own]
     # A plot as reported has a stamp that is late by the time offset.
     expected, _ = kinematics.linearise(position + late_s * velocity, pose)
     return Residuals(
-        rows.time_s[own],
+        plots.time_s[own],
         kinematics.residual(radar.measurement[plot], expected),
-        _residual(rows, trajectories)[own],
+        _residual(plots, trajectories)[own],
     )
