@@ -25,7 +25,7 @@ OTHERS = (
     *("smoothing.backward_step", "prediction", "measurement.gating", "reduction", "extraction"),
     *("measurement.amplitude", "smoothing.updates"),
 )
-TUNING = "phd_jdtc_ros.calibration.tuning.findings"
+TUNING = "phd_jdtc_ros.calibration.tuning"
 
 
 @contextlib.contextmanager
@@ -63,7 +63,8 @@ def _compile(_: argparse.Namespace) -> int:
     for name in ENGINES:
         new_engine(resolve({"engine": name}))
         print(f"{name}: ready after {time.perf_counter() - begin:.1f} s")
-    importlib.import_module(TUNING)
+    for name in ("linking", "likelihood"):
+        importlib.import_module(f"{TUNING}.{name}")
     print(f"tune: ready after {time.perf_counter() - begin:.1f} s")
     if compilation.NOT_STORED:
         print(

@@ -7,7 +7,7 @@ import pytest
 from plot_recordings import one_target, recorded
 from scipy.optimize import linear_sum_assignment
 
-from phd_jdtc_ros.calibration.tuning import kinematics, noise, tracks
+from phd_jdtc_ros.calibration.tuning import kinematics, linking, noise
 from phd_jdtc_ros.calibration.tuning.levels import log_ratio
 from phd_jdtc_ros.calibration.tuning.noise import Noise, find_outliers, fit_noise
 from phd_jdtc_ros.calibration.tuning.plots import Plots, limit_plots
@@ -54,7 +54,7 @@ def test_plots_are_assigned_with_the_largest_score():
     for shape in [(1, 1), (3, 7), (7, 3), (6, 6), (0, 4), (4, 0)] * 20:
         score = rng.uniform(-5.0, 10.0, shape)
         score[rng.random(shape) < 0.3] = -np.inf
-        column = tracks._best_assignment(score)
+        column = linking.best_assignment(score)
         row = np.flatnonzero(column >= 0)
         assert len(np.unique(column[row])) == len(row)
         gain = np.maximum(score, 0.0)
