@@ -223,9 +223,9 @@ def _best_density(
 
 
 def _change(before: Sequence[SensorBias], found: _Iteration) -> float:
-    """Return the largest change of a bias, in its standard deviations."""
+    """Return the largest change of a bias, in its standard deviations; 0 if none is observable."""
     old, new = (np.array([astuple(bias) for bias in biases]) for biases in (before, found.biases))
-    return float(np.nanmax(np.abs(((new - old) / UNITS).ravel() / found.std)))
+    return float(np.nan_to_num(np.abs(((new - old) / UNITS).ravel() / found.std)).max())
 
 
 def _registration(

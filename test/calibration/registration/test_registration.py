@@ -6,6 +6,7 @@ import biased
 import numpy as np
 import pytest
 
+from phd_jdtc_ros.calibration.registration import observability
 from phd_jdtc_ros.calibration.registration.common import common_targets
 from phd_jdtc_ros.calibration.registration.filtering import KINDS
 from phd_jdtc_ros.calibration.registration.solution import register
@@ -107,6 +108,13 @@ def test_radars_that_see_nothing_together_are_refused(sensors):
     later = replace(sensors[1], time_s=sensors[1].time_s + 1e4)
     with pytest.raises(RegistrationError, match="in the 0 s covered by all radars"):
         register([sensors[0], later], "west")
+
+
+@pytest.mark.filterwarnings("error")
+def test_nothing_observable_is_said_without_warnings(sensors, monkeypatch):
+    monkeypatch.setattr(observability, "OBSERVABLE_SHARE", 1e-9)
+    with pytest.raises(RegistrationError, match="east: no bias is observable"):
+        register(sensors[:2], "west")
 
 
 def test_targets_that_both_see_are_joined_and_no_radar_has_two_at_a_time(sensors, found):
