@@ -140,7 +140,7 @@ STUDY = Study(
     goals=goals,
     seed=67000,
     runs=12,
-    joins_summary=True,
+    in_summary="changed_radars",
     combined=_combined,
     add_arguments=add_engine_argument,
 )

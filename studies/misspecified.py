@@ -213,6 +213,6 @@ STUDY = Study(
     goals=goals,
     seed=61000,
     runs=12,
-    joins_summary=True,
+    in_summary="misspecified",
     add_arguments=add_engine_argument,
 )

@@ -196,5 +196,5 @@ STUDY = Study(
     tables=tables,
     goals=lambda found: goals_of([Row(**each) for each in found["errors"]], found["rms_m"]),
     least_minutes=3.0,
-    joins_summary=True,
+    in_summary="registration",
 )

@@ -24,7 +24,7 @@ from phd_jdtc_ros.study.monte_carlo.results import Mean
 from phd_jdtc_ros.tools import command
 
 OUT = Path("out/study")
-# Name of the Monte Carlo study's summary, to which the goals of other studies are added.
+# Name of the Monte Carlo study's summary, to which figures and goals of other studies are added.
 SUMMARY = "summary.json"
 # Least width of the printed tables, so that no cell is cut.
 WIDTH = 116
@@ -56,7 +56,9 @@ class Study:
     # Shortest part of the scenario that has figures; None if it cannot be shortened.
     least_minutes: float | None = None
     has_parameters: bool = False  # True if the command takes parameters of the tracker
-    joins_summary: bool = False  # True if its goals are added to the Monte Carlo study's
+    # Name of its figures in the Monte Carlo study's summary, which has its goals too; empty if they
+    # are not added to it.
+    in_summary: str = ""
     # Adds the study's own arguments.
     add_arguments: Callable[[ArgumentParser], None] = lambda _: None
     # Combines the figures of all seeds, for tables and for goals that single seeds cannot have.
@@ -127,11 +129,11 @@ def _work(study: Study, arguments: argparse.Namespace) -> int:
         goals = study.goals(figures)
     arguments.out.mkdir(parents=True, exist_ok=True)
     path = arguments.out / f"{study.name}.json"
-    _write(path, {**({"seeds": list(seeds)} if study.runs else {}), **figures, "goals": goals})
+    document = {**({"seeds": list(seeds)} if study.runs else {}), **figures, "goals": goals}
+    _write(path, document)
     for name, picture in study.pictures(figures).items():
         FigureCanvasAgg(picture).print_png(arguments.out / name)
-    if study.joins_summary:
-        join(arguments.out, goals)
+    join(arguments.out, study, document)
     for shown in [*study.tables(figures), *([_goals_table(goals)] if goals else [])]:
         console.print(shown, markup=False, highlight=False)
     console.print(f"results: {path}", soft_wrap=True, markup=False, highlight=False)
@@ -169,15 +171,21 @@ def _mean_goals(found: Sequence[list[Goal]]) -> list[Goal]:
     return [goal(each["name"], each["value"], each["goal"], each["at_most"] > 0) for each in means]
 
 
-def join(out: Path, goals: Sequence[Goal]) -> None:
-    """Write goals into the summary in a directory, replacing goals of the same names."""
-    path = out / SUMMARY
+def join(out: Path, study: Study, document: Figures) -> None:
+    """Write a study's figures and goals into the summary in a directory, if it belongs there.
+
+    They replace figures and goals of the same names.
+    """
+    if not study.in_summary:
+        return
+    path, figures = out / SUMMARY, dict(document)
+    goals = figures.pop("goals")
     summary: Figures = {"cases": {}, "goals": []}
     if path.exists():
         summary = json.loads(path.read_text(encoding="utf-8"))
     names = {each["name"] for each in goals}
     kept = [each for each in summary.get("goals", []) if each["name"] not in names]
-    _write(path, {**summary, "goals": [*kept, *goals]})
+    _write(path, {**summary, "goals": [*kept, *goals], study.in_summary: figures})
 
 
 def _write(path: Path, summary: Figures) -> None:

@@ -14,7 +14,7 @@ from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettin
 from phd_jdtc_ros.asterix.transport import udp
 from phd_jdtc_ros.asterix.writing.tracks import Source
 from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns
-from phd_jdtc_ros.configuration import replaced
+from phd_jdtc_ros.configuration import forms, replaced
 from phd_jdtc_ros.configuration.place_forms import PLACE
 from phd_jdtc_ros.configuration.schema import (
     ConfigError,
@@ -33,6 +33,7 @@ MOST_INPUTS = 64
 # Longest prediction of estimates, seconds: some turns of a radar. Tracks without newer estimates
 # end after it.
 MAX_PREDICTION_S = 10.0
+TURN = forms.turn(60.0)
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,9 @@ class RadarDefaults:
     )
     rotation_s: float = parameter(
         0.0,
-        "Approximate time of a turn of the antenna, s; 0 to estimate it. Without sector "
+        "Approximate time of a turn of the antenna, s; auto, or 0, estimates it. Without sector "
         "crossings a cloud covers an eighth of a turn.",
-        (0.0, 60.0),
+        form=TURN,
     )
     hold_sectors: int = parameter(
         LEARNED,
@@ -267,7 +268,7 @@ def _radar(values: Mapping[str, Any], name: str) -> RadarSettings:
     return RadarSettings(
         name,
         values[f"{own}sectors"],
-        values[f"{own}rotation_s"],
+        TURN.value(values[f"{own}rotation_s"]),
         values[f"{own}hold_sectors"],
         tuple(values[f"{own}geodetic"]) if name and values[f"{own}geodetic"] else None,
     )

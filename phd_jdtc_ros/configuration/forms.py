@@ -169,6 +169,18 @@ def std(start: float, low: float, high: float = math.inf, outliers: bool = False
     return _form(allowed, complete, value_of, OUTLIERS if outliers else "")
 
 
+def turn(longest_s: float) -> Form:
+    """Return the form of an antenna's rotation period, whose value is 0 if it is to be learned."""
+
+    def parse(given: Any) -> tuple[float | str, float] | None:
+        if given == AUTO:
+            return AUTO, 0.0
+        found = number(given, 0.0, longest_s)
+        return None if found is None else (found, found)
+
+    return Form.parsed(f"a number of seconds from 0 to {longest_s:g}, or {AUTO}", parse)
+
+
 def _complete_rate(given: list[float], learned: bool) -> list[float] | None:
     if learned:
         return None if given else []

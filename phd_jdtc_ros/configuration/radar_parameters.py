@@ -151,9 +151,9 @@ class RadarParameters(SensorParameters):
     )
     rotation_s: float = parameter(
         0.0,
-        "Approximate time of a turn of the antenna, s; 0 for an antenna that does not turn, or to "
-        "estimate it.",
-        (0.0, 1e3),
+        "Approximate time of a turn of the antenna, s. auto, or 0, finds out whether the antenna "
+        "turns, and estimates it.",
+        form=forms.turn(1e3),
     )
     sectors: int = parameter(
         0,

@@ -260,7 +260,7 @@ STUDY = Study(
         w["scores"] for ways in found["hours"].values() for w in ways.values()
     ),
     least_minutes=LEAST_MINUTES,
-    joins_summary=True,
+    in_summary="hours",
     add_arguments=_add_arguments,
 )
 

@@ -81,9 +81,18 @@ def test_detection_probability_may_follow_from_the_snr_bands(value):
     assert (radar.detection_factor is not None) == (value == "auto")
 
 
+@pytest.mark.parametrize(("value", "period_s"), [("auto", 0.0), (0, 0.0), (4, 4.0), (3.97, 3.97)])
+def test_rotation_period_is_given_or_learned(value, period_s):
+    config = resolve({"sensors": ["radar"], "radar.rotation_s": value})
+    assert config.radars[0].rotation_s == config.turns()[0].configured_period_s == period_s
+
+
 @pytest.mark.parametrize(
     ("name", "value"),
     [
+        ("rotation_s", "auto 4"),
+        ("rotation_s", -1.0),
+        ("rotation_s", "4"),
         ("detection_probability", "0.8 correlated 0.99"),
         ("detection_probability", "0.8 correlated -0.1"),
         ("detection_probability", "0.8 correlated 0.5 0.6"),

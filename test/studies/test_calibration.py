@@ -128,5 +128,6 @@ def test_study_scores_both_engines_on_drawn_truth(tmp_path, capsys):
     assert [found[name]["smoothed"]["runs"] for name in ENGINES] == [2, 1]
     assert sum(found["gaussian"]["filtered"]["existence"]["number"]) > 0
     assert all((tmp_path / f"reliability_{name}.png").stat().st_size > 1e4 for name in ENGINES)
-    joined = json.loads((tmp_path / "summary.json").read_text())["goals"]
-    assert len(joined) == 6 * len(ENGINES)
+    joined = json.loads((tmp_path / "summary.json").read_text())
+    assert len(joined["goals"]) == 6 * len(ENGINES)
+    assert joined["reliability"]["engines"] == found

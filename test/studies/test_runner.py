@@ -55,14 +55,15 @@ def test_means_and_goals_without_values_are_unknown():
     assert goal("high", 2.0, 1.0, at_most=False)["reached"] is True
 
 
-def test_goals_join_those_of_the_summary_and_replace_their_own(tmp_path):
+def test_figures_and_goals_join_the_summary_and_replace_their_own(tmp_path):
     summary = {"p": 2, "cases": {"a": 1}, "goals": [{"name": "filter"}, {"name": "value"}]}
     (tmp_path / "summary.json").write_text(json.dumps(summary))
-    assert runner.run(study(joins_summary=True), ["--out", str(tmp_path)]) == 0
+    assert runner.run(study(in_summary="own"), ["--out", str(tmp_path)]) == 0
     found = read(tmp_path, "summary")
     assert (found["p"], found["cases"]) == (2, {"a": 1})
     assert [each["name"] for each in found["goals"]] == ["filter", "value"]
     assert found["goals"][1]["value"] == 1.0
+    assert found["own"] == {"seeds": [3], "of": {"value": 1.0}, "names": ["a"]}
 
 
 def test_a_study_that_is_not_complete_writes_what_it_has_and_fails(tmp_path):

@@ -35,6 +35,7 @@ NODES = {
 # Parameters whose values are not one type.
 SEVERAL_WAYS = {
     *(p.name for p in (*TOP, *sensor_replay.TABLE) if p.form is not None),
+    *("rotation_s", "north.rotation_s"),  # of the bridge
     *(f"radar_{k}.{p.name}" for k in (1, 2) for p in GROUPS["sensors"] if p.form is not None),
 }
 # Parameters that every node of rclpy declares for itself.
