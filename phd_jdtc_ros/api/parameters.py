@@ -6,8 +6,10 @@ import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from phd_jdtc_ros.calibration.tuning import proposal, unspecified
+from phd_jdtc_ros.calibration.tuning.findings import Findings
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.schema import ConfigError, flatten
 from phd_jdtc_ros.configuration.tables import GROUPS, schema
@@ -15,9 +17,6 @@ from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import from_arguments
 
 from .reports import POSITION, TIME
-
-if TYPE_CHECKING:
-    from phd_jdtc_ros.calibration.tuning.findings import Findings
 
 # Defaults for tables. Those of the node describe a scenario with known birth places; these describe
 # targets of one class that may appear anywhere in the radars' coverage.
@@ -148,9 +147,6 @@ class Parameters:
 
     def hidden(self, findings: Mapping[str, Findings]) -> Iterator[str]:
         """Yield what the clutter maps hide that the findings propose and that are not given."""
-        # These modules load numba, which only `Tracker.fit` needs.
-        from phd_jdtc_ros.calibration.tuning import proposal
-
         for radar, each in findings.items():
             text = proposal.hidden(each, self.given, radar)
             if text and f"{radar}.clutter_map" not in self.given:
@@ -166,8 +162,6 @@ class Parameters:
 
         Detections of `timed` radars have individual times.
         """
-        from phd_jdtc_ros.calibration.tuning import proposal, unspecified
-
         found = {} if self.for_node else unspecified.parameters(findings, timed)
         found["interval_s"] = proposal.interval_s(findings)
         for radar, each in findings.items():

@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 
 from msg_adapters.selection import Report
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
+from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
+from phd_jdtc_ros.calibration.tuning.plots import limit_plots, plots_of
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.types import Detections, Estimates
@@ -127,10 +129,6 @@ class Tracker:
         UserWarning
             If detections contradict the parameters, or slow targets are taken for clutter.
         """
-        # These modules load numba, which a program that only reads tables does not need.
-        from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
-        from phd_jdtc_ros.calibration.tuning.plots import limit_plots, plots_of
-
         columns = columns_of(detections)
         config = without_max_range(self._parameters.config(columns, incomplete=True))
         tally = Tally(config)
