@@ -18,21 +18,22 @@ from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 from . import command
 
 CORE = "phd_jdtc_ros.core"
-# The association of targets and detections is two fifths of the work, and no part of these, which
-# are nearly all the rest.
-ASSOCIATION = f"{CORE}.gaussian.measurement.pairs"
+# The compiled functions of `tune`.
+TUNING = tuple(f"phd_jdtc_ros.calibration.tuning.{name}" for name in ("linking", "likelihood"))
+# The association of targets and detections and `TUNING` are half of the work, and no part of the
+# others, which are nearly all the rest.
+HALF = f"{CORE}.gaussian.measurement.pairs", *TUNING
 OTHERS = (
     *("smoothing.backward_step", "prediction", "measurement.gating", "reduction", "extraction"),
     *("measurement.amplitude", "smoothing.updates"),
 )
-TUNING = "phd_jdtc_ros.calibration.tuning"
 
 
 @contextlib.contextmanager
 def _beside() -> Iterator[None]:
-    """Compile the association in a second process, since numba compiles in one thread only."""
+    """Compile a half in a second process, since numba compiles in one thread only."""
     # The process may fail in silence: what it could not compile or store is tried again here.
-    command = [sys.executable, "-c", f"import {ASSOCIATION}"]
+    command = [sys.executable, "-c", f"import {', '.join(HALF)}"]
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     try:
         yield
@@ -63,8 +64,8 @@ def _compile(_: argparse.Namespace) -> int:
     for name in ENGINES:
         new_engine(resolve({"engine": name}))
         print(f"{name}: ready after {time.perf_counter() - begin:.1f} s")
-    for name in ("linking", "likelihood"):
-        importlib.import_module(f"{TUNING}.{name}")
+    for name in TUNING:
+        importlib.import_module(name)
     print(f"tune: ready after {time.perf_counter() - begin:.1f} s")
     if compilation.NOT_STORED:
         print(
