@@ -45,8 +45,8 @@ def evaluate(
     Parameters
     ----------
     truth : table
-        The targets: ``time``, ``label`` (numbers or names), ``x`` and ``y`` (metres); optionally
-        ``vx`` and ``vy`` (metres per second), ``class`` and ``height``.
+        The targets: ``time``, ``label`` (numbers or names; 0, None or NaN without one), ``x`` and
+        ``y`` (metres); optionally ``vx`` and ``vy`` (metres per second), ``class`` and ``height``.
     tracks : table
         From `Tracker.track`, or from another tracker with the columns of `truth`.
     cutoff : float
@@ -156,6 +156,8 @@ def _labels(table: Columns) -> IntArray | None:
     if "label" not in table:
         return None
     label = table["label"]
+    if label.dtype.kind == "O":  # a data frame with names, and nothing where a row has none
+        label = np.array(["0" if each is None or each != each else str(each) for each in label])
     _, number = np.unique(label, return_inverse=True)
-    unlabelled = label == ("0" if label.dtype.kind == "U" else 0)  # a CSV file has texts
-    return np.where(unlabelled, 0, number.reshape(-1) + 1)
+    none = label == ("0" if label.dtype.kind == "U" else 0)  # a CSV file has texts
+    return np.where(none | (label != label), 0, number.reshape(-1) + 1)

@@ -44,13 +44,19 @@ def test_evaluate_takes_names_as_labels_and_counts_times_without_tracks():
     assert evaluate(TRUTH, some, cutoff=100.0)["missed"] == pytest.approx(1.0)
 
 
-def test_label_zero_is_no_track_in_numbers_and_in_texts():
+def test_label_zero_or_none_is_no_track_in_numbers_and_in_texts():
     one = {name: column[TRUTH["label"] == 1] for name, column in TRUTH.items()}
     label = np.where(one["time"] < 30.0, 1, 0)
     numbers = evaluate(TRUTH, {**one, "label": label}, cutoff=50.0)
 
     assert numbers["identity_switches"] is None
-    assert evaluate(TRUTH, {**one, "label": label.astype(np.str_)}, cutoff=50.0) == numbers
+    for unlike in (
+        label.astype(np.str_),
+        np.where(label == 0, np.nan, 1.0),
+        np.where(label == 0, None, "DLH4"),
+        np.where(label == 0, np.nan, np.array("DLH4", dtype=object)),
+    ):
+        assert evaluate(TRUTH, {**one, "label": unlike}, cutoff=50.0) == numbers
 
 
 def test_evaluate_interpolates_the_truth_at_given_times():
