@@ -274,11 +274,14 @@ GOALS: tuple[Goal, ...] = (
         _most("turning", f"gaussian: turn of 50 aircraft, {form}, ms", bound, _turn(form, GAUSSIAN))
         for form, bound in ((ONE_CLOUD, 4.0), (BY_SECTORS, 10.0), (AT_EVERY_SECTOR, 20.0))
     ),
-    _least(
-        "peers",
-        "gaussian: step against Stone Soup's GM-PHD, times",
-        20.0,
-        ratio(at("peers", "GM-PHD", "median_ms"), at("peers", GAUSSIAN, "median_ms")),
+    *(
+        _least(
+            "peers",
+            f"gaussian: step against Stone Soup's {peer}, times",
+            20.0,
+            ratio(at("peers", peer, "median_ms"), at("peers", GAUSSIAN, "median_ms")),
+        )
+        for peer in ("GM-PHD", "GNN", "JPDA")
     ),
     *(
         _most(

@@ -1,7 +1,7 @@
-"""Stone Soup's PHD filters on the reference scenario's scans, compared with the tracker's step.
+"""Stone Soup's trackers on the reference scenario's scans, compared with the tracker's step.
 
-The GM-PHD filter is the study's: tuned, gated, and with known birth places. Both of Stone Soup's
-trackers only filter, while the tracker's step also classifies and smooths.
+All but the SMC-PHD filter are the study's: tuned, gated, and with known birth places. They only
+filter, while the tracker's step also classifies and smooths.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def measure(quick: bool) -> dict[str, Any]:
     trackers: dict[str, Callable[[SimulatedRun], object]] = {
         engine: _tracker(resolve({"engine": engine})) for engine in PARTS
     }
-    trackers["GM-PHD"] = peers.gm_phd
+    trackers |= {"GM-PHD": peers.gm_phd, "GNN": peers.gnn, "JPDA": peers.jpda}
     cost: dict[str, list[float]] = {name: [] for name in trackers}
     missing: dict[str, str] = {}
     for seed in range(1 if quick else 3):

@@ -46,7 +46,7 @@ SECONDS = {
 USUAL_S = 8
 # One of two halves that take as long as each other, some 300 s of CPU: what one takes longer is for
 # one processor alone, because the live tests are over by then.
-HALF = ("test/calibration", "test/core", "test/studies", "test/study")
+HALF = ("test/calibration", "test/core", "test/study")
 # Some hundred processes import the same files: what one has compiled serves the others.
 ENVIRONMENT = {name: os.environ[name] for name in os.environ if name != "PYTHONDONTWRITEBYTECODE"}
 LIMIT_S = 2400.0
@@ -107,7 +107,7 @@ def others(arguments):
     if arguments:  # which may name files of both halves
         return {"all that is not live": arguments}
     return {
-        "not live, the core, calibration and the studies": HALF,
+        "not live, the core, calibration and the Monte Carlo study": HALF,
         "not live, elsewhere": [f"--ignore={folder}" for folder in HALF],
     }
 

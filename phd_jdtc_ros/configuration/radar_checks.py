@@ -44,7 +44,7 @@ def _clutter(radar: RadarParameters, parts: Parts) -> Iterator[str]:
 def _turns(radar: RadarParameters, parts: Parts) -> Iterator[str]:
     name, engine = radar.name, parts.tracking.engine
     if radar.sectors and not radar.rotation_s:
-        yield f"{name}.rotation_s: not given, must be a number above 0 with sectors"
+        yield f"{name}.rotation_s: 0 given, must be above 0 with sectors"
     if radar.fields.sector and not radar.sectors:
         yield f"{name}.sectors: 0 given, must be above 0 with fields.sector"
     if (radar.sectors or (radar.rotation_s and radar.fields.time)) and engine not in LABELLED:
