@@ -44,7 +44,7 @@ class ReportCheck:
 
     reports_sectors: bool = True  # Whether the radar is configured to report by sectors
     sees_whole_turn: bool = False  # Whether it is configured to see all azimuths at once
-    # Whether its ground ranges are unknown although it is probably a radar for aircraft.
+    # True if its ground ranges are unknown although it is probably a radar for aircraft.
     lacks_ground_ranges: bool = False
     _reports: int = field(init=False, default=0)
     _detections: int = field(init=False, default=0)

@@ -77,7 +77,7 @@ def test_ends_of_tracks_are_those_of_targets_that_disappear():
     plots = recorded(clouds)
     found = ends(plots, SECONDS, linked(plots))
     assert died > 15
-    # Those that disappear in the last looks may have been missed.
+    # Targets that disappear in the last looks may have been missed.
     assert died - 4 <= found.count <= died
     assert found.value == pytest.approx(died / (20 * 120), rel=0.25)
     assert found.std == pytest.approx(found.value / np.sqrt(found.count + 1), rel=1e-9)
