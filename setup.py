@@ -25,7 +25,7 @@ ROS_WHEELS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"]
 setup(
     name=PACKAGE,
     version="1.0.0",
-    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*", "msg_adapters"]),
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*", "msg_adapters", "msg_adapters.*"]),
     package_data={f"{PACKAGE}.report.page": ["assets/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),

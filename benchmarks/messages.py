@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters import plots
+from msg_adapters.outgoing import plots
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.engine import OnFiltered, Step, ignore_filtered
 from phd_jdtc_ros.core.state_space import PLANAR
@@ -89,7 +89,7 @@ def _subscribe_all(node: Any) -> None:
 
 def _whole(node: Any) -> Callable[[], None]:
     """Return a function that passes the node one scan after the other."""
-    from msg_adapters import detections
+    from msg_adapters.incoming import detections
 
     config = resolve({})
     # Without the engine's own work, which is measured elsewhere.
@@ -117,7 +117,8 @@ def _parts(node: Any) -> dict[str, Callable[[], None]]:
     from sensor_msgs.msg import PointCloud2
     from visualization_msgs.msg import MarkerArray
 
-    from msg_adapters import detections, estimates, markers, poses
+    from msg_adapters.incoming import detections
+    from msg_adapters.targets import estimates, markers, poses
 
     config = resolve({})
     names = tuple(model.name for model in config.model.modes.classes)

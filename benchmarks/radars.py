@@ -11,7 +11,9 @@ from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
-from msg_adapters import detections, diagnostics, names, stamps
+from msg_adapters.encoding import names, stamps
+from msg_adapters.incoming import detections
+from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.core.types import Scan
 from robustness.radars import SETTLE_S, Peer

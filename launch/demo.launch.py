@@ -25,7 +25,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from launch import Action, LaunchContext, LaunchDescription
-from msg_adapters import names
+from msg_adapters.encoding import names
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.tools.demo.processes import recorded_topics
 from phd_jdtc_ros.tools.launching import arguments, failure

@@ -15,17 +15,11 @@ from typing import Any
 import numpy as np
 from sensor_msgs.msg import PointCloud2, PointField
 
-from msg_adapters import (
-    detections,
-    diagnostics,
-    estimates,
-    interfaces,
-    names,
-    platform_poses,
-    point_cloud,
-    truth,
-)
-from msg_adapters.errors import RejectedMessageError
+from msg_adapters.encoding import interfaces, names, point_cloud
+from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.incoming import detections, platform_poses
+from msg_adapters.outgoing import diagnostics
+from msg_adapters.targets import estimates, truth
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.writing.tracks import Source
 from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from sensor_msgs.msg import PointCloud2, PointField
 
-from msg_adapters import detections, interfaces
+from msg_adapters.encoding import interfaces
+from msg_adapters.incoming import detections
 from phd_jdtc_ros.core.types import Detections
 
 from . import scans

@@ -16,7 +16,7 @@ from mcap.records import Chunk, ChunkIndex, Message
 from mcap.stream_reader import breakup_chunk
 from mcap.writer import CompressionType, Writer
 
-from msg_adapters import interfaces, names
+from msg_adapters.encoding import interfaces, names
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from msg_adapters import interfaces, names
+from msg_adapters.encoding import interfaces, names
 
 from . import scans
 from .domains import Domain

@@ -9,7 +9,7 @@ import time
 
 import numpy as np
 
-from msg_adapters.detections import OWN_LAYOUT, from_msg, to_msg
+from msg_adapters.incoming.detections import OWN_LAYOUT, from_msg, to_msg
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars

@@ -18,8 +18,9 @@ from mcap.writer import CompressionType
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
-from msg_adapters import detections, interfaces, names
-from msg_adapters.errors import RejectedMessageError
+from msg_adapters.encoding import interfaces, names
+from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.incoming import detections
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.intake.scans import Rejection

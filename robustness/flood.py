@@ -11,7 +11,8 @@ import time
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import GetParameters
 
-from msg_adapters import diagnostics, names
+from msg_adapters.encoding import names
+from msg_adapters.outgoing import diagnostics
 
 from .figures import Found, measures
 from .radars import Radars

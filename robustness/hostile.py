@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters import names
-from msg_adapters.detections import OWN_LAYOUT, from_msg, to_msg
+from msg_adapters.encoding import names
+from msg_adapters.incoming.detections import OWN_LAYOUT, from_msg, to_msg
 from phd_jdtc_ros.asterix.messages import DAY, NONE, PRIMARY, Plot
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
 from phd_jdtc_ros.asterix.transport import pcap_out

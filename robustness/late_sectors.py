@@ -7,7 +7,7 @@ import copy
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import stamps
+from msg_adapters.encoding import stamps
 
 from . import scans
 from .figures import Found, measures, result

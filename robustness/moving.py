@@ -11,7 +11,8 @@ import numpy as np
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import detections, interfaces, names, platform_poses
+from msg_adapters.encoding import interfaces, names
+from msg_adapters.incoming import detections, platform_poses
 from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.types import Detections, Pose
 

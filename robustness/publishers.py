@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import diagnostics, names
+from msg_adapters.encoding import names
+from msg_adapters.outgoing import diagnostics
 
 from . import scans
 from .figures import Found, measures, result

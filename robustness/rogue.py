@@ -18,7 +18,7 @@ from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
-from msg_adapters import names
+from msg_adapters.encoding import names
 
 FRAME = "rogue"
 PARAMETER = "confirm_probability"

@@ -7,7 +7,8 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from msg_adapters import detections, interfaces
+from msg_adapters.encoding import interfaces
+from msg_adapters.incoming import detections
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
 from phd_jdtc_ros.core.types import Detections, Scan, Truth

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from mcap.writer import CompressionType, Writer
 
-from msg_adapters import interfaces
+from msg_adapters.encoding import interfaces
 from phd_jdtc_ros.bags.reader import BagReader
 
 SMALL_CHUNK = 4096

@@ -8,7 +8,7 @@ from operator import eq
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from msg_adapters import names
+from msg_adapters.encoding import names
 
 from . import scans
 from .figures import Found, measures, result

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import point_cloud
+from msg_adapters.encoding import point_cloud
 from phd_jdtc_ros.core.arrays import FloatArray
 
 from . import scans

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 from rich.table import Table
 
-from msg_adapters import interfaces, names, truth
+from msg_adapters.encoding import interfaces, names
+from msg_adapters.targets import truth
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader

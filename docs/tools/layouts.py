@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from msg_adapters import names
+from msg_adapters.encoding import names
 
 FOLDER = Path(__file__).resolve().parents[2] / "foxglove"
 MASTER = FOLDER / "layout.json"

@@ -8,7 +8,8 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from msg_adapters import names, outputs, plots
+from msg_adapters.encoding import names
+from msg_adapters.outgoing import outputs, plots
 from phd_jdtc_ros.asterix_bridge import settings as bridge
 from phd_jdtc_ros.configuration import replaced
 from phd_jdtc_ros.configuration.schema import Parameter

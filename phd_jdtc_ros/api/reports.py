@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msg_adapters import selection, sent_columns
-from msg_adapters.selection import Report
+from msg_adapters.incoming import selection, sent_columns
+from msg_adapters.incoming.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from os import PathLike
 from typing import Any, NamedTuple
 
-from msg_adapters.selection import Report
+from msg_adapters.incoming.selection import Report
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.calibration.tuning.plots import limit_plots, plots_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import point_cloud
+from msg_adapters.encoding import point_cloud
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.columns import UNKNOWN, columns
 from phd_jdtc_ros.asterix.slices import SectorReport

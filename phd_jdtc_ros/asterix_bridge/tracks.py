@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import estimates
-from msg_adapters.errors import RejectedMessageError
+from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.targets import estimates
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.writing import tracks as tracks_out
 from phd_jdtc_ros.asterix.writing.tracks import Source, TrackReport

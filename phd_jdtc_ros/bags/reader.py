@@ -13,7 +13,7 @@ from typing import Any
 
 from mcap.records import Message
 
-from msg_adapters import stamps
+from msg_adapters.encoding import stamps
 
 from . import chunks, foreign, mcap_index
 from .errors import BagError

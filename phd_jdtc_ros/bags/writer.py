@@ -12,7 +12,7 @@ from typing import Any, BinaryIO
 import yaml
 from mcap.writer import CompressionType, Writer
 
-from msg_adapters import interfaces
+from msg_adapters.encoding import interfaces
 from phd_jdtc_ros import interruption
 
 from .errors import BagError

@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Protocol
 
-from msg_adapters.errors import RejectedMessageError
-from msg_adapters.selection import Report
+from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.incoming.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.engine import Engine, OnFiltered, ignore_filtered

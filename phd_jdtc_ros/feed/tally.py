@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from msg_adapters import anomalies
-from msg_adapters.errors import RejectedMessageError
-from msg_adapters.selection import Report
+from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.incoming import anomalies
+from msg_adapters.incoming.selection import Report
 from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.sensor_parameters import SensorParameters

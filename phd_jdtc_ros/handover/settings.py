@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
-from msg_adapters import names
+from msg_adapters.encoding import names
 from phd_jdtc_ros.configuration import replaced
 from phd_jdtc_ros.configuration.place_forms import is_region
 from phd_jdtc_ros.configuration.schema import (

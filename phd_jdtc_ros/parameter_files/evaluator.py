@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from msg_adapters import names
+from msg_adapters.encoding import names
 from phd_jdtc_ros.configuration.parameters import MOST_CLASSES
 from phd_jdtc_ros.configuration.schema import POSITIVE, parameter, table
 

@@ -9,17 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters import (
-    clutter_maps,
-    diagnostics,
-    estimates,
-    interfaces,
-    names,
-    platform_poses,
-    truth,
-)
-from msg_adapters.errors import RejectedMessageError
-from msg_adapters.readers import reader_of
+from msg_adapters.encoding import interfaces, names
+from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.incoming import platform_poses
+from msg_adapters.incoming.readers import reader_of
+from msg_adapters.outgoing import clutter_maps, diagnostics
+from msg_adapters.targets import estimates, truth
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msg_adapters import anomalies
+from msg_adapters.incoming import anomalies
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.configuration.sensor_parameters import SensorParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray

@@ -12,8 +12,8 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from msg_adapters.palette import COLOURS as COLOURS
-from msg_adapters.palette import class_colour as class_colour
+from msg_adapters.targets.palette import COLOURS as COLOURS
+from msg_adapters.targets.palette import class_colour as class_colour
 from phd_jdtc_ros.core.arrays import FloatArray
 
 Line: TypeAlias = Literal["-", "--", "-.", ":"]

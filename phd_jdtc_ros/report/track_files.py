@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msg_adapters import geo_json, geodetic, vertical
+from msg_adapters.targets import geo_json, geodetic, vertical
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import Estimates
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters.selection import Report as Received
+from msg_adapters.incoming.selection import Report as Received
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.pipeline import Event, RunEnded

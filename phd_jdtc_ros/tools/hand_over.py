@@ -11,7 +11,8 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from msg_adapters import estimates, interfaces, names
+from msg_adapters.encoding import interfaces, names
+from msg_adapters.targets import estimates
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader

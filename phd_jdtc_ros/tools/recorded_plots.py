@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from msg_adapters import interfaces, names, recognised
-from msg_adapters.errors import RejectedMessageError
-from msg_adapters.readers import READERS
+from msg_adapters.encoding import interfaces, names
+from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.incoming import recognised
+from msg_adapters.incoming.readers import READERS
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, findings

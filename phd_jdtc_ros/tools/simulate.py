@@ -8,8 +8,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from msg_adapters import interfaces, names, platform_poses, truth
-from msg_adapters.readers import reader_of
+from msg_adapters.encoding import interfaces, names
+from msg_adapters.incoming import platform_poses
+from msg_adapters.incoming.readers import reader_of
+from msg_adapters.targets import truth
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import TrackerConfig

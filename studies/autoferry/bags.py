@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters import interfaces, names, platform_poses, truth
-from msg_adapters.readers import reader_of
+from msg_adapters.encoding import interfaces, names
+from msg_adapters.incoming import platform_poses
+from msg_adapters.incoming.readers import reader_of
+from msg_adapters.targets import truth
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader

@@ -74,7 +74,7 @@ class Reader:
 
     layout: RadarParameters
     radar: RadarModel  # The radar in the tracks' plane
-    # Callable of (distance, azimuth, elevation, height, layout). `msg_adapters.ground_ranges.read`.
+    # `msg_adapters.incoming.ground_ranges.read`, of distance, azimuth, elevation, height, layout.
     read: Callable[[FloatArray, FloatArray, None, FloatArray | None, RadarParameters], Ground]
 
     def ground(

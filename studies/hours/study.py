@@ -19,8 +19,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from rich.table import Table
 
-from msg_adapters import estimates, ground_ranges, interfaces, names
-from msg_adapters.readers import reader_of
+from msg_adapters.encoding import interfaces, names
+from msg_adapters.incoming import ground_ranges
+from msg_adapters.incoming.readers import reader_of
+from msg_adapters.targets import estimates
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from msg_adapters.readers import reader_of
+from msg_adapters.incoming.readers import reader_of
 from phd_jdtc_ros import simulate
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.schema import ConfigError

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from msg_adapters.readers import reader_of
+from msg_adapters.incoming.readers import reader_of
 from phd_jdtc_ros import Tracker, evaluate, simulate
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.engines import new_pipeline

@@ -5,8 +5,8 @@ import pytest
 from asterix_reference import decoded, value
 from scipy.integrate import trapezoid
 
-from msg_adapters import point_cloud
-from msg_adapters.errors import RejectedMessageError
+from msg_adapters.encoding import point_cloud
+from msg_adapters.encoding.errors import RejectedMessageError
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.messages import NONE
 from phd_jdtc_ros.asterix.writing.tracks import Source

@@ -5,8 +5,8 @@ from mcap.writer import CompressionType
 from samples import STAMP_NS, truth
 from small_bags import MARKERS, POSES, RADAR, SECOND, TOPICS, chunked, made, read_all, types, write
 
-from msg_adapters import interfaces, names
-from msg_adapters import truth as truth_adapter
+from msg_adapters.encoding import interfaces, names
+from msg_adapters.targets import truth as truth_adapter
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 

@@ -10,7 +10,7 @@ from mcap.writer import IndexType, Writer
 from samples import STAMP_NS
 from small_bags import MARKERS, RADAR, TOPICS, made, write
 
-from msg_adapters import interfaces, names
+from msg_adapters.encoding import interfaces, names
 from phd_jdtc_ros.bags import reader as bag_module
 from phd_jdtc_ros.bags import salvage
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader

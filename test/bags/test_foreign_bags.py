@@ -14,7 +14,7 @@ from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.typesys import Stores, get_typestore
 from small_bags import RADAR, chunked, made
 
-from msg_adapters import interfaces, names
+from msg_adapters.encoding import interfaces, names
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.nodes.replay import playable

@@ -2,8 +2,8 @@ from collections import Counter
 
 import numpy as np
 
-from msg_adapters.errors import RejectedMessageError
-from msg_adapters.selection import Report
+from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.incoming.selection import Report
 from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.core.types import Detections, Pose
 from phd_jdtc_ros.feed.feed import Feed

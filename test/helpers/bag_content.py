@@ -2,7 +2,8 @@
 
 import itertools
 
-from msg_adapters import estimates, interfaces, names
+from msg_adapters.encoding import interfaces, names
+from msg_adapters.targets import estimates
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 

@@ -9,7 +9,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from estimate_sets import states
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import estimates, names, truth
+from msg_adapters.encoding import names
+from msg_adapters.targets import estimates, truth
 from phd_jdtc_ros.core.types import Truth
 
 SECOND = 1_000_000_000

@@ -4,7 +4,7 @@ import numpy as np
 import yaml
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import estimates
+from msg_adapters.targets import estimates
 
 
 def started(processes, peer, directory, given, types, node="/tracker", source="filtered", ros=()):

@@ -8,8 +8,9 @@ from geometry_msgs.msg import Point, Pose, PoseArray, Quaternion, Vector3
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from msg_adapters import stamps, vertical
-from msg_adapters.markers import (
+from msg_adapters.encoding import stamps
+from msg_adapters.targets import vertical
+from msg_adapters.targets.markers import (
     ELLIPSE_SIDES,
     ELLIPSE_SIGMA,
     HEAD_LENGTH,
@@ -20,8 +21,8 @@ from msg_adapters.markers import (
     VELOCITY_SECONDS,
     label_text,
 )
-from msg_adapters.palette import class_rgb
-from msg_adapters.tracks import pose_of
+from msg_adapters.targets.palette import class_rgb
+from msg_adapters.targets.tracks import pose_of
 from phd_jdtc_ros.core.state_space import VX, VY, X, Y
 
 

@@ -3,7 +3,8 @@
 import moving
 import numpy as np
 
-from msg_adapters import detections, interfaces, platform_poses
+from msg_adapters.encoding import interfaces
+from msg_adapters.incoming import detections, platform_poses
 
 CLOUDS = "/mast/detections"
 

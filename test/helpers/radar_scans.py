@@ -3,7 +3,7 @@
 import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from msg_adapters.stamps import NS_PER_S
+from msg_adapters.encoding.stamps import NS_PER_S
 
 TYPE = "radar_msgs/msg/RadarScan"
 RETURN = """float32 range

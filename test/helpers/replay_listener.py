@@ -6,7 +6,7 @@ from pathlib import Path
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import names
+from msg_adapters.encoding import names
 
 BAG = Path(__file__).parents[2] / "bags" / "paper_scenario"
 TOPICS = (names.detections("radar_1"), names.detections("radar_2"), names.TRUTH)

@@ -10,7 +10,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
-from msg_adapters import stamps
+from msg_adapters.encoding import stamps
 from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.core.types import UNKNOWN, Attributes, Detections, Estimates, Truth
 

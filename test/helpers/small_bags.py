@@ -5,9 +5,9 @@ from marker_messages import marker_array, pose_array
 from mcap.writer import CompressionType
 from samples import FRAME, STAMP_NS, detections, estimates, truth
 
-from msg_adapters import detections as detections_adapter
-from msg_adapters import names
-from msg_adapters import truth as truth_adapter
+from msg_adapters.encoding import names
+from msg_adapters.incoming import detections as detections_adapter
+from msg_adapters.targets import truth as truth_adapter
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import Topic
 from robustness.small_chunks import rewritten

@@ -7,7 +7,7 @@ import pytest
 from ament_index_python.packages import get_package_share_directory
 from bag_content import write
 
-from msg_adapters import names
+from msg_adapters.encoding import names
 from phd_jdtc_ros.bags.reader import BagReader
 
 launch = pytest.importorskip("launch", reason="launch is not installed")

@@ -16,7 +16,10 @@ from live_radars import Health, change
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
-from msg_adapters import detections, diagnostics, estimates, interfaces, names
+from msg_adapters.encoding import interfaces, names
+from msg_adapters.incoming import detections
+from msg_adapters.outgoing import diagnostics
+from msg_adapters.targets import estimates
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.asterix.transport import udp
 from phd_jdtc_ros.bags.reader import BagReader

@@ -12,8 +12,8 @@ from bag_content import messages
 from layout_panels import panels
 from message_paths import values
 
-from msg_adapters import interfaces, names, stamps
-from msg_adapters.readers import reader_of
+from msg_adapters.encoding import interfaces, names, stamps
+from msg_adapters.incoming.readers import reader_of
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.asterix.transport import udp

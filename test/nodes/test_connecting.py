@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import detections
+from msg_adapters.incoming import detections
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.types import Detections
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 from bag_content import messages, rewrite
 
-from msg_adapters import names, outputs
+from msg_adapters.encoding import names
+from msg_adapters.outgoing import outputs
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.tools.demo.demo import ARTEFACTS

@@ -8,7 +8,8 @@ from evaluated import SECOND, Source, ended, reporting
 from live_radars import options
 from rclpy.qos import ReliabilityPolicy
 
-from msg_adapters import diagnostics, names
+from msg_adapters.encoding import names
+from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.bags.reader import BagReader
 
 

@@ -9,7 +9,8 @@ from evaluated import SECOND, Source, ended, reporting
 from live_radars import options
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import diagnostics, names
+from msg_adapters.encoding import names
+from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.nodes.evaluator.received_clouds import ReceivedClouds
 

@@ -6,7 +6,9 @@ from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from std_msgs.msg import Float64
 
-from msg_adapters import detections, diagnostics, estimates
+from msg_adapters.incoming import detections
+from msg_adapters.outgoing import diagnostics
+from msg_adapters.targets import estimates
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import RunEnded

@@ -12,8 +12,10 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 from two_regions import MARGIN, REGIONS, given
 
-from msg_adapters import detections as plots
-from msg_adapters import diagnostics, estimates, names
+from msg_adapters.encoding import names
+from msg_adapters.incoming import detections as plots
+from msg_adapters.outgoing import diagnostics
+from msg_adapters.targets import estimates
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Detections

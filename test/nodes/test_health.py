@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from msg_adapters import diagnostics
+from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.configuration.engines import ENGINES
 from phd_jdtc_ros.configuration.tables import TOP

@@ -12,7 +12,9 @@ from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import detections, estimates, point_cloud, stamps
+from msg_adapters.encoding import point_cloud, stamps
+from msg_adapters.incoming import detections
+from msg_adapters.targets import estimates
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import flatten
 from phd_jdtc_ros.core.state_space import PLANAR, VX, VY, X, Y

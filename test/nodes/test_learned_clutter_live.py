@@ -8,7 +8,8 @@ from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import clutter_maps, names
+from msg_adapters.encoding import names
+from msg_adapters.outgoing import clutter_maps
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.report import load

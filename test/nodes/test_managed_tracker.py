@@ -19,7 +19,8 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from visualization_msgs.msg import Marker, MarkerArray
 
-from msg_adapters import estimates, stamps
+from msg_adapters.encoding import stamps
+from msg_adapters.targets import estimates
 
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 ESTIMATES = "/tracker/filtered/estimates"

@@ -12,7 +12,9 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import PointCloud2
 from unfolded import rows_of
 
-from msg_adapters import estimates, names, platform_poses
+from msg_adapters.encoding import names
+from msg_adapters.incoming import platform_poses
+from msg_adapters.targets import estimates
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import Topic
 from phd_jdtc_ros.configuration.schema import flatten

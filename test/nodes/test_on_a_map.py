@@ -9,7 +9,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import detections, names, point_cloud, stamps, truth
+from msg_adapters.encoding import names, point_cloud, stamps
+from msg_adapters.incoming import detections
+from msg_adapters.targets import truth
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import Truth

@@ -3,7 +3,8 @@ import sys
 import pytest
 from mcap_files import write
 
-from msg_adapters import names, outputs
+from msg_adapters.encoding import names
+from msg_adapters.outgoing import outputs
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.nodes.replay import playable

@@ -5,7 +5,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_files import write
 
-from msg_adapters import names
+from msg_adapters.encoding import names
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.nodes.replay.playback import TOGETHER_NS, Playback

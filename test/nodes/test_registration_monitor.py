@@ -7,7 +7,8 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from live_radars import RELIABLE, SCANS, connected, options
 
-from msg_adapters import detections, diagnostics
+from msg_adapters.incoming import detections
+from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.calibration.registration.monitor import LEAST, MeanResidual, RegistrationMonitor
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_pipeline

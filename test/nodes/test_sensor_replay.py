@@ -22,7 +22,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from msg_adapters import interfaces, names, stamps
+from msg_adapters.encoding import interfaces, names, stamps
 from phd_jdtc_ros.bags.reader import BagReader
 
 AT_ONCE = options(subscriber_timeout_s=0.0)

@@ -2,7 +2,7 @@ from types import SimpleNamespace
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from msg_adapters import diagnostics
+from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.nodes.common.health import LASTING_S, StatusLog
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN

@@ -12,7 +12,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker, MarkerArray
 
-from msg_adapters import diagnostics, estimates, stamps
+from msg_adapters.encoding import stamps
+from msg_adapters.outgoing import diagnostics
+from msg_adapters.targets import estimates
 from phd_jdtc_ros.core.types import Detections
 
 RELIABLY, BEST_EFFORT = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT

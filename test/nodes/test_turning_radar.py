@@ -7,7 +7,7 @@ import pytest
 from live_and_offline import answered, assert_alike, started
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import detections
+from msg_adapters.incoming import detections
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.configuration.schema import flatten

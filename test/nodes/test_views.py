@@ -19,8 +19,9 @@ from rclpy.qos import (
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64
 
-from msg_adapters import diagnostics, names, outputs
-from msg_adapters.palette import COLOURS
+from msg_adapters.encoding import names
+from msg_adapters.outgoing import diagnostics, outputs
+from msg_adapters.targets.palette import COLOURS
 
 ROOT = Path(__file__).parents[2]
 BAG = ROOT / "bags" / "paper_scenario"

@@ -3,7 +3,10 @@ import pytest
 from bag_content import edited, messages, rewrite
 from rclpy.serialization import serialize_message
 
-from msg_adapters import detections, diagnostics, estimates, names, poses, truth
+from msg_adapters.encoding import names
+from msg_adapters.incoming import detections
+from msg_adapters.outgoing import diagnostics
+from msg_adapters.targets import estimates, poses, truth
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve

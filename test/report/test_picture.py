@@ -7,7 +7,7 @@ import pytest
 from records import SCANS, estimates_of, record_of, shrunk, stamp_ns, truth_of, without_amplitudes
 from unfolded import columns_of, rows_of
 
-from msg_adapters.palette import class_colour
+from msg_adapters.targets.palette import class_colour
 from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes
 from phd_jdtc_ros.earth import SystemPlane

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from estimate_sets import estimates
 
-from msg_adapters import interfaces, names, stamps
+from msg_adapters.encoding import interfaces, names, stamps
 from robustness import (
     absurd,
     asterix_bytes,

@@ -9,7 +9,8 @@ import pytest
 import rclpy
 import stand_ins
 
-from msg_adapters import names, plots
+from msg_adapters.encoding import names
+from msg_adapters.outgoing import plots
 from phd_jdtc_ros.nodes.tracker import settings
 from robustness.rig import Rig
 from robustness.scans import BAG

@@ -5,8 +5,8 @@ import pytest
 from scenario_blocks import exact
 from topocentric import seen_from
 
-from msg_adapters import detections as adapter
-from msg_adapters import point_cloud
+from msg_adapters.encoding import point_cloud
+from msg_adapters.incoming import detections as adapter
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.simulation import scenario_file

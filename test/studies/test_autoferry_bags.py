@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msg_adapters import names
+from msg_adapters.encoding import names
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve

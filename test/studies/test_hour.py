@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from msg_adapters import ground_ranges
+from msg_adapters.incoming import ground_ranges
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.simulation.scenario import truth_after

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msg_adapters import names
-from msg_adapters.readers import reader_of
+from msg_adapters.encoding import names
+from msg_adapters.incoming.readers import reader_of
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve

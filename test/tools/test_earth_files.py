@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from pyproj import Geod
 
-from msg_adapters import interfaces, names, truth
+from msg_adapters.encoding import interfaces, names
+from msg_adapters.targets import truth
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params, yaml_files

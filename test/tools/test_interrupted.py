@@ -8,7 +8,7 @@ import time
 import pytest
 import yaml
 
-from msg_adapters import names
+from msg_adapters.encoding import names
 from phd_jdtc_ros.bags.reader import BagReader
 
 # Far more scans than are written before the signal.

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from layout_panels import LAYOUTS, panels
 
-from msg_adapters import interfaces, names, truth
+from msg_adapters.encoding import interfaces, names
+from msg_adapters.targets import truth
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.reader import BagReader
 

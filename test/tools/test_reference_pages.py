@@ -7,7 +7,8 @@ import rclpy
 from reference_pages import LISTS, PAGES, main, parameters, policies, topics
 from reference_pages import declared as declared_in_all
 
-from msg_adapters import names, outputs
+from msg_adapters.encoding import names
+from msg_adapters.outgoing import outputs
 from phd_jdtc_ros.configuration.tables import GROUPS, TOP
 from phd_jdtc_ros.nodes.asterix.node import AsterixBridge
 from phd_jdtc_ros.nodes.evaluator.node import Evaluator

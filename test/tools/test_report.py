@@ -7,7 +7,7 @@ from collections import Counter
 
 import pytest
 
-from msg_adapters import names
+from msg_adapters.encoding import names
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.report import page
 from robustness.bags import outcome

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from bag_content import messages
 
-from msg_adapters import detections, estimates, names, stamps, truth
+from msg_adapters.encoding import names, stamps
+from msg_adapters.incoming import detections
+from msg_adapters.targets import estimates, truth
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from bag_content import edited, messages, recorded, rewrite
 
-from msg_adapters import detections, interfaces, names, stamps
+from msg_adapters.encoding import interfaces, names, stamps
+from msg_adapters.incoming import detections
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
 

@@ -7,7 +7,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from small_bags import chunked
 
-from msg_adapters import interfaces, names
+from msg_adapters.encoding import interfaces, names
 
 RADARS = [names.detections("radar_1"), names.detections("radar_2")]
 POSES = "geometry_msgs/msg/PoseArray"

@@ -5,7 +5,8 @@ import pytest
 import radar_scans
 from bag_content import recorded, write
 
-from msg_adapters import detections, interfaces, names
+from msg_adapters.encoding import interfaces, names
+from msg_adapters.incoming import detections
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import Topic
 from phd_jdtc_ros.configuration.build import resolve

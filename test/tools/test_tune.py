@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from bag_content import write
 
-from msg_adapters import point_cloud, recognised
+from msg_adapters.encoding import point_cloud
+from msg_adapters.incoming import recognised
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params

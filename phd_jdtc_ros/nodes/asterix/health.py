@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from msg_adapters import diagnostics, names
+from msg_adapters.encoding import names
+from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
 from phd_jdtc_ros.quoting import counts_text
 

@@ -17,7 +17,8 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 
-from msg_adapters import diagnostics, names
+from msg_adapters.encoding import names
+from msg_adapters.outgoing import diagnostics
 
 from .callbacks import steady_timer
 from .topics import reliable

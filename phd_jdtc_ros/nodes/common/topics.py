@@ -11,7 +11,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 from rclpy.subscription import Subscription
 
-from msg_adapters import interfaces
+from msg_adapters.encoding import interfaces
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.quoting import short
 

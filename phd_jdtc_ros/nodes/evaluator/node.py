@@ -19,17 +19,11 @@ from rich.console import Console
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64
 
-from msg_adapters import (
-    diagnostics,
-    estimates,
-    names,
-    outputs,
-    platform_poses,
-    plots,
-    stamps,
-    truth,
-)
-from msg_adapters.errors import RejectedMessageError, quote
+from msg_adapters.encoding import names, stamps
+from msg_adapters.encoding.errors import RejectedMessageError, quote
+from msg_adapters.incoming import platform_poses
+from msg_adapters.outgoing import diagnostics, outputs, plots
+from msg_adapters.targets import estimates, truth
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.configuration import replaced
 from phd_jdtc_ros.configuration.parameters import ENGINE_OF

@@ -14,8 +14,9 @@ from rclpy.node import Node
 from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from msg_adapters import interfaces, names, platform_poses
-from msg_adapters.readers import READERS
+from msg_adapters.encoding import interfaces, names
+from msg_adapters.incoming import platform_poses
+from msg_adapters.incoming.readers import READERS
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.parameter_files import bag_parameters

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from msg_adapters import diagnostics, names
+from msg_adapters.encoding import names
+from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.core.types import FILTERED
 from phd_jdtc_ros.handover.picture import LATEST_STAMPS, JointPicture
 from phd_jdtc_ros.quoting import counts_text

@@ -10,8 +10,9 @@ from functools import partial
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import estimates, names
-from msg_adapters.errors import RejectedMessageError, quote
+from msg_adapters.encoding import names
+from msg_adapters.encoding.errors import RejectedMessageError, quote
+from msg_adapters.targets import estimates
 from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates
 from phd_jdtc_ros.handover import checks, settings
 from phd_jdtc_ros.handover.picture import Joint, JointPicture

@@ -18,7 +18,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
-from msg_adapters import names, stamps
+from msg_adapters.encoding import names, stamps
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration import replaced

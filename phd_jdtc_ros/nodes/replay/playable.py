@@ -12,8 +12,8 @@ from typing import Any
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.validate_full_topic_name import validate_full_topic_name
 
-from msg_adapters import interfaces, names
-from msg_adapters.readers import READERS
+from msg_adapters.encoding import interfaces, names
+from msg_adapters.incoming.readers import READERS
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.types import FILTERED

@@ -7,7 +7,7 @@ from typing import Any
 
 from rclpy.node import Node
 
-from msg_adapters import names
+from msg_adapters.encoding import names
 from phd_jdtc_ros.configuration import scene
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import ConfigError

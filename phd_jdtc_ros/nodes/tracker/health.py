@@ -10,7 +10,9 @@ from types import MappingProxyType
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from msg_adapters import anomalies, diagnostics, names
+from msg_adapters.encoding import names
+from msg_adapters.incoming import anomalies
+from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.calibration.registration.monitor import LEAST, MeanResidual
 
 from ..common.health import WARNING_MEMORY_S, Rhythm, Rises, first

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from msg_adapters import anomalies, diagnostics, names
+from msg_adapters.encoding import names
+from msg_adapters.incoming import anomalies
+from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.calibration.innovations import Fit
 
 from ..common.health import WARNING_MEMORY_S, Condition, Rhythm, Rises, first

@@ -12,10 +12,11 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.lifecycle import LifecycleNode
 
-from msg_adapters import anomalies, interfaces, platform_poses
-from msg_adapters.errors import RejectedMessageError
-from msg_adapters.readers import Reader, reader_of
-from msg_adapters.selection import Report
+from msg_adapters.encoding import interfaces
+from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.incoming import anomalies, platform_poses
+from msg_adapters.incoming.readers import Reader, reader_of
+from msg_adapters.incoming.selection import Report
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.sensor_parameters import SensorParameters
 from phd_jdtc_ros.core.intake.poses import PoseFault

@@ -11,9 +11,9 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.lifecycle import LifecycleNode
 
-from msg_adapters import anomalies, platform_poses
-from msg_adapters.outputs import SCAN, STEP, StepResult
-from msg_adapters.readers import Reader
+from msg_adapters.incoming import anomalies, platform_poses
+from msg_adapters.incoming.readers import Reader
+from msg_adapters.outgoing.outputs import SCAN, STEP, StepResult
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.calibration.registration.monitor import RegistrationMonitor
 from phd_jdtc_ros.configuration.schema import ConfigError

@@ -16,7 +16,8 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
-from msg_adapters import diagnostics, names
+from msg_adapters.encoding import names
+from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import USAGE
 from phd_jdtc_ros.parameter_files.sections import ParameterFile

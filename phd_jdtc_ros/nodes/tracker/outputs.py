@@ -1,4 +1,4 @@
-"""The publishers of the tracker, by the table in `msg_adapters.outputs`.
+"""The publishers of the tracker, by the table in `msg_adapters.outgoing.outputs`.
 
 Messages are encoded only if there are subscribers. The last message of a latched topic is encoded
 when the first subscriber joins.
@@ -12,10 +12,11 @@ from typing import Any
 
 from rclpy.lifecycle import LifecycleNode
 
-from msg_adapters import frames, interfaces, names
-from msg_adapters.frames import Mounting
-from msg_adapters.outputs import Output, View, table
-from msg_adapters.trails import Trails
+from msg_adapters.encoding import interfaces, names
+from msg_adapters.outgoing import frames
+from msg_adapters.outgoing.frames import Mounting
+from msg_adapters.outgoing.outputs import Output, View, table
+from msg_adapters.outgoing.trails import Trails
 from phd_jdtc_ros.configuration.schema import ConfigError
 
 from ..common import topics

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from msg_adapters import outputs
+from msg_adapters.outgoing import outputs
 from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check, table

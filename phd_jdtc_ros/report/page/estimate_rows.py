@@ -8,7 +8,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from msg_adapters import geodetic, vertical
+from msg_adapters.targets import geodetic, vertical
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.types import SOURCES, Estimates
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters.palette import class_colour
-from msg_adapters.vertical import FLIGHT_LEVEL
+from msg_adapters.targets.palette import class_colour
+from msg_adapters.targets.vertical import FLIGHT_LEVEL
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import SOURCES
 from phd_jdtc_ros.evaluation.comparison import PointSet

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from datetime import datetime, timezone
 from pathlib import Path
 
-from msg_adapters import names
+from msg_adapters.encoding import names
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.bags.errors import BagError

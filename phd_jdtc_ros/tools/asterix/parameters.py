@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters import names
+from msg_adapters.encoding import names
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.asterix.plot_stream import RadarState
 from phd_jdtc_ros.bags.reader import BagReader

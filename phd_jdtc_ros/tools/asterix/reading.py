@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from msg_adapters import interfaces, names
+from msg_adapters.encoding import interfaces, names
 from phd_jdtc_ros.asterix import records
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState

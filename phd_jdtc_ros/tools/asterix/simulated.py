@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from msg_adapters.sent_columns import fill
+from msg_adapters.incoming.sent_columns import fill
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.asterix.messages import Plot
 from phd_jdtc_ros.asterix.transport import pcap_out

@@ -13,10 +13,11 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from msg_adapters import ground_ranges, interfaces, names
-from msg_adapters.errors import RejectedMessageError
-from msg_adapters.readers import reader_of
-from msg_adapters.sent_columns import fill
+from msg_adapters.encoding import interfaces, names
+from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.incoming import ground_ranges
+from msg_adapters.incoming.readers import reader_of
+from msg_adapters.incoming.sent_columns import fill
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.messages import COMBINED, DAY, NONE, PRIMARY, Plot

@@ -15,7 +15,7 @@ import threading
 import time
 from pathlib import Path
 
-from msg_adapters import names
+from msg_adapters.encoding import names
 from phd_jdtc_ros.asterix.transport import udp
 from phd_jdtc_ros.asterix.transport.udp import Address
 from phd_jdtc_ros.bags.reader import BagReader

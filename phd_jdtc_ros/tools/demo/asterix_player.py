@@ -19,7 +19,8 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 
-from msg_adapters import diagnostics, names
+from msg_adapters.encoding import names
+from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.asterix import records
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.transport import framing, udp

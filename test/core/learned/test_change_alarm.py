@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from msg_adapters import anomalies
+from msg_adapters.incoming import anomalies
 from phd_jdtc_ros.core.learned.change_alarm import MOST, RAISED, ChangeAlarm
 from phd_jdtc_ros.core.learned.detection_factor import (
     AZIMUTHS,

@@ -2,8 +2,8 @@ import asterix_records as made
 import numpy as np
 import pytest
 
-from msg_adapters import interfaces, names
-from msg_adapters.readers import reader_of
+from msg_adapters.encoding import interfaces, names
+from msg_adapters.incoming.readers import reader_of
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params

@@ -10,7 +10,9 @@ import pytest
 from asterix_reference import decoded, value
 from bag_content import messages, write
 
-from msg_adapters import detections, estimates, names
+from msg_adapters.encoding import names
+from msg_adapters.incoming import detections
+from msg_adapters.targets import estimates
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.types import SOURCES, Detections

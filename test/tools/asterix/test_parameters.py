@@ -9,8 +9,8 @@ import pyproj
 import pytest
 from topocentric import seen_from
 
-from msg_adapters import interfaces, names
-from msg_adapters.readers import reader_of
+from msg_adapters.encoding import interfaces, names
+from msg_adapters.incoming.readers import reader_of
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.asterix.messages import DAY, NONE, PRIMARY, SECONDARY, Plot
 from phd_jdtc_ros.asterix.writing import plots as plots_out

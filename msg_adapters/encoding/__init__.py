@@ -1,0 +1,1 @@
+"""The parts of every message: types, serialised bytes, columns of clouds, stamps and identities."""

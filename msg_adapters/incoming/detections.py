@@ -1,0 +1,131 @@
+"""A radar's point cloud to and from `Detections`."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+from sensor_msgs.msg import PointCloud2
+
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
+from phd_jdtc_ros.core.types import Detections
+
+from ..encoding import point_cloud, stamps
+from ..encoding.errors import RejectedMessageError, quote
+from . import sent_columns
+from .selection import Report, select
+
+# Numeric types of fields other than coordinates: some drivers send levels as whole decibels.
+NUMBERS = (*point_cloud.FLOATS, "i1", "u1", "i2", "u2", "i4", "u4")
+# Times since the epoch must be doubles, because single precision resolves only two minutes.
+DOUBLES = ("f8",)
+# Columns that may have integer types.
+WHOLE = ("amplitude", "sector", "code", "address", "kind")
+# Quantities that a cloud must have if the radar's configuration names their fields.
+REQUIRED = ("range", "azimuth", "elevation")
+# Usual field names, in lower case, that are recognised if a radar's own name is missing, as is that
+# name in other letter cases. An SNR is in decibels; a power or an RCS has a reference that only the
+# driver defines.
+SYNONYMS = {
+    "range": ("rho", "distance", "dist", "radial_distance", "ground_range", "r"),
+    "azimuth": ("azimuth_angle", "theta", "bearing", "az", "angle"),
+    "amplitude": ("snr", "snr_db"),
+}
+# Default layout of written clouds.
+OWN_LAYOUT = RadarParameters()
+
+
+def to_msg(
+    detections: Detections, stamp_ns: int, frame: str, radar: RadarParameters = OWN_LAYOUT
+) -> PointCloud2:
+    """Encode a planar radar's detections as the cloud that the radar's driver would publish.
+
+    The fields are ``x y z`` in the sensor's frame, then ``range azimuth elevation amplitude`` under
+    the radar's names, and then those of time, sector, height, code, address, kind, range rate and
+    standard deviations that the radar has. All are FLOAT32, except for sector, code and address
+    (UINT32), kind (UINT8), and times since the epoch (FLOAT64). The elevation is 0; so is the
+    height above the antenna if the detections have no height.
+
+    Raise `ValueError` if the radar has amplitudes or sectors and the detections do not.
+    """
+    distance, azimuth = detections.measurement.T
+    place = {
+        "x": distance * np.cos(azimuth),
+        "y": distance * np.sin(azimuth),
+        "z": np.zeros(len(detections)),
+    }
+    columns = {**place, **sent_columns.of(detections, stamp_ns, radar)}
+    wide = {radar.fields.time} if radar.time_since_epoch else frozenset()
+    return point_cloud.encode(stamp_ns, frame, columns, wide)
+
+
+def from_msg(cloud: PointCloud2, radar: RadarParameters) -> Report:
+    """Decode the detections of a cloud.
+
+    Range, azimuth, elevation, times, heights, range rates and standard deviations are floats;
+    amplitude, sector, code, address and kind may also be integers. With an elevation or a height
+    field, ranges are slant ranges. If the cloud lacks a configured field that is not a coordinate,
+    its quantity is unknown: an anomaly. A cloud with neither points nor fields, such as a new
+    message, is a report without detections.
+
+    Raise `RejectedMessageError`: ``frame`` if the cloud is in another frame than the radar's;
+    otherwise see `stamps.of_header` and `point_cloud.decode`.
+    """
+    require_frame(cloud.header.frame_id, radar)
+    present = set(point_cloud.field_names(cloud))
+    radar = _recognise_fields(radar, present)
+    named = _wanted_fields(radar)
+    if not (present or cloud.width * cloud.height or len(cloud.data)):
+        nothing = {what: np.zeros(0) for what in named}
+        return select(stamps.of_header(cloud.header), radar, nothing)
+    missing = [w for w, (name, _) in named.items() if w not in REQUIRED and name not in present]
+    wanted = dict(entry for what, entry in named.items() if what not in missing)
+    # Converting a signalling NaN warns. Such a value is handled like any other NaN.
+    with np.errstate(invalid="ignore"):
+        columns = {
+            name: column.astype(np.float64)
+            for name, column in point_cloud.decode(cloud, wanted).items()
+        }
+    found = {what: columns[name] for what, (name, _) in named.items() if name in columns}
+    report = select(stamps.of_header(cloud.header), radar, found)
+    lacking = Counter(f"{what}_missing" for what in missing if what != "amplitude")
+    return replace(report, anomalies=report.anomalies + lacking) if lacking else report
+
+
+def _recognise_fields(radar: RadarParameters, present: Collection[str]) -> RadarParameters:
+    """Return a radar's layout with the names that a cloud uses for missing fields."""
+    lacking = {
+        quantity: (quantity, *names)
+        for quantity, names in SYNONYMS.items()
+        if getattr(radar.fields, quantity) == quantity and quantity not in present
+    }
+    if not lacking:
+        return radar
+    taken = {*sent_columns.names_of(radar).values()}
+    own = {name.lower(): name for name in sorted(present) if name not in taken}
+    found = {
+        quantity: next(own[name] for name in names if name in own)
+        for quantity, names in lacking.items()
+        if not own.keys().isdisjoint(names)
+    }
+    in_db = found.get("amplitude", "amplitude").lower() != "amplitude" or radar.amplitude_in_db
+    return replace(radar, fields=replace(radar.fields, **found), amplitude_in_db=in_db)
+
+
+def _wanted_fields(radar: RadarParameters) -> dict[str, tuple[str, Sequence[str]]]:
+    """Return the name and the allowed types of every field of a radar, by its column."""
+    types: dict[str, Sequence[str]] = dict.fromkeys(WHOLE, NUMBERS)
+    if radar.time_since_epoch:
+        types["time"] = DOUBLES
+    return {
+        what: (name, types.get(what, point_cloud.FLOATS))
+        for what, name in sent_columns.names_of(radar).items()
+    }
+
+
+def require_frame(frame: str, radar: RadarParameters) -> None:
+    """Raise `RejectedMessageError` if a message is not in its radar's frame."""
+    if frame != radar.frame:
+        raise RejectedMessageError("frame", f"frame_id {quote(frame)}, must be {radar.frame!r}")

@@ -1,0 +1,136 @@
+"""Infers how a radar's clouds are read from the names and values of their fields."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from sensor_msgs.msg import PointCloud2
+
+from phd_jdtc_ros.configuration.radar_parameters import TIME_UNITS
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.types import FULL_TURN
+
+from ..encoding import point_cloud, stamps
+from ..encoding.errors import RejectedMessageError
+from .detections import DOUBLES, NUMBERS, SYNONYMS
+
+# Usual names of fields in lower case, the most common first, by the parameter that names the field.
+NAMES: Mapping[str, Sequence[str]] = {
+    "fields.range": ("range", *SYNONYMS["range"]),
+    "fields.azimuth": ("azimuth", *SYNONYMS["azimuth"]),
+    "fields.elevation": ("elevation_angle", "elevation", "el"),
+    "fields.amplitude": ("amplitude", *SYNONYMS["amplitude"], "power", "intensity", "rcs"),
+    "fields.time": ("time", "time_of_detection", "t", "timestamp", "time_offset", "stamp"),
+    "fields.height": ("height", "altitude"),
+    "fields.sector": ("sector", "sector_number"),
+    "fields.range_std": ("range_std", "sigma_range"),
+    "fields.azimuth_std": ("azimuth_std", "sigma_azimuth"),
+}
+IN_DB = ("snr", "snr_db", "power", "rcs")
+# Allowed types of a field, where they differ from floats.
+TYPES: Mapping[str, Sequence[str]] = {"fields.amplitude": NUMBERS, "fields.sector": NUMBERS}
+# A unit of time is rejected if it puts detections farther from the stamp than FARTHEST_S seconds,
+# or than FARTHEST_INTERVALS times the interval between clouds.
+FARTHEST_S, FARTHEST_INTERVALS = 60.0, 20.0
+# Times within this of the stamp, seconds, give no evidence of their unit.
+LEAST_S = 1e-4
+
+
+def parameters(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:
+    """Return the parameters for reading a radar's clouds, None if range or azimuth is missing.
+
+    They are ``fields.range`` and so on, units and conventions, without the radar's name. At least
+    one of the clouds, which are of one topic, must have points.
+    """
+    full = [cloud for cloud in clouds if cloud.width * cloud.height]
+    if not full:
+        return None
+    found: dict[str, Any] = {"frame": full[0].header.frame_id}
+    for parameter, names in NAMES.items():
+        columns = {name: _column(full, parameter, name) for name in _present(full[0], names)}
+        usable = [name for name, column in columns.items() if column is not None]
+        if usable:
+            found[parameter] = usable[0]
+    if not {"fields.range", "fields.azimuth"} <= set(found):
+        return None
+    found.setdefault("fields.amplitude", "")
+    if "fields.elevation" in found and not _has_elevations(full, found["fields.elevation"]):
+        del found["fields.elevation"]  # all elevations are zero, so ranges are ground ranges
+    found.update(_azimuths(full, found["fields.azimuth"]))
+    if found["fields.amplitude"].lower() in IN_DB:
+        found["amplitude_unit"] = "db"
+    if "fields.time" in found:
+        times = _times(full, found["fields.time"])
+        if times is None:
+            del found["fields.time"]
+        else:
+            found.update(times)
+    return found
+
+
+def _present(cloud: PointCloud2, names: Sequence[str]) -> list[str]:
+    """Return the cloud's fields with one of the given names, in the order of the names."""
+    own = {name.lower(): name for name in reversed(point_cloud.field_names(cloud))}
+    return [own[name] for name in names if name in own]
+
+
+def _column(clouds: Sequence[PointCloud2], parameter: str, name: str) -> FloatArray | None:
+    """Return all values of a field, None if it is not readable."""
+    types = TYPES.get(parameter, point_cloud.FLOATS)
+    try:
+        parts = [point_cloud.decode(cloud, {name: types})[name] for cloud in clouds]
+    except RejectedMessageError:
+        return None
+    return np.concatenate(parts).astype(np.float64)
+
+
+def _has_elevations(clouds: Sequence[PointCloud2], name: str) -> bool:
+    column = _column(clouds, "fields.elevation", name)
+    return column is not None and bool(np.nan_to_num(column).any())
+
+
+def _azimuths(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any]:
+    """Return unit and convention of azimuths, from x and y if present, else from the values."""
+    azimuth = _column(clouds, "fields.azimuth", name)
+    ahead, left = (_column(clouds, "", axis) for axis in ("x", "y"))
+    if azimuth is None:
+        return {}
+    unit = "deg" if np.nanmax(np.abs(azimuth), initial=0.0) > 1.01 * FULL_TURN else "rad"
+    settings: dict[str, Any] = {"azimuth_unit": unit}
+    if ahead is None or left is None or not np.nan_to_num([ahead, left]).any():
+        return settings
+    true = np.arctan2(left, ahead)
+    fits = {}
+    for units, radians in (("rad", azimuth), ("deg", np.radians(azimuth))):
+        for convention, counted in (("enu_ccw", radians), ("compass_cw", 0.5 * np.pi - radians)):
+            fits[units, convention] = float(np.nanmean(np.cos(counted - true)))
+    (units, convention), fit = max(fits.items(), key=lambda entry: entry[1])
+    if fit > 0.99:
+        settings = {"azimuth_unit": units, "azimuth_convention": convention}
+    return settings
+
+
+def _times(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any] | None:
+    """Return unit and reference of the detection times, None if no unit fits the stamps."""
+    steps_s = np.diff([stamps.to_ns(cloud.header.stamp) * 1e-9 for cloud in clouds])
+    limit_s = FARTHEST_S
+    if len(steps_s):
+        limit_s = min(FARTHEST_S, FARTHEST_INTERVALS * float(np.median(steps_s)))
+    for reference, types in (("epoch", DOUBLES), ("stamp", point_cloud.FLOATS)):
+        farthest = dict.fromkeys(TIME_UNITS, 0.0)
+        for cloud in clouds:
+            try:
+                column = point_cloud.decode(cloud, {name: types})[name].astype(np.float64)
+            except RejectedMessageError:
+                break
+            zero_s = stamps.to_ns(cloud.header.stamp) * 1e-9 if reference == "epoch" else 0.0
+            for unit, seconds in TIME_UNITS.items():
+                off = np.nanmax(np.abs(column * seconds - zero_s), initial=0.0)
+                farthest[unit] = max(farthest[unit], float(off))
+        else:
+            near = [unit for unit, off in farthest.items() if LEAST_S < off < limit_s]
+            if near:
+                return {"time_unit": near[0], "time_reference": reference}
+    return None

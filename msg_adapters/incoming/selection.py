@@ -1,0 +1,233 @@
+"""Selects the valid detections among a message's points, in the core's units."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, wrap_angle
+from phd_jdtc_ros.core.sensors.bias import NO_BIAS
+from phd_jdtc_ros.core.types import FULL_TURN, Detections
+
+from ..encoding import identities
+from . import ground_ranges, sent_columns
+
+# Largest envelope: 120 dB above the noise, more than any receiver reports.
+MAX_AMPLITUDE = 1e6
+# Largest azimuth within a turn: compass azimuths may be rounded up beyond a whole turn.
+LARGEST_AZIMUTH = FULL_TURN * (1.0 + 1e-6)
+# Largest azimuth in turns; beyond it, single precision is coarser than 0.03 degrees.
+MAX_TURNS = 1000.0
+# Largest time from the stamp in turns, or in seconds if the time of a turn is unknown.
+MAX_TURNS_OFF = 1.5
+MAX_SECONDS_OFF = 60.0
+# Plausible standard deviations of ranges, m, and of azimuths, rad.
+RANGE_STDS = (1e-3, 1e5)
+AZIMUTH_STDS = (1e-6, np.pi)
+# Upper bound of range rates, m/s; targets of such a radar are slower.
+MAX_RANGE_RATE = 5e3
+# Factor on the ambiguity interval, because single precision may round a range rate beyond it.
+AMBIGUITY_TOLERANCE = 1.0 + 1e-6
+# Plausible standard deviations of range rates, m/s.
+RANGE_RATE_STDS = (1e-3, 1e3)
+
+# A message's columns by quantity, as the radar reports them, arrays of shape (M,); see `Fields`.
+Columns: TypeAlias = Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True)
+class Report:
+    """A decoded message."""
+
+    stamp_ns: int  # Stamp without the radar's time offset
+    detections: Detections  # `amplitude` is None if the message has no amplitudes
+    # Points left out, by reason: ``not_finite``, ``height``, ``range``, ``azimuth``, ``time``,
+    # ``amplitude``.
+    dropped: Counter[str]
+    # Points, or messages, that are used but contradict their configuration; see `anomalies`.
+    anomalies: Counter[str] = field(default_factory=Counter)
+    sector: int | None = None  # Number of the sector; None if unknown
+
+
+def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
+    """Return the valid detections of a message in the core's units, and count the other points.
+
+    NaN marks an unknown amplitude, height, range rate or standard deviation; its point is kept. A
+    point with an impossible range rate, code, address or kind is kept too, and that value is
+    unknown.
+
+    The radar's systematic errors are removed first; a range that becomes negative is set to 0.
+    """
+    distance, height = columns["range"], columns.get("height")
+    if radar.bias != NO_BIAS:
+        true = np.maximum(radar.bias.true_range(distance), 0.0)
+        distance = np.where(distance < 0.0, distance, true)
+    azimuth = np.radians(columns["azimuth"]) if radar.azimuth_in_degrees else columns["azimuth"]
+    azimuth_size = np.abs(azimuth)
+    if radar.compass:
+        azimuth = np.pi / 2.0 - azimuth
+    if radar.bias.azimuth:
+        azimuth = azimuth - radar.bias.azimuth
+    ground = ground_ranges.read(distance, azimuth, columns.get("elevation"), height, radar)
+    passed = {
+        "not_finite": _finite(columns),
+        "height": ground.possible,
+        # An elevation beyond the zenith is invalid, and makes the ground range negative.
+        "range": (distance >= 0.0)
+        & (ground.distance >= radar.min_range)
+        & (ground.distance <= radar.max_range),
+        "azimuth": azimuth_size <= MAX_TURNS * FULL_TURN,
+    }
+    time = amplitude = None
+    if "time" in columns:
+        time = sent_columns.relative_time(columns["time"], stamp_ns, radar)
+        most = MAX_TURNS_OFF * radar.rotation_s if radar.rotation_s else MAX_SECONDS_OFF
+        passed["time"] = np.abs(time) <= most  # False for NaN
+    if "amplitude" in columns:
+        amplitude = _linear_amplitude(columns["amplitude"], radar)
+        possible = (amplitude >= 0.0) & (amplitude <= MAX_AMPLITUDE)
+        passed["amplitude"] = possible | np.isnan(amplitude)
+    kept, dropped = _kept_and_dropped(passed)
+    repeats = kept & _repeats(columns)
+    kept &= ~repeats
+
+    range_std, bad_ranges = _kept_values(columns, "range_std", kept, RANGE_STDS)
+    scale = np.pi / 180.0 if radar.azimuth_in_degrees else 1.0
+    azimuth_std, bad_azimuths = _kept_values(columns, "azimuth_std", kept, AZIMUTH_STDS, scale)
+    rate_std, bad_rate_stds = _kept_values(columns, "range_rate_std", kept, RANGE_RATE_STDS)
+    rate, bad_rates = _kept_values(columns, "range_rate", kept, (-MAX_RANGE_RATE, MAX_RANGE_RATE))
+    interval = radar.range_rate_ambiguity or np.inf
+    code, bad_codes = identities.read(columns.get("code"), kept, identities.CODES)
+    address, bad_addresses = identities.read(columns.get("address"), kept, identities.ADDRESSES)
+    sector, bad_sectors = _sector(columns.get("sector"), radar)
+    detections = Detections(
+        np.stack([ground.distance[kept], wrap_angle(ground.azimuth[kept])], axis=1),
+        None if amplitude is None else amplitude[kept],
+        None if time is None else time[kept],
+        _noise_std(range_std, azimuth_std),
+        range_rate=rate,
+        range_rate_std=None if rate is None else rate_std,
+        height=None if height is None else height[kept] - radar.datum,
+        code=code,
+        address=address,
+        sensor_type=identities.read(columns.get("kind"), kept, identities.KINDS)[0],
+    )
+    anomalies = Counter(
+        detections_repeated=_count(repeats),
+        azimuths_beyond_a_turn=0
+        if radar.azimuth_in_degrees
+        else _count(azimuth_size[kept] > LARGEST_AZIMUTH),
+        heights_unknown=0 if height is None else _count(~np.isfinite(height[kept])),
+        deviations_unusable=bad_ranges + bad_azimuths + bad_rate_stds,
+        sectors_unusable=bad_sectors,
+        identities_unusable=bad_codes + bad_addresses,
+        range_rates_unusable=bad_rates,
+        range_rates_beyond_ambiguity=(
+            0 if rate is None else _count(np.abs(rate) > AMBIGUITY_TOLERANCE * interval)
+        ),
+    )
+    return Report(stamp_ns - radar.bias.offset_ns, detections, dropped, +anomalies, sector)
+
+
+def _count(which: BoolArray) -> int:
+    return int(np.count_nonzero(which))
+
+
+def _repeats(columns: Columns) -> BoolArray:
+    """Return which points repeat an earlier point in all columns, bit for bit.
+
+    A driver that sends its buffer twice would otherwise make each target appear as a group in
+    formation: three copies of each detection made four targets out of one. Noise in double or
+    single precision does not repeat, so no other points are removed if amplitudes or times are
+    reported. With only a coarse range and azimuth, detections coincide by chance: of 50 per turn
+    within 20 km, 1.6 in 10,000 in cells of 50 m by 1 degree, and 1.1 in 1000 in cells of 250 m by
+    1.4 degrees (uniform, 20,000 turns). The detection probability falls by that share, which costs
+    less than the copies do.
+    """
+    repeats = np.ones(len(columns["range"]), dtype=bool)
+    # Unique ranges, the common case, exclude repetitions at the lowest cost.
+    if len(np.unique(columns["range"])) == len(repeats):
+        return ~repeats
+    # Comparing bits makes unknown amplitudes (NaN) equal.
+    numbers = [column.astype(np.float64) for column in columns.values()]
+    rows = np.column_stack(numbers).view(np.int64)
+    repeats[np.unique(rows, axis=0, return_index=True)[1]] = False
+    return repeats
+
+
+def _finite(columns: Columns) -> BoolArray:
+    """Return which points have finite coordinates and a finite or unknown amplitude."""
+    finite: BoolArray = np.isfinite(columns["range"]) & np.isfinite(columns["azimuth"])
+    if "elevation" in columns:
+        finite &= np.isfinite(columns["elevation"])
+    if "amplitude" in columns:
+        # A level of -inf dB would become a valid envelope of zero.
+        finite &= columns["amplitude"] != -np.inf
+    return finite
+
+
+def _kept_values(
+    columns: Columns,
+    quantity: str,
+    kept: BoolArray,
+    bounds: tuple[float, float],
+    scale: float = 1.0,
+) -> tuple[FloatArray | None, int]:
+    """Return a quantity of the kept points, NaN if unknown, and the number beyond the bounds.
+
+    The quantity is None if the message does not have it.
+    """
+    if quantity not in columns:
+        return None, 0
+    own = columns[quantity][kept] * scale
+    usable = (own >= bounds[0]) & (own <= bounds[1])  # False for NaN
+    return np.where(usable, own, np.nan), _count(~usable & ~np.isnan(own))
+
+
+def _noise_std(range_std: FloatArray | None, azimuth_std: FloatArray | None) -> FloatArray | None:
+    """Return both standard deviations of each point, (M, 2); None if all are unknown."""
+    known = range_std if azimuth_std is None else azimuth_std
+    if known is None:
+        return None
+    unknown = np.full(len(known), np.nan)
+    sides = [unknown if side is None else side for side in (range_std, azimuth_std)]
+    noise_std: FloatArray = np.stack(sides, axis=1)
+    return noise_std if np.isfinite(noise_std).any() else None
+
+
+def _sector(column: FloatArray | None, radar: RadarParameters) -> tuple[int | None, int]:
+    """Return the number of the sector, None if unknown, and 1 if it is invalid, else 0."""
+    if column is None or not len(column):
+        return None, 0
+    number = float(column[0])
+    if (column != number).any() or not number.is_integer() or not 0 <= number < radar.sectors:
+        return None, 1
+    return int(number), 0
+
+
+def _kept_and_dropped(passed: Mapping[str, BoolArray]) -> tuple[BoolArray, Counter[str]]:
+    """Return which points pass every test, and the number of points that each test fails first."""
+    dropped: Counter[str] = Counter()
+    kept = np.ones(len(next(iter(passed.values()))), dtype=bool)
+    for reason, passes in passed.items():
+        dropped[reason] = _count(kept & ~passes)
+        kept = kept & passes
+    return kept, +dropped
+
+
+def _linear_amplitude(raw: FloatArray, radar: RadarParameters) -> FloatArray:
+    """Convert amplitudes to envelopes in units of the noise's standard deviation per quadrature.
+
+    An envelope a has the SNR a^2 / 2.
+    """
+    with np.errstate(over="ignore"):  # an absurd level becomes infinite and is then dropped
+        if radar.amplitude_in_db:
+            from_db: FloatArray = np.sqrt(2.0 * 10.0 ** ((raw + radar.amplitude_offset_db) / 10.0))
+            return from_db
+        scaled: FloatArray = raw * 10.0 ** (radar.amplitude_offset_db / 20.0)
+        return scaled

@@ -1,0 +1,141 @@
+"""Detections as the columns that a radar reports; independent of ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.intake.sectors import sector_of
+from phd_jdtc_ros.core.types import FULL_TURN, Detections
+
+from ..encoding import identities
+from . import ground_ranges
+
+# This is defined here, because `stamps` imports ROS.
+NS_PER_S = 1_000_000_000
+
+
+def names_of(radar: RadarParameters) -> dict[str, str]:
+    """Return the radar's names of its columns by quantity."""
+    return {quantity: name for quantity, name in vars(radar.fields).items() if name}
+
+
+def of(
+    detections: Detections, stamp_ns: int, radar: RadarParameters
+) -> dict[str, npt.NDArray[Any]]:
+    """Return the columns of a planar radar's detections, under the radar's names.
+
+    There is always an elevation, which is 0; `stamp_ns` is the report's.
+
+    Raise `ValueError` if the radar has amplitudes or sectors and the detections do not.
+    """
+    slant, measured = ground_ranges.measure(detections, radar)
+    columns = {radar.fields.range: slant, radar.fields.azimuth: azimuth(measured, radar)}
+    # The radar may use the default name of elevations for another field.
+    columns.setdefault(radar.fields.elevation or "elevation", np.zeros(len(detections)))
+    for quantity, name in names_of(radar).items():
+        if quantity in _COLUMNS:
+            columns[name] = _COLUMNS[quantity](detections, stamp_ns, radar)
+    return columns
+
+
+def _sector(detections: Detections, _: int, radar: RadarParameters) -> npt.NDArray[Any]:
+    if detections.coverage is None or not radar.sectors:
+        raise ValueError("detections.coverage: None given, the cloud needs a sector")
+    sector = sector_of(detections.coverage, radar.sectors, radar.compass)
+    return np.full(len(detections), sector, dtype=np.uint32)
+
+
+def _time(detections: Detections, stamp_ns: int, radar: RadarParameters) -> FloatArray:
+    return sent_time(fill(detections.time_s, len(detections), 0.0), stamp_ns, radar)
+
+
+def _kind(detections: Detections, _: int, __: RadarParameters) -> npt.NDArray[Any]:
+    kind: npt.NDArray[Any] = np.maximum(fill(detections.sensor_type, len(detections), 0.0), 0)
+    return kind.astype(np.uint8)
+
+
+def _azimuth_std(detections: Detections, _: int, radar: RadarParameters) -> FloatArray:
+    std = _noise_std(detections)[:, 1]
+    return np.degrees(std) if radar.azimuth_in_degrees else std
+
+
+def _noise_std(detections: Detections) -> FloatArray:
+    own = detections.noise_std
+    return np.full((len(detections), 2), np.nan) if own is None else own
+
+
+def fill(column: npt.NDArray[Any] | None, count: int, unknown: float) -> npt.NDArray[Any]:
+    """Return an optional column of `count` detections, filled with `unknown` if it is None."""
+    return np.full(count, unknown) if column is None else column
+
+
+# The optional columns by quantity, of detections, the report's stamp and the radar.
+_COLUMNS: Mapping[str, Callable[[Detections, int, RadarParameters], npt.NDArray[Any]]] = {
+    "amplitude": lambda own, _, radar: level(own, radar),
+    "time": _time,
+    "sector": _sector,
+    "height": lambda own, _, radar: ground_ranges.message_height(own, radar),
+    "code": lambda own, _, __: identities.encode(own.code, len(own)),
+    "address": lambda own, _, __: identities.encode(own.address, len(own)),
+    "kind": _kind,
+    "range_std": lambda own, _, __: _noise_std(own)[:, 0],
+    "azimuth_std": _azimuth_std,
+    "range_rate": lambda own, _, __: fill(own.range_rate, len(own), np.nan),
+    "range_rate_std": lambda own, _, __: fill(own.range_rate_std, len(own), np.nan),
+}
+
+
+def relative_time(sent: FloatArray, stamp_ns: int, radar: RadarParameters) -> FloatArray:
+    """Convert times from the radar's convention to seconds from the stamp.
+
+    Times since the epoch keep the resolution of doubles, 0.24 us today.
+    """
+    if not radar.time_since_epoch:
+        return sent * radar.time_unit_s
+    seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
+    # Whole seconds are exact in every unit, as is the difference of two close doubles.
+    since_second = (sent - float(seconds) * _per_second(radar)) * radar.time_unit_s
+    return since_second - nanoseconds * 1e-9
+
+
+def sent_time(time_s: FloatArray, stamp_ns: int, radar: RadarParameters) -> FloatArray:
+    """Convert seconds from the stamp to the radar's convention: the inverse of `relative_time`."""
+    per_second = _per_second(radar)
+    if not radar.time_since_epoch:
+        return time_s * per_second
+    seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
+    return (time_s + nanoseconds * 1e-9) * per_second + float(seconds) * per_second
+
+
+def _per_second(radar: RadarParameters) -> float:
+    """Return the number of the radar's time units per second."""
+    return float(round(1.0 / radar.time_unit_s))
+
+
+def azimuth(angle: FloatArray, radar: RadarParameters) -> FloatArray:
+    """Convert azimuths, radians from the sensor's x axis, to the radar's convention."""
+    converted = np.mod(np.pi / 2.0 - angle, FULL_TURN) if radar.compass else angle
+    return np.degrees(converted) if radar.azimuth_in_degrees else converted
+
+
+def level(detections: Detections, radar: RadarParameters) -> FloatArray:
+    """Convert amplitudes to the radar's convention: the inverse of `select`.
+
+    Raise `ValueError` if the detections have no amplitudes.
+    """
+    if detections.amplitude is None:
+        raise ValueError("detections.amplitude: None given, the cloud needs amplitudes")
+    if radar.amplitude_in_db:
+        with np.errstate(divide="ignore"):  # an envelope of zero is -inf dB
+            snr_db = 10.0 * np.log10(detections.amplitude**2 / 2.0)
+        level: FloatArray = snr_db - radar.amplitude_offset_db
+        return level
+    # Without an offset the numbers are not scaled, so that they remain exact.
+    scale = 10.0 ** (-radar.amplitude_offset_db / 20.0) if radar.amplitude_offset_db else 1.0
+    return detections.amplitude * scale

@@ -1,0 +1,80 @@
+"""Encodes figures as DiagnosticArray messages: scores, cardinality, health."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+from phd_jdtc_ros.evaluation.metric_table import PUBLISHED
+
+from ..encoding import stamps
+
+if TYPE_CHECKING:
+    from phd_jdtc_ros.core.engine import Step
+
+    # This is imported for types only: the module imports scipy's optimiser, which a tracker does
+    # not need.
+    from phd_jdtc_ros.evaluation.run_scores import ScanScore
+
+
+def status(
+    name: str,
+    values: Mapping[str, object],
+    level: bytes = DiagnosticStatus.OK,
+    message: str = "",
+    hardware_id: str = "",
+) -> DiagnosticStatus:
+    """Return a status; floats are written with all digits, so that reading them is exact."""
+    return DiagnosticStatus(
+        level=level,
+        name=name,
+        message=message,
+        hardware_id=hardware_id,
+        values=[
+            KeyValue(key=key, value=repr(float(v)) if isinstance(v, float) else str(v))
+            for key, v in values.items()
+        ],
+    )
+
+
+def array(stamp_ns: int, statuses: Sequence[DiagnosticStatus]) -> DiagnosticArray:
+    """Return an array of statuses."""
+    return DiagnosticArray(header=stamps.header(stamp_ns, ""), status=statuses)
+
+
+def step_to_msg(
+    stamp_ns: int, step: Step, step_ms: float, class_names: Sequence[str]
+) -> DiagnosticArray:
+    """Return the figures of a tracker step; `step_ms` is its CPU time, ms."""
+    values = {
+        "total": float(step.class_mass.sum()),
+        **dict(zip(class_names, step.class_mass.tolist(), strict=True)),
+        **step.figures,
+        "unresolved": sum(found.unresolved for found in step.filtered),
+        "step_ms": step_ms,
+    }
+    return figures_to_msg(stamp_ns, values)
+
+
+def figures_to_msg(stamp_ns: int, values: Mapping[str, object]) -> DiagnosticArray:
+    """Return a tracker's figures by name."""
+    return array(stamp_ns, [status("tracker/cardinality", values)])
+
+
+def values_of(message: DiagnosticStatus) -> dict[str, str]:
+    """Return a status's key-value pairs."""
+    return {pair.key: pair.value for pair in message.values}
+
+
+def score_to_msg(score: ScanScore, cutoff: float, order: float) -> DiagnosticArray:
+    """Encode a scan's scores: statuses ``filtered/all``, ``filtered/class_0`` and so on."""
+    parameters = {"cutoff": cutoff, "order": order}
+    return array(
+        score.stamp_ns,
+        [
+            status(f"{score.source}/{key}", {**{n: values[n] for n in PUBLISHED}, **parameters})
+            for key, values in score.values.items()
+        ],
+    )

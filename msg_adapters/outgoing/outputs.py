@@ -1,0 +1,247 @@
+"""The table of the tracker's outputs: topic, type, trigger and encoder.
+
+Publishers, recordings, the list on the tracker's page and the SROS2 policies derive from it. A new
+output is a module with its encoder, and a row here.
+"""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from visualization_msgs.msg import Marker, MarkerArray
+
+from phd_jdtc_ros.core.engine import Engine, Step
+from phd_jdtc_ros.core.sensors.sensor import Sensor
+from phd_jdtc_ros.core.sensors.site import Plane
+from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates
+
+from ..encoding import interfaces, names, stamps
+from ..targets import estimates, geo_json, markers, navsat, poses, radar_tracks, tracks, vision
+from . import clutter_maps, detections_in_map, diagnostics, plots
+from .trails import Trails
+
+# Triggers besides the estimates of a source: a `Scan`, and a `StepResult`.
+SCAN, STEP = "scan", "step"
+# Shortest time between two clutter maps, seconds, by the stamps of scans.
+CLUTTER_PERIOD_S = 10.0
+
+
+class StepResult(NamedTuple):
+    """A step whose estimates have been published."""
+
+    stamp_ns: int  # Stamp of its scan
+    step: Step
+    step_ms: float  # CPU time of the step, milliseconds
+    engine: Engine
+
+
+@dataclass
+class View:
+    """Context of a tracker's messages."""
+
+    frame: str  # The world frame
+    class_names: tuple[str, ...]
+    radars: Sequence[Sensor]  # In the configured order
+    plane: Plane | None  # Placement of the world frame on the earth
+    trails: Trails
+    run: uuid.UUID = field(default_factory=uuid.uuid4)  # Identifies the tracker's run
+
+    def begin_run(self) -> None:
+        """Begin a new run, in which track numbers start again."""
+        self.trails.clear()
+        self.run = uuid.uuid4()
+
+    @property
+    def datum(self) -> float:
+        """Height of the map's zero, metres."""
+        return 0.0 if self.plane is None else self.plane.origin[2]
+
+
+# Equal only to itself, which makes it a cheap key of a dictionary.
+@dataclass(frozen=True, eq=False)
+class Output:
+    """An output topic of the tracker."""
+
+    topic: str  # Topic below ``~/``, which stands for the tracker's name
+    type_name: str
+    when: str  # `FILTERED` or `SMOOTHED`, for each set of estimates, or `SCAN` or `STEP`
+    # Returns the messages, or their bytes, given the trigger's value.
+    encode: Callable[[Any, View], Iterable[Any]]
+    switch: str = ""  # Name by which a user enables the output; empty if it is always on
+    usual: bool = True  # True if the output is on by default
+    latched: bool = False  # True if late subscribers receive the last message
+    # Returns whether the output applies to this tracker.
+    needs: Callable[[View], bool] = lambda _: True
+    period_s: float = 0.0  # Shortest time between two messages, by the stamps of scans
+    # True if its encoder keeps what it is given, and needs it even without subscribers.
+    remembers: bool = False
+    on_earth: bool = False  # True if the output needs the world frame's place on the earth
+    # Returns the message that clears the display, for an output that may be switched off at run
+    # time.
+    clear: Callable[[View], Any] | None = None
+
+
+def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
+    """Return all outputs of a tracker; without `engine` the engine's own figures are left out."""
+    return (
+        *(
+            Output(
+                names.estimates(source, "~"),
+                names.CLOUD,
+                when=source,
+                encode=lambda found, view: [estimates.to_cdr(found, view.frame)],
+            )
+            for source in SOURCES
+        ),
+        *(
+            Output(names.poses(source, k, "~"), names.POSES, source, _poses_of(k))
+            for source in SOURCES
+            for k in range(classes)
+        ),
+        Output(
+            names.detections_in_map("~"),
+            names.CLOUD,
+            when=SCAN,
+            encode=lambda scan, view: [detections_in_map.to_cdr(scan, view.radars, view.frame)],
+            switch="detections",
+        ),
+        Output(
+            "~/markers",
+            names.MARKERS,
+            when=FILTERED,
+            encode=lambda found, view: [
+                markers.to_cdr(found, view.frame, view.class_names, view.datum)
+            ],
+            switch="markers",
+            latched=True,
+            clear=_no_markers,
+        ),
+        Output(
+            names.clutter_map("~"),
+            names.GRID,
+            when=STEP,
+            encode=_clutter_map,
+            usual=False,
+            latched=True,
+            needs=lambda view: any(radar.clutter_map is not None for radar in view.radars),
+            period_s=CLUTTER_PERIOD_S,
+        ),
+        Output(
+            names.cardinality("~"),
+            names.FIGURES,
+            when=STEP,
+            encode=lambda done, view: [
+                diagnostics.step_to_msg(done.stamp_ns, done.step, done.step_ms, view.class_names)
+            ],
+        ),
+        *(
+            Output(names.plot(quantity, "~"), names.NUMBER, STEP, _number_of(quantity), "plots")
+            for quantity in plots.of_tracker(classes, engine)
+        ),
+        *(
+            Output(
+                *(topic, kind, FILTERED, encode, switch),
+                usual=False,
+                remembers=encode in (_paths, _geojson),
+                on_earth=encode in (_fixes, _geojson),
+            )
+            for topic, kind, encode, switch in (
+                ("~/tracks/path", names.PATH, _paths, "paths"),
+                ("~/odometry", names.ODOMETRY, _odometry, "odometry"),
+                (names.fixes("~"), names.FIX, _fixes, "navsat"),
+                ("~/tracks/geojson", names.GEOJSON, _geojson, "geojson"),
+                ("~/radar_tracks", names.RADAR_TRACKS, _tracks, "radar_tracks"),
+                ("~/detections_3d", names.DETECTIONS_3D, _vision, "detections_3d"),
+            )
+        ),
+    )
+
+
+def default_topics(
+    classes: int,
+    tracker: str = names.TRACKER,
+    scores: str = names.OSPA,
+    evaluator: str = names.EVALUATOR,
+    engine: str | None = "gaussian",
+) -> dict[str, str]:
+    """Return the topics that tracker and evaluator publish by default, with their types.
+
+    Without `engine` the engine's own figures are left out, see `optional`.
+    """
+    numbers = (names.plot(quantity, evaluator) for quantity in plots.of_evaluator(classes))
+    return {
+        **_types((row for row in table(classes, engine) if row.usual), tracker),
+        **dict.fromkeys(numbers, names.NUMBER),
+        names.DIAGNOSTICS: names.FIGURES,
+        scores: names.FIGURES,
+    }
+
+
+def optional(tracker: str = names.TRACKER) -> dict[str, str]:
+    """Return the topics that are not common to all trackers, with their types.
+
+    These are the figures of a single engine, and the outputs that are off by default.
+    """
+    figures = (name for figures in plots.FIGURES.values() for name in figures)
+    return {
+        **{names.plot(name, tracker): names.NUMBER for name in figures},
+        **_types((row for row in table(0) if not row.usual), tracker),
+    }
+
+
+def _types(rows: Iterable[Output], tracker: str) -> dict[str, str]:
+    return {row.topic.replace("~", tracker, 1): row.type_name for row in rows}
+
+
+def _poses_of(class_id: int) -> Callable[[Estimates, View], list[bytes]]:
+    return lambda found, view: [poses.to_cdr(found, class_id, view.frame)]
+
+
+def _no_markers(view: View) -> MarkerArray:
+    clear = Marker(header=stamps.header(0, view.frame), action=Marker.DELETEALL)
+    return MarkerArray(markers=[clear])
+
+
+def _clutter_map(done: StepResult, view: View) -> list[Any]:
+    raster = done.engine.clutter_raster()
+    return [] if raster is None else [clutter_maps.to_msg(raster, done.stamp_ns, view.frame)]
+
+
+def _number_of(quantity: str) -> Callable[[StepResult, View], list[Any]]:
+    return lambda done, _: [plots.step_to_msg(done.step, done.step_ms, quantity)]
+
+
+def _paths(found: Estimates, view: View) -> list[Any]:
+    return [tracks.to_path(trail, view.frame) for trail in view.trails.of(found).values()]
+
+
+def _odometry(found: Estimates, view: View) -> list[Any]:
+    return tracks.to_odometry(found, view.frame)
+
+
+def _fixes(found: Estimates, view: View) -> list[Any]:
+    return [] if view.plane is None else navsat.to_msgs(found, view.plane)
+
+
+def _geojson(found: Estimates, view: View) -> list[Any]:
+    if view.plane is None:
+        return []
+    ways = {track: tracks.way(trail) for track, trail in view.trails.of(found).items()}
+    document = geo_json.of_scan(found, view.plane, view.class_names, ways)
+    return [interfaces.message_class(names.GEOJSON)(geojson=geo_json.text(document))]
+
+
+def _tracks(found: Estimates, view: View) -> list[Any]:
+    return [radar_tracks.to_msg(found, view.frame, view.run)]
+
+
+def _vision(found: Estimates, view: View) -> list[Any]:
+    return [vision.to_msg(found, view.frame, view.class_names)]
+
+
+# The words of the outputs that a user enables, and those of them that need a place on the earth.
+SWITCHES = tuple(dict.fromkeys(row.switch for row in table(0) if row.switch))
+ON_THE_EARTH = tuple(row.switch for row in table(0) if row.on_earth)

@@ -1,0 +1,1 @@
+"""`Estimates` and `Truth` as messages, each for another kind of consumer or viewer."""

@@ -1,0 +1,182 @@
+"""Estimates to and from point clouds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from sensor_msgs.msg import PointCloud2
+
+from phd_jdtc_ros.core.arrays import IntArray
+from phd_jdtc_ros.core.state_space import OMEGA, PLANAR, VX, VY, X, Y
+from phd_jdtc_ros.core.types import (
+    COASTING,
+    CONFIRMED,
+    SENSORS,
+    UNKNOWN,
+    Attributes,
+    Estimates,
+)
+
+from ..encoding import identities, point_cloud, stamps
+from ..encoding.errors import RejectedMessageError
+from . import vertical
+
+_UPPER = tuple(zip(*np.triu_indices(len(PLANAR)), strict=True))
+_COVARIANCE = [f"cov_{row}{column}" for row, column in _UPPER]
+# Indices of each covariance of height and climb rate, by field.
+_VERTICAL = {"cov_zz": (0, 0), "cov_zvz": (0, 1), "cov_vzvz": (1, 1)}
+_IDENTITIES = {"code": identities.CODES, "address": identities.ADDRESSES}
+_AGES = tuple(f"age_{sensor}" for sensor in SENSORS)
+_STATE = (("x", X), ("y", Y), ("vx", VX), ("vy", VY), ("omega", OMEGA))
+
+
+def to_msg(estimates: Estimates, frame: str) -> PointCloud2:
+    """Encode one set of estimates, empty or not.
+
+    The fields are ``x y z vx vy vz omega weight`` (FLOAT32), ``track_id class_id lag`` (UINT32),
+    ``p_class_0 ...``, the 15 terms ``cov_00 cov_01 ... cov_44`` of the covariance's upper triangle
+    in the order x, vx, y, vy, omega (FLOAT32), and ``state`` (UINT32): 0 tentative, 1 confirmed, 2
+    coasting.
+
+    Estimates with attributes also have FLOAT32 ``cov_zz cov_zvz cov_vzvz`` and UINT32 ``code
+    address``. Unknown heights are 0 with NaN covariances; unknown identities are 4294967295. If a
+    radar reports the kind of sensor, FLOAT32 ``age_psr age_ssr age_mds`` follow: the time since
+    each kind of sensor last detected the target, seconds; NaN for never.
+    """
+    return point_cloud.encode(estimates.stamp_ns, frame, _columns_of(estimates))
+
+
+def to_cdr(estimates: Estimates, frame: str) -> bytes:
+    """Return the serialised cloud of `to_msg`."""
+    return point_cloud.to_cdr(estimates.stamp_ns, frame, _columns_of(estimates))
+
+
+def _columns_of(estimates: Estimates) -> dict[str, npt.NDArray[Any]]:
+    """Return the columns of a cloud by field name, in order."""
+    state, known = estimates.state, estimates.attributes
+    height = vertical.known_or_zero(estimates.known_attributes.height)
+    columns = {
+        "x": state[:, X],
+        "y": state[:, Y],
+        "z": height[:, 0],
+        "vx": state[:, VX],
+        "vy": state[:, VY],
+        "vz": height[:, 1],
+        "omega": state[:, OMEGA],
+        "weight": estimates.weight,
+        "track_id": estimates.track_id,
+        "class_id": estimates.class_id,
+        "lag": np.full(len(estimates), estimates.lag),
+    }
+    for index in range(estimates.class_probability.shape[1]):
+        columns[f"p_class_{index}"] = estimates.class_probability[:, index]
+    for name, (row, column) in zip(_COVARIANCE, _UPPER, strict=True):
+        columns[name] = estimates.covariance[:, row, column]
+    # Later fields follow the older ones, so that readers with fixed offsets keep working.
+    columns["state"] = estimates.track_state
+    if known is not None:
+        for name, (one, other) in _VERTICAL.items():
+            columns[name] = known.height_covariance[:, one, other]
+        columns["code"] = identities.encode(known.code, len(estimates))
+        columns["address"] = identities.encode(known.address, len(estimates))
+        if known.seen_ns is not None:
+            columns |= dict(zip(_AGES, known.ages_s(estimates.stamp_ns).T, strict=True))
+    return columns
+
+
+def class_count(cloud: PointCloud2) -> int:
+    """Return the number of classes in a cloud of estimates."""
+    return sum(name.startswith("p_class_") for name in point_cloud.field_names(cloud))
+
+
+def from_msg(cloud: PointCloud2) -> Estimates:
+    """Decode the estimates of a cloud; the lag of an empty cloud is 0.
+
+    All tracks are confirmed if the cloud has no field ``state``.
+
+    Raise `RejectedMessageError`; see `point_cloud.decode` and `stamps.of_header`.
+    """
+    classes = [f"p_class_{index}" for index in range(class_count(cloud))]
+    if not classes:
+        raise RejectedMessageError("schema", "field 'p_class_0' is missing")
+    floats = [name for name, _ in _STATE] + ["weight", *classes, *_COVARIANCE]
+    whole = ["track_id", "class_id", "lag"]
+    # Clouds recorded before the field existed have confirmed tracks only.
+    if "state" in point_cloud.field_names(cloud):
+        whole.append("state")
+    attributed = "code" in point_cloud.field_names(cloud)
+    if attributed:
+        floats += ["z", "vz", *_VERTICAL]
+        whole += _IDENTITIES
+        if _AGES[0] in point_cloud.field_names(cloud):
+            floats += _AGES
+    columns = point_cloud.decode(
+        cloud,
+        dict.fromkeys(floats, point_cloud.FLOATS) | dict.fromkeys(whole, point_cloud.UNSIGNED),
+    )
+    stamp_ns = stamps.of_header(cloud.header)
+    known = _attributes(columns, stamp_ns) if attributed else None
+    point_cloud.require_finite(
+        {n: column for n, column in columns.items() if n not in ("z", "vz", *_VERTICAL, *_AGES)}
+    )
+    size = len(columns["x"])
+    track_state = columns.get("state", np.full(size, CONFIRMED)).astype(np.int64)
+    if (track_state > COASTING).any():
+        raise RejectedMessageError(
+            "schema", f"state is {track_state.max()}, must be at most {COASTING}"
+        )
+    if (columns["class_id"] >= len(classes)).any():
+        raise RejectedMessageError(
+            "schema", f"class_id is {columns['class_id'].max()}, must be below {len(classes)}"
+        )
+    state = np.zeros((size, len(PLANAR)))
+    for name, index in _STATE:
+        state[:, index] = columns[name]
+    covariance = np.zeros((size, len(PLANAR), len(PLANAR)))
+    for name, (row, column) in zip(_COVARIANCE, _UPPER, strict=True):
+        covariance[:, row, column] = covariance[:, column, row] = columns[name]
+    return Estimates(
+        stamp_ns=stamp_ns,
+        lag=int(columns["lag"][0]) if size else 0,
+        state=state,
+        covariance=covariance,
+        weight=columns["weight"].astype(np.float64),
+        class_probability=np.stack([columns[name] for name in classes], axis=1),
+        class_id=columns["class_id"].astype(np.int64),
+        track_id=columns["track_id"].astype(np.int64),
+        track_state=track_state,
+        attributes=known,
+    )
+
+
+def _attributes(columns: Mapping[str, npt.NDArray[Any]], stamp_ns: int) -> Attributes:
+    """Return the heights and identities of a cloud, unknown if their columns are missing."""
+    height = np.stack([columns["z"], columns["vz"]], axis=1).astype(np.float64)
+    covariance = np.zeros((len(height), 2, 2))
+    for name, (row, column) in _VERTICAL.items():
+        covariance[:, row, column] = covariance[:, column, row] = columns[name]
+    finite = point_cloud.finite
+    unknown = ~(finite(covariance).all(axis=(1, 2)) & finite(height).all(axis=1))
+    height[unknown], covariance[unknown] = np.nan, np.nan
+    code, address = (_identity(columns[name], part) for name, part in _IDENTITIES.items())
+    return Attributes(height, covariance, code, address, _detection_times(columns, stamp_ns))
+
+
+def _detection_times(columns: Mapping[str, npt.NDArray[Any]], stamp_ns: int) -> IntArray | None:
+    """Return the times of the last detection by each kind of sensor, None without ages."""
+    if _AGES[0] not in columns:
+        return None
+    ages = np.stack([columns[name] for name in _AGES], axis=1).astype(np.float64)
+    # A negative age means never, and an infinite one does not fit a stamp.
+    known = np.isfinite(ages) & (ages >= 0.0) & (ages * 1e9 <= stamp_ns)
+    seen_ns = stamp_ns - np.rint(np.where(known, ages, 0.0) * 1e9).astype(np.int64)
+    return np.where(known, seen_ns, UNKNOWN)
+
+
+def _identity(column: npt.NDArray[Any], numbers: tuple[int, tuple[int, ...]]) -> IntArray:
+    all_rows = np.ones(len(column), dtype=np.bool_)
+    found, _ = identities.read(column.astype(np.float64), all_rows, numbers)
+    return np.full(len(column), UNKNOWN) if found is None else found

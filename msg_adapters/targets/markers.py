@@ -1,0 +1,186 @@
+"""Estimates as markers, sized to be legible on a map.
+
+The ellipses and the velocities of a class are one LINE_LIST marker each, and each target has a
+label. The message is written as bytes, because the lists have thousands of points (see `cdr`).
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+from std_msgs.msg import ColorRGBA, Header
+from visualization_msgs.msg import Marker
+
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.types import Estimates
+
+from ..encoding import cdr, stamps
+from . import vertical
+from .palette import class_rgb
+
+LINES, LABEL, ADD = Marker.LINE_LIST, Marker.TEXT_VIEW_FACING, Marker.ADD
+ELLIPSE_SIGMA = 3.0
+# Sizes for a map that shows 30 km on a thousand pixels: lines are one to two pixels wide, letters
+# are 13 pixels high, and the arrow of 60 m/s is 60 pixels long, longer than its ellipse.
+VELOCITY_SECONDS = 30.0
+LABEL_HEIGHT = 400.0
+LINE_WIDTH = 40.0
+# Extent of an arrow's head behind its tip and to each side, metres.
+HEAD_LENGTH, HEAD_WIDTH = 4.0 * LINE_WIDTH, 2.0 * LINE_WIDTH
+# Labels are dark, because viewers put a light box behind dark letters and a dark box behind light
+# ones.
+LABEL_COLOUR = (0.11, 0.13, 0.15)
+# Sides of an ellipse's outline, which is within 1 % of the ellipse.
+ELLIPSE_SIDES = 24
+# The ends of the sides as a circle's cosines and sines, and the weight 1 of its centre.
+_ANGLE = 2.0 * np.pi / ELLIPSE_SIDES * (np.arange(1, 2 * ELLIPSE_SIDES + 1) // 2 % ELLIPSE_SIDES)
+_CIRCLE = np.stack([np.cos(_ANGLE), np.sin(_ANGLE), np.ones_like(_ANGLE)], axis=1)
+# The ends of an arrow's lines as sums of its position, its shaft, its head's length along the shaft
+# and the same across.
+_TIP, _ASIDE = (1, 1, 0, 0), HEAD_WIDTH / HEAD_LENGTH
+_ARROW = np.array([(1, 0, 0, 0), _TIP, _TIP, (1, 1, -1, _ASIDE), _TIP, (1, 1, -1, -_ASIDE)])
+# Bytes of the number of markers or points, of a stamp, and of an empty text; and of the empty
+# members after points and after a text.
+_COUNT, _STAMP, _TEXT, _AFTER_POINTS, _AFTER_TEXT = 4, 8, 8, 73, 21
+# A marker's number, type, action and position, whose doubles are aligned, at an even and at an odd
+# multiple of four bytes.
+_NUMBER_TO_POSITION = struct.Struct("<3i4x3d"), struct.Struct("<3i3d")
+
+
+def to_cdr(
+    estimates: Estimates, frame: str, class_names: tuple[str, ...], datum: float = 0.0
+) -> bytes:
+    """Return a serialised ``visualization_msgs/MarkerArray``.
+
+    It contains a DELETEALL marker, then the ellipses, the velocities and the labels of each class
+    that has estimates, in the namespaces ``NAME/ellipse``, ``NAME/velocity`` and ``NAME/label``
+    with the class's name. They are at the estimate's height, or in the map's plane if it is
+    unknown. `datum` is the height of the map's zero, metres, to which flight levels in labels
+    refer.
+    """
+    order = np.argsort(estimates.class_id, kind="stable")
+    estimates, numbers = estimates.take(order), order.tolist()
+    present, counts = np.unique(estimates.class_id, return_counts=True)
+    up = vertical.of(estimates).state
+    position = np.column_stack([estimates.position, up[:, 0]])
+    ellipses = _ellipses(position, estimates.position_covariance)
+    arrows = _arrows(position, np.column_stack([estimates.velocity, up[:, 1]]))
+    places = (position + np.array([0.0, 2.0 * LABEL_HEIGHT, 0.0])).tolist()
+    texts = _labels(estimates, class_names, datum)
+    stamp, end = struct.pack("<iI", *divmod(estimates.stamp_ns, stamps.NS_PER_S)), 0
+    writer = cdr.Writer()
+    writer.put("I", 1 + 2 * len(present) + len(estimates))
+    writer.data += stamp + _clearing(frame)
+    for index, count in zip(present.tolist(), counts.tolist(), strict=True):
+        begin, end = end, end + count
+        name, mine = class_names[index], slice(begin, end)
+        for kind, ends in (("ellipse", ellipses), ("velocity", arrows)):
+            names, after = _parts(frame, f"{name}/{kind}", LINES, class_rgb(index))
+            _begin(writer, stamp + names, LINES, 0, (0.0, 0.0, 0.0))
+            writer.data += after[: -_COUNT - _AFTER_POINTS]
+            writer.rows(ends[mine].reshape(-1, 3))
+            writer.data += after[-_AFTER_POINTS:]
+        names, after = _parts(frame, f"{name}/label", LABEL, LABEL_COLOUR)
+        names, after, last = stamp + names, after[: -_TEXT - _AFTER_TEXT], after[-_AFTER_TEXT:]
+        for number, place, text in zip(numbers[mine], places[mine], texts[mine], strict=True):
+            encoded, begun = text.encode(), len(writer.data)
+            size = len(encoded) + 1
+            # CDR aligns a marker to four bytes, and the doubles of its position to eight.
+            gap = -begun % 4
+            odd = (begun + gap + len(names)) // 4 % 2
+            label = _label(gap, len(names), odd, len(after), size + -size % 4, len(last))
+            writer.data += label.pack(names, number, LABEL, ADD, *place, after, size, encoded, last)
+    return writer.message()
+
+
+@cache
+def _label(gap: int, names: int, odd: int, after: int, text: int, last: int) -> struct.Struct:
+    """Return the layout of a label's marker, given the sizes of its parts; see `_begin`."""
+    pad = 0 if odd else 4
+    return struct.Struct(f"<{gap}x{names}s3i{pad}x3d{after}sI{text}s{last}s")
+
+
+def label_text(track_id: int, class_name: str, share: float, more: str = "") -> str:
+    """Return a target's label: track number, class, probability of the class, and `more`."""
+    words = f"{track_id} {class_name} {share:.0%}" if track_id else f"{class_name} {share:.0%}"
+    return f"{words} {more}" if more else words
+
+
+def _labels(estimates: Estimates, class_names: tuple[str, ...], datum: float) -> list[str]:
+    class_id, more = estimates.class_id.tolist(), vertical.words(estimates, datum)
+    share = estimates.class_probability[np.arange(len(estimates)), class_id].tolist()
+    return [
+        label_text(track, class_names[k], s, words)
+        for track, k, s, words in zip(
+            estimates.track_id.tolist(), class_id, share, more, strict=True
+        )
+    ]
+
+
+def _ellipses(position: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the ends of the ellipses' sides, shape (T, 2 * ELLIPSE_SIDES, 3)."""
+    # The square root of a matrix of two rows has a closed form; eigenvectors would take as long as
+    # the rest of the message. A negative determinant or variance from rounding counts as zero.
+    variance, across = covariance[:, (0, 1), (0, 1)], covariance[:, 0, 1]
+    both = np.sqrt(np.maximum(variance[:, 0] * variance[:, 1] - across**2, 0.0))
+    total = np.maximum(np.abs(variance.sum(axis=1) + 2.0 * both), np.finfo(float).tiny)
+    root = covariance + both[:, None, None] * np.eye(2)
+    frame = np.zeros((len(position), 3, 3))
+    frame[:, :2, :2] = ELLIPSE_SIGMA / np.sqrt(total)[:, None, None] * root
+    frame[:, 2] = position
+    ends: FloatArray = _CIRCLE @ frame
+    return ends
+
+
+def _arrows(position: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Return the ends of the arrows' shafts and head lines, shape (T, 6, 3)."""
+    shaft = VELOCITY_SECONDS * velocity
+    length = np.hypot(shaft[:, 0], shaft[:, 1])
+    # A head is never longer than its shaft.
+    share = np.minimum(HEAD_LENGTH, length) / np.maximum(length, np.finfo(float).tiny)
+    frame = np.zeros((len(position), 4, 3))
+    frame[:, 0], frame[:, 1] = position, shaft
+    frame[:, 2, :2] = share[:, None] * shaft[:, :2]
+    frame[:, 3, 0], frame[:, 3, 1] = -frame[:, 2, 1], frame[:, 2, 0]
+    ends: FloatArray = _ARROW @ frame
+    return ends
+
+
+@cache
+def _clearing(frame: str) -> bytes:
+    """Return the marker that comes first and clears the display, without its stamp."""
+    writer = cdr.Writer(bytearray(_COUNT))
+    cdr.put_message(writer, Marker(header=Header(frame_id=frame), action=Marker.DELETEALL))
+    return bytes(writer.data[_COUNT + _STAMP :])
+
+
+@cache
+def _parts(frame: str, ns: str, kind: int, rgb: tuple[float, float, float]) -> tuple[bytes, bytes]:
+    """Return a marker's bytes between its stamp and its number, and those after its position."""
+    marker = Marker(header=Header(frame_id=frame), ns=ns, type=kind)
+    marker.color = ColorRGBA(r=rgb[0], g=rgb[1], b=rgb[2], a=1.0)
+    if kind == LINES:
+        marker.scale.x = LINE_WIDTH
+    else:
+        marker.scale.z = LABEL_HEIGHT
+    begun, whole = cdr.Writer(), cdr.Writer()
+    cdr.put_message(whole, marker)
+    cdr.put_message(begun, marker.header)
+    begun.string(ns)
+    begun.align(4)
+    names = bytes(begun.data[_STAMP:])
+    _begin(begun, b"", kind, 0, (0.0, 0.0, 0.0))
+    return names, bytes(whole.data[len(begun.data) :])
+
+
+def _begin(
+    writer: cdr.Writer, names: bytes, kind: int, number: int, place: Sequence[float]
+) -> None:
+    """Append a marker until its position; `names` are the bytes until its number."""
+    writer.align(4)
+    writer.data += names
+    odd = len(writer.data) // 4 % 2
+    writer.data += _NUMBER_TO_POSITION[odd].pack(number, kind, ADD, *place)
