@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 from msg_adapters.encoding import names, stamps
 from msg_adapters.incoming import detections
 from msg_adapters.outgoing import diagnostics
-from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
+from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.core.types import Scan
 from robustness.radars import SETTLE_S, Peer
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from msg_adapters.encoding import names
 from msg_adapters.outgoing import outputs, plots
 from phd_jdtc_ros.asterix_bridge import settings as bridge
-from phd_jdtc_ros.configuration import replaced
+from phd_jdtc_ros.configuration.parameters import replaced
 from phd_jdtc_ros.configuration.schema import Parameter
 from phd_jdtc_ros.configuration.sensor_kinds import TABLES
 from phd_jdtc_ros.configuration.tables import GROUPS as PARTS

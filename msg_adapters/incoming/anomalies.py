@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from phd_jdtc_ros.calibration.innovations import Fit
-from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
-from phd_jdtc_ros.configuration.sensor_parameters import SensorParameters
+from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
+from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.intake.scans import Reset
 
 # A radar is worse than configured if it detects targets with less than this share of the configured

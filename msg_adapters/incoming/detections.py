@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
+from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.core.types import Detections
 
 from ..encoding import point_cloud, stamps

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
+from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.core.arrays import FloatArray, wrap_angle
 from phd_jdtc_ros.core.sensors.slant_range import (
     MAX_HEIGHT,

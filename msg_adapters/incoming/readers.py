@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
-from phd_jdtc_ros.configuration.sensor_parameters import SensorParameters
+from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
+from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.types import Detections
 
 from ..encoding import interfaces, names

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from phd_jdtc_ros.configuration.radar_parameters import TIME_UNITS
+from phd_jdtc_ros.configuration.parameters.radar import TIME_UNITS
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import FULL_TURN
 

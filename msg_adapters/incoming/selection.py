@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
+from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, wrap_angle
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS
 from phd_jdtc_ros.core.types import FULL_TURN, Detections

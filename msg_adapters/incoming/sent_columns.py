@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
+from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.intake.sectors import sector_of
 from phd_jdtc_ros.core.types import FULL_TURN, Detections

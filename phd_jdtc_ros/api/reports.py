@@ -13,7 +13,7 @@ import numpy as np
 from msg_adapters.incoming import selection, sent_columns
 from msg_adapters.incoming.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
-from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
+from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_geometry import MIN_RANGE
 from phd_jdtc_ros.core.sensors.sensor import Sensor

@@ -14,8 +14,8 @@ from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettin
 from phd_jdtc_ros.asterix.transport import udp
 from phd_jdtc_ros.asterix.writing.tracks import Source
 from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns
-from phd_jdtc_ros.configuration import forms, replaced
-from phd_jdtc_ros.configuration.place_forms import PLACE
+from phd_jdtc_ros.configuration.parameters import forms, replaced
+from phd_jdtc_ros.configuration.parameters.place_forms import PLACE
 from phd_jdtc_ros.configuration.schema import (
     ConfigError,
     Parameter,

@@ -3,8 +3,8 @@
 ::
 
     dotted names and values
-      |  type and bounds of each             schema (a parameter), forms (its notation)
-      |  dataclasses that declare them       parameters, sensor_parameters, radar_parameters
+      |  type and bounds of each             schema
+      |  dataclasses that declare them       parameters
       |  kinds of sensors, names in lists    sensor_kinds, tables
       |  consistency with each other         checks, radar_checks
       |  units, matrices, models             models, radar_models

@@ -18,14 +18,15 @@ from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.smc.resampling import ParticleBudget
 from phd_jdtc_ros.core.tracks.reporting_rule import ReportingRule, rule_of
 
-from . import checks, replaced
+from . import checks
 from .models import platform_of, tracker_model
-from .parameters import ENGINE_OF, LABELLED, Parts, Tracking
-from .radar_parameters import RadarParameters
+from .parameters import replaced
+from .parameters.radar import RadarParameters
+from .parameters.sensor import SensorParameters
+from .parameters.tracker import ENGINE_OF, LABELLED, Parts, Tracking
 from .schema import ConfigError, Parameter, build, check
 from .schema import name_faults as schema_faults
 from .sensor_kinds import KINDS
-from .sensor_parameters import SensorParameters
 from .tables import GROUPS, entries, parts_of, schema
 
 # Former parameters with their replacements: without a prefix, and of each sensor.

@@ -13,7 +13,7 @@ import numpy as np
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.targets import amplitude_density
 
-from .parameters import LABELLED, Parts
+from .parameters.tracker import LABELLED, Parts
 from .sensor_kinds import KINDS
 from .tables import GROUPS, TOP
 

@@ -21,9 +21,9 @@ from phd_jdtc_ros.core.targets.modes import ClassModel, ModeSpace
 from phd_jdtc_ros.core.targets.motion import MOTIONS, MotionModel
 from phd_jdtc_ros.core.targets.spawn import SpawnModel
 
-from .parameters import LABELLED, Birth, Motion, Parts, TargetClass
+from .parameters.sensor import SensorParameters
+from .parameters.tracker import LABELLED, Birth, Motion, Parts, TargetClass
 from .sensor_kinds import KINDS
-from .sensor_parameters import SensorParameters
 
 # A pose that implies a larger speed is a jump, m/s: no ship or vehicle is as fast.
 POSE_MAX_SPEED = 100.0

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from phd_jdtc_ros.core.sensors import wgs84
 from phd_jdtc_ros.core.sensors.site import MAX_SITE_DISTANCE
 
-from .parameters import LABELLED, REFERENCE, Parts
-from .place_forms import FIXED
-from .radar_parameters import QUANTITIES, RadarParameters
+from .parameters.place_forms import FIXED
+from .parameters.radar import QUANTITIES, RadarParameters
+from .parameters.tracker import LABELLED, REFERENCE, Parts
 
 # Smallest ambiguity interval of range rates, in standard deviations: within a smaller interval all
 # range rates are equally likely.

@@ -23,7 +23,7 @@ from phd_jdtc_ros.core.sensors.visibility import TURN_TOLERANCE, Visibility
 from phd_jdtc_ros.core.targets import amplitude_density
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage
 
-from .radar_parameters import RadarParameters
+from .parameters.radar import RadarParameters
 
 # Standard deviation of the level of log-normal clutter, dB: sea and land at low grazing angles.
 CLUTTER_STD_DB = 6.0

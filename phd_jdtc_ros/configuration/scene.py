@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from .forms import AUTO
+from .parameters.forms import AUTO
 from .tables import GROUPS, topic_or_frame
 
 # Scene parameters of the whole tracker, and the parameters that place a radar.

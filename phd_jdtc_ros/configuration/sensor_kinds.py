@@ -14,11 +14,11 @@ from phd_jdtc_ros.core.intake.input_checks import ReportCheck
 from phd_jdtc_ros.core.sensors.sensor import Sensor
 
 from . import radar_checks
-from .parameters import Parts
+from .parameters.radar import RadarParameters
+from .parameters.sensor import SensorParameters
+from .parameters.tracker import Parts
 from .radar_models import radar_model, report_check
-from .radar_parameters import RadarParameters
 from .schema import Parameter, table
-from .sensor_parameters import SensorParameters
 
 S = TypeVar("S", bound=SensorParameters)
 

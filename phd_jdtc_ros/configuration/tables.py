@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from .parameters import REFERENCE, Birth, Motion, Parts, TargetClass, Tracking
+from .parameters.sensor import SensorParameters
+from .parameters.tracker import REFERENCE, Birth, Motion, Parts, TargetClass, Tracking
 from .schema import Parameter, build, expand, table
 from .sensor_kinds import ALL, KINDS, parameters_of
-from .sensor_parameters import SensorParameters
 
 TOP = table(Tracking)
 # The parameters of each name in a list; a sensor has those of its kind.

@@ -11,7 +11,7 @@ from msg_adapters.incoming import anomalies
 from msg_adapters.incoming.selection import Report
 from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.configuration.build import TrackerConfig
-from phd_jdtc_ros.configuration.sensor_parameters import SensorParameters
+from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.intake.scans import Reset
 from phd_jdtc_ros.core.pipeline import Event, RunEnded

@@ -8,8 +8,8 @@ from itertools import combinations
 from typing import Any
 
 from msg_adapters.encoding import names
-from phd_jdtc_ros.configuration import replaced
-from phd_jdtc_ros.configuration.place_forms import is_region
+from phd_jdtc_ros.configuration.parameters import replaced
+from phd_jdtc_ros.configuration.parameters.place_forms import is_region
 from phd_jdtc_ros.configuration.schema import (
     NOT_NEGATIVE,
     ConfigError,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from msg_adapters.encoding import names
-from phd_jdtc_ros.configuration.parameters import MOST_CLASSES
+from phd_jdtc_ros.configuration.parameters.tracker import MOST_CLASSES
 from phd_jdtc_ros.configuration.schema import POSITIVE, parameter, table
 
 

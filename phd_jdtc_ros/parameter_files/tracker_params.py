@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from phd_jdtc_ros.configuration import tracker_node
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.configuration.parameters import tracker_node
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import sections
 

@@ -18,8 +18,8 @@ from msg_adapters.targets import estimates, truth
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
-from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
-from phd_jdtc_ros.configuration.sensor_parameters import SensorParameters
+from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
+from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.intake.posed_reports import PosedReport, PosedReports
 from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED

@@ -12,7 +12,7 @@ import numpy as np
 
 from msg_adapters.incoming import anomalies
 from phd_jdtc_ros.bags.errors import BagError
-from phd_jdtc_ros.configuration.sensor_parameters import SensorParameters
+from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
 from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.core.sensors.site import Plane

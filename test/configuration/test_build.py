@@ -2,9 +2,10 @@ import time
 
 import pytest
 
-from phd_jdtc_ros.configuration import build, replaced
+from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.configuration.parameters import MOST_CLASSES
+from phd_jdtc_ros.configuration.parameters import replaced
+from phd_jdtc_ros.configuration.parameters.tracker import MOST_CLASSES
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.tables import GROUPS, schema
 

@@ -2,7 +2,7 @@ import pytest
 from scenes import short_scenario, small
 
 from phd_jdtc_ros.configuration.engines import ENGINES, new_engine
-from phd_jdtc_ros.configuration.parameters import ENGINE_OF
+from phd_jdtc_ros.configuration.parameters.tracker import ENGINE_OF
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.tables import TOP
 from phd_jdtc_ros.simulation.simulate import simulate

@@ -3,7 +3,8 @@
 import pytest
 
 from phd_jdtc_ros.asterix_bridge import settings as bridge
-from phd_jdtc_ros.configuration import build, models, radar_models, replaced
+from phd_jdtc_ros.configuration import build, models, radar_models
+from phd_jdtc_ros.configuration.parameters import replaced
 from phd_jdtc_ros.configuration.schema import ConfigError, check
 from phd_jdtc_ros.core.attributes.height import HeightModel
 from phd_jdtc_ros.handover import settings as hand_over

@@ -4,9 +4,9 @@ import pytest
 from position_sensor import PositionSensor
 
 from phd_jdtc_ros.configuration import build, sensor_kinds, tables
+from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.configuration.schema import POSITIVE, ConfigError, parameter
 from phd_jdtc_ros.configuration.sensor_kinds import KINDS, SensorKind
-from phd_jdtc_ros.configuration.sensor_parameters import SensorParameters
 from phd_jdtc_ros.nodes.tracker import settings
 
 

@@ -11,7 +11,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
 from msg_adapters.encoding import stamps
-from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
+from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.core.types import UNKNOWN, Attributes, Detections, Estimates, Truth
 
 STAMP_NS = 1_700_000_000_123_456_789

@@ -3,8 +3,8 @@ import pytest
 from refusals import faults_of
 
 from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.configuration.parameters.tracker_node import NAMES
 from phd_jdtc_ros.configuration.tables import schema
-from phd_jdtc_ros.configuration.tracker_node import NAMES
 from phd_jdtc_ros.nodes.tracker.settings import TABLE, change, edit, resolve
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate

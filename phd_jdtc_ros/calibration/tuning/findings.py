@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.radar_parameters import MOST_SECTORS
+from phd_jdtc_ros.configuration.parameters.radar import MOST_SECTORS
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 
 from .levels import Levels, levels, log_ratio

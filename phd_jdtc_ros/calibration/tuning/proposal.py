@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.forms import OUTLIERS, probability_numbers
-from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
+from phd_jdtc_ros.configuration.parameters.forms import OUTLIERS, probability_numbers
+from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.schema import Value
 
 from .findings import MOST_BESIDE, MOST_CROWDED, MOST_LAND, Findings

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.radar_parameters import MOST_SECTORS
+from phd_jdtc_ros.configuration.parameters.radar import MOST_SECTORS
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.intake.antenna import MIN_PERIOD_S, Antenna, AntennaTrack
 from phd_jdtc_ros.core.intake.sectors import smallest_arc

@@ -25,8 +25,8 @@ from msg_adapters.incoming import platform_poses
 from msg_adapters.outgoing import diagnostics, outputs, plots
 from msg_adapters.targets import estimates, truth
 from phd_jdtc_ros import output_files
-from phd_jdtc_ros.configuration import replaced
-from phd_jdtc_ros.configuration.parameters import ENGINE_OF
+from phd_jdtc_ros.configuration.parameters import replaced
+from phd_jdtc_ros.configuration.parameters.tracker import ENGINE_OF
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import SOURCES, Estimates, Truth
 from phd_jdtc_ros.evaluation.comparison import PointSet

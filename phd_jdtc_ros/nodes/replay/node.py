@@ -21,7 +21,7 @@ from std_srvs.srv import Trigger
 from msg_adapters.encoding import names, stamps
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.configuration import replaced
+from phd_jdtc_ros.configuration.parameters import replaced
 from phd_jdtc_ros.exit_status import FAILED, OK, fail
 from phd_jdtc_ros.parameter_files import sensor_replay
 from phd_jdtc_ros.parameter_files.sections import ParameterFile

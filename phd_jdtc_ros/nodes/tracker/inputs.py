@@ -17,8 +17,8 @@ from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.incoming import anomalies, platform_poses
 from msg_adapters.incoming.readers import Reader, reader_of
 from msg_adapters.incoming.selection import Report
+from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.configuration.sensor_parameters import SensorParameters
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.pipeline import POSE_MISSING
 

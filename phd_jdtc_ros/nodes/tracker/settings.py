@@ -13,9 +13,9 @@ from typing import Any
 from msg_adapters.outgoing import outputs
 from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.parameters.tracker_node import NAMES, Node
 from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check, table
 from phd_jdtc_ros.configuration.tables import schema
-from phd_jdtc_ros.configuration.tracker_node import NAMES, Node
 from phd_jdtc_ros.earth import SystemPlane
 
 # The words of `outputs`: the switches of the table, the radars' frames, and a monitor of their

@@ -20,7 +20,7 @@ from phd_jdtc_ros.asterix.plot_stream import RadarState
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
-from phd_jdtc_ros.configuration.forms import learned_from, probability_numbers
+from phd_jdtc_ros.configuration.parameters.forms import learned_from, probability_numbers
 from phd_jdtc_ros.core.sensors.site import MAX_SITE_DISTANCE
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import from_arguments, proposed_file, tracker_params

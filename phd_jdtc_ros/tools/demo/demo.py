@@ -28,7 +28,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration import scene
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.engines import ENGINES
-from phd_jdtc_ros.configuration.parameters import LABELLED
+from phd_jdtc_ros.configuration.parameters.tracker import LABELLED
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser

@@ -14,9 +14,9 @@ from msg_adapters.encoding import names
 from phd_jdtc_ros import interruption, resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.configuration import tracker_node
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.configuration.parameters import tracker_node
 from phd_jdtc_ros.parameter_files import bag_parameters
 
 START_S, STOP_S = 60.0, 10.0

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from phd_jdtc_ros import resources
-from phd_jdtc_ros.configuration import tracker_node
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.configuration.parameters import tracker_node
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import OK, USAGE
 from phd_jdtc_ros.parameter_files import bag_parameters, sections, sensor_replay, tracker_params

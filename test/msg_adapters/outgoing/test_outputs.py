@@ -7,7 +7,7 @@ from samples import estimates
 from msg_adapters.encoding import interfaces
 from msg_adapters.outgoing import outputs
 from msg_adapters.outgoing.trails import Trails
-from phd_jdtc_ros.configuration import tracker_node
+from phd_jdtc_ros.configuration.parameters import tracker_node
 from phd_jdtc_ros.earth import SystemPlane
 
 # The switch of what is no row of the table: the radars' frames.

@@ -15,7 +15,7 @@ from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.asterix.messages import DAY, NONE, PRIMARY, SECONDARY, Plot
 from phd_jdtc_ros.asterix.writing import plots as plots_out
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.configuration import forms
+from phd_jdtc_ros.configuration.parameters import forms
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 from phd_jdtc_ros.tools.asterix import parameters

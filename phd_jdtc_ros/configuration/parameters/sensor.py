@@ -10,8 +10,8 @@ from typing import ClassVar, TypeVar
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 from phd_jdtc_ros.core.sensors.site import Plane
 
+from ..schema import parameter
 from . import place_forms
-from .schema import parameter
 
 S = TypeVar("S", bound="SensorParameters")
 

@@ -15,9 +15,9 @@ from phd_jdtc_ros.core.engine import Lag
 from phd_jdtc_ros.core.targets.motion import MOTIONS
 from phd_jdtc_ros.core.tracks.region import Region
 
+from ..schema import INFINITY, POSITIVE, SMALL, parameter
 from . import forms, place_forms
-from .schema import INFINITY, POSITIVE, SMALL, parameter
-from .sensor_parameters import SensorParameters
+from .sensor import SensorParameters
 
 # Largest numbers of names: every class needs a matrix logarithm and every name has parameters, so
 # that more names would delay the start by seconds.

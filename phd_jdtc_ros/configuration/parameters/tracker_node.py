@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .schema import parameter, table
+from ..schema import parameter, table
 
 
 @dataclass(frozen=True)

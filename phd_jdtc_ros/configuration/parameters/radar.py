@@ -12,9 +12,9 @@ from phd_jdtc_ros.core.clutter.rate import START_RATE
 from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.sensors.site import Plane, Site
 
-from . import forms, place_forms, sensor_parameters
-from .schema import NOT_NEGATIVE, POSITIVE, SMALL, parameter
-from .sensor_parameters import SensorParameters
+from ..schema import NOT_NEGATIVE, POSITIVE, SMALL, parameter
+from . import forms, place_forms, sensor
+from .sensor import SensorParameters
 
 # Largest number of clouds in a turn.
 MOST_SECTORS = 256
@@ -22,7 +22,7 @@ TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
 @dataclass(frozen=True)
-class Fields(sensor_parameters.Fields):
+class Fields(sensor.Fields):
     """Names of a radar's fields."""
 
     range: str = "range"  # Metres; slant ranges if there are elevations or heights

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.tracks.region import Region
 
-from .schema import Form, numbers
+from ..schema import Form, numbers
 
 # The value of a radar's parameter `pose` if the radar does not move.
 FIXED = "fixed"

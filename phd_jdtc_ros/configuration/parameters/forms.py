@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from phd_jdtc_ros.core.clutter.rate import START_RATE
 from phd_jdtc_ros.core.engine import Lag
 
-from .schema import Form, number, numbers
+from ..schema import Form, number, numbers
 
 # A target with a detection probability of 1 would be deleted at its first missed detection.
 MOST_PROBABILITY = 0.999
