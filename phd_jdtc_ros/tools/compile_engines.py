@@ -19,7 +19,8 @@ from . import command
 
 CORE = "phd_jdtc_ros.core"
 # The compiled functions of `tune`.
-TUNING = tuple(f"phd_jdtc_ros.calibration.tuning.{name}" for name in ("linking", "likelihood"))
+TRACKING = "phd_jdtc_ros.calibration.tuning.tracking"
+TUNING = (f"{TRACKING}.linking", f"{TRACKING}.likelihood")
 # The association of targets and detections and `TUNING` are half of the work, and no part of the
 # others, which are nearly all the rest.
 HALF = f"{CORE}.gaussian.measurement.pairs", *TUNING

@@ -14,7 +14,7 @@ from ..tuning import kinematics
 from ..tuning.plots import Plots
 from ..tuning.rotation import Timing
 from ..tuning.start import guess_of
-from ..tuning.tracks import Tracks, link_plots
+from ..tuning.tracking.tracks import Tracks, link_plots
 
 # Candidate speeds of targets, metres per second, and number of scans on which they are tried.
 SPEEDS, LOOKS = (5.0, 40.0, 200.0), 12.0

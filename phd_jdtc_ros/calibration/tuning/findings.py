@@ -10,7 +10,6 @@ from phd_jdtc_ros.configuration.parameters.radar import MOST_SECTORS
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 
 from .levels import Levels, levels, log_ratio
-from .noise import Noise, find_outliers, fit_noise
 from .plots import Plots
 from .rates import (
     Field,
@@ -26,7 +25,8 @@ from .rates import (
 )
 from .rotation import Timing, timing_of
 from .start import first_guess
-from .tracks import LinkModel, Tracks, link_plots
+from .tracking.noise import Noise, find_outliers, fit_noise
+from .tracking.tracks import LinkModel, Tracks, link_plots
 
 # Largest number of rounds, and the logarithmic change of the guess below which they end.
 ROUNDS, CONVERGED = 8, 0.02

@@ -10,7 +10,7 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.clutter.amplitude_law import level_db
 
 from .plots import Plots
-from .tracks import Tracks
+from .tracking.tracks import Tracks
 
 # Histogram of levels: lower end of the first cell and width of a cell, dB, and pseudo-count of
 # each cell.

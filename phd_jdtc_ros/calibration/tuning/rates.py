@@ -13,7 +13,7 @@ from phd_jdtc_ros.core.types import FULL_TURN
 
 from .plots import Plots
 from .rotation import Timing
-from .tracks import MOST_MISSES, Tracks
+from .tracking.tracks import MOST_MISSES, Tracks
 
 # A field of view is proposed only if a gap in azimuth without plots is wider than this, radians.
 LEAST_GAP = np.radians(20.0)

@@ -12,9 +12,9 @@ import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray, contiguous
 
-from . import kinematics
-from .plots import Plots
-from .rotation import Timing
+from .. import kinematics
+from ..plots import Plots
+from ..rotation import Timing
 
 # Share of a turn whose plots are assigned together.
 BATCH = 1.0 / 12.0

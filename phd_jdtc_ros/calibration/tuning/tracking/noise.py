@@ -25,8 +25,8 @@ from scipy.optimize import minimize
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray, contiguous
 from phd_jdtc_ros.core.sensors.outliers import Outliers
 
-from . import kinematics
-from .plots import Plots
+from .. import kinematics
+from ..plots import Plots
 from .tracks import GATE, NoiseModel, Tracks
 
 # Prior probability that a track's plot is clutter, uniform in the gate; amplitudes refine it.
