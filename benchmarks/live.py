@@ -20,7 +20,7 @@ from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Scan
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
-from robustness.rig import Node
+from robustness.harness.rig import Node
 
 from . import messages
 from .recursion import PARTS

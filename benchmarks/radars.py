@@ -16,7 +16,7 @@ from msg_adapters.incoming import detections
 from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.core.types import Scan
-from robustness.radars import SETTLE_S, Peer
+from robustness.harness.radars import SETTLE_S, Peer
 
 
 @dataclass

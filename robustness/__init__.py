@@ -2,19 +2,11 @@
 
 Not part of the installed package. The data's path::
 
-    rig         a ROS domain with the nodes under test as processes
-    radars      a peer in this domain that publishes scans and receives the tracker's output
+    harness         nodes under test as processes in a ROS domain, a peer that publishes scans to
+      |             them and receives the tracker's output, and figures with their goals
+    reports, hostile_input, operation        faults, on live nodes or in the engines alone
       |
-    scans, bad_scans, stamps_and_time, overload, restarts    faults, on live nodes
-    warm_restart, publishers
-    bags, recordings, network                                files, disks, rogue peers
-    crowd, forgeries, bombs, numerics                        input that is made to harm
-    absurd, hostile, flood
-    soak, decoders, raw_bytes                                a day of scans; random input
-      |
-    engines     which engine the trackers have
-      |
-    figures, command (table of faults) -> out/<command>/summary.json
+    command         table of faults -> out/<command>/summary.json
 
 All traffic stays on this machine: on loopback, or in network namespaces that are created and
 removed here. Every loop is bounded in count and time.

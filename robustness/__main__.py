@@ -3,7 +3,7 @@
 import os
 import sys
 
-from .isolation import ISOLATED
+from .harness.isolation import ISOLATED
 
 # Before rclpy is imported: the shipped profile keeps the traffic of this process and its children
 # on this machine, and they leave no shared memory behind when killed. With the discovery range

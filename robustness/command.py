@@ -15,8 +15,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from . import asterix_bytes, decoders, engines, raw_bytes, soak
-from .figures import Figure, all_reached
+from .harness import engines
+from .harness.figures import Figure, all_reached
+from .hostile_input import asterix_bytes, decoders, raw_bytes
+from .operation import soak
 
 Measure = Callable[[], Figure]
 REACHED = {True: "yes", False: "no", None: "-"}
@@ -40,16 +42,20 @@ ELSEWHERE = (
 )
 
 # The modules of the fault matrix, the quick and informative ones first.
-PARTS = (
-    *("bad_scans", "turning", "late_sectors", "moving", "bags", "overload", "clutter", "crowd"),
-    *("numerics", "absurd", "hostile", "flood", "bombs", "publishers", "restarts", "warm_restart"),
-    *("forgeries", "stamps_and_time", "network", "recordings"),
+MODULES = (
+    *("reports.bad_scans", "reports.turning", "reports.late_sectors", "reports.moving"),
+    *("hostile_input.bags", "operation.overload", "reports.clutter", "reports.crowd"),
+    *("reports.numerics", "reports.absurd", "hostile_input.hostile", "hostile_input.flood"),
+    *("hostile_input.bombs", "operation.publishers", "operation.restarts"),
+    *("operation.warm_restart", "hostile_input.forgeries", "reports.stamps_and_time"),
+    *("operation.network", "operation.recordings"),
 )
+PARTS = {module.rpartition(".")[2]: module for module in MODULES}
 
 
 def figures_of(part: str) -> list[Measure]:
     """Return the measurements of a module, in its order."""
-    module = importlib.import_module(f".{part}", __package__)
+    module = importlib.import_module(f".{PARTS[part]}", __package__)
     made = [found for found in vars(module).values() if hasattr(found, "of_engines")]
     return [found for found in made if found.__module__ == module.__name__]
 

@@ -1,6 +1,6 @@
 import os
 
-from robustness.isolation import ISOLATED
+from robustness.harness.isolation import ISOLATED
 
 # Before anything imports rclpy: tests talk on this machine only, apart from other ROS processes, by
 # the shipped profile. With a discovery range besides, a restarted node is found only after seconds.
@@ -10,7 +10,7 @@ os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SUBNET"
 # another, and busily. The processes that tests start inherit it.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
-from robustness.domains import Domain
+from robustness.harness.domains import Domain
 
 # Never released: it is this process's until that ends.
 os.environ["ROS_DOMAIN_ID"] = str(Domain().number)

@@ -5,7 +5,7 @@ from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
 from phd_jdtc_ros.bags.reader import BagReader
-from robustness.bags import outcome
+from robustness.hostile_input.bags import outcome
 
 TRIALS = 150
 

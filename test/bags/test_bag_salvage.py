@@ -6,7 +6,7 @@ from small_bags import chunked, made, write
 
 from phd_jdtc_ros.bags import chunks, salvage
 from phd_jdtc_ros.bags.reader import BagReader
-from robustness.bags import outcome
+from robustness.hostile_input.bags import outcome
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from msg_adapters.encoding import interfaces, names
 from phd_jdtc_ros.bags import reader as bag_module
 from phd_jdtc_ros.bags import salvage
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
-from robustness.bags import outcome
+from robustness.hostile_input.bags import outcome
 
 HEAD = 31  # of a message: opcode, length, channel, sequence, two times
 LENGTH = slice(1, 9)

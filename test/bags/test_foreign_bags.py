@@ -18,7 +18,7 @@ from msg_adapters.encoding import interfaces, names
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.nodes.replay import playable
-from robustness.bags import outcome
+from robustness.hostile_input.bags import outcome
 
 
 def refused(path):

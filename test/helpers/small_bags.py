@@ -10,7 +10,7 @@ from msg_adapters.incoming import detections as detections_adapter
 from msg_adapters.targets import truth as truth_adapter
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import Topic
-from robustness.small_chunks import rewritten
+from robustness.hostile_input.small_chunks import rewritten
 
 RADAR = names.detections("radar_1")
 POSES = names.poses("filtered", 0)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from ament_index_python.packages import get_package_share_directory
 
-from robustness.isolation import ISOLATED
+from robustness.harness.isolation import ISOLATED
 
 launch = pytest.importorskip("launch", reason="launch is not installed")
 actions = pytest.importorskip("launch.actions", reason="launch is not installed")

@@ -12,7 +12,7 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
-import robustness.radars
+from robustness.harness.radars import Peer as PeerOfRadars
 
 DEADLINE_S = 60.0
 
@@ -60,7 +60,7 @@ class Processes:
                 process.kill()
 
 
-class Peer(robustness.radars.Peer):
+class Peer(PeerOfRadars):
     """A node of the test's own, beside those under test."""
 
     def __init__(self):

@@ -9,7 +9,7 @@ from refusals import faults_of
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.parameter_files import sections, yaml_files
-from robustness.bombs import YAML as BOMBS
+from robustness.hostile_input.bombs import YAML as BOMBS
 
 ROOT = Path(__file__).parents[2]
 NODES = ("tracker", "evaluator", "sensor_replay")

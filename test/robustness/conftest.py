@@ -3,7 +3,7 @@ import sys
 import pytest
 from forked import Forked
 
-from robustness import rig
+from robustness.harness import rig
 
 MODULE = [sys.executable, "-m", "phd_jdtc_ros"]
 

@@ -4,10 +4,13 @@ import sys
 
 import pytest
 
-from robustness import domains
-from robustness.domains import Domain
+from robustness.harness import domains
+from robustness.harness.domains import Domain
 
-CLAIM = "from robustness.domains import Domain; d = Domain(); print(d.number, flush=True); input()"
+CLAIM = (
+    "from robustness.harness.domains import Domain; "
+    "d = Domain(); print(d.number, flush=True); input()"
+)
 
 
 def test_domain_is_one_processs_alone(monkeypatch):

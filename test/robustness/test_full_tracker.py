@@ -2,7 +2,9 @@
 
 import pytest
 
-from robustness import clutter, engines, soak, stamps_and_time, warm_restart
+from robustness.harness import engines
+from robustness.operation import soak, warm_restart
+from robustness.reports import clutter, stamps_and_time
 
 pytestmark = pytest.mark.live
 

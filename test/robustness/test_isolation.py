@@ -5,8 +5,8 @@ from xml.etree import ElementTree
 import pytest
 
 from phd_jdtc_ros.resources import PROFILE_VARIABLES, isolation
-from robustness import network
-from robustness.isolation import ISOLATED, PROFILE
+from robustness.harness.isolation import ISOLATED, PROFILE
+from robustness.operation import network
 
 SPACE = "{http://www.eprosima.com}"
 

@@ -2,17 +2,10 @@
 
 import pytest
 
-from robustness import (
-    bad_scans,
-    engines,
-    late_sectors,
-    moving,
-    publishers,
-    raw_bytes,
-    recordings,
-    stamps_and_time,
-    turning,
-)
+from robustness.harness import engines
+from robustness.hostile_input import raw_bytes
+from robustness.operation import publishers, recordings
+from robustness.reports import bad_scans, late_sectors, moving, stamps_and_time, turning
 
 pytestmark = pytest.mark.live
 

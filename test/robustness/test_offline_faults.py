@@ -11,21 +11,10 @@ import pytest
 from estimate_sets import estimates
 
 from msg_adapters.encoding import interfaces, names, stamps
-from robustness import (
-    absurd,
-    asterix_bytes,
-    bags,
-    command,
-    crowd,
-    decoders,
-    engines,
-    figures,
-    forgeries,
-    hostile,
-    numerics,
-    raw_bytes,
-    scans,
-)
+from robustness import command
+from robustness.harness import engines, figures, scans
+from robustness.hostile_input import asterix_bytes, bags, decoders, forgeries, hostile, raw_bytes
+from robustness.reports import absurd, crowd, numerics
 
 # Fewer particles than a user has: what is tested is their numbers' range.
 FEW = {"particles_per_target": 200, "particles_per_birth": 256}

@@ -2,8 +2,8 @@ import sys
 
 import pytest
 
-from robustness import rig
-from robustness.rig import START_S, Node, start_limit_s
+from robustness.harness import rig
+from robustness.harness.rig import START_S, Node, start_limit_s
 
 
 @pytest.mark.parametrize(("load", "times"), [(0.0, 1.0), (2.0, 1.0), (14.0, 7.0)])

@@ -12,8 +12,8 @@ import stand_ins
 from msg_adapters.encoding import names
 from msg_adapters.outgoing import plots
 from phd_jdtc_ros.nodes.tracker import settings
-from robustness.rig import Rig
-from robustness.scans import BAG
+from robustness.harness.rig import Rig
+from robustness.harness.scans import BAG
 
 ROOT = Path(__file__).parents[2]
 POLICIES = ROOT / "config" / "sros2" / "policies.xml"

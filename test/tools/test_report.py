@@ -10,8 +10,8 @@ import pytest
 from msg_adapters.encoding import names
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.report import page
-from robustness.bags import outcome
-from robustness.small_chunks import rewritten
+from robustness.hostile_input.bags import outcome
+from robustness.hostile_input.small_chunks import rewritten
 
 
 def test_report_writes_a_page_and_pictures(tracked, tmp_path, capsys):

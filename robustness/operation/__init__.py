@@ -1,0 +1,1 @@
+"""Faults while a tracker runs: restarts, too many scans, full disks, rogue peers, a long day."""

@@ -1,0 +1,164 @@
+"""Faults in time: a looped bag, shuffled scans, a radar that becomes silent."""
+
+from __future__ import annotations
+
+import time
+from itertools import pairwise, takewhile
+from operator import eq
+
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from msg_adapters.encoding import names
+
+from ..harness import scans
+from ..harness.figures import Found, measures, result
+from ..harness.radars import Radars
+from ..harness.rig import LIGHT, Rig
+
+GAP_SCANS, SHORT_GAP_SCANS = 600, 10
+LOOPS = 3
+# Multiple of the bag's rate: about 17 scans per second.
+RATE = 100
+SHUFFLED = 40
+PERIOD_S = 0.25
+ALLOWED_S = 2.0 * PERIOD_S + 0.5
+# More than half of the intervals whose median the tracker uses.
+REGULAR = 12
+
+
+@measures(
+    "time faults: bag looped 3 times; +-1 scan shuffled",
+    "1 reset per loop, 0 on the shuffle; with late_reports rework no report late",
+)
+def measure_time_faults(loops: int = LOOPS, duration_s: float = 0.0) -> Found:
+    """Loop a bag or its first `duration_s`, then shuffle scans; count the resets."""
+    back_jumps, looped = _loop_bag(loops, duration_s)
+    shuffled, dropped, _ = _shuffle()
+    ordered, late, answered = _shuffle("-p", "late_reports:=rework")
+    text = (
+        f"{looped} resets at {back_jumps} returns to the bag's start; "
+        f"{shuffled} resets in {SHUFFLED} shuffled scans ({dropped} dropped as late), with "
+        f"late_reports rework {ordered} ({late} dropped, {answered} answered in order)"
+    )
+    return result(
+        text,
+        looped == back_jumps == loops and shuffled == ordered == late == 0,
+        jumps_back=back_jumps,
+        resets=looped,
+        resets_of_shuffled=shuffled,
+        resets_of_ordered=ordered,
+        late_of_ordered=late,
+        answered_of_ordered=answered,
+    )
+
+
+def _loop_bag(loops: int, duration_s: float) -> tuple[int, int]:
+    """Play a bag `loops` times; return the jumps back in the estimates' stamps and the resets."""
+    with Rig() as rig:
+        _, radars = rig.tracking(*LIGHT)
+        replay = rig.start(
+            "sensor_replay",
+            *(scans.BAG, "--rate", RATE, "--loop", "--duration", duration_s),
+        )
+        # Until the first estimates of one more pass, so that `loops` passes are complete.
+        radars.spin_until(lambda: _jumps_back(radars) >= loops, 90.0)
+        replay.kill()  # a stop takes a while, in which the next pass may begin
+        radars.spin(0.5)
+        return _jumps_back(radars), int(radars.values("step time")["epoch"])
+
+
+def _jumps_back(radars: Radars) -> int:
+    stamps = [stamp for stamp, _ in radars.filtered]
+    return sum(later < earlier for earlier, later in pairwise(stamps))
+
+
+def _shuffle(*options: str) -> tuple[int, int, int]:
+    """Swap scans with their neighbours.
+
+    Return the number of resets, of dropped reports, and of estimates in order before the first that
+    is not.
+    """
+    with Rig() as rig:
+        _, radars = rig.tracking(*LIGHT, *options)
+        radars.send(0)
+        for first in range(1, SHUFFLED, 2):
+            pair = {radars.send(first + 1), radars.send(first)}
+            # Wait for either of them, so that a busy tracker keeps up.
+            radars.wait_for(pair)
+        dropped = int(radars.values("radar_1").get("dropped_late", 0))
+        epoch = int(radars.values("step time")["epoch"])
+    received = [stamp for stamp, _ in radars.filtered]
+    expected = [scans.stamp_of_scan(index) for index in range(len(received))]
+    return epoch, dropped, sum(takewhile(bool, map(eq, received, expected)))
+
+
+@measures("forward gap", "1 reset above the limit, none below; memory at most +10 MB")
+def measure_gap() -> Found:
+    """Insert short and long gaps into both radars' stamps; count the resets."""
+    with Rig() as rig:
+        tracker, radars = rig.tracking()
+        whole = all(radars.track(index) for index in range(SHUFFLED))
+        index = SHUFFLED + SHORT_GAP_SCANS
+        whole &= radars.track(index)
+        short = int(radars.values("step time")["epoch"])
+        before = tracker.status("VmHWM")
+        begin = time.monotonic()
+        for _ in range(5):
+            index += GAP_SCANS
+            whole &= radars.track(index, timeout_s=30.0)
+        seconds = (time.monotonic() - begin) / 5
+        growth = tracker.status("VmHWM") - before
+        epoch = int(radars.values("step time")["epoch"])
+    text = (
+        f"{short} resets at a gap of {SHORT_GAP_SCANS} scans, {epoch - short} at 5 of "
+        f"{GAP_SCANS}, {seconds:.2f} s for the scan after, "
+        f"memory +{growth / 1024:.0f} MiB{'' if whole else ', scans lost'}"
+    )
+    reached = whole and short == 0 and epoch == 5 and growth <= 10_000_000 / 1024
+    details = {"resets": epoch - short, "resets_of_short": short, "memory_kib": growth}
+    return text, reached, {**details, "seconds": seconds}
+
+
+@measures("silent radar alarm", "2 scans + 0.5 s")
+def measure_silence(repeats: int = 3) -> Found:
+    """Stop one radar of two; measure the time until diagnostics report it."""
+    with Rig() as rig:
+        _, radars = rig.tracking(*LIGHT)
+        found, index, going_on = [], 0, True
+        for _ in range(repeats):
+            _at_rate(radars, index, REGULAR, (0, 1))
+            index += REGULAR
+            stopped = time.monotonic() - PERIOD_S
+            before = len(radars.filtered)
+            _at_rate(radars, index, REGULAR, (0,))
+            index += REGULAR
+            found.append(_silence_delay(radars, stopped))
+            # Two scans wait for the silent radar; all others are answered.
+            going_on &= len(radars.filtered) - before >= REGULAR - 3
+    delays = [delay for delay in found if delay is not None]
+    if len(delays) < len(found):
+        return "not noticed", False, {"noticed_after_s": found}
+    worst = max(delays)
+    text = (
+        f"at most {worst:.2f} s in {repeats}, {ALLOWED_S:g} s allowed (scans every {PERIOD_S:g} s);"
+        f" tracking {'goes on' if going_on else 'stops'}"
+    )
+    return text, worst <= ALLOWED_S and going_on, {"noticed_after_s": found}
+
+
+def _at_rate(radars: Radars, index: int, count: int, sending: tuple[int, ...]) -> None:
+    begin = time.monotonic()
+    for step in range(count):
+        for radar in sending:
+            radars.outputs[radar].publish(scans.cloud(index + step, radar))
+        radars.spin(begin + (step + 1) * PERIOD_S - time.monotonic())
+
+
+def _silence_delay(radars: Radars, stopped: float) -> float | None:
+    """Return the time from the second radar's last scan to its first status of silence."""
+    for arrived, lines in radars.health:
+        line = lines[names.health("radar_2")]
+        # Other warnings, of late and dropped scans, do not count.
+        if arrived > stopped and line.level != DiagnosticStatus.OK and "silent" in line.message:
+            return arrived - stopped
+    return None
