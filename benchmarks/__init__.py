@@ -4,14 +4,12 @@ Not part of the installed package. The data's path::
 
     scenes      scenes with any number of targets, and the tracker's configuration for them
     traffic     the same for aircraft and a radar that turns
-    recursion   an engine's step, divided into its parts       -> parts, stored sets
-    forms       the paper's dense smoother and a k-d tree's    -> baselines
     timing      interleaved rounds, medians, memory
       |
-    smoothing, growth, steps, step_growth, messages, peers, live, turning,
-    asterix_rates (asterix_latency)
+    engine      a step, divided into its parts, and the smoother, against baselines
+    transport   messages, DDS and ASTERIX, end to end
       |
-    goals -> report (tables), plots, out/bench/summary.json
+    results     goals -> tables, pictures, out/bench/summary.json
 
 Everything runs in one process on one thread, except that the live measurements start
 nodes as further processes. Times are CPU times, except those over DDS.

@@ -12,22 +12,9 @@ from typing import Any
 
 from rich.console import Console
 
-from . import (
-    asterix_rates,
-    goals,
-    growth,
-    late,
-    live,
-    machine,
-    messages,
-    peers,
-    plots,
-    report,
-    smoothing,
-    step_growth,
-    steps,
-    turning,
-)
+from .engine import growth, late, peers, smoothing, step_growth, steps
+from .results import goals, machine, plots, report
+from .transport import asterix_rates, live, messages, turning
 
 # The live parts come first, when the machine is coolest and this process smallest.
 PARTS: Mapping[str, Callable[[bool], dict[str, Any]]] = {

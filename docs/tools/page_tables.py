@@ -23,7 +23,7 @@ from typing import Any
 
 import yaml
 
-from benchmarks import report
+from benchmarks.results import report
 from phd_jdtc_ros.study.monte_carlo.definition import METRICS
 
 ROOT = Path(__file__).parents[2]

@@ -10,25 +10,12 @@ from numpy.testing import assert_allclose
 from rich.console import Console
 from scenes import no_detections
 
-from benchmarks import (
-    asterix_rates,
-    command,
-    forms,
-    goals,
-    growth,
-    late,
-    messages,
-    recursion,
-    scenes,
-    sector_latency,
-    smoothing,
-    step_growth,
-    steps,
-    timing,
-    turning,
-)
-from benchmarks import report as tables
-from benchmarks.radars import Reply
+from benchmarks import command, scenes, timing
+from benchmarks.engine import forms, growth, late, recursion, smoothing, step_growth, steps
+from benchmarks.results import goals
+from benchmarks.results import report as tables
+from benchmarks.transport import asterix_rates, messages, sector_latency, turning
+from benchmarks.transport.radars import Reply
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.smc.kernel import backward_kernel

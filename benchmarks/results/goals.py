@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple, TypeAlias
 
-from . import late
-from .asterix_rates import CLOUDS
-from .recursion import FAST, GAUSSIAN, PARTICLES
-from .steps import PAPER
-from .turning import AT_EVERY_SECTOR, BY_SECTORS, ONE_CLOUD
+from ..engine import late
+from ..engine.recursion import FAST, GAUSSIAN, PARTICLES
+from ..engine.steps import PAPER
+from ..transport.asterix_rates import CLOUDS
+from ..transport.turning import AT_EVERY_SECTOR, BY_SECTORS, ONE_CLOUD
 
 # Duration of one of the 16 sectors of a turn of 4 s: a plot waits for the end of its sector.
 SECTOR_S = 0.25

@@ -14,10 +14,10 @@ from phd_jdtc_ros.core.types import Scan
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
-from . import scenes
+from .. import scenes
+from ..timing import exponent, peak_bytes, spread
 from .recursion import FAST, FORMS, GAUSSIAN, PARTICLES, SETTLING, tracking
 from .smoothing import PER_TARGET
-from .timing import exponent, peak_bytes, spread
 
 # A thousand targets have half a million particles, which take a second per step.
 GAUSSIAN_LADDER = (200, 500, 1000, 2000, 5000)

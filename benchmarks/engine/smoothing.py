@@ -15,9 +15,9 @@ from phd_jdtc_ros.core.smc.kernel.backward_kernel import Transition
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.smoother import DeathTerm, backward_pass, bernoulli_death_term
 
+from ..timing import Case, interleaved, peak_bytes, spread
 from . import forms, recursion
 from .recursion import Window, chain
-from .timing import Case, interleaved, peak_bytes, spread
 
 LAG = 5
 PER_TARGET = 500

@@ -16,10 +16,10 @@ from phd_jdtc_ros.core.types import Scan
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
-from . import scenes
+from .. import scenes
+from ..timing import peak_bytes, spread
 from .recursion import FAST, FORMS, GAUSSIAN, PARTICLES, SETTLING, TimedEngine, tracking
 from .smoothing import PER_TARGET
-from .timing import peak_bytes, spread
 
 PAPER = "4 targets"
 BOTH = (PARTICLES, GAUSSIAN)

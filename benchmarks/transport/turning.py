@@ -13,9 +13,10 @@ from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Pipeline, RunEnded
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_reports
 
-from . import sector_latency, traffic
-from .recursion import GAUSSIAN, PARTICLES
-from .timing import spread
+from .. import traffic
+from ..engine.recursion import GAUSSIAN, PARTICLES
+from ..timing import spread
+from . import sector_latency
 
 ENGINES = (PARTICLES, GAUSSIAN)
 ONE_CLOUD = "one cloud"

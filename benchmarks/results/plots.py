@@ -16,7 +16,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from phd_jdtc_ros.report.style import COLOURS, DPI, GREY, INK, MARKERS, WIDTH_IN, plain_axes
 
-from .recursion import FAST, GAUSSIAN, PARTICLES
+from ..engine.recursion import FAST, GAUSSIAN, PARTICLES
 
 HEIGHT_IN = 5.2
 

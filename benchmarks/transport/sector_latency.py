@@ -23,8 +23,9 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import Scan
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_reports
 
-from . import live, messages, traffic
-from .timing import percentiles
+from .. import traffic
+from ..timing import percentiles
+from . import live, messages
 
 if TYPE_CHECKING:
     from .radars import Radars, Reply

@@ -18,7 +18,7 @@ from phd_jdtc_ros.core.engine import OnFiltered, Step, ignore_filtered
 from phd_jdtc_ros.core.state_space import PLANAR
 from phd_jdtc_ros.core.types import Detections, Estimates, Scan
 
-from .timing import Case, interleaved, spread
+from ..timing import Case, interleaved, spread
 
 DETECTIONS, ESTIMATES = 1000, 200
 STAMP_S = 1000

@@ -25,7 +25,7 @@ from phd_jdtc_ros.core.window.fixed_lag import FixedLagEngine
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
-from . import scenes
+from .. import scenes
 
 PARTICLES, GAUSSIAN = "particles", "gaussian"
 # Gaussians with mixed motion modes, as in the profiles for many targets.

@@ -29,8 +29,9 @@ from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.parameter_files import sections
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_reports
 
-from . import live, messages, traffic
-from .timing import percentiles
+from .. import traffic
+from ..timing import percentiles
+from . import live, messages
 
 AIRCRAFT = 100
 TURNS, QUICK_TURNS = 10, 2

@@ -17,8 +17,8 @@ from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
+from ..timing import peak_bytes, spread
 from .recursion import GAUSSIAN, PARTICLES
-from .timing import peak_bytes, spread
 
 ENGINES = (PARTICLES, GAUSSIAN)
 NOT_READY, READY = "late reports are dropped", "late reports are reprocessed, none is late"

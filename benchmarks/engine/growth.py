@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
+from ..timing import Case, exponent, interleaved, spread
 from . import forms, recursion
 from .recursion import Window
 from .smoothing import DEATH_TERM, LAG, PER_TARGET, cached_smoother, product_smoother
-from .timing import Case, exponent, interleaved, spread
 
 TARGETS = 20
 PER_TARGET_LADDER = (125, 250, 500, 1000, 2000)

@@ -22,9 +22,9 @@ from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 from robustness.harness.rig import Node
 
+from ..engine.recursion import PARTS
+from ..timing import percentiles
 from . import messages
-from .recursion import PARTS
-from .timing import percentiles
 
 START_S = 30.0
 # A scan without an estimate after this time is lost.

@@ -11,10 +11,10 @@ from rich.text import Text
 
 from phd_jdtc_ros.report.table import simple_table
 
-from . import late
-from .recursion import FORMS, GAUSSIAN, PARTICLES, PARTS
-from .steps import PAPER
-from .turning import ONE_CLOUD
+from ..engine import late
+from ..engine.recursion import FORMS, GAUSSIAN, PARTICLES, PARTS
+from ..engine.steps import PAPER
+from ..transport.turning import ONE_CLOUD
 
 # Counts in the table of a step, by engine.
 COUNTS = {
