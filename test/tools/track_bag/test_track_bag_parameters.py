@@ -8,7 +8,7 @@ from bag_content import first
 
 from phd_jdtc_ros.parameter_files import bag_parameters
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 BAGS = ROOT / "bags"
 
 
