@@ -15,7 +15,7 @@ from phd_jdtc_ros.core.intake.input_checks import FAR, SLOW_TURN, ReportCheck
 from phd_jdtc_ros.core.learned.correlation import Correlation
 from phd_jdtc_ros.core.learned.detection_factor import DetectionFactor
 from phd_jdtc_ros.core.learned.noise_factor import NoiseFactor
-from phd_jdtc_ros.core.sensors.outliers import Outliers
+from phd_jdtc_ros.core.learned.outliers import Outliers
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
 from phd_jdtc_ros.core.sensors.slant_range import HeightProjection

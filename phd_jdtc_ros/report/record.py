@@ -14,6 +14,7 @@ from msg_adapters.incoming import anomalies
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
+from phd_jdtc_ros.core.learned.outliers import Outliers
 from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates, Truth
@@ -27,8 +28,8 @@ class LearnedValue(NamedTuple):
     """One learned value of a sensor."""
 
     sensor: str
-    quantity: str  # Name of the parameter
-    given: float  # The configured value
+    quantity: str  # Name of the parameter, or of what has none
+    given: float  # The value that is configured, or that learning starts from
     found: float  # The learned value
     std: float  # Standard deviation of the learned value
     unit: str  # Unit of the three numbers; empty for a probability
@@ -59,6 +60,9 @@ def learned_values(
                 given = getattr(radar, quantity).start
                 found, std = given * figures[name], given * figures[f"{name}_std"]
                 yield LearnedValue(radar.name, quantity, given, found, std, unit)
+        if (name := f"{radar.name}.outlier_share") in figures:
+            columns = Outliers.start, figures[name], figures[f"{name}_std"]
+            yield LearnedValue(radar.name, "share of outliers", *columns, "")
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import pytest
 from records import record_of
 
 from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.learned.outliers import Outliers
 from phd_jdtc_ros.report.page import score_words
 from phd_jdtc_ros.report.record import learned_values, sensor_changes
 
@@ -33,6 +34,10 @@ def test_values_are_those_learned_in_the_units_of_parameters():
     assert found["detection_probability"][2:] == (0.9, 0.6, 0.02, "")
     assert found["range_std"][2:] == (50.0, 100.0, 5.0, "m")
     assert found["azimuth_std_deg"][2:5] == pytest.approx((0.2, 0.1, 0.01))
+    shares = learned_values(INPUTS, {"mast.outlier_share": 0.2, "mast.outlier_share_std": 0.02})
+    assert [tuple(each) for each in shares] == [
+        ("mast", "share of outliers", Outliers.start, 0.2, 0.02, "")
+    ]
     assert not list(learned_values(INPUTS, {"other.range_noise_ratio": 2.0}))
 
 

@@ -96,9 +96,9 @@ class RadarParameters(SensorParameters):
     range_std: forms.Noise = parameter(
         300.0,
         "Standard deviation of measured ranges, m. auto, or auto with a value, such as auto 45, "
-        "learns it from the targets, within a factor of 4. Add outliers, as in 45 outliers, if one "
-        "detection in twenty has several times this noise and that of the azimuth (engine: "
-        "gaussian).",
+        "learns it from the targets, within a factor of 4. Add outliers, as in 45 outliers, if "
+        "some detections have several times this noise and that of the azimuth (engine: gaussian); "
+        "their share is learned.",
         form=forms.std(300.0, SMALL, outliers=True),
         mutable=True,
     )

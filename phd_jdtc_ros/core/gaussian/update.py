@@ -31,7 +31,7 @@ from .measurement.gating import Expected, gate_pairs
 from .measurement.iterated_update import PairUpdate, coarse_rates, iterated_update
 from .measurement.missed import after_miss
 from .measurement.newborn import newborn_mixture
-from .measurement.noise import noise_evidence
+from .measurement.noise import noise_evidence, outlier_evidence
 from .measurement.pairs import Association, PairLikelihoods, associate, select_likely, sum_modes
 from .mixture import Mixture
 from .reacquisition import with_reacquired
@@ -215,6 +215,7 @@ class PriorMixture:
             noise=None
             if readings.sensor.noise_factor is None
             else noise_evidence(self.mixture, update, association.pair),
+            outliers=outlier_evidence(self.mixture, update, association.pair),
             approximate=association.approximate,
         )
 

@@ -23,6 +23,7 @@ from ..learned.correlation import Correlation
 from ..learned.detection_chains import DetectionChains, Look, LookPrediction
 from ..learned.detection_factor import DetectionFactor, TrialSums
 from ..learned.noise_factor import NoiseEvidence, NoiseFactor
+from ..learned.outliers import Outliers
 from ..sensors.report import EarlierSectors, Report
 from ..sensors.sensor import Sensor
 from ..types import Coverage
@@ -43,6 +44,7 @@ class LearnedSensor(ReadOnly):
     usual_count: ClutterCount | None = None  # Number of all detections in a turn
     detection: DetectionFactor | None = None
     noise: NoiseFactor | None = None
+    outliers: Outliers | None = None
     correlation: Correlation | None = None  # Correlation of detections from look to look
     chains: DetectionChains | None = None  # Last look at each target; if misses are correlated
     alarm: ChangeAlarm | None = None  # Evidence of changes
@@ -62,6 +64,7 @@ class LearnedSensor(ReadOnly):
             "clutter_rate": count and count.rate,
             "detection_factor": sensor.detection_factor and self.detection,
             "noise_factor": noise,
+            "outliers": sensor.outliers and self.outliers,
             "correlation": sensor.correlation and self.correlation,
         }
         changed = {name: value for name, value in learned.items() if value is not None}
@@ -186,6 +189,8 @@ class LearnedSensor(ReadOnly):
                 if learned:
                     figures[f"{component}_noise_ratio"] = float(ratio)
                     figures[f"{component}_noise_ratio_std"] = float(error)
+        if (outliers := self.outliers) is not None and outliers.detections:
+            figures["outlier_share"], figures["outlier_share_std"] = outliers.share, outliers.std
         correlation = self.correlation
         if correlation is not None and correlation.learned and correlation.sums[0] > 0.0:
             figures["detection_correlation"] = correlation.value

@@ -15,6 +15,7 @@ from ..learned.detection_chains import Look
 from ..learned.detection_factor import CELLS
 from ..learned.noise_factor import NoiseEvidence
 from ..learned.open_trials import OpenTrials, ReportTrials
+from ..learned.outliers import OutlierEvidence
 from ..sensors.report import Report
 from ..sensors.sensor import Sensor
 from .detection_birth import EarlierLooks
@@ -105,7 +106,8 @@ class SensorMemory:
 
         For each sensor that learns: the mean detection probability of the targets, with its
         standard deviation and the configured one, the ratios of the standard deviations of
-        measurements to the configured ones, and the correlation of detections from look to look.
+        measurements to the configured ones, the share of outliers, and the correlation of
+        detections from look to look.
         For a sensor that has changed: 1 for fewer detections or a larger noise, and the middle of a
         blind sector in degrees, counter-clockwise from its x axis.
         """
@@ -221,6 +223,13 @@ class SensorMemory:
         if self.labelled and factor is not None and report.complete:
             learned = self._of(report.sensor)
             self._set(report.sensor, learned.after_noise(factor, evidence))
+
+    def learn_outliers(self, report: Report, evidence: OutlierEvidence) -> None:
+        """Learn the share of outliers from the detections of targets in one report."""
+        outliers = report.sensor.outliers
+        if self.labelled and outliers is not None and report.complete:
+            learned = self._of(report.sensor)
+            self._set(report.sensor, learned.changed(outliers=outliers.after(evidence)))
 
     def needs_look(self, report: Report) -> bool:
         """Return whether `learn_look` learns anything from a report."""

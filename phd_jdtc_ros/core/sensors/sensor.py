@@ -24,13 +24,13 @@ from ..clutter.rate import ClutterCount
 from ..learned.correlation import Correlation
 from ..learned.detection_factor import DetectionFactor
 from ..learned.noise_factor import NoiseFactor
+from ..learned.outliers import Outliers
 from ..state_space import PLANAR, StateSpace
 from ..targets import amplitude_density
 from ..targets.modes import ClassModel
 from ..types import Coverage, Detections, Pose
 from . import polar_geometry
 from .gaussians import PlanePlots, noise_covariance
-from .outliers import Outliers
 from .polar_geometry import MIN_RANGE
 from .range_rate import RangeRateModel, Rates
 from .slant_range import HeightProjection

@@ -34,6 +34,8 @@ def learn(
         memory.learn_clutter(report, posterior.claimed_probability, stationary)
     if posterior.noise is not None:
         memory.learn_noise(report, posterior.noise)
+    if posterior.outliers is not None:
+        memory.learn_outliers(report, posterior.outliers)
     learns, looks = memory.learns_detections(report), memory.needs_look(report)
     if not learns and not looks:
         return None

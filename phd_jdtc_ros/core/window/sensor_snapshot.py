@@ -20,6 +20,7 @@ from ..learned.detection_chains import DetectionChains
 from ..learned.detection_factor import AZIMUTHS, CELLS, DetectionFactor
 from ..learned.noise_factor import COMPONENTS, NoiseFactor
 from ..learned.open_trials import OpenTrials
+from ..learned.outliers import Outliers
 from ..models.learned_sensor import LearnedSensor
 from ..models.recent_looks import RecentLooks
 from ..models.sensor_memory import SensorMemory
@@ -152,6 +153,13 @@ def _restore_noise(snapshot: Snapshot, name: str, sensor: Sensor) -> NoiseFactor
     return from_snapshot(NoiseFactor, snapshot, name, sizes, learned=factor.learned)
 
 
+def _restore_outliers(snapshot: Snapshot, name: str, sensor: Sensor) -> Outliers | None:
+    if (outliers := sensor.outliers) is None:
+        return None
+    constants = {"start": outliers.start, "ratio": outliers.ratio}
+    return from_snapshot(Outliers, snapshot, name, {}, **constants)
+
+
 def _restore_alarm(snapshot: Snapshot, name: str, sensor: Sensor) -> ChangeAlarm | None:
     if sensor.detection_factor is None and sensor.noise_factor is None:
         return None
@@ -186,6 +194,7 @@ PARTS: Mapping[str, tuple[str, Callable[[Snapshot, str, Sensor], Any]]] = {
     "usual_count": ("usual_detections", _restore_usual_count),
     "detection": ("detection_factor", _restore_detection),
     "noise": ("noise_factor", _restore_noise),
+    "outliers": ("outliers", _restore_outliers),
     "alarm": ("change_alarm", _restore_alarm),
     "chains": ("last_looks", _restore_chains),
     "correlation": ("correlation", _restore_correlation),

@@ -15,6 +15,7 @@ from ..attributes.evidence import Evidence
 from ..attributes.reprojection import Paired
 from ..attributes.uniqueness import OutOfGate
 from ..learned.noise_factor import NoiseEvidence
+from ..learned.outliers import OutlierEvidence
 from ..models.competing_sources import CompetingSources
 from ..models.detection_birth import Newborn
 from ..models.tracker_model import TrackerModel
@@ -37,6 +38,7 @@ class Posterior(Generic[RowsT]):
     existence: FloatArray  # Existence probability of each target, (T,)
     evidence: Evidence | None  # Identities and heights as evidence for these pairs
     noise: NoiseEvidence | None = None  # Evidence on the sensor's noise; None if its noise is known
+    outliers: OutlierEvidence | None = None  # Evidence on their share; None without any
     # Number of clusters of targets too large for exact association probabilities.
     approximate: int = 0
 

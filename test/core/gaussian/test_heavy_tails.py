@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
@@ -39,6 +40,11 @@ def run_of(seed, noise):
     return found
 
 
+def every_fifth_outlier(rng, count):
+    """Return normal noise, (N, 2), of which one in five is five times as large."""
+    return rng.standard_normal((count, 2)) * np.where(rng.random((count, 1)) < 0.2, 5.0, 1.0)
+
+
 def mean_ospa(run, range_std):
     """Return the mean OSPA distance, filtered and smoothed, metres."""
     given = {f"{radar}.range_std": range_std for radar in RADARS}
@@ -73,3 +79,25 @@ def test_outliers_in_the_model_do_no_harm_where_there_are_none():
     # The difference of a run's smoothed distances has a standard deviation of 1.6 %.
     plain, tails = distances(normal, runs=10)
     assert (tails < 1.01 * plain).all()
+
+
+def test_large_outliers_stay_in_the_gate_of_their_target():
+    # The gate of the usual noise would lose two thirds of them, and every target at times.
+    plain, tails = distances(every_fifth_outlier, runs=4)
+    assert (tails < 0.6 * plain).all()
+
+
+@pytest.mark.parametrize(("noise", "share"), [(normal, 0.0), (every_fifth_outlier, 0.2)])
+def test_share_and_noise_are_learned_together(noise, share):
+    given = {f"{radar}.range_std": "auto 300 outliers" for radar in RADARS}
+    found = []
+    for seed in range(320, 324):
+        engine = new_engine(resolve({"engine": "gaussian", **given}))
+        for _, scan in run_of(seed, noise):
+            step = engine.step(scan)
+        found += [
+            (step.figures[f"{radar}.outlier_share"], step.figures[f"{radar}.range_noise_ratio"])
+            for radar in RADARS
+        ]
+    # A prior of twenty detections is among some 140 of a radar.
+    assert np.mean(found, axis=0) == pytest.approx([share, 1.0], abs=0.05)

@@ -163,6 +163,11 @@ def test_restored_engine_goes_on_with_what_was_learned(engine, stop):
     restored_after(stop, lambda: engine_of(engine, **AUTO), scans)
 
 
+def test_restored_engine_goes_on_with_the_share_of_outliers():
+    scans = [scan for _, scan in run_of(3, scans=20, **TRUTH)]
+    restored_after(12, lambda: engine_of(range_std="auto 300 outliers"), scans)
+
+
 def test_reprocessed_scans_teach_what_they_would_have_in_order():
     scans = [scan for _, scan in run_of(3, scans=16, **TRUTH)]
     straight, late = engine_of(**AUTO), engine_of(**AUTO)

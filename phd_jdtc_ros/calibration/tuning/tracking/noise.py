@@ -23,7 +23,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray, contiguous
-from phd_jdtc_ros.core.sensors.outliers import Outliers
+from phd_jdtc_ros.core.learned.outliers import Outliers
 
 from .. import kinematics
 from ..plots import Plots
@@ -56,7 +56,7 @@ class Noise(NoiseModel):
 
 # Shares of the components of the measurement noise, and their variances relative to the first.
 USUAL = (1.0,), (1.0,)
-WITH_OUTLIERS = (1.0 - Outliers.share, Outliers.share), (1.0, Outliers.ratio**2)
+WITH_OUTLIERS = (1.0 - Outliers.start, Outliers.start), (1.0, Outliers.ratio**2)
 
 
 @dataclass(frozen=True)

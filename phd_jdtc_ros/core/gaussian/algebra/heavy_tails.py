@@ -8,14 +8,16 @@ import numpy as np
 
 from ...arrays import FloatArray, IntArray, contiguous
 from ...compilation import Float1, Float2, Float3, Int1, compiled
-from ...sensors.outliers import Outliers
+from ...learned.outliers import Outliers
 from .kalman import TINY, Innovation
 
 
 def mix_noises(
     innovation: Innovation, outliers: Outliers, noise_std: FloatArray, column: IntArray
-) -> Innovation:
+) -> tuple[Innovation, FloatArray]:
     """Return the innovations of a radar's detections of which some are outliers.
+
+    Return also the probability that each detection is an outlier if it is the Gaussian's, (P,).
 
     Parameters
     ----------
@@ -35,12 +37,13 @@ def mix_noises(
     P - P H' [sum q_k S_k^-1 - sum q_k (w_k - w)(w_k - w)'] H P. So w takes the place of the
     weighted innovation, and the bracket that of the inverse: a Gaussian stays a Gaussian.
     """
-    weighted, inverse, log_likelihood = _mix_noises(
+    weighted, inverse, log_likelihood, outlier = _mix_noises(
         *(outliers.share, outliers.ratio),
         *contiguous(innovation.weighted, innovation.inverse, innovation.log_likelihood),
         *contiguous(noise_std, column),
     )
-    return innovation._replace(weighted=weighted, inverse=inverse, log_likelihood=log_likelihood)
+    mixed = innovation._replace(weighted=weighted, inverse=inverse, log_likelihood=log_likelihood)
+    return mixed, outlier
 
 
 @compiled
@@ -52,12 +55,13 @@ def _mix_noises(
     log_likelihood: Float1,
     noise_std: Float2,
     column: Int1,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the columns of `Innovation` that change."""
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the columns of `Innovation` that change, and the probabilities of outliers."""
     count = len(column)
     mixed_weighted = np.zeros((count, 2))
     mixed_inverse = np.zeros((count, 2, 2))
     mixed_log = np.full(count, -np.inf)
+    outlier = np.zeros(count)
     excess = ratio * ratio - 1.0
     for row in range(count):
         if log_likelihood[row] == -np.inf:
@@ -82,7 +86,7 @@ def _mix_noises(
             math.exp(log_usual - largest) + math.exp(log_outlier - largest)
         )
         q = math.exp(log_outlier - mixed_log[row])
-        p = 1.0 - q
+        outlier[row], p = q, 1.0 - q
         mixed_weighted[row, 0], mixed_weighted[row, 1] = p * u + q * wide_u, p * v + q * wide_v
         # The spread of two components is q (1 - q) times the square of their difference.
         east, north = u - wide_u, v - wide_v
@@ -90,4 +94,4 @@ def _mix_noises(
         mixed_inverse[row, 1, 1] = p * n + q * wide_a / wide_determinant - p * q * north * north
         cross = p * k - q * b / wide_determinant - p * q * east * north
         mixed_inverse[row, 0, 1] = mixed_inverse[row, 1, 0] = cross
-    return mixed_weighted, mixed_inverse, mixed_log
+    return mixed_weighted, mixed_inverse, mixed_log, outlier

@@ -360,6 +360,7 @@ def gate_pairs(
     row, column : int arrays of shape (P,)
     log_likelihood : array of shape (P, R)
         Log likelihood with the measurement linearised at the mean; -inf outside a Gaussian's gate.
+        The noise is that of outliers if the sensor has any.
     """
     sensor, measurement = report.sensor, report.detections.measurement
     if not sensor.polar:
@@ -367,8 +368,11 @@ def gate_pairs(
         return linearised.gate_pairs(mixture.mode_weight, mixture.mean, *spread, report, GATE_SIGMA)
     turn = measurement[:, 1] % FULL_TURN
     order = turn.argsort(kind="stable")
+    noise_std = report.detection_std
+    if sensor.outliers is not None:  # outliers must be in the gate too
+        noise_std = sensor.outliers.ratio * noise_std
     return _gate(
         *(sensor.max_range, sensor.axes, sensor.planar_pose, mixture.mean, expected.measured),
-        *(expected.covariance, mixture.mode_weight, measurement, report.detection_std),
+        *(expected.covariance, mixture.mode_weight, measurement, noise_std),
         *(report.time_s, turn[order], order),
     )

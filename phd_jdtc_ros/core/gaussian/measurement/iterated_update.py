@@ -21,6 +21,8 @@ class PairUpdate(NamedTuple):
     matched: kalman.Innovation
     # The Gaussians updated with range rates; None if the report has none.
     rate_update: range_rate.RateUpdate | None
+    # Probability that each detection is an outlier if it is the Gaussian's; None without outliers.
+    outlier: FloatArray | None
     row: IntArray  # Hypothesis of each pair, (P,)
     column: IntArray  # Detection of each pair, (P,)
     report: Report
@@ -90,10 +92,10 @@ def iterated_update(
         expected=expected,
         correlation=detections.noise_correlation,
     )
-    matched = innovation
+    matched, outlier = innovation, None
     if sensor.outliers is not None and sensor.polar:
         detection = column.repeat(modes)
-        matched = heavy_tails.mix_noises(
+        matched, outlier = heavy_tails.mix_noises(
             innovation, sensor.outliers, report.detection_std, detection
         )
     rate_update = None
@@ -102,7 +104,7 @@ def iterated_update(
         time_s = None if detections.time_s is None else detections.time_s[detection]
         updated = kalman.update(mean[gaussian], covariance[gaussian], sensor, matched, time_s)
         rate_update = range_rate.update_rates(*updated, sensor, rates.take(detection), time_s)
-    return PairUpdate(innovation, matched, rate_update, row, column, report)
+    return PairUpdate(innovation, matched, rate_update, outlier, row, column, report)
 
 
 def coarse_rates(

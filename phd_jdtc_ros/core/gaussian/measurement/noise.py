@@ -10,15 +10,38 @@ from ...arrays import FloatArray, contiguous
 from ...compilation import Float1, Float2, Float3, Int1, compiled
 from ...learned.evidence import evidence_of
 from ...learned.noise_factor import COMPONENTS, NoiseEvidence
+from ...learned.outliers import OutlierEvidence
 from ...models.sensor_memory import KNOWN_EXISTENCE
+from ..algebra.kalman import TINY
 from ..mixture import Mixture
 from .iterated_update import PairUpdate
+
+
+def outlier_evidence(
+    mixture: Mixture, update: PairUpdate, probability: FloatArray
+) -> OutlierEvidence | None:
+    """Return the evidence of pairs on the share of outliers; None for a sensor without any.
+
+    Only targets that existed with `KNOWN_EXISTENCE` before the update count; for the parameters see
+    `noise_evidence`.
+    """
+    if update.outlier is None:
+        return None
+    log_likelihood = update.log_likelihood.reshape(-1, mixture.mode_weight.shape[1])
+    largest = log_likelihood.max(axis=1, keepdims=True, initial=np.finfo(float).min)
+    weight = mixture.mode_weight[update.row] * np.exp(log_likelihood - largest)
+    outlier = (weight * update.outlier.reshape(weight.shape)).sum(axis=1)
+    outlier /= np.maximum(weight.sum(axis=1), TINY)
+    is_known = mixture.existence[mixture.target[update.row]] >= KNOWN_EXISTENCE
+    detected = np.where(is_known, probability, 0.0)
+    return OutlierEvidence(float(detected.sum()), float(detected @ outlier))
 
 
 def noise_evidence(mixture: Mixture, update: PairUpdate, probability: FloatArray) -> NoiseEvidence:
     """Return the evidence of the innovations of pairs; see `evidence.evidence_of`.
 
-    Only targets that existed with `KNOWN_EXISTENCE` before the update count.
+    Only targets that existed with `KNOWN_EXISTENCE` before the update count. A detection that may
+    be an outlier counts with the probability that it is none.
 
     Parameters
     ----------
@@ -29,6 +52,7 @@ def noise_evidence(mixture: Mixture, update: PairUpdate, probability: FloatArray
         likelihoods.
     """
     innovation = update.innovation
+    outlier = np.zeros(0) if update.outlier is None else update.outlier
     rate_square, rate_part = _rate_squares(update, mixture.mode_weight.shape[1])
     return NoiseEvidence(
         *_evidence(
@@ -36,7 +60,7 @@ def noise_evidence(mixture: Mixture, update: PairUpdate, probability: FloatArray
             *contiguous(mixture.existence, mixture.target, mixture.mode_weight),
             *contiguous(update.row, update.column, probability, update.log_likelihood),
             *contiguous(innovation.weighted, innovation.inverse, update.report.sensors_own_std),
-            *contiguous(rate_square, rate_part),
+            *contiguous(outlier, rate_square, rate_part),
         )
     )
 
@@ -67,10 +91,11 @@ def _evidence(
     weighted: Float2,
     inverse: Float3,
     std: Float2,
+    outlier: Float1,
     rate_square: Float1,
     rate_part: Float1,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the columns of `NoiseEvidence`; the last two arguments may be empty."""
+    """Return the columns of `NoiseEvidence`; the last three arguments may be empty."""
     modes = mode_weight.shape[1]
     weight, excess = np.zeros(COMPONENTS), np.zeros(COMPONENTS)
     share = np.empty(modes)
@@ -91,6 +116,8 @@ def _evidence(
             if share[mode] <= 0.0:
                 continue
             pair_weight = probability[pair] * share[mode] / total
+            if len(outlier) > 0:
+                pair_weight *= 1.0 - outlier[first + mode]
             for axis in range(2):
                 expected = inverse[first + mode, axis, axis]
                 square = weighted[first + mode, axis] ** 2 / expected
