@@ -25,7 +25,10 @@ ROOT = Path(__file__).parents[1]
 AT_A_TIME = 5
 # Files with nodes in pytest's own process, whose graph keeps them after their end: run apart from
 # the others.
-OWN_NODES = ("test/nodes/test_parameter_sections.py", "test/nodes/test_poses_before_clouds.py")
+OWN_NODES = (
+    "test/nodes/parameter_files/test_parameter_sections.py",
+    "test/nodes/tracker/radars/test_poses_before_clouds.py",
+)
 # Number of pytests for the other live files, which begin at once: each spends 3 s on imports, and
 # 4 s on the server of its nodes (see helpers/forked.py).
 LIVE_PYTESTS = AT_A_TIME - 2
@@ -34,13 +37,13 @@ LIVE_PYTESTS = AT_A_TIME - 2
 SECONDS = {
     "test/robustness/test_live_faults.py": 95,
     "test/nodes/test_demo.py": 80,
-    "test/nodes/test_asterix_bridge_node.py": 75,
+    "test/nodes/asterix/test_asterix_bridge_node.py": 75,
     "test/nodes/test_asterix_demo.py": 45,
     "test/tools/test_installed.py": 45,
     "test/robustness/test_full_tracker.py": 35,
-    "test/nodes/test_second_tracker.py": 30,
-    "test/nodes/test_replay_waits.py": 25,
-    "test/nodes/test_tracker_diagnostics.py": 25,
+    "test/nodes/tracker/test_second_tracker.py": 30,
+    "test/nodes/replay/test_replay_waits.py": 25,
+    "test/nodes/tracker/test_tracker_diagnostics.py": 25,
     "test/robustness/test_isolation.py": 25,
 }
 USUAL_S = 8

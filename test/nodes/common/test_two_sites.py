@@ -12,7 +12,7 @@ import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from live_radars import FAST
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 ANALYZERS = ROOT / "config" / "diagnostics"
 SITES = ("/site_a", "/site_b")
 LINES = ("radar_1", "radar_2", "step time", "outputs")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-BAG = Path(__file__).parents[2] / "bags" / "paper_scenario"
+BAG = Path(__file__).parents[3] / "bags" / "paper_scenario"
 NODES = {
     "tracker": (),
     "evaluator": (),

@@ -11,7 +11,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.parameter_files import sections, yaml_files
 from robustness.hostile_input.bombs import YAML as BOMBS
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 NODES = ("tracker", "evaluator", "sensor_replay")
 LIMIT_S = 2.0
 

@@ -14,7 +14,7 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from live_radars import FAST
 from std_msgs.msg import String
 
-STAND_IN = Path(__file__).parents[1] / "helpers" / "bond_stand_in"
+STAND_IN = Path(__file__).parents[2] / "helpers" / "bond_stand_in"
 SITE = ("-r", "__ns:=/site")
 MANAGED = ("--ros-args", *FAST, *SITE, "-p", "autostart:=false")
 # Transitions that the manager requests, and the states that it expects then.

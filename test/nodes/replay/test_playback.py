@@ -15,7 +15,7 @@ TYPES = {
     "/b/detections": "sensor_msgs/msg/PointCloud2",
     "/note": "std_msgs/msg/String",
 }
-SHIPPED = Path(__file__).parents[2] / "bags" / "paper_scenario"
+SHIPPED = Path(__file__).parents[3] / "bags" / "paper_scenario"
 SCANS = ("/a/detections", "/b/detections")
 S = 1_000_000_000
 

@@ -8,7 +8,7 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params, yaml_files
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 SHIPPED = sorted(path.parent.name for path in ROOT.glob("bags/*/metadata.yaml"))
 # Bags of real data, with their profiles.
 RECORDED = {"autoferry_2": "autoferry"}

@@ -10,7 +10,7 @@ from phd_jdtc_ros.parameter_files import from_arguments, sections
 
 pytestmark = pytest.mark.live
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 FILES = {
     "everyone": "/**: {ros__parameters: {lag: 1}}",

@@ -16,7 +16,7 @@ from msg_adapters.incoming import detections
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.types import Detections
 
-TEXT = (Path(__file__).parents[2] / "docs" / "connect_your_radar.md").read_text()
+TEXT = (Path(__file__).parents[4] / "docs" / "connect_your_radar.md").read_text()
 TOPIC = "/radar_1/detections"
 
 
