@@ -17,7 +17,7 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
-from helpers.live_files import names_live_tests
+from helpers.live.live_files import names_live_tests
 
 ROOT = Path(__file__).parents[1]
 # The halves of what is not live and three of what is live keep two processors busy, and so do
@@ -30,7 +30,7 @@ OWN_NODES = (
     "test/nodes/tracker/radars/test_poses_before_clouds.py",
 )
 # Number of pytests for the other live files, which begin at once: each spends 3 s on imports, and
-# 4 s on the server of its nodes (see helpers/forked.py).
+# 4 s on the server of its nodes (see helpers/live/forked.py).
 LIVE_PYTESTS = AT_A_TIME - 2
 # Seconds that live files take beside others, where it is long, so that the sums of the pytests are
 # about the same; `USUAL_S` is for all others.

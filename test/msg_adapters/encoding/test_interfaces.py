@@ -119,8 +119,7 @@ def test_messages_pass_the_field_checks_of_ros():
             print(name)
     """
     here = str(Path(__file__).parent)
-    helpers = str(Path(__file__).parents[2] / "helpers")
-    path = os.pathsep.join([here, helpers])
+    path = os.pathsep.join([here, *sys.path])
     environment = {**os.environ, "ROS_PYTHON_CHECK_FIELDS": "1", "PYTHONPATH": path}
     done = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(script)],

@@ -2,7 +2,7 @@
 
 The manager asks for a transition, and then for the state. After an activation it waits for a bond,
 unless its `bond_timeout` is 0. The messages of bonds are not on PyPI: here the heartbeats are text,
-see `helpers/bond_stand_in`, and their contents are not tested.
+see `helpers/live/bond_stand_in`, and their contents are not tested.
 """
 
 from functools import partial
@@ -14,7 +14,7 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from live_radars import FAST
 from std_msgs.msg import String
 
-STAND_IN = Path(__file__).parents[2] / "helpers" / "bond_stand_in"
+STAND_IN = Path(__file__).parents[2] / "helpers" / "live" / "bond_stand_in"
 SITE = ("-r", "__ns:=/site")
 MANAGED = ("--ros-args", *FAST, *SITE, "-p", "autostart:=false")
 # Transitions that the manager requests, and the states that it expects then.

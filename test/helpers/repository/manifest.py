@@ -5,7 +5,7 @@ import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 MANIFEST = ElementTree.parse(ROOT / "package.xml").getroot()
 # The keyword arguments of `setup`, those that are literals.
 SETUP = {

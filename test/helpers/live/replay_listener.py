@@ -8,7 +8,7 @@ from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.encoding import names
 
-BAG = Path(__file__).parents[2] / "bags" / "paper_scenario"
+BAG = Path(__file__).parents[3] / "bags" / "paper_scenario"
 TOPICS = (names.detections("radar_1"), names.detections("radar_2"), names.TRUTH)
 DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 CLOCK_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)

@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-FOLDER = Path(__file__).parents[2] / "foxglove"
+FOLDER = Path(__file__).parents[3] / "foxglove"
 LAYOUTS = {path.stem: json.loads(path.read_text()) for path in FOLDER.glob("*.json")}
 
 

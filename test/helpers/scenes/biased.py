@@ -9,7 +9,7 @@ from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 MINUTES, AIRCRAFT = 4, 15
 
 
