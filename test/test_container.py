@@ -60,7 +60,6 @@ def test_pip_installs_what_ubuntu_lacks():
     # mcap-ros2-support brings these; a ROS installation has the build tools.
     brought = {"mcap", "lz4", "zstandard", "setuptools", "pyyaml"}
     expected = {*REQUIREMENTS} - debian - brought | PIP_KEYS
-
     assert {*installed("dependencies", "pip")} == expected
     assert declared("depend", "exec_depend") >= PIP_KEYS
 
@@ -73,17 +72,14 @@ def test_container_does_not_run_as_root(stage):
 def test_what_git_ignores_stays_out_of_the_image():
     ignored = (ROOT / ".gitignore").read_text().split()
     left_out = {line.removeprefix("**/") for line in (ROOT / ".dockerignore").read_text().split()}
-
     assert {line.rstrip("/") for line in ignored if line.endswith("/")} <= left_out
 
 
 def test_containers_open_a_stage_and_run_a_command_that_there_is():
     folder = ROOT / ".devcontainer"
     document = json.loads((folder / "devcontainer.json").read_text())
-
     assert (folder / document["build"]["dockerfile"]).resolve() == ROOT / "Dockerfile"
     assert (folder / document["build"]["context"]).resolve() == ROOT
     assert ("USER", document["remoteUser"]) in STAGES[document["build"]["target"]]
     (command,) = [rest for name, rest in STAGES["runtime"] if name == "CMD"]
-
     assert json.loads(command)[:4] == ["ros2", "run", "phd_jdtc_ros", "demo"]

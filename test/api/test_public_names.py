@@ -26,7 +26,6 @@ def modules_after(code):
 
 def test_public_names_load_what_they_need_alone():
     found = modules_after("from phd_jdtc_ros import Tracker, evaluate, simulate")
-
     assert "numpy" in found
     assert not found & {"matplotlib", "plotly", "mcap", "rich", "numba"}
     assert not modules_after("import phd_jdtc_ros") & {"numpy", "scipy", "yaml"}

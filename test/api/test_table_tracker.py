@@ -97,9 +97,7 @@ def test_fit_goes_with_other_classes_and_motions():
         "straight": {"noise_density": 0.1},
         **{name: {"motions": ["straight"], "mode_transition": [1.0]} for name in ("boat", "ship")},
     }
-
     found = Tracker(given).fit(DETECTIONS).track(DETECTIONS).smoothed
-
     assert evaluate(TRUTH, found, cutoff=50.0)["ospa"] < 8.0
     assert set(found["class"]) <= {"boat", "ship"}
 
@@ -109,16 +107,13 @@ def test_fit_adds_to_a_parameter_file(tmp_path):
     path.write_text(
         "/**: {ros__parameters: {sensors: [only], only: {azimuth_std_deg: 0.5, fields.height: ''}}}"
     )
-
     tracker = Tracker(path).fit(DETECTIONS)
-
     assert tracker.parameters["only.range_std"] == pytest.approx(5.0, rel=0.25)
     assert tracker.parameters["only.azimuth_std_deg"] == 0.5
 
 
 def test_fit_reports_what_a_recording_lacks():
     few = {name: column[:20] for name, column in DETECTIONS.items()}
-
     with pytest.raises(ValueError, match=r"radar: .* clouds .*, must be at least 10"):
         Tracker().fit(few)
 
@@ -128,7 +123,6 @@ def test_fit_reports_what_a_recording_lacks():
 )
 def test_positions_are_tracked_in_the_world_wherever_the_sensor_is(changes):
     found = Tracker(with_radar(**changes)).track(cartesian(DETECTIONS)).smoothed
-
     assert evaluate(TRUTH, found, cutoff=50.0)["ospa"] < 8.0
 
 
@@ -138,16 +132,13 @@ def test_csv_gives_what_arrays_give_in_any_order_of_rows(tmp_path, tracked):
     rows = np.column_stack([*DETECTIONS.values()])[order].tolist()
     lines = [",".join(map(repr, row)) for row in rows]
     path.write_text("\n".join([",".join(DETECTIONS), *lines]))
-
     assert_same(Tracker(crossing.PARAMETERS).track(path).smoothed, tracked.smoothed)
 
 
 def test_azimuths_are_read_by_the_parameters(tracked):
     compass = {**DETECTIONS, "azimuth": 90.0 - np.degrees(DETECTIONS["azimuth"])}
     parameters = with_radar(azimuth_convention="compass_cw", azimuth_unit="deg")
-
     found = Tracker(parameters).track(compass).smoothed
-
     np.testing.assert_array_equal(found["label"], tracked.smoothed["label"])
     np.testing.assert_allclose(found["x"], tracked.smoothed["x"])
 
@@ -169,7 +160,6 @@ def test_updates_and_flush_give_what_track_gives(tracked):
         now = DETECTIONS["time"] == time
         parts.append(tracker.update(time, {k: DETECTIONS[k][now] for k in ("range", "azimuth")}))
     parts.append(tracker.flush())
-
     for kind in ("filtered", "smoothed"):
         found = np.concatenate([getattr(part, kind) for part in parts])
         assert_same(found, getattr(tracked, kind))
@@ -180,7 +170,6 @@ def test_scans_before_the_first_detection_count():
     parameters = {"interval_s": 1.0, "radar": {"range_std": 5.0, "max_range": 1500.0}}
     table, tracker = cartesian(DETECTIONS), Tracker(parameters)
     table = {name: column[table["time"] < 25.0] for name, column in table.items()}
-
     tracker.update(1.0)
     tracker.flush()
     parts = [tracker.update(5.0), tracker.update(9.0)]
@@ -189,7 +178,6 @@ def test_scans_before_the_first_detection_count():
         now = table["time"] == time
         parts.append(tracker.update(time, {name: table[name][now] for name in ("x", "y")}))
     found = np.concatenate([part.filtered for part in [*parts, tracker.flush()]])
-
     empty = {"time": [5.0, 9.0], "x": [np.nan] * 2, "y": [np.nan] * 2}
     whole = {name: np.append(empty[name], column) for name, column in table.items()}
     assert_same(found, Tracker(parameters).track(whole).filtered)
@@ -197,7 +185,6 @@ def test_scans_before_the_first_detection_count():
 
 def test_flush_begins_another_run():
     tracker = Tracker(crossing.PARAMETERS)
-
     assert len(tracker.flush().smoothed) == 0
     tracker.update(10.0, {"range": [100.0], "azimuth": [0.1]})
     tracker.flush()
@@ -221,16 +208,13 @@ def test_scan_without_detections_counts_as_missed(how):
         ]
         parts += [tracker.update(time) for time in quiet]
         found = np.concatenate([part.filtered for part in [*parts, tracker.flush()]])
-
     assert 11.0 <= found["time"].max() < 25.0
     assert not tracker.dropped
 
 
 def test_amplitudes_separate_classes_where_there_are_several():
     run = simulate(seed=2)
-
     found = Tracker(run.parameters).track(run.detections).smoothed
-
     scores = evaluate(run.truth, found, cutoff=1000.0)
     assert scores["class_accuracy"] > 0.98
     assert scores["ospa"] < 75.0
@@ -244,13 +228,11 @@ def test_turning_antenna_is_followed_by_the_plots_times(request):
     run = simulate({**document, "scans": 101}, seed=4)
     keep = ("azimuth_convention", "fields.time", "fields.amplitude")
     known = {f"approach.{name}": run.parameters[f"approach.{name}"] for name in keep}
-
     with warnings.catch_warnings():
         # Some aircraft are high and near, where slant ranges are too long.
         warnings.filterwarnings("ignore", ".*ranges over ground", UserWarning)
         tracker = Tracker({"sensors": ["approach"], **known}).fit(run.detections)
         found = tracker.track(run.detections).smoothed
-
     assert tracker.parameters["approach.rotation_s"] == pytest.approx(4.0, abs=0.01)
     settled = found[(found["time"] > 1030.0) & (found["time"] <= 1100.0)]
     truth = {name: run.truth[name] for name in ("time", "label", "x", "y", "vx", "vy")}
@@ -274,9 +256,7 @@ def test_tracker_of_a_parameter_file_gives_what_the_bags_tracker_gives(request):
     for event in pipeline.flush():
         smoothed += event.smoothed if isinstance(event, RunEnded) else event.step.smoothed
     names = ("time", "range", "azimuth", "amplitude")
-
     table = Tracker(bag / "parameters.yaml").track(dict(zip(names, np.array(rows).T, strict=True)))
-
     position = np.concatenate([each.position for each in smoothed])
     np.testing.assert_array_equal(table.smoothed["x"], position[:, 0])
     label = np.concatenate([each.track_id for each in smoothed])
@@ -286,7 +266,6 @@ def test_tracker_of_a_parameter_file_gives_what_the_bags_tracker_gives(request):
 def test_covariance_is_of_x_y_vx_vy(tracked):
     found = tracked.filtered
     settled = found[found["time"] > 30.0]
-
     deviations = np.sqrt(np.einsum("nii->ni", settled["covariance"])).mean(axis=0)
     assert (deviations[:2] > 0.5).all()
     assert (deviations[:2] < 6.0).all()
@@ -297,7 +276,6 @@ def test_covariance_is_of_x_y_vx_vy(tracked):
 def test_unused_detections_are_reported():
     far = {**DETECTIONS, "range": np.where(DETECTIONS["time"] < 20.0, 2000.0, DETECTIONS["range"])}
     tracker = Tracker(crossing.PARAMETERS)
-
     with pytest.warns(UserWarning, match=r"\d+ of \d+ detections were not used: range \d+"):
         tracker.track(far)
     assert tracker.dropped["range"] == np.count_nonzero(far["range"] == 2000.0)
@@ -324,7 +302,6 @@ def test_clutter_nearer_than_min_range_is_left_out_and_starts_no_targets(tracked
 def test_what_must_be_known_is_named_together():
     with pytest.raises(ConfigError) as raised:
         Tracker({"radar": {"range_std": 5.0}}).track(DETECTIONS)
-
     assert raised.value.faults == (
         "interval_s: is missing, must be given or estimated by fit",
         "radar.azimuth_std_deg: is missing, must be given or estimated by fit",
@@ -377,7 +354,6 @@ def test_update_asks_which_radar_it_is_of():
             for what, value in crossing.PARAMETERS["radar"].items()
         }
     )
-
     with pytest.raises(ValueError, match="radar: None given, must be one of a, b"):
         tracker.update(1.0, {"range": [1.0], "azimuth": [0.0]})
     with pytest.raises(ValueError, match="radar: 'c' given, must be one of a, b"):
@@ -387,16 +363,13 @@ def test_update_asks_which_radar_it_is_of():
 def test_parameters_go_into_a_file_of_the_node(tmp_path, fitted):
     path = tmp_path / "mine.yaml"
     path.write_text(yaml.safe_dump({"/**": {"ros__parameters": fitted.parameters}}))
-
     found = Tracker(path).track(DETECTIONS)
-
     assert_same(found.smoothed, fitted.track(DETECTIONS).smoothed)
 
 
 def test_fit_keeps_the_recognised_columns():
     table = {**DETECTIONS, "height": np.full(len(DETECTIONS["time"]), 30.0)}
     tracker = Tracker({"radar": {"position": [0.0, 0.0, 30.0]}}).fit(table)
-
     assert tracker.parameters["radar.fields.height"] == "height"
     found = tracker.track(table).smoothed
     assert found["height"] == pytest.approx(30.0, abs=5.0)

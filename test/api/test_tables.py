@@ -1,13 +1,23 @@
-"""Tables of users as columns."""
+"""Tables of users, of scenarios, and of tracks beside the truth."""
 
 from datetime import datetime, timedelta, timezone
 
+import crossing
 import numpy as np
 import pytest
 
+from msg_adapters.incoming.readers import reader_of
+from phd_jdtc_ros import evaluate, simulate
 from phd_jdtc_ros.api.parameters import Parameters
 from phd_jdtc_ros.api.reports import reports_of
 from phd_jdtc_ros.api.tables import columns_of, numbers, rows_of, stamps_ns
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
+
+STRUCTURED = np.array([(1.0, 2.0), (3.0, 4.0)], dtype=[("time", float), ("range", float)])
+NINE = "".join(f"1700000000.{k},north,2.0\n" for k in range(9))
+TRUTH = crossing.truth()
 
 
 class Frame:
@@ -19,9 +29,6 @@ class Frame:
 
     def __getitem__(self, name):
         return self._columns[name]
-
-
-STRUCTURED = np.array([(1.0, 2.0), (3.0, 4.0)], dtype=[("time", float), ("range", float)])
 
 
 @pytest.mark.parametrize(
@@ -36,7 +43,6 @@ STRUCTURED = np.array([(1.0, 2.0), (3.0, 4.0)], dtype=[("time", float), ("range"
 )
 def test_columns_of_takes_what_has_named_columns(table):
     columns = columns_of(table)
-
     assert numbers(columns, "time").tolist() == [1.0, 3.0]
     assert numbers(columns, "range").tolist() == [2.0, 4.0]
 
@@ -44,15 +50,12 @@ def test_columns_of_takes_what_has_named_columns(table):
 def test_columns_of_reads_csv_with_spaces_empty_cells_and_no_rows(tmp_path):
     path = tmp_path / "detections.csv"
     path.write_text("\ufefftime, range ,note\n1.5, 20,a\n\n2.5,,\n", encoding="utf-8")
-
     columns = columns_of(path)
-
     assert list(columns) == ["time", "range", "note"]
     assert numbers(columns, "time").tolist() == [1.5, 2.5]
     np.testing.assert_array_equal(numbers(columns, "range"), [20.0, np.nan])
     path = tmp_path / "detections.csv"
     path.write_text("time,range\n")
-
     assert numbers(columns_of(path), "range").tolist() == []
 
 
@@ -83,12 +86,8 @@ def test_columns_of_reports_what_does_not_fit(table, said):
 def test_csv_that_is_no_table_is_named_with_its_row(tmp_path, text, said):
     path = tmp_path / "detections.csv"
     path.write_bytes(text)
-
     with pytest.raises(ValueError, match=f"detections.csv: {said}"):
         columns_of(path)
-
-
-NINE = "".join(f"1700000000.{k},north,2.0\n" for k in range(9))
 
 
 @pytest.mark.parametrize(
@@ -106,7 +105,6 @@ def test_values_of_a_csv_are_named_by_their_lines(tmp_path, lines, said):
     path = tmp_path / "detections.csv"
     path.write_text("time,radar,range,azimuth\n\n" + lines.replace("\n", ",0.0\n"))
     config = Parameters.of({"sensors": ["north", "south"]}).config(incomplete=True)
-
     with pytest.raises(ValueError, match=said):
         reports_of(columns_of(path), config)
 
@@ -167,7 +165,6 @@ def test_stamps_are_seconds_or_dates(column):
 def test_stamps_of_seconds_since_1970_are_the_same_again():
     rng = np.random.default_rng(1)
     once = stamps_ns({"time": 1.7e9 + 1e4 * rng.random(10_000)})
-
     assert (stamps_ns({"time": once / 1e9}) == once).all()
 
 
@@ -175,3 +172,152 @@ def test_stamps_of_seconds_since_1970_are_the_same_again():
 def test_stamps_name_what_is_no_time(time):
     with pytest.raises(ValueError, match=r"time: .* in row 2, must be"):
         stamps_ns(columns_of({"time": [1.0 if isinstance(time, float) else "2026-01-01", time]}))
+
+
+def test_evaluate_of_the_truth_finds_no_error_and_of_no_tracks_the_cutoff():
+    found = evaluate(TRUTH, TRUTH, cutoff=100.0)
+    assert found["scans"] == crossing.LAST
+    assert found["ospa"] == found["missed"] == found["false"] == 0.0
+    assert found["identity_switches"] == 0
+    assert found["class_accuracy"] == 1.0
+    none = {name: column[:0] for name, column in TRUTH.items()}
+    found = evaluate(TRUTH, none, cutoff=100.0)
+    assert found["ospa"] == pytest.approx(100.0)
+    assert found["missed"] == 2.0
+
+
+def test_evaluate_counts_swaps_and_wrong_classes():
+    late = TRUTH["time"] >= 30.0
+    swapped = {**TRUTH, "label": np.where(late, 3 - TRUTH["label"], TRUTH["label"])}
+    assert evaluate(TRUTH, swapped, cutoff=50.0)["identity_switches"] == 2
+    true = {**TRUTH, "class": np.where(TRUTH["label"] == 1, "ship", "boat")}
+    found = {**TRUTH, "class": np.full(len(TRUTH["time"]), "boat")}
+    assert evaluate(true, found, cutoff=50.0)["class_accuracy"] == 0.5
+
+
+def test_evaluate_takes_names_as_labels_and_counts_times_without_tracks():
+    named = {**TRUTH, "label": np.where(TRUTH["label"] == 1, "CLX123", "DLH4")}
+    assert evaluate(named, TRUTH, cutoff=50.0)["identity_switches"] == 0
+    some = {name: column[TRUTH["time"] < 30.0] for name, column in TRUTH.items()}
+    assert evaluate(TRUTH, some, cutoff=100.0)["missed"] == pytest.approx(1.0)
+
+
+def test_label_zero_or_none_is_no_track_in_numbers_and_in_texts():
+    one = {name: column[TRUTH["label"] == 1] for name, column in TRUTH.items()}
+    label = np.where(one["time"] < 30.0, 1, 0)
+    numbers = evaluate(TRUTH, {**one, "label": label}, cutoff=50.0)
+    assert numbers["identity_switches"] is None
+    for unlike in (
+        label.astype(np.str_),
+        np.where(label == 0, np.nan, 1.0),
+        np.where(label == 0, None, "DLH4"),
+        np.where(label == 0, np.nan, np.array("DLH4", dtype=object)),
+    ):
+        assert evaluate(TRUTH, {**one, "label": unlike}, cutoff=50.0) == numbers
+
+
+def test_evaluate_interpolates_the_truth_at_given_times():
+    between = {**TRUTH, "time": TRUTH["time"] + 0.25}
+    for axis in "xy":
+        between[axis] = TRUTH[axis] + 0.25 * TRUTH[f"v{axis}"]
+    rows = between["time"] < TRUTH["time"][-1]
+    between = {name: column[rows] for name, column in between.items()}
+    found = evaluate(TRUTH, between, cutoff=100.0, times=np.unique(between["time"]))
+    assert found["ospa"] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "arguments", "said"),
+    [
+        ({"time": TRUTH["time"] + 0.5}, {}, "tracks: 40 of 40 times, such as 10.5"),
+        ({}, {"times": [*TRUTH["time"], 100.0]}, "truth: unknown at 100.0 s"),
+        ({}, {"cutoff": 0.0}, "cutoff: 0.0 given, must be a number above 0"),
+        ({}, {"cutoff": "x"}, "cutoff: 'x' given, must be a number above 0"),
+        ({}, {"order": 0.5}, "order: 0.5 given, must be from 1 to 100"),
+        ({"y": np.where(TRUTH["time"] == 11.0, np.nan, 0.0)}, {}, "tracks: y is 'nan' in row 3, "),
+    ],
+)
+def test_evaluate_reports_what_does_not_fit(change, arguments, said):
+    with pytest.raises(ValueError, match=said):
+        evaluate(TRUTH, {**TRUTH, **change}, **{"cutoff": 100.0, **arguments})
+
+
+def recorded(bag):
+    """Return the stamps and clouds of a bag's radars as a table of ranges and azimuths."""
+    config = tracker_params.config(from_arguments.load(bag / "parameters.yaml"))
+    radars = {radar.topic: radar for radar in config.inputs}
+    rows = []
+    for entry in BagReader(bag).messages(list(radars)):
+        radar = radars[entry.topic]
+        found = reader_of(radar).from_cdr(entry.data, radar).detections
+        rows += [(entry.stamp_ns / 1e9, radar.name, *row) for row in found.measurement.tolist()]
+    return rows
+
+
+def test_simulate_gives_what_the_shipped_bag_has(request):
+    found = simulate("one_radar", seed=0).detections
+    expected = recorded(request.config.rootpath / "bags" / "one_radar")
+    assert len(found) == len(expected)
+    assert found["time"].tolist() == [row[0] for row in expected]
+    assert found["radar"].tolist() == [row[1] for row in expected]
+    measured = np.stack([found["range"], found["azimuth"]], axis=1)
+    np.testing.assert_allclose(measured, [row[2:] for row in expected], rtol=2e-7)
+
+
+def test_simulate_without_a_scenario_is_the_reference_scenario():
+    run = simulate(seed=3)
+    assert np.unique(run.detections["radar"]).tolist() == ["radar_1", "radar_2"]
+    assert np.unique(run.truth["label"]).tolist() == [1, 2, 3, 4]
+    assert len(np.unique(run.truth["time"])) == 80
+
+
+def test_simulate_takes_a_document():
+    target = {
+        "class_id": 0,
+        "snr_db": 30.0,
+        "position": [-2000.0, 500.0],
+        "velocity": [20.0, 0.0],
+        "first_scan": 0,
+        "last_scan": 9,
+    }
+    run = simulate({"scans": 10, "targets": [target]}, seed=3)
+    assert run.truth["x"].tolist() == [-2000.0 + 120.0 * scan for scan in range(10)]
+
+
+def test_simulate_gives_a_scan_without_detections_a_row():
+    run = simulate(
+        {
+            "scans": 5,
+            "targets": [],
+            "parameters": {"sensors": ["only"], "only": {"clutter_rate": 0.0}},
+        },
+        seed=3,
+    )
+    assert run.detections["time"].tolist() == [1000.0 + 6.0 * scan for scan in range(5)]
+    assert np.isnan(run.detections["range"]).all()
+
+
+def test_simulate_gives_plots_of_turning_antennas_their_own_times():
+    run = simulate("terminal_radar", seed=1)
+    assert run.parameters["approach.fields.time"] == "time"
+    assert len(np.unique(run.detections["time"])) > 0.99 * len(run.detections)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "said"),
+    [
+        ("coastal_ship", "platform: given, must be absent"),
+        ("no_such", "scenario: 'no_such' given, must be .* one of approach_hour, automotive, "),
+        ("no_such.yaml", "no_such.yaml: cannot be read"),
+        ({"scans": -1}, "scans: -1"),
+    ],
+)
+def test_simulate_reports_what_does_not_fit(scenario, said):
+    with pytest.raises(ConfigError, match=said):
+        simulate(scenario, seed=0)
+
+
+@pytest.mark.parametrize("seed", [-1, "x", 1.5])
+def test_simulate_names_a_seed_that_is_none(seed):
+    with pytest.raises(ConfigError, match=r"seed: .* given, must be a whole number from 0 on"):
+        simulate("one_radar", seed=seed)

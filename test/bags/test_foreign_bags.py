@@ -44,9 +44,7 @@ def test_a_bag_in_sqlite_is_named_with_the_commands_that_convert_it(bag, tmp_pat
     typestore = get_typestore(Stores.ROS2_JAZZY)
     convert([bag], source, "sqlite3", 9, None, "file", typestore, typestore, (), (), (), ())
     (database,) = source.glob("*.db3")
-
     fault = refused(source if part == "directory" else database)
-
     assert fault.startswith(f"{database}: is a bag in SQLite")
     assert f"ros2 bag convert -i {shlex.quote(str(source))} -o convert.yaml" in fault
     found = list(BagReader(converted(fault, tmp_path)).messages())
@@ -60,9 +58,7 @@ def test_a_bag_compressed_as_a_file_is_named_with_the_command_that_unpacks_it(ba
     packed = tmp_path / "recording_0.mcap.zstd"
     packed.write_bytes(zstandard.compress(whole))
     (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information: {}")
-
     fault = refused(tmp_path if part == "directory" else packed)
-
     assert fault.startswith(f"{packed}: is compressed as a file")
     subprocess.run(shlex.split(fault[fault.index("zstd -d") :]), check=True)
     assert (tmp_path / "recording_0.mcap").read_bytes() == whole
@@ -76,9 +72,7 @@ def test_a_ros_1_bag_is_named_with_the_command_that_converts_it(tmp_path):
         connection = written.add_connection("/chatter", "std_msgs/msg/String", typestore=typestore)
         data = typestore.serialize_ros1(text, "std_msgs/msg/String")
         written.write(connection, 1, data)
-
     fault = refused(file)
-
     assert fault.startswith(f"{file}: is a ROS 1 bag")
     assert BagReader(converted(fault, tmp_path)).types == {"/chatter": "std_msgs/msg/String"}
 
@@ -106,14 +100,12 @@ def foreign(file, encoding, schema=("sensor_msgs/PointCloud2", "ros1msg"), data=
 )
 def test_a_topic_of_another_encoding_is_named_as_such(tmp_path, encoding, schema, said):
     reader = BagReader(foreign(tmp_path / "foreign.mcap", encoding, schema))
-
     with pytest.raises(BagError) as required:
         reader.require({RADAR: names.CLOUD})
     with pytest.raises(BagError) as played:
         playable.select(reader, [])
     with pytest.raises(BagError) as wanted:
         playable.select(reader, [RADAR])
-
     for error in (required, played, wanted):
         assert f"{RADAR} is {said}" in str(error.value).replace(f"{RADAR}: is", f"{RADAR} is")
         assert "missing" not in str(error.value)
@@ -148,9 +140,7 @@ def test_a_finished_file_without_a_summary_is_whole(bag, tmp_path, use_chunking,
             writer.add_message(channels[entry.topic], entry.log_time_ns, entry.data, 0)
         writer.finish()
     assert int.from_bytes(file.read_bytes()[-28:-20], "little") == 0  # where a summary would be
-
     assert outcome(file) == (messages, None)
-
     data = file.read_bytes()
     (tmp_path / "cut.mcap").write_bytes(data[: len(data) // 2] + data[-37:])
     assert outcome(tmp_path / "cut.mcap")[1].corrupt
@@ -159,14 +149,11 @@ def test_a_finished_file_without_a_summary_is_whole(bag, tmp_path, use_chunking,
 def test_a_file_that_ends_between_two_chunks_is_unfinished(bag, tmp_path):
     file = chunked(tmp_path / "small", bag)
     messages, data = list(BagReader(bag).messages()), file.read_bytes()
-
     with file.open("rb") as stream:
         parts = make_reader(stream).get_summary().chunk_indexes
     killed = tmp_path / "killed.mcap"
     killed.write_bytes(data[: parts[3].chunk_start_offset])
-
     found, error = outcome(killed)
-
     assert error.corrupt
     assert found == [m for m in messages if m.log_time_ns < parts[3].message_start_time]
     assert str(error) == (
@@ -177,10 +164,8 @@ def test_a_file_that_ends_between_two_chunks_is_unfinished(bag, tmp_path):
 
 def test_a_file_cut_in_a_chunk_counts_the_lost_bytes(bag, tmp_path):
     file = chunked(tmp_path / "small", bag)
-
     with file.open("rb") as stream:
         parts = make_reader(stream).get_summary().chunk_indexes
     killed = tmp_path / "killed.mcap"
     killed.write_bytes(file.read_bytes()[: parts[3].chunk_start_offset + 77])
-
     assert "is damaged: it is truncated; 77 of its bytes are lost" in str(outcome(killed)[1])

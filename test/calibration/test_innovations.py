@@ -57,8 +57,7 @@ def test_right_noise_is_never_warned_of_and_axes_show_which_is_wrong():
 
 
 @pytest.mark.parametrize(
-    ("scale", "verdict"),
-    [(0.01, (True, False)), (0.1, (True, False)), (10.0, (False, True))],
+    ("scale", "verdict"), [(0.01, (True, False)), (0.1, (True, False)), (10.0, (False, True))]
 )
 def test_wrong_noise_is_noticed_of_every_radar(scale, verdict):
     fits = monitored(configured(scale))[-1]

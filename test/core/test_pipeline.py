@@ -96,7 +96,7 @@ def test_close_scans_takes_in_what_waits():
     assert not pipeline.waiting
 
 
-def test_flush_ends_the_run_with_what_was_held_back():
+def test_flush_ends_the_run_with_the_pending_estimates():
     pipeline = new_pipeline(CONFIG)
     fed(pipeline, SCANS[:5])
     (ended,) = pipeline.flush()
@@ -169,11 +169,7 @@ def test_turns_are_stepped_in_slices_again_behind_a_jump_back():
     assert turned(pipeline, reports) == first
 
 
-BOTH = {
-    "lag": 2,
-    "interval_s": 4.0,
-    **{f"radar_{k}.rotation_s": 4.0 for k in (1, 2)},
-}
+BOTH = {"lag": 2, "interval_s": 4.0, **{f"radar_{k}.rotation_s": 4.0 for k in (1, 2)}}
 
 
 def two_radars(later_s):

@@ -2,11 +2,15 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
+from phd_jdtc_ros.evaluation.accumulator import Totals, ratio
 from phd_jdtc_ros.evaluation.accumulators.tracks import OSPA2_WINDOW
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 
 C = 100.0
+NAMES = ("a", "b")
+# Two runs of three scans; b is missing in one scan of the first run.
+VALUES = np.array([[[1.0, 2.0], [3.0, np.nan], [5.0, -4.0]], [[1.0, 8.0], [1.0, -9.0], [4.0, 1.0]]])
 
 
 def points(*rows):
@@ -16,6 +20,8 @@ def points(*rows):
 
 
 TRUTH = {1: points((0, 0, 0), (1000, 0, 1)), 2: points((10, 0, 0))}
+
+
 RUN = {
     # Stamp 1: both found, 30 m and 40 m off, the second of the wrong class.
     (FILTERED, 1): points((30, 0, 0), (1040, 0, 0)),
@@ -268,10 +274,7 @@ def test_evaluation_scores_every_pass_of_a_loop_and_what_a_pass_leaves_to_the_ne
 def test_summary_has_the_share_within_500_m():
     one, two = (0, 0, 0, 1), (1000, 0, 0, 2)
     far = Evaluation(1, 800.0, 2.0)
-    found = [
-        labelled((10, 0, 0, 7), (1000, 0, 0, 8)),
-        labelled((10, 0, 0, 9), (1000, 600, 0, 8)),
-    ]
+    found = [labelled((10, 0, 0, 7), (1000, 0, 0, 8)), labelled((10, 0, 0, 9), (1000, 600, 0, 8))]
     for stamp, estimate in enumerate(found):
         far.add_truth(stamp, labelled(one, two))
         far.add_estimates(FILTERED, stamp, estimate)
@@ -297,3 +300,34 @@ def test_false_per_scan_counts_estimates_beyond_the_cutoff_of_every_target():
     assert summary["smoothed"]["all"]["false_per_scan"] == summary["false_per_scan"]
     assert summary["filtered"]["all"]["false_per_scan"] == pytest.approx(4 / 3)
     assert summary["smoothed"]["all"]["false"] == pytest.approx((3 + 3 + 4) / 3)
+
+
+@pytest.fixture
+def totals():
+    return Totals.of(NAMES, VALUES)
+
+
+def test_totals_are_of_each_run_with_means_of_the_scans_that_have_the_value(totals):
+    np.testing.assert_array_equal(totals.sum("a"), [9.0, 6.0])
+    np.testing.assert_array_equal(totals.mean("a"), [3.0, 2.0])
+    np.testing.assert_array_equal(totals.maximum("a"), [5.0, 4.0])
+    np.testing.assert_array_equal(totals.mean("b"), [-1.0, 0.0])
+    np.testing.assert_array_equal(totals.sum("b"), [np.nan, 0.0])
+    np.testing.assert_array_equal(totals.maximum("b"), [np.nan, 8.0])
+
+
+def test_totals_add_up(totals):
+    parts = [Totals.of(NAMES, VALUES[:, scan : scan + 1]) for scan in range(3)]
+    together = parts[0].plus(parts[1]).plus(parts[2])
+    assert together.scans == 3
+    for name in NAMES:
+        for figure in (Totals.mean, Totals.sum, Totals.maximum):
+            np.testing.assert_array_equal(figure(together, name), figure(totals, name))
+
+
+def test_totals_of_no_scan_and_ratios_to_nothing_are_not_known():
+    none = Totals.of(NAMES, np.zeros((0, 2)))
+    assert none.sum("a") == 0.0
+    assert np.isnan(none.mean("a"))
+    assert np.isnan(none.maximum("a"))
+    np.testing.assert_array_equal(ratio(np.array([1.0, 0.0]), np.array([4, 0])), [0.25, np.nan])

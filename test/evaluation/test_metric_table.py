@@ -63,7 +63,7 @@ def test_gaps_are_of_each_class_and_end_with_the_run():
     assert of_gaps == {ALL: [1, 1, 2, 20.0], "class_0": [0, 0, 0, 0.0], "class_1": [1, 1, 2, 20.0]}
 
 
-def test_classes_are_not_judged_where_none_are_compared(scan):
+def test_classes_have_no_verdict_where_none_are_compared(scan):
     assert compared(scan, classes=0)[ALL]["right_class"] is None
     assert compared(scan)[ALL]["right_class"] == 0
 

@@ -5,13 +5,33 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from phd_jdtc_ros.core.types import FILTERED
+from phd_jdtc_ros.evaluation.comparison import ALL, PairedScan, PointSet, expected_speed
+from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.evaluation.metrics import assign, ospa
+from phd_jdtc_ros.evaluation.run_scores import RunScores
+from phd_jdtc_ros.evaluation.true_tracks import without_slow
 
 CUTOFF = 100.0
+PLACES = np.array([[0.0, 0.0], [5e3, 0.0], [9e3, 0.0]])
+NEAR = 200.0
+# A ship that moves, one at anchor, and one at anchor without a track.
+TRUTH = PointSet(
+    np.array([[0.0, 0.0], [1000.0, 0.0], [5000.0, 0.0]]),
+    np.zeros(3, dtype=np.int64),
+    np.array([1, 2, 3]),
+    np.array([[5.0, 0.0], [0.1, 0.0], [0.0, 0.0]]),
+)
+
+
 coordinate = st.floats(-200.0, 200.0)
+
+
 point_sets = st.lists(st.tuples(coordinate, coordinate), max_size=5).map(
     lambda points: np.array(points, dtype=float).reshape(-1, 2)
 )
+
+
 orders = st.sampled_from([1.0, 1.5, 2.0, 4.0])
 
 
@@ -92,3 +112,72 @@ def test_assign_pairs_by_the_least_total_distance_below_the_cutoff():
     assert (target.tolist(), found.tolist()) == ([1], [1])
     target, found = assign(np.zeros((0, 2)), np.zeros((2, 2)), CUTOFF)
     assert len(target) == len(found) == 0
+
+
+def points(height):
+    return PointSet(PLACES, np.zeros(3, dtype=np.int64), np.arange(1, 4), height=height)
+
+
+def rms(true, found):
+    scores = RunScores(1, 1000.0, 2.0)
+    scores.add(PairedScan.of(10**9, points(true), points(found), 1000.0))
+    return scores.figures()[ALL]["height_rms"]
+
+
+def test_height_rms_is_that_of_the_pairs_whose_heights_are_known():
+    true = np.array([1000.0, 2000.0, 3000.0])
+    assert rms(true, np.array([1003.0, 1996.0, np.nan])) == pytest.approx(np.sqrt(12.5))
+
+
+@pytest.mark.parametrize("true", [None, np.full(3, np.nan)])
+def test_height_rms_has_no_meaning_without_heights(true):
+    assert rms(true, np.zeros(3)) is None
+    assert rms(np.zeros(3), true) is None
+
+
+def test_the_speed_is_the_mean_of_speeds_whose_courses_differ():
+    rng = np.random.default_rng(5)
+    # The courses of a target at 200 m/s differ by 15 degrees.
+    course = rng.normal(0.3, np.radians(15.0), 20000)
+    velocities = 200.0 * np.column_stack([np.cos(course), np.sin(course)])
+    mean, covariance = velocities.mean(axis=0)[None], np.cov(velocities.T)[None]
+    assert expected_speed(mean, None)[0] == np.hypot(*mean[0]) < 195.0
+    assert expected_speed(mean, covariance)[0] == pytest.approx(200.0, abs=0.5)
+
+
+def found(*places):
+    """Return estimates at places on the x axis, metres."""
+    position = np.array([[x, 0.0] for x in places]).reshape(-1, 2)
+    return PointSet(position, np.zeros(len(places), dtype=np.int64), 7 + np.arange(len(places)))
+
+
+def test_slow_targets_are_left_out_with_the_estimates_of_them():
+    truth, estimate = without_slow(TRUTH, found(10.0, 990.0), 2.5, NEAR)
+    assert truth.track_id.tolist() == [1]
+    assert estimate.track_id.tolist() == [7]
+
+
+def test_other_estimates_than_those_of_slow_targets_are_still_there():
+    _, estimate = without_slow(TRUTH, found(10.0, 3000.0), 2.5, NEAR)
+    assert estimate.track_id.tolist() == [7, 8]
+    _, estimate = without_slow(TRUTH, found(990.0, 1100.0), 2.5, NEAR)
+    assert estimate.track_id.tolist() == [8]
+
+
+@pytest.mark.parametrize(
+    ("truth", "least_speed"), [(TRUTH, 0.0), (PointSet(TRUTH.position, TRUTH.class_id), 2.5)]
+)
+def test_all_targets_are_kept_without_a_least_speed_or_velocities(truth, least_speed):
+    estimate = found(10.0)
+    assert without_slow(truth, estimate, least_speed, NEAR) == (truth, estimate)
+
+
+def test_evaluation_scores_tracked_targets_and_lists_the_rest():
+    scores = Evaluation(1, NEAR, 2.0, least_speed=2.5)
+    for stamp_ns in (0, 1):
+        scores.add_truth(stamp_ns, TRUTH)
+        scores.add_estimates(FILTERED, stamp_ns, found(10.0, 990.0))
+    summary = scores.summary()
+    assert summary[FILTERED]["all"]["ospa"] == pytest.approx(10.0)
+    assert summary[FILTERED]["all"]["false"] == 0.0
+    assert (summary["least_speed"], summary["slow_targets"]) == (2.5, 2.0)

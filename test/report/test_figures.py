@@ -56,7 +56,6 @@ def undrawn(record, name):
 def test_write_all_writes_pictures_1200_pixels_wide_and_leaves_settings_alone(tmp_path, classes):
     before = dict(matplotlib.rcParams)
     pictures = written(record_of(classes), tmp_path / "new")
-
     assert dict(matplotlib.rcParams) == before
     assert set(pictures) == EVERYTHING
     for path in pictures.values():
@@ -107,17 +106,13 @@ def test_write_all_draws_what_the_record_has(tmp_path, parts, pictures):
 
 def test_number_error_shows_estimated_minus_true():
     record = record_of(2, smoothed=tuple(estimates_of(k, 2, 5, 1) for k in range(SCANS)))
-
     rows = undrawn(record, "number_error").axes
-
     assert [set(axes.lines[-1].get_ydata()) for axes in rows] == [{0.0}, {-1.0}]
 
 
 def test_clock_counts_from_the_first_stamp_in_minutes_where_long():
     late_truth = tuple(truth_of(k, 2) for k in range(3, SCANS))
-
     clock = Clock.of(record_of(truth=late_truth))
-
     assert clock.seconds([stamp_ns(0), stamp_ns(2)]).tolist() == [0.0, 12.0]
     assert Clock(0, 7200.0).text(90.0) == "1.5 min"
 
@@ -136,13 +131,11 @@ def test_maps_have_equal_scales_in_metres_where_they_are_short(record, unit):
 def test_detections_are_purple_with_a_scale_of_known_amplitudes():
     (dots,) = undrawn(record_of(2), "measurements").axes[0].collections
     low, high = dots.cmap([0.0, 1.0])[:, :3]
-
     for red, green, blue in (low, high):
         assert blue > red > green
     assert low.sum() > high.sum()
     figure = undrawn(without_amplitudes(record_of(2)), "measurements")
     ((red, green, blue, _),) = figure.axes[0].collections[0].get_facecolor()
-
     assert len(figure.axes) == 1
     assert blue > red > green
 
@@ -150,7 +143,6 @@ def test_detections_are_purple_with_a_scale_of_known_amplitudes():
 def test_single_class_is_drawn_once_by_its_name():
     record = replace(record_of(1), class_names=("car",))
     titles = {name: [a.get_title("left") for a in undrawn(record, name).axes] for name in SCORED}
-
     assert titles == {
         "number_error": ["car"],
         "ospa": ["car"],

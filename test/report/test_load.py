@@ -1,7 +1,13 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bag_content import edited, messages, rewrite
+from hypothesis import given
+from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
+from records import SHORT, record_of, shrunk
+from unfolded import columns_of
 
 from msg_adapters.encoding import names
 from msg_adapters.incoming import detections
@@ -10,7 +16,13 @@ from msg_adapters.targets import estimates, poses, truth
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.learned.outliers import Outliers
 from phd_jdtc_ros.report import load
+from phd_jdtc_ros.report.page import score_words
+from phd_jdtc_ros.report.page.packing import Columns, pack
+from phd_jdtc_ros.report.record import learned_values, sensor_changes
+from phd_jdtc_ros.report.sets import Sets
+from phd_jdtc_ros.report.units import MapScale, metres_text, places_of
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.traffic.targets import TargetScript
 from phd_jdtc_ros.tools.simulate import write_bag
@@ -20,6 +32,25 @@ CONFIG = resolve({"particles_per_target": 100, "particles_per_birth": 256, "lag"
 RADARS = [radar.topic for radar in CONFIG.inputs]
 FILTERED, SMOOTHED = names.estimates("filtered"), names.estimates("smoothed")
 SECOND = 10**9
+# Differences of these have 31 bits and a sign.
+WHOLE = st.lists(st.integers(-(2**30), 2**30 - 1), max_size=40)
+INPUTS = resolve(
+    {
+        "sensors": ["mast"],
+        "mast.range_std": "auto 50",
+        "mast.azimuth_std_deg": "auto 0.2",
+        "mast.detection_probability": "auto 0.9",
+    }
+).inputs
+FIGURES = {
+    "mast.detection_probability": 0.6,
+    "mast.detection_probability_std": 0.02,
+    "mast.detection_probability_set": 0.9,
+    "mast.range_noise_ratio": 2.0,
+    "mast.range_noise_ratio_std": 0.1,
+    "mast.azimuth_noise_ratio": 0.5,
+    "mast.azimuth_noise_ratio_std": 0.05,
+}
 
 
 @pytest.fixture(scope="module")
@@ -175,3 +206,109 @@ def test_record_of_detections_without_amplitude_has_none(bag, tmp_path):
     for plot in run.plots:
         assert plot.amplitude.shape == plot.position.shape[:1]
         assert np.isnan(plot.amplitude).all() == (plot.radar == "radar_1")
+
+
+@given(WHOLE, WHOLE)
+def test_columns_are_read_back_as_they_were(first, second):
+    columns = Columns()
+    columns.add("first", first)
+    columns.add("second", second)
+    found = columns_of(columns.text(), columns.index)
+    assert found["first"].tolist() == first
+    assert found["second"].tolist() == second
+
+
+def test_columns_of_steady_motion_take_less_than_a_byte_an_entry():
+    columns = Columns()
+    columns.add("x", 250 * np.arange(10_000))
+    assert len(columns.text()) < 1_000
+
+
+def test_packed_is_the_same_for_the_same_bytes():
+    assert pack(b"a page" * 100) == pack(b"a page" * 100)
+
+
+def test_sets_are_all_and_each_of_several_classes():
+    sets = Sets.of(2, ("car", "van_2"))
+    assert sets.keys == ["all", "class_0", "class_1"]
+    assert [sets.title(key) for key in sets.keys] == ["all classes", "car", "van_2"]
+    sets = Sets.of(1, ("car",))
+    assert sets.one_class
+    assert (sets.keys, sets.title("all")) == (["all"], "car")
+    assert Sets.of(2, ("car", "van")).class_title(7) == "class 7"
+
+
+@pytest.mark.parametrize("names", [(), ("car",), ("class_0", "class_1")])
+def test_sets_without_fitting_names_are_numbered(names):
+    assert [Sets.of(2, names).class_title(k) for k in range(2)] == ["class 0", "class 1"]
+
+
+def test_sets_of_a_summary_are_those_of_its_figures():
+    figures = {"all": {}, "class_0": {}, "class_1": {}}
+    summary = {"filtered": figures, "smoothed": figures}
+    assert Sets.of_summary(summary) == Sets.of(2)
+    assert Sets.of_summary({**summary, "class_names": ["car", "van"]}) == Sets(("car", "van"))
+
+
+@pytest.mark.parametrize(
+    ("record", "unit"),
+    [
+        (record_of(2), "km"),
+        (shrunk(record_of(2)), "m"),
+        (record_of(2, truth=(), filtered=(), smoothed=()), "km"),
+        (shrunk(record_of(2, truth=(), filtered=(), smoothed=())), "m"),
+        (record_of(2, truth=(), filtered=(), smoothed=(), plots=()), "km"),
+    ],
+)
+def test_scale_is_metres_where_the_places_are_close(record, unit):
+    assert MapScale.of(record).unit == unit
+
+
+def test_scale_of_targets_ignores_detections_far_away():
+    targets, far = shrunk(record_of(2)), record_of(2).plots
+    assert MapScale.of(record_of(2, truth=targets.truth, filtered=(), smoothed=(), plots=far)) == (
+        MapScale.of(targets)
+    )
+
+
+def test_places_of_a_record_are_in_metres():
+    assert np.ptp(places_of(shrunk(record_of(2)))[:, 1]) == pytest.approx(2040.0 * SHORT)
+
+
+@pytest.mark.parametrize(
+    ("metres", "text"),
+    [
+        (103.4, "103 m"),
+        (63.8, "64 m"),
+        (9.96, "10 m"),
+        (4.62, "4.6 m"),
+        (0.462, "0.46 m"),
+        (0.0, "0 m"),
+    ],
+)
+def test_metres_text_has_two_digits_or_more(metres, text):
+    assert metres_text(metres) == text
+
+
+def test_values_are_those_learned_in_the_units_of_parameters():
+    found = {each.quantity: each for each in learned_values(INPUTS, FIGURES)}
+    assert found["detection_probability"][2:] == (0.9, 0.6, 0.02, "")
+    assert found["range_std"][2:] == (50.0, 100.0, 5.0, "m")
+    assert found["azimuth_std_deg"][2:5] == pytest.approx((0.2, 0.1, 0.01))
+    shares = learned_values(INPUTS, {"mast.outlier_share": 0.2, "mast.outlier_share_std": 0.02})
+    assert [tuple(each) for each in shares] == [
+        ("mast", "share of outliers", Outliers.start, 0.2, 0.02, "")
+    ]
+    assert not list(learned_values(INPUTS, {"other.range_noise_ratio": 2.0}))
+
+
+def test_page_shows_what_was_set_and_found_of_which_sensor():
+    record = replace(record_of(), learned=tuple(learned_values(INPUTS, FIGURES)))
+    text = score_words.sensors(record.learned, {})
+    cells = ("mast", "range_std", "50 m", "100 m", "5 m")
+    assert "".join(f"<td>{cell}</td>" for cell in cells[1:]) in text
+    changes = sensor_changes(INPUTS, {**FIGURES, "mast.fewer_detections": 1.0})
+    text = score_words.sensors(tuple(learned_values(INPUTS, FIGURES)), changes)
+    assert "<strong>mast</strong>: has changed: it detects fewer targets." in text
+    assert sensor_changes(INPUTS, FIGURES) == {}
+    assert score_words.sensors((), {}) == ""

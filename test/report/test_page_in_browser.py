@@ -75,7 +75,6 @@ def part(dom, name):
 
 def test_page_draws_every_chart_and_complains_of_nothing(drawn):
     dom, console = drawn
-
     assert console == []
     assert 'data-drawn="yes"' in dom
     for name in ("ospa", "numbers", "classes"):
@@ -95,7 +94,6 @@ def test_page_draws_every_chart_and_complains_of_nothing(drawn):
 )
 def test_page_of_a_part_draws_and_complains_of_nothing(opened, parts):
     dom, console = opened(record_of(3, **parts))
-
     assert console == []
     assert 'data-drawn="yes"' in dom
     assert ('<svg class="main-svg"' in dom) == (len(parts) < 4 or bool(parts["truth"]))
@@ -107,7 +105,6 @@ def test_page_of_radars_with_hostile_names_draws_its_charts(opened):
     plots = tuple(replace(plot, radar=name) for name in names for plot in record.plots)
     sites = tuple(replace(site, name=name) for name in names for site in record.radars)
     dom, console = opened(replace(record, plots=plots, radars=sites))
-
     assert console == []
     assert 'data-drawn="yes"' in dom
     for chart in ("ospa", "numbers", "classes"):
@@ -220,19 +217,19 @@ def test_tracks_are_filtered_by_level_and_class(results, choice, left):
 # This script reads what is shown at first, once all has been played, and after a click on a time;
 # then it asks for a page from elsewhere.
 PLAYED = """{
-    const told = [], text = () => shown.textContent;
+    const texts = [], text = () => shown.textContent;
     const clicked = () => {
-        told.push(text());
-        document.title = JSON.stringify(told);
+        texts.push(text());
+        document.title = JSON.stringify(texts);
         new Image().src = "http://127.0.0.1:9/x.png";
     };
     const begin = () => {
-        told.push(text());
+        texts.push(text());
         play.click();
         const waiting = setInterval(() => {
             if (play.textContent !== "Play") return;
             clearInterval(waiting);
-            told.push(text());
+            texts.push(text());
             document.getElementById("ospa").emit("plotly_click", {points: [{x: 31.0}]});
             setTimeout(clicked, 500);
         }, 100);
@@ -262,7 +259,6 @@ def test_play_goes_on_and_nothing_is_loaded_from_elsewhere(played):
 def test_page_is_light_or_dark_as_the_reader_has_it(opened, drawn):
     light, _ = drawn
     dark, console = opened(None, DARK)
-
     assert "fill: rgb(28, 33, 38)" in part(light, "ospa")
     assert "fill: rgb(230, 233, 236)" in part(dark, "ospa")
     assert console == []
@@ -290,7 +286,6 @@ def test_page_is_no_wider_than_a_phone(opened, tmp_path, record):
         "return scrollWidth - clientWidth + ' hidden'; }"
     )
     dom, console = framed(opened, tmp_path, record, PHONE, said)
-
     assert f"<title>{PHONE} px, 0 hidden</title>" in dom
     assert console == []
 
@@ -306,14 +301,12 @@ def test_the_shown_scan_is_summarised_in_one_line(opened, tmp_path, width):
         "return shown.textContent + ', ' + Math.round(shown.offsetHeight / line) + ' lines'; }"
     )
     dom, console = framed(opened, tmp_path, record, width, said)
-
     assert f"<title>{width} px, 105.9 min, scan 1060 of 1075, 1 lines</title>" in dom
     assert console == []
 
 
 def test_page_of_one_class_shows_it_once_by_its_name(opened):
     dom, console = opened(replace(record_of(1), class_names=("<car>",)))
-
     assert console == []
     for name in ("ospa", "numbers"):
         assert part(dom, name).count('class="xy') or 'class="subplot xy"' in part(dom, name)

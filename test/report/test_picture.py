@@ -43,25 +43,20 @@ def test_frames_are_stamps_of_estimates_or_of_what_there_is():
         filtered=(estimates_of(3, 2, 0),),
         smoothed=(estimates_of(2, 2, 5), estimates_of(3, 2, 5)),
     )
-
     assert Frames.of(record).stamp_ns.tolist() == [stamp_ns(2), stamp_ns(3)]
     record = record_of(filtered=(), smoothed=(), truth=(truth_of(SCANS, 2),))
-
     assert Frames.of(record).stamp_ns.tolist() == [stamp_ns(k) for k in range(SCANS + 1)]
     frames = Frames(np.array([10, 20, 30]))
-
     assert frames.at([5, 10, 11, 30, 99]).tolist() == [0, 0, 1, 2, 2]
 
 
 def test_frames_of_a_long_run_are_some_of_its_stamps(monkeypatch):
     monkeypatch.setattr(estimate_rows, "MOST", 5)
-
     assert Frames.of(record_of()).stamp_ns.tolist() == [stamp_ns(k) for k in (0, 3, 6, 9)]
 
 
 def test_the_last_frame_with_most_targets_is_shown_first():
     record = record_of(2, truth=tuple(truth_of(k, 2 if 3 <= k <= 6 else 1) for k in range(SCANS)))
-
     assert picture_of(record).header["first"] == 6
 
 
@@ -70,9 +65,7 @@ def test_the_last_frame_with_most_targets_is_shown_first():
 def test_estimates_are_where_they_were_one_track_after_the_other(source, made):
     record = made(record_of(2, **{source: tuple(tracked(k, source) for k in range(SCANS))}))
     picture = picture_of(record)
-
     rows = rows_of(picture, source)
-
     assert rows["number"].tolist() == [4] * SCANS + [5] * SCANS
     assert rows["frame"].tolist() == [*range(SCANS)] * 2
     for row, (number, scan) in enumerate(zip(rows["number"], rows["frame"], strict=True)):
@@ -82,7 +75,6 @@ def test_estimates_are_where_they_were_one_track_after_the_other(source, made):
 
 def test_places_are_stored_to_a_hundred_thousandth_of_the_picture():
     header = picture_of(record_of(2)).header
-
     assert header["quantum"] <= header["extent"][0] / 1e4
 
 
@@ -91,9 +83,7 @@ def test_estimates_list_velocity_course_state_and_probability():
     state[0, [1, 3]] = [-30.0, 0.0]
     given = tracked(0, classes=1, state=state, weight=np.array([0.25]))
     given = replace(given, track_state=np.array([COASTING]))
-
     rows = rows_of(picture_of(record_of(1, filtered=(given,), smoothed=())), "filtered")
-
     names = ("vx", "vy", "course", "share", "weight", "state")
     assert [int(rows[name][0]) for name in names] == [-300, 0, 270, 100, 25, COASTING]
     assert CONFIRMED != COASTING
@@ -103,7 +93,6 @@ def test_ellipses_and_radii_hold_95_per_cent():
     picture = picture_of(record_of(2))
     rows = rows_of(picture, "smoothed")
     steps, least = picture.header["axis"]
-
     # Standard deviations of 30 m along x and 20 m along y.
     assert least * 2.0 ** (rows["major"][0] / steps) == pytest.approx(30.0 * RADIUS_95, rel=0.03)
     assert least * 2.0 ** (rows["minor"][0] / steps) == pytest.approx(20.0 * RADIUS_95, rel=0.03)
@@ -118,7 +107,6 @@ def test_levels_are_hundreds_of_feet_where_aircraft_fly(plane, level):
     record = replace(record_of(2, filtered=(flying(),), smoothed=()), plane=plane)
     picture = picture_of(record)
     rows = rows_of(picture, "filtered")
-
     assert picture.header["levels"] == "FL"
     assert rows["level"].tolist() == [level, picture.header["no_level"]]
     assert rows["climb"].tolist() == [50, 0]
@@ -128,17 +116,14 @@ def test_levels_and_ground_traffic_are_of_aircraft():
     low = Attributes(np.array([[2.0, 0.0]]), np.zeros((1, 2, 2)), np.array([-1]), np.array([-1]))
     given = tracked(0, classes=1, attributes=low)
     picture = picture_of(record_of(1, filtered=(given,), smoothed=()))
-
     assert picture.header["levels"] == "m"
     assert picture.header["ground"] is None
     assert rows_of(picture, "filtered")["level"].tolist() == [2]
     ground = picture_of(record_of(2, filtered=(flying(),), smoothed=())).header["ground"]
-
     # The lowest is at flight level 100.
     assert 100 < ground["level"] < 120
     aircraft = picture_words.section(picture_of(record_of(2, filtered=(flying(),))).header)
     others = picture_words.section(picture_of(record_of(2)).header)
-
     for offered in ("Flight level from", "ground traffic", '<th scope="col">level</th>'):
         assert (offered in aircraft, offered in others) == (True, False)
 
@@ -147,9 +132,8 @@ def test_identities_are_codes_and_addresses_of_the_time():
     unknown = replace(flying(1), attributes=Attributes.unknown(2))
     picture = picture_of(record_of(2, filtered=(unknown, flying(2)), smoothed=()))
     rows = rows_of(picture, "filtered")
-
-    told = [picture.header["identities"][k] for k in rows["identity"]]
-    assert told == [["", ""], ["7700", ""], ["", ""], ["", "000ABC"]]
+    identities = [picture.header["identities"][k] for k in rows["identity"]]
+    assert identities == [["", ""], ["7700", ""], ["", ""], ["", "000ABC"]]
 
 
 def test_truth_is_where_it_was_at_the_frames():
@@ -157,9 +141,7 @@ def test_truth_is_where_it_was_at_the_frames():
     truth = tuple(replace(truth_of(k, 1), state=truth_of(k, 1).state + fast) for k in (0, 1))
     between = tracked(0, classes=1, stamp_ns=(stamp_ns(0) + stamp_ns(1)) // 2)
     record = record_of(1, truth=truth, filtered=(between,), smoothed=())
-
     rows = rows_of(picture_of(record), "truth")
-
     # Half way between its samples.
     assert rows["place"][0] == pytest.approx([150.0, 0.0], abs=0.1)
     assert (rows["number"].tolist(), rows["speed"].tolist()) == ([1], [500])
@@ -168,7 +150,6 @@ def test_truth_is_where_it_was_at_the_frames():
 def test_truth_that_is_gone_for_a_while_has_no_rows_meanwhile():
     there = tuple(truth_of(k, 1 if 3 <= k < 9 else 2) for k in range(SCANS))
     rows = rows_of(picture_of(record_of(2, truth=there)), "truth")
-
     assert rows["frame"][rows["number"] == 2].tolist() == [0, 1, 2, 9, 10, 11]
 
 
@@ -177,7 +158,6 @@ def test_detections_have_places_shades_and_radars_in_order_of_frames():
     early = RadarPlots(stamp_ns(0), "a", np.array([[5e3, 1e3], [0.0, 0.0]]), np.array([1.0, 100.0]))
     picture = picture_of(record_of(plots=(late, early)))
     rows = rows_of(picture, "plots")
-
     assert rows["frame"].tolist() == [0, 0, 1]
     assert rows["place"][0] == pytest.approx([5e3, 1e3], abs=0.1)
     assert [picture.header["radars"][k] for k in rows["radar"]] == ["a", "a", "b"]
@@ -187,7 +167,6 @@ def test_detections_have_places_shades_and_radars_in_order_of_frames():
 
 def test_detections_without_amplitudes_have_no_scale_of_them():
     header = picture_of(without_amplitudes(record_of(2))).header
-
     assert header["amplitudes"] == []
     assert "amplitude" not in picture_words.section(header)
 
@@ -198,18 +177,15 @@ def test_radars_that_move_are_where_they_were():
         for k in range(3)
     ]
     rows = rows_of(picture_of(record_of(plots=tuple(moving))), "carriers")
-
     assert rows["place"] == pytest.approx(np.array([[0, 7], [100, 7], [200, 7]]), abs=0.1)
 
 
 def test_picture_holds_all_targets_or_detections():
     header = picture_of(record_of(3)).header
     low, high = np.array(header["corner"]), np.array(header["corner"]) + header["extent"]
-
     assert (low < 0.0).all()
     assert (high > [3340.0, 4040.0]).all()
     header = picture_of(record_of(truth=(), filtered=(), smoothed=())).header
-
     assert header["corner"][0] < -5e3
     assert header["corner"][1] + header["extent"][1] > 4e3
     assert picture_of(record_of(truth=(), plots=(), filtered=(), smoothed=())) is None
@@ -218,13 +194,11 @@ def test_picture_holds_all_targets_or_detections():
 def test_classes_and_learned_clutter_have_their_colours():
     named = replace(record_of(2), class_names=("car", "<van>"))
     header = picture_of(named).header
-
     assert [kind["title"] for kind in header["classes"]] == ["car", "<van>"]
     assert [kind["colour"] for kind in header["classes"]] == [class_colour(0), class_colour(1)]
     assert "&lt;van&gt;" in picture_words.section(header)
     learned = ClutterRaster((-3000.0, 1000.0), 50.0, np.array([[0.0, 10.0], [1000.0, 0.0]]))
     picture = picture_of(replace(record_of(2), clutter=learned))
-
     clutter = picture.header["clutter"]
     assert (clutter["corner"], clutter["cell"], clutter["shape"]) == ([-3e3, 1e3], 50.0, [2, 2])
     columns = columns_of(picture.columns.text(), picture.columns.index)
@@ -239,7 +213,6 @@ def test_classes_and_learned_clutter_have_their_colours():
 )
 def test_traffic_of_a_class_that_is_not_tracked_is_named_so(made, title):
     one = replace(record_of(2, filtered=(made(0),), smoothed=()), classes=1)
-
     assert [kind["title"] for kind in picture_of(one).header["classes"]] == ["class 0", title]
 
 

@@ -52,10 +52,7 @@ def tables(summary):
 
 def test_metrics_are_the_summary_with_step_times_and_engine(evaluation):
     found = metrics(evaluation, np.array([1.0, 2.0, 3.0, 10.0]))
-    assert found.pop("step_ms") == {
-        "median": 2.5,
-        "p99": pytest.approx(10.0 - 0.03 * 7.0),
-    }
+    assert found.pop("step_ms") == {"median": 2.5, "p99": pytest.approx(10.0 - 0.03 * 7.0)}
     assert found == evaluation.summary()
     assert metrics(evaluation, np.zeros(0), "gaussian")["engine"] == "gaussian"
     assert "engine" not in metrics(evaluation, np.zeros(0))
@@ -98,9 +95,8 @@ def test_metrics_hold_what_the_file_promises(evaluation):
 
 
 def test_scans_and_targets_without_a_score_are_counted(evaluation):
-    told = unscored_note({"least_speed": 2.5, "slow_targets": 3.0})
-
-    assert told.startswith("Targets slower than 2.5 m/s are not scored, 3.0 on average")
+    note = unscored_note({"least_speed": 2.5, "slow_targets": 3.0})
+    assert note.startswith("Targets slower than 2.5 m/s are not scored, 3.0 on average")
     assert unscored_note({"least_speed": 2.5, "slow_targets": 0.0}) == ""
     evaluation.add_truth(99, points([], []))
     (title, *_), *_ = tables(metrics(evaluation, np.zeros(0)))
@@ -188,7 +184,6 @@ def stated():
 
 def test_score_tables_shows_the_consistency_of_stated_covariances(stated):
     *_, (title, rows, caption), (other, shares, _) = tables(stated)
-
     assert title == "NEES / 2 of positions, by age in scans"
     assert rows == [
         ["class 0", "filter", "0.500", "0.500", "0.500", "-"],
@@ -208,7 +203,6 @@ def test_score_tables_shows_the_consistency_of_stated_covariances(stated):
 def test_score_tables_have_configured_names_and_what_was_measured(evaluation):
     named = {**metrics(evaluation, np.zeros(0)), "class_names": ["car", "[red]van_2"]}
     (_, rows, _), *_, (_, matrix, _) = tables(named)
-
     assert [row[0] for row in rows if row[0]] == ["all", "car", "[red]van_2"]
     assert [row[0] for row in matrix] == ["car", "[red]van_2", "none (false)"]
     (title, _, caption), *_ = tables(metrics(evaluation, np.array([1.25, 1.25])))
@@ -224,7 +218,6 @@ def test_score_tables_shows_a_single_class_once():
         found.add_estimates(source, 1, points([[0, 0.5]], [0]))
     found.add_truth(1, points([[0, 0]], [0]))
     (_, rows, caption), *others = tables(metrics(found, np.zeros(0)))
-
     assert [row[:3] for row in rows] == [
         ["car", "filter", "0.50 m"],
         ["", "smoother", "0.50 m"],

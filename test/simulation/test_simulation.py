@@ -2,16 +2,64 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
+from scenario_blocks import exact
 from scenes import reference_scenario
 
-from phd_jdtc_ros.core.sensors.visibility import Visibility
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.sensors.visibility import Visibility, sector_probability
 from phd_jdtc_ros.core.state_space import PLANAR
-from phd_jdtc_ros.core.types import Truth
+from phd_jdtc_ros.core.types import UNKNOWN, Truth
+from phd_jdtc_ros.earth import SystemPlane
+from phd_jdtc_ros.simulation import scenario_file
+from phd_jdtc_ros.simulation.antenna import Antenna
+from phd_jdtc_ros.simulation.looks import TurningRadar
 from phd_jdtc_ros.simulation.scenario import truth_at
 from phd_jdtc_ros.simulation.simulate import detect, simulate, simulate_with_sources
+from phd_jdtc_ros.simulation.turning_antenna import plots_with_replies, simulate_reports
 
 SCENE = reference_scenario()
 RADAR = SCENE.radars[1]
+PARAMETERS = {
+    **exact("hill", 300e3, geodetic=[50.0, 8.5, 130.0], rotation_s=4.0),
+    "world_origin": [50.0, 8.5, 100.0],
+    "hill.fields.height": "height",
+    "hill.fields.amplitude": "",
+    "classes": ["aircraft"],
+    "births": [],
+}
+MIRROR = {"position": [3000.0, 4000.0], "probability": 1.0}
+# Height of the target above the antenna, metres.
+ABOVE = 100.0 + 5000.0 - 130.0
+# The flight leads from the south over the radar to the north, at 5 km.
+OVERHEAD = {
+    "class_id": 0,
+    "position": [10.0, -60e3],
+    "velocity": [0.0, 200.0],
+    "height": 5000.0,
+    "legs": [{"duration_s": 600.0}],
+}
+CONFIG = resolve(
+    {
+        "sensors": ["one", "other"],
+        **{
+            f"{name}.{key}": value
+            for name in ("one", "other")
+            for key, value in {
+                "rotation_s": 4.0,
+                "fields.time": "time",
+                "fields.amplitude": "",
+                "max_range": 1e5,
+                "clutter_max_range": 1e5,
+            }.items()
+        },
+    }
+)
+DOCUMENT = {"interval_s": 1.0, "scans": 25, "traffic": {"aircraft": 5, "seed": 3}}
+ERRORS = {"range_bias": 80.0, "range_gain": 1e-3, "azimuth_bias_deg": 0.3, "time_offset_s": 0.5}
+ROTATION_S = 4.0016
+WINDY = Antenna(bearing=1.0, wobble=0.005, wobble_period_s=700.0)
+TIMES = np.linspace(0.0, 3600.0, 5000)
 
 
 def standing(count, position=(6e3, 8e3)):
@@ -133,8 +181,130 @@ def test_simulate_with_sources_labels_each_detection():
             own = scan.detections[0].measurement[sources[0] == number]
             assert len(own) <= 1
             misses += [abs(row[0] - radar.measure(state[None])[0, 0]) for row in own]
-
     assert run[0][1].stamp_ns == simulate(SCENE, 0)[0][1].stamp_ns
     assert len(misses) > 150
     # The mean of |N(0, sigma)| is 0.8 sigma.
     assert np.mean(misses) == pytest.approx(0.8 * radar.range_std, rel=0.15)
+
+
+def plots(**document):
+    given = {"scans": 601, "interval_s": 1.0, "targets": [OVERHEAD], "transponders": {}, **document}
+    config = resolve(PARAMETERS, SystemPlane)
+    run = scenario_file.resolve(given, config.model.radars)
+    radar = TurningRadar(run, 0, config.inputs[0])
+    found, answers = plots_with_replies(radar, 1)
+    return run, radar.times_at(found.turns), found, answers
+
+
+def test_target_in_a_gap_has_no_plots():
+    run, time_s, _, _ = plots(gaps={"count": 1, "shortest_s": 60.0, "longest_s": 61.0, "seed": 2})
+    (gap,) = run.gaps
+    assert not ((time_s >= gap.start_s) & (time_s < gap.end_s)).any()
+    missing = np.flatnonzero(np.diff(time_s) > 8.0)
+    assert len(missing) == 1
+    assert time_s[missing[0]] == pytest.approx(gap.start_s, abs=4.01)
+
+
+def test_target_is_not_seen_above_and_below_the_beam():
+    _, _, everything, _ = plots()
+    _, _, found, _ = plots(antennas={"hill": {"lowest_deg": 6.0, "highest_deg": 45.0}})
+    assert 0 < len(found.turns) < len(everything.turns)
+    sine = ABOVE / found.measurement[:, 0]
+    # The earth's curvature is 0.1 degrees at these ranges.
+    assert 5.8 < np.degrees(np.arcsin(sine)).min() < 6.5
+    assert 40.0 < np.degrees(np.arcsin(sine)).max() < 45.1
+
+
+def test_mirrored_answer_is_seen_at_the_mirror_farther_by_the_detour():
+    mirror = {**MIRROR, "start_deg": 170.0, "width_deg": 20.0}
+    run, time_s, found, answers = plots(mirrors=[mirror], transponders={"reply_probability": 1.0})
+    false = found.source == 0
+    # While it is in the south, once a turn.
+    assert np.count_nonzero(false) == pytest.approx(75, abs=2)
+    assert (found.replying == 1).all()
+    assert (answers.address[false] == run.replies_of[1].address).all()
+    assert (answers.code[false] == run.replies_of[1].code).all()
+    np.testing.assert_allclose(found.measurement[false, 1], np.arctan2(4.0, 3.0), atol=1e-4)
+    y = -60e3 + 200.0 * time_s[false]
+    path = 5000.0 + np.hypot(y - 4000.0, 10.0 - 3000.0)
+    slant = found.measurement[false, 0] - (path - np.hypot(10.0, y))
+    np.testing.assert_allclose(slant, np.sqrt(y**2 + ABOVE**2), rtol=2e-3)
+
+
+def test_mirror_reflects_no_target_in_other_directions_or_without_a_transponder():
+    mirror = {**MIRROR, "start_deg": 45.0, "width_deg": 90.0}
+    assert (plots(mirrors=[mirror])[2].source == 1).all()
+    everywhere = {**mirror, "width_deg": 360.0}
+    assert (plots(mirrors=[everywhere])[2].source == 0).any()
+    _, _, found, answers = plots(mirrors=[everywhere], transponders={"share": 0.0})
+    assert (found.source == 1).all()
+    assert (answers.address == UNKNOWN).all()
+
+
+def test_plots_before_scan_0_are_left_out():
+    config = resolve({**PARAMETERS, "hill.clutter_rate": 50.0}, SystemPlane)
+    antennas = {"hill": {"bearing_deg": 200.0}}
+    given = {"scans": 61, "interval_s": 1.0, "antennas": antennas}
+    run = scenario_file.resolve(given, config.model.radars)
+    radar = TurningRadar(run, 0, config.inputs[0])
+    found, answers = plots_with_replies(radar, 1)
+    assert len(found.turns) == len(answers) > 500
+    assert radar.times_at(found.turns).min() >= 0.0
+
+
+def reports(**document):
+    scene = scenario_file.resolve({**DOCUMENT, **document}, CONFIG.model.radars)
+    return simulate_reports(scene, CONFIG.inputs, seed=1)
+
+
+def test_a_radar_has_the_errors_that_a_scenario_gives_it_and_the_others_none():
+    exact, wrong = reports(), reports(biases={"other": ERRORS})
+    for radar in (0, 1):
+        before = [report for report in exact if report.radar == radar]
+        after = [report for report in wrong if report.radar == radar]
+        assert len(before) == len(after) > 4
+        for right, biased in zip(before, after, strict=True):
+            # The antenna reports north before it is there.
+            late_s = radar * (0.5 - 4.0 * 0.3 / 360.0)
+            assert biased.stamp_ns - right.stamp_ns == pytest.approx(late_s * 1e9, abs=1.0)
+            assert len(right.detections)
+            distance = right.detections.measurement[:, 0]
+            off = biased.detections.measurement - right.detections.measurement
+            assert_allclose(off[:, 0], radar * (80.0 + 1e-3 * distance), atol=1e-6)
+            # Clockwise is negative here.
+            turned = np.mod(off[:, 1] + np.pi, 2 * np.pi) - np.pi
+            assert_allclose(np.degrees(turned), -0.3 * radar, atol=1e-9)
+            until_stamp = biased.detections.time_s - right.detections.time_s
+            assert_allclose(until_stamp, radar * 0.5 - late_s, atol=1e-9)
+    assert [r.stamp_ns for r in wrong] == sorted(r.stamp_ns for r in wrong)
+
+
+def test_a_misaligned_antenna_cuts_its_sectors_at_its_reported_azimuth():
+    layouts = [replace(layout, sectors=16) for layout in CONFIG.inputs]
+    document = {**DOCUMENT, "biases": {"other": {"azimuth_bias_deg": 5.0}}}
+    scene = scenario_file.resolve(document, CONFIG.model.radars)
+    found = [report.detections for report in simulate_reports(scene, layouts, seed=1)]
+    assert sum(map(len, found)) > 50
+    for detections in found:
+        assert sector_probability(detections.measurement[:, 1], detections.coverage).all()
+
+
+def test_even_antenna_turns_at_its_rate_and_back():
+    for antenna in (WINDY, Antenna(bearing=2.0), Antenna(wobble=0.5, wobble_period_s=30.0)):
+        turns = antenna.turns_at(TIMES, ROTATION_S)
+        assert (np.diff(turns) > 0.0).all()
+        np.testing.assert_allclose(antenna.times_at(turns, ROTATION_S), TIMES, atol=0.005)
+    turns = Antenna(bearing=np.pi / 2.0).turns_at(TIMES, ROTATION_S)
+    np.testing.assert_array_equal(turns, TIMES / ROTATION_S + 0.25)
+
+
+def test_wobble_is_a_share_of_the_rate_and_even_over_its_period():
+    rate = np.diff(WINDY.turns_at(TIMES, ROTATION_S)) / np.diff(TIMES)
+    np.testing.assert_allclose(
+        [rate.max(), rate.min()], np.array([1.005, 0.995]) / ROTATION_S, rtol=1e-5
+    )
+    after = WINDY.turns_at(700.0 * np.arange(6), ROTATION_S)
+    np.testing.assert_allclose(np.diff(after), 700.0 / ROTATION_S)
+    half = WINDY.turns_at(np.array([175.0]), ROTATION_S)[0] - after[0]
+    # A quarter of a sine is ahead by its integral.
+    assert half - 175.0 / ROTATION_S == pytest.approx(0.005 * 700.0 / (2.0 * np.pi) / ROTATION_S)

@@ -48,9 +48,9 @@ def test_plots_of_a_seed_are_the_same_without_transponders():
 def test_ranges_over_ground_use_the_heights_of_the_plots():
     replies = {"reply_probability": 0.5, "height_garbled": 0.1}
     run, over_ground = plots(replies, names=("code", "address"))
-    _, told = plots(replies)
+    _, reported = plots(replies)
     away = []
-    for exact, report in zip(over_ground, told, strict=True):
+    for exact, report in zip(over_ground, reported, strict=True):
         rows = np.flatnonzero(report.source)
         source, time_s = report.source[rows], report.detections.time_s[rows]
         then = report.stamp_ns * 1e-9 - 1000.0 + time_s

@@ -27,7 +27,7 @@ ABOARD = {"mast.pose": ODOMETRY, "mast.position": [8.0, 0.0], "mast.yaw_deg": -9
 each = pytest.mark.parametrize("name", ["coastal", "coastal_ship"])
 
 
-def told(profile):
+def parameters_of(profile):
     """Return a profile's parameters with the values that learning starts from, not learned."""
     return {
         name: float(value.removeprefix("auto ")) if str(value).startswith("auto ") else value
@@ -44,7 +44,7 @@ def resolved(name):
 
 @each
 def test_the_profile_has_the_parameters_of_the_scenario_and_its_small_bag(name):
-    profile = told(from_arguments.load(ROOT / "config" / "marine.yaml"))
+    profile = parameters_of(from_arguments.load(ROOT / "config" / "marine.yaml"))
     _, config = resolved(name)
     given = ABOARD if name == "coastal_ship" else {}
     found = resolve({**profile, **given})

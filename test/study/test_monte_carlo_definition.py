@@ -22,11 +22,10 @@ def published():
 
 
 def test_resolve_finds_every_published_goal_among_what_is_run(published):
-    """A goal of a variant, case or lag that is not run would never be judged."""
+    """A goal of a variant, case or lag that is not run would never be checked."""
     assert {variant.kind for variant in published.variants} == set(KINDS.values())
     variants = {variant.name: variant for variant in published.variants}
     cases = {case.name: case for case in published.cases}
-
     for goal in published.goals:
         others = (goal.relative_to or goal.variant, goal.relative_case)
         for name, case in ((goal.variant, goal.case), others):
@@ -134,7 +133,6 @@ ONE_CLASS = {"classes": ["only"], **{f"start_{k}.rates": [0.01] for k in range(1
 def test_resolve_names_what_is_wrong_in_a_case_or_a_variant(study_file, changed, value, expected):
     part, name, key = changed.split(".")
     found = faults(study_file, lambda document: document[part][name].update({key: value}))
-
     assert len(found) == len(expected)
     for fault, words in zip(found, expected, strict=True):
         assert fault.startswith(f"{part}.{name}.{words}")
@@ -172,7 +170,6 @@ def test_resolve_refuses_what_is_no_mapping(document):
 @pytest.mark.parametrize("key", ["lags", "cases", "variants"])
 def test_resolve_refuses_a_study_without_a_part(study_file, key):
     found = faults(study_file, lambda document: document.pop(key))
-
     assert any(fault.startswith(f"{key}: ") for fault in found)
 
 
@@ -194,7 +191,6 @@ def test_merged_forgets_parts_that_a_later_layer_leaves_out():
         {"births": ["east", "west"], "east.rates": [1.0], "west.rates": [2.0], "lag": 3},
         {"births": ["west"]},
     )
-
     assert found == {"births": ["west"], "west.rates": [2.0], "lag": 3}
     assert merge_layers({"start_1.rates": [1.0]}, {"births": []}) == {"births": []}
 
@@ -204,7 +200,6 @@ def test_merged_gives_every_class_what_is_given_for_all():
         {"classes": ["ship", "boat"], "ship.survival_probability": 0.9},
         {"*.survival_probability": 0.8, "boat.survival_probability": 0.7},
     )
-
     assert found == {
         "classes": ["ship", "boat"],
         "ship.survival_probability": 0.8,
@@ -242,7 +237,6 @@ def test_a_variant_of_the_tracker_names_its_engine(study_file, given):
 
 def test_the_command_line_chooses_the_engine_of_all_variants_that_it_has(study_file):
     study = load_study(study_file(), {"engine": "gaussian"})
-
     assert {v.name: v.kind.name for v in study.variants}["corrected"] == "gaussian"
     plan = monte_carlo.plan(study, [0])
     # The death term as printed is of the particle engine only.
@@ -259,7 +253,6 @@ def test_the_command_line_chooses_the_engine_of_all_variants_that_it_has(study_f
 def test_select_lists_every_unknown_name(study):
     with pytest.raises(ConfigError) as caught:
         study.select(["loud"], ["corrected", "best"])
-
     assert [fault.split(" given")[0] for fault in caught.value.faults] == [
         "--case: 'loud'",
         "--variant: 'best'",

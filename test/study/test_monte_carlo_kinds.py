@@ -43,7 +43,6 @@ def test_code_follows_the_sources_of_a_kind(tmp_path, monkeypatch):
     kind = Kind("own", lambda *_: None, modules=("own_tracker",))
     before = kinds.code_of.__wrapped__(kind)
     (tmp_path / "own_tracker.py").write_text("GATE = 4.0\n")
-
     assert kinds.code_of.__wrapped__(kind) != before
 
 
@@ -57,5 +56,4 @@ def test_sources_have_every_module_that_the_kinds_import():
     # How a study is defined and written does not change its scores.
     of_study = ROOT / "phd_jdtc_ros" / "study" / "monte_carlo"
     found = {path for path in map(Path, json.loads(done.stdout)) if path.parent != of_study}
-
     assert found <= {*peers.KINDS["gnn"].sources(), ROOT / "phd_jdtc_ros" / "output_files.py"}

@@ -35,7 +35,6 @@ def variant_of(kind, lags=(0,)):
 def test_score_of_the_truth_is_perfect_but_for_wrong_classes(run):
     scores = score(run, {0: exact(run)}, variant_of("particles"), 2)
     of = {name: scores.values[0, :, 0, VALUES.index(name)] for name in VALUES}
-
     assert scores.sets == ("all", "class_0", "class_1")
     for name in ("ospa", "localization", "cardinality", "ospa_p1", "ospa_c300"):
         np.testing.assert_array_equal(of[name], 0.0)
@@ -44,14 +43,12 @@ def test_score_of_the_truth_is_perfect_but_for_wrong_classes(run):
     wrong = [PointSet(points.position, 0 * points.class_id) for points in exact(run)]
     scores = score(run, {0: wrong}, variant_of("particles"), 2)
     pairs, right = (scores.values[0, 1, :, VALUES.index(n)] for n in ("pairs", "right_class"))
-
     assert pairs.tolist() == [2, 1, 1]
     assert right.tolist() == [1, 1, 0]
 
 
 def test_score_of_peers_and_missing_lags_is_limited(run):
     scores = score(run, {0: exact(run)}, variant_of("jpda", (0, 3)), 2)
-
     assert (scores.lags, scores.sets) == ((0,), ("all",))
     assert np.isnan(scores.values[..., VALUES.index("right_class")]).all()
     with pytest.raises(ValueError, match="lags"):
@@ -89,28 +86,23 @@ def scored(run, *found):
 def test_score_after_5_forgives_young_targets_and_no_false_estimates(pair):
     # The first target is found 10 m off, the other one 200 m off.
     found = scored(pair, *[[(10.0, 0)]] * 2, *[[(5200.0, 1), (10.0, 0)]] * 10)
-
     expected = [math.nan] * 5 + [10.0] * 2 + [141.598] * 5
     np.testing.assert_allclose(value(found, "ospa_after_5"), expected)
     np.testing.assert_allclose(value(found, "ospa_after_5", "class_0"), [math.nan] * 5 + [10.0] * 7)
     expected = [0.0] * 2 + [math.nan] * 5 + [200.0] * 5
     np.testing.assert_allclose(value(found, "ospa_after_5", "class_1"), expected)
     found = scored(pair, *[[(0.0, 0)]] * 12)
-
     assert value(found, "ospa_after_5")[5:].tolist() == [0.0] * 2 + [707.107] * 5
     found = scored(pair, *[[(0.0, 0), (-9e3, 0)]] * 12)
-
     assert value(found, "ospa_after_5")[5:7].tolist() == [707.107] * 2
 
 
 def test_score_counts_the_classes_that_targets_are_taken_for(pair):
     found = scored(pair, *[[(0.0, 1)]] * 2, *[[(5e3, 1)]] * 10)
-
     assert found.taken_for[0].sum(axis=0).tolist() == [[0, 2], [0, 10]]
     assert score(pair, {0: exact(pair)}, variant_of("jpda"), 2).taken_for is None
     # The first target in its fourth scan, and the other one in its fifth.
     found = scored(pair, *[[]] * 3, *[[(0.0, 0)]] * 3, *[[(0.0, 0), (5e3, 1)]] * 6)
-
     assert np.flatnonzero(value(found, "begun")).tolist() == [3, 5]
     assert np.flatnonzero(value(found, "prompt")).tolist() == [3]
 
@@ -158,7 +150,6 @@ def test_figures_of_a_study_are_those_of_the_evaluator(pair):
 
 def test_mean_has_students_interval_of_several_runs():
     mean = Mean.of(np.array([1.0, 2.0, 3.0, np.nan]))
-
     # t(0.975, 2) = 4.3027
     assert mean.mean == 2.0
     assert mean.half_width == pytest.approx(4.3027 / math.sqrt(3), rel=1e-4)
@@ -177,11 +168,9 @@ def result_of(variant, **values):
 
 def test_result_figures_are_of_runs_and_scans_that_have_them():
     result = result_of(variant_of("particles"), ospa=[[100.0, 50.0], [40.0, 30.0]])
-
     np.testing.assert_allclose(result.figure("reduction", 2), [0.5, 0.25])
     assert result.figure("reduction", 0) is None
     result = result_of(variant_of("particles"), ospa_after_5=[[10.0, np.nan], [20.0, 30.0]])
-
     np.testing.assert_array_equal(result.figure("ospa_after_5", 2), [np.nan, 30.0])
 
 
@@ -192,7 +181,6 @@ def test_result_figures():
         pairs=[[1, 2], [2, 0]],
         right_class=[[1, 1], [2, 0]],
     )
-
     assert result.figure("cardinality_abs_error", 2).tolist() == [2.0, 0.0]
     np.testing.assert_array_equal(result.figure("class_accuracy", 2), [0.5, np.nan])
 
@@ -200,7 +188,6 @@ def test_result_figures():
 def test_result_over_time_is_the_figure_of_each_scan(pair):
     scores = scored(pair, *[[(0.0, 1)]] * 2, *[[(0.0, 0), (5e3, 0)]] * 9, [])
     result = Result("", variant_of("particles"), (0,), scores._replace(values=scores.values[None]))
-
     expected = [[0.0] * 2 + [0.5] * 9 + [np.nan]]
     np.testing.assert_array_equal(result.over_time("class_accuracy", 0), expected)
     np.testing.assert_array_equal(
@@ -213,11 +200,9 @@ def test_summarise_holds_the_confusion_of_each_class(study, pair):
     scores = scored(pair, *[[(0.0, 1)]] * 3, *[[(0.0, 0), (5e3, 1), (9e3, 0)]] * 9)
     values, taken_for = scores.values[None], scores.taken_for[None]
     result = Result("quiet", corrected, (0,), scores._replace(values=values, taken_for=taken_for))
-
     found = monte_carlo.summarise(study, [result], [], [])["cases"]["quiet"]["corrected"]["lags"][
         "0"
     ]
-
     assert found["all"]["confusion"] == [[9.0, 3.0, 0.0], [0.0, 9.0, 1.0], [9.0, 0.0, 0.0]]
     shares = {name: share["mean"] for name, share in found["class_0"]["confusion"].items()}
     assert shares == {"class_0": 0.75, "class_1": 0.25, "missed": 0.0}
@@ -231,23 +216,18 @@ def test_summarise_judges_goals(study, number, reached):
         result_of(corrected, localization=[[0.0, number]] * 2),
         result_of(reference, localization=[[0.0, 1.0]] * 2),
     ]
-
     (goal,) = monte_carlo.summarise(study, results, [], [])["goals"]
-
     assert (goal["value"], goal["goal"], goal["reached"]) == (number, 100.0, reached)
 
 
 def test_summarise_does_not_judge_what_it_does_not_have(study):
     (goal,) = monte_carlo.summarise(study, [], [], [])["goals"]
-
     assert (goal["value"], goal["goal"], goal["reached"]) == (None, None, None)
 
 
-def test_goals_relative_to_another_variant_are_judged_on_the_seeds_of_both(study):
+def test_goals_relative_to_another_variant_are_checked_on_the_seeds_of_both(study):
     corrected, *_, reference = study.variants
     more = result_of(corrected, localization=[[0.0, 1000.0], [0.0, 60.0]])
     fewer = replace(result_of(reference, localization=[[0.0, 500.0], [0.0, 0.7]]), seeds=(7, 1))
-
     (goal,) = monte_carlo.summarise(study, [more, fewer], [], [])["goals"]
-
     assert (goal["value"], goal["goal"]) == (60.0, pytest.approx(70.0))

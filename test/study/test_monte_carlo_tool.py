@@ -62,7 +62,6 @@ def rows_of(out):
 @pytest.mark.usefixtures("in_process")
 def test_main_writes_everything(start, study):
     status, out = start()
-
     rows = rows_of(out)
     summary = json.loads((out / "summary.json").read_text())
     assert status == 0
@@ -86,7 +85,6 @@ def test_main_resumes_where_it_was(start, study_file):
     first = start("--variant", "corrected", "--runs", 1)[1]
     before = parts(first)
     status, out = start("--variant", "corrected")
-
     after = parts(out)
     assert status == 0
     assert len(after) == 2
@@ -99,7 +97,6 @@ def test_main_scores_with_another_cutoff_and_keeps_these_scores_apart(start):
     before = parts(usual)
     status, out = start("--variant", "reference", "--runs", 1, "--cutoff", 40)
     summary = json.loads((out / "summary.json").read_text())
-
     assert status == 0
     assert (summary["p"], summary["c"]) == (2.0, 40.0)
     assert summary["cases"]["quiet"]["reference"]["lags"]["0"]["all"]["ospa"]["mean"] <= 40.0
@@ -114,7 +111,6 @@ def test_main_gives_the_same_bytes_however_it_is_run(start, request):
     request.getfixturevalue("in_process")
     start("--variant", "as printed", "--runs", 1, out="pieces")
     _, pieces = start(*chosen, out="pieces")
-
     for name in ("results.csv", "summary.json", "table.md"):
         assert (pieces / name).read_bytes() == (whole / name).read_bytes()
 
@@ -210,7 +206,6 @@ def test_main_keeps_what_is_done_when_interrupted(study_file, tmp_path):
 @pytest.mark.usefixtures("no_pictures")
 def test_main_runs_on_dask(cluster, start):
     status, out = start("--dask", cluster, "--variant", "corrected")
-
     assert status == 0
     assert {row["seed"] for row in rows_of(out)} == {"1000", "1001"}
 
@@ -218,6 +213,5 @@ def test_main_runs_on_dask(cluster, start):
 def test_main_refuses_a_dask_address_that_does_not_answer(start, monkeypatch, capsys):
     pytest.importorskip("distributed")
     monkeypatch.setattr(execution, "DASK_TIMEOUT_S", 1)
-
     assert start("--dask", "tcp://127.0.0.1:9")[0] == 2
     assert "--dask: 'tcp://127.0.0.1:9' given" in capsys.readouterr().err

@@ -34,7 +34,7 @@ OF_STUDIES = {
     "weak_12_db",
     "weak_15_db",
 }
-# Scenarios on the round earth; test_earth_files and test_hours_study are about them.
+# Scenarios on the round earth; test_earth_files and test_hour are about them.
 ROUND = ("two_approach_radars", "approach_hour", "en_route_hour")
 DEFINED = sorted(
     path for path in (ROOT / "config" / "scenarios").glob("*.yaml") if path.stem not in ROUND
@@ -205,9 +205,7 @@ def test_vehicles_are_tracked_from_their_first_scans_on_with_one_track_each(engi
 
 
 @pytest.mark.parametrize(
-    "text",
-    ["radar_1: {clutter_rate: 0.0}", "radar_1.clutter_rate: 0.0"],
-    ids=["nested", "dotted"],
+    "text", ["radar_1: {clutter_rate: 0.0}", "radar_1.clutter_rate: 0.0"], ids=["nested", "dotted"]
 )
 def test_simulate_takes_the_parameters_of_the_scenario(text, tmp_path):
     path = tmp_path / "quiet.yaml"

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -6,8 +7,12 @@ from inner import resolve
 
 from phd_jdtc_ros.configuration.engines import ENGINES, new_engine
 from phd_jdtc_ros.simulation.scenario import paper_scenario
+from phd_jdtc_ros.study import monte_carlo
+from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
+from phd_jdtc_ros.study.monte_carlo.tasks import perform
 from phd_jdtc_ros.study.runs import ExtractionVariant, simulated_run
 from phd_jdtc_ros.study.tracker import PARTS, track
+from phd_jdtc_ros.tools.monte_carlo import load_study
 
 SCANS = 9
 SEED = 3
@@ -21,6 +26,11 @@ GIVEN = {
 }
 DEFAULT = ExtractionVariant("default", "bernoulli", "components")
 PRINTED = ExtractionVariant("printed", "paper", "clusters")
+ROOT = Path(__file__).parents[2]
+# The aircraft that join are apart again after 190 s.
+SWITCHING_SEED, LONGEST_S = 0, {"terminal radar, clean codes": 100}
+STUDY = load_study(ROOT / "config" / "studies" / "published.yaml", {})
+GOALS = [goal for goal in STUDY.goals if goal.name.endswith("against none")]
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +76,6 @@ def same(one, other):
 
 def test_track_readings_differ_and_do_not_depend_on_each_other(run, config, tracks):
     alone = track(run, config, [PRINTED], [3])
-
     assert alone.keys() == {"printed"}
     assert alone["printed"].keys() == {3}
     assert same(alone["printed"][3], tracks["printed"][3])
@@ -75,10 +84,8 @@ def test_track_readings_differ_and_do_not_depend_on_each_other(run, config, trac
 
 def test_track_follows_the_runs_seed_and_needs_lag_0_without_smoothing(run, config, tracks):
     alone = track(run, config, [DEFAULT], [0])
-
     assert same(alone["default"][0], tracks["default"][0])
     other = track(replace(run, seed=SEED + 1), config, [DEFAULT], [0])
-
     assert not same(other["default"][0], tracks["default"][0])
 
 
@@ -89,7 +96,6 @@ def test_track_gives_what_the_engine_gives_with_its_flush(run, lag, engine):
     given = {**GIVEN, "engine": engine}
     found = track(run, resolve(given), [DEFAULT], [0, lag])["default"]
     filtered, smoothed = engine_positions(run, lag, given)
-
     assert_equal(found[0], filtered)
     assert_equal(found[lag], smoothed if lag else filtered)
     assert sum(len(points) for points in found[lag]) > SCANS
@@ -97,3 +103,30 @@ def test_track_gives_what_the_engine_gives_with_its_flush(run, lag, engine):
 
 def test_track_has_the_parts_of_every_engine():
     assert PARTS.keys() == ENGINES.keys()
+
+
+def switches(scores, goal):
+    """Return the switches of a run's filtered estimates."""
+    assert scores.lags[0] == 0
+    return scores.values[0, :, 0, VALUES.index(goal.figure)].sum()
+
+
+def test_every_kind_of_identity_is_compared_with_none():
+    assert {goal.case for goal in GOALS} == {"joining aircraft", "terminal radar, clean codes"}
+
+
+@pytest.mark.parametrize("goal", GOALS, ids=lambda goal: goal.case)
+def test_identities_make_no_more_switches_than_none(goal):
+    of_goal = STUDY.select([goal.case], [goal.variant, goal.relative_to])
+    (case,) = of_goal.cases
+    scans = min(case.scenario.scans, LONGEST_S.get(goal.case, case.scenario.scans))
+    begun = [flight for flight in case.scenario.targets if flight.start_s < scans - 1]
+    shorter = replace(case.scenario, scans=scans, targets=tuple(begun))
+    case = replace(case, scenario=shorter, lags=(0,))
+    found = {}
+    for task in monte_carlo.plan(replace(of_goal, cases=(case,)), [SWITCHING_SEED]).tasks:
+        outcome = perform(task)
+        assert outcome.error == ""
+        found.update(outcome.scores)
+    own, none = (switches(found[name], goal) for name in (goal.variant, goal.relative_to))
+    assert own <= none

@@ -1,18 +1,32 @@
-"""Heights: the filter and its smoother against textbook matrices, one target at a time."""
+"""Heights and their filter, and the reprojection of plots of missing and false heights."""
 
 import numpy as np
 import pytest
+from hard_turns import GIVEN, PERIOD_S, measured
 from lone import lone, scan_at
 
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.attributes import height
+from phd_jdtc_ros.core.attributes import height, reprojection
 from phd_jdtc_ros.core.attributes.height import HeightModel, Heights
 from phd_jdtc_ros.core.attributes.history import History
+from phd_jdtc_ros.core.sensors.polar_gate import DETECTION_GATE_SIGMA
+from phd_jdtc_ros.core.sensors.report import Report
+from phd_jdtc_ros.core.types import Detections
 
 # Almost no garbled heights and none given up: the belief stays Gaussian.
 MODEL = HeightModel(std=8.0, noise_density=0.5, climb_std=12.0, garbled=1e-12, kept_s=1e15)
 FIRST = np.zeros(1, dtype=np.int64)
 ROW = np.array([[1.0, 0.0]])
+RADAR = lone({"radar.fields.height": "height", "radar.range_std": 40.0}).model.radars[0]
+# Four targets of five rows each; the height of the last one is not known, the second's not well.
+TARGETS, ROWS = 4, 5
+HEIGHTS = Heights(
+    np.array([0.999, 0.9, 0.995, 0.4]),
+    np.array([[9e3, 0.0], [3e3, 0.0], [5e3, 0.0], [4e3, 0.0]]),
+    np.array([100.0, 400.0, 2500.0, 100.0])[:, None, None] * np.eye(2),
+)
+# Heights of plots: none, their targets' heights, and garbled ones.
+MISSING, TRUE, GARBLED = range(0, 10), range(10, 16), range(16, 20)
 
 
 def matrices(dt, model=MODEL):
@@ -51,8 +65,8 @@ def textbook(times, measured, model=MODEL):
 
 
 def updated(heights, value, since=0.0, model=MODEL):
-    told = height.compare(heights, FIRST, np.array([value]), np.array([since]), model)
-    return height.update(told, FIRST, np.ones(1), np.zeros(1))[0]
+    compared = height.compare(heights, FIRST, np.array([value]), np.array([since]), model)
+    return height.update(compared, FIRST, np.ones(1), np.zeros(1))[0]
 
 
 @pytest.fixture
@@ -133,8 +147,8 @@ def test_soft_association_matches_the_mixture_of_what_may_be_so():
     heights = Heights(np.ones(1), np.array([[1000.0, 0.0]]), np.diag([100.0, 4.0])[None])
     target, values = np.zeros(2, dtype=np.int64), np.array([1010.0, 980.0])
     own, none = np.array([0.5, 0.2]), np.array([0.3])
-    told = height.compare(heights, target, values, np.zeros(2), MODEL)
-    found, again = height.update(told, target, own, none)
+    compared = height.compare(heights, target, values, np.zeros(2), MODEL)
+    found, again = height.update(compared, target, own, none)
     assert not again.any()
     gain = np.array([100.0, 0.0]) / (100.0 + MODEL.std**2)
     each = [heights.mean[0], *(heights.mean[0] + gain * (value - 1000.0) for value in values)]
@@ -150,15 +164,15 @@ def test_soft_association_matches_the_mixture_of_what_may_be_so():
 def test_garbled_height_moves_no_target_and_costs_its_probability():
     model = HeightModel(garbled=0.01)
     heights = Heights(np.ones(1), np.array([[3000.0, 0.0]]), np.diag([30.0, 1.0])[None])
-    told = height.compare(heights, FIRST, np.array([9000.0]), np.zeros(1), model)
-    assert np.exp(told.log_factor[0]) == pytest.approx(0.01)
-    found, _ = height.update(told, FIRST, np.ones(1), np.zeros(1))
+    compared = height.compare(heights, FIRST, np.array([9000.0]), np.zeros(1), model)
+    assert np.exp(compared.log_factor[0]) == pytest.approx(0.01)
+    found, _ = height.update(compared, FIRST, np.ones(1), np.zeros(1))
     np.testing.assert_allclose(found.mean, heights.mean)
     np.testing.assert_allclose(found.covariance, heights.covariance)
     model = HeightModel()
     heights = Heights(np.full(1, 0.995), np.array([[3000.0, 0.0]]), np.diag([30.0, 1.0])[None])
-    told = height.compare(heights, FIRST, np.array([9000.0]), np.zeros(1), model)
-    found, again = height.update(told, FIRST, np.ones(1), np.zeros(1))
+    compared = height.compare(heights, FIRST, np.array([9000.0]), np.zeros(1), model)
+    found, again = height.update(compared, FIRST, np.ones(1), np.zeros(1))
     np.testing.assert_allclose(found.mean, heights.mean)
     assert not again.any()
     assert found.known[0] == pytest.approx(0.67, abs=0.01)
@@ -175,9 +189,9 @@ def test_target_whose_height_began_wrong_finds_the_right_one():
 
 def test_unknown_height_has_no_likelihood_and_no_effect():
     heights = Heights(np.full(1, 0.8), np.array([[3000.0, 2.0]]), np.diag([30.0, 1.0])[None])
-    told = height.compare(heights, FIRST, np.array([np.nan]), np.zeros(1), HeightModel())
-    found, _ = height.update(told, FIRST, np.ones(1), np.zeros(1))
-    assert told.log_factor[0] == 0.0
+    compared = height.compare(heights, FIRST, np.array([np.nan]), np.zeros(1), HeightModel())
+    found, _ = height.update(compared, FIRST, np.ones(1), np.zeros(1))
+    assert compared.log_factor[0] == 0.0
     for one, other in zip(found, heights, strict=True):
         np.testing.assert_allclose(one, other)
 
@@ -220,3 +234,78 @@ def test_both_engines_publish_filtered_and_smoothed_heights(engine, level):
         known = smoothed[k].attributes
         np.testing.assert_allclose(known.height[0], hindsight[k][0], atol=1.0)
         np.testing.assert_allclose(known.height_covariance[0], hindsight[k][1], rtol=0.1, atol=1.0)
+
+
+def crowd(rng):
+    """Return rows near each other as the radar would measure them, their targets, and plots."""
+    target = np.arange(TARGETS).repeat(ROWS)
+    expected = np.stack([15e3 + rng.normal(0.0, 400.0, 20), rng.normal(0.0, 0.03, 20)], axis=1)
+    of = np.concatenate([np.arange(0, 20, 2), np.arange(1, 20, 2)])
+    seen, height = expected[of], HEIGHTS.mean[target[of], 0]
+    height[MISSING], height[GARBLED] = np.nan, 6900.0
+    slant = np.hypot(seen[:, 0], HEIGHTS.mean[target[of], 0])
+    seen[:, 0] = np.sqrt(slant**2 - np.nan_to_num(height) ** 2)
+    return expected, target, Detections(seen, None, height=height)
+
+
+def explained(expected, target, detections, column):
+    """Return whether a plot has the known height of a target that it is near to."""
+    error = (detections.measurement[column] - expected) / RADAR.noise_std
+    near = (error**2).sum(axis=1) <= DETECTION_GATE_SIGMA**2
+    same = np.abs(detections.height[column] - HEIGHTS.mean[target, 0]) < 1000.0
+    return (near & same & (HEIGHTS.known[target] > 0.5)).any()
+
+
+def by_hand(expected, target, detections):
+    """Return the log likelihood of each pair, of a plot read at its row's target's height."""
+    found = np.full((len(expected), len(detections)), -np.inf)
+    for row, column in np.ndindex(found.shape):
+        distance, azimuth = detections.measurement[column]
+        std, own, said = RADAR.noise_std.copy(), target[row], detections.height[column]
+        height, off = HEIGHTS.mean[own, 0], np.sqrt(HEIGHTS.covariance[own, 0, 0])
+        false = not (abs(said - height) < 1000.0 or explained(expected, target, detections, column))
+        # Another height contradicts an uncertain one.
+        if HEIGHTS.known[own] > (0.5 if np.isnan(said) else 0.99) and false:
+            square = distance**2 + np.nan_to_num(said) ** 2
+            ground, lower = (np.sqrt(square - above**2) for above in (height, height + off))
+            std[0] = np.hypot(std[0], ground - lower)
+            distance = ground
+        error = (np.array([distance, azimuth]) - expected[row]) / std
+        if (error**2).sum() <= DETECTION_GATE_SIGMA**2:
+            found[row, column] = -0.5 * (error**2).sum() - np.log(2.0 * np.pi * std.prod())
+    return found
+
+
+def test_a_plot_of_a_false_height_is_read_at_the_height_of_each_target():
+    expected, target, detections = crowd(np.random.default_rng(1))
+    pairs = reprojection.pair(
+        lambda seen: RADAR.gated_pairs(expected, seen),
+        *(target, HEIGHTS, Report(RADAR, detections), RADAR.height_projection, HeightModel()),
+    )
+    found = np.full((len(expected), len(detections)), -np.inf)
+    found[pairs.row, pairs.column] = pairs.log_likelihood
+    wanted = by_hand(expected, target, detections)
+    assert all(np.isfinite(wanted[:, of]).sum() >= 6 for of in (MISSING, TRUE, GARBLED))
+    assert len(pairs.row) == np.isfinite(wanted).sum()
+    np.testing.assert_allclose(found, wanted, rtol=1e-9)
+
+
+@pytest.mark.parametrize("engine", ["gaussian", "particles"])
+def test_a_track_stays_where_its_target_is_without_its_height_and_with_a_false_one(engine):
+    # At 30 km and a height of 9 km the plots without it, and with 2 km, are 1.3 km farther away.
+    reported = {**dict.fromkeys(range(12, 17), np.nan), 20: 2e3}
+    one = new_engine(lone({**GIVEN, "engine": engine, "radar.fields.height": "height"}))
+    rng, numbers = np.random.default_rng(2), set()
+    noise = np.array([5.0, np.radians(0.01)])
+    for index in range(24):
+        position = np.array([[3e4 - 100.0 * index, 150.0 * PERIOD_S * index - 6e3]])
+        plot, height = measured(position, noise, rng), reported.get(index, 9e3)
+        plot[:, 0] = np.sqrt(plot[:, 0] ** 2 + 9e3**2 - np.nan_to_num(height) ** 2)
+        step = one.step(scan_at((index + 1) * PERIOD_S, plot, height=np.array([height])))
+        for found in step.filtered:
+            numbers.update(found.track_id.tolist())
+            if index > 4:
+                apart = np.hypot(*(found.position - position).T)
+                assert apart.shape == (1,), index
+                assert apart[0] < 100.0, index
+    assert len(numbers) == 1

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import runs
-from runs import ENGINES, restored_after, stored_and_read
+from runs import ENGINES, stored_and_read
 from scenes import small
 from sweep import configuration
 
@@ -135,24 +135,6 @@ def test_the_rate_counts_the_clutter_that_is_too_near_or_obstructed(hidden):
     assert memory.sensors["radar"].clutter_count.rate == pytest.approx(10.0, rel=0.15)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("stop", [0, 1, 8])
-def test_restored_engine_goes_on_with_its_rate_bit_by_bit(engine, stop):
-    run = [scan for _, scan in run_of(4.0, 12)]
-    first, second = restored_after(stop, lambda: engine_of(engine), run)
-    assert learned(first) == learned(second)
-
-
-@pytest.mark.parametrize("engine", ENGINES)
-def test_a_run_that_is_reset_learns_its_rate_again(engine):
-    tracker = engine_of(engine)
-    for _, scan in run_of(4.0, 3):
-        tracker.step(scan)
-    assert learned(tracker)
-    tracker.flush()
-    assert learned(tracker) == {}
-
-
 FORGERIES = {
     "another radar": ("mast.count", 1.0, "clutter_rate: mast given, must be a sensor: "),
     "whole": ("radar_1.count", 3, "clutter_rate.radar_1.count: int64 given, expected floats"),
@@ -165,7 +147,7 @@ FORGERIES = {
 
 
 @pytest.fixture(scope="module")
-def held():
+def snapshot():
     tracker = engine_of("gaussian")
     for _, scan in run_of(4.0, 3):
         tracker.step(scan)
@@ -173,18 +155,18 @@ def held():
 
 
 @pytest.mark.parametrize("name", FORGERIES)
-def test_a_forged_rate_is_refused_with_the_reason(name, held):
+def test_a_forged_rate_is_refused_with_the_reason(name, snapshot):
     part, value, reason = FORGERIES[name]
-    forged, tracker = stored_and_read(held), engine_of("gaussian")
+    forged, tracker = stored_and_read(snapshot), engine_of("gaussian")
     forged.arrays[f"clutter_rate.{part}"] = np.array(value)
     with pytest.raises(ValueError, match=reason):
         tracker.restore(forged)
     assert learned(tracker) == {}
 
 
-def test_a_learned_rate_is_left_out_where_one_is_given_now(held):
+def test_a_learned_rate_is_left_out_where_one_is_given_now(snapshot):
     tracker = engine_of("gaussian", **rates(7.0))
-    tracker.restore(held)
+    tracker.restore(snapshot)
     assert learned(tracker) == {}
 
 

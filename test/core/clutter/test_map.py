@@ -5,14 +5,23 @@ import pytest
 from scenes import small
 
 from phd_jdtc_ros.core.clutter import map as clutter_map
-from phd_jdtc_ros.core.clutter.grid import GroundGrid, PolarGrid, corners
+from phd_jdtc_ros.core.clutter import neighbourhood
+from phd_jdtc_ros.core.clutter.grid import HALF, GroundGrid, PolarGrid, corners
 from phd_jdtc_ros.core.clutter.map import ClutterMap
+from phd_jdtc_ros.core.clutter.neighbourhood import (
+    OWN,
+    REACH,
+    detections_around,
+    probability_among_reflectors,
+)
 from phd_jdtc_ros.core.types import Detections
 
 RATE, MAX_RANGE = 10.0, 20e3
 STD = np.array([10.0, np.radians(0.2)])
 PLACE = np.array([[4e3, 1.0]])
 CELL = 3.0 * STD  # extent of a cell
+# Six reflectors a cell apart, 42 m, three on each side of the place.
+QUAY = np.stack([np.full(6, 4e3), 1.0 + np.radians(0.6) * np.array([-6, -5, -4, 4, 5, 6])], axis=1)
 
 
 def empty():
@@ -98,10 +107,6 @@ def test_few_detections_make_no_place():
         seen = PLACE if turn % 20 == 19 else np.zeros((0, 2))
         seldom = after(seldom, seen, np.ones(len(seen)), 1.0)
     assert factor(seldom, PLACE)[0] < 0.05 * factor(answered(80), PLACE)[0]
-
-
-# Six reflectors a cell apart, 42 m, three on each side of the place.
-QUAY = np.stack([np.full(6, 4e3), 1.0 + np.radians(0.6) * np.array([-6, -5, -4, 4, 5, 6])], axis=1)
 
 
 def test_reflectors_nearby_make_a_place_likely_to_answer():
@@ -224,3 +229,53 @@ def test_squares_are_possible_and_distinguished_anywhere():
     seen, far = np.array([[0.0, 0.0], [17e3, 1.0]]), np.array([[0.0, 0.0], [1e9, -1e9]])
     places = places.after(seen, far, np.ones(2), 1.0)
     assert np.isfinite(places.log_factor(seen, far, RATE, MAX_RANGE)).all()
+
+
+def stored(grid, rows, columns, count):
+    """Return the cells and their counts as a map has them."""
+    cell, place = np.unique(rows * grid.columns + columns, return_inverse=True)
+    return cell, np.bincount(place, weights=count)
+
+
+@pytest.mark.parametrize(
+    ("grid", "first"),
+    [(PolarGrid(30.0, 50), (0, 0)), (PolarGrid(30.0, 7), (0, 0)), (GroundGrid(60.0), (HALF, HALF))],
+)
+def test_it_is_the_number_of_detections_in_the_square_without_the_place_itself(grid, first):
+    """Also at the seam of the azimuths and at the radar, and if the square is wider than a turn."""
+    rng = np.random.default_rng(4)
+    wide = min(grid.columns, 60)
+    rows, columns = rng.integers(0, 40, 400), rng.integers(0, wide, 400)
+    count = rng.exponential(1.0, 400)
+    cell, counts = stored(grid, first[0] + rows, first[1] + columns, count)
+    centre = np.array([[0, 20, 39, 5, 11], [0, 3, wide - 1, 6, wide - 4]])
+    places = centre + np.array(first)[:, None] + rng.uniform(-0.4, 0.4, centre.shape)
+    found = detections_around(grid, cell, counts, places)
+    for k, (row, column) in enumerate(centre.T):
+        down = np.abs(rows - row)
+        across = np.abs(columns - column)
+        if isinstance(grid, PolarGrid):
+            across = np.minimum(across, grid.columns - across)
+        wide_square = (down <= REACH) & (across <= REACH)
+        own = (down <= OWN) & (across <= OWN)
+        assert found[k] == pytest.approx(count[wide_square & ~own].sum())
+
+
+def test_the_number_of_cells_is_that_of_the_square_without_the_place_itself():
+    grid = GroundGrid(60.0)
+    side = np.arange(-REACH - 3, REACH + 4)
+    rows, columns = (HALF + part.ravel() for part in np.meshgrid(side, side))
+    cell, counts = stored(grid, rows, columns, np.ones(len(rows)))
+    (found,) = detections_around(grid, cell, counts, np.array([[HALF], [HALF]]))
+    assert found == neighbourhood.CELLS
+
+
+def test_a_neighbourhood_answers_the_more_the_more_of_it_does():
+    places = ClutterMap(PolarGrid(30.0, 50))
+    np.testing.assert_array_equal(
+        places.neighbourhood_excess(np.array([[1e3, 0.5]]), np.zeros((1, 2)), 10.0, 2e4), 0.0
+    )
+    np.testing.assert_allclose(
+        probability_among_reflectors(np.array([0.0, neighbourhood.EVEN_EXCESS, 1e9])),
+        [0.0, 0.5, 1.0],
+    )

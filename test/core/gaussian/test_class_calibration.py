@@ -21,7 +21,7 @@ GIVEN = {
 }
 
 
-def told(given):
+def class_probabilities(given):
     """Return the probability of the more probable class, and whether it is right, (T,)."""
     rng = np.random.default_rng(11)
     config = lone({**GIVEN, **given})
@@ -51,7 +51,7 @@ def told(given):
 
 @pytest.mark.parametrize("least", [0.5, 0.8, 0.95])
 def test_classes_are_right_as_often_as_said_by_default(least):
-    said, right, config = told({"amplitude": "auto"})
+    said, right, config = class_probabilities({"amplitude": "auto"})
     assert isinstance(config.model.amplitudes, Memory)
     sure = said >= least
     assert sure.sum() > 100

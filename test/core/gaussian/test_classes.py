@@ -19,7 +19,7 @@ SECONDS = 6.0 * np.arange(1, 9)
 
 
 def classes(given=None, names=("weak", "strong")):
-    """Return a configuration of several classes, told apart by amplitude."""
+    """Return a configuration of several classes, distinguished by amplitude."""
     table = {"classes": list(names), "radar.detection_probability": 0.0, "amplitude": "band"}
     for name in names:
         table[f"{name}.snr_band_db"] = BANDS[name]
@@ -40,10 +40,10 @@ def amplitudes(decibels, rng, count, threshold):
     return np.sqrt(threshold**2 - 2.0 * power * np.log(rng.random(count)))
 
 
-def class_probabilities(engine, told, radar):
+def class_probabilities(engine, observed, radar):
     """Return the filtered class probabilities after each amplitude, shape (K, C)."""
     found = []
-    for second, amplitude, state in zip(SECONDS, told, path(SECONDS), strict=True):
+    for second, amplitude, state in zip(SECONDS, observed, path(SECONDS), strict=True):
         scan = scan_at(second, radar.measure(state[None]), np.array([amplitude]))
         (estimates,) = engine.step(scan).filtered
         found.append(estimates.class_probability[0])
@@ -54,9 +54,9 @@ def class_probabilities(engine, told, radar):
 def test_band_weighs_classes_by_the_density_of_each_amplitude(decibels):
     config = classes()
     (radar,), modes = config.model.radars, config.model.modes
-    told = amplitudes(decibels, np.random.default_rng(0), len(SECONDS), radar.threshold)
-    found = class_probabilities(started(config), told, radar)
-    report = scan_at(6.0, np.ones((len(told), 2)), told).detections[0]
+    observed = amplitudes(decibels, np.random.default_rng(0), len(SECONDS), radar.threshold)
+    found = class_probabilities(started(config), observed, radar)
+    report = scan_at(6.0, np.ones((len(observed), 2)), observed).detections[0]
     log_density = np.cumsum(radar.log_class_likelihood(report, modes.classes), axis=1).T
     expected = np.exp(log_density - log_density.max(axis=1, keepdims=True))
     expected /= expected.sum(axis=1, keepdims=True)
@@ -88,7 +88,7 @@ def test_missed_detections_speak_for_the_cells_of_weak_targets():
         np.testing.assert_allclose(found.class_probability[0], weight.sum(axis=1), rtol=1e-6)
 
 
-def fine_grid(config, told, jitter, size=1500):
+def fine_grid(config, observed, jitter, size=1500):
     """Return the class probabilities of a target whose SNR is on a fine grid, shape (K, C)."""
     modes = config.model.modes
     grids, weights, kernels = [], [], []
@@ -103,7 +103,7 @@ def fine_grid(config, told, jitter, size=1500):
             kernel += np.exp(-0.5 * ((mirrored[None] - centre[:, None]) / jitter) ** 2)
         kernels.append(kernel / kernel.sum(axis=1, keepdims=True))
     found = []
-    for amplitude in told:
+    for amplitude in observed:
         for index, centre in enumerate(grids):
             weight = weights[index] @ kernels[index]
             weights[index] = weight * np.exp(-centre - 0.5 * amplitude**2 * np.exp(-centre))
@@ -118,10 +118,10 @@ def fine_grid(config, told, jitter, size=1500):
 def test_memory_is_as_accurate_as_a_fine_grid(decibels, jitter):
     config = classes({"amplitude": "memory", "memory.jitter": jitter})
     (radar,) = config.model.radars
-    told = amplitudes(decibels, np.random.default_rng(1), len(SECONDS), radar.threshold)
-    found = class_probabilities(started(config), told, radar)
+    observed = amplitudes(decibels, np.random.default_rng(1), len(SECONDS), radar.threshold)
+    found = class_probabilities(started(config), observed, radar)
     # Eleven cells are not a fine grid; the band alone is off by 0.09 to 0.55.
-    np.testing.assert_allclose(found, fine_grid(config, told, jitter), atol=0.012)
+    np.testing.assert_allclose(found, fine_grid(config, observed, jitter), atol=0.012)
 
 
 def test_amplitudes_that_are_ignored_change_nothing():
@@ -285,7 +285,7 @@ def test_classes_may_have_different_numbers_of_motions():
     )
     (radar,), dynamics = config.model.radars, Dynamics(config.model)
     assert dynamics.mode_of.tolist() == [0, 1, 2]
-    told = np.full(len(SECONDS), 30.0)
-    found = class_probabilities(started(config), told, radar)
+    observed = np.full(len(SECONDS), 30.0)
+    found = class_probabilities(started(config), observed, radar)
     # The band decides, and the motion says little of a target that flies straight on.
     assert (np.diff(found[:, 1]) > 0.0).all()

@@ -1,6 +1,5 @@
 """Associations: the engine against the sum over all that could have happened."""
 
-import itertools
 from functools import partial
 
 import numpy as np
@@ -21,13 +20,7 @@ from lone import (
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.algebra import kalman
-from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.measurement import pairs
-from phd_jdtc_ros.core.gaussian.mixture import Mixture
-from phd_jdtc_ros.core.gaussian.reduction import Branched
-from phd_jdtc_ros.core.gaussian.update import GaussianSteps
-from phd_jdtc_ros.core.sensors.report import Report
-from phd_jdtc_ros.core.window.update import update
 
 DETECTION = 0.8
 SURVIVAL = 0.9
@@ -57,93 +50,6 @@ def near(radar, mean, rng, count=1, spread=1.0):
     """Return detections about a state."""
     about = radar.measure(np.asarray(mean)[None])
     return about + spread * rng.standard_normal((count, 2)) * radar.noise_std
-
-
-def hypotheses(dynamics, rng):
-    """Return three targets next to each other, with one, two and three hypotheses."""
-    single = mixture_of(dynamics, [(1.0, MEAN, STD)])
-    row_label = np.array([5, 7, 7, 9, 9, 9])
-    weight = np.array([0.9, 0.3, 0.25, 0.2, 0.1, 0.65])
-    mean = MEAN + rng.normal(0.0, [200.0, 10.0, 200.0, 10.0, 0.0], (6, 5))
-    size = rng.uniform(0.3, 1.0, 6)
-    return Mixture(
-        row_label,
-        weight[:, None, None],
-        mean[:, None],
-        size[:, None, None, None] * single.covariance,
-        dynamics.unknown_snr(6),
-    )
-
-
-def enumerated(mixture, radar, measurement):
-    """Return the weight of every hypothesis without a detection and with each of them.
-
-    Every target exists or not, and has one of the detections or none; no two have the same one.
-    """
-    rows, count = len(mixture), len(measurement)
-    evidence = np.zeros((rows, count))
-    for row, column in itertools.product(range(rows), range(count)):
-        prior = textbook.Normal(mixture.mean[row, 0], mixture.covariance[row, 0])
-        _, log_likelihood = textbook.update(prior, radar, measurement[column])
-        evidence[row, column] = np.exp(log_likelihood)
-    weight = mixture.mass
-    events = [
-        # (the row or None if it does not exist, its detection or None, its factor)
-        [
-            (None, None, 1.0 - weight[mixture.row_label == row_label].sum()),
-            *(
-                (row, None, weight[row] * (1.0 - DETECTION))
-                for row in np.flatnonzero(mixture.row_label == row_label)
-            ),
-            *(
-                (row, column, weight[row] * DETECTION * evidence[row, column])
-                for row in np.flatnonzero(mixture.row_label == row_label)
-                for column in range(count)
-            ),
-        ]
-        for row_label in np.unique(mixture.row_label)
-    ]
-    total, posterior = 0.0, np.zeros((rows, count + 1))
-    for joint in itertools.product(*events):
-        taken = [column for _, column, _ in joint if column is not None]
-        if len(set(taken)) < len(taken):
-            continue
-        probability = np.prod([factor for *_, factor in joint])
-        probability *= clutter_density(radar) ** (count - len(taken))
-        total += probability
-        for row, column, _ in joint:
-            if row is not None:
-                posterior[row, count if column is None else column] += probability
-    return posterior / total
-
-
-@pytest.mark.parametrize("count", [0, 1, 2, 3])
-@pytest.mark.parametrize("seed", range(3))
-def test_weights_of_all_hypotheses_are_those_of_all_association_events(count, seed):
-    rng = np.random.default_rng(seed)
-    config = configuration()
-    (radar,), dynamics = config.model.radars, Dynamics(config.model)
-    mixture = hypotheses(dynamics, rng)
-    measurement = near(radar, MEAN, rng, count)
-    expected = enumerated(mixture, radar, measurement)
-    scan, bounds = scan_at(6.0, measurement), new_engine(config).forward.bounds
-    predicted = Branched(mixture, np.arange(len(mixture)))
-    report, steps = Report(radar, scan.detections[0]), GaussianSteps(dynamics, bounds)
-    updated = update(predicted, report, steps, 6.0)
-    assert updated.newborns == ()
-    assert updated.approximate == 0
-    branched = updated.rows
-    found = np.zeros_like(expected)
-    for row in range(len(branched.mixture)):
-        parent = branched.parent[row]
-        means = [mixture.mean[parent, 0]] * (count + 1)
-        prior = textbook.Normal(means[0], mixture.covariance[parent, 0])
-        means[:count] = [textbook.update(prior, radar, told)[0].mean for told in measurement]
-        own = branched.mixture.mean[row, 0]
-        (column,) = [k for k, mean in enumerate(means) if np.allclose(own, mean, rtol=1e-9)]
-        found[parent, column] = branched.mixture.mass[row]
-    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6)
-    assert not count or expected[:, :count].sum() > 0.3
 
 
 def histories(config, seconds, scans, existence):
@@ -179,10 +85,10 @@ def histories(config, seconds, scans, existence):
                     (p * (1.0 - DETECTION) * rest, [*states, later], [*moves, (later, gain)])
                 )
                 for measured in measurement:
-                    told, log_likelihood = textbook.update(later, radar, measured)
+                    posterior, log_likelihood = textbook.update(later, radar, measured)
                     explained = p * DETECTION * np.exp(log_likelihood)
                     explained *= rest / clutter_density(radar)
-                    following.append((explained, [*states, told], [*moves, (later, gain)]))
+                    following.append((explained, [*states, posterior], [*moves, (later, gain)]))
                 followed_by += [to] * (1 + len(measurement))
         alive, last = following, followed_by
     every = [*ended, *alive]
@@ -196,10 +102,10 @@ def at_scan(every, index):
     for probability, states, moves in every:
         if len(states) <= index:
             continue
-        told = states[-1]
+        smoothed = states[-1]
         for earlier in range(len(states) - 2, index - 1, -1):
-            told = textbook.smooth(states[earlier], *moves[earlier], told)
-        parts.append(told)
+            smoothed = textbook.smooth(states[earlier], *moves[earlier], smoothed)
+        parts.append(smoothed)
         shares.append(probability)
     existence = sum(shares)
     return existence, textbook.mixed(np.array(shares) / existence, parts)
@@ -233,11 +139,11 @@ def test_one_target_is_the_sum_over_all_its_histories(empty, existence, survival
     scans = measured_scans(radar, seconds, rng, empty)
     engine = started(config, (existence, MEAN, STD))
     filtered = [
-        engine.step(scan_at(*told)).filtered[0] for told in zip(seconds, scans, strict=True)
+        engine.step(scan_at(*each)).filtered[0] for each in zip(seconds, scans, strict=True)
     ]
     for index, found in enumerate(filtered):
-        told = histories(config, seconds[: index + 1], scans[: index + 1], existence)
-        check(found, *at_scan(told, index + 1))
+        enumerated = histories(config, seconds[: index + 1], scans[: index + 1], existence)
+        check(found, *at_scan(enumerated, index + 1))
     every = histories(config, seconds, scans, existence)
     smoothed = engine.flush()
     assert len(smoothed) == 4
@@ -263,11 +169,11 @@ def test_target_whose_motions_go_on_apart_is_the_sum_over_all_their_changes(empt
     apart = both.changed(weight=both.weight * np.eye(2)[:, :, None])
     engine.forward.start_from(START_NS, apart)
     filtered = [
-        engine.step(scan_at(*told)).filtered[0] for told in zip(seconds, scans, strict=True)
+        engine.step(scan_at(*each)).filtered[0] for each in zip(seconds, scans, strict=True)
     ]
     for index, found in enumerate(filtered):
-        told = histories(config, seconds[: index + 1], scans[: index + 1], 0.8)
-        check(found, *at_scan(told, index + 1))
+        enumerated = histories(config, seconds[: index + 1], scans[: index + 1], 0.8)
+        check(found, *at_scan(enumerated, index + 1))
     every = histories(config, seconds, scans, 0.8)
     for index, found in enumerate(engine.flush()):
         check(found, *at_scan(every, index + 1))

@@ -8,46 +8,26 @@ import pytest
 from lone import BIRTHS, MEAN, STD, TWO_MOTIONS, UNREDUCED, lone, mixture_of, updated
 from scipy.stats import norm
 
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.algebra import kalman
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
+from phd_jdtc_ros.core.gaussian.reduction import Branched
+from phd_jdtc_ros.core.gaussian.update import GaussianSteps
+from phd_jdtc_ros.core.models import detection_limit
 from phd_jdtc_ros.core.models.sensor_memory import SensorMemory
-from phd_jdtc_ros.core.types import Coverage, Detections
+from phd_jdtc_ros.core.tracks import labels
+from phd_jdtc_ros.core.types import Coverage, Detections, Scan
+from phd_jdtc_ros.core.window.update import update_scan
 
 NOTHING = Detections(np.zeros((0, 2)), None)
-
-
 # Limits of the field of view near a target in the direction 0.8 rad at 7 km.
-LIMITS = {
-    "range": {"radar.max_range": 7010.0, "radar.clutter_max_range": 7010.0},
-    "azimuth": {"radar.fov_deg": [0.0, np.degrees(0.81)]},
-    "blind sector": {"radar.blind_sectors_deg": [np.degrees(0.795), np.degrees(0.83)]},
+FIELDS = {
+    "largest range": {"radar.max_range": 7010.0, "radar.clutter_max_range": 7010.0},
+    "least range": {"radar.min_range": 6990.0},
+    "field of view": {"radar.fov_deg": [-50.0, np.degrees(0.8014)]},
+    "blind sector": {"radar.blind_sectors_deg": [np.degrees(0.8014), 60.0]},
     "p_D by range": {"radar.detection_probability": [6800.0, 0.95, 7200.0, 0.1]},
 }
-
-
-@pytest.mark.parametrize("limit", LIMITS)
-def test_existence_after_a_miss_at_a_limit_is_that_of_an_enumeration(limit):
-    config = lone({"radar.detection_probability": 0.9, **LIMITS[limit]})
-    (radar,) = config.model.radars
-    mean, std = MEAN.copy(), STD.copy()
-    mean[[0, 2]] = radar.to_world(np.array([[7e3, 0.8]]))[0]
-    std[[0, 2]] = 100.0
-    mixture = mixture_of(Dynamics(config.model), [(0.9, mean, std)])
-    (found,) = updated(config, mixture, NOTHING)[0].mixture.existence
-
-    states = mean + std * np.random.default_rng(3).standard_normal((400_000, len(mean)))
-    measured = radar.measure(states)
-    detected = radar.visibility.probability_in_view(measured) * radar.visibility.probability(
-        measured[:, 0]
-    )
-    exact = 0.9 * (1.0 - detected.mean()) / (1.0 - 0.9 * detected.mean())
-    at_mean = radar.measure(mean[None])
-    certain = radar.visibility.probability_in_view(at_mean) * radar.visibility.probability(
-        at_mean[:, 0]
-    )
-    assert found == pytest.approx(exact, abs=3e-3)
-    if limit != "p_D by range":
-        assert abs(0.9 * (1.0 - certain[0]) / (1.0 - 0.9 * certain[0]) - exact) > 0.03
 
 
 def test_gaussian_is_missed_as_probably_as_its_azimuth_is_measured_in_the_sector():
@@ -67,12 +47,7 @@ def test_gaussian_is_missed_as_probably_as_its_azimuth_is_measured_in_the_sector
 
 
 def test_gaussian_is_detected_with_the_probability_at_its_range():
-    config = lone(
-        {
-            **UNREDUCED,
-            "radar.detection_probability": [0.0, 0.9, 2e4, 0.1],
-        }
-    )
+    config = lone({**UNREDUCED, "radar.detection_probability": [0.0, 0.9, 2e4, 0.1]})
     dynamics, (radar,) = Dynamics(config.model), config.model.radars
     far = MEAN + np.array([5e3, 0.0, 5e3, 0.0, 0.0])
     mixture = mixture_of(dynamics, [(0.5, MEAN, STD), (0.5, far, STD)])
@@ -189,11 +164,11 @@ def test_existence_is_kept_when_only_the_best_hypotheses_are():
 
 
 class Notebook(SensorMemory):
-    """Knows another rate of clutter, and notes what it is told."""
+    """Knows another rate of clutter, and notes its arguments."""
 
     def __init__(self, rate):
         super().__init__(("radar",))
-        self.rate, self.told = rate, []
+        self.rate, self.calls = rate, []
 
     def prepare(self, report):
         radar = replace(report.sensor, clutter_rate=self.rate, clutter_map_speed=20.0)
@@ -203,10 +178,10 @@ class Notebook(SensorMemory):
         return report.sensor.clutter_rate == self.rate
 
     def learn_clutter(self, report, claimed, stationary):
-        self.told.append((report.sensor.clutter_rate, report.detections, claimed, stationary))
+        self.calls.append((report.sensor.clutter_rate, report.detections, claimed, stationary))
 
 
-def test_clutter_is_as_is_known_of_it_and_is_told_what_is_claimed_and_by_what_is_at_rest():
+def test_clutter_is_the_learned_one_and_learns_from_unclaimed_and_stationary_detections():
     config = lone({**UNREDUCED, "radar.clutter_rate": 1.0, "radar.detection_probability": 0.8})
     dynamics, (radar,) = Dynamics(config.model), config.model.radars
     slow, away = MEAN * [1, 0, 1, 0, 0], MEAN * [-1, 1, -1, 1, 1]
@@ -221,20 +196,20 @@ def test_clutter_is_as_is_known_of_it_and_is_told_what_is_claimed_and_by_what_is
     exact = replace(config, model=replace(config.model, radars=(more,)))
     expected, _ = updated(exact, mixture, report)
     np.testing.assert_allclose(known.mixture.mass, expected.mixture.mass, rtol=1e-12)
-    ((rate, told, claimed, still),) = memory.told
+    ((rate, learned, claimed, still),) = memory.calls
     assert rate == 500.0
-    np.testing.assert_array_equal(told.measurement, place)
+    np.testing.assert_array_equal(learned.measurement, place)
     assert claimed[2] == 0.0
     assert 0.5 < claimed[0] < 1.0
     # The target at rest has as much of the first detection as its weight is of both.
     np.testing.assert_allclose(still, [0.7 / 1.3, 0.0, 0.0], rtol=1e-9, atol=1e-20)
-    memory.told.clear()
+    memory.calls.clear()
     faster = mixture_of(dynamics, [(1.0, MEAN * [1, 0, 1, 0, 0] + [0, 25, 0, 25, 0], std)])
     updated(config, faster, report, memory)
-    assert memory.told[0][3][0] < 1e-20
+    assert memory.calls[0][3][0] < 1e-20
 
 
-def test_clutter_is_told_of_rest_at_even_odds_where_targets_are_born():
+def test_clutter_learns_rest_at_even_odds_where_targets_are_born():
     given = {**UNREDUCED, **BIRTHS, "radar.detection_probability": 0.8}
     config, memory = lone(given), Notebook(5.0)
     dynamics, (radar,) = Dynamics(config.model), config.model.radars
@@ -244,7 +219,7 @@ def test_clutter_is_told_of_rest_at_even_odds_where_targets_are_born():
     # Slower than 20 m/s, of newborn targets and of this one: the length of two normal velocities.
     newborn, own = (1.0 - np.exp(-0.5 * (20.0 / each) ** 2) for each in (35.0, 15.0))
     rest, motion = own / newborn, (1.0 - own) / (1.0 - newborn)
-    np.testing.assert_allclose(memory.told[0][3], rest / (rest + motion), rtol=1e-2)
+    np.testing.assert_allclose(memory.calls[0][3], rest / (rest + motion), rtol=1e-2)
 
 
 def test_every_mode_is_updated_with_the_detection_of_its_hypothesis(monkeypatch):
@@ -274,12 +249,15 @@ def test_every_mode_is_updated_with_the_detection_of_its_hypothesis(monkeypatch)
             )
 
 
-FIELDS = {
-    "largest range": {"radar.max_range": 7010.0, "radar.clutter_max_range": 7010.0},
-    "least range": {"radar.min_range": 6990.0},
-    "field of view": {"radar.fov_deg": [-50.0, np.degrees(0.8014)]},
-    "blind sector": {"radar.blind_sectors_deg": [np.degrees(0.8014), 60.0]},
-}
+def detection_probability(radar, states):
+    measured = radar.measure(states)
+    in_view = radar.visibility.probability_in_view(measured)
+    return in_view * radar.visibility.probability(measured[:, 0])
+
+
+def existence_after(missed):
+    """Return the existence probability of a target that was missed with a probability."""
+    return 0.9 * missed / (0.9 * missed + 0.1)
 
 
 @pytest.mark.parametrize("field", FIELDS.values(), ids=FIELDS)
@@ -290,8 +268,108 @@ def test_target_that_stays_at_a_limit_keeps_the_existence_of_an_enumeration(fiel
     mean[[0, 2]] = radar.to_world(np.array([[7e3, 0.8]]))[0]
     found = mixture_of(Dynamics(config.model), [(0.9, mean, std)])
     states = mean + std * np.random.default_rng(5).standard_normal((400_000, len(mean)))
-    missed = 1.0 - 0.9 * radar.visibility.probability_in_view(radar.measure(states))
-    for scans in range(1, 6):
+    of_mean, *missed = 1.0 - detection_probability(radar, np.vstack([mean, states]))
+    by_range = "radar.detection_probability" in field
+    if not by_range:
+        assert abs(existence_after(of_mean) - existence_after(np.mean(missed))) > 0.03
+    for scans in range(1, 2 if by_range else 6):
         found = updated(config, found, NOTHING)[0].mixture
-        exact = 0.9 * np.mean(missed**scans)
-        assert found.existence[0] == pytest.approx(exact / (exact + 0.1), abs=0.05)
+        exact = existence_after(np.mean(np.power(missed, scans)))
+        assert found.existence[0] == pytest.approx(exact, abs=3e-3 if scans == 1 else 0.05)
+
+
+def scan_update(config, *reports, scan_index=4):
+    """Return what the radars' reports make of nothing."""
+    dynamics = Dynamics(config.model)
+    nothing = mixture_of(dynamics, [(0.5, MEAN, STD)]).take(np.zeros(0, dtype=int))
+    steps = GaussianSteps(dynamics, new_engine(config).forward.bounds)
+    predicted = Branched(nothing, np.zeros(0, dtype=int))
+    return update_scan(predicted, Scan(1, reports), steps, 6.0, scan_index).rows
+
+
+@pytest.mark.parametrize("times", [None, [0.4, -1.5]], ids=["at the stamp", "with times"])
+@pytest.mark.parametrize("own", [None, [[50.0, 0.03], [np.nan, 0.001]]], ids=["usual", "own"])
+def test_newborn_is_at_its_detection_with_the_radars_noise_and_a_broad_velocity(times, own):
+    config = lone({**TWO_MOTIONS, **BIRTHS})
+    (radar,) = config.model.radars
+    place = np.array([[7e3, 0.8], [4e3, -2.0]])
+    report = Detections(place, None, time_s=times, noise_std=own)
+    branched = scan_update(config, report)
+    found = branched.mixture
+    first = labels.first_detected(4)
+    np.testing.assert_array_equal(found.row_label, [first, first + 1])
+    np.testing.assert_array_equal(branched.parent, [-1, -1])
+    usual = np.broadcast_to(radar.noise_std, (2, 2))
+    std = usual if own is None else np.where(np.isnan(own), usual, own)
+    for row in range(2):
+        position = radar.to_world(place[row : row + 1])[0]
+        # Derivatives of the position by range and azimuth, numerically.
+        steps = np.diag([1e-3, 1e-7])
+        jacobian = (radar.to_world(place[row] + steps) - position) / np.diag(steps)[:, None]
+        expected = np.zeros((5, 5))
+        expected[np.ix_([0, 2], [0, 2])] = jacobian.T @ np.diag(std[row] ** 2) @ jacobian
+        expected[[1, 3], [1, 3]] = 35.0**2
+        expected[4, 4] = 2e-3**2
+        back = np.eye(5)
+        back[[0, 2], [1, 3]] = 0.0 if times is None else -times[row]
+        expected = back @ expected @ back.T
+        straight = np.outer([1, 1, 1, 1, 0], [1, 1, 1, 1, 0])
+        np.testing.assert_allclose(found.mean[row, :, [0, 2]], np.tile(position[:, None], 2))
+        np.testing.assert_array_equal(found.mean[row][:, [1, 3, 4]], 0.0)
+        scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+        np.testing.assert_allclose(
+            found.covariance[row, 0] / scale, expected * straight / scale, rtol=1e-4, atol=1e-9
+        )
+        np.testing.assert_allclose(
+            found.covariance[row, 1] / scale, expected / scale, rtol=1e-4, atol=1e-9
+        )
+
+
+def test_newborns_of_a_radar_have_origins_after_those_of_the_radars_before():
+    radars = {
+        "sensors": ["radar", "other"],
+        "radar.detection_probability": 0.5,
+        "other.position": [1e4, 0.0],
+        "other.detection_probability": 0.5,
+        "other.clutter_rate": 1.0,
+    }
+    config = lone({**BIRTHS, **radars})
+    one, two = config.model.radars
+    points = np.zeros((5, 5))
+    points[:, [0, 2]] = [[5e3, 0], [0, 5e3], [-5e3, 0], [0, -5e3], [5e3, 5e3]]
+    reports = [Detections(r.measure(points[p]), None) for r, p in ((one, [0, 1, 2]), (two, [3, 4]))]
+    first = labels.first_detected(4)
+    found = scan_update(config, *reports).mixture
+    np.testing.assert_array_equal(np.sort(found.row_label), first + np.arange(5))
+
+
+def test_newborn_has_the_cells_of_its_class_that_its_amplitude_tells():
+    config = lone(
+        {
+            **BIRTHS,
+            "amplitude": "memory",
+            "radar.detection_probability": 0.0,
+            "target.snr_band_db": [5.0, 30.0],
+        }
+    )
+    dynamics = Dynamics(config.model)
+    assert dynamics.cells.log_snr.shape[1] > 5
+    amplitude = np.array([5.0, 20.0])
+    report = Detections(np.array([[7e3, 0.8], [4e3, -2.0]]), amplitude)
+    found = scan_update(config, report).mixture
+    # Rayleigh, with the power of noise and target; the detection's mass is that of the class.
+    power = np.exp(dynamics.cells.log_snr)
+    density = amplitude[:, None] / power * np.exp(-(amplitude[:, None] ** 2) / (2.0 * power))
+    share = density / density.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(found.snr[:, 0], share, rtol=1e-6)
+    assert abs(share.argmax(axis=1)[0] - share.argmax(axis=1)[1]) > 2
+
+
+def test_detections_that_were_left_out_are_noted_with_the_newborn(monkeypatch):
+    for limit in ("MAX_DETECTIONS", "MAX_UNEXPLAINED"):
+        monkeypatch.setattr(detection_limit, limit, 2)
+    config = lone({**BIRTHS})
+    mixture = mixture_of(Dynamics(config.model), [(0.5, MEAN, STD)])
+    report = Detections(np.array([[5e3, 0.1 * k] for k in range(8)]), None)
+    _, newborn = updated(config, mixture, report)
+    assert newborn.report.share == 0.25

@@ -123,9 +123,9 @@ def test_joint_weights_are_those_of_all_events_of_what_each_is_alone(targets, co
     for row in range(len(mixture)):
         own = found.weight[branched.parent == row].reshape(-1, ways.shape[1])
         own = own[np.argsort(own.sum(axis=1))]
-        told = ways[row].T[ways[row].sum(axis=0) > 0.0]
-        told = told[np.argsort(told.sum(axis=1))]
-        np.testing.assert_allclose(own, told, rtol=1e-9, atol=1e-15)
+        expected_rows = ways[row].T[ways[row].sum(axis=0) > 0.0]
+        expected_rows = expected_rows[np.argsort(expected_rows.sum(axis=1))]
+        np.testing.assert_allclose(own, expected_rows, rtol=1e-9, atol=1e-15)
     existence = np.bincount(target, expected[0] + expected[1].sum(axis=1))
     np.testing.assert_allclose(found.existence, existence, rtol=1e-9)
 

@@ -48,7 +48,7 @@ class Reply:
 
 
 class Register:
-    """Stands for what is known of attributes, by label and detection; it notes what it is told."""
+    """Stands for what is known of attributes, by label and detection; it notes its arguments."""
 
     def __init__(self, factor, clutter):
         self.log_factor, self.log_clutter = np.log(factor), np.log(clutter)
@@ -82,10 +82,7 @@ class Clutter(SensorMemory):
 
     def prepare(self, report):
         radar = report.sensor
-        return replace(
-            report,
-            sensor=replace(radar, clutter_rate=100.0 * radar.clutter_rate),
-        )
+        return replace(report, sensor=replace(radar, clutter_rate=100.0 * radar.clutter_rate))
 
     def learns_clutter(self, report):
         return False
@@ -115,10 +112,12 @@ def evidence_of(config, mixture, detections):
     for row, z in np.ndindex(found.shape):
         one = mixture.mean[row], mixture.covariance[row]
         own = np.array([z])
-        told = kalman.innovations(*one, radar, detections.measurement[own], radar.noise_std[None])
-        found[row, z] = told.log_likelihood[0]
+        innovation = kalman.innovations(
+            *one, radar, detections.measurement[own], radar.noise_std[None]
+        )
+        found[row, z] = innovation.log_likelihood[0]
         if rates is not None:
-            later = kalman.update(*one, radar, told)
+            later = kalman.update(*one, radar, innovation)
             rated = range_rate.update_rates(*later, radar, rates.take(own))
             found[row, z] += rated.log_likelihood[0]
     return found - radar.log_clutter_intensity(detections)
@@ -159,8 +158,8 @@ def test_weights_are_those_of_all_events_with_rates_and_replies(rated, replies, 
         ((column, mass, existence),) = known.learned
         # All pairs but the two that contradict each other.
         np.testing.assert_array_equal(np.bincount(column), [2, 4, 4])
-        told = [detected[[0, 3], 0], detected[:, 1], detected[:, 2]]
-        for z, own in enumerate(told):
+        detecting = [detected[[0, 3], 0], detected[:, 1], detected[:, 2]]
+        for z, own in enumerate(detecting):
             np.testing.assert_allclose(np.sort(mass[column == z]), np.sort(own), rtol=1e-9)
         np.testing.assert_allclose(
             existence, np.bincount(target, missed + detected.sum(axis=1)), rtol=1e-9
@@ -176,10 +175,10 @@ def test_hypothesis_with_a_detection_is_where_that_puts_its_gaussian(rated):
     )
     place = radar.measure(mixture.mean[1]) + np.array([100.0, 0.02])
     seen = Detections(place, None, range_rate=radar.range_rate_of(mixture.mean[1]) + 10.0)
-    told = kalman.innovations(
+    innovation = kalman.innovations(
         mixture.mean[1], mixture.covariance[1], radar, place, radar.noise_std[None]
     )
-    mean, covariance = kalman.update(mixture.mean[1], mixture.covariance[1], radar, told)
+    mean, covariance = kalman.update(mixture.mean[1], mixture.covariance[1], radar, innovation)
     if rated:
         later = range_rate.update_rates(mean, covariance, radar, radar.rates_of(seen))
         mean, covariance = later.mean, later.covariance
@@ -289,8 +288,8 @@ def test_scan_tells_what_is_known_its_stamp_and_the_newborn_of_each_radar():
     branched, _ = scan_update(config, nothing, 0, reports, attributes=known)
     assert known.stamps == [STAMP_NS]
     assert [label for label, _ in known.newborn] == [first, first + 2]
-    for (_, told), seen in zip(known.newborn, reports, strict=True):
-        np.testing.assert_array_equal(told.measurement, seen.measurement)
+    for (_, learned), seen in zip(known.newborn, reports, strict=True):
+        np.testing.assert_array_equal(learned.measurement, seen.measurement)
     np.testing.assert_array_equal(branched.mixture.label, first + np.arange(3))
 
 
@@ -314,7 +313,6 @@ def test_scan_goes_by_what_is_known_of_replies_and_of_clutter():
     expected = updated(config, mixture, seen, attributes=known)[0]
     branched, _ = scan_update(config, mixture, 4, (seen,), attributes=known)
     np.testing.assert_array_equal(branched.mixture.mass, expected.mixture.mass)
-
     memory = Clutter(("radar",))
     branched, _ = scan_update(config, mixture, 4, (seen,), memory=memory)
     more = lone({**GIVEN, "radar.clutter_rate": 500.0})

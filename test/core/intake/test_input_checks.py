@@ -51,7 +51,7 @@ def test_clutter_all_around_is_not_taken_for_sectors(size):
     assert not noticed(check_of(), uniform(500, size))
 
 
-def test_the_field_of_view_is_judged_once_by_many_directions():
+def test_the_field_of_view_is_checked_once_by_many_directions():
     assert not noticed(ReportCheck(reports_sectors=False), uniform(100, 20, 0.0, 1.0))
     reports = uniform(FIELD_DETECTIONS - 1, 1, -1.0, 1.0)
     assert not noticed(check_of(), reports)

@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import fields, replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -59,7 +60,7 @@ class Run:
         return self
 
     @property
-    def reworked(self):
+    def reprocessed(self):
         counts = [self.pipeline.take_anomalies(radar)[REPROCESSED] for radar in range(self.radars)]
         return sum(counts)
 
@@ -77,8 +78,8 @@ def same(one, other, but=()):
     names = [each.name for each in fields(Estimates) if each.name not in (*but, "attributes")]
     pairs = [(getattr(one, name), getattr(other, name)) for name in names]
     if one.attributes is not None:
-        told = [each.name for each in fields(Attributes)]
-        pairs += [(getattr(one.attributes, n), getattr(other.attributes, n)) for n in told]
+        names = [each.name for each in fields(Attributes)]
+        pairs += [(getattr(one.attributes, n), getattr(other.attributes, n)) for n in names]
     return all(
         np.array_equal(mine, theirs, equal_nan=np.asarray(mine).dtype.kind == "f")
         for mine, theirs in pairs
@@ -105,14 +106,20 @@ def config(engine, given=None):
     return small({"engine": engine, "lag": 4, "late_reports": "rework", **(given or {})})
 
 
+@cache
+def whole_run(engine):
+    """Return the run with all reports in time."""
+    return Run(config(engine)).feed(REPORTS).finished()
+
+
 @ENGINES
 @pytest.mark.parametrize(
     "taken", [[13], [12, 13]], ids=["completes a scan", "is a scan of its own"]
 )
 def test_a_late_report_changes_nothing_that_is_still_to_come(engine, taken):
     run = Run(config(engine)).feed(late(REPORTS, taken, 5)).finished()
-    whole = Run(config(engine)).feed(REPORTS).finished()
-    assert (run.refused, run.reworked) == ([], len(taken))
+    whole = whole_run(engine)
+    assert (run.refused, run.reprocessed) == ([], len(taken))
     # It is of scan 6 and comes with scan 9, before which scan 4 has been smoothed.
     assert_as_if_in_time(run, whole, SCANS[8].stamp_ns, SCANS[5].stamp_ns)
     for kind in (run.filtered, run.smoothed):
@@ -122,19 +129,19 @@ def test_a_late_report_changes_nothing_that_is_still_to_come(engine, taken):
 
 
 @ENGINES
-def test_two_late_reports_are_worked_in_as_well_as_one(engine):
+def test_two_late_reports_are_processed_as_well_as_one(engine):
     order = late(late(REPORTS, [10], 6), [19], 4)
     run = Run(config(engine)).feed(order).finished()
-    whole = Run(config(engine)).feed(REPORTS).finished()
-    assert (run.refused, run.reworked) == ([], 2)
+    whole = whole_run(engine)
+    assert (run.refused, run.reprocessed) == ([], 2)
     assert_as_if_in_time(run, whole, SCANS[11].stamp_ns, SCANS[8].stamp_ns)
 
 
 @ENGINES
-def test_a_late_report_at_the_end_is_in_what_was_held_back(engine):
+def test_a_late_report_at_the_end_is_in_the_pending_estimates(engine):
     order = late(REPORTS, [27], 5)
     run = Run(config(engine)).feed(order).finished()
-    whole = Run(config(engine)).feed(REPORTS).finished()
+    whole = whole_run(engine)
     assert order[-1] == REPORTS[27] or order[-2] == REPORTS[27]
     ours, theirs = (from_stamp(each.smoothed, SCANS[12].stamp_ns) for each in (run, whole))
     assert len(ours) == len(theirs) == 3
@@ -149,7 +156,7 @@ def test_what_comes_too_late_or_twice_is_refused():
     assert run.refused == [Rejection.DUPLICATE]
     twice = Run(config("gaussian")).feed([*late(REPORTS, [15], 4)[:20], REPORTS[15]])
     assert twice.refused == [Rejection.DUPLICATE]
-    assert twice.reworked == 1
+    assert twice.reprocessed == 1
 
 
 def test_rework_needs_a_lag_and_a_run():
@@ -165,7 +172,7 @@ def test_a_burst_is_limited_and_counted():
     run = Run(config("gaussian")).feed([*REPORTS[:20], *between])
     window = 4
     most = MAX_SAVED * (window + 1)
-    assert run.reworked < most
+    assert run.reprocessed < most
     assert set(run.refused) == {Rejection.LATE_BURST}
     assert len(run.refused) > 100 - most
     # One rework for all of them, and the next scan is stepped.
@@ -184,7 +191,7 @@ def test_every_late_report_in_a_row_costs_no_more_than_is_earned(monkeypatch):
     order = sorted(REPORTS, key=lambda report: report[1] + report[0] * 13_000_000_000)
     run.feed(order)
     assert len(steps) <= (1.0 + EARNED) * len(run.stepped)
-    assert run.reworked + len(run.refused) > 8
+    assert run.reprocessed + len(run.refused) > 8
 
 
 APPEARING = {
@@ -201,11 +208,11 @@ def test_track_numbers_stay_when_targets_turn_out_to_be_born_earlier(engine):
     empty = [(radar, stamp_ns, no_detections(), None) for radar, stamp_ns, *_ in REPORTS[:2]]
     order = late([*empty, *REPORTS[2:]], [2, 3], 4)
     run = Run(config(engine, APPEARING)).feed(order[:6])
-    assert run.reworked == 0
+    assert run.reprocessed == 0
     before = run.filtered[-1]
     labels = run.pipeline.engine.snapshot().arrays["numbers.label"]
     run.feed(order[6:10])
-    assert run.reworked == 2
+    assert run.reprocessed == 2
     after = run.filtered[-1]
     kept = run.pipeline.engine.snapshot().arrays["numbers.label"]
     assert sorted(labels) != sorted(kept)
@@ -238,7 +245,7 @@ def test_a_change_of_the_parameters_within_the_window_stays_where_it_was():
         run.pipeline.engine.retune(other.model, other.rule)
         runs.append(run.feed(order[18:]).finished())
     whole, run = runs
-    assert run.reworked == 1
+    assert run.reprocessed == 1
     assert_as_if_in_time(run, whole, SCANS[8].stamp_ns, SCANS[5].stamp_ns)
 
 
@@ -247,7 +254,7 @@ def test_a_checkpoint_after_a_rework_is_one_of_the_timely_run(engine):
     run, whole = Run(config(engine)), Run(config(engine))
     run.feed(late(REPORTS, [13], 5)[:22])
     whole.feed(REPORTS[:22])
-    assert run.reworked == 1
+    assert run.reprocessed == 1
     resumed = Run(config(engine))
     snapshot = run.pipeline.engine.snapshot()
     resumed.pipeline = new_pipeline(config(engine), lambda engine, _: engine.restore(snapshot))
@@ -280,7 +287,7 @@ def test_codes_and_heights_are_those_of_the_timely_run(engine):
     ]
     run = Run(config(engine, given)).feed(late(reports, [13], 5)).finished()
     whole = Run(config(engine, given)).feed(reports).finished()
-    assert run.reworked == 1
+    assert run.reprocessed == 1
     assert any(len(found) and (found.attributes.code >= 0).any() for found in whole.filtered)
     # False tracks have taken numbers that they would not have had.
     assert_as_if_in_time(run, whole, SCANS[8].stamp_ns, SCANS[5].stamp_ns, but=["track_id"])
@@ -316,7 +323,7 @@ def test_a_late_sector_changes_nothing_that_is_still_to_come(engine, timed, peri
     index = 3 * sweep.SECTORS + 3
     run = Run(sweep.configuration(given)).feed(late(reports, [index], 6)).finished()
     whole = Run(sweep.configuration(given)).feed(reports).finished()
-    assert (run.refused, run.reworked) == ([], 1)
+    assert (run.refused, run.reprocessed) == ([], 1)
     assert max(map(len, whole.smoothed)) == len(sweep.TARGETS)
     assert_as_if_in_time(run, whole, reports[index + 6][1], reports[index - 1][1])
 
@@ -327,5 +334,5 @@ def test_a_sector_that_comes_twice_or_before_all_is_refused():
     run.feed(reports[:80]).feed([reports[76], reports[40]])
     assert run.refused == [Rejection.DUPLICATE, Rejection.LATE]
     run.feed(reports[80:])
-    assert run.reworked == 0
+    assert run.reprocessed == 0
     assert len(run.refused) == 2

@@ -3,67 +3,19 @@ import re
 
 import numpy as np
 import pytest
+import sweep
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.intake.scans import Rejection, Reset, ScanGrouper
-from phd_jdtc_ros.core.types import Detections, Scan
+from phd_jdtc_ros.core.intake.sectors import coverage_of, is_sector, sector_of
+from phd_jdtc_ros.core.pipeline import Stepped
+from phd_jdtc_ros.core.sensors.visibility import sector_probability
+from phd_jdtc_ros.core.types import COASTING, CONFIRMED, Detections, Scan
 
 S = 1_000_000_000
 START = 1_700_000_000 * S
-
-
-def report(tag=0.0):
-    """Return a report with a detection of its own."""
-    return Detections(np.array([[float(tag), 0.0]]), None)
-
-
-def feed(grouper, *reports):
-    """Return the events of (radar, second) reports, flattened, resets and rejections included."""
-    events = []
-    for radar, second in reports:
-        found = grouper.add(radar, START + round(second * S), report(second))
-        events += [found] if isinstance(found, Rejection) else found
-    return events
-
-
-def shape(events):
-    """Return what happened: scans as (second, radars that reported), others as themselves."""
-    return [
-        (
-            (event.stamp_ns - START) / S,
-            tuple(i for i, d in enumerate(event.detections) if d is not None),
-        )
-        if isinstance(event, Scan)
-        else (Reset if isinstance(event, Reset) else event)
-        for event in events
-    ]
-
-
-def grouper(radars=2, **options):
-    return ScanGrouper(radars, reset_threshold_s=10.0, **options)
-
-
-def played(group, text):
-    """Feed the reports of a text, each radar@second, and return it with what follows from each.
-
-    Behind a colon there are the scans as second/radars, resets and rejections.
-    """
-    steps = []
-    for step in text.split(";"):
-        report = step.partition(":")[0].strip()
-        radar, second = report.split("@")
-        steps.append(" ".join([f"{report}:", *map(word, feed(group, (int(radar), float(second))))]))
-    return "; ".join(step.rstrip(":") for step in steps)
-
-
-def word(event):
-    if isinstance(event, Scan):
-        ((second, radars),) = shape([event])
-        return f"{second:g}/{''.join(map(str, radars))}"
-    return "reset" if isinstance(event, Reset) else event.name.lower()
-
-
 # Groupers' options; and, by what they show, reports before and those with what follows from them.
 STREAMS = [
     (
@@ -146,6 +98,68 @@ STREAMS = [
         """,
     ),
 ]
+TURNS = 6
+NONE = Detections(np.zeros((0, 2)), None, np.zeros(0))
+# The sector in which the second target is, in the last turn and the one before.
+PASSED = 8
+GIVEN = {
+    "lag": "4 s",
+    "radar.clutter_rate": 48.0,
+    "estimates_period_s": 3.9,
+    # With 200, one of three runs loses a target.
+    "particles_per_target": 500,
+}
+
+
+def report(tag=0.0):
+    """Return a report with a detection of its own."""
+    return Detections(np.array([[float(tag), 0.0]]), None)
+
+
+def feed(grouper, *reports):
+    """Return the events of (radar, second) reports, flattened, resets and rejections included."""
+    events = []
+    for radar, second in reports:
+        found = grouper.add(radar, START + round(second * S), report(second))
+        events += [found] if isinstance(found, Rejection) else found
+    return events
+
+
+def shape(events):
+    """Return what happened: scans as (second, radars that reported), others as themselves."""
+    return [
+        (
+            (event.stamp_ns - START) / S,
+            tuple(i for i, d in enumerate(event.detections) if d is not None),
+        )
+        if isinstance(event, Scan)
+        else (Reset if isinstance(event, Reset) else event)
+        for event in events
+    ]
+
+
+def grouper(radars=2, **options):
+    return ScanGrouper(radars, reset_threshold_s=10.0, **options)
+
+
+def played(group, text):
+    """Feed the reports of a text, each radar@second, and return it with what follows from each.
+
+    Behind a colon there are the scans as second/radars, resets and rejections.
+    """
+    steps = []
+    for step in text.split(";"):
+        report = step.partition(":")[0].strip()
+        radar, second = report.split("@")
+        steps.append(" ".join([f"{report}:", *map(word, feed(group, (int(radar), float(second))))]))
+    return "; ".join(step.rstrip(":") for step in steps)
+
+
+def word(event):
+    if isinstance(event, Scan):
+        ((second, radars),) = shape([event])
+        return f"{second:g}/{''.join(map(str, radars))}"
+    return "reset" if isinstance(event, Reset) else event.name.lower()
 
 
 @pytest.mark.parametrize(
@@ -293,11 +307,7 @@ def test_add_loses_nothing_of_an_in_order_stream_but_what_was_closed_without_it(
 
 
 @settings(deadline=None, max_examples=60)
-@given(
-    radars=st.integers(1, 4),
-    scans=st.integers(1, 15),
-    seed=st.integers(0, 10**6),
-)
+@given(radars=st.integers(1, 4), scans=st.integers(1, 15), seed=st.integers(0, 10**6))
 def test_add_makes_whole_scans_of_radars_that_all_report(radars, scans, seed):
     rng = np.random.default_rng(seed)
     group = ScanGrouper(radars, reset_threshold_s=10.0)
@@ -332,3 +342,76 @@ def test_add_by_time_loses_nothing_of_whole_turns_that_are_cut(periods, offsets,
     stamps = [event.stamp_ns for event in events]
     assert stamps == sorted(set(stamps))
     assert sum(d is not None for event in events for d in event.detections) == len(stream)
+
+
+@pytest.mark.parametrize("compass", [False, True])
+@pytest.mark.parametrize("sectors", [1, 2, 3, 16, 32])
+def test_sectors_share_the_turn_and_are_found_again(sectors, compass):
+    azimuth = np.random.default_rng(0).uniform(-np.pi, np.pi, 500)
+    seen = sum(
+        sector_probability(azimuth, coverage_of(k, sectors, compass)) for k in range(sectors)
+    )
+    np.testing.assert_array_equal(seen, 1.0)
+    found = [sector_of(coverage_of(k, sectors, compass), sectors, compass) for k in range(sectors)]
+    assert found == list(range(sectors))
+
+
+def test_sectors_are_counted_as_azimuths_are():
+    east, north_east = np.radians([1.0]), np.radians([89.0])
+    assert sector_probability(east, coverage_of(0, 4, compass=False)) == 1.0
+    # Clockwise from north, the first quarter turn ends in the east.
+    assert sector_probability(north_east, coverage_of(0, 4, compass=True)) == 1.0
+    assert sector_probability(-east, coverage_of(1, 4, compass=True)) == 1.0
+
+
+def test_is_sector_believes_a_number_but_for_most_detections_elsewhere():
+    sector = coverage_of(0, 16, compass=False)
+    assert is_sector(np.array([0.1, 0.2, 2.0]), sector)
+    assert not is_sector(np.array([0.1, 2.2, 2.0]), sector)
+    assert is_sector(np.array([2.2, 2.0]), sector)
+
+
+def found_of(engine, reports, numbered):
+    """Return the last filtered estimates, and what was noticed."""
+    pipeline = new_pipeline(sweep.configuration({**GIVEN, "engine": engine}))
+    found = []
+    for radar, stamp_ns, detections, sector in reports:
+        events = pipeline.add(radar, stamp_ns, detections, sector if numbered else None)
+        found += [
+            one for event in events if isinstance(event, Stepped) for one in event.step.filtered
+        ]
+    return found[-1], pipeline.take_anomalies(0)
+
+
+def of_target(estimates, target=1):
+    truth = sweep.position_at(sweep.seconds_of(estimates.stamp_ns))[target]
+    apart = np.hypot(*(estimates.position - truth).T)
+    assert apart.min() < 1000.0
+    return int(apart.argmin())
+
+
+@pytest.mark.parametrize(
+    ("engine", "numbered"), [("particles", True), ("gaussian", True), ("gaussian", False)]
+)
+def test_a_lost_sector_is_no_miss_and_an_empty_one_is(engine, numbered):
+    reports = sweep.sector_reports(TURNS, timed=True)
+    begin = (TURNS - 2) * sweep.SECTORS
+    passed = [begin + turn * sweep.SECTORS + PASSED + k for turn in (0, 1) for k in (-1, 0)]
+    empty = [
+        (*report[:2], NONE, report[3]) if index in passed else report
+        for index, report in enumerate(reports)
+    ]
+    lost = [report for index, report in enumerate(reports) if index not in passed]
+
+    (whole, _), (without, noticed), (missed, counted) = (
+        found_of(engine, sent, numbered) for sent in (reports, lost, empty)
+    )
+    assert (noticed["clouds_missing"], counted["clouds_missing"]) == (4, 0)
+    weight = [each.weight[of_target(each)] for each in (whole, without)]
+    # Nothing but survival speaks against it.
+    assert weight[1] > 0.99 * weight[0]
+    state = without.track_state[of_target(without)]
+    assert state in (CONFIRMED, COASTING)
+    truth = sweep.position_at(sweep.seconds_of(missed.stamp_ns))[1]
+    near = np.hypot(*(missed.position - truth).T) < 1000.0
+    assert (1.0 - missed.weight[near] > 1.5 * (1.0 - weight[1])).all()

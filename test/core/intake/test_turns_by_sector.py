@@ -44,10 +44,10 @@ def test_a_sector_of_a_misaligned_antenna_covers_where_it_truly_was(timed, compa
     radar = TurningRadar(sectors=16, timed=timed, clockwise=compass, cut=cut)
     reports = radar.reports(4)
     off = {}
-    for told in (0.0, bias):
-        turns = turns_of(radar, compass=compass, azimuth_bias=told)
+    for configured in (0.0, bias):
+        turns = turns_of(radar, compass=compass, azimuth_bias=configured)
         pairs = zip(reports, fed(turns, reports, True), strict=True)
-        off[told] = max(degrees_off(sent, pieces) for sent, pieces in pairs)
+        off[configured] = max(degrees_off(sent, pieces) for sent, pieces in pairs)
     assert off[bias] < 1.5
     assert off[0.0] > 5.0
 

@@ -28,11 +28,9 @@ def test_band_and_ignored_amplitudes_remember_nothing():
     rng = np.random.default_rng(0)
     before = rng.bit_generator.state
     mode = np.array([0, 3])
-
     assert Band().draw(mode, MODES, rng).tolist() == [0.0, 0.0]
     assert rng.bit_generator.state == before
     report = Detections(np.ones((2, 2)), np.array([5.0, 9.0]))
-
     assert Ignored().select(report).amplitude is None
     assert Band().select(report) is report
 
@@ -40,7 +38,6 @@ def test_band_and_ignored_amplitudes_remember_nothing():
 def test_memory_is_born_uniform_in_the_band_of_its_class():
     mode = np.repeat([0, 2], 4000)
     born = Memory(0.1).draw(mode, MODES, np.random.default_rng(0))
-
     for class_id, part in enumerate((born[:4000], born[4000:])):
         low, high = BANDS[class_id]
         assert part.min() >= low
@@ -53,7 +50,6 @@ def test_memory_moves_by_its_jitter_and_the_interval():
     memory = np.linspace(*BANDS[0], 5000)
     mode, rng = np.zeros(5000, dtype=int), np.random.default_rng(0)
     moved = Memory(0.1).diffuse(memory, mode, MODES, MODES.interval_s, rng)
-
     assert moved.min() >= BANDS[0, 0]
     assert moved.max() <= BANDS[0, 1]
     assert np.std(moved - memory) == pytest.approx(0.1, rel=0.05)
@@ -63,7 +59,6 @@ def test_memory_moves_by_its_jitter_and_the_interval():
         Memory(0.1).diffuse(memory, mode, MODES, dt, np.random.default_rng(0)) - memory
         for dt in (MODES.interval_s, 4.0 * MODES.interval_s)
     )
-
     np.testing.assert_allclose(long, 2.0 * short)
 
 
@@ -74,7 +69,6 @@ def test_memory_born_of_a_detection_follows_its_amplitude(mode, amplitude):
     born = Memory(0.1).draw(
         np.full(count, mode), MODES, np.random.default_rng(0), np.full(count, amplitude)
     )
-
     low, high = BANDS[MODES.class_of[mode]]
     edges = np.linspace(low, high, 2001)
     middle = 0.5 * (edges[1:] + edges[:-1])
@@ -100,8 +94,7 @@ def test_memory_likelihood_integrates_to_its_detection_probability():
 
     mass, _ = quad(density, RADAR.threshold, 200.0)
     assert mass == pytest.approx(
-        model.detection_probability(phd.mode, phd.log_snr, RADAR, MODES)[0],
-        rel=1e-6,
+        model.detection_probability(phd.mode, phd.log_snr, RADAR, MODES)[0], rel=1e-6
     )
 
 
@@ -113,7 +106,6 @@ def test_memory_averaged_over_the_band_is_the_band_likelihood():
     remembered = np.exp(Memory(0.1).log_likelihood(phd.mode, phd.log_snr, report, pairs, MODES))
     averaged = remembered.reshape(len(phd), 3).mean(axis=0)
     band = np.exp(Band().log_likelihood(phd.mode, phd.log_snr, report, pairs, MODES))[:3]
-
     np.testing.assert_allclose(averaged, band, rtol=1e-3)
 
 
@@ -124,7 +116,6 @@ def test_likelihood_without_amplitudes_is_the_detection_probability(model):
     pairs = every_pair(phd, report)
     likelihood = np.exp(model.log_likelihood(phd.mode, phd.log_snr, report, pairs, MODES))
     expected = model.detection_probability(phd.mode, phd.log_snr, RADAR, MODES)
-
     np.testing.assert_allclose(likelihood, np.repeat(expected, 2))
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from runs import ENGINES, learned, restored_after
+from runs import ENGINES
 from scenes import small
 
 from phd_jdtc_ros.configuration.engines import new_engine
@@ -91,11 +91,3 @@ def test_targets_are_tracked_through_a_burst_without_false_ones(engine):
             distances.append(ospa(truth.position, found.position, 1000.0, 2.0).distance)
     # With a false target beside the four true ones the distance is above 447 m.
     assert max(distances) < 447.0
-
-
-@pytest.mark.parametrize("engine", ENGINES)
-def test_restored_engine_knows_what_is_usual(engine):
-    run = [scan for _, scan in bursting(12, ())]
-    first, second = restored_after(8, lambda: new_engine(small({"engine": engine})), run)
-    assert learned(first, "usual_count") == learned(second, "usual_count")
-    assert set(learned(first, "usual_count")) == {"radar_1", "radar_2"}

@@ -44,14 +44,12 @@ def test_newborn_mass_follows_the_interval_and_is_carried_by_samples():
         one_detection(), BORN, BIRTHS.particles, np.random.default_rng(0)
     )
     by_class = np.bincount(MODES.class_of[mode], weights=weight)
-
     np.testing.assert_allclose(by_class, [0.3, 0.6], rtol=2e-3)
     report = Detections(np.array([[6000.0, 0.5]]), np.array([4.5]))
     masses = [
         update(EMPTY, Report(RADAR, report), steps_of(unknown()), dt).newborns[0].mass.sum()
         for dt in (3.0, 6.0)
     ]
-
     assert masses[1] == pytest.approx(2.0 * masses[0], rel=0.02)
 
 
@@ -59,7 +57,6 @@ def test_affordable_gives_fewer_particles_first_and_then_leaves_out_the_least_ma
     model = replace(BIRTHS, particles=64, most=640)
     mass = np.stack([np.linspace(0.01, 0.5, 100), np.zeros(100)], axis=1)
     every = Newborn(Report(RADAR, Detections(np.ones((100, 2)), np.arange(100.0))), mass)
-
     few, count = detection_birth.limit_newborns(every.take(np.arange(10)), model)
     assert (len(few), count) == (10, 64)
     some, count = detection_birth.limit_newborns(every.take(np.arange(25)), model)
@@ -85,7 +82,6 @@ def test_sample_is_about_the_detection():
         one_detection(), BORN, BIRTHS.particles, np.random.default_rng(0)
     )
     measured = RADAR.measure(state)
-
     assert (detection == 0).all()
     assert measured.mean(axis=0) == pytest.approx([6000.0, 0.5], abs=5.0)
     np.testing.assert_allclose(measured.std(axis=0), RADAR.noise_std, rtol=0.02)
@@ -113,7 +109,6 @@ def test_intensity_equals_the_density_written_out():
         density *= np.where(np.isin(mode, [1, 3]), norm.pdf(state[:, 4], 0.0, 1e-3), 1.0)
         expected += density * mass[MODES.class_of[mode]] / 2.0
     found_intensity = newborn_sampling.intensity(found, BORN, state, mode)
-
     np.testing.assert_allclose(found_intensity, expected, rtol=1e-6)
 
 
@@ -121,12 +116,10 @@ def test_update_leaves_unclaimed_detections_as_newborn_if_there_are_such_births(
     # 45 dB: no clutter is that strong; 4: any clutter is.
     report = Detections(np.array([[6000.0, 0.5], [9000.0, 2.0]]), np.array([200.0, 4.0]))
     (found,) = update(EMPTY, Report(RADAR, report), steps_of(unknown()), 6.0).newborns
-
     assert found.mass[0].sum() == pytest.approx(1.0, abs=1e-6)
     assert found.mass[0, 0] > 0.99  # of the stronger class
     assert found.mass[1:].sum() < 0.05
     report = Detections(np.array([[6000.0, 0.5]]), np.array([200.0]))
-
     assert update(EMPTY, Report(RADAR, report), steps_of(MODEL), 6.0).newborns == ()
 
 
@@ -143,7 +136,6 @@ def test_update_scan_finds_a_target_of_two_radars_once(corrector):
     model, scan = reports_of_one_target()
     updated = update_scan(EMPTY, scan, steps_of(model, CORRECTORS[corrector]), 6.0, 0)
     phd, found = updated.rows, updated.newborns
-
     assert [one.mass.sum() for one in found] == pytest.approx([1.0, 0.0], abs=0.05)
     assert phd.weight.sum() == pytest.approx(1.0, abs=0.05)
 
@@ -153,7 +145,6 @@ def test_update_scan_gives_every_detection_an_origin_of_its_own():
     far = Detections(np.array([[6000.0, 0.5], [9000.0, 2.0]]), np.array([200.0, 200.0]))
     scan = replace(scan, detections=(far, scan.detections[1]))
     scans = [update_scan(EMPTY, scan, steps_of(model), 6.0, k).rows for k in (2, 3)]
-
     assert [len(set(phd.row_label)) for phd in scans] == [3, 3]
     assert not set(scans[0].row_label) & set(scans[1].row_label)
     for phd in scans:
@@ -163,11 +154,7 @@ def test_update_scan_gives_every_detection_an_origin_of_its_own():
 
 def test_tracker_finds_targets_without_known_birth_places():
     config = resolve(
-        {
-            "births": [],
-            "detection_births.rates": [0.05, 0.05],
-            "particles_per_target": 500,
-        }
+        {"births": [], "detection_births.rates": [0.05, 0.05], "particles_per_target": 500}
     )
     engine = new_engine(config)
     run = simulate(paper_scenario(config.model.radars), 5)[:15]
@@ -177,7 +164,6 @@ def test_tracker_finds_targets_without_known_birth_places():
     (found,) = step.filtered
     offset = found.position[:, None] - truth.position[None]
     distance = np.hypot(*offset.transpose(2, 0, 1))
-
     assert len(step.filtered[0]) == 3
     assert distance.min(axis=0).max() < 600.0
 

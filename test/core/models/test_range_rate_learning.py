@@ -4,11 +4,12 @@ The tests draw targets from the motion model and their detections from the radar
 """
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 from lone import lone, scan_at
-from runs import ENGINES, restored_after, step_and_reprocess, stepped
+from runs import ENGINES, reprocessed_from, restored_after
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.evaluation.metrics import ospa
@@ -36,10 +37,11 @@ SCENE = {
     "radar.range_rate_ambiguity": 40.0,
 }
 RATIO = "radar.range_rate_noise_ratio"
+AUTO = f"auto {STD}"
 
 
 def config_of(std, **given):
-    """Return the configuration of a tracker that is told this noise of range rates."""
+    """Return the configuration of a tracker with this noise of range rates."""
     return lone({**SCENE, "radar.range_rate_std": std, **given})
 
 
@@ -79,38 +81,42 @@ def figures(config, scans):
     return [engine.step(scan) for scan in scans][-1].figures
 
 
-def distance(config, truth, scans):
-    """Return the mean OSPA distances of positions and velocities in the second half, (2,)."""
-    engine, found = new_engine(config), []
+@cache
+def tracked(seed, factor, std):
+    """Return the last figures of a tracker with the noise `std`, and mean OSPA distances, (2,).
+
+    The distances are of positions and velocities in the second half; the radar's noise is `factor`
+    times `STD`.
+    """
+    (truth, scans), engine, found = run_of(seed, factor * STD), new_engine(config_of(std)), []
     for state, scan in zip(truth, scans, strict=True):
-        (own,) = engine.step(scan).filtered
+        step = engine.step(scan)
+        (own,) = step.filtered
         place = ospa(state[:, [0, 2]], own.position, 100.0, 2.0).distance
         found.append([place, ospa(state[:, [1, 3]], own.velocity, 10.0, 2.0).distance])
-    return np.mean(found[SCANS // 2 :], axis=0)
+    return step.figures, np.mean(found[SCANS // 2 :], axis=0)
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.0, 2.0])
 def test_noise_is_found_within_its_deviation(factor):
-    config = config_of(f"auto {STD}")
-    found = [figures(config, run_of(seed, factor * STD)[1]) for seed in SEEDS]
+    found = [tracked(seed, factor, AUTO)[0] for seed in SEEDS]
     normal = [(each[RATIO] - factor) / each[f"{RATIO}_std"] for each in found]
     assert np.sqrt(np.mean(np.square(normal))) < 1.6
     assert np.mean([each[RATIO] for each in found]) == pytest.approx(factor, rel=0.1)
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
-def test_a_tracker_that_learns_comes_near_one_that_is_told(factor):
-    runs = [run_of(seed, factor * STD) for seed in SEEDS]
-    of_told, of_learned, of_wrong = (
-        np.mean([distance(config_of(std), *run) for run in runs], axis=0)
-        for std in (factor * STD, f"auto {STD}", STD)
+def test_a_tracker_that_learns_comes_near_one_with_the_true_noise(factor):
+    of_true, of_learned, of_wrong = (
+        np.mean([tracked(seed, factor, std)[1] for seed in SEEDS], axis=0)
+        for std in (factor * STD, AUTO, STD)
     )
-    assert (of_learned < 1.1 * of_told).all()
+    assert (of_learned < 1.1 * of_true).all()
     assert (of_learned < of_wrong).all()
 
 
 def test_particles_find_the_noise():
-    config = config_of(f"auto {STD}", engine="particles")
+    config = config_of(AUTO, engine="particles")
     found = figures(config, run_of(1, 2.0 * STD)[1])
     assert found[RATIO] == pytest.approx(2.0, rel=0.25)
     assert "radar.range_noise_ratio" not in found
@@ -126,7 +132,7 @@ def test_particles_find_the_noise():
 )
 def test_range_rates_teach_nothing(engine, ambiguity, given):
     parameters = {"engine": engine, "radar.range_rate_ambiguity": ambiguity}
-    config = config_of(f"auto {STD}", **parameters)
+    config = config_of(AUTO, **parameters)
     _, scans = run_of(1, 2.0 * STD, scans=12, **given)
     (radar,) = config.model.radars
     scans = [
@@ -144,16 +150,13 @@ def test_range_rates_teach_nothing(engine, ambiguity, given):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_restored_engine_goes_on_with_what_was_learned(engine):
-    config = config_of(f"auto {STD}", engine=engine)
+    config = config_of(AUTO, engine=engine)
     _, scans = run_of(2, 2.0 * STD, scans=14)
-    restored_after(8, lambda: new_engine(config), scans)
+    restored_after([8], lambda: new_engine(config), scans)
 
 
 def test_reprocessed_scans_teach_what_they_would_have_in_order():
-    config = config_of(f"auto {STD}")
+    config = config_of(AUTO)
     _, scans = run_of(2, 2.0 * STD, scans=14)
-    straight, late = new_engine(config), new_engine(config)
-    stepped(straight, scans)
-    step_and_reprocess(late, scans, 8)
-    assert late.forward.learned_figures == straight.forward.learned_figures
+    straight = reprocessed_from(8, lambda: new_engine(config), scans)
     assert straight.forward.learned_figures[RATIO] > 1.0

@@ -74,7 +74,6 @@ def test_a_cloud_like_a_line_needs_no_more_cells_than_its_points_can_fill(axis, 
         "_sort_by_cell",
         lambda cell, number: cells.append(number) or sort_by_cell(cell, number),
     )
-
     assert check(point, group, point, group, 7.5) == 2
     assert cells[0] <= 4 * grid.MAX_CELLS_PER_POINT
 

@@ -7,6 +7,7 @@ import pyproj
 import pytest
 from topocentric import seen_from
 
+from phd_jdtc_ros.core.sensors import wgs84
 from phd_jdtc_ros.core.sensors.site import Site
 from phd_jdtc_ros.earth import SystemPlane
 
@@ -19,6 +20,10 @@ SCENES = [
     ((69.7, 18.9, 0.0), (72.5, 25.0, 2000.0)),
 ]
 GEOD = pyproj.Geod(ellps="WGS84")
+# PROJ's, from longitude, latitude and height.
+GEOCENTRIC = pyproj.Transformer.from_pipeline(
+    "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=cart +ellps=WGS84"
+)
 
 
 def targets(place, height, distances=(500.0, 30e3, 150e3, 400e3)):
@@ -47,10 +52,8 @@ def test_plots_of_known_height_are_placed_to_a_millimetre(origin, place, height,
     site = Site(place, plane, turned)
     latitude, longitude, heights = targets(place, height)
     slant, azimuth, _ = measured(place, latitude, longitude, heights)
-
     sine = site.elevation_of(slant, azimuth - turned, heights)
     distance, direction = site.to_ground(slant, azimuth - turned, sine)
-
     bearing = direction + site.yaw
     x = site.position[0] + distance * np.cos(bearing)
     y = site.position[1] + distance * np.sin(bearing)
@@ -71,9 +74,7 @@ def test_slant_ranges_and_elevations_are_those_of_proj(origin, place):
     latitude, longitude, heights = targets(place, 11e3)
     expected, azimuth, _ = measured(place, latitude, longitude, heights)
     x, y = np.subtract(plane.to_plane(latitude, longitude), np.reshape(site.position, (2, 1)))
-
     found, direction = site.to_slant(np.hypot(x, y), np.arctan2(y, x) - site.yaw, heights)
-
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-3)
     apart = (direction - azimuth + np.pi) % (2.0 * np.pi) - np.pi
     np.testing.assert_allclose(apart * expected, 0.0, rtol=0.0, atol=1e-3)
@@ -101,3 +102,43 @@ def test_the_earths_curvature_is_what_it_is():
     site = Site((52.0, 4.0, 0.0), SystemPlane((52.0, 4.0, 0.0)))
     sine = site.elevation_of(np.array([200e3]), np.array([0.0]), np.array([0.0]))
     assert -sine[0] * 200e3 == pytest.approx(200e3**2 / (2.0 * 6.39e6), rel=2e-3)
+
+
+def places():
+    """Return latitudes, longitudes and heights all over the earth, the poles among them."""
+    rng = np.random.default_rng(0)
+    latitude = np.concatenate([[90.0, -90.0, 0.0, 0.0], rng.uniform(-90.0, 90.0, 1000)])
+    longitude = np.concatenate([[0.0, 0.0, 180.0, -90.0], rng.uniform(-180.0, 180.0, 1000)])
+    height = np.concatenate([[0.0, 30e3, -300.0, 12e3], rng.uniform(-500.0, 30e3, 1000)])
+    return latitude, longitude, height
+
+
+def test_cartesian_places_are_those_of_proj():
+    latitude, longitude, height = places()
+    expected = np.stack(GEOCENTRIC.transform(longitude, latitude, height), axis=-1)
+    found = wgs84.to_cartesian(latitude, longitude, height)
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-8)
+
+
+def test_cartesian_places_come_back():
+    latitude, longitude, height = places()
+    back = wgs84.to_geodetic(wgs84.to_cartesian(latitude, longitude, height))
+    # 1e-11 degrees are a micrometre.
+    np.testing.assert_allclose(back[0], latitude, rtol=0.0, atol=1e-11)
+    apart = (back[1] - longitude + 180.0) % 360.0 - 180.0
+    np.testing.assert_allclose(apart[2:], 0.0, rtol=0.0, atol=1e-11)
+    np.testing.assert_allclose(back[2], height, rtol=0.0, atol=1e-6)
+
+
+def test_axes_are_those_of_the_place():
+    latitude, longitude = 52.3, 4.8
+    here = wgs84.to_cartesian(latitude, longitude, 10.0)
+    steps = [(0.0, 1e-6, 0.0), (1e-6, 0.0, 0.0), (0.0, 0.0, 1.0)]
+    moved = [
+        wgs84.to_cartesian(latitude + north, longitude + east, 10.0 + up) - here
+        for north, east, up in steps
+    ]
+    expected = [line / np.linalg.norm(line) for line in moved]
+    np.testing.assert_allclose(
+        wgs84.east_north_up(latitude, longitude), expected, rtol=0.0, atol=1e-6
+    )

@@ -25,9 +25,9 @@ def corrected(likelihood, weight, other, p_d=0.9, row_label=None, corrector=BERN
 def pair_weights(likelihood, weight, other, p_d, row_label, corrector):
     """Return the weight of each pair, (N, M); zero where there is none."""
     phd = intensity(np.zeros((len(weight), 5)), weight, row_label=row_label)
-    told = claims(likelihood, weight, other, p_d)
+    pairs = claims(likelihood, weight, other, p_d)
     found = np.zeros_like(likelihood)
-    found[told.row, told.column] = corrector.correct(phd, told).pair
+    found[pairs.row, pairs.column] = corrector.correct(phd, pairs).pair
     return found
 
 

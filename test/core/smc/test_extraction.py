@@ -88,7 +88,7 @@ def test_components_take_class_and_state_from_the_majority():
     assert found.covariance[0, 0, 0] == pytest.approx(variance)
 
 
-def spread(state, share, copies):
+def moments_of(state, share, copies):
     """Return the covariance of particles of one target, with the prior of two of them."""
     effective = 1.0 / (share**2).sum()
     counted = (effective * share + 2.0 * copies / copies.sum()) / (effective + 2.0)
@@ -107,7 +107,7 @@ def test_components_covariance_counts_the_effective_particles_and_two_as_drawn()
     phd = intensity(state, np.zeros(50), components=weight[:, None])
     copies = rng.integers(1, 5, 50)
     found = extract(replace(phd, multiplicity=copies))
-    np.testing.assert_allclose(found.covariance[0], spread(state, weight, copies), rtol=1e-10)
+    np.testing.assert_allclose(found.covariance[0], moments_of(state, weight, copies), rtol=1e-10)
     many = np.cov(state.T, aweights=weight, ddof=0)
     np.testing.assert_allclose(found.covariance[0], many, atol=15.0)
 

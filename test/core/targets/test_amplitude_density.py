@@ -89,9 +89,7 @@ def test_detection_probability_equals_the_integral_for_any_band(band_db, thresho
 
 @settings(deadline=None, max_examples=200)
 @given(
-    low_db=st.floats(-20.0, 199.0),
-    width_db=st.floats(0.1, 100.0),
-    threshold=st.floats(1e-5, 12.0),
+    low_db=st.floats(-20.0, 199.0), width_db=st.floats(0.1, 100.0), threshold=st.floats(1e-5, 12.0)
 )
 def test_detection_probability_is_a_probability(low_db, width_db, threshold):
     # Above one by a rounding, 1 - p_D would give a particle a negative weight.

@@ -4,14 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import sweep
 from inner import resolve
-from scenes import seen_with
+from scenes import seen_with, small
 from track_inputs import MODEL, estimates_of, scan_of
 
-from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.configuration.engines import new_engine, new_pipeline
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.intake.scans import Rejection
+from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.tracks.confirmation import TrackStates, missed_by_all
 from phd_jdtc_ros.core.tracks.confirmation_records import ConfirmationRecords
+from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.tracks.reporting_rule import rule_of
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, Coverage, Detections, Pose, Scan
 from phd_jdtc_ros.simulation.scenario import paper_scenario
@@ -21,6 +26,9 @@ SECOND = 1_000_000_000
 INTERVAL = 6 * SECOND
 # Survival probability of a target of the second class, with detection probability 0.88.
 SURVIVAL = 0.99
+# Probability that both radars miss a target of the second class.
+MISSED = float(missed_by_all(estimates_of(0, {1: 1.0}), scan_of(0), MODEL)[0])
+SQUARE = Region(-10.0, 0.0, 10.0, 40.0, margin=5.0)
 
 
 class Tracks:
@@ -37,10 +45,10 @@ class Tracks:
         given = {int(name[1:]): weight for name, weight in found.items()}
         every = estimates_of(stamp_ns, given, self.class_id, model=self.model)
         every = every.take(np.flatnonzero(every.weight > self.states.rule.least))
-        touched = np.array([*given], dtype=np.int64) - 1
+        swept = np.array([*given], dtype=np.int64) - 1
         held = [(self.index - back) * INTERVAL for back in range(2)]
         reported = self.states.report_filtered(
-            every, touched, held, scan_of(stamp_ns, self.model), self.model
+            every, swept, held, scan_of(stamp_ns, self.model), self.model
         )
         self.states.note(reported)
         return dict(zip(reported.track_id.tolist(), reported.track_state.tolist(), strict=True))
@@ -57,8 +65,6 @@ def beyond(model):
     return replace(model, radars=tuple(radars))
 
 
-# Probability that both radars miss a target of the second class.
-MISSED = float(missed_by_all(estimates_of(0, {1: 1.0}), scan_of(0), MODEL)[0])
 KEPT = after_a_miss(0.9999, MISSED)
 
 
@@ -231,7 +237,7 @@ def test_smoothed_targets_are_reported_back_to_where_they_begin_to_exist():
     assert states == [{}, {1: TENTATIVE}, {1: CONFIRMED}, {1: COASTING}, {}]
 
 
-def test_track_of_another_turn_keeps_its_state_until_it_is_touched():
+def test_track_of_another_turn_keeps_its_state_until_it_is_swept():
     tracks = Tracks(confirm=0.8, delete=0.3)
     tracks.add(t1=0.9, t2=0.9)
     tracks.add(t2=0.5)
@@ -345,3 +351,70 @@ def test_engines_report_a_missed_target_as_coasting(engine):
     assert states[9].keys() < states[8].keys()
     (track,) = states[9]
     assert states[10][track] == CONFIRMED
+
+
+def test_depth_is_the_distance_to_the_nearest_side():
+    places = np.array([[0.0, 20.0], [9.0, 20.0], [0.0, 1.0], [12.0, 20.0], [12.0, -7.0]])
+    assert SQUARE.depth(places).tolist() == [10.0, 1.0, 1.0, -2.0, -7.0]
+    assert SQUARE.covers(places).tolist() == [True, True, True, True, False]
+
+
+def test_detections_beyond_the_margin_are_dropped():
+    radar = small().model.radars[0]
+    place = np.array([[0.0, 20.0], [14.0, 20.0], [16.0, 20.0], [0.0, 46.0]])
+    line = place - np.asarray(radar.position)
+    azimuth = np.arctan2(line[:, 1], line[:, 0]) - radar.yaw
+    amplitude = np.arange(4.0)
+    seen = Detections(np.stack([np.hypot(*line.T), azimuth], axis=1), amplitude)
+    kept = SQUARE.select_detections(seen, radar)
+    assert kept.amplitude.tolist() == [0.0, 1.0]
+    assert Region(-1e3, -1e3, 1e3, 1e3).select_detections(seen, radar) is seen
+
+
+@pytest.mark.parametrize(
+    "given", [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 1.0, 0.0]], ids=str
+)
+def test_a_region_that_is_none_is_refused(given):
+    with pytest.raises(ConfigError, match=r"region: .* must be empty or"):
+        small({"region": given})
+
+
+def test_a_rate_that_is_learned_is_that_of_a_whole_field():
+    given = {"region": [0.0, 0.0, 1.0, 1.0], "radar_2.clutter_rate": "auto"}
+    with pytest.raises(ConfigError, match=r"radar_2\.clutter_rate: auto given with a region"):
+        small(given)
+
+
+@pytest.mark.parametrize("late_reports", ["drop", "rework"])
+def test_a_tracker_of_a_region_has_the_targets_in_it_and_no_others(late_reports):
+    # Two of the four targets are east of the seam, all the time.
+    given = {"engine": "gaussian", "estimates_period_s": 1.7, "lag": "4 s"}
+    region = {"region": [0.0, -90e3, 90e3, 90e3, 2e3]}
+    found = {}
+    for name, more in (("whole", {}), ("east", region)):
+        config = sweep.configuration({**given, **more, "late_reports": late_reports})
+        pipeline, steps = new_pipeline(config), []
+        reports = sweep.sector_reports(5, timed=True)
+        # One is late, and is cut and limited in its place.
+        reports.insert(55, reports.pop(50))
+        for report in reports:
+            events = pipeline.add(*report)
+            if not isinstance(events, Rejection):
+                steps += [event for event in events if isinstance(event, Stepped)]
+        for step in steps:
+            assert name == "whole" or all(
+                (config.region.select_detections(report, config.model.radars[0]) is report)
+                for report in step.scan.detections
+            )
+        found[name] = [one for step in steps for one in step.step.filtered]
+        smoothed = [one for event in pipeline.flush() for one in event.smoothed]
+        assert name == "whole" or all((one.position[:, 0] >= -2e3).all() for one in smoothed)
+    for whole, east in zip(found["whole"][-4:], found["east"][-4:], strict=True):
+        assert whole.stamp_ns == east.stamp_ns
+        truth = sweep.position_at(sweep.seconds_of(east.stamp_ns))[[0, 3]]
+        assert (truth[:, 0] > 0.0).all()
+        for estimates in (whole, east):
+            apart = np.hypot(*(truth[:, None] - estimates.position).transpose(2, 0, 1))
+            assert (apart.min(axis=1) < 500.0).all()
+        assert (east.position[:, 0] >= -2e3).all()
+        assert (whole.position[:, 0] < -2e3).sum() >= 2

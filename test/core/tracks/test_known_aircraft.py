@@ -1,9 +1,9 @@
-"""Aircraft that come back have their numbers again, where they may have flown."""
+"""Aircraft that return have their numbers again, and one address has one track."""
 
 import estimate_sets
 import numpy as np
 import pytest
-from hard_turns import PERIOD_S, seen, tracker
+from hard_turns import PERIOD_S, scenes, seen, tracker
 from runs import ENGINES, stepped, stored_and_read
 
 from phd_jdtc_ros.core.snapshot import Snapshot
@@ -11,10 +11,13 @@ from phd_jdtc_ros.core.tracks import known_aircraft
 from phd_jdtc_ros.core.tracks.known_aircraft import MARGIN, KnownAircraft, LastSeen, Reach
 from phd_jdtc_ros.core.tracks.track_numbers import FEW_NUMBERS, TrackNumbers
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes
+from phd_jdtc_ros.evaluation.accumulators.identity import IdentitySwitches
+from phd_jdtc_ros.evaluation.comparison import LabelledPoints
 
 REACH = Reach(kept_s=600.0, speed=300.0)
 SECOND = 10**9
 EXACT = np.array([5.0, np.radians(0.01)])
+CUTOFF = 1000.0
 
 
 def estimates(seconds, *targets):
@@ -122,11 +125,7 @@ def test_stored_aircraft_are_the_same():
 @pytest.mark.parametrize(
     ("part", "value", "text"),
     [
-        (
-            "number",
-            [9],
-            "1 aircraft with numbers up to 9, expected at most 10000 with",
-        ),
+        ("number", [9], "1 aircraft with numbers up to 9, expected at most 10000 with"),
         ("address", [1 << 24], "aircraft.address: "),
         ("stamp_ns", [-1], "aircraft.stamp_ns: "),
         ("position", [[np.nan, 0.0]], "aircraft.position: a number is not finite"),
@@ -183,3 +182,53 @@ def test_gap_of_the_input_leaves_aircraft_their_numbers(engine):
     stepped(one, scans[:12])
     one.interrupt()
     assert stepped(one, scans[27:])[0][-1].track_id.tolist() == [1]
+
+
+def answered(estimates):
+    return estimates.attributes.address[estimates.attributes.address != UNKNOWN]
+
+
+def switches_of(steps, truth):
+    counted, label = IdentitySwitches(CUTOFF), np.arange(1, truth.shape[1] + 1)
+    return sum(
+        counted.add(LabelledPoints(label, position), LabelledPoints(found.track_id, found.position))
+        for position, step in zip(truth, steps, strict=True)
+        for found in step.filtered
+    )
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_aircraft_that_leave_their_gates_have_one_track_each(engine):
+    _, scans = scenes(11, 40)
+    one = tracker(engine)
+    for step in map(one.step, scans):
+        for found in (*step.filtered, *step.smoothed):
+            assert len(set(answered(found).tolist())) == len(answered(found))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_addresses_make_no_more_switches_than_none(engine):
+    with_addresses, without = (
+        switches_of(map(tracker(engine, addresses).step, scans), truth)
+        for addresses in (True, False)
+        for truth, scans in [scenes(12, 40, addresses)]
+    )
+    assert with_addresses <= 0.1 * without
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_two_aircraft_with_one_address_far_apart_both_live(engine):
+    rng = np.random.default_rng(13)
+    one, found = tracker(engine), []
+    velocity = np.array([[150.0, 20.0], [-120.0, 60.0]])
+    for index in range(20):
+        position = [[-3e4, 1e4], [2e4, -2e4]] + velocity * PERIOD_S * index
+        exact = np.array([5.0, np.radians(0.01)])
+        scan = seen(position, np.array([77, 77]), rng, (index + 1) * PERIOD_S, noise=exact)
+        found += one.step(scan).filtered
+        if index >= 8:
+            apart = np.hypot(*(position[:, None] - found[-1].position[None]).T)
+            assert apart.min(axis=0).max() < 500.0, index
+    numbers = [set(estimates.track_id[estimates.attributes.address == 77]) for estimates in found]
+    assert set.union(*numbers[8:]) == set(numbers[8])
+    assert len(numbers[8]) == 2

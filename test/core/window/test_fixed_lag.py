@@ -42,7 +42,7 @@ def test_filtered_estimates_follow_the_threshold():
     assert {len(estimates) for estimates in stepped_through(of, 0, 9)[0]} == {4}
     of.retune(MODEL, rule(10.5))
     filtered, smoothed = stepped_through(of, 9, 11)
-    assert len(filtered[-1]) == 4 - 1  # the scan before the last one touched a target of 10
+    assert len(filtered[-1]) == 4 - 1  # the scan before the last one swept a target of 10
     assert [len(estimates) for estimates in smoothed] == [0, 1]
 
 
@@ -202,8 +202,8 @@ def test_stamp_before_all_sets_has_no_targets():
 def test_steps_report_their_parts_and_figures():
     of, parts = engine(lag=2), []
     of.forward.on_stage_end = parts.append
-    assert of.step(sector(0)).figures == {"touched": 0}
-    assert of.step(sector(1)).figures == {"touched": 4}  # the set of the first scan
+    assert of.step(sector(0)).figures == {"swept": 0}
+    assert of.step(sector(1)).figures == {"swept": 4}  # the set of the first scan
     assert parts == ["extraction"] * 2
     of.step(sector(2))
     assert parts[2:] == ["extraction", "backward", "extraction"]
@@ -242,7 +242,7 @@ def test_clutter_raster_is_of_the_radars_that_learn_a_map():
 @pytest.mark.parametrize("late", [1, 5, 7])
 @pytest.mark.parametrize("period_ns", [0, 700_000_000])
 @pytest.mark.parametrize("tuned", [None, 7])
-def test_reworked_engine_is_one_that_had_the_late_scan_in_time(late, period_ns, tuned):
+def test_reprocessing_gives_the_engine_that_had_the_late_scan_in_time(late, period_ns, tuned):
     of, timely = (
         MarkEngine(MarkFilter(MODEL), Lag(4), Schedule(period_ns), rule(0.5)) for _ in range(2)
     )

@@ -14,7 +14,7 @@ from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Scan
 SLICES = 8
 SLICE_NS = 500_000_000
 TURN_NS = SLICES * SLICE_NS
-# Beyond it a target is touched wherever it is; see `swept.LONGEST_TURNS`.
+# Beyond it a target is swept wherever it is; see `swept.LONGEST_TURNS`.
 FORGOTTEN_NS = 1.5 * TURN_NS
 NOTED = 0.25
 LEAST = 0.5

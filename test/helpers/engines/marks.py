@@ -1,4 +1,4 @@
-"""An engine whose rows are no particles: one for each row_label, with the scan that touched it."""
+"""An engine whose rows are no particles: one for each row_label, with the scan that swept it."""
 
 from dataclasses import dataclass, field, replace
 
@@ -21,7 +21,7 @@ PLACES = 50e3 * np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 
 @dataclass(frozen=True)
 class Marks:
-    """One row for each row_label, with the index of the latest scan known to have touched it."""
+    """One row for each row_label, with the index of the latest scan known to have swept it."""
 
     row_label: np.ndarray
     mark: np.ndarray
@@ -58,17 +58,17 @@ class MarkFilter(ForwardFilter):
     def step(self, scan, linked):
         self._interval(scan)
         index = self._scan_index
-        touched, others = partition_swept(self.unswept, scan, self.model, labelled=True)
-        earlier = np.concatenate([np.arange(0), *(rows.row_label for rows in touched)])
+        swept, others = partition_swept(self.unswept, scan, self.model, labelled=True)
+        earlier = np.concatenate([np.arange(0), *(rows.row_label for rows in swept)])
         new = [each for each in range(len(PLACES)) if self.begins.get(each, 0) == index]
         kept = [each for each in earlier.tolist() if self.ends.get(each, index + 1) > index]
         row_label = np.array(sorted([*kept, *new]), dtype=np.int64)
         stored = Marks(row_label, np.full(len(row_label), float(index)))
         link = None
-        if linked and touched:
+        if linked and swept:
             link = np.where(np.isin(earlier, row_label), np.searchsorted(row_label, earlier), -1)
-        entry = Entry(scan.stamp_ns, stored, tuple(rows.source for rows in touched), link)
-        noted = {rows.entry.stamp_ns: self._noted(rows) for rows in touched}
+        entry = Entry(scan.stamp_ns, stored, tuple(rows.source for rows in swept), link)
+        noted = {rows.entry.stamp_ns: self._noted(rows) for rows in swept}
         left = [noted.get(rows.entry.stamp_ns, rows.entry) for rows in others]
         self._keep(entry, list(map(UnsweptRows, left, (rows.rows for rows in others))))
         return Filtered(stored, entry, tuple(noted.values()))
@@ -98,23 +98,23 @@ class MarkEngine(SetSmoother):
         return estimates.take(np.flatnonzero(estimates.weight > threshold))
 
     def _backward(self, window):
-        return list(smoothed_sets(window, self._told, self._heard))
+        return list(smoothed_sets(window, self._send, self._receive))
 
     @staticmethod
-    def _told(later, link):
+    def _send(later, link):
         return np.append(later.mark, np.nan)[link]  # nothing of those that were dropped
 
     @staticmethod
-    def _heard(stored, told):
+    def _receive(stored, messages):
         mark = stored.mark.copy()
-        for part in told:
+        for part in messages:
             rows = slice(None) if part.rows is None else part.rows
             message = part.content[part.part]
             mark[rows] = np.where(np.isnan(message), mark[rows], message)
         return Marks(stored.row_label, mark)
 
     def _figures(self, step):
-        return {"touched": sum(len(entry.stored) for entry in step.replaced)}
+        return {"swept": sum(len(entry.stored) for entry in step.replaced)}
 
     def _entry_to_snapshot(self, entry, held, name):
         window_snapshot.sources_to_snapshot(entry, held, name)

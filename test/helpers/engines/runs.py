@@ -50,28 +50,39 @@ def assert_same(ours, theirs):
         np.testing.assert_array_equal(array, theirs.arrays[name])
 
 
-def restored_after(stop, new, scans, same=equal):
-    """Check that an engine that is restored in the middle goes on as one that never stopped.
+def restored_after(stops, new, scans, same=equal):
+    """Check that engines that are restored in the middle go on as one that never stopped.
 
-    `new` makes an engine, and `stop` is the number of scans before the snapshot. Returns both
-    engines after the last scan.
+    Estimates and all learned values must be the same bit by bit. `new` makes an engine, and `stops`
+    are the numbers of scans before the snapshots. Returns the engine that never stopped and the
+    last one that was restored, after the last scan.
     """
-    first, second = new(), new()
-    stepped(first, scans[:stop])
-    second.restore(stored_and_read(first.snapshot()))
-    for scan in scans[stop:]:
-        one, other = first.step(scan), second.step(scan)
-        assert same(one.filtered, other.filtered)
-        assert same(one.smoothed, other.smoothed)
-        np.testing.assert_array_equal(one.class_mass, other.class_mass)
-    return first, second
+    first, restored = new(), []
+    for index, scan in enumerate(scans):
+        if index in stops:
+            restored.append(new())
+            restored[-1].restore(stored_and_read(first.snapshot()))
+        one = first.step(scan)
+        for other in (each.step(scan) for each in restored):
+            assert same(one.filtered, other.filtered)
+            assert same(one.smoothed, other.smoothed)
+            np.testing.assert_array_equal(one.class_mass, other.class_mass)
+    for engine in restored:
+        assert_same(first.snapshot(), engine.snapshot())
+    return first, restored[-1]
 
 
-def step_and_reprocess(tracker, scans, first):
-    """Step through scans, and then once more through those from `first` on, as if one was late."""
-    states = []
+def reprocessed_from(first, new, scans):
+    """Check that an engine that reprocesses the scans from `first` on knows the same afterwards.
+
+    `new` makes an engine. Returns the one that stepped through the scans once.
+    """
+    straight, late, states = new(), new(), []
+    stepped(straight, scans)
     for index, scan in enumerate(scans):
         if index >= first:
-            states.append((tracker.save_state(), scan))
-        tracker.step(scan)
-    tracker.reprocess(states)
+            states.append((late.save_state(), scan))
+        late.step(scan)
+    late.reprocess(states)
+    assert_same(straight.snapshot(), late.snapshot())
+    return straight

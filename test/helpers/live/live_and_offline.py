@@ -40,8 +40,8 @@ def answered(peer, output, found, clouds):
 
 def assert_alike(clouds, expected):
     """Compare estimates that came live with those offline, and return them."""
-    heard = [estimates.from_msg(cloud) for cloud in clouds]
-    assert [one.stamp_ns for one in heard] == [one.stamp_ns for one in expected]
-    for one, other in zip(heard, expected, strict=True):
+    received = [estimates.from_msg(cloud) for cloud in clouds]
+    assert [one.stamp_ns for one in received] == [one.stamp_ns for one in expected]
+    for one, other in zip(received, expected, strict=True):
         np.testing.assert_allclose(one.state, other.state, rtol=1e-5, atol=1e-3)
-    return heard
+    return received

@@ -189,8 +189,8 @@ def imm_backward(before, later, smoothed, motions):
         joint[:, j] = probability[j] * share / share.sum()
     earlier = []
     for i in count:
-        told = [smooth(before.modes[i], *later.pairs[i][j][1:], modes[j]) for j in count]
-        earlier.append(mixed(joint[i] / joint[i].sum(), told))
+        parts = [smooth(before.modes[i], *later.pairs[i][j][1:], modes[j]) for j in count]
+        earlier.append(mixed(joint[i] / joint[i].sum(), parts))
     return joint.sum(axis=1), earlier
 
 

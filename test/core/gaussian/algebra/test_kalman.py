@@ -3,9 +3,18 @@ import pytest
 import textbook
 from lone import MEAN, STD, lone
 
-from phd_jdtc_ros.core.gaussian.algebra import kalman
+from phd_jdtc_ros.core.gaussian.algebra import blocks, kalman
+from phd_jdtc_ros.core.gaussian.algebra.curvature import move, new_moved
+from phd_jdtc_ros.core.targets.motion import ConstantVelocity, CoordinatedTurn
 
 (RADAR,) = lone().model.radars
+SCALE = np.array([80.0, 9.0, 120.0, 7.0, 0.002])
+MOTIONS = (ConstantVelocity(1.0), CoordinatedTurn(1.0, 1e-4))
+CURVED_MEAN = np.array([4e3, 60.0, -2e3, 20.0, 0.02])
+ROOT = np.diag([300.0, 12.0, 250.0, 9.0, 0.0])
+ROOT[4] = [0.01, 0.03, -0.01, 0.02, 0.05]
+COVARIANCE = ROOT @ ROOT.T
+DT = 6.0
 
 
 def priors(rng, count):
@@ -124,3 +133,88 @@ def test_pairs_of_gaussians_and_measurements_are_those_of_each_alone():
     right = kalman.update(mean[rows[2:]], covariance[rows[2:]], RADAR, last)
     for part, expected in zip(later, right, strict=True):
         np.testing.assert_array_equal(part[2:], expected)
+
+
+def covariance(rng, absent=()):
+    """Return a random covariance of a planar state, zero on some axes."""
+    root = rng.normal(size=(5, 5)) * SCALE[:, None]
+    root[list(absent)] = 0.0
+    return root @ root.T
+
+
+@pytest.mark.parametrize("absent", [(), (4,), (1, 3)], ids=["every axis", "no turn", "no speed"])
+def test_factors_are_those_of_the_inverse_on_the_axes_with_variance(absent):
+    rng = np.random.default_rng(0)
+    matrix, factor = covariance(rng, absent), np.empty((5, 5))
+    used = np.delete(np.arange(5), absent)
+    inverse = np.zeros((5, 5))
+    inverse[np.ix_(used, used)] = np.linalg.inv(matrix[np.ix_(used, used)])
+    blocks.factorise(matrix, factor)
+    one, other = SCALE * rng.normal(size=(2, 5))
+    solved = np.array(blocks.solve(factor, one))
+    np.testing.assert_allclose(solved, inverse @ one, rtol=1e-8)
+    square = blocks.square_distance(factor, one, other, np.empty(5))
+    assert square == pytest.approx((one - other) @ inverse @ (one - other), rel=1e-8)
+    sign, log_determinant = np.linalg.slogdet(matrix[np.ix_(used, used)])
+    assert sign > 0.0
+    assert blocks.log_determinant(factor) == pytest.approx(-log_determinant, rel=1e-9)
+
+
+def test_axis_that_others_determine_is_left_out():
+    # x and vx are one: the inverse on the axes that the covariance spans leaves out the second.
+    matrix, factor = np.diag(SCALE**2), np.empty((5, 5))
+    matrix[0, 1] = matrix[1, 0] = SCALE[0] * SCALE[1]
+    blocks.factorise(matrix, factor)
+    assert factor[1, 1] == 0.0
+    vector = blocks.solve(factor, np.array([1.0, 5.0, 1.0, 1.0, 1.0]))
+    np.testing.assert_allclose(vector, [1.0, 0.0, 1.0, 1.0, 1.0] / SCALE**2)
+
+
+def test_sums_of_mean_and_spread_are_the_moments_of_a_mixture():
+    rng = np.random.default_rng(1)
+    share, mean = rng.dirichlet(np.ones(3)), SCALE * rng.normal(size=(3, 5))
+    spread = np.array([covariance(rng) for _ in range(3)])
+    centre, total = np.zeros(5), np.zeros((5, 5))
+    for one in range(3):
+        blocks.add_mean(share[one], mean[one], centre)
+    for one in range(3):
+        blocks.add_spread(share[one], mean[one], spread[one], centre, total)
+    np.testing.assert_allclose(centre, share @ mean)
+    apart = mean - share @ mean
+    expected = np.einsum("k,kij->ij", share, spread + apart[:, :, None] * apart[:, None])
+    np.testing.assert_allclose(total, expected)
+
+
+def moved_by(covariance, motion):
+    """Return the mean, the covariance with the earlier state, and the covariance after a motion."""
+    moved = new_moved()
+    transition = MOTIONS[motion].jacobian(np.zeros((1, 5)), DT)[0]
+    move(CURVED_MEAN, covariance, transition, motion == 1, DT, moved)
+    return moved.mean, moved.cross, moved.covariance
+
+
+def test_moved_gaussian_has_the_moments_of_drawn_states():
+    mean, cross, covariance = moved_by(COVARIANCE, 1)
+    drawn = CURVED_MEAN + np.random.default_rng(4).standard_normal((10**6, 5)) @ ROOT.T
+    later = MOTIONS[1].mean(drawn, DT)
+    std, std_later = np.sqrt(np.diag(COVARIANCE)), np.sqrt(np.diag(covariance))
+    np.testing.assert_allclose((mean - later.mean(axis=0)) / std_later, 0.0, atol=4e-3)
+    exact = np.cov(later.T) / (std_later[:, None] * std_later)
+    np.testing.assert_allclose(covariance / (std_later[:, None] * std_later), exact, atol=6e-3)
+    between = np.cov(drawn.T, later.T)[:5, 5:] / (std[:, None] * std_later)
+    np.testing.assert_allclose(cross / (std[:, None] * std_later), between, atol=6e-3)
+    # The linearisation at the mean differs from the drawn velocities.
+    at_mean = MOTIONS[1].jacobian(CURVED_MEAN[None], DT)[0]
+    linear = np.diag(at_mean @ COVARIANCE @ at_mean.T)
+    assert abs(linear[3] / later[:, 3].var() - 1.0) > 0.05
+
+
+@pytest.mark.parametrize("motion", [0, 1])
+def test_motion_of_a_known_turn_rate_is_linear(motion):
+    certain = COVARIANCE.copy()
+    certain[4] = certain[:, 4] = 0.0
+    mean, cross, covariance = moved_by(certain, motion)
+    np.testing.assert_allclose(mean, MOTIONS[motion].mean(CURVED_MEAN[None], DT)[0], atol=1e-9)
+    exact = MOTIONS[motion].jacobian(CURVED_MEAN[None], DT)[0]
+    np.testing.assert_allclose(cross, certain @ exact.T, atol=1e-6)
+    np.testing.assert_allclose(covariance, exact @ certain @ exact.T, atol=1e-6)

@@ -94,11 +94,11 @@ def test_update_is_the_posterior_of_a_dense_set_of_states(time_s, velocity):
     np.testing.assert_allclose(ratio, 1.0, atol=0.08)
     toward = right[1][[0, 2]] - radar.position
     toward /= np.hypot(*toward)
-    told, exact, before = (
+    approximate, exact, before = (
         toward @ matrix[np.ix_([1, 3], [1, 3])] @ toward
         for matrix in (found[2], right[2], covariance[0])
     )
-    assert told == pytest.approx(exact, rel=0.15)
+    assert approximate == pytest.approx(exact, rel=0.15)
     assert exact < 0.02 * before
 
 

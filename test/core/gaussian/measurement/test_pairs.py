@@ -1,14 +1,57 @@
-"""The pairs of hypotheses and detections that are likely enough for a joint update."""
+"""Pairs of hypotheses and detections: gates, pruning, and the cells of SNR after an update."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from lone import MEAN, STD, lone, mixture_of
 
-from phd_jdtc_ros.core.arrays import contiguous
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.arrays import contiguous, wrap_angle
 from phd_jdtc_ros.core.association.marginals import LEAST_CLUTTER
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
-from phd_jdtc_ros.core.gaussian.measurement import pairs
+from phd_jdtc_ros.core.gaussian.measurement import missed, pairs
+from phd_jdtc_ros.core.gaussian.measurement.amplitude import (
+    Amplitudes,
+    detection_probability,
+    log_amplitude,
+    snr_after,
+)
+from phd_jdtc_ros.core.gaussian.measurement.gating import GATE_SIGMA, Expected, gate_pairs
+from phd_jdtc_ros.core.gaussian.measurement.missed import after_miss
+from phd_jdtc_ros.core.gaussian.measurement.pruning import most_probable
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
+from phd_jdtc_ros.core.sensors.report import Report
+from phd_jdtc_ros.core.types import Detections
+
+RADAR = resolve({"engine": "gaussian"}).model.radars[0]
+SCALE = np.array([80.0, 9.0, 120.0, 7.0, 0.002])
+FAR = 15e3
+MOST, LEAST_SHARE = 5, 1e-3
+FIELD = {
+    "radar.detection_probability": 0.9,
+    "radar.min_range": 7e3,
+    "radar.max_range": 20e3,
+    "radar.clutter_max_range": 20e3,
+    "radar.fov_deg": [-90.0, 80.0],
+    "radar.blind_sectors_deg": [40.0, 42.0],
+}
+CONFIG = lone(FIELD)
+(LIMITED,) = CONFIG.model.radars
+DYNAMICS = Dynamics(CONFIG.model)
+# The position depends on the velocity.
+ROOT = np.diag(STD)
+ROOT[1, 0], ROOT[3, 2] = 20.0, -15.0
+ROOT[4] = 0.0
+LIMITS = {
+    "largest range": (20e3, 0.5),
+    "just within the largest range": (19_600.0, 0.5),
+    "beyond the largest range": (20_250.0, 0.5),
+    "least range": (7050.0, 0.5),
+    "edge of the field": (12e3, np.radians(79.5)),
+    "outside the field": (12e3, np.radians(-92.0)),
+    "blind sector": (12e3, np.radians(40.5)),
+}
 
 
 @pytest.mark.parametrize(
@@ -80,3 +123,165 @@ def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, cou
         if odds[pair] > 0.3 * max(alone, 1.0):
             expected.append(pair)
     np.testing.assert_array_equal(found, expected)
+
+
+def a_mixture(rng, count=80):
+    """Return hypotheses all around the radar; some have one motion mode, the first is near."""
+    angle = rng.uniform(-np.pi, np.pi, (count, 1))
+    mean = SCALE * rng.normal(size=(count, 2, 5))
+    mean[..., 0] += RADAR.position[0] + FAR * np.cos(angle)
+    mean[..., 2] += RADAR.position[1] + FAR * np.sin(angle)
+    mean[0, :, [0, 2]] = np.array(RADAR.position)[:, None] + 30.0
+    root = rng.normal(size=(count, 2, 5, 5)) * SCALE[:, None]
+    weight = rng.random((count, 2, 2))
+    weight[::3, 1] = 0.0
+    covariance = root @ root.swapaxes(-1, -2)
+    return Mixture(np.arange(count), weight, mean, covariance, np.ones((count, 2, 1)))
+
+
+def by_brute_force(mixture, expected, detections):
+    """Return (H, M, R) log likelihoods of the measurement, -inf outside of gates."""
+    own = RADAR.noise_std_of(detections)
+    measured, covariance = expected.measured[:, None], expected.covariance[:, None]
+    if detections.time_s is not None:
+        rate = RADAR.measurement_rate(mixture.mean.reshape(-1, 5)).reshape(measured[:, 0].shape)
+        measured = measured + rate[:, None] * detections.time_s[:, None, None]
+    error = detections.measurement[:, None] - measured
+    error[..., 1] = wrap_angle(error[..., 1])
+    total = covariance + own[:, None, :, None] ** 2 * np.eye(2)
+    square = np.einsum("hmri,hmrij,hmrj->hmr", error, np.linalg.inv(total), error)
+    density = -0.5 * (square + np.log(np.linalg.det(total))) - np.log(2.0 * np.pi)
+    near = (square <= GATE_SIGMA**2) & (mixture.mode_weight > 0.0)[:, None]
+    return np.where(near, density, -np.inf)
+
+
+@pytest.mark.parametrize("timed", [False, True], ids=["at the stamp", "when passed"])
+@pytest.mark.parametrize("own_noise", [False, True], ids=["one noise", "each its own"])
+def test_gate_pairs_finds_the_pairs_of_a_brute_force_search(timed, own_noise):
+    rng = np.random.default_rng(6)
+    mixture = a_mixture(rng)
+    true = mixture.mean[:, 0] + SCALE * rng.normal(size=(len(mixture), 5))
+    true[0] = mixture.mean[0, 0]
+    measurement = RADAR.measure(np.concatenate([true, true[::-1]]))
+    measurement[:, 1] = wrap_angle(measurement[:, 1])
+    detections = Detections(measurement, None)
+    if own_noise:
+        std = RADAR.noise_std * rng.uniform(0.5, 2.0, measurement.shape)
+        detections = replace(detections, noise_std=std)
+    if timed:
+        detections = replace(detections, time_s=rng.uniform(-2.0, 2.0, len(measurement)))
+    expected = Expected.of(mixture, RADAR)
+    row, column, log_likelihood = gate_pairs(mixture, expected, Report(RADAR, detections))
+    right = by_brute_force(mixture, expected, detections)
+    found = np.full_like(right, -np.inf)
+    found[row, column] = log_likelihood
+    assert len(row) == len(np.unique(row * len(measurement) + column)) > len(mixture)
+    np.testing.assert_allclose(found[1:], right[1:], rtol=1e-9)
+    # A Gaussian that surrounds the radar may be seen at any azimuth.
+    inside = np.isfinite(right[0])
+    np.testing.assert_allclose(found[0][inside], right[0][inside], rtol=1e-9)
+    near = measurement[:, 0] < GATE_SIGMA * RADAR.range_std / 2.0
+    assert near.any()
+    assert np.isfinite(found[0][near][:, mixture.mode_weight[0] > 0.0]).all()
+
+
+def test_gate_pairs_of_no_detections_is_empty():
+    mixture = a_mixture(np.random.default_rng(0))
+    expected = Expected.of(mixture, RADAR)
+    none = Detections(np.zeros((0, 2)), None)
+    row, column, log_likelihood = gate_pairs(mixture, expected, Report(RADAR, none))
+    assert len(row) == len(column) == 0
+    assert log_likelihood.shape == (0, 2)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_existence_is_unchanged_by_pruning_and_bounds_hold(seed):
+    rng = np.random.default_rng(seed)
+    target = rng.integers(0, 6, 80)
+    target[:6] = np.arange(6)
+    mass = rng.exponential(1.0, 80) ** 6
+    mass /= np.bincount(target, mass)[target]
+    mass *= rng.uniform(0.1, 1.0, 6)[target]
+    kept, factor = most_probable(MOST, LEAST_SHARE, target, mass)
+    existence = np.bincount(target, mass)
+    np.testing.assert_allclose(np.bincount(target[kept], mass[kept] * factor), existence)
+    assert np.bincount(target[kept]).max() <= MOST
+    assert (mass[kept] >= LEAST_SHARE * existence[target[kept]]).all()
+    for one in range(6):
+        own = kept[target[kept] == one]
+        assert (np.diff(mass[own]) <= 0.0).all()
+        dropped = np.setdiff1d(np.flatnonzero(target == one), own)
+        assert mass[dropped].max(initial=0.0) <= mass[own].min()
+
+
+@pytest.mark.parametrize("amplitude", ["memory", "band", "none"])
+def test_amplitudes_are_likelihoods_relative_to_the_most_likely_cell(amplitude):
+    model = resolve({"engine": "gaussian", "amplitude": amplitude}).model
+    dynamics, measured = Dynamics(model), np.array([[5e3, 0.1], [7e3, -2.0], [4e3, 1.0]])
+    report = Report(model.radars[0], Detections(measured, np.array([4.0, np.nan, 60.0])))
+    found, expected = Amplitudes.of(report, dynamics), log_amplitude(report, dynamics)
+    np.testing.assert_allclose(found.relative.max(axis=(1, 2)), 1.0)
+    with np.errstate(divide="ignore"):
+        log_likelihood = found.largest[:, None, None] + np.log(found.relative)
+    tiny = np.exp(expected - expected.max(axis=(0, 1))) == 0.0
+    expected = np.where(tiny, -np.inf, expected).transpose(2, 0, 1)
+    np.testing.assert_allclose(log_likelihood, expected, rtol=1e-9)
+
+
+def test_detection_probability_by_cell_is_that_of_each_threshold():
+    model = resolve({"engine": "gaussian", "amplitude": "memory"}).model
+    dynamics, radar = Dynamics(model), model.radars[0]
+    power = np.exp(dynamics.cells.log_snr)
+    for threshold in (radar.threshold, radar.threshold + 1.0, radar.threshold):
+        found = dynamics.cell_probability(replace(radar, threshold=threshold))
+        np.testing.assert_allclose(found, np.exp(-0.5 * threshold**2 / power), rtol=1e-12)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-310])
+def test_snr_after_a_detection_is_bayes_rule_however_improbable_the_class_is(scale):
+    prior, likelihood = np.array([[[0.2, 0.5, 0.3]]]), np.array([[[1.0, 4.0, 2.0]]])
+    one, first = np.ones((1, 1, 1)), np.zeros(1, dtype=np.int64)
+    cells = np.ones((1, 3)), np.ones((1, 1))
+    found = snr_after(prior, one, one, *cells, scale * likelihood, first, first, first)
+    expected = prior * likelihood
+    np.testing.assert_allclose(found, expected / expected.sum(), rtol=1e-10)
+
+
+def target_at(place):
+    """Return a target at a range and an azimuth, and what is expected of it."""
+    mean = np.zeros(5)
+    mean[[0, 2]] = LIMITED.to_world(np.array([place]))[0]
+    mixture = mixture_of(DYNAMICS, [(0.9, mean, STD)])
+    mixture = mixture.changed(covariance=(ROOT @ ROOT.T)[None, None])
+    return mean, mixture, Expected.of(mixture, LIMITED)
+
+
+def missed_at(place):
+    """Return the mean of a target, and its mean and covariance after a miss, or None."""
+    mean, mixture, expected = target_at(place)
+    probability = detection_probability(expected, mixture.snr, LIMITED, DYNAMICS).by_class
+    return mean, after_miss(mixture, expected, LIMITED, probability)
+
+
+@pytest.mark.parametrize("place", LIMITS.values(), ids=LIMITS)
+def test_gaussian_after_a_miss_at_a_limit_has_the_moments_of_drawn_states(place):
+    mean, (found, covariance) = missed_at(place)
+    drawn = mean + np.random.default_rng(6).standard_normal((10**6, 5)) @ ROOT.T
+    share = 1.0 - 0.9 * LIMITED.visibility.probability_in_view(LIMITED.measure(drawn))
+    exact = share @ drawn / share.sum()
+    apart = drawn - exact
+    spread = (apart * share[:, None]).T @ apart / share.sum()
+    std = np.maximum(np.sqrt(np.diag(ROOT @ ROOT.T)), 1e-9)
+    np.testing.assert_allclose((found[0, 0] - exact) / std, 0.0, atol=0.02)
+    scale = std[:, None] * std
+    np.testing.assert_allclose(covariance[0, 0] / scale, spread / scale, atol=0.03)
+
+
+@pytest.mark.parametrize("place", [(15e3, 0.5), (24e3, 0.5), (15e3, np.radians(-120.0))])
+def test_gaussians_away_from_all_limits_do_not_change(place):
+    assert missed_at(place)[1] is None
+
+
+def test_gaussians_beside_the_sensor_do_not_change(monkeypatch):
+    monkeypatch.setattr(missed, "LARGEST_AZIMUTH_STD", 0.01)
+    assert missed_at(LIMITS["least range"])[1] is None

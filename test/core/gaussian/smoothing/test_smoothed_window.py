@@ -176,12 +176,12 @@ def test_classes_with_one_and_two_motions_have_a_textbook_smoother_each():
     first = 0
     for own, passed, _ in steps.values():
         last = first + len(own)
-        told = found[-1].weight[0, first:last].sum()
+        smoothed_weight = found[-1].weight[0, first:last].sum()
         for index, mixture in enumerate(found, start=len(passed) - len(found)):
             probability, parts = textbook.imm_smoothed(passed[index:], own)
             weight = mixture.mode_weight[0, first:last]
             # All that survives is of the class that it is of in the end.
-            assert weight.sum() == pytest.approx(told, rel=1e-9)
+            assert weight.sum() == pytest.approx(smoothed_weight, rel=1e-9)
             np.testing.assert_allclose(weight / weight.sum(), probability, rtol=1e-8)
             for mode, part in enumerate(parts, start=first):
                 np.testing.assert_allclose(mixture.mean[0, mode], part.mean, rtol=1e-8, atol=1e-9)

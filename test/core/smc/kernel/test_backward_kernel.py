@@ -51,8 +51,7 @@ def dense_kernels(earlier, later, model, corrector, dt):
             share
             * term.rate[mode]
             * gaussian(
-                (later.state[q : q + 1] - term.mean)[:, support],
-                np.diag(term.std[support] ** 2),
+                (later.state[q : q + 1] - term.mean)[:, support], np.diag(term.std[support] ** 2)
             )[0]
             for term in model.births
         )
@@ -270,7 +269,6 @@ def test_build_within_origins_pairs_rows_of_one_label_only(spread):
     row_label = np.where(earlier.row_label == 0, 3, earlier.row_label)[parent]
     later = intensity(moved, weight, mode=mode[parent], row_label=row_label)
     ratio = backward_kernel.build(earlier, later, model, BERNOULLI, 6.0).ratio.toarray()
-
     row, column = np.nonzero(ratio)
     assert len(row) > 1000
     np.testing.assert_array_equal(earlier.row_label[row], later.row_label[column])

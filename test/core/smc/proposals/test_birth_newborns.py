@@ -55,7 +55,6 @@ def spread_of(particles, seen=None, model=MODEL):
 def test_every_copy_has_a_row_at_its_place_and_no_mass_is_gained():
     before = resampled()
     after = spread_of(before)
-
     assert len(after) == COPIES.sum()
     assert (after.multiplicity == 1).all()
     assert after.weight.sum() == pytest.approx(before.weight.sum())
@@ -68,7 +67,6 @@ def test_every_copy_has_a_row_at_its_place_and_no_mass_is_gained():
 
 def test_velocities_are_those_of_the_birth_term_at_every_place():
     after = spread_of(resampled())
-
     for place, copies in zip(PLACES, COPIES, strict=True):
         if copies == 1:
             continue
@@ -82,7 +80,6 @@ def test_velocities_are_those_of_the_birth_term_at_every_place():
 def test_turn_rates_are_drawn_where_the_motion_has_one():
     turning = [i for i, motion in enumerate(BASE.modes.motions) if 4 in motion.support]
     straight = [i for i, motion in enumerate(BASE.modes.motions) if 4 not in motion.support]
-
     assert spread_of(resampled(mode=turning[0])).state[:, 4].std() == pytest.approx(0.01, rel=0.08)
     assert (spread_of(resampled(mode=straight[0])).state[:, 4] == 0.0).all()
 

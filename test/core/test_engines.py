@@ -1,11 +1,12 @@
-"""Both engines with a radar whose scans are sectors of a turn."""
+"""Both engines: restored ones go on as if never stopped, and radars whose scans are sectors."""
 
 import copy
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from runs import ENGINES, restored_after, stepped
+from runs import ENGINES, assert_same, equal, restored_after, stepped, stored_and_read
+from scenes import short_scenario, small
 from sweep import (
     ROTATION_S,
     SECTORS,
@@ -20,11 +21,76 @@ from sweep import (
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.smoothing.smoother import backward_pass
 from phd_jdtc_ros.core.types import Coverage, Detections, Scan
+from phd_jdtc_ros.simulation.simulate import simulate
 
+SCANS = [scan for _, scan in simulate(short_scenario(10), 3)]
+CASES = [
+    *(
+        {"engine": "gaussian", "lag": lag, **given}
+        for lag in (0, 3)
+        for given in (
+            {},
+            {"amplitude": "band"},
+            {"spawn.rate": 0.0, "births": [], "detection_births.rates": [0.1, 0.1]},
+        )
+    ),
+    *(
+        {"engine": engine, "lag": lag, "recursion.extraction": extraction}
+        for lag, extraction in ((0, "components"), (3, "components"), (2, "clusters"))
+        for engine in ("particles", "phd")
+    ),
+]
 PERIOD = {"estimates_period_s": ROTATION_S, "lag": 3}
 # Turns of the run with the defaults, and those after which tests go on from it.
 LONGEST = 24
 COPIED = (8, 10, 12, 20, LONGEST)
+
+
+@pytest.mark.parametrize("given", CASES, ids=lambda given: "-".join(map(str, given.values())))
+def test_restored_engine_goes_on_as_if_it_had_never_stopped_bit_by_bit(given):
+    first, second = restored_after([0, 1, 6], lambda: new_engine(small(given)), SCANS)
+    assert equal(first.flush(), second.flush())
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_snapshot_is_not_changed_by_what_the_engine_does_later(engine):
+    tracker = new_engine(small({"engine": engine, "lag": 2}))
+    stepped(tracker, SCANS[:4])
+    snapshot = tracker.snapshot()
+    before = stored_and_read(snapshot)
+    stepped(tracker, SCANS[4:])
+    assert_same(snapshot, before)
+
+
+def without(name):
+    return lambda snapshot: snapshot.arrays.pop(name)
+
+
+def shortened(name):
+    return lambda snapshot: snapshot.arrays.update({name: snapshot.arrays[name][:-1]})
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        (without("stored.0.mode"), "stored.0.mode"),
+        (without("stored.1.components.indptr"), "stored.1.components.indptr"),
+        (shortened("stored.1.origin"), "stored.1"),
+        (shortened("stored.1.label"), "stored.1"),
+        (shortened("stored.1.link.survival"), "stored.1.link"),
+        (without("filter.scan_index"), "filter.scan_index: missing"),
+        (lambda snapshot: snapshot.json_values.update({"extraction.rng": {}}), "snapshot"),
+    ],
+)
+def test_restore_refuses_what_is_no_particle_engine_and_leaves_a_new_one(change, named):
+    engine, fresh = (new_engine(small({"engine": "particles", "lag": 2})) for _ in range(2))
+    stepped(engine, SCANS[:4])
+    snapshot = engine.snapshot()
+    change(snapshot)
+    engine = new_engine(small({"engine": "particles", "lag": 2}))
+    with pytest.raises(ValueError, match=named):
+        engine.restore(snapshot)
+    assert equal(stepped(engine, SCANS[:4])[0], stepped(fresh, SCANS[:4])[0])
 
 
 @pytest.fixture(scope="module", params=ENGINES)
@@ -98,10 +164,10 @@ def test_scan_leaves_targets_alone_that_the_antenna_did_not_pass(default_run):
     for rows in others:
         assert rows.entry.stored is before[rows.entry.stamp_ns]
     now = {row_label for rows in forward.unswept for row_label in rows.row_label.tolist()}
-    touched = {*forward.unswept[-1].entry.stored.row_label.tolist()}
+    swept = {*forward.unswept[-1].entry.stored.row_label.tolist()}
     # Every target is in one place, and none is in two.
     assert sum(len({*rows.row_label.tolist()}) for rows in forward.unswept) == len(now)
-    assert alive - touched <= now
+    assert alive - swept <= now
 
 
 def test_missed_target_is_missed_once_a_turn_and_not_by_every_sector(default_run):
@@ -149,14 +215,14 @@ def test_lag_in_seconds_is_that_of_the_stamps(name):
     assert len(filtered) - len(smoothed) == len(engine.flush()) == 3
 
 
-def test_flush_gives_the_stamps_that_were_held_back(default_run):
+def test_flush_gives_the_pending_stamps(default_run):
     engine, filtered, smoothed = default_run(12)
     assert [e.stamp_ns for e in [*smoothed, *engine.flush()]] == [e.stamp_ns for e in filtered]
 
 
 @pytest.mark.parametrize("given", [{}, {"lag": f"{3.0 * ROTATION_S:g} s"}])
 def test_restored_engine_goes_on_as_if_it_had_never_stopped(name, given):
-    restored_after(7 * SECTORS, lambda: engine_of(name, **given), scans(10))
+    restored_after([7 * SECTORS], lambda: engine_of(name, **given), scans(10))
 
 
 @pytest.mark.parametrize("sectors", [4, 32])
@@ -184,7 +250,7 @@ def test_sectors_and_whole_turns_with_plot_times_give_about_the_same_gaussians()
                 np.testing.assert_allclose(position_std(ours), position_std(theirs), rtol=0.2)
 
 
-def test_smoothed_gaussians_that_later_sectors_did_not_touch_are_filtered_ones():
+def test_smoothed_gaussians_that_later_sectors_did_not_sweep_are_filtered_ones():
     engine, _, _ = run("gaussian", 6, estimates_period_s=0.0, lag=20)
     window = engine._window
     later = {
@@ -193,18 +259,18 @@ def test_smoothed_gaussians_that_later_sectors_did_not_touch_are_filtered_ones()
         for source in entry.sources
         for row in (range(source.size) if source.rows is None else source.rows.tolist())
     }
-    untouched = touched = 0
-    for entry, told in zip(window, backward_pass(window)[::-1], strict=True):
+    unswept_rows = swept = 0
+    for entry, smoothed in zip(window, backward_pass(window)[::-1], strict=True):
         for row in range(len(entry.stored)):
-            same = np.array_equal(told.mean[row], entry.stored.mean[row])
+            same = np.array_equal(smoothed.mean[row], entry.stored.mean[row])
             if (entry.stamp_ns, row) in later:
-                touched += not same
+                swept += not same
             else:
                 assert same
-                np.testing.assert_array_equal(told.weight[row], entry.stored.weight[row])
-                untouched += 1
-    assert untouched > 3
-    assert touched > 3
+                np.testing.assert_array_equal(smoothed.weight[row], entry.stored.weight[row])
+                unswept_rows += 1
+    assert unswept_rows > 3
+    assert swept > 3
 
 
 def seen_at(seconds, targets, coverage=None):
