@@ -11,11 +11,9 @@ TESTS = str(ROOT / "test")
 
 def test_code_passes_ament_flake8():
     linter = pytest.importorskip("ament_flake8.main", reason="ament_flake8 is not installed")
-
     count, errors = linter.main_with_errors(
         argv=["--config", str(ROOT / "setup.cfg"), *SOURCES, TESTS]
     )
-
     assert count == 0, "\n".join(errors)
 
 
@@ -24,5 +22,4 @@ def test_docstrings_pass_ament_pep257():
     # Magic methods and constructors are described by their class; ruff checks the imperative mood,
     # which properties are spared.
     style = ["--convention", "numpy", "--add-ignore", "D105", "D107", "D401", "--"]
-
     assert linter.main(argv=[*style, *SOURCES[:2]]) == 0

@@ -12,7 +12,6 @@ def test_signal_interrupts_only_where_it_is_accepted(number):
     before = signal.getsignal(number)
     with pytest.raises(KeyboardInterrupt), interruption.accepted():
         signal.raise_signal(number)
-
     assert signal.getsignal(number) is before
 
 
@@ -36,6 +35,5 @@ def test_signal_in_a_step_waits_for_the_end_of_the_outermost_one(number):
 def test_error_of_a_step_ends_it_as_without_a_signal():
     with pytest.raises(ValueError, match="fault"), interruption.accepted(), interruption.step():
         raise ValueError("fault")
-
     with interruption.accepted(), interruption.step():
         pass  # nothing is left to wait for

@@ -53,7 +53,6 @@ def test_every_package_of_a_launch_file_is_declared(path):
     text = path.read_text()
     started = set(re.findall(r'package="(\w+)"', text))
     named = set(re.findall(r"^from (\w+)[\w.]* import", text, re.MULTILINE))
-
     assert "launch_ros" in named
     assert (started | named) - OWN - sys.stdlib_module_names <= declared("exec_depend")
 
@@ -67,7 +66,6 @@ def test_everything_that_the_tests_use_is_declared():
     known = declared("depend", "exec_depend", "test_depend")
     named = set(re.findall(r"^(?:from|import) (\w+)", text, re.MULTILINE))
     foreign = named - own - sys.stdlib_module_names - known
-
     assert {"ament_flake8", "launch_testing"} <= optional
     assert {"hypothesis", "rosbags"} <= foreign
     assert optional | keys(foreign) <= known
@@ -77,6 +75,5 @@ def test_everything_that_the_tests_use_is_declared():
 
 def test_everything_that_is_imported_is_a_dependency_of_its_own():
     foreign = imported(*OWN) - OWN - declared("depend", "exec_depend")
-
     assert {"mcap", "lz4", "zstandard"} <= foreign
     assert foreign - OPTIONAL <= {MODULES.get(name, name) for name in REQUIREMENTS}

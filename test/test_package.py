@@ -19,7 +19,6 @@ def test_manifest_setup_and_citation_are_of_the_same_package():
     given["description"] = " ".join(MANIFEST.findtext("description").split())
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     changes = (ROOT / "CHANGELOG.rst").read_text()
-
     assert {name: ast.literal_eval(SETUP[name]) for name in given} == given
     assert given["version"] == citation["version"] == phd_jdtc_ros.__version__
     assert given["license"] == citation["license"] == "Apache-2.0"
@@ -40,7 +39,6 @@ def test_shipped_defaults_and_reference_scenario_are_the_built_in_ones():
 def test_one_file_states_the_licence_of_all():
     # REUSE 3.3 allows this file in the place of a header in every file.
     said = (ROOT / "REUSE.toml").read_text()
-
     assert re.findall(r'^path = "(.+)"$', said, re.MULTILINE)[0] == "**"
     used = re.findall(r'^SPDX-License-Identifier = "(.+)"$', said, re.MULTILINE)
     assert used[0] == MANIFEST.findtext("license")

@@ -11,13 +11,11 @@ def test_counts_text_lists_reasons_in_order_without_zeros():
 
 def test_short_leaves_words_and_keeps_both_ends_of_long_ones():
     text = f"/{'a' * (LONGEST_WORD - 2)}: has no section for this node,\n  it has none"
-
     assert short(text) == text
     assert short(f"lag: {'1' * 2500}{'2' * 2500} given, must be a whole number") == (
         f"lag: {'1' * 60} ... {'2' * 60} given, must be a whole number"
     )
     found = short("a " * 100_000 + "z")
-
     assert len(found) <= LONGEST + len(" ... ")
     assert found.endswith("a z")
 
@@ -36,6 +34,5 @@ def test_short_leaves_words_and_keeps_both_ends_of_long_ones():
 def test_faults_of_a_configuration_quote_a_part_of_long_values(given):
     with pytest.raises(ConfigError) as caught:
         resolve(given)
-
     assert max(map(len, caught.value.faults)) < 600
     assert max(map(len, str(caught.value).splitlines())) < 600

@@ -219,8 +219,7 @@ def test_cloud_that_has_no_estimates_is_refused_and_changes_nothing():
 
 
 @pytest.mark.parametrize(
-    ("field", "value"),
-    [("x", 1.7e308), ("vx", 1e300), ("cov_00", 1e300), ("omega", -1e300)],
+    ("field", "value"), [("x", 1.7e308), ("vx", 1e300), ("cov_00", 1e300), ("omega", -1e300)]
 )
 def test_a_cloud_with_absurd_numbers_is_refused(field, value):
     with pytest.raises(RejectedMessageError, match=f"'{field}' has a value that is not finite"):

@@ -97,7 +97,6 @@ def test_resolve_suggests_the_parameter_that_is_meant(given, fault):
 
 def test_resolve_looks_for_no_parameter_among_very_many():
     faults = faults_of({f"intervall_{k}": 1.0 for k in range(100)})
-
     assert faults[0] == "intervall_0: unknown parameter"
     assert len(faults) == 100
 

@@ -61,10 +61,7 @@ def test_bridge_and_hand_over_refuse_the_names_of_before():
 
 def test_changes_of_a_running_tracker_are_refused_alike():
     usual = settings.resolve({})
-    for change in (
-        settings.change,
-        lambda known, c: settings.edit(known.values, c),
-    ):
+    for change in (settings.change, lambda known, c: settings.edit(known.values, c)):
         with pytest.raises(ConfigError, match="publish_path: no longer a parameter, use outputs"):
             change(usual, {"publish_path": True})
 

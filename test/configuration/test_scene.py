@@ -54,7 +54,6 @@ def test_differences_leaves_birth_places_out_where_targets_are_born_at_detection
 def test_other_places_are_those_recorded_of_radars_that_both_have():
     recorded = resolve({"sensors": ["a", "b"], "a.position": [1.0, 2.0], "a.pose": "/ship"}).values
     given = resolve({"sensors": ["a"], "a.yaw_deg": 3.0, "a.range_std": 5.0}).values
-
     assert other_places(recorded, given) == {
         "a.position": [1.0, 2.0],
         "a.yaw_deg": 0.0,

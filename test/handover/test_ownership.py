@@ -16,10 +16,7 @@ from phd_jdtc_ros.handover import ownership
 from phd_jdtc_ros.handover.ownership import APART, FORGOTTEN_S, TOGETHER, Handover, Numbers
 
 # Parted at x = 0, with an overlap of 10 km on each side.
-REGIONS = (
-    Region(-100e3, -100e3, 0.0, 100e3, 10e3),
-    Region(0.0, -100e3, 100e3, 100e3, 10e3),
-)
+REGIONS = (Region(-100e3, -100e3, 0.0, 100e3, 10e3), Region(0.0, -100e3, 100e3, 100e3, 10e3))
 HYSTERESIS = 2e3
 
 

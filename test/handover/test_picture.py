@@ -11,10 +11,7 @@ from phd_jdtc_ros.handover.synchroniser import Refusal
 
 NS = 10**9
 # Parted at x = 0, with an overlap of 10 km on each side.
-REGIONS = (
-    Region(-100e3, -100e3, 0.0, 100e3, 10e3),
-    Region(0.0, -100e3, 100e3, 100e3, 10e3),
-)
+REGIONS = (Region(-100e3, -100e3, 0.0, 100e3, 10e3), Region(0.0, -100e3, 100e3, 100e3, 10e3))
 WEST, EAST = 0, 1
 
 

@@ -60,7 +60,6 @@ def test_demo_ends_with_a_tracker_that_cannot_start(tmp_path, monkeypatch):
     path = tmp_path / "bad.yaml"
     path.write_text(BAD)
     found = ended({"params_file": path, "out": tmp_path / "out"}, monkeypatch, status=1)
-
     assert found["tracker"] == 2
     # Ended with it, and the replay was never started.
     assert {*found} == {"tracker", "evaluator"}
@@ -73,7 +72,6 @@ def test_demo_ends_after_a_bag_without_truth(tmp_path, monkeypatch):
     first = islice(shipped.messages(topics), 10)
     bag = write(tmp_path / "bag", topics, [(m.topic, m.data, m.log_time_ns) for m in first])
     found = ended({"bag": bag, "out": tmp_path / "out"}, monkeypatch)
-
     assert found == {"tracker": 0, "evaluator": 0, "sensor_replay": 0}
 
 

@@ -98,7 +98,6 @@ def printed(tmp_path, monkeypatch):
 
 def test_the_tracker_gets_its_parameters_and_its_name(printed):
     found = printed(["phd_jdtc_ros"], namespace="alpha", use_sim_time="true")
-
     (started,) = found["tracker"]
     arguments = started["arguments"]
     assert "__node:=tracker" in arguments
@@ -109,7 +108,6 @@ def test_the_tracker_gets_its_parameters_and_its_name(printed):
 
 def test_rviz_shows_the_tracker_of_the_namespace(printed):
     found = printed(["phd_jdtc_ros", "rviz2"], namespace="alpha", rviz="true")
-
     (started,) = found["rviz2"]
     assert any(entry.endswith("rviz/demo.rviz") for entry in started["arguments"])
     for topic in ("detections", "filtered/estimates", "smoothed/estimates", "markers"):
@@ -126,7 +124,6 @@ def test_rviz_shows_the_tracker_of_the_namespace(printed):
 )
 def test_frames_are_published_by_the_tracker_alone_as_asked(printed, given, expected):
     (started,) = printed([*EXECUTABLES], frames=given)["tracker"]
-
     assert parameters(started["arguments"]).get("outputs") == expected
 
 
@@ -134,7 +131,6 @@ def test_parameters_of_the_node_alone_are_no_obstacle(printed, tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text(MINE)
     found = printed([*EXECUTABLES], params_file=str(path), rviz="true")
-
     assert len(found["tracker"]) == 1
     (rviz,) = found["rviz2"]
     # The radars' own topics are not shown, whatever their names.
@@ -143,13 +139,11 @@ def test_parameters_of_the_node_alone_are_no_obstacle(printed, tmp_path):
 
 def test_dds_stays_as_it_is_unless_asked(printed):
     (started,) = printed(["phd_jdtc_ros"])["tracker"]
-
     assert not {*PROFILE_VARIABLES} & {*started["environment"]}
 
 
 def test_all_that_is_started_keeps_to_this_machine_if_asked(printed):
     found = printed([*EXECUTABLES], localhost_only="true", rviz="true")
-
     profile = SHARE / "config" / "dds" / "localhost_only.xml"
     processes = [started["environment"] for name in found for started in found[name]]
     assert len(processes) == 2
@@ -161,7 +155,6 @@ def test_all_that_is_started_keeps_to_this_machine_if_asked(printed):
 def test_a_dds_profile_of_the_users_stays_in_force(printed, monkeypatch):
     monkeypatch.setenv(PROFILE_VARIABLES[0], "/etc/site.xml")
     (started,) = printed(["phd_jdtc_ros"], localhost_only="true")["tracker"]
-
     assert started["environment"][PROFILE_VARIABLES[0]] == "/etc/site.xml"
     assert PROFILE_VARIABLES[1] not in started["environment"]
 
@@ -179,7 +172,6 @@ def test_a_dds_profile_of_the_users_stays_in_force(printed, monkeypatch):
 )
 def test_nothing_is_started_with_a_wrong_argument(printed, wrong):
     found = printed([*EXECUTABLES], status=1, **wrong)
-
     assert not any(found.values())
 
 
@@ -188,7 +180,6 @@ def test_nothing_is_started_with_a_file_that_the_tracker_refuses(printed, tmp_pa
     path = tmp_path / "site.yaml"
     path.write_text(text)
     found = printed([*EXECUTABLES], status=1, params_file=str(path), namespace="s1")
-
     assert not any(found.values())
 
 
@@ -203,7 +194,6 @@ def test_pushed_namespace_reaches_rviz_and_the_file(printed, tmp_path):
         params_file=str(path),
         rviz="true",
     )
-
     (tracker,), (rviz,) = found["tracker"], found["rviz2"]
     assert {"__node:=t2", "__ns:=/site/alpha"} <= {*tracker["arguments"]}
     assert "/tracker/markers:=/site/alpha/t2/markers" in rviz["arguments"]
@@ -211,30 +201,22 @@ def test_pushed_namespace_reaches_rviz_and_the_file(printed, tmp_path):
 
 def test_log_level_and_enclave_reach_the_tracker(printed):
     (started,) = printed(["phd_jdtc_ros"], log_level="debug", enclave="/s1")["tracker"]
-
     words = " ".join(started["arguments"])
     assert "--log-level debug" in words
     assert "--enclave /s1" in words
 
 
 @pytest.mark.parametrize(
-    ("ends_with", "respawn", "starts"),
-    [(2, "True", 1), (1, "True", 2), (1, "false", 1)],
+    ("ends_with", "respawn", "starts"), [(2, "True", 1), (1, "True", 2), (1, "false", 1)]
 )
 def test_a_tracker_that_stays_dead_ends_the_launch_with_1(printed, ends_with, respawn, starts):
     """Respawn is bounded, and of no use after status 2."""
     found = printed(
-        ["phd_jdtc_ros"],
-        status=1,
-        respawn=respawn,
-        respawn_max_retries="1",
-        ends_with=ends_with,
+        ["phd_jdtc_ros"], status=1, respawn=respawn, respawn_max_retries="1", ends_with=ends_with
     )
-
     assert len(found["tracker"]) == starts
 
 
 def test_a_tracker_that_ends_well_ends_the_launch_with_status_0(printed):
     found = printed(["phd_jdtc_ros"], status=0, respawn="true", respawn_max_retries="1")
-
     assert len(found["tracker"]) == 2

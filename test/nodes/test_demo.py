@@ -48,7 +48,6 @@ def broken(metrics):
 
 def test_demo_reaches_the_promised_figures(demo):
     metrics = json.loads((demo / "metrics.json").read_text())
-
     assert broken(metrics) == set()
     assert metrics["scans"] == 80
     assert (metrics["p"], metrics["c"]) == (2, 1000)
@@ -63,7 +62,6 @@ def test_demo_reaches_the_promised_figures(demo):
 
 def test_demo_shows_the_other_engine_beside_the_one_that_ran(demo):
     metrics = json.loads((demo / "metrics.json").read_text())
-
     other = metrics["compared"]
     assert other["engine"] == "gaussian"
     assert other["scans"] == metrics["scans"]
@@ -92,7 +90,6 @@ def test_demo_records_everything_published(demo):
         names.TRUTH,
         *map(names.detections, ("radar_1", "radar_2")),
     }
-
     assert set(reader.types) == expected
     for topic in expected - {names.DIAGNOSTICS, names.OSPA}:
         assert reader.counts[topic] == 80, topic
@@ -162,7 +159,6 @@ def test_demo_refuses_a_recording_with_other_files(tmp_path, capsys):
     path.parent.mkdir()
     path.touch()
     assert run("demo", ["--bag", str(BAG), "--out", str(tmp_path)]) == 2
-
     assert path.exists()
     assert capsys.readouterr().err == (
         f"demo: {path}: is not of a demo, so {path.parent} is not replaced\n"
@@ -194,7 +190,6 @@ def test_demo_ends_its_nodes_when_it_is_terminated(executables, tmp_path):
     left = [pid for pid in nodes if Path(f"/proc/{pid}").exists()]
     for pid in left:
         os.kill(pid, signal.SIGKILL)
-
     assert len(nodes) >= 2
     assert left == []
     assert status == 130

@@ -159,7 +159,6 @@ def test_every_number_for_plots_is_published_and_is_that_of_the_diagnostics(live
 
 def test_rviz_and_foxglove_show_every_topic():
     options = RVIZ["Visualization Manager"]["Global Options"]
-
     assert set(rviz_displays()) == SHOWN
     assert options["Fixed Frame"] == "map"
     assert all(display["Enabled"] for display in rviz_displays().values())
@@ -182,7 +181,6 @@ def test_colours_are_those_of_the_report():
 
 def test_detections_of_every_driver_are_coloured_by_amplitude():
     display, setting = rviz_displays()[DETECTIONS], MAP["topics"][DETECTIONS]
-
     assert (display["Channel Name"], display["Color Transformer"]) == ("amplitude", "Intensity")
     assert setting["colorField"] == "amplitude"
     assert not any(name.endswith("/detections") for name in SHOWN - {DETECTIONS})
@@ -192,12 +190,10 @@ def test_detections_of_every_driver_are_coloured_by_amplitude():
 def test_detections_stand_out_from_the_background_in_rviz(end):
     options = RVIZ["Visualization Manager"]["Global Options"]
     colours = (rviz_displays()[DETECTIONS][end], options["Background Color"])
-
     assert contrast(*([int(part) for part in colour.split(";")] for colour in colours)) >= VISIBLE
 
 
 @pytest.mark.parametrize("end", [0, 1])
 def test_detections_stand_out_from_the_background_in_foxglove(end):
     colours = (MAP["topics"][DETECTIONS]["gradient"][end], MAP["scene"]["backgroundColor"])
-
     assert contrast(*([*bytes.fromhex(colour[1:])] for colour in colours)) >= VISIBLE

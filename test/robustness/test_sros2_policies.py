@@ -148,14 +148,12 @@ OF_EVERY_NODE = re.compile(
 )
 def test_page_of_the_tracker_lists_every_topic_and_service(used, kind, key):
     own = {name for name in used["tracker"][key] if not OF_EVERY_NODE.fullmatch(name)}
-
     assert documented(kind) == own
 
 
 def test_operator_sees_every_topic_of_the_nodes():
     rights = allowed()
     topics = {topic for name in ARGUMENTS for topic in rights[name]["topics", "publish"]}
-
     assert (
         topics - {"/parameter_events", "/tracker/_instance"}
         <= (rights["operator"]["topics", "subscribe"])

@@ -51,7 +51,6 @@ def dense(window, death_term=smoothing.DEATH_TERM):
 def test_weights_of_every_form_are_those_of_the_dense_one(window, death_term):
     exact = of_rows(dense(window, death_term), window.stored[0])
     *_, smoothed = backward_pass(recursion.chain(window.stored, window.links()), death_term)
-
     assert_allclose(smoothed.weight, exact, rtol=1e-3, atol=1e-9 * exact.sum())
     assert np.abs(smoothed.weight - exact).sum() < 1e-5 * exact.sum()
     # The form by label needs labels, and the tree is right within the gate only.
@@ -67,7 +66,6 @@ def test_gate_error_is_small_and_shows_a_gate_that_is_not(window, monkeypatch):
     good = smoothing.gate_error(window, exact)
     monkeypatch.setattr(backward_kernel, "KERNEL_GATE_SIGMA", 3.0)
     bad = smoothing.gate_error(window, exact)
-
     assert good["largest_relative"] < 1e-3
     assert good["l1"] < 1e-5
     assert bad["largest_relative"] > 0.05
@@ -103,7 +101,6 @@ def test_engine_tracks_all_targets_of_a_crowd_from_its_first_scan(engine):
 def test_limit_goes_over_all_that_the_search_goes_over(window):
     earlier, later = window.stored[-2:]
     gathered = forms.whiten_sort_gather(earlier, later, window.model, window.dt)
-
     # Two motions per class: every earlier particle may change to either motion of its class.
     assert sum(len(points) for points in gathered[0::2]) == 2 * len(earlier)
     assert sum(len(points) for points in gathered[1::2]) == len(later)
@@ -138,7 +135,6 @@ def test_latency_is_from_the_time_of_a_detection_to_the_estimates_of_its_sector(
         for k, each in enumerate(found)
     ]
     replies = [Reply(estimate_s=7.02), Reply(estimate_s=8.5), Reply(estimate_s=9.03)]
-
     late = sector_latency.latencies(reports, replies, zero_s=-993.0)
     assert_allclose(late, [0.02, 0.12, 0.03], atol=1e-9)
 
@@ -149,7 +145,6 @@ def test_latency_by_sectors_is_measured_on_a_live_tracker_that_has_all_aircraft(
     for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTDDS_BUILTIN_TRANSPORTS"):
         monkeypatch.setenv(name, "")
     found = sector_latency.of_turns(1, recursion.GAUSSIAN)
-
     assert found.get("reason") is None
     assert found["sectors"] == 16
     assert found["detections"] >= 40
@@ -164,7 +159,6 @@ def test_latency_by_sectors_may_be_longer_by_a_step(cost):
     of_turning = {"turning": {"latency": {recursion.PARTICLES: latency}, "cost": cost}}
     figures = {figure["name"]: figure for figure in goals.judge(of_turning)}
     of_sectors = figures["latency of a detection by sectors over DDS, p99, s"]
-
     assert of_sectors["goal"] == pytest.approx(0.32)
     assert of_sectors["reached"] is True
     latency["step_ms"]["p99"] = 5.0
@@ -191,7 +185,6 @@ def test_tables_show_latency_by_sectors_and_every_form_of_a_turn(cost):
     }
     of_turning = {"turning": {"latency": {recursion.GAUSSIAN: latency}, "cost": cost}}
     page = tables.markdown(tables.tables({**of_turning, "figures": goals.judge(of_turning)}))
-
     assert "| to the estimates of its sector | 0.150 s | 0.277 s | 0.290 s |" in page
     assert "555 detections, 50 aircraft tracked" in page
     for form in turning.FORMS:
@@ -219,7 +212,6 @@ def summary():
 
 def test_summary_holds_every_figure(summary):
     names = [figure["name"] for figure in summary["figures"]]
-
     assert len(names) == len(set(names)) == 40
     for figure in summary["figures"]:
         keys = {"name", "value", "goal", "at_most", "reached"}
@@ -235,7 +227,6 @@ def test_summary_holds_every_figure(summary):
 
 def test_summary_explains_why_a_figure_is_missing(summary):
     reasons = {figure["name"]: figure.get("reason") for figure in summary["figures"]}
-
     assert reasons["latency over DDS beyond the step, p99, ms"] == "left out of this run"
     assert reasons["step, 200 targets, ms"] == "left out of the quick run"
     assert reasons["largest error of a weight"] is None
@@ -255,7 +246,6 @@ def test_parts_of_a_step_add_up_to_it(summary):
 
 def test_write_leaves_the_summary_and_the_pictures(summary, tmp_path):
     paths = command.write(summary, tmp_path / "bench")
-
     assert json.loads(paths[0].read_text()) == json.loads(json.dumps(summary))
     assert {path.name for path in paths} == {
         "summary.json",
@@ -273,7 +263,6 @@ def test_tables_show_every_part_and_figure(summary):
         console.print(table)
     text = console.export_text()
     page = tables.markdown(tables.tables(summary))
-
     for figure in summary["figures"]:
         assert figure["name"] in text
         assert f"| {figure['name']} |" in page
@@ -299,7 +288,6 @@ def test_messages_are_measured_around_a_step_that_finds_the_same():
         for index, report in enumerate(messages._reports(2))
         for event in pipeline.add(index, 10**12, report)
     ]
-
     (stepped,) = events
     assert isinstance(stepped, Stepped)
     assert (stepped.step.filtered, stepped.step.smoothed) == ((found,), (found,))

@@ -13,9 +13,7 @@ def test_ratio_is_the_median_over_the_rounds_of_one_machine():
 @pytest.mark.parametrize(("now", "status"), [(1.3, 1), (1.1, 0)])
 def test_main_fails_if_an_engine_is_slower_than_allowed(monkeypatch, capsys, now, status):
     monkeypatch.setattr(gate, "seconds", lambda source, _: now if source == gate.ROOT else 1.0)
-
     assert gate.main(["HEAD"]) == status
-
     assert f"gaussian: {now:.2f} times" in capsys.readouterr().out
 
 

@@ -129,7 +129,7 @@ def test_installed_offline_scripts_work_from_an_empty_directory(installed, tmp_p
 def test_installed_demo_runs_from_an_empty_directory(installed, tmp_path, short_bag):
     """The nodes are those of the installation too, whatever else there is."""
     status, _, err = start(
-        *(installed, tmp_path, installed / "bin" / "demo", "--bag", short_bag, *FEW_PARTICLES),
+        *(installed, tmp_path, installed / "bin" / "demo", "--bag", short_bag, *FEW_PARTICLES)
     )
     assert status == 0, err
     out = tmp_path / "out" / "demo_short"

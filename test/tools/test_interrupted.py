@@ -16,8 +16,7 @@ LONG = "interval_s: 6.0\nscans: 4000\ntargets: []\n"
 
 
 @pytest.mark.parametrize(
-    ("name", "number"),
-    [("simulate", signal.SIGTERM), ("track_bag", signal.SIGINT)],
+    ("name", "number"), [("simulate", signal.SIGTERM), ("track_bag", signal.SIGINT)]
 )
 def test_interrupted_tool_completes_its_bag(tmp_path, name, number):
     out, scenario = tmp_path / "out", tmp_path / "long.yaml"

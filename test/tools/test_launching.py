@@ -49,7 +49,6 @@ def test_names_are_those_of_the_group_that_the_launch_file_is_in(pushed, given, 
 def test_load_takes_the_file_for_the_tracker_alone(tmp_path):
     path = tmp_path / "site.yaml"
     path.write_text("/s1/tracker: {ros__parameters: {lag: 2, max_wait_s: 9.0}}\n")
-
     assert arguments.load(str(path), "/s1/tracker").lag.scans == 2
     assert faults_of(arguments.load, str(path), "/tracker") == [
         f"{path}: has no section for this node, /tracker; it has /s1/tracker"
@@ -81,7 +80,6 @@ def test_rate_refuses_what_the_replay_would_refuse(text):
 
 def test_demo_of_a_shipped_bag_has_its_parameters_for_the_tracker_of_that_name(tmp_path):
     found = arguments.demo("three_classes", "", "/s1/t2", tmp_path / "out")
-
     assert found.bag.samefile(ROOT / "bags" / "three_classes")
     assert [kind.name for kind in found.config.model.modes.classes] == ["weak", "medium", "strong"]
     assert arguments.load(found.params_file, "/s1/t2").values == found.config.values
@@ -91,11 +89,9 @@ def test_demo_takes_a_file_of_its_own_or_the_defaults(tmp_path):
     path = tmp_path / "site.yaml"
     path.write_text("/tracker: {ros__parameters: {lag: 2}}\n")
     found = arguments.demo("three_classes", str(path), "/tracker", tmp_path / "out")
-
     assert (found.params_file, found.config.lag.scans) == (str(path), 2)
     assert not (tmp_path / "out").exists()
     found = arguments.demo(str(tmp_path), "", "/tracker", tmp_path / "out")
-
     assert (found.bag, found.params_file) == (tmp_path, "")
     assert found.config.values == resolve({}).values
 

@@ -31,7 +31,6 @@ def test_profile_runs_a_few_scans(profile, given):
     config = resolve(from_arguments.load(CONFIG / f"{profile}.yaml") | given)
     engine = new_engine(config)
     steps = [engine.step(s) for _, s in simulate(paper_scenario(config.model.radars), 0)[:8]]
-
     assert len(engine.flush()) == 5
     for step in steps:
         assert np.isfinite(step.filtered[0].state).all()
@@ -56,7 +55,6 @@ def test_automotive_tracks_its_bag_s_scenario(engine):
 
 def test_profiles_of_the_paper_have_what_it_prints():
     values = resolve(from_arguments.load(CONFIG / "paper_literal.yaml")).values
-
     assert values["engine"] == "phd_as_printed"
     assert values["ct.turn_noise_density"] == 0.1
     assert sum(values[f"{name}.rates"][0] for name in values["births"]) == 0.02
@@ -65,14 +63,12 @@ def test_profiles_of_the_paper_have_what_it_prints():
         resolve(from_arguments.load(CONFIG / f"{name}.yaml")).values
         for name in ("phd", "paper_scenario")
     )
-
     assert {name for name in phd if phd[name] != paper[name]} == {"engine"}
 
 
 def test_paper_scenario_has_the_motion_of_the_paper():
     values = resolve(from_arguments.load(CONFIG / "paper_scenario.yaml")).values
     default = resolve({}).values
-
     changed = {name for name in values if values[name] != default[name]}
     assert changed == {
         "engine",
@@ -88,6 +84,5 @@ def test_paper_scenario_has_the_motion_of_the_paper():
 
 def test_surveillance_has_no_birth_places():
     config = resolve(from_arguments.load(CONFIG / "surveillance.yaml"))
-
     assert config.model.births == ()
     assert config.model.detection_births.enabled

@@ -16,9 +16,7 @@ from robustness.hostile_input.small_chunks import rewritten
 
 def test_report_writes_a_page_and_pictures(tracked, tmp_path, capsys):
     out = tmp_path / "report"
-
     assert run("report", [str(tracked), "--out", str(out), "--title", "Eight scans"]) == 0
-
     assert "<h1>Eight scans</h1>" in (out / "report.html").read_text()
     assert {"scenario.png", "measurements.png", "trajectories.png", "ospa.png"} <= {
         path.name for path in out.iterdir()
@@ -29,11 +27,9 @@ def test_report_writes_a_page_and_pictures(tracked, tmp_path, capsys):
 def test_report_of_untracked_detections_notes_what_is_missing(short_bag, tmp_path, capsys):
     words = ["-p", "radar_2.topic:=/wrong/detections"]
     assert run("report", [str(short_bag), "--out", str(tmp_path), *words]) == 0
-
     said = capsys.readouterr().err.splitlines()[-1]
     missing = "/wrong/detections is missing, so the detections of radar_2 are not shown"
     assert said == f"report: {short_bag}: {missing}"
-
     text = (tmp_path / "report.html").read_text()
     assert "There are no estimates in this bag" in text
     assert '<canvas id="map"' in text
@@ -48,9 +44,7 @@ def test_report_of_a_recording_cut_by_a_kill_shows_every_whole_chunk(tracked, tm
     messages, _ = outcome(killed)
     intact = Counter(message.topic for message in messages)
     assert all(0 < intact[topic] < 8 for topic in topics)
-
     assert run("report", [str(killed), "--out", str(tmp_path / "out")]) == 3
-
     said = capsys.readouterr()
     (line,) = said.err.splitlines()
     assert re.fullmatch(
@@ -99,7 +93,6 @@ def test_report_takes_another_cutoff_and_names_of_the_classes(tracked, tmp_path,
     options = [f"classes:=[{', '.join(names)}]", *(f"{n}.snr_band_db:=[10.0, 50.0]" for n in names)]
     given = [word for option in options for word in ("-p", option)]
     assert run("report", [str(tracked), "--out", str(tmp_path), "--cutoff", "25.5", *given]) == 0
-
     assert "c = 25.5 m" in capsys.readouterr().out
     page = (tmp_path / "report.html").read_text()
     assert "Here p = 2, c = 25.5 m." in page

@@ -147,13 +147,7 @@ def test_jacobian_takes_an_interval_for_each_row():
 
 def space(*matrices, survival=0.99, interval_s=6.0):
     classes = tuple(
-        ClassModel(
-            f"class_{i}",
-            (10.0, 100.0),
-            (CV, CT, CV)[: len(m)],
-            np.array(m),
-            survival,
-        )
+        ClassModel(f"class_{i}", (10.0, 100.0), (CV, CT, CV)[: len(m)], np.array(m), survival)
         for i, m in enumerate(matrices)
     )
     return ModeSpace(classes, interval_s)

@@ -30,7 +30,6 @@ def test_what_is_sent_comes_back():
     )
     cloud = adapter.to_msg(given, 0, "radar_1", LAYOUT)
     report = adapter.from_msg(cloud, LAYOUT)
-
     assert_array_equal(report.detections.code, given.code)
     assert_array_equal(report.detections.address, given.address)
     assert_array_equal(report.detections.height, given.height)
@@ -57,12 +56,10 @@ def test_invalid_identity_is_unknown_and_counted_unless_flagged(kind, value, unu
 
 def test_identities_are_of_each_detection_that_is_left():
     code, unusable = read(np.array([5.0, -3.0, 6.0]), np.array([True, False, True]), CODES)
-
     assert_array_equal(code, [5, 6])
     assert unusable == 0
     given = found(height=np.array([1.0, 2.0]), code=np.array([3, 4]), address=np.array([5, 6]))
     part = given.take(np.array([1]))
-
     assert (part.height[0], part.code[0], part.address[0]) == (2.0, 4, 6)
     assert part.code.dtype == np.int64
     with pytest.raises(ValueError, match=r"code: expected shape \(2,\), got \(3,\)"):

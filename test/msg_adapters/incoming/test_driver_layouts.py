@@ -80,7 +80,6 @@ def test_the_smartmicro_example_reads_its_drivers_clouds(example):
         power=[-60.0, -50.0],
     )
     report = detections.from_msg(message, radar)
-
     assert message.point_step == 44
     assert_allclose(report.detections.measurement, [[50.0, 0.25], [100.0, -0.5]])
     assert_allclose(report.detections.amplitude, np.sqrt([20.0, 200.0]))
@@ -92,7 +91,6 @@ def test_the_ars548_example_reads_its_drivers_clouds(example):
         **{"range": [50.0, 100.0], "azimuth": [0.25, -0.5], "rcs": [-20, 10]},
     )
     report = detections.from_msg(message, example("/detection_points"))
-
     assert message.point_step == 64
     assert_allclose(report.detections.measurement, [[50.0, 0.25], [100.0, -0.5]])
     assert_allclose(report.detections.amplitude, np.sqrt([20.0, 20000.0]))

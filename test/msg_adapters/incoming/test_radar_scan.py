@@ -64,9 +64,7 @@ def test_from_cdr_reads_what_from_msg_does_however_long_the_frame(frame, little_
     setting = radar(frame=frame)
     data = radar_scans.cdr(STAMP_NS, frame, ROWS, little_endian)
     expected = radar_scan.from_msg(scan(*ROWS, frame=frame), setting)
-
     report = radar_scan.from_cdr(data, setting)
-
     assert report.stamp_ns == STAMP_NS
     assert_allclose(report.detections.measurement, expected.detections.measurement, rtol=1e-6)
     assert_allclose(report.detections.amplitude, expected.detections.amplitude, rtol=1e-6)

@@ -32,7 +32,6 @@ def columns(cloud):
 def test_to_cdr_has_all_radars_detections_in_the_world_frame():
     cloud = cloud_of(HITS, Detections(np.array([[10.0, 0.0]]), np.array([7.0])))
     found = columns(cloud)
-
     assert (cloud.header.frame_id, stamps.to_ns(cloud.header.stamp)) == ("site", STAMP_NS)
     assert tuple(field.name for field in cloud.fields) == NAMES
     np.testing.assert_allclose(found["x"], [900.0, 1000.0, 0.0], atol=1e-4)
@@ -43,17 +42,14 @@ def test_to_cdr_has_all_radars_detections_in_the_world_frame():
 
 def test_to_cdr_has_zeros_for_unknown_amplitudes_and_known_heights():
     found = columns(cloud_of(HITS, Detections(np.array([[10.0, 0.0]]), None)))
-
     np.testing.assert_array_equal(found["amplitude"], [4.0, 30.0, 0.0])
     high = replace(HITS, height=np.array([3048.0, np.nan]))
-
     assert columns(cloud_of(high, HITS))["z"].tolist() == [3048.0, 0.0, 0.0, 0.0]
 
 
 @pytest.mark.parametrize("reports", [(None, None), (SILENT, None), (SILENT, SILENT)])
 def test_to_cdr_of_nothing_is_an_empty_cloud(reports):
     cloud = cloud_of(*reports)
-
     assert (cloud.width, cloud.height) == (0, 1)
     assert tuple(field.name for field in cloud.fields) == NAMES
 

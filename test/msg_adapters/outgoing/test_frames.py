@@ -20,7 +20,6 @@ def decoded(mountings, world="map"):
 def test_to_cdr_places_every_frame_in_the_world():
     mast = Mounting("mast", (1000.0, -20.5), 2.0)
     first, second = decoded([mast, Mounting("radar_number_two", (0.0, 3.0), 0.0)], "site")
-
     assert (first.header.frame_id, first.child_frame_id) == ("site", "mast")
     assert (first.header.stamp.sec, first.header.stamp.nanosec) == divmod(STAMP_NS, 10**9)
     where = first.transform.translation
@@ -33,7 +32,6 @@ def test_to_cdr_places_every_frame_in_the_world():
 def test_to_cdr_turns_a_frame_counter_clockwise(yaw):
     ((transform),) = decoded([Mounting("mast", (0.0, 0.0), yaw)])
     q = transform.transform.rotation
-
     # The x axis of the radar, in the world frame.
     ahead = (q.w**2 - q.z**2, 2.0 * q.w * q.z)
     assert (q.x, q.y) == (0.0, 0.0)

@@ -127,7 +127,6 @@ def test_to_cdr_equals_the_serialised_objects(found, frame):
     names = NAMES if found.class_probability.shape[1] == 2 else (*NAMES, "other")
     read = deserialize_message(markers.to_cdr(found, frame, names), MarkerArray)
     expected = as_sent(marker_array(found, frame, names))
-
     assert without_points(read) == without_points(expected)
     np.testing.assert_allclose(coordinates(read), coordinates(expected), rtol=0.0, atol=1e-9)
 

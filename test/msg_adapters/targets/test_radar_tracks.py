@@ -20,7 +20,6 @@ RUN = uuid.UUID(int=1)
 @pytest.mark.parametrize("given", [estimates(), nothing()])
 def test_to_msg_has_position_and_class_of_targets(given):
     message = radar_tracks.to_msg(given, "map", RUN, CLASS)
-
     assert message.header.frame_id == "map"
     assert stamps.to_ns(message.header.stamp) == STAMP_NS
     for row, track in enumerate(message.tracks):
@@ -48,12 +47,10 @@ def identifiers(given, run=RUN):
 def test_to_msg_gives_identifiers_within_a_run():
     given = replace(estimates(), track_id=np.array([7, 8, 9]))
     later = replace(given, stamp_ns=STAMP_NS + 1, track_id=np.array([9, 8, 7]))
-
     assert identifiers(later) == identifiers(given)[::-1]
     assert not set(identifiers(given, uuid.UUID(int=2))) & set(identifiers(given))
     given = replace(estimates(), track_id=np.zeros(3, dtype=int))
     later = replace(given, stamp_ns=STAMP_NS + 1)
-
     assert len({*identifiers(given), *identifiers(later)}) == 6
 
 

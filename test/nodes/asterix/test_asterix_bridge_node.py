@@ -254,7 +254,6 @@ def test_second_radar_of_a_number_and_a_wrong_clock_are_reported(unicast):
 
 def test_bridge_that_receives_nothing_says_so_and_fails(unicast):
     process = unicast.start()
-
     unicast.peer.said(process, f"on {LOOPBACK}:{unicast.port}; check the address and port")
     process.terminate()
     assert process.wait(10.0) == 1
@@ -263,7 +262,6 @@ def test_bridge_that_receives_nothing_says_so_and_fails(unicast):
 
 def test_bridge_stops_and_starts_again_on_request(unicast):
     process = unicast.start("-p", "autostart:=true")
-
     bridge = partial(change, unicast.peer, node="/asterix_bridge")
     # From here on the address is free, and taken again.
     assert bridge("DEACTIVATE")

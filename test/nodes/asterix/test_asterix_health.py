@@ -42,11 +42,7 @@ def test_input_without_any_datagram_is_a_warning_that_names_the_address(active_s
 
 @pytest.mark.parametrize(
     ("active_s", "level"),
-    [
-        (1.0, DiagnosticStatus.OK),
-        (20.0, DiagnosticStatus.WARN),
-        (math.nan, DiagnosticStatus.STALE),
-    ],
+    [(1.0, DiagnosticStatus.OK), (20.0, DiagnosticStatus.WARN), (math.nan, DiagnosticStatus.STALE)],
 )
 def test_output_without_any_estimates_is_a_warning(active_s, level):
     found = health.of_output(moment(active_s), ADDRESS, Counter(), {}, 0, "no publisher")

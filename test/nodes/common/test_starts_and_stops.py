@@ -33,7 +33,6 @@ def test_node_stops_cleanly_on_a_signal(processes, name, signals):
         process.send_signal(number)
         time.sleep(0.05)
     status = process.wait(10.0)
-
     assert status == 0
     assert time.monotonic() - started < 2.0
     assert "Traceback" not in process.log.read_text()
@@ -49,7 +48,6 @@ def test_node_stops_cleanly_while_it_is_being_imported(executables, name, number
     started = time.monotonic()
     process.send_signal(number)
     status = process.wait(10.0)
-
     assert status == 0
     assert time.monotonic() - started < 1.0
     assert "Traceback" not in process.log.read_text()
@@ -59,7 +57,6 @@ def test_tool_that_is_interrupted_during_its_imports_prints_nothing(executables)
     process = executables.start("track_bag", "none", PYTHONPROFILEIMPORTTIME="1")
     logging(process, "numpy")
     process.send_signal(signal.SIGINT)
-
     assert process.wait(10.0) == 130
     assert "Traceback" not in process.log.read_text()
 
@@ -67,7 +64,6 @@ def test_tool_that_is_interrupted_during_its_imports_prints_nothing(executables)
 @pytest.mark.parametrize("name", NODES)
 def test_node_shows_its_help(processes, name):
     status, text = processes.run(name, "--help")
-
     assert status == 0
     assert text.startswith(f"usage: {name} [-h]")
     assert "`" not in text  # names of modules are for those who read the code
@@ -76,14 +72,12 @@ def test_node_shows_its_help(processes, name):
 @pytest.mark.parametrize("name", NODES)
 def test_node_refuses_stray_words_and_what_is_no_time_to_go_by(processes, tmp_path, name):
     status, text = processes.run(name, *NODES[name][:1], "--params-file", tmp_path / "p.yaml")
-
     assert status == 2
     assert text.splitlines()[-1] == (
         f"{name}: --params-file: is a ROS argument, must follow --ros-args"
     )
     words = NODES[name][:1]
     status, text = processes.run(name, *words, "--ros-args", "-p", "use_sim_time:=5")
-
     assert status == 2
     assert "use_sim_time" in text
     assert "Traceback" not in text
@@ -96,7 +90,6 @@ def test_tracker_starts_without_what_it_does_not_need():
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60.0
     )
-
     assert done.stdout == "set()\n"
 
 
@@ -109,7 +102,6 @@ def test_tracker_lists_every_parameter_fault(processes):
         *("-p", "radar_1.range_std:=.nan"),
         *("-p", "class_0.snr_band_db:=[1.0]"),
     )
-
     assert status == 2
     assert "lag: -1 given, must be a whole number of scans from 0 to 100" in text
     assert "survival: unknown parameter" in text
@@ -131,7 +123,6 @@ def test_tracker_lists_every_parameter_fault(processes):
 def test_node_refuses_impossible_values(processes, name, words, fault):
     ros = (word for given in words for word in ("-p", given))
     status, text = processes.run(name, "--ros-args", *ros)
-
     assert status == 2
     assert text.splitlines()[-1].startswith(f"{name}: ")
     assert text.count(fault) == 1
@@ -141,7 +132,6 @@ def test_node_refuses_impossible_values(processes, name, words, fault):
 def test_evaluator_refuses_to_overwrite_a_recording(processes, tmp_path):
     (tmp_path / "bag").mkdir()
     status, text = processes.run("evaluator", "--ros-args", "-p", f"record:={tmp_path / 'bag'}")
-
     assert status == 2
     assert "already exists" in text
     assert "Traceback" not in text

@@ -78,7 +78,6 @@ def test_shipped_analyzers_take_every_status_of_two_sites_once(statuses):
     assert {name: len(found) for name, found in places.items()} == dict.fromkeys(statuses, 1)
     assert places["/site_b/tracker: radar_1"] == ["/Tracking/Radars/site_b tracker: radar_1"]
     assert places["/site_a/tracker: step time"] == ["/Tracking/Step time/site_a tracker: step time"]
-
     sites = Aggregator(ANALYZERS / "sites.yaml")
     assert {name: list(sites.places(name)) for name in statuses} == {
         f"/site_{site}/tracker: {line}": [f"/Tracking/Site {site.upper()}/{line}"]

@@ -60,7 +60,6 @@ def test_evaluator_follows_track_ids_and_prints_the_names_of_the_classes(process
         source.send(second * SECOND, place, (*place, [7]), (*place, [label]))
     source.scored(4)
     status, _, metrics = end()
-
     assert status == 0
     assert metrics["filtered"]["all"]["ospa2"] == 0.0
     # In the second scan one track is half right, and half a track is too much.
@@ -77,7 +76,6 @@ def test_evaluator_ends_by_itself_after_the_wanted_scans(processes, peer):
     words = options(exit_after_scans=1, use_sim_time=True)
     evaluator = processes.start("evaluator", "--ros-args", *words)
     Source(peer).send(SECOND)
-
     assert peer.spin_until(lambda: evaluator.poll() is not None)
     assert evaluator.returncode == 0
 
@@ -110,7 +108,6 @@ def test_evaluator_refuses_a_report_that_cannot_be_written(processes, tmp_path, 
     (tmp_path / "file").touch()
     report = tmp_path / given
     status, text = processes.run("evaluator", "--ros-args", *options(report=report))
-
     assert status == 2
     assert text.startswith(f"evaluator: report: {report} given, ")
     assert len(text.splitlines()) == 1
@@ -122,7 +119,6 @@ def test_evaluator_reports_a_report_that_cannot_be_written_at_the_end(processes,
     Source(peer)
     report.mkdir()
     status, text = ended(evaluator)
-
     assert status == 1
     assert f"report not written: {report}: Is a directory" in text
     assert "Traceback" not in text
@@ -134,7 +130,6 @@ def test_evaluator_never_writes_nothing_over_figures_of_before(processes, peer, 
     evaluator = processes.start("evaluator", "--ros-args", *options(report=report))
     peer.said(evaluator, "waiting")
     status, text = ended(evaluator)
-
     assert status == 1
     assert f"{report} is still the report of an earlier run" in text
     assert report.read_text() == "good"
@@ -148,7 +143,6 @@ def test_evaluator_in_a_namespace_records_its_own_scores(processes, peer, tmp_pa
     source.send(SECOND)
     source.scored(2)
     source.taken()
-
     assert ended(evaluator)[0] == 0
     assert BagReader(tmp_path / "bag").counts[scores] == 2
 

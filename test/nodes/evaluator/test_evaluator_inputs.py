@@ -60,7 +60,6 @@ def test_evaluator_counts_what_it_never_received_and_what_came_twice(processes, 
     source.send_truth(5 * SECOND)
     source.scored(7)
     status, text, metrics = end()
-
     assert (status, len(source.scores)) == (0, 7)
     assert "1 of 5 scans have no filtered estimates" in text
     assert "2 of 5 scans have no smoothed estimates" in text
@@ -82,7 +81,6 @@ def test_evaluator_counts_what_was_lost_on_the_way(processes, peer):
     source.send(400 * SECOND)
     source.scored(4)
     status, text = ended(evaluator)
-
     lost = re.search(rf"(\d+) messages on {names.TRUTH} were lost on the way", text)
     assert status == 0
     assert 200 <= int(lost[1]) <= 398
@@ -123,6 +121,5 @@ def test_evaluator_warns_that_no_stamp_fits_and_may_fail(processes, peer, tmp_pa
     peer.said(evaluator, "no estimates are at a stamp of the truth")
     assert evaluator.poll() is None
     status, text = ended(evaluator)
-
     assert "nothing is scored: no estimates are at a stamp" in text
     assert status == (1 if wanted else 0)

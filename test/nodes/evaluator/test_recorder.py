@@ -31,7 +31,6 @@ def test_recorder_writes_what_arrives(peer, tmp_path):
         output.publish(String(data=f"note {k}"))
     assert peer.spin_until(lambda: recorder.written["/note"] == 5)
     recorder.close()
-
     bag = BagReader(tmp_path / "bag")
     assert bag.counts["/note"] == 5
     assert [b"note %d" % k in m.data for k, m in enumerate(bag.messages(["/note"]))] == [True] * 5
@@ -64,7 +63,6 @@ def test_recorder_takes_static_frames_published_before_it_began(peer, tmp_path):
     recorder = Recorder(peer.node, tmp_path / "bag", {names.STATIC_FRAMES: STRING})
     assert peer.spin_until(lambda: recorder.written[names.STATIC_FRAMES])
     recorder.close()
-
     bag = BagReader(tmp_path / "bag")
     assert bag.counts[names.STATIC_FRAMES] == 1
     assert "transient_local" in (tmp_path / "bag" / "metadata.yaml").read_text()
@@ -73,7 +71,6 @@ def test_recorder_takes_static_frames_published_before_it_began(peer, tmp_path):
 def test_recorder_that_cannot_subscribe_completes_its_bag(peer, tmp_path):
     with pytest.raises(InvalidTopicNameException):
         Recorder(peer.node, tmp_path / "bag", {"/9//note": STRING})
-
     assert list(BagReader(tmp_path / "bag").messages()) == []
     assert (tmp_path / "bag" / "metadata.yaml").exists()
 
@@ -84,7 +81,6 @@ def test_evaluator_that_cannot_start_completes_its_bag(processes, tmp_path):
         record=bag, **{f"qos_overrides.{names.TRUTH}.subscription.reliability": "mostly"}
     )
     status, text = processes.run("evaluator", "--ros-args", *words)
-
     assert status == 2
     assert "Unexpected QoS override" in text
     assert (bag / "metadata.yaml").exists()

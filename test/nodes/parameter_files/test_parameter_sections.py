@@ -44,7 +44,6 @@ def test_tools_read_the_sections_that_a_node_reads(tmp_path, text):
     finally:
         node.destroy_node()
         rclpy.shutdown(context=context)
-
     assert found
     assert from_arguments.load(path) == found
 
@@ -58,7 +57,6 @@ def test_scenario_file_is_refused_with_what_to_give_instead(processes, tmp_path,
         "three_classes": "bags/three_classes/parameters.yaml",
         "mine": "the parameters.yaml that simulate writes",
     }[name]
-
     assert status == 2
     assert text == (
         f"tracker: {path}: is a scenario file, must be a parameter file: give {instead}; offline "

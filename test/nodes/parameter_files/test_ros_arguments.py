@@ -27,7 +27,6 @@ SECTIONS = ("/s2/tracker", "tracker", "/evaluator", "sensor_replay")
 def test_fault_of_a_ros_argument_is_one_line(processes, name, case):
     words, expected = ARGUMENTS[case]
     status, text = processes.run(name, "--ros-args", *words)
-
     assert status == 2
     assert text.startswith(f"{name}: {expected}")
     assert len(text.splitlines()) == 1
@@ -57,7 +56,6 @@ LONG = [
 @pytest.mark.parametrize("words", LONG, ids=lambda words: " ".join(w[:12] for w in words))
 def test_long_values_are_quoted_in_part(processes, words):
     status, text = processes.run(*words)
-
     assert status == 2
     assert max(map(len, text.splitlines())) < 600
     assert text.splitlines()[-1].startswith(f"{words[0]}: ")
@@ -82,7 +80,6 @@ def test_fault_of_a_parameter_file_is_one_line(processes, tmp_path, name, case):
     path, (content, fault) = tmp_path / "p.yaml", FILES[case]
     path.write_text(content.format(name=name))
     status, text = processes.run(name, "--ros-args", "--params-file", path)
-
     assert status == 2
     assert text.startswith(f"{name}: {path}: {fault}")
     assert len(text.splitlines()) == 1
@@ -93,7 +90,6 @@ def test_file_without_a_section_for_the_node_ends_it(processes, tmp_path, name):
     path = tmp_path / "site.yaml"
     path.write_text("".join(f"{s}: {{ros__parameters: {{lag: 2}}}}\n" for s in SECTIONS))
     status, text = processes.run(name, "--ros-args", "-r", "__ns:=/s1", "--params-file", path)
-
     assert (status, text) == (
         2,
         f"{name}: {path}: has no section for this node, /s1/{name}; "
@@ -108,7 +104,6 @@ def test_file_of_another_name_is_not_for_a_renamed_tracker(processes, tmp_path):
     status, text = processes.run(
         "tracker", "--ros-args", "-r", "__node:=t2", "--params-file", good, "--params-file", path
     )
-
     assert (status, text) == (
         2,
         f"tracker: {path}: has no section for this node, /t2; it has /**/tracker\n",
@@ -126,7 +121,6 @@ def test_file_with_a_section_for_the_tracker_is_named(processes, peer, tmp_path,
     tracker = processes.start(
         "tracker", "--ros-args", "-r", "__ns:=/s1", "--params-file", path, *FAST
     )
-
     text = peer.said(tracker, "tracking ")
     assert (
         "tracking 2 classes (class_0, class_1) with 1 radar (north on /s1/plots), "
@@ -137,7 +131,6 @@ def test_file_with_a_section_for_the_tracker_is_named(processes, peer, tmp_path,
 @pytest.mark.parametrize("given", [(), ("-p", "lag:=2", "-p", "use_sim_time:=false")])
 def test_tracker_without_a_file_logs_that_it_uses_the_defaults(processes, peer, given):
     tracker = processes.start("tracker", "--ros-args", *given)
-
     (line,) = [row for row in peer.said(tracker, "tracking ").splitlines() if "tracking " in row]
     assert line.endswith(
         "tracking 2 classes (class_0, class_1) with 2 radars (radar_1 on /radar_1/detections, "
@@ -154,6 +147,5 @@ def test_tracker_by_the_defaults_does_not_take_a_file_of_launch_for_the_users(pr
         file.write("/tracker: {ros__parameters: {autostart: true, use_sim_time: false}}")
         file.flush()
         tracker = processes.start("tracker", "--ros-args", "--params-file", file.name)
-
         text = peer.said(tracker, "tracking ")
     assert "default parameters (profile defaults) except autostart: no parameter file" in text

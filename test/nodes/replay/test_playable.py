@@ -19,24 +19,20 @@ def choose(tmp_path, types, wanted=()):
 
 def test_choose_takes_foreign_topics_and_any_cloud_for_detections(tmp_path):
     found = choose(tmp_path, {RADAR: names.CLOUD, "/note": "std_msgs/msg/String"})
-
     assert set(found.classes) == {RADAR, "/note"}
     assert found.scan_topics == found.detections == (RADAR,)
     assert found.skipped == ()
     types = {"/smart_radar/port_targets_0": names.CLOUD, names.TRUTH: names.CLOUD}
     found = choose(tmp_path, types)
-
     assert found.detections == ("/smart_radar/port_targets_0",)
     assert found.scan_topics == ("/smart_radar/port_targets_0", names.TRUTH)
 
 
 @pytest.mark.parametrize(
-    "topic",
-    ["/clock", "/rosout", "/diagnostics", "/tracker/filtered/estimates", "/evaluator/ospa"],
+    "topic", ["/clock", "/rosout", "/diagnostics", "/tracker/filtered/estimates", "/evaluator/ospa"]
 )
 def test_choose_leaves_out_what_live_nodes_publish_unless_it_is_wanted(tmp_path, topic):
     types = {RADAR: names.CLOUD, topic: "std_msgs/msg/String"}
-
     assert set(choose(tmp_path, types).classes) == {RADAR}
     assert set(choose(tmp_path, types, [topic]).classes) == {topic}
 
@@ -44,10 +40,8 @@ def test_choose_leaves_out_what_live_nodes_publish_unless_it_is_wanted(tmp_path,
 def test_choose_leaves_out_other_trackers_and_names_that_are_no_topics(tmp_path):
     recorded = [*outputs.default_topics(2, "/site/t2"), RADAR]
     found = choose(tmp_path, dict.fromkeys(recorded, names.CLOUD))
-
     assert (set(found.classes), found.detections) == ({RADAR}, (RADAR,))
     found = choose(tmp_path, {RADAR: names.CLOUD, "no topic": "std_msgs/msg/String"})
-
     assert found.skipped == ("no topic: is not a valid topic name, not played",)
 
 
@@ -62,18 +56,15 @@ def test_choose_leaves_out_other_trackers_and_names_that_are_no_topics(tmp_path)
 )
 def test_choose_skips_a_type_that_is_not_installed_with_one_line(tmp_path, type_name):
     found = choose(tmp_path, {RADAR: names.CLOUD, "/thing": type_name})
-
     assert set(found.classes) == {RADAR}
     assert found.skipped == (f"/thing: type {type_name} is not installed, not played",)
 
 
 def test_choose_cuts_what_it_quotes_of_a_bag(tmp_path):
     types = {RADAR: names.CLOUD, "/thing": "x" * 10**6}
-
     (line,) = choose(tmp_path, types).skipped
     with pytest.raises(BagError) as caught:
         choose(tmp_path, types, ["/thing"])
-
     assert max(len(line), len(str(caught.value))) < 5000
     assert line.startswith("/thing: type xxx")
 
@@ -84,9 +75,7 @@ def test_choose_imports_nothing_that_is_no_message_package(tmp_path, monkeypatch
     (package / "__init__.py").write_text("raise SystemExit('imported')")
     (package / "msg.py").write_text("")
     monkeypatch.syspath_prepend(tmp_path)
-
     found = choose(tmp_path, {RADAR: names.CLOUD, "/thing": "trap/msg/Thing"})
-
     assert len(found.skipped) == 1
     assert "trap" not in sys.modules
 

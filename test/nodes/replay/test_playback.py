@@ -52,7 +52,6 @@ def test_messages_of_one_stamp_go_together_with_what_is_between_them(tmp_path):
         scan(a, 2, 2 * S),
         scan(b, 3, 3 * S),
     ]
-
     assert groups(playback(tmp_path, messages)) == [
         (1 * S, [a, "/note", b]),
         (None, ["/note"]),
@@ -64,14 +63,12 @@ def test_messages_of_one_stamp_go_together_with_what_is_between_them(tmp_path):
 def test_a_late_foreign_message_does_not_hold_a_scan_back(tmp_path):
     a, _ = SCANS
     played = playback(tmp_path, [scan(a, 1, 0), ("/note", TOGETHER_NS + 1, b""), scan(a, 1, 9 * S)])
-
     assert groups(played) == [(1 * S, [a]), (None, ["/note"]), (1 * S, [a])]
 
 
 def test_seek_goes_to_the_first_group_from_then_on_and_back(tmp_path):
     a, _ = SCANS
     played = playback(tmp_path, [scan(a, 100 + k, (100 + k) * S) for k in range(5)])
-
     played.seek(played.time_ns(2.5))
     assert played.upcoming.log_time_ns == 103 * S
     played.seek(played.time_ns(0.0))
@@ -81,7 +78,6 @@ def test_seek_goes_to_the_first_group_from_then_on_and_back(tmp_path):
 def test_the_chosen_part_ends_where_it_should(tmp_path):
     a, _ = SCANS
     played = playback(tmp_path, [scan(a, k, k * S) for k in range(1, 9)], 2.0, 3.0)
-
     assert [stamp // S for stamp, _ in groups(played)] == [3, 4, 5, 6]
     assert played.seconds(played.last_ns) == 5.0
 
@@ -90,7 +86,6 @@ def test_before_yields_what_was_recorded_earlier(tmp_path):
     a, _ = SCANS
     messages = [("/note", 1 * S, b"first"), scan(a, 2, 2 * S), ("/note", 3 * S, b"later")]
     played = playback(tmp_path, messages)
-
     assert [message.data for message in played.before(2 * S, ["/note"])] == [b"first"]
 
 
@@ -119,7 +114,6 @@ def broken(tmp_path, choose):
 def test_before_reads_no_further_than_it_must(tmp_path):
     bag = broken(tmp_path, max)
     played = Playback(bag, [names.TRUTH], [names.TRUTH], 0.0, 0.0)
-
     assert len(list(played.before(played.time_ns(12.0), [names.TRUTH]))) == 2
     assert played.damage is None
     assert len(list(played.before(bag.end_ns + 1, [names.TRUTH]))) < 80
@@ -130,12 +124,10 @@ def test_before_reads_no_further_than_it_must(tmp_path):
 def test_a_part_is_read_no_further_and_its_own_damage_reported(tmp_path, choose, reported):
     played = Playback(broken(tmp_path, choose), [names.TRUTH], [names.TRUTH], 0.0, 60.0)
     groups(played)
-
     assert (played.damage is not None) == reported
 
 
 def test_a_duration_beyond_all_numbers_is_the_rest(tmp_path):
     a, _ = SCANS
     messages = [scan(a, k, k * S) for k in range(1, 5)]
-
     assert len(groups(playback(tmp_path, messages, 1.0, 1e300))) == 3

@@ -84,7 +84,6 @@ def test_replay_warns_without_subscribers(processes):
     status, text = processes.run(
         "sensor_replay", *playing(1000), *options(subscriber_timeout_s=0.3)
     )
-
     assert status == 0
     topics = "/radar_1/detections, /radar_2/detections"
     assert re.search(f"nothing is connected to {topics} after [0-9]+ s: playing", text)
@@ -94,7 +93,6 @@ def test_replay_waits_for_the_configured_number_of_subscribers(processes, listen
     """The peer is the only one."""
     words = options(subscriber_timeout_s=3.0, subscribers=2)
     status, text = processes.run("sensor_replay", *playing(1000), *words)
-
     assert status == 0
     assert "fewer than 2 subscribers are connected to /radar_1/detections, /radar_2/det" in text
 

@@ -50,7 +50,6 @@ def played_s(listener):
 def test_replay_publishes_the_bags_bytes_as_they_are(processes, peer, listener):
     process = processes.start("sensor_replay", *playing(1000))
     assert peer.spin_until(lambda: process.poll() is not None and listener.scans == 80)
-
     assert process.returncode == 0
     for topic in TOPICS:
         recorded = [message.data for message in BagReader(BAG).messages([topic])]
@@ -95,7 +94,6 @@ def test_replay_pauses_steps_seeks_and_resumes(processes, peer, listener):
         assert peer.spin_until(lambda scans=scans: listener.scans == scans)
     peer.ticks(50)
     assert played_s(listener) == [60.0, 6.0, 60.0]
-
     peer.call(Trigger, "/sensor_replay/resume")
     assert peer.spin_until(lambda: listener.scans >= 6)
     peer.call(Trigger, "/sensor_replay/pause")
@@ -200,7 +198,6 @@ def test_replay_plays_what_is_whole_of_a_damaged_bag(processes, peer, listener, 
     process = processes.start("sensor_replay", *playing(1000, bag=broken))
     assert peer.spin_until(lambda: process.poll() is not None)
     text = process.log.read_text()
-
     assert process.returncode == 3
     assert 30 <= listener.scans < 80
     assert "broken.mcap: is damaged" in text
@@ -234,7 +231,6 @@ def test_replay_reports_differences_between_the_bags_scene_and_the_tracker(proce
     (line,) = (line for line in log.splitlines() if "recorded with" in line)
     assert "sensors: [radar_1] recorded, [radar_1, radar_2] given; radar_1.position: " in line
     assert line.endswith(f"{bag.name}/parameters.yaml")
-
     same = processes.start("sensor_replay", *playing(0, duration=120))
     assert peer.spin_until(lambda: same.poll() is not None)
     assert same.returncode == 0

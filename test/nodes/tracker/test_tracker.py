@@ -33,7 +33,6 @@ def stamps_at(indices):
 def test_tracker_publishes_filtered_and_lagged_smoothed_estimates(radars):
     radars.track_all(*range(6))
     radars.until_smoothed(4)
-
     assert stamps_of(radars.filtered) == stamps_at(range(6))
     # The smoothed stamp is the time of the state, two scans back.
     assert stamps_of(radars.smoothed) == stamps_at(range(4))
@@ -50,7 +49,6 @@ def test_tracker_flush_publishes_what_is_pending_and_reset_does_not(radars):
     before = len(radars.smoothed)
     reply = radars.ask("flush")
     radars.until_smoothed(4)
-
     # The open scan's estimate is one of them.
     assert reply.message == f"{4 - before} smoothed estimates published"
     assert stamps_of(radars.smoothed) == stamps_at(range(4))
@@ -75,7 +73,6 @@ def test_tracker_begins_again_when_stamps_jump(processes, peer):
     radars.track_all(1, 2, 3)
     for index in range(4, 8):
         radars.track(index, stamp_ns=SCANS[index].stamp_ns + 3600 * 10**9)
-
     assert radars.health.values("step time")["epoch"] == "2"
     assert "stamps jumped ahead by 3606.0 s, more than max_gap_scans" in tracker.log.read_text()
     assert stamps_of(radars.smoothed)[:9] == stamps_at([*range(5), *range(4)])
@@ -97,7 +94,6 @@ def test_tracker_takes_an_empty_scan_as_a_scan_and_counts_duplicate_and_late_one
     radars.send(0, radars=(0,))
     radars.track(2)
     counts = radars.health.values("radar_1")
-
     assert (counts["dropped_duplicate"], counts["dropped_late"]) == ("1", "1")
     assert len(radars.filtered) == 3
 
@@ -143,7 +139,6 @@ def test_busy_tracker_loses_no_cloud_of_a_reliable_radar(processes, peer):
     for index in range(1, 46):
         radars.send(index)
     tracker.send_signal(signal.SIGCONT)
-
     assert peer.spin_until(lambda: len(radars.filtered) == 46)
     assert {radars.health.values(f"radar_{k}")["gaps"] for k in (1, 2)} == {"0"}
 
@@ -173,7 +168,6 @@ def test_tracker_without_amplitudes_warns_once_and_logs_its_losses_at_the_end(pr
     tracker.send_signal(signal.SIGCONT)
     radars.health.until("radar_1", lambda _, v: int(v["received"]) + int(v["gaps"]) == 63)
     tracker.send_signal(signal.SIGTERM)
-
     assert tracker.wait(30.0) == 0
     log = tracker.log.read_text()
     assert log.count("no field 'rcs'") == 1

@@ -110,7 +110,6 @@ def test_output_qos_can_be_overridden_and_incompatible_subscribers_are_logged(pr
     peer.meet()
     group.send(0)
     assert peer.spin_until(lambda: heard)
-
     assert diagnostics.values_of(found) == {f"incompatible_qos {ESTIMATES}": "1"}
     assert not group.filtered
 

@@ -143,7 +143,6 @@ def test_port_without_datagrams_is_named_with_those_that_have_some(bridge, ports
     packets = [(k * 10**8, made.packet(block)) for k, block in enumerate(made.turns(1))]
     words = [word for port in ports for word in ("--port", str(port))]
     status, _, said = bridge(made.pcap(packets), *words)
-
     silence = "no datagram is to port 9; ports with their datagrams: 8600 (33)"
     assert status == expected
     assert (said.err if expected else said.out).count(silence) == 1

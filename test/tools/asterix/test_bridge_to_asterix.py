@@ -27,7 +27,6 @@ def test_bag_without_clouds_is_a_failure(tmp_path, what, capsys):
     values = {"sensors": ["radar_1"]}
     bag_parameters.write(bag / bag_parameters.NAME, tracker_params.config(values).values)
     words = ["--plots"] if what == "plots" else []
-
     assert run("asterix_bridge", [str(bag), *words, "--out", str(tmp_path / "out.ast")]) == 3
     said = capsys.readouterr().err
     assert said == f"asterix_bridge: {bag}: has no clouds, so there are no {what}\n"

@@ -29,7 +29,6 @@ def given(monkeypatch, tmp_path):
 def test_radars_of_a_profile_are_where_the_bag_has_them(given, capsys):
     config, _ = given("--profile", "marine", "--bag", "coastal_ship")
     expected = tracker_params.config(bag_parameters.read(bag("coastal_ship")))
-
     assert scene.other_places(expected.values, config.values) == {}
     assert list(config.radars_by_platform) == ["/own_ship/odometry"]
     said = capsys.readouterr().err
@@ -40,7 +39,6 @@ def test_radars_of_a_profile_are_where_the_bag_has_them(given, capsys):
 def test_assignments_override_where_the_bag_has_a_radar(given):
     words = "--profile", "marine", "--bag", "coastal_ship", "-p", "mast.position:=[1.0, 2.0]"
     config, _ = given(*words)
-
     assert config.values["mast.position"] == [1.0, 2.0]
     assert config.values["mast.pose"] == "/own_ship/odometry"
 
@@ -107,7 +105,6 @@ def test_demo_writes_into_a_folder_of_profile_bag_and_engine(monkeypatch, tmp_pa
 )
 def test_targets_taken_for_clutter_are_not_scored(given, tmp_path, words, least_speed):
     config, cutoff = given(*words)
-
     scored = processes.evaluator_parameters(bag("coastal"), config, tmp_path, cutoff)["least_speed"]
     assert scored == config.least_speed == least_speed
 

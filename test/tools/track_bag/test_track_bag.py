@@ -232,7 +232,6 @@ def test_track_bag_warns_of_azimuths_probably_in_degrees(short_bag, simulate, tr
 def test_track_bag_scores_with_another_cutoff(short_bag, track, capsys):
     assert track(short_bag, "--cutoff", "50")[0] == 0
     printed = capsys.readouterr().out
-
     assert "OSPA: p = 2, c = 50 m" in printed
     # No distance is larger than the cut-off.
     assert max(map(float, re.findall(r"filter +\u2502 +([0-9.]+) m", printed)[:3])) <= 50.0

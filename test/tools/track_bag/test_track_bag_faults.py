@@ -54,7 +54,6 @@ def test_track_bag_of_a_bag_without_a_radar_names_the_topic(short_bag, track, fa
 def test_track_bag_names_silent_radars(short_bag, track, tmp_path, faults, silent, expected):
     bag = rewrite(short_bag, tmp_path / "kept", lambda e: [] if e[0] in silent else [e])
     status, _ = track(bag)
-
     assert status == expected
     said = faults()
     assert [line for line in said if line.endswith(": silent, without a message")] == [
@@ -66,7 +65,6 @@ def test_track_bag_names_silent_radars(short_bag, track, tmp_path, faults, silen
 
 def test_track_bag_refuses_the_truth_as_a_radars_topic(short_bag, track, faults):
     status, out = track(short_bag, "-p", f"radar_1.topic:={names.TRUTH}")
-
     assert status == 2
     assert faults()[-1] == f"radar_1.topic: {names.TRUTH} given, which is that of the truth"
     assert not out.exists()
@@ -105,7 +103,6 @@ def test_track_bag_lists_every_fault_of_the_parameters(short_bag, track, faults)
 def test_track_bag_refuses_a_cutoff_that_is_no_distance(short_bag, track, given, capsys):
     with pytest.raises(SystemExit) as caught:
         track(short_bag, f"--cutoff={given}")
-
     assert caught.value.code == 2
     assert f"--cutoff: {given} given, must be a number of at least" in capsys.readouterr().err
 

@@ -59,7 +59,6 @@ def test_a_moving_radar_is_tracked_live_as_offline(tracker, peer, tmp_path):
     # The last scan waits for a pose that never comes, until the end of the bag.
     assert len(expected) == moving.SCANS
     assert not offline.tally.dropped
-
     heard = assert_alike(found, expected[:-1])
     assert moving.errors(heard).max() < 25.0
 

@@ -76,18 +76,13 @@ def test_tracker_publishes_the_radars_frames_for_whoever_comes_later(processes, 
     connected(peer)
     peer.node.create_subscription(kind, names.STATIC_FRAMES, found.append, LATCHED, raw=True)
     assert peer.spin_until(lambda: found)
-
-    assert transforms(found[0]) == [
-        ("map", "radar_1", 1000.0, 0.0),
-        ("map", "radar_2", 0.0, 0.0),
-    ]
+    assert transforms(found[0]) == [("map", "radar_1", 1000.0, 0.0), ("map", "radar_2", 0.0, 0.0)]
     assert peer.node.count_publishers(names.STATIC_FRAMES) == 1
 
 
 def test_frames_and_detections_in_map_can_be_left_out(processes, peer, installed):
     start_tracker(processes, *options(outputs="[markers]"), **installed)
     connected(peer)
-
     assert not peer.node.count_publishers(names.STATIC_FRAMES)
     assert not peer.node.count_publishers(names.detections_in_map())
 
@@ -98,7 +93,6 @@ def test_missing_type_of_the_frames_is_logged_once(processes, peer, tmp_path):
     (broken / "__init__.py").write_text("raise ImportError('not in this installation')")
     node = start_tracker(processes, PYTHONPATH=str(broken.parent))
     connected(peer)
-
     assert change(peer, "DEACTIVATE", "CLEANUP", "CONFIGURE", "ACTIVATE")
     log = peer.said(node, "tracking 2 classes", times=2)
     assert log.count(MISSING) == 1

@@ -23,10 +23,7 @@ CONSORT = {CLOUDS: "/consort/detections", moving.ODOMETRY: "/consort/odometry"}
 PARAMETERS = {
     **moving.PARAMETERS,
     "sensors": ["mast", "consort"],
-    "consort": {
-        **copy.deepcopy(moving.PARAMETERS["mast"]),
-        "pose": CONSORT[moving.ODOMETRY],
-    },
+    "consort": {**copy.deepcopy(moving.PARAMETERS["mast"]), "pose": CONSORT[moving.ODOMETRY]},
 }
 
 
