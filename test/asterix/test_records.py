@@ -4,13 +4,22 @@ from collections import Counter
 import asterix_records as made
 import asterix_reference
 import pytest
+from asterix import base
+from asterix_records import block, category, plot, random_record, rng
 from asterix_reference import value
 
-from phd_jdtc_ros.asterix import blocks
+from phd_jdtc_ros.asterix import blocks, call_signs, specification
+from phd_jdtc_ros.asterix.blocks import TRAILERS, BlockReader
+from phd_jdtc_ros.asterix.call_signs import MOST, CallSigns
+from phd_jdtc_ros.asterix.item_rules import Fixed, MalformedError
 from phd_jdtc_ros.asterix.messages import DAY, NONE, TRUNCATED, Plot, ServiceMessage
+from phd_jdtc_ros.asterix.specification import layouts
 from phd_jdtc_ros.asterix.transport import framing
 
 FOOT = 0.3048
+GOOD = made.plots(made.plot(1.0, 5.0))
+TRAILER = b"\xee\xff\x00\x01abcd"
+CATEGORIES = (1, 2, 10, 34, 48, 62, 65)
 
 
 def read(data):
@@ -70,8 +79,8 @@ def test_plots_are_those_that_another_decoder_reads():
     found, counts = read(data)
     assert not counts
     assert len(found) == 150
-    for plot, record in zip(found, asterix_reference.decoded(data), strict=True):
-        assert_same(plot, record)
+    for own, record in zip(found, asterix_reference.decoded(data), strict=True):
+        assert_same(own, record)
 
 
 def test_a_real_capture_has_the_plots_that_another_decoder_reads():
@@ -186,3 +195,158 @@ def test_records_before_a_malformed_one_are_used_and_empty_ones_refused():
     assert sum(counts.values()) == 1
     found, counts = read(b"\x30\xff\xff" + bytes(65_532))
     assert (found, counts) == ([], {"empty_record": 1})
+
+
+def packed(*characters):
+    """Return eight characters of six bits each."""
+    return sum(c << 42 - 6 * k for k, c in enumerate(characters)).to_bytes(6, "big")
+
+
+KLM12 = packed(11, 12, 13, 49, 50, 32, 32, 32)
+
+
+@pytest.mark.parametrize(
+    ("data", "expected"),
+    [
+        (KLM12, int.from_bytes(KLM12, "big")),
+        (packed(*[32] * 8), NONE),
+        (bytes(6), NONE),
+        (packed(11, 12, 63, 49, 50, 32, 32, 32), NONE),
+    ],
+    ids=["name", "blank", "zeros", "garbled"],
+)
+def test_read_takes_names_and_nothing_else(data, expected):
+    assert call_signs.read(b"\xff" + data, 1) == expected
+
+
+def test_call_signs_are_the_last_of_their_addresses_and_bounded():
+    known = CallSigns()
+    known.take(1, 100)
+    known.take(1, 200)
+    known.take(2, NONE)
+    known.take(NONE, 300)
+    assert [known.of(address) for address in (1, 2, NONE)] == [200, NONE, NONE]
+    for address in range(2, MOST + 1):
+        known.take(address, 7)
+    # Received again, it is not the oldest.
+    known.take(1, 200)
+    known.take(MOST + 1, 7)
+    assert (known.of(1), known.of(2)) == (200, NONE)
+
+
+@pytest.fixture
+def reader():
+    return BlockReader(Counter())
+
+
+def test_trailer_of_every_datagram_is_no_fault(reader):
+    for _ in range(10):
+        assert len(list(reader.messages(GOOD + TRAILER))) == 1
+    assert not +reader.counts
+    assert reader.known_trailers() == {8: 10}
+
+
+def test_rests_of_other_lengths_beside_trailers_are_faults(reader):
+    for size in (8, 8, 8, 8, 5, 11):
+        list(reader.messages(GOOD + TRAILER[:4] + bytes(size - 4)))
+    assert reader.counts == {"block_truncated": 2}
+
+
+def test_few_rests_are_faults(reader):
+    for _ in range(TRAILERS - 1):
+        list(reader.messages(GOOD + TRAILER))
+    assert reader.counts == {"block_truncated": TRAILERS - 1}
+    assert reader.known_trailers() == {}
+
+
+@pytest.mark.parametrize("data", [GOOD + GOOD[:8], TRAILER], ids=["cut blocks", "nothing else"])
+def test_rests_that_are_no_trailers_are_faults(reader, data):
+    for _ in range(10):
+        list(reader.messages(data))
+    assert reader.counts == {"block_truncated": 10}
+
+
+def test_records_are_counted_by_category_whether_read_or_not(reader):
+    status = b"\x41" + (9).to_bytes(2, "big") + b"\x80\x01\x02" * 2
+    list(reader.messages(made.plots(made.plot(1.0, 5.0), made.plot(2.0, 5.0)) + status))
+    assert reader.categories == {48: 2, 65: 2}
+    assert reader.counts == {"other_category": 1}
+
+
+def test_unknown_category_is_counted_by_its_blocks(reader):
+    list(reader.messages(b"\xff\x00\x05ab" * 3))
+    assert reader.categories == {255: 3}
+
+
+def kinds():
+    return [(number, name) for number in CATEGORIES for name in layouts(number)]
+
+
+def of_libasterix(number, name):
+    uap = category(number).cv_uap
+    return uap.cv_uaps[name] if name else uap.cv_record
+
+
+@pytest.mark.parametrize(("number", "name"), kinds())
+def test_walk_finds_every_item_where_libasterix_does(number, name):
+    layout, reference = layouts(number)[name], of_libasterix(number, name)
+    generator = rng(number)
+    for _ in range(60):
+        data, chosen = random_record(layout, generator)
+        parsed = reference.parse(base.ParsingMode.StrictParsing, base.Bits.from_bytes(data))
+        assert not isinstance(parsed, ValueError), parsed
+        record, rest = parsed
+        assert len(rest) == 0
+        begins, end = layout.walk(data + b"\xff", 0, len(data))
+        assert end == len(data)
+        assert {layout.names[k] for k, begin in enumerate(begins) if begin >= 0} == {*chosen}
+        bounds = sorted(begin for begin in begins if begin >= 0)
+        for begin, after in zip(bounds, [*bounds[1:], end], strict=True):
+            item = record.get_item(layout.names[begins.index(begin)])
+            assert data[begin:after] == item.unparse().to_bytes()
+
+
+@pytest.mark.parametrize(("number", "name"), kinds())
+def test_walk_refuses_what_libasterix_refuses(number, name):
+    layout, reference = layouts(number)[name], of_libasterix(number, name)
+    generator = rng(100 + number)
+    refused = 0
+    for _ in range(150):
+        data = bytearray(random_record(layout, generator)[0])
+        for _ in range(generator.integers(1, 4)):
+            data[generator.integers(len(data))] = generator.integers(256)
+        data = bytes(data[: generator.integers(1, len(data) + 1)])
+        try:
+            _, end = layout.walk(data, 0, len(data))
+        except MalformedError as error:
+            end = None
+            # libasterix takes a record that selects nothing.
+            if error.reason == "empty_record":
+                continue
+        parsed = reference.parse(base.ParsingMode.StrictParsing, base.Bits.from_bytes(data))
+        refused += isinstance(parsed, ValueError)
+        taken = None if isinstance(parsed, ValueError) else len(data) - len(parsed[1]) // 8
+        assert end == taken, data.hex()
+    assert refused > 10
+
+
+def test_walk_is_bounded_in_length_and_plans():
+    data = block(48, [plot(10.0, 5.0)])[3:]
+    layout = layouts(48)[""]
+    for limit in range(len(data)):
+        with pytest.raises(MalformedError):
+            layout.walk(data, 0, limit)
+    layout = specification.Layout(("a", "b"), (Fixed(1),) * 2)
+    layout._plans.update({bytes([k % 256, k // 256, 1]): None for k in range(5000)})
+    assert layout.walk(b"\xc0\x01\x02", 0, 3) == ([1, 2], 3)
+    assert len(layout._plans) == 1
+
+
+def test_endless_extension_and_unknown_category_are_refused():
+    layout = layouts(48)[""]
+    for data in (b"\xff" * 65_000, b"\x20" + b"\xff" * 65_000):
+        with pytest.raises(MalformedError) as caught:
+            layout.walk(data, 0, len(data))
+        assert caught.value.reason in ("fspec", "extension", "truncated")
+    with pytest.raises(KeyError):
+        layouts(255)

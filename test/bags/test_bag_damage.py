@@ -3,7 +3,9 @@ import random
 import pytest
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
+from small_bags import chunked, made, write
 
+from phd_jdtc_ros.bags import chunks, salvage
 from phd_jdtc_ros.bags.reader import BagReader
 from robustness.hostile_input.bags import outcome
 
@@ -106,3 +108,97 @@ def test_reader_yields_the_whole_chunks_before_damage(small_chunks, original, tm
     whole = [entry for entry in original if entry.log_time_ns < middle.message_start_time]
     assert len(whole) > 3
     assert found[: len(whole)] == whole
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Return a file of many chunks, its messages and its chunks' indices."""
+    directory = tmp_path_factory.mktemp("salvage")
+    file = chunked(directory / "small", write(directory / "recording", made()))
+    with file.open("rb") as stream:
+        parts = make_reader(stream).get_summary().chunk_indexes
+    assert len(parts) > 5
+    return file, list(BagReader(file).messages()), parts
+
+
+def read(data, path):
+    path.write_bytes(data)
+    found, error = outcome(path)
+    assert error is not None
+    assert error.corrupt
+    assert "\n" not in str(error)
+    return found, str(error)
+
+
+def without(messages, chunk):
+    """Return the messages outside a chunk's times."""
+    begin, end = chunk.message_start_time, chunk.message_end_time
+    return [message for message in messages if not begin <= message.log_time_ns <= end]
+
+
+@pytest.mark.parametrize("offset", range(8))
+def test_reader_reads_everything_behind_a_damaged_beginning(whole, tmp_path, offset):
+    file, messages, _ = whole
+    data = bytearray(file.read_bytes())
+    data[offset] ^= 0x40
+    found, error = read(data, tmp_path / "damaged.mcap")
+    assert found == messages
+    assert "does not begin as an MCAP file does" in error
+
+
+@pytest.mark.parametrize("byte", range(1, 9))
+def test_reader_finds_the_next_chunk_behind_a_length_that_makes_no_sense(whole, tmp_path, byte):
+    file, messages, parts = whole
+    # Cut short it has no summary to go by; the last chunk goes with it.
+    data = bytearray(file.read_bytes()[: parts[-1].chunk_start_offset])
+    data[parts[2].chunk_start_offset + byte] ^= 0x55
+    found, _ = read(data, tmp_path / "damaged.mcap")
+    rest = without(messages, parts[-1])
+    # If the length became a little longer, the damaged chunk can be read too.
+    assert [message for message in found if message in without(rest, parts[2])] == without(
+        rest, parts[2]
+    )
+    assert set(found) <= set(rest)
+
+
+def test_reader_finds_the_next_chunk_behind_lost_bytes(whole, tmp_path):
+    file, messages, parts = whole
+    data = file.read_bytes()
+    lost = parts[2].chunk_start_offset + 40
+    found, _ = read(data[:lost] + data[lost + 25 :], tmp_path / "damaged.mcap")
+    assert found == without(messages, parts[2])
+
+
+def test_reader_counts_what_is_lost_against_the_statistics(whole, tmp_path):
+    file, messages, parts = whole
+    data = bytearray(file.read_bytes())
+    data[parts[2].chunk_start_offset + parts[2].chunk_length // 2] ^= 0x10
+    found, error = read(data, tmp_path / "damaged.mcap")
+    assert f"1 of {len(parts)} chunks are lost" in error
+    assert f"it declares {len(messages)} messages, {len(found)} can be read" in error
+
+
+@pytest.mark.parametrize(("offset", "length"), [(0, 0), (0, 50), (10**9, 50), (8, 20)])
+def test_unpack_refuses_what_is_no_chunk(whole, offset, length):
+    with whole[0].open("rb") as stream, pytest.raises(chunks.DamageError, match="should be"):
+        chunks.unpack(stream, offset, length)
+
+
+def test_reader_gives_up_on_a_file_made_to_be_searched_for_ever(tmp_path, monkeypatch):
+    # Heads of chunks whose lengths agree, one inside the other, and none that can be unpacked.
+    step, count = 57, 3 * salvage._MOST_SEARCHES
+    heads = []
+    for index in range(count):
+        data = step * (count - index) - step
+        lengths = (40 + data).to_bytes(8, "little"), data.to_bytes(8, "little")
+        heads.append(b"\x06" + lengths[0] + bytes(24) + b"\1\0\0\0" + bytes(4) + lengths[1])
+        heads.append(bytes(step - len(heads[-1])))
+    file = tmp_path / "endless.mcap"
+    file.write_bytes(b"\x89MCAP0\r\n" + b"".join(heads) + b"\xff" * 9)
+    tried = []
+    unpack = chunks.unpack
+    monkeypatch.setattr(chunks, "unpack", lambda *given: (tried.append(given), unpack(*given))[1])
+    found, error = outcome(file)
+    assert found == []
+    assert error.corrupt
+    assert len(tried) == salvage._MOST_SEARCHES + 1

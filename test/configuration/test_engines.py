@@ -1,11 +1,20 @@
+from dataclasses import dataclass
+
 import pytest
+from position_sensor import PositionSensor
 from scenes import short_scenario, small
 
+from phd_jdtc_ros.configuration import build, sensor_kinds, tables
 from phd_jdtc_ros.configuration.engines import ENGINES, new_engine
+from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.configuration.parameters.tracker import ENGINE_OF
-from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.configuration.schema import POSITIVE, ConfigError, parameter
+from phd_jdtc_ros.configuration.sensor_kinds import KINDS, SensorKind
 from phd_jdtc_ros.configuration.tables import TOP
+from phd_jdtc_ros.nodes.tracker import settings
 from phd_jdtc_ros.simulation.simulate import simulate
+
+GIVEN = {"sensors": ["ais", "radar_1"], "ais.kind": "position", "ais.std": 9.0}
 
 
 def test_engines_are_what_the_parameter_may_be():
@@ -48,3 +57,89 @@ def test_a_lag_in_seconds_may_be_longer_than_the_time_between_estimates():
     # The first scan is at 1000 s, the last at 1066 s.
     assert stamps == [1008, 1032]
     assert [found.stamp_ns // 10**9 for found in engine.flush()] == [1056]
+
+
+@dataclass(frozen=True)
+class Positions(SensorParameters):
+    message: str = parameter("positions", "Type.", choices=("positions",))
+    std: float = parameter(5.0, "Standard deviation of positions, m.", POSITIVE)
+
+
+def model(own):
+    usual = {"position": (0.0, 0.0), "yaw": 0.0, "threshold": 3.0, "clutter_rate": 1.0}
+    return PositionSensor(name=own.name, std=own.std, **usual)
+
+
+def faults(own, parts):
+    if own.std > 100.0:
+        yield f"{own.name}.std: {own.std:g} given, must be at most 100"
+
+
+@pytest.fixture
+def a_second_kind(monkeypatch):
+    """A kind that is a row of the table and nothing else."""
+    monkeypatch.setitem(KINDS, "position", SensorKind(Positions, model, (faults,)))
+    monkeypatch.setitem(sensor_kinds.TABLES, "position", sensor_kinds._table(Positions))
+
+
+def test_a_kind_is_refused_with_those_that_there_are():
+    with pytest.raises(ConfigError) as refused:
+        build.resolve({"radar_1.kind": "sonar", "radar_1.range_std": 9.0})
+    assert refused.value.faults == ("radar_1.kind: 'sonar' given, must be one of radar",)
+
+
+@pytest.mark.parametrize("kind", [3, ["radar"], ""])
+def test_what_is_no_name_of_a_kind_is_refused(kind):
+    with pytest.raises(ConfigError, match=r"radar_1\.kind: .* given, must be one of radar"):
+        build.resolve({"radar_1.kind": kind})
+
+
+@pytest.mark.usefixtures("a_second_kind")
+def test_each_sensor_has_the_parameters_and_the_model_of_its_kind():
+    table = tables.schema(GIVEN)
+    assert {"ais.std", "ais.topic", "radar_1.range_std"} <= table.keys()
+    assert not {"ais.range_std", "radar_1.std"} & table.keys()
+    config = build.resolve(GIVEN)
+    assert [sensor.polar for sensor in config.model.radars] == [False, True]
+    assert (config.inputs[0].topic, config.model.radars[0].std) == ("/ais/detections", 9.0)
+    assert config.turns()[0].period_s == 0.0
+
+
+@pytest.mark.usefixtures("a_second_kind")
+def test_checks_and_names_are_those_of_the_kind():
+    with pytest.raises(ConfigError) as refused:
+        build.resolve({**GIVEN, "ais.std": 1000.0})
+    assert refused.value.faults == ("ais.std: 1000 given, must be at most 100",)
+    with pytest.raises(ConfigError, match=r"ais\.range_std: unknown parameter"):
+        build.resolve({**GIVEN, "ais.range_std": 1.0})
+
+
+@pytest.mark.usefixtures("a_second_kind")
+def test_what_supports_radars_only_refuses_other_kinds():
+    with pytest.raises(ConfigError, match=r"^ais\.kind: position given, must be radar here$"):
+        _ = build.resolve(GIVEN).radars
+
+
+@pytest.mark.usefixtures("a_second_kind")
+def test_input_checks_of_azimuths_are_only_for_radars():
+    none, _ = build.resolve(GIVEN).report_checks()
+    assert (none.reports_sectors, none.sees_whole_turn, none.lacks_ground_ranges) == (
+        True,
+        False,
+        False,
+    )
+
+
+@pytest.mark.usefixtures("a_second_kind")
+def test_another_kind_changes_the_parameters_of_a_live_tracker():
+    values = settings.resolve({"sensors": ["radar_1"], "radar_1.topic": "/here"}).values
+    table, edited = settings.edit(values, {"radar_1.kind": "position"})
+    assert "radar_1.range_std" not in table
+    names = ("topic", "message", "std")
+    assert [edited[f"radar_1.{name}"] for name in names] == ["/here", "positions", 5.0]
+
+
+@pytest.mark.usefixtures("a_second_kind")
+def test_the_registration_of_other_kinds_is_refused():
+    with pytest.raises(ConfigError, match=r"^outputs: registration given, ais is not a radar$"):
+        settings.resolve({**GIVEN, "outputs": ["registration"]})

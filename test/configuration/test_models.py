@@ -1,15 +1,25 @@
-"""The models of radars and targets that parameters describe."""
+"""The models of radars and targets that parameters describe, their places and heights."""
 
 import math
 
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.configuration import build
+from phd_jdtc_ros.configuration import build, scene
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import particle_filter
+from phd_jdtc_ros.configuration.scene import differences, other_places
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.clutter.amplitude_law import Learned, LogNormal, Rayleigh
+from phd_jdtc_ros.core.models.amplitude_model import Band, Memory
 from phd_jdtc_ros.core.targets import amplitude_density
 from phd_jdtc_ros.core.targets.motion import ConstantVelocity, CoordinatedTurn
+from phd_jdtc_ros.earth import SystemPlane
+
+NOT_SHOWN = {"radar_1.fields.amplitude": "", "radar_2.fields.amplitude": ""}
+REFERENCE = resolve({}).values
+ORIGIN, PLACE = [52.3, 4.8, 5.0], [53.1, 6.9, 40.0]
+ONE = {"sensors": ["north"], "world_origin": ORIGIN, "north.geodetic": PLACE}
 
 
 def test_resolve_of_nothing_is_the_reference_scene():
@@ -125,3 +135,184 @@ def test_a_spawned_target_of_a_class_without_its_parents_motion_has_any_of_it():
     np.testing.assert_allclose(
         model.spawn.transition, np.block([[np.array(from_a), from_b], [from_b, np.array(from_a)]])
     )
+
+
+@pytest.mark.parametrize(
+    ("given", "kind"),
+    [
+        ({"engine": "gaussian"}, Memory),
+        ({"engine": "gaussian", "amplitude": "band"}, Band),
+        ({"engine": "gaussian", **NOT_SHOWN}, Band),
+        ({"engine": "particles"}, Band),
+        ({"engine": "phd"}, Band),
+        ({"engine": "phd", "amplitude": "memory"}, Memory),
+    ],
+)
+def test_amplitude_auto_remembers_snrs_where_classes_of_gaussians_depend_on_them(given, kind):
+    assert type(resolve(given).model.amplitudes) is kind
+
+
+def test_amplitude_auto_of_one_class_has_no_snr_to_remember():
+    given = {"engine": "gaussian", "classes": ["class_0"]}
+    births = {f"start_{n}.rates": [0.01] for n in (1, 2, 3, 4)}
+    assert type(resolve({**given, **births}).model.amplitudes) is Band
+
+
+def test_differences_are_of_given_parts_that_both_scenes_have():
+    other = resolve({"lag": 2, "seed": 9, "particles_per_target": 50, "start_1.rates": [0.1, 0.1]})
+    assert differences(REFERENCE, other.values) == []
+    given = resolve({"sensors": ["radar_2"], "radar_2.range_std": 9.0}).values
+    assert differences(REFERENCE, given) == [
+        "sensors: [radar_1, radar_2] recorded, [radar_2] given",
+        "radar_2.range_std: 300.0 recorded, 9.0 given",
+    ]
+    assert differences(REFERENCE, {}) == []
+    recorded = resolve({"radar_1.range_std": 100.0}).values
+    learned = {"radar_1.range_std": "auto 300", "radar_1.detection_probability": "auto 0.5"}
+    assert differences(recorded, resolve(learned).values) == []
+    assert differences(recorded, resolve({"radar_1.range_std": 300.0}).values) != []
+
+
+def test_differences_names_every_parameter_with_both_values():
+    given = resolve(
+        {
+            "classes": ["class_1", "class_0"],
+            "radar_2.clutter_rate": 50.0,
+            "start_4.position": [0.0, 1.0],
+            "class_0.snr_band_db": [40.0, 50.0],
+        }
+    )
+    assert differences(REFERENCE, given.values) == [
+        "radar_2.clutter_rate: 20.0 recorded, 50.0 given",
+        "classes: [class_0, class_1] recorded, [class_1, class_0] given",
+        "class_0.snr_band_db: [30.0, 50.0] recorded, [40.0, 50.0] given",
+        "start_4.position: [1400.0, 8000.0] recorded, [0.0, 1.0] given",
+    ]
+
+
+@pytest.mark.parametrize("name", ["topic", "frame"])
+def test_differences_takes_an_empty_name_for_the_default_it_stands_for(name):
+    full = {"topic": "/radar_1/detections", "frame": "radar_1"}[name]
+    given = resolve({f"radar_1.{name}": full}).values
+    assert differences(REFERENCE, given) == []
+
+
+def test_differences_leaves_birth_places_out_where_targets_are_born_at_detections():
+    given = resolve({"births": [], "detection_births.rates": [0.1, 0.1]}).values
+    assert differences(REFERENCE, given) == []
+    assert differences(REFERENCE, resolve({"births": []}).values) != []
+
+
+def test_other_places_are_those_recorded_of_radars_that_both_have():
+    recorded = resolve({"sensors": ["a", "b"], "a.position": [1.0, 2.0], "a.pose": "/ship"}).values
+    given = resolve({"sensors": ["a"], "a.yaw_deg": 3.0, "a.range_std": 5.0}).values
+    assert other_places(recorded, given) == {
+        "a.position": [1.0, 2.0],
+        "a.yaw_deg": 0.0,
+        "a.pose": "/ship",
+    }
+    assert other_places(recorded, recorded) == {}
+
+
+def faults_of(given):
+    with pytest.raises(ConfigError) as caught:
+        resolve(given, SystemPlane)
+    return caught.value.faults
+
+
+def test_a_radar_on_the_earth_has_its_place_and_direction_in_the_plane():
+    config = resolve({**ONE, "north.yaw_deg": 0.4}, SystemPlane)
+    ((radar,), (layout,)) = config.model.radars, config.inputs
+    plane = SystemPlane(ORIGIN)
+    assert radar.position == tuple(map(float, plane.to_plane(*PLACE[:2])))
+    expected = float(plane.convergence(*PLACE[:2])) + math.radians(0.4)
+    assert radar.yaw == pytest.approx(expected, abs=1e-15)
+    # North of the origin and to the east, meridians lean to the left by 1.7 degrees.
+    assert math.degrees(radar.yaw) == pytest.approx(0.4 + 2.1 * math.sin(math.radians(53)), abs=0.1)
+    assert config.plane == plane
+    assert layout.site is not None
+    assert (layout.height, layout.datum) == (35.0, 5.0)
+    assert layout.assumed_height is None
+
+
+def test_places_need_what_computes_on_the_earth():
+    config = resolve({}, SystemPlane)
+    assert config.plane is None
+    assert all(layout.site is None and layout.datum == 0.0 for layout in config.inputs)
+    with pytest.raises(ConfigError, match="world_origin: given, must be empty here"):
+        resolve(ONE)
+    recorded = resolve(ONE, SystemPlane).values
+    lines = scene.differences(recorded, {**recorded, "world_origin": [52.3, 4.9, 5.0]})
+    assert lines == ["world_origin: [52.3, 4.8, 5.0] recorded, [52.3, 4.9, 5.0] given"]
+    assert scene.differences(recorded, recorded) == []
+
+
+def test_a_radar_in_the_plane_of_an_origin_measures_over_the_plane():
+    config = resolve(
+        {"sensors": ["ship"], "world_origin": ORIGIN, "ship.pose": "/ship/odometry"}, SystemPlane
+    )
+    assert config.inputs[0].site is None
+    assert config.inputs[0].datum == 5.0
+
+
+def test_resolved_places_resolve_again_and_may_be_below_the_ellipsoid():
+    given = {**ONE, "sensors": ["north", "radar_1"], "radar_1.geodetic": [52.0, 4.0, 10.0]}
+    values = resolve(given, SystemPlane).values
+    assert resolve(values, SystemPlane).values == values
+    place = [31.5, 35.5, -300.0]
+    config = resolve({**ONE, "world_origin": place, "north.geodetic": place}, SystemPlane)
+    assert config.inputs[0].height == 0.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        (
+            {"world_origin": []},
+            "world_origin: [] given, must be a place on the earth, as north.geodetic is one",
+        ),
+        (
+            {"world_origin": [90.5, 4.8, 0.0]},
+            "world_origin: [90.5, 4.8, 0.0] given, must be empty or a latitude from -90 to 90 "
+            "degrees, a longitude from -360 to 360 degrees and a height in metres",
+        ),
+        (
+            {"world_origin": [52.3, 4.8]},
+            "world_origin: [52.3, 4.8] given, must be empty or a latitude",
+        ),
+        (
+            {"north.geodetic": [-91.0, 4.8, 0.0]},
+            "north.geodetic: [-91.0, 4.8, 0.0] given, must be empty or a latitude",
+        ),
+        (
+            {"north.geodetic": [53.0, 400.0, 0.0]},
+            "north.geodetic: [53.0, 400.0, 0.0] given, must be empty or a latitude",
+        ),
+        (
+            {"north.geodetic": [61.3, 4.8, 0.0]},
+            "north.geodetic: [61.3, 4.8, 0.0] given, is 1001 km from world_origin, must be at most "
+            "500 km",
+        ),
+        (
+            {"north.position": [10.0, 0.0]},
+            "north.position: given beside geodetic, must be one of the two",
+        ),
+        ({"north.pose": "/ship/odometry"}, "north.pose: '/ship/odometry' given, must be fixed"),
+        (
+            {"north.assumed_height": [1.0, 2.0]},
+            "north.assumed_height: [1.0, 2.0] given, must be empty or one height",
+        ),
+        (
+            {"north.geodetic": [], "north.assumed_height": [6000.0]},
+            "north.assumed_height: given without geodetic, must be empty",
+        ),
+        (
+            {"world_origin": [math.nan, 4.8, 0.0]},
+            "world_origin: [nan, 4.8, 0.0] given, must be empty or a latitude",
+        ),
+    ],
+)
+def test_resolve_reports_what_is_wrong_with_places(changes, expected):
+    faults = faults_of({**ONE, **changes})
+    assert len(faults) == 1
+    assert faults[0].startswith(expected)

@@ -1,14 +1,22 @@
+import socket
+import struct
+import time
 from collections import Counter
 
 import asterix_records as made
 import pytest
 
 from phd_jdtc_ros.asterix.clocks import NS_PER_DAY
-from phd_jdtc_ros.asterix.transport import framing
+from phd_jdtc_ros.asterix.transport import framing, pcap, pcap_out
 from phd_jdtc_ros.asterix.transport.datagram import Datagram, RecordingError
+from phd_jdtc_ros.asterix.transport.pcap_out import Line
+from phd_jdtc_ros.asterix.transport.udp import MAX_BYTES, Address, Receiver
 
 NS = 10**9
 MIDNIGHT = 20_779 * NS_PER_DAY
+LINE = Line((10, 1, 2, 3), (239, 4, 5, 6), 8611)
+SENT = [(1_772_445_600_123_456_000, b"first"), (1_772_445_601_000_001_000, b"second one")]
+LARGE = bytes(60_000)
 
 
 @pytest.fixture(scope="module")
@@ -126,3 +134,62 @@ def test_random_bytes_behind_any_header_are_read_without_an_error(blocks):
                 data[int(rng.integers(len(head), len(data)))] = int(rng.integers(256))
             found, _ = read(bytes(data))
             assert found
+
+
+def capture():
+    return pcap_out.header() + b"".join(pcap_out.packet(t, data, LINE) for t, data in SENT)
+
+
+def test_capture_is_read_again():
+    counts = Counter()
+    found = list(pcap.packets(capture(), counts))
+    assert not counts
+    assert pcap.is_capture(capture()[:4])
+    assert [(each.received_ns, each.data) for each in found] == SENT
+    assert {each.source for each in found} == {"10.1.2.3 to 239.4.5.6:8611"}
+
+
+def test_headers_have_a_checksum_that_is_right():
+    for time_ns, data in SENT:
+        ip = pcap_out.packet(time_ns, data, LINE)[16 + 14 :][:20]
+        total = sum(struct.unpack(">10H", ip))
+        assert (total & 0xFFFF) + (total >> 16) == 0xFFFF
+
+
+@pytest.fixture
+def receiver():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        where = Address(*free.getsockname())
+    made = Receiver([where], "", lambda: None)
+    yield made, where
+    made.close()
+
+
+def sent(receiver, where, datagrams):
+    """Send datagrams one after the other, each once the one before is received."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        for data in datagrams:
+            before, until_s = receiver.received, time.monotonic() + 10.0
+            sock.sendto(data, where)
+            while receiver.received == before and time.monotonic() < until_s:
+                time.sleep(1e-3)
+
+
+def test_receiver_bounds_the_bytes_that_wait_and_counts_the_rest(receiver):
+    made, where = receiver
+    room = MAX_BYTES // len(LARGE)
+    sent(made, where, [LARGE] * (room + 5))
+    assert (made.waiting, made.lost) == (room, 5)
+
+
+def test_receiver_has_room_again_for_what_was_taken(receiver):
+    made, where = receiver
+    room = MAX_BYTES // len(LARGE)
+    sent(made, where, [LARGE] * (room + 1))
+    assert made.take().data == LARGE
+    sent(made, where, [b"abc" + LARGE[3:]])
+    found = [made.take().data[:3] for _ in range(room)]
+    assert found == [bytes(3)] * (room - 1) + [b"abc"]
+    assert made.take() is None
+    assert made.lost == 1

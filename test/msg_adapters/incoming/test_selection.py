@@ -7,6 +7,7 @@ from samples import FRAME, STAMP_NS, cloud, radar
 from sensor_msgs.msg import PointField
 
 from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.incoming import anomalies
 from msg_adapters.incoming import detections as adapter
 from phd_jdtc_ros.configuration.parameters.radar import TIME_UNITS
 from phd_jdtc_ros.core.intake.sectors import coverage_of
@@ -14,6 +15,20 @@ from phd_jdtc_ros.core.types import Detections
 
 F4, F8, U1, I4 = (PointField.FLOAT32, PointField.FLOAT64, PointField.UINT8, PointField.INT32)
 INF, NAN = np.inf, np.nan
+STDS = {"range_std_field": "dr", "azimuth_std_field": "da"}
+LAYOUTS = {
+    "relative": {"time_field": "t"},
+    "milliseconds": {"time_field": "t", "time_unit_s": 1e-3},
+    "epoch": {"time_field": "t", "time_since_epoch": True},
+    "epoch_ns": {"time_field": "t", "time_since_epoch": True, "time_unit_s": 1e-9},
+    "height": {"height_field": "h", "position": (0.0, 0.0, 120.0)},
+    "deviations": {"range_std_field": "dr", "azimuth_std_field": "da", "azimuth_in_degrees": True},
+    "rates": {"range_rate_field": "rr", "range_rate_std_field": "sd"},
+    "sectors": {"sector_field": "s", "rotation_s": 4.0, "sectors": 16},
+    "sectors_compass": {"sector_field": "s", "rotation_s": 4.0, "sectors": 7, "compass": True},
+}
+RATES = {"range_rate_field": "rr", "range_rate_std_field": "sd"}
+NAME = "detection_probability"
 
 
 def read(extra, points, datatype=F8, **changes):
@@ -156,9 +171,6 @@ def test_an_impossible_slant_range_is_no_matter_of_the_height(bad):
     assert high(100.0, distance=bad).dropped == {reason: 1}
 
 
-STDS = {"range_std_field": "dr", "azimuth_std_field": "da"}
-
-
 def test_deviations_of_each_detection_are_read_where_known():
     points = [(1000.0, 10.0, 6.0, 0.02), (2000.0, 20.0, 7.0, 0.03)]
     report = read(["dr", "da"], points, azimuth_in_degrees=True, **STDS)
@@ -177,19 +189,6 @@ def test_an_unusable_deviation_is_left_to_the_radar_and_a_doubt(bad):
     assert_array_equal(report.detections.noise_std, [[NAN, NAN], [5.0, 0.01]])
     assert report.anomalies == {"deviations_unusable": 2}
     assert not report.dropped
-
-
-LAYOUTS = {
-    "relative": {"time_field": "t"},
-    "milliseconds": {"time_field": "t", "time_unit_s": 1e-3},
-    "epoch": {"time_field": "t", "time_since_epoch": True},
-    "epoch_ns": {"time_field": "t", "time_since_epoch": True, "time_unit_s": 1e-9},
-    "height": {"height_field": "h", "position": (0.0, 0.0, 120.0)},
-    "deviations": {"range_std_field": "dr", "azimuth_std_field": "da", "azimuth_in_degrees": True},
-    "rates": {"range_rate_field": "rr", "range_rate_std_field": "sd"},
-    "sectors": {"sector_field": "s", "rotation_s": 4.0, "sectors": 16},
-    "sectors_compass": {"sector_field": "s", "rotation_s": 4.0, "sectors": 7, "compass": True},
-}
 
 
 @pytest.mark.parametrize("changes", LAYOUTS.values(), ids=LAYOUTS)
@@ -227,9 +226,6 @@ def test_to_msg_refuses_detections_without_a_sector():
         adapter.to_msg(Detections(np.zeros((1, 2)), None), 0, FRAME, layout)
 
 
-RATES = {"range_rate_field": "rr", "range_rate_std_field": "sd"}
-
-
 def test_range_rates_are_read_and_doubted_beyond_the_ambiguity():
     points = [(1000.0, 0.1, -7.5, 0.2), (2000.0, 0.2, NAN, NAN)]
     report = read(["rr", "sd"], points, **RATES)
@@ -265,3 +261,50 @@ def test_detections_out_of_the_range_limits_are_dropped_and_counted():
     report = read([], points, min_range=600.0, max_range=9e3)
     assert report.detections.measurement[:, 0].tolist() == [600.0, 9e3]
     assert report.dropped == {"range": 2}
+
+
+def detection(found, std=0.02):
+    return {NAME: found, f"{NAME}_std": std, f"{NAME}_set": 0.9}
+
+
+def noise(ratio, std=0.02):
+    return {"range_noise_ratio": ratio, "range_noise_ratio_std": std}
+
+
+@pytest.mark.parametrize(
+    ("figures", "said"),
+    [
+        (detection(0.5), "it detects targets with probability 0.50 instead of 0.90"),
+        (noise(2.0), "its range noise is 2 times the configured one"),
+    ],
+)
+def test_radar_that_is_worse_than_set_gives_a_warning_with_the_numbers(figures, said):
+    assert said in anomalies.of_learned(figures)
+
+
+@pytest.mark.parametrize(
+    "figures",
+    [{}, detection(0.85), detection(0.5, std=0.2), noise(1.2), noise(0.5), noise(2.0, std=0.5)],
+)
+def test_radar_that_is_as_set_or_not_known_well_gives_none(figures):
+    assert anomalies.of_learned(figures) is None
+
+
+@pytest.mark.parametrize("figures", [detection(0.72), detection(0.5, std=0.2), noise(1.4)])
+def test_warning_stays_until_the_radar_is_clearly_better(figures):
+    assert anomalies.of_learned(figures) is None
+    assert anomalies.of_learned(figures, warned=True) is not None
+
+
+@pytest.mark.parametrize("figures", [{}, detection(0.8), noise(1.2)])
+def test_warning_ends_when_the_radar_is_clearly_better(figures):
+    assert anomalies.of_learned(figures, warned=True) is None
+
+
+def test_figures_of_a_radar_are_not_those_of_others():
+    figures = {"radar.range_noisier": 1.0, "radar_2.range_noisier": 2.0, "hypotheses": 3.0}
+    assert anomalies.figures_of("radar", figures) == {"range_noisier": 1.0}
+
+
+def test_an_anomaly_that_only_its_decoder_knows_is_named():
+    assert list(anomalies.of(None, {"positions_implausible": 3})) == ["3 positions implausible"]

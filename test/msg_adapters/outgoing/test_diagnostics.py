@@ -1,11 +1,22 @@
+import json
+import sys
+from types import SimpleNamespace
+
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from samples import STAMP_NS
+from rclpy.serialization import deserialize_message, serialize_message
+from samples import STAMP_NS, estimates
+from std_msgs.msg import Float64
 
-from msg_adapters.encoding import stamps
-from msg_adapters.outgoing import diagnostics
+from msg_adapters.encoding import interfaces, stamps
+from msg_adapters.outgoing import diagnostics, outputs, plots
+from msg_adapters.outgoing.trails import Trails
+from phd_jdtc_ros.configuration.engines import ENGINES
+from phd_jdtc_ros.configuration.parameters import tracker_node
+from phd_jdtc_ros.core.engine import Step
+from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 
@@ -14,6 +25,8 @@ KEYS = [
     *("gospa", "gospa_localization", "missed", "false"),
     *("n_true", "n_est", "cutoff", "order"),
 ]
+# The switch of what is no row of the table: the radars' frames.
+OTHERS = {"frames"}
 
 
 def scored():
@@ -80,3 +93,72 @@ def test_array_has_no_frame():
     )
     assert message.header == stamps.header(STAMP_NS, "")
     assert [status.name for status in message.status] == ["a", "b"]
+
+
+def received(messages):
+    """Return what arrives, by name."""
+    return {
+        name: deserialize_message(serialize_message(message), Float64).data
+        for name, message in messages.items()
+    }
+
+
+def of_step(step, engine):
+    names = plots.of_tracker(2, engine)
+    return received({name: plots.step_to_msg(step, 12.5, name) for name in names})
+
+
+def test_step_is_one_number_for_each_quantity_of_the_tracker():
+    figures = {"particles": 1754, "effective_share": np.float64(0.5), "orphans": 3}
+    step = Step(estimates(), (), np.array([2.25, 1.5]), figures)
+    found = of_step(step, "particles")
+    assert found == {
+        "cardinality/total": 3.75,
+        "cardinality/class_0": 2.25,
+        "cardinality/class_1": 1.5,
+        "step_ms": 12.5,
+        "particles": 1754.0,
+        "effective_share": 0.5,
+    }
+
+
+def test_step_of_each_engine_has_its_own_figures():
+    figures = {"hypotheses": 31, "origins": 6, "approximate_clusters": 0}
+    step = Step(estimates(), (), np.array([2.25, 1.5]), figures)
+    found = of_step(step, "gaussian")
+    assert (found["hypotheses"], found["origins"]) == (31.0, 6.0)
+    assert set(plots.FIGURES) <= set(ENGINES)
+
+
+def test_score_is_one_number_for_each_quantity_of_the_evaluator():
+    evaluation = Evaluation(classes=2, cutoff=1000.0, order=2.0)
+    evaluation.add_truth(STAMP_NS, PointSet(np.array([[0.0, 0.0]]), np.array([0])))
+    found = {}
+    for source in ("filtered", "smoothed"):
+        estimate = PointSet(np.array([[30.0, 40.0]]), np.array([0]))
+        (score,) = evaluation.add_estimates(source, STAMP_NS, estimate)
+        found |= received(plots.score_to_msgs(score))
+    assert set(found) == set(plots.of_evaluator(2))
+    assert found["smoothed/all/ospa"] == found["filtered/class_0/localization"] == 50.0
+    assert (found["filtered/all/n_true"], found["filtered/class_1/n_est"]) == (1.0, 0.0)
+
+
+def switches(rows):
+    return {row.switch for row in rows if row.switch}
+
+
+def test_usual_outputs_are_on_by_default_and_no_switch_is_of_unusual_rows_too():
+    usual = {row for row in outputs.table(1) if row.usual}
+    assert switches(usual) == {*tracker_node.Node().outputs} - OTHERS
+    rows = outputs.table(1)
+    usual = switches(row for row in rows if row.usual)
+    assert not usual & switches(row for row in rows if not row.usual)
+
+
+def test_geojson_is_the_text_of_a_message(monkeypatch):
+    monkeypatch.setitem(sys.modules, "foxglove_msgs.msg", SimpleNamespace(GeoJSON=SimpleNamespace))
+    (row,) = (row for row in outputs.table(2) if row.switch == "geojson")
+    view = outputs.View("map", ("a", "b"), (), SystemPlane((52.3, 4.8, 5.0)), Trails(3))
+    (message,) = row.encode(estimates(), view)
+    interfaces.message_class.cache_clear()
+    assert json.loads(message.geojson)["type"] == "FeatureCollection"

@@ -10,7 +10,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from msg_adapters.targets import markers
 from msg_adapters.targets.markers import ELLIPSE_SIGMA, VELOCITY_SECONDS
-from msg_adapters.targets.palette import COLOURS
+from msg_adapters.targets.palette import COLOURS, class_colour, class_rgb
+from phd_jdtc_ros.report import style
 
 NAMES = ("jet", "drone")
 
@@ -135,3 +136,10 @@ def test_to_cdr_is_as_long_as_the_objects():
     # Nothing is missing at the end, where a reader would not notice.
     written = markers.to_cdr(many_estimates(7), "map", NAMES)
     assert len(written) == len(serialize_message(marker_array(many_estimates(7), "map", NAMES)))
+
+
+def test_class_colours_are_those_of_pictures_and_repeat():
+    assert len(set(COLOURS)) == len(COLOURS)
+    assert class_colour(len(COLOURS)) == class_colour(0)
+    assert class_rgb(0) == (0.0, 0x72 / 255, 0xB2 / 255)
+    assert [style.class_colour(k) for k in range(7)] == [class_colour(k) for k in range(7)]
