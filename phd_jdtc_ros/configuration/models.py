@@ -109,6 +109,7 @@ def _attributes(parts: Parts) -> AttributeModel | None:
         ),
         clutter_reply=CLUTTER_REPLY_PROBABILITY,
         ages=any(own.kind for own in fields_of),
+        replies=any(own.code or own.address for own in fields_of),
     )
 
 

@@ -422,3 +422,53 @@ def test_plots_split_in_two_make_no_second_track():
     times, count = np.unique(found["time"], return_counts=True)
     assert count[times >= 10.0].mean() < 4.5
     assert "radar.cluster_distance" not in Tracker().fit(split_plots(0.0)).parameters
+
+
+def seldom_seen(seed, columns):
+    """Return detections of one target at constant velocity that is missed in every second scan.
+
+    Amid 25 false detections in a scan; `columns` are further columns with equal values. Also the
+    truth.
+    """
+    rng, rows, truth = np.random.default_rng(seed), [], []
+    for time in 0.5 * np.arange(160):
+        x, y = 900.0 + 8.0 * time, -300.0 + 6.0 * time
+        polar = np.column_stack([rng.uniform(30.0, 3e3, 25), rng.uniform(-np.pi, np.pi, 25)])
+        if rng.random() < 0.5:
+            measured = rng.normal([np.hypot(x, y), np.arctan2(y, x)], [4.0, 0.01])
+            polar = np.vstack([polar, measured])
+        rows += [(time, *each) for each in polar.tolist()]
+        truth.append((time, 0, x, y))
+    detections = dict(zip(("time", "range", "azimuth"), np.array(rows).T, strict=True))
+    detections |= {name: np.full(len(rows), value) for name, value in columns.items()}
+    return detections, dict(zip(("time", "label", "x", "y"), np.array(truth).T, strict=True))
+
+
+@pytest.mark.parametrize("engine", ["gaussian", "particles"])
+@pytest.mark.parametrize(
+    ("columns", "clutter_rate"), [({}, 25.0), ({}, "auto"), ({"code": np.nan}, 25.0)]
+)
+def test_a_target_is_found_in_clutter_that_makes_every_birth_improbable(
+    engine, columns, clutter_rate
+):
+    # 0.2 births in a scan, half of which are detected, are 0.4 % of the detections, and far less of
+    # those without a reply if most targets have a transponder: less than the least probability.
+    parameters = {
+        "engine": engine,
+        "interval_s": 0.5,
+        "detection_births": {"velocity_std": 10.0, "rates": [0.2], "least_probability": 0.005},
+        "radar": {
+            "range_std": 4.0,
+            "azimuth_std_deg": 0.573,
+            "max_range": 3e3,
+            "clutter_max_range": 3e3,
+            "detection_probability": 0.5,
+            "clutter_rate": clutter_rate,
+        },
+    }
+    detections, truth = seldom_seen(7, columns)
+    tracks = Tracker(parameters).track(detections).smoothed
+    scores = evaluate(truth, tracks, cutoff=100.0)
+    assert scores["ospa"] < 60.0
+    x, y = (np.interp(tracks["time"], truth["time"], truth[name]) for name in ("x", "y"))
+    assert (np.hypot(tracks["x"] - x, tracks["y"] - y) < 50.0).sum() > 0.7 * len(truth["time"])

@@ -182,7 +182,8 @@ class Tracking:
     birth_least_probability: float = parameter(
         1e-4,
         "Smallest probability that a detection comes from a new target for which a target is born "
-        "at it. A larger value starts fewer targets near established ones.",
+        "at it. A larger value starts fewer targets near established ones. If all births are less "
+        "probable, as in dense clutter, half of their usual probability replaces it.",
         (1e-12, 0.5),
         name="detection_births.least_probability",
     )

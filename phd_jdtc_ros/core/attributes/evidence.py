@@ -148,9 +148,7 @@ def log_clutter_factor(detections: Detections, model: AttributeModel) -> FloatAr
     if not replies:
         return np.zeros(len(detections))
     has_reply = np.stack([reply != UNKNOWN for reply in replies]).any(axis=0)
-    false, true = model.clutter_reply, model.code.reply_probability
-    odds = np.array([(1.0 - false) / (1.0 - true), false / true])
-    factor: FloatArray = np.log(odds)[has_reply.astype(np.int64)]
+    factor: FloatArray = np.log(model.reply_odds)[has_reply.astype(np.int64)]
     return factor
 
 

@@ -24,6 +24,13 @@ class AttributeModel:
     height: HeightModel
     clutter_reply: float = 0.05  # Probability that a false detection has a reply
     ages: bool = False  # Whether estimates have the time of the last detection by each sensor type
+    replies: bool = True  # Whether any sensor reports identities
+
+    @property
+    def reply_odds(self) -> tuple[float, float]:
+        """Odds of a false detection against one of an unknown target, without and with a reply."""
+        false, true = self.clutter_reply, self.code.reply_probability
+        return (1.0 - false) / (1.0 - true), false / true
 
 
 class Beliefs(NamedTuple):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -63,9 +63,20 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
         updated = update_scan(branched, scan, steps, dt, index, self.sensors, self.attributes)
         self.approximate = updated.approximate
         self.on_stage_end("update")
-        stored, ancestry, self.floored = reduce_hypotheses(updated.rows, self.bounds)
+        stored, ancestry, self.floored = reduce_hypotheses(updated.rows, self._bounds_of_newborn())
         self.on_stage_end("reduce")
         link = Link(moves, ancestry) if linked and moves is not None else None
         entry = Entry(scan.stamp_ns, stored, tuple(rows.source for rows in swept), link)
         self._keep(entry, others)
         return Filtered(stored, entry)
+
+    def _bounds_of_newborn(self) -> Bounds:
+        """Return bounds that do not drop every new target; see `least_newborn_mass`."""
+        model = self.model
+        if not model.detection_births.enabled:
+            return self.bounds
+        sensors = map(self.sensors.with_learned_values, model.radars)
+        least = min(map(model.least_newborn_mass, sensors))
+        if least >= model.detection_births.least_mass:
+            return self.bounds
+        return replace(self.bounds, least_existence=min(self.bounds.least_existence, least))

@@ -32,17 +32,15 @@ class CompetingSources:
         total: FloatArray = self.intensity.sum(axis=0)
         return total
 
-    def newborn(self, claimed: FloatArray, report: Report, model: TrackerModel) -> Newborn | None:
+    def newborn(self, claimed: FloatArray, report: Report, least_mass: float) -> Newborn:
         """Return the probabilities that unclaimed detections are unknown targets.
 
-        `claimed` has the probability that a known target is the source of each detection, (M,). The
-        result is None if births at detections are disabled.
+        `claimed` has the probability that a known target is the source of each detection, (M,).
+        Detections with a smaller newborn mass than `least_mass` are left out.
         """
-        if not model.detection_births.enabled:
-            return None
         total = self.total
         unknown = (1.0 - claimed) * self.intensity[1:] / np.where(total > 0.0, total, 1.0)
-        return detection_birth.newborn_of(report, unknown.T, model.detection_births)
+        return detection_birth.newborn_of(report, unknown.T, least_mass)
 
 
 def log_intensities(

@@ -142,9 +142,9 @@ class Newborn:
         return Newborn(self.report.take(rows), self.mass[rows])
 
 
-def newborn_of(report: Report, mass: FloatArray, model: DetectionBirthModel) -> Newborn:
-    """Return the detections with at least the model's `least_mass`, given masses (M, C)."""
-    newborn, is_kept = Newborn(report, mass), mass.sum(axis=1) >= model.least_mass
+def newborn_of(report: Report, mass: FloatArray, least_mass: float) -> Newborn:
+    """Return the detections with at least a newborn mass, given their masses (M, C)."""
+    newborn, is_kept = Newborn(report, mass), mass.sum(axis=1) >= least_mass
     return newborn if is_kept.all() else newborn.take(is_kept.nonzero()[0])
 
 

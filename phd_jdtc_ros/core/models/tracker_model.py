@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from ..arrays import ReadOnly
 from ..attributes.records import AttributeModel
 from ..sensors.report import Report
@@ -16,6 +18,10 @@ from ..types import Scan
 from .amplitude_model import AmplitudeModel
 from .detection_birth import DetectionBirthModel
 from .detection_clusters import merge_clusters
+
+# Where unknown targets are rarer than `least_mass` allows, targets are born with at least this
+# share of their usual probability.
+LEAST_SHARE = 0.5
 
 
 @dataclass(frozen=True)
@@ -55,6 +61,28 @@ class TrackerModel(ReadOnly):
         ]
         self._latest[:] = [(scan, reports)]
         return reports
+
+    def least_newborn_mass(self, sensor: Sensor) -> float:
+        """Return the smallest newborn mass with which a target is born at a sensor's detection.
+
+        It is the births' `least_mass`, except if a detection without a reply, amid uniform clutter
+        and far from known targets, usually has less: no such target would ever be born.
+        """
+        births, classes = self.detection_births, self.modes.classes
+        middle = np.zeros((1, len(sensor.noise_std)))
+        for column, intervals in enumerate(sensor.limits):
+            middle[:, column] = intervals[:1].mean() if len(intervals) else 0.0
+        p_d = sensor.configured_detection_probability(middle)
+        p_d = sensor.class_detection_probability(classes) if p_d is None else p_d
+        if sensor.detection_factor is not None:
+            p_d = p_d * sensor.detection_factor.mean
+        turns = (sensor.rotation_s or self.modes.interval_s) / self.modes.interval_s
+        unknown = turns * float((births.rate * p_d).sum()) / sensor.field_size
+        clutter = np.exp(sensor.log_uniform_clutter)
+        if self.attributes is not None and self.attributes.replies:
+            clutter *= self.attributes.reply_odds[0]
+        usual = unknown / (unknown + clutter) if unknown else 1.0
+        return births.least_mass if usual > births.least_mass else float(LEAST_SHARE * usual)
 
     @cached_property
     def _latest(self) -> list[tuple[Scan, list[Report]]]:

@@ -101,8 +101,11 @@ def update(
     look = learn(memory, report, steps.model, prior, posterior)
     if attributes is not None and posterior.evidence is not None:
         attributes.learn(posterior.evidence, posterior.pair_probability, posterior.existence)
-    newborn = posterior.sources.newborn(posterior.claimed_probability, report, steps.model)
-    newborns = () if newborn is None else (newborn,)
+    newborns: tuple[Newborn, ...] = ()
+    if steps.model.detection_births.enabled:
+        # Without the clutter of a burst, in which new targets can wait.
+        least_mass = steps.model.least_newborn_mass(prepared.sensor)
+        newborns = (posterior.sources.newborn(posterior.claimed_probability, report, least_mass),)
     return Updated(posterior.rows, newborns, posterior.approximate, prepared, look)
 
 
