@@ -227,7 +227,7 @@ def test_a_turn_that_is_not_set_is_found_and_targets_are_tracked(engine, timed):
     given = {"engine": engine, "radar.rotation_s": 0.0, "radar.sectors": 0}
     pipeline = new_pipeline(sweep.configuration({**given, "estimates_period_s": 3.9}))
     found = []
-    for radar, stamp_ns, detections, _ in sweep.sector_reports(12, timed):
+    for radar, stamp_ns, detections, _ in sweep.sector_reports(8, timed):
         events = pipeline.add(radar, stamp_ns, detections)
         found += [
             one for event in events if isinstance(event, Stepped) for one in event.step.filtered
