@@ -30,7 +30,7 @@ from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
 from phd_jdtc_ros.study.turning import estimates_of
 
-from .runner import Figures, Study, table
+from .runner import Figures, Study, cell, table
 
 # Supplies the parameters of two turning radars and of their tracker.
 SCENARIO = Path("config/scenarios/two_terminal_radars.yaml")
@@ -207,15 +207,15 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
 
 def _tables(found: Figures) -> list[Table | str]:
     columns = {
-        "gospa": ("GOSPA", ".0f", " m"),
-        "ospa": ("OSPA", ".0f", " m"),
+        "gospa": ("GOSPA", ".0f", "m"),
+        "ospa": ("OSPA", ".0f", "m"),
         "switches": ("identity switches", ".1f", ""),
         "missing": ("missing", ".2f", ""),
         "duplicated": ("duplicated", ".2f", ""),
     }
     rows = [
-        (name, *(f"{own[key]:{form}}{unit}" for key, (_, form, unit) in columns.items()))
-        for name, own in found["scores"].items()
+        (name, *(cell(found, ["scores", name, key], *of[1:]) for key, of in columns.items()))
+        for name in found["scores"]
     ]
     headings = (heading for heading, _, _ in columns.values())
     spent = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in found["cpu_s"].items())

@@ -34,7 +34,7 @@ from phd_jdtc_ros.study.runs import SimulatedRun
 from phd_jdtc_ros.study.turning import track, turning_run
 
 from .peers.plot_kalman import plot_kalman
-from .runner import Figures, Study, table
+from .runner import Figures, Study, cell, table
 
 PROFILE = Path("config/air_traffic.yaml")
 START_NS, DURATION_S, INTERVAL_S = 1000 * 10**9, 300.0, 4.0
@@ -152,25 +152,24 @@ def _losses(there: BoolArray) -> int:
 
 def tables(figures: Figures) -> list[Table]:
     """Return a table of each scene."""
-    headings = ("tracks", "found", "lost for 3 turns", "RMS, m", "switches", "false tracks")
-    return [
-        table(
-            name,
-            *headings,
-            rows=[
-                (
-                    source,
-                    f"{each['found']:.2%}",
-                    f"{each['lost']:.2f}",
-                    f"{each['rms']:.1f}",
-                    f"{each['switches']:.1f}",
-                    f"{each['false_tracks']:.1f}",
-                )
-                for source, each in of_scene.items()
-            ],
-        )
-        for name, of_scene in figures["scenes"].items()
-    ]
+    columns = {
+        "found": ("found", ".2%"),
+        "lost": ("lost for 3 turns", ".2f"),
+        "rms": ("RMS, m", ".1f"),
+        "switches": ("switches", ".1f"),
+        "false_tracks": ("false tracks", ".1f"),
+    }
+    found = []
+    for name, scene in figures["scenes"].items():
+        rows = [
+            (
+                source,
+                *(cell(figures, ["scenes", name, source, key], columns[key][1]) for key in columns),
+            )
+            for source in scene
+        ]
+        found.append(table(name, "tracks", *(title for title, _ in columns.values()), rows=rows))
+    return found
 
 
 STUDY = Study(

@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from rich.table import Table
@@ -30,7 +30,7 @@ from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 from phd_jdtc_ros.study import turning
 
 from .peers.plot_kalman import follow
-from .runner import Figures, Goal, Study, goal, table, until
+from .runner import Figures, Goal, Study, cell, goal, table, until
 
 SCENARIO = Path("config/scenarios/madap.yaml")
 PEER = "plot Kalman"
@@ -205,28 +205,19 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
 
 
 def _tables(found: Figures) -> list[Table | str]:
-    figures: Mapping[str, Mapping[str, Any]] = found["figures"]
-    widths = found.get("half_width", {}).get("figures", {})
     rows = []
     for figure in FIGURES:
-        values = [(figure.multi_radar, None), (figure.single_radar, None)]
-        values += [
-            (of_one[figure.name], widths.get(name, {}).get(figure.name))
-            for name, of_one in figures.items()
-        ]
-        rows.append((figure.name, *(_cell(figure, *value) for value in values)))
+        published = {"all": figure.multi_radar, "one": figure.single_radar}
+        cells = [cell(published, [key], figure.form, figure.unit) for key in published]
+        for name in found["figures"]:
+            cells.append(cell(found, ["figures", name, figure.name], figure.form, figure.unit))
+        rows.append((figure.name, *cells))
     heading = "MADAP benchmark, manoeuvring flights"
+    columns = ("figure", "published, all radars", "published, one radar", *found["figures"])
     return [
-        table(heading, "figure", "published", "one radar", *figures, rows=rows),
+        table(heading, *columns, rows=rows),
         f"CPU per update of all tracks: {found['cpu_per_update_ms']:.0f} ms",
     ]
-
-
-def _cell(figure: Figure, value: float | None, half_width: float | None) -> str:
-    if value is None:
-        return "-"
-    interval = "" if half_width is None else f" ± {half_width:{figure.form}}"
-    return f"{value:{figure.form}}{interval} {figure.unit}".rstrip()
 
 
 STUDY = Study(

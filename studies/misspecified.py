@@ -31,7 +31,7 @@ from phd_jdtc_ros.study.monte_carlo.definition import CUTOFF, ORDER
 from phd_jdtc_ros.study.runs import ExtractionVariant, SimulatedRun, simulated_run
 from phd_jdtc_ros.study.tracker import track
 
-from .runner import Figures, Goal, Study, add_engine_argument, goal, table
+from .runner import Figures, Goal, Study, add_engine_argument, cell, goal, table
 
 RADARS = ("radar_1", "radar_2")
 # The nominal values, and those from which a tracker learns.
@@ -47,14 +47,14 @@ LEARNED: Mapping[str, str] = {
 }
 # Factors of the truth.
 CASES: Mapping[str, Mapping[str, float]] = {
-    "all right": {},
+    "nominal": {},
     "noise x 0.5": {"range_std": 0.5, "azimuth_std_deg": 0.5},
     "noise x 2": {"range_std": 2.0, "azimuth_std_deg": 2.0},
     "detection x 0.75": {"detection_probability": 0.75},
     "detection x 0.5": {"detection_probability": 0.5},
     "clutter x 0.3": {"clutter_rate": 0.3},
     "clutter x 3": {"clutter_rate": 3.0},
-    "all wrong": {
+    "noise x 2, detection x 0.75, clutter x 3": {
         "range_std": 2.0,
         "azimuth_std_deg": 2.0,
         "detection_probability": 0.75,
@@ -69,7 +69,7 @@ EXACT: Mapping[str, float] = {"range_std": 1e-2, "azimuth_std_deg": 1e-4}
 RATE_SCENARIO = Path("config/scenarios/automotive.yaml")
 RATE, RATE_STD = "front.range_rate_std", 0.15
 RATE_CASES: Mapping[str, float] = {
-    "range rates, all right": 1.0,
+    "range rates, nominal": 1.0,
     "range rates, noise x 0.5": 0.5,
     "range rates, noise x 2": 2.0,
 }
@@ -91,7 +91,7 @@ def measure(arguments: argparse.Namespace, seed: int) -> Figures:
     for case, factors in CASES.items():
         truth = truth_of(factors)
         run = simulated_run(scenario_of(truth), seed)
-        trackers = {"told": truth, "wrong": NOMINAL, "learned": LEARNED}
+        trackers = {"true values": truth, "nominal values": NOMINAL, "learned": LEARNED}
         found[case] = {
             name: _distances(run, {"engine": arguments.engine, **of_radars(given)})
             for name, given in trackers.items()
@@ -104,10 +104,13 @@ def measure(arguments: argparse.Namespace, seed: int) -> Figures:
 def _of_heavy_tails(engine: str, seed: int) -> Figures:
     """Return the distances with heavy-tailed noise, of trackers with outliers and without."""
     run = heavy_tailed_run(seed)
-    trackers: dict[str, dict[str, Any]] = {"told": {**NOMINAL}, "wrong": {**NOMINAL}}
+    trackers: dict[str, dict[str, Any]] = {
+        "true values": {**NOMINAL},
+        "nominal values": {**NOMINAL},
+    }
     trackers["learned"] = {**LEARNED}
     if engine == "gaussian":  # particles do not know outliers
-        for name in ("told", "learned"):
+        for name in ("true values", "learned"):
             trackers[name]["range_std"] = f"{trackers[name]['range_std']} {OUTLIERS}"
     return {
         name: _distances(run, {"engine": engine, **of_radars(given)})
@@ -146,7 +149,11 @@ def _of_rates(engine: str, factor: float, seed: int) -> Figures:
     truth = {**given, RATE: factor * RATE_STD}
     scenario = scenario_file.resolve(document, polar_radars(resolve(truth).model.radars))
     run = simulated_run(scenario, seed)
-    trackers = {"told": truth, "wrong": given, "learned": {**given, RATE: f"auto {RATE_STD}"}}
+    trackers = {
+        "true values": truth,
+        "nominal values": given,
+        "learned": {**given, RATE: f"auto {RATE_STD}"},
+    }
     return {name: _distances(run, own, RATE_CUTOFF) for name, own in trackers.items()}
 
 
@@ -182,15 +189,15 @@ def _mean(run: SimulatedRun, found: Sequence[PointSet], cutoff: float) -> float:
 def tables(figures: Figures) -> list[Table]:
     """Return the distances of each case, filtered / smoothed."""
     rows = []
-    for case, of_case in (figures["cases"] | figures["rates"]).items():
-        digits = 2 if case in RATE_CASES else 1
-        cells = [
-            f"{each['filtered']:.{digits}f} / {each['smoothed']:.{digits}f}"
-            for each in (of_case["told"], of_case["wrong"], of_case["learned"])
-        ]
-        rows.append((case, *cells))
-    headings = ("radars", "true values, m", "nominal values, m", "learned, m")
-    return [table("OSPA after 20 scans, filtered / smoothed", *headings, rows=rows)]
+    for part, form in (("cases", ".1f"), ("rates", ".2f")):
+        for case, trackers in figures[part].items():
+            texts = [
+                [cell(figures, [part, case, own, source], form) for source in LAGS]
+                for own in trackers
+            ]
+            rows.append((case, *map(" / ".join, texts)))
+    title = "OSPA after 20 scans in metres, filtered / smoothed"
+    return [table(title, "radars", *trackers, rows=rows)]
 
 
 def goals(figures: Figures) -> list[Goal]:
@@ -200,8 +207,10 @@ def goals(figures: Figures) -> list[Goal]:
         right = RATE_CASES.get(case, 1.0) == 1.0 and not CASES.get(case, case == HEAVY_TAILS)
         bound = MOST_RIGHT if right else MOST_WRONG
         for source in LAGS:
-            ratio = of_case["learned"][source] / of_case["told"][source]
-            found.append(goal(f"misspecified, {case}, learned / told, {source}", ratio, bound))
+            ratio = of_case["learned"][source] / of_case["true values"][source]
+            found.append(
+                goal(f"misspecified, {case}, learned / true values, {source}", ratio, bound)
+            )
     return found
 
 

@@ -33,7 +33,7 @@ from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 from phd_jdtc_ros.study import turning
 
-from .runner import Figures, Goal, Study, StudyError, goal, table, until
+from .runner import Figures, Goal, Study, StudyError, cell, goal, table, until
 
 SCENARIO = Path("config/scenarios/three_biased_radars.yaml")
 # The tracker runs on the first seconds only, because it takes much longer than the registration.
@@ -177,8 +177,8 @@ def tables(found: Figures) -> list[Table | str]:
         cells = ("reference", "") if row.std is None else (f"{row.found:.4f}", f"{row.std:.2g}")
         errors.append((row.radar, f"{row.error}, {row.unit}", f"{row.true:.3g}", *cells))
     tracks = [
-        (name, *(f"{of_run[source]:.1f}" for source in SOURCES))
-        for name, of_run in found["rms_m"].items()
+        (name, *(cell(found, ["rms_m", name, source], ".1f") for source in SOURCES))
+        for name in found["rms_m"]
     ]
     return [
         table(

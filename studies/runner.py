@@ -202,6 +202,22 @@ def table(title: str, *headings: str, rows: Sequence[Sequence[str]]) -> Table:
     return found
 
 
+def cell(figures: Figures, path: Sequence[str], form: str, unit: str = "") -> str:
+    """Return a figure, with half the width of its interval if it has one.
+
+    The path has the keys that lead to it; a form that ends with % gives percentages. Without the
+    figure it is "-".
+    """
+    value: Any = figures
+    width = figures.get("half_width")
+    for key in path:
+        value, width = value[key] if value else None, width and width.get(key)
+    if value is None:
+        return "-"
+    texts = [f"{each:{form}}".rstrip("%") for each in (value, width) if each is not None]
+    return f"{' ± '.join(texts)} {'%' if form.endswith('%') else unit}".rstrip()
+
+
 def _goals_table(goals: Sequence[Goal]) -> Table:
     reached = {True: "yes", False: "no", None: "-"}
     return table(

@@ -155,12 +155,14 @@ def tables(figures: Figures) -> list[Table]:
                 for where in ("covered", "uncovered")
                 for name, text in (("nees", "{:.2f}"), ("outside_3_sigma", "{:.1%}"))
             ),
+            *(_cell(_worst(of_source[kind]), "{:.3f}") for kind in KINDS),
         )
         for engine, of_engine in figures["engines"].items()
         for source, of_source in of_engine.items()
     ]
     headings = ("estimates", "NEES", "outside 3 sigma", "NEES, no coverage", "outside, no coverage")
-    found = [table("covariances", *headings, rows=rows)]
+    worst = (f"largest error of {kind}" for kind in KINDS)
+    found = [table("covariances and probabilities", *headings, *worst, rows=rows)]
     for engine, of_engine in figures["engines"].items():
         for kind, edges in KINDS.items():
             found.append(_reliability(engine, kind, edges, of_engine))
@@ -169,6 +171,13 @@ def tables(figures: Figures) -> list[Table]:
 
 def _cell(value: float | None, text: str) -> str:
     return "-" if value is None else text.format(value)
+
+
+def _worst(stored: Mapping[str, Sequence[float | None]]) -> float | None:
+    """Return the largest error of a bin with enough statements; None without any."""
+    bins = _bins(stored)
+    apart = np.abs(bins.right - bins.said)[bins.number >= ENOUGH]
+    return float(apart.max()) if len(apart) else None
 
 
 def _reliability(
@@ -194,10 +203,7 @@ def goals(figures: Figures) -> list[Goal]:
         for source, of_source in of_engine.items():
             name = f"calibration, {engine}, {source}"
             for kind in KINDS:
-                bins = _bins(of_source[kind])
-                full = bins.number >= ENOUGH
-                apart = np.abs(bins.right - bins.said)[full]
-                worst = float(apart.max()) if len(apart) else None
+                worst = _worst(of_source[kind])
                 found.append(goal(f"{name}, {kind} probability", worst, TOLERANCE))
             outside = of_source["covered"]["outside_3_sigma"]
             found.append(goal(f"{name}, outside 3 sigma", outside, MOST_OUTSIDE))

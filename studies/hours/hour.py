@@ -22,9 +22,11 @@ that many plots. Tracks of unscored targets are left out; tracks near no target 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -44,10 +46,13 @@ from phd_jdtc_ros.study.runs import TAXIING
 from phd_jdtc_ros.study.turning import turn_ends
 
 from ..peers.plot_kalman import follow
+from ..runner import half_width
 
 # A target counts as found if it has an estimate within this distance, metres.
 FOUND_M = 500.0
 IN_SIGHT_TURNS, LEAST_LOOKS = 1.5, 3
+# Number of parts of an hour whose figures are compared for intervals.
+BLOCKS = 12
 # Number of plot times from which the shift of a recording is estimated, and its resolution,
 # seconds.
 SHIFT_TIMES, SHIFT_STEP_S = 400, 1.0 / 128.0
@@ -66,6 +71,9 @@ class Scores(NamedTuple):
     # than before it, and of all targets tracked both before and after a gap.
     renumbered: int
     returned: int
+    # Half the widths of 95 % intervals of the figures of `_rates`, from the differences between
+    # `BLOCKS` consecutive parts of the hour.
+    half_width: Mapping[str, float] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -222,7 +230,18 @@ def scores(hour: Hour, reader: Reader, times_s: FloatArray, found: Sequence[Poin
         passes = np.array([hour.passes(n, time_s) for n in truth.track_id.tolist()], dtype=np.int64)
         passes[np.hypot(*truth.velocity.T) < TAXIING.below] = 0
         sums.add(truth.track_id, position, passes, points)
-    return sums.scores(len(times_s))
+    return sums.scores()
+
+
+def _rates(turns: FloatArray) -> dict[str, float]:
+    """Return the figures that turns have by themselves, given the rows of `_Sums`."""
+    square, paired, instants, early_paired, early, false = turns.sum(axis=0).tolist()
+    return {
+        "found": paired / max(instants, 1.0),
+        "found_from_first": early_paired / max(early, 1.0),
+        "rms": math.sqrt(square / paired) if paired else FOUND_M,
+        "false_a_turn": false / max(len(turns), 1),
+    }
 
 
 class _Sums:
@@ -230,8 +249,10 @@ class _Sums:
 
     def __init__(self) -> None:
         self._switches = IdentitySwitches(FOUND_M)
-        self._square, self._paired, self._instants = 0.0, 0, 0
-        self._early, self._early_paired, self._false, self._switched = 0, 0, 0, 0
+        # Of each turn: squared errors, targets found and all, the same from the first pass on
+        # without the errors, and false estimates.
+        self._turns: list[tuple[float, ...]] = []
+        self._switched = 0
         # The last track number of each target in sight, and of each target since out of sight.
         self._number: dict[int, int] = {}
         self._gone: dict[int, int] = {}
@@ -243,13 +264,11 @@ class _Sums:
         rest = _without(own, position, ~settled)
         row, column = assign(position[settled], rest.position, FOUND_M)
         distance = np.hypot(*(position[settled][row] - rest.position[column]).T)
-        self._square += float((distance**2).sum())
-        self._paired += len(row)
-        self._instants += int(np.count_nonzero(settled))
-        self._false += len(rest) - len(row)
         seen = passes > 0
-        self._early += int(np.count_nonzero(seen))
-        self._early_paired += len(assign(position[seen], own.position, FOUND_M)[0])
+        early = len(assign(position[seen], own.position, FOUND_M)[0])
+        found = (distance**2).sum(), len(row), np.count_nonzero(settled)
+        counts = early, np.count_nonzero(seen), len(rest) - len(row)
+        self._turns.append(tuple(map(float, (*found, *counts))))
         true = LabelledPoints(label[settled], position[settled])
         numbers = np.zeros(len(rest), np.int64) if rest.track_id is None else rest.track_id
         self._switched += self._switches.add(
@@ -273,18 +292,17 @@ class _Sums:
                 self._renumbered += own != before
         self._number.update(number)
 
-    def scores(self, turns: int) -> Scores:
+    def scores(self) -> Scores:
         """Return the scores of all turns."""
-        mean = self._square / self._paired if self._paired else FOUND_M**2
+        turns = np.array(self._turns).reshape(-1, 6)
+        blocks = [_rates(block) for block in np.array_split(turns, BLOCKS) if len(block)]
         return Scores(
-            self._instants,
-            self._paired / max(self._instants, 1),
-            self._early_paired / max(self._early, 1),
-            float(np.sqrt(mean)),
-            self._false / max(turns, 1),
-            self._switched,
-            self._renumbered,
-            self._returned,
+            instants=int(turns[:, 2].sum()),
+            **_rates(turns),
+            switches=self._switched,
+            renumbered=self._renumbered,
+            returned=self._returned,
+            half_width=half_width(blocks) if len(blocks) > 1 else {},
         )
 
 

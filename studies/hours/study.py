@@ -12,7 +12,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -36,7 +36,7 @@ from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker
 from phd_jdtc_ros.simulation import scenario_file, sending
 from phd_jdtc_ros.tools.asterix import simulated as simulated_asterix
 
-from ..runner import Figures, Study, table, until
+from ..runner import Figures, Study, cell, table, until
 from . import hour as hours
 from .goals import AS_IS, NO_IDENTITIES, TUNED, goals_of
 from .hour import Hour, Reader, Scores
@@ -187,8 +187,12 @@ def measure_hour(name: str, minutes: float | None, seed: int, work: Path) -> Fig
 
 
 def _figures(by_source: Mapping[str, Scores], peer: Scores | None) -> Figures:
-    scores = {source: each._asdict() for source, each in by_source.items()}
-    return {"scores": scores, PEER: peer._asdict() if peer else None}
+    scores = {source: _as_json(each) for source, each in by_source.items()}
+    return {"scores": scores, PEER: peer and _as_json(peer)}
+
+
+def _as_json(scores: Scores) -> Figures:
+    return {**scores._asdict(), "half_width": dict(scores.half_width)}
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
@@ -206,48 +210,56 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
             raise BagError(f"{keep}: already exists, is not overwritten")
     with tempfile.TemporaryDirectory() as temporary:
         place = keep or Path(temporary)
-        return {
-            "hours": {
-                name: measure_hour(name, arguments.minutes, seed, place / name)
-                for name in arguments.hour or RECORDINGS
-            }
+        found = {
+            name: measure_hour(name, arguments.minutes, seed, place / name)
+            for name in arguments.hour or RECORDINGS
         }
+    return {"hours": found, "half_width": {"hours": _widths(found)}}
+
+
+def _widths(found: Mapping[str, Any]) -> Figures:
+    """Return the intervals of scores in the places of the scores."""
+    return {
+        name: _widths(each) if "half_width" not in each else each["half_width"]
+        for name, each in found.items()
+        if isinstance(each, Mapping)
+    }
 
 
 def _tables(found: Figures) -> list[Table | str]:
     shown: list[Table | str] = []
     for name, ways in found["hours"].items():
         rows = {
-            f"{way}, {source}": each["scores"].get(source)
-            for way, each in ways.items()
+            f"{way}, {source}": ("hours", name, way, "scores", source)
+            for way in ways
             for source in SOURCES
         }
         cpu = ", ".join(f"{way} {each['cpu_s']:.1f} s" for way, each in ways.items())
         shown += [
-            _scores_table(name, {**rows, "plot Kalman": ways[AS_IS][PEER]}),
+            _scores_table(name, found, {**rows, "plot Kalman": ("hours", name, AS_IS, PEER)}),
             f"CPU time of track_bag: {cpu}",
         ]
     return shown
 
 
-def _scores_table(title: str, rows: Mapping[str, Mapping[str, float] | None]) -> Table:
-    """Return the table of scores of an hour, one row per tracker."""
+COLUMNS = {
+    "found": ("found", ".2%"),
+    "found_from_first": ("from 1st plot", ".2%"),
+    "rms": ("RMS, m", ".1f"),
+    "false_a_turn": ("false a turn", ".3f"),
+    "switches": ("switches", ".3g"),
+    "renumbered": ("renumbered", ".3g"),
+    "returned": ("of", ".3g"),
+}
+
+
+def _scores_table(title: str, found: Figures, rows: Mapping[str, Sequence[str]]) -> Table:
+    """Return the table of scores of an hour, one row per tracker, given the paths to its scores."""
     cells = [
-        (name, "none", *[""] * 5)
-        if row is None
-        else (
-            name,
-            f"{100.0 * row['found']:.2f}",
-            f"{100.0 * row['found_from_first']:.2f}",
-            f"{row['rms']:.1f}",
-            f"{row['false_a_turn']:.3f}",
-            f"{row['switches']:g}",
-            f"{row['renumbered']:g} of {row['returned']:g}",
-        )
-        for name, row in rows.items()
+        (name, *(cell(found, [*path, key], form) for key, (_, form) in COLUMNS.items()))
+        for name, path in rows.items()
     ]
-    head = "found, %", "from 1st plot, %", "RMS, m", "false a turn", "switches", "renumbered"
-    return table(title, "tracks", *head, rows=cells)
+    return table(title, "tracks", *(heading for heading, _ in COLUMNS.values()), rows=cells)
 
 
 STUDY = Study(
@@ -274,7 +286,8 @@ def _add_bag_arguments(parser: ArgumentParser) -> None:
 
 def _measure_bag(arguments: argparse.Namespace, seed: int) -> Figures:
     hour, _, _ = hour_of(arguments.hour, arguments.minutes, seed)
-    return {"hour": arguments.hour, **_figures(*score_bag(hour, arguments.bag))}
+    figures = _figures(*score_bag(hour, arguments.bag))
+    return {"hour": arguments.hour, **figures, "half_width": _widths(figures)}
 
 
 OF_BAG = Study(
@@ -282,7 +295,11 @@ OF_BAG = Study(
     purpose="Scores of a bag that track_bag wrote of a simulated hour.",
     measure=_measure_bag,
     tables=lambda found: [
-        _scores_table(found["hour"], {**found["scores"], "plot Kalman": found[PEER]})
+        _scores_table(
+            found["hour"],
+            found,
+            {**{source: ("scores", source) for source in SOURCES}, "plot Kalman": (PEER,)},
+        )
     ],
     least_minutes=LEAST_MINUTES,
     add_arguments=_add_bag_arguments,

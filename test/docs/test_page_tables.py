@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from phd_jdtc_ros.study.monte_carlo.definition import METRICS
+from studies import handover
 
 ROOT = Path(__file__).parents[2]
 PAGES = [(ROOT / "docs" / name).read_text() for name in page_tables.PAGES]
@@ -16,7 +17,7 @@ OF_STUDY = [
     (shown, cells)
     for page in PAGES
     for shown, cells in page_tables.specified(page)
-    if "bench" not in shown
+    if not {"bench", "study"} & {*shown}
 ]
 
 
@@ -95,17 +96,58 @@ def test_study_rows_have_columns_of_cases_or_of_figures_with_units():
     ]
 
 
+def test_study_rows_with_intervals_join_the_lags_and_have_units_in_the_headings():
+    lags = {"0": figures(0.5), "5": figures(40.0)}
+    lags["0"]["all"]["class_accuracy"] = {"mean": 0.5, "interval_95": [0.4, 0.6]}
+    found = {"one": {"ours": {"runs": 20, "lags": lags}}, "two": SUMMARY["two"]}
+    shown = {
+        "figures": ["ospa", "class_accuracy"],
+        "cases": {"one": ["ours"], "two": ["theirs"]},
+        "lags": [0, 5],
+        "intervals": True,
+    }
+
+    assert page_tables.study_rows(shown, found) == [
+        ["case", "variant", "OSPA, m", "class accuracy, %"],
+        ["---", "---", "---:", "---:"],
+        ["one", "ours", "0.5 ± 2.0 / 40.0 ± 2.0", "50.0 ± 10.0"],
+        ["two", "theirs", "70.0", ""],
+    ]
+
+
+def test_tables_of_other_studies_are_those_that_they_print():
+    scores = {"gospa": 282.0, "ospa": 63.0, "switches": 0.5, "missing": 0.0, "duplicated": 0.25}
+    figures = {"scores": {"one tracker": scores}, "cpu_s": {}, "seeds": [*range(12)]}
+    table, *_ = handover.STUDY.tables(figures)
+    page = f"<!-- table: {{study: handover, table: {table.title}, runs: 12}} -->\n<!-- end -->\n"
+
+    text, missing = page_tables.filled(page, {"handover": figures})
+
+    assert missing == []
+    assert "\n| one tracker | 282 m | 63 m | 0.5 | 0.00 | 0.25 |\n<!-- end -->\n" in text
+    text, (line,) = page_tables.filled(page, {"handover": {**figures, "seeds": [1, 2]}})
+    assert text == page
+    assert "more than 2 runs of handover" in line
+
+
 @pytest.mark.parametrize(("shown", "cells"), OF_STUDY, ids=[str(shown) for shown, _ in OF_STUDY])
 def test_tables_of_the_study_have_the_rows_and_columns_that_they_name(shown, cells):
     cases = shown.get("cases", shown.get("ospa"))
-    found = {case: {name: _of_lags(shown) for name in shown["variants"]} for case in cases}
+    found = {case: {name: _of_lags(shown) for name in variants_of(shown)} for case in cases}
     expected = page_tables.study_rows(shown, found)
 
     assert {*cases} <= {*DEFINED["cases"]}
-    assert {*shown["variants"]} <= {*DEFINED["variants"]}
+    assert variants_of(shown) <= {*DEFINED["variants"]}
     assert cells[0] == expected[0]
     names = expected[1].count("---")
     assert [row[:names] for row in cells[1:]] == [row[:names] for row in expected[2:]]
+
+
+def variants_of(shown):
+    """Return the variants that a table names."""
+    cases = shown.get("cases")
+    of_cases = cases.values() if isinstance(cases, dict) else [shown["variants"]]
+    return {name for names in of_cases for name in names}
 
 
 def _of_lags(shown):

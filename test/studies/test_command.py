@@ -169,6 +169,16 @@ def test_means_and_goals_without_values_are_unknown():
     assert goal("high", 2.0, 1.0, at_most=False)["reached"] is True
 
 
+def test_cells_have_intervals_of_several_seeds_units_and_a_dash_without_a_figure():
+    one = {"of": {"share": 0.5, "length": 3.0, "lacking": None}}
+    several = {**one, "half_width": {"of": {"share": 0.02, "length": 0.5, "lacking": None}}}
+    assert runner.cell(one, ["of", "share"], ".1%") == "50.0 %"
+    assert runner.cell(several, ["of", "share"], ".1%") == "50.0 ± 2.0 %"
+    assert runner.cell(several, ["of", "length"], ".1f", "m") == "3.0 ± 0.5 m"
+    assert runner.cell(several, ["of", "lacking"], ".1f", "m") == "-"
+    assert runner.cell({"of": {}}, ["of", "scores", "length"], ".1f") == "-"
+
+
 def test_figures_and_goals_join_the_summary_and_replace_their_own(tmp_path):
     summary = {"p": 2, "cases": {"a": 1}, "goals": [{"name": "filter"}, {"name": "value"}]}
     (tmp_path / "summary.json").write_text(json.dumps(summary))

@@ -57,6 +57,20 @@ def test_true_tracks_are_found_and_none_without_tracks(hour, reader, true_tracks
     assert (found.found, found.rms, found.false_a_turn) == (0.0, FOUND_M, 0.0)
 
 
+def test_intervals_are_of_the_differences_between_parts_of_the_hour(hour, reader, true_tracks):
+    parts = np.array_split(np.arange(len(true_tracks)), hours.BLOCKS)
+    half = [
+        points.only(np.arange(len(points) if turn < parts[6][0] else 0))
+        for turn, points in enumerate(true_tracks)
+    ]
+
+    assert scored(hour, reader, true_tracks).half_width["found"] == 0.0
+    # Six parts have all targets and six none: the 97.5 % quantile of Student's t of 11 degrees of
+    # freedom, 2.201, times the standard error of their mean.
+    expected = 2.201 * np.std([0.0, 1.0] * 6, ddof=1) / np.sqrt(12)
+    assert scored(hour, reader, half).half_width["found"] == pytest.approx(expected, rel=1e-3)
+
+
 def test_slow_targets_and_those_out_of_sight_are_not_missed(hour, reader, true_tracks):
     # Without tracks of what taxis, and of targets in the middle of their gaps.
     rest = []

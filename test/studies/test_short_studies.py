@@ -18,7 +18,7 @@ BAG = Path(__file__).parents[2] / "bags" / "one_radar"
 
 
 def test_learning_is_compared_with_true_and_nominal_values(tmp_path, capsys, monkeypatch):
-    two = {name: misspecified.CASES[name] for name in ("all right", "noise x 2")}
+    two = {name: misspecified.CASES[name] for name in ("nominal", "noise x 2")}
     monkeypatch.setattr(misspecified, "CASES", two)
     usual = misspecified.simulated_run
 
@@ -32,9 +32,10 @@ def test_learning_is_compared_with_true_and_nominal_values(tmp_path, capsys, mon
     assert main(["misspecified", *arguments]) == 0
     assert "nominal values" in capsys.readouterr().out
     found = json.loads((tmp_path / "misspecified.json").read_text())
-    right, noise = found["cases"]["all right"], found["cases"]["noise x 2"]
-    assert right["told"] == right["wrong"]
-    assert noise["told"]["filtered"] < noise["learned"]["filtered"] < noise["wrong"]["filtered"]
+    right, noise = found["cases"]["nominal"], found["cases"]["noise x 2"]
+    assert right["true values"] == right["nominal values"]
+    true, nominal, learned = (each["filtered"] for each in noise.values())
+    assert true < learned < nominal
     rates = found["rates"][of_rates]
     assert 0.0 < rates["learned"]["smoothed"] < rates["learned"]["filtered"] < 3.0
     joined = json.loads((tmp_path / "summary.json").read_text())
