@@ -199,7 +199,7 @@ def test_tables_show_latency_by_sectors_and_every_form_of_a_turn(cost):
 
 @pytest.fixture(scope="module")
 def summary():
-    """The quick run of all that needs no ROS, with few targets and particles where the cost grows with them."""
+    """The quick run of all that needs no ROS, with few targets where the cost grows with them."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(step_growth, "QUICK_LADDER", dict.fromkeys(recursion.FORMS, (4, 8)))
         patch.setattr(step_growth, "QUICK_MEMORY_TARGETS", 4)

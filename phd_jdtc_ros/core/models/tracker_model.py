@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -68,21 +69,28 @@ class TrackerModel(ReadOnly):
         It is the births' `least_mass`, except if a detection without a reply, amid uniform clutter
         and far from known targets, usually has less: no such target would ever be born.
         """
-        births, classes = self.detection_births, self.modes.classes
+        least_mass, unknown = self.detection_births.least_mass, self._unknown_density[sensor.name]
+        if sensor.detection_factor is not None:
+            unknown *= sensor.detection_factor.mean
+        clutter = math.exp(sensor.log_uniform_clutter)
+        if self.attributes is not None and self.attributes.replies:
+            clutter *= self.attributes.reply_odds[0]
+        usual = unknown / (unknown + clutter) if unknown else 1.0
+        return least_mass if usual > least_mass else LEAST_SHARE * usual
+
+    @cached_property
+    def _unknown_density(self) -> dict[str, float]:
+        """Density of unknown targets among each sensor's detections, before anything is learned."""
+        return {sensor.name: self._unknown_density_of(sensor) for sensor in self.radars}
+
+    def _unknown_density_of(self, sensor: Sensor) -> float:
         middle = np.zeros((1, len(sensor.noise_std)))
         for column, intervals in enumerate(sensor.limits):
             middle[:, column] = intervals[:1].mean() if len(intervals) else 0.0
         p_d = sensor.configured_detection_probability(middle)
-        p_d = sensor.class_detection_probability(classes) if p_d is None else p_d
-        if sensor.detection_factor is not None:
-            p_d = p_d * sensor.detection_factor.mean
+        p_d = sensor.class_detection_probability(self.modes.classes) if p_d is None else p_d
         turns = (sensor.rotation_s or self.modes.interval_s) / self.modes.interval_s
-        unknown = turns * float((births.rate * p_d).sum()) / sensor.field_size
-        clutter = np.exp(sensor.log_uniform_clutter)
-        if self.attributes is not None and self.attributes.replies:
-            clutter *= self.attributes.reply_odds[0]
-        usual = unknown / (unknown + clutter) if unknown else 1.0
-        return births.least_mass if usual > births.least_mass else float(LEAST_SHARE * usual)
+        return turns * float((self.detection_births.rate * p_d).sum()) / sensor.field_size
 
     @cached_property
     def _latest(self) -> list[tuple[Scan, list[Report]]]:
