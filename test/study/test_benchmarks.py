@@ -1,4 +1,4 @@
-"""The benchmark: its baselines and its summary are correct; no time is tested."""
+"""The benchmarks and their gate: baselines and summaries are correct; no time is tested."""
 
 import io
 import json
@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from rich.console import Console
 from scenes import no_detections
 
-from benchmarks import command, scenes, timing
+from benchmarks import command, gate, scenes, timing
 from benchmarks.engine import forms, growth, late, recursion, smoothing, step_growth, steps
 from benchmarks.results import goals
 from benchmarks.results import report as tables
@@ -27,6 +27,8 @@ from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport
 
 LAG = 3
 WITHOUT_ROS = ("peers", "steps", "step_growth", "growth", "smoother", "paper_smoother")
+
+
 every_death_term = pytest.mark.parametrize("death_term", DEATH_TERMS.values(), ids=DEATH_TERMS)
 
 
@@ -199,7 +201,7 @@ def test_tables_show_latency_by_sectors_and_every_form_of_a_turn(cost):
 
 @pytest.fixture(scope="module")
 def summary():
-    """The quick run of all that needs no ROS, with few targets where the cost grows with them."""
+    """The quick run of all that needs no ROS, with few targets and particles."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(step_growth, "QUICK_LADDER", dict.fromkeys(recursion.FORMS, (4, 8)))
         patch.setattr(step_growth, "QUICK_MEMORY_TARGETS", 4)
@@ -295,3 +297,19 @@ def test_messages_are_measured_around_a_step_that_finds_the_same():
     assert given == [found]
     assert len(found) == messages.ESTIMATES
     assert pipeline.engine.step(stepped.scan).targets == messages.ESTIMATES
+
+
+def test_ratio_is_the_median_over_the_rounds_of_one_machine():
+    # The machine was half as fast in the second round, for both.
+    assert gate.ratio([1.1, 2.2, 1.4], [1.0, 2.0, 1.0]) == pytest.approx(1.1)
+
+
+@pytest.mark.parametrize(("now", "status"), [(1.3, 1), (1.1, 0)])
+def test_main_fails_if_an_engine_is_slower_than_allowed(monkeypatch, capsys, now, status):
+    monkeypatch.setattr(gate, "seconds", lambda source, _: now if source == gate.ROOT else 1.0)
+    assert gate.main(["HEAD"]) == status
+    assert f"gaussian: {now:.2f} times" in capsys.readouterr().out
+
+
+def test_seconds_times_the_public_names():
+    assert 0.0 < gate.seconds(gate.ROOT, "gaussian") < 60.0

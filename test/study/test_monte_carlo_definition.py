@@ -1,15 +1,23 @@
+import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from refusals import faults_of
 
+import studies
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.study import monte_carlo
+from phd_jdtc_ros.study.monte_carlo import kinds
 from phd_jdtc_ros.study.monte_carlo.definition import merge_layers
-from phd_jdtc_ros.study.monte_carlo.kinds import KINDS
+from phd_jdtc_ros.study.monte_carlo.kinds import KINDS, Kind
 from phd_jdtc_ros.tools.monte_carlo import load_study
+from studies import peers
 
 ROOT = Path(__file__).parents[2]
+ONE_CLASS = {"classes": ["only"], **{f"start_{k}.rates": [0.01] for k in range(1, 5)}}
+SOURCES = Path(studies.__file__).parents[1]
 
 
 def faults(study_file, change, assigned=None):
@@ -104,9 +112,6 @@ def test_variants_have_those_of_their_lags_that_the_case_has(study_file):
     # One variant has it, the others do not.
     assert "cases.quiet.lags: [1] given, corrected has none of them" in wrong
     assert not any("fewer" in fault for fault in wrong)
-
-
-ONE_CLASS = {"classes": ["only"], **{f"start_{k}.rates": [0.01] for k in range(1, 5)}}
 
 
 @pytest.mark.parametrize(
@@ -257,3 +262,51 @@ def test_select_lists_every_unknown_name(study):
         "--case: 'loud'",
         "--variant: 'best'",
     ]
+
+
+@pytest.mark.parametrize(
+    ("kind", "path"),
+    [
+        ("particles", "core/smc/filter.py"),
+        ("particles", "study/tracker.py"),
+        ("gaussian", "core/gaussian/update.py"),
+        ("gaussian", "study/monte_carlo/tasks.py"),
+        ("reference", "study/reference.py"),
+        ("gnn_loud", "study/monte_carlo/scores.py"),
+        ("turning", "study/runs.py"),
+    ],
+)
+def test_sources_have_what_the_scores_depend_on(kind, path):
+    assert SOURCES / "phd_jdtc_ros" / path in peers.KINDS[kind].sources()
+
+
+def test_peers_have_sources_of_their_own_in_the_repository():
+    own = {SOURCES / "studies" / "peers" / name for name in ("settings.py", "__init__.py")}
+    assert own <= set(peers.KINDS["gnn_loud"].sources())
+    assert not own & set(peers.KINDS["particles"].sources())
+    assert "python -m studies monte_carlo" in kinds.KINDS["gnn"].missing()
+    assert kinds.KINDS["particles"].missing() is None
+
+
+def test_code_follows_the_sources_of_a_kind(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "own_tracker.py").write_text("GATE = 3.0\n")
+    kind = Kind("own", lambda *_: None, modules=("own_tracker",))
+    before = kinds.code_of.__wrapped__(kind)
+    (tmp_path / "own_tracker.py").write_text("GATE = 4.0\n")
+    assert kinds.code_of.__wrapped__(kind) != before
+
+
+def test_sources_have_every_module_that_the_kinds_import():
+    script = (
+        "import json, sys, studies.peers; "
+        "print(json.dumps([m.__file__ for n, m in sys.modules.items() if n.partition('.')[0] in "
+        "('phd_jdtc_ros', 'studies') and not n.endswith(('_ros', 'studies', '.study'))]))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=SOURCES, capture_output=True, check=True
+    )
+    # How a study is defined and written does not change its scores.
+    of_study = SOURCES / "phd_jdtc_ros" / "study" / "monte_carlo"
+    found = {path for path in map(Path, json.loads(done.stdout)) if path.parent != of_study}
+    assert found <= {*peers.KINDS["gnn"].sources(), SOURCES / "phd_jdtc_ros" / "output_files.py"}

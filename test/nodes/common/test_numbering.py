@@ -1,10 +1,17 @@
 from itertools import chain, count, islice
+from types import SimpleNamespace
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
 from hypothesis import given
 from hypothesis import strategies as st
 
+from msg_adapters.outgoing import diagnostics
+from phd_jdtc_ros.nodes.common.health import LASTING_S, StatusLog
 from phd_jdtc_ros.nodes.common.sequence_numbers import WINDOW, SequenceNumbers
+
+OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
+ERROR, STALE = DiagnosticStatus.ERROR, DiagnosticStatus.STALE
 
 
 def received(numbers):
@@ -83,3 +90,27 @@ def test_second_publisher_is_no_loss_and_forgotten_once_it_has_gone():
     for number in range(110, 110 + WINDOW):
         numbering.add(number)
     assert not numbering.several
+
+
+def said(*looks):
+    """Return what is logged of looks: seconds, level and message of the status `north`."""
+    found, now = [], [0.0]
+    levels = ("info", "warning", "error")
+    logger = {level: lambda text, level=level: found.append((level, text)) for level in levels}
+    log = StatusLog(SimpleNamespace(**logger), lambda: now[0])
+    for now[0], level, text in looks:
+        log.take([diagnostics.status("north", {}, level, text)])
+    return found
+
+
+def test_every_lasting_cause_is_logged_once_and_what_goes_by_is_not():
+    silent = [(t, STALE, f"silent for {t:.1f} s") for t in range(20)]
+    well = [(t, OK, "receiving") for t in range(20, 40)]
+    assert said((-9, OK, "receiving"), *silent, *well) == [
+        ("warning", f"north: silent for {LASTING_S:.1f} s"),
+        ("info", "north: receiving again"),
+    ]
+    quiet = [(t, STALE, "silent") for t in range(9)]
+    shared = [(t, ERROR, "several publishers") for t in range(9, 20)]
+    assert [level for level, _ in said(*quiet, *shared)] == ["warning", "error"]
+    assert not said(*((t, (OK, WARN)[t % 2], "xy"[t % 2]) for t in range(50)))

@@ -1,10 +1,14 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from lone import lone
 from refusals import faults_of
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.parameters.tracker_node import NAMES
 from phd_jdtc_ros.configuration.tables import schema
+from phd_jdtc_ros.nodes.tracker.inputs import queue_depth
 from phd_jdtc_ros.nodes.tracker.settings import TABLE, change, edit, resolve
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
@@ -122,3 +126,12 @@ def test_retuned_engine_steps_like_one_that_was_always_so():
     for scan in scans:
         (ours,), (theirs,) = engine.step(scan).filtered, fresh.step(scan).filtered
         np.testing.assert_array_equal(ours.state, theirs.state)
+
+
+@pytest.mark.parametrize(
+    ("rotation_s", "sectors", "depth"),
+    [(0.0, 0, 50), (4.0, 32, 50), (1.0, 128, 128), (0.3, 32, 107)],
+)
+def test_queue_depth_wait_and_fifty_at_least(rotation_s, sectors, depth):
+    radar = replace(lone().inputs[0], rotation_s=rotation_s, sectors=sectors)
+    assert queue_depth(radar) == depth

@@ -1,16 +1,26 @@
 import re
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
-from bag_content import edited, messages, recorded, rewrite
+import radar_scans
+from bag_content import edited, first, messages, recorded, rewrite, write
 
 from msg_adapters.encoding import interfaces, names, stamps
 from msg_adapters.incoming import detections
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.bags.writer import Topic
 from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.parameter_files import bag_parameters
+from phd_jdtc_ros.report import load
 
 RADARS = [names.detections("radar_1"), names.detections("radar_2")]
 FILTERED, SMOOTHED = names.estimates("filtered"), names.estimates("smoothed")
+AS_SCANS = {"radar_1.message": "radar_scan", "radar_2.message": "radar_scan"}
+ROOT = Path(__file__).parents[3]
+BAGS = ROOT / "bags"
+FILE = "/**/tracker: {ros__parameters: {sensors: [radar_1]}}\n"
 
 
 def test_track_bag_writes_both_estimates_of_every_scan(short_bag, tracked):
@@ -235,3 +245,112 @@ def test_track_bag_scores_with_another_cutoff(short_bag, track, capsys):
     assert "OSPA: p = 2, c = 50 m" in printed
     # No distance is larger than the cut-off.
     assert max(map(float, re.findall(r"filter +\u2502 +([0-9.]+) m", printed)[:3])) <= 50.0
+
+
+@pytest.fixture
+def scan_bag(short_bag, tmp_path):
+    """Return the short bag with ``radar_msgs/RadarScan`` in the place of clouds."""
+    inputs = {radar.topic: radar for radar in resolve({}).inputs}
+
+    def as_scan(topic, data, log_time):
+        if topic not in inputs:
+            return topic, data, log_time
+        report = detections.from_msg(interfaces.decode(data, names.CLOUD), inputs[topic])
+        level = 20.0 * np.log10(report.detections.amplitude) - 10.0 * np.log10(2.0)
+        rows = [
+            (r, a, 0.0, s) for (r, a), s in zip(report.detections.measurement, level, strict=True)
+        ]
+        return topic, radar_scans.cdr(report.stamp_ns, inputs[topic].frame, rows), log_time
+
+    described = {"definition": radar_scans.DEFINITION, "type_hash": "RIHS01_0"}
+    topics = [Topic(topic, radar_scans.TYPE, **described) for topic in inputs]
+    entries = (as_scan(e.topic, e.data, e.log_time_ns) for e in BagReader(short_bag).messages())
+    return write(tmp_path / "scans", [*topics, Topic(names.TRUTH, names.CLOUD)], entries)
+
+
+def test_track_bag_reads_and_copies_radar_scans_without_radar_msgs(scan_bag, tracked, track):
+    given = (word for item in AS_SCANS.items() for word in ("-p", ":=".join(item)))
+    status, out = track(scan_bag, *given)
+    assert status == 0
+    for kind in ("filtered", "smoothed"):
+        of_scans, of_clouds = recorded(out, kind), recorded(tracked, kind)
+        assert [e.stamp_ns for e in of_scans] == [e.stamp_ns for e in of_clouds]
+        # Levels in decibels are rounded to single precision.
+        for one, other in zip(of_scans, of_clouds, strict=True):
+            np.testing.assert_allclose(one.state, other.state, rtol=0, atol=1.0)
+    source, copy = BagReader(scan_bag), BagReader(out)
+    for topic in RADARS:
+        assert copy.topic(topic) == source.topic(topic)
+        assert [m.data for m in copy.messages([topic])] == [
+            m.data for m in source.messages([topic])
+        ]
+    # A report shows them too.
+    record = load.record(out, resolve(AS_SCANS))
+    assert len(record.plots) == 16
+    assert sum(len(plot.position) for plot in record.plots) > 100
+
+
+@pytest.fixture(scope="module")
+def one_radar(tmp_path_factory):
+    """Return the first scans of the bag of one radar."""
+    return first(8, BAGS / "one_radar", tmp_path_factory.mktemp("first") / "one_radar")
+
+
+def test_track_bag_takes_parameters_beside_the_bag(one_radar, track, tmp_path, same_files, capsys):
+    scenario = ROOT / "config" / "scenarios" / "one_radar.yaml"
+    _, alone = track(one_radar, out="a/one")
+    _, told = track(one_radar, "--scenario", scenario, out="b/one")
+    assert same_files(alone, told)
+    assert "recorded" not in capsys.readouterr().err
+    # Its output is tracked and reported by one argument too.
+    assert bag_parameters.read(alone)["births"] == ["north_west", "south_west"]
+
+
+def test_track_bag_changes_single_parameters_of_those_beside_the_bag(one_radar, track):
+    _, out = track(one_radar, "-p", "lag:=2")
+    found = bag_parameters.read(out)
+    assert (found["sensors"], found["lag"]) == (["radar_1"], "2")
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        (
+            ("--params-file", "mine.yaml"),
+            [
+                "radar_1.position: [0.0, 0.0] recorded, [1000.0, 0.0] given",
+                "births: [north_west, south_west] recorded, "
+                "[start_1, start_2, start_3, start_4] given",
+            ],
+        ),
+        (("-p", "radar_1.clutter_rate:=5"), ["radar_1.clutter_rate: 20.0 recorded, 5.0 given"]),
+    ],
+    ids=["file", "assignment"],
+)
+def test_track_bag_reports_where_the_given_scene_is_not_the_recorded_one(
+    one_radar, track, tmp_path, monkeypatch, capsys, given, expected
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.yaml").write_text(FILE)
+    status, _ = track(one_radar, *given)
+    said = [line for line in capsys.readouterr().err.splitlines() if "recorded" in line]
+    assert status == 0
+    assert said == [f"{one_radar / 'parameters.yaml'}: {line}" for line in expected]
+
+
+def test_track_bag_refuses_parameters_beside_the_bag_that_are_none(track, short_bag, tmp_path):
+    shutil.copytree(short_bag, tmp_path / "copy")
+    (tmp_path / "copy" / "parameters.yaml").write_text("/**: {ros__parameters: {lak: 2}}\n")
+    assert track(tmp_path / "copy")[0] == 2
+
+
+@pytest.mark.parametrize("beside", [True, False])
+def test_track_bag_reports_that_the_truth_has_more_classes(track, tmp_path, capsys, beside):
+    bag = first(5, BAGS / "three_classes", tmp_path / "bag")
+    if not beside:
+        (bag / "parameters.yaml").unlink()
+    assert track(bag)[0] == 0
+    said = (
+        "track_bag: the truth has class_id 2, and the tracker 2 classes" in capsys.readouterr().err
+    )
+    assert said is not beside
