@@ -169,7 +169,7 @@ class TrackerConfig(Tracking):
                 reset_threshold_s=self.reset_threshold_s,
                 azimuth_bias=radar.bias.azimuth,
                 # Filters without labels update all targets at once, so that turns are not cut.
-                min_period_s=MIN_PERIOD_S if self.rule.labelled and model.polar else math.inf,
+                min_period_s=MIN_PERIOD_S if self.rule.labelled and model.may_turn else math.inf,
             )
             for radar, model in zip(self.inputs, self.model.radars, strict=True)
         )

@@ -63,6 +63,8 @@ def gaussian_engine(config: TrackerConfig) -> GaussianEngine:
     from phd_jdtc_ros.core.gaussian.engine import GaussianEngine
     from phd_jdtc_ros.core.gaussian.filter import GaussianFilter
 
+    # Compiled functions are loaded now and not during the first scan.
+    _ = [sensor.of_gaussians for sensor in config.model.radars]
     return GaussianEngine(
         forward=GaussianFilter(config.model, config.bounds),
         lag=config.lag,

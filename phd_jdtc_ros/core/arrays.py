@@ -14,6 +14,8 @@ IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 # scipy ships no type information.
 SparseArray = Any
+# Smallest positive normal number: a lower bound of divisors, and of arguments of logarithms.
+TINY = float(np.finfo(np.float64).tiny)
 # The golden ratio minus 1: the fractional parts of its first n multiples are evenly spread for
 # every n.
 GOLDEN_RATIO = 0.5 * (5.0**0.5 - 1.0)

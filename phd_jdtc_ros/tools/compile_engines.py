@@ -25,8 +25,9 @@ TUNING = (f"{TRACKING}.linking", f"{TRACKING}.likelihood")
 # others, which are nearly all the rest.
 HALF = f"{CORE}.gaussian.measurement.pairs", *TUNING
 OTHERS = (
-    *("smoothing.backward_step", "prediction", "measurement.gating", "reduction", "extraction"),
-    *("measurement.amplitude", "smoothing.updates"),
+    *("gaussian.smoothing.backward_step", "gaussian.prediction", "sensors.of_gaussians.polar_gate"),
+    *("gaussian.reduction", "gaussian.extraction", "gaussian.measurement.amplitude"),
+    *("gaussian.smoothing.updates", "sensors.of_gaussians.polar"),
 )
 
 
@@ -61,7 +62,7 @@ def _compile(_: argparse.Namespace) -> int:
     begin = time.perf_counter()
     with _beside():
         for name in OTHERS:
-            importlib.import_module(f"{CORE}.gaussian.{name}")
+            importlib.import_module(f"{CORE}.{name}")
     for name in ENGINES:
         new_engine(resolve({"engine": name}))
         print(f"{name}: ready after {time.perf_counter() - begin:.1f} s")

@@ -1,15 +1,11 @@
-from dataclasses import dataclass
-
+import position_sensor
 import pytest
-from position_sensor import PositionSensor
 from scenes import short_scenario, small
 
-from phd_jdtc_ros.configuration import build, sensor_kinds, tables
+from phd_jdtc_ros.configuration import build, tables
 from phd_jdtc_ros.configuration.engines import ENGINES, new_engine
-from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.configuration.parameters.tracker import ENGINE_OF
-from phd_jdtc_ros.configuration.schema import POSITIVE, ConfigError, parameter
-from phd_jdtc_ros.configuration.sensor_kinds import KINDS, SensorKind
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.tables import TOP
 from phd_jdtc_ros.nodes.tracker import settings
 from phd_jdtc_ros.simulation.simulate import simulate
@@ -59,17 +55,6 @@ def test_a_lag_in_seconds_may_be_longer_than_the_time_between_estimates():
     assert [found.stamp_ns // 10**9 for found in engine.flush()] == [1056]
 
 
-@dataclass(frozen=True)
-class Positions(SensorParameters):
-    message: str = parameter("positions", "Type.", choices=("positions",))
-    std: float = parameter(5.0, "Standard deviation of positions, m.", POSITIVE)
-
-
-def model(own):
-    usual = {"position": (0.0, 0.0), "yaw": 0.0, "threshold": 3.0, "clutter_rate": 1.0}
-    return PositionSensor(name=own.name, std=own.std, **usual)
-
-
 def faults(own, parts):
     if own.std > 100.0:
         yield f"{own.name}.std: {own.std:g} given, must be at most 100"
@@ -77,9 +62,7 @@ def faults(own, parts):
 
 @pytest.fixture
 def a_second_kind(monkeypatch):
-    """A kind that is a row of the table and nothing else."""
-    monkeypatch.setitem(KINDS, "position", SensorKind(Positions, model, (faults,)))
-    monkeypatch.setitem(sensor_kinds.TABLES, "position", sensor_kinds._table(Positions))
+    position_sensor.register(monkeypatch, (faults,))
 
 
 def test_a_kind_is_refused_with_those_that_there_are():
@@ -100,7 +83,7 @@ def test_each_sensor_has_the_parameters_and_the_model_of_its_kind():
     assert {"ais.std", "ais.topic", "radar_1.range_std"} <= table.keys()
     assert not {"ais.range_std", "radar_1.std"} & table.keys()
     config = build.resolve(GIVEN)
-    assert [sensor.polar for sensor in config.model.radars] == [False, True]
+    assert [sensor.may_turn for sensor in config.model.radars] == [False, True]
     assert (config.inputs[0].topic, config.model.radars[0].std) == ("/ais/detections", 9.0)
     assert config.turns()[0].period_s == 0.0
 

@@ -21,8 +21,9 @@ The path of one scan, with the module of each step::
       |  extract targets at a stamp          smoother, extraction
     Estimates                                engine
 
-`filter` and `engine` hold the parts that are specific to Gaussians; the rest of a fixed-lag filter
-is in `core.window`. `snapshot` stores mixtures and links as arrays, and restores them. `algebra`
-has the operations on Gaussians, `measurement` the steps of the update with one radar's detections,
-and `smoothing` those of the smoother.
+Expected measurements, gates and innovations are the sensor's (`Sensor.of_gaussians`), those of
+range and azimuth compiled. `filter` and `engine` hold the parts that are specific to Gaussians; the
+rest of a fixed-lag filter is in `core.window`. `snapshot` stores mixtures and links as arrays, and
+restores them. `algebra` has the operations on Gaussians, `measurement` the steps of the update with
+one radar's detections, and `smoothing` those of the smoother.
 """

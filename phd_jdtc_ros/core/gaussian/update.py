@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
+from ..arrays import TINY, FloatArray, IntArray
 from ..attributes.evidence import Evidence
 from ..attributes.reprojection import Paired
 from ..attributes.uniqueness import OutOfGate
@@ -16,7 +16,6 @@ from ..models.tracker_model import TrackerModel
 from ..sensors.report import Report
 from ..types import Coverage, Detections
 from ..window.update_steps import Posterior
-from .algebra.kalman import TINY
 from .bounds import Bounds
 from .dynamics import Dynamics
 from .measurement.amplitude import (

@@ -15,11 +15,15 @@ from ..learned.noise_factor import NoiseFactor
 from ..types import FULL_TURN, Coverage, Detections
 from . import polar_gate, polar_geometry
 from .gaussians import PlanePlots
+from .of_gaussians.linearised import Linearised
 from .polar_gate import DETECTION_GATE_SIGMA
 from .polar_geometry import MIN_RANGE
 from .sensor import Sensor
 from .visibility import Visibility, sector_probability
 
+# With a larger standard deviation of the azimuth, a Gaussian is so near to the radar that neither
+# azimuth nor range is normal, radians.
+LARGEST_AZIMUTH_STD = 0.5
 # Lower bound of the share of the uniform clutter by which counts of it are divided.
 LEAST_CLUTTER_SHARE = 0.01
 
@@ -32,7 +36,7 @@ class RadarModel(Sensor):
     wrapped.
     """
 
-    polar: ClassVar[bool] = True
+    may_turn: ClassVar[bool] = True
     components: ClassVar[tuple[str, ...]] = ("range", "azimuth")
 
     range_std: float  # Standard deviation of ranges, metres
@@ -51,6 +55,21 @@ class RadarModel(Sensor):
             "azimuth_std": in_azimuth * self.azimuth_std,
             **super().scaled_noise(factor),
         }
+
+    @property
+    def of_gaussians(self) -> Linearised:
+        """Its measurements of Gaussians, compiled.
+
+        The compiled functions are loaded here, because reading and writing reports needs none.
+        """
+        from .of_gaussians.polar import PolarGaussians
+
+        return PolarGaussians(self)
+
+    def is_nearly_normal(self, std: FloatArray) -> BoolArray:
+        """Return whether (range, azimuth) of Gaussians are nearly normal; see `Sensor`."""
+        normal: BoolArray = std[:, 1] < LARGEST_AZIMUTH_STD
+        return normal
 
     @property
     def max_range(self) -> float:

@@ -31,6 +31,7 @@ from ..targets.modes import ClassModel
 from ..types import Coverage, Detections, Pose
 from . import polar_geometry
 from .gaussians import PlanePlots, noise_covariance
+from .of_gaussians.linearised import Linearised
 from .polar_geometry import MIN_RANGE
 from .range_rate import RangeRateModel, Rates
 from .slant_range import HeightProjection
@@ -46,8 +47,8 @@ class Sensor(ReadOnly, ABC):
     are in the world frame.
     """
 
-    # True if it measures range and azimuth from its position; compiled loops exist for these.
-    polar: ClassVar[bool] = False
+    # True if its antenna may turn: the rotation is then estimated from the azimuths of detections.
+    may_turn: ClassVar[bool] = False
     # Names of the components of a measurement.
     components: ClassVar[tuple[str, ...]] = ()
 
@@ -80,7 +81,7 @@ class Sensor(ReadOnly, ABC):
     noise_factor: NoiseFactor | None = None
     # Correlation of detections of a target in consecutive looks; None if they are independent.
     correlation: Correlation | None = None
-    # Outliers among its ranges and azimuths; None without any. The Gaussian engine uses them.
+    # Outliers among its measurements; None without any. The Gaussian engine uses them.
     outliers: Outliers | None = None
     # False detections behind the targets of a report; None if there are none.
     multipath: Multipath | None = None
@@ -117,6 +118,11 @@ class Sensor(ReadOnly, ABC):
         if self.multipath is None:
             return self
         return self.changed(multipath=Multipath(measured, existence))
+
+    @property
+    def of_gaussians(self) -> Linearised:
+        """Its measurements of Gaussians; a subclass may have compiled ones."""
+        return Linearised(self)
 
     @cached_property
     def axes(self) -> IntArray:
@@ -205,6 +211,13 @@ class Sensor(ReadOnly, ABC):
         Empty if the sensor sees all targets.
         """
         return ()
+
+    def is_nearly_normal(self, std: FloatArray) -> BoolArray:
+        """Return whether expected measurements of Gaussians are nearly normal, (N, Z) to (N,).
+
+        `std` has the standard deviations of the measurements.
+        """
+        return np.ones(len(std), dtype=np.bool_)
 
     def polar_place(self, measured: FloatArray) -> FloatArray:
         """Return ranges and azimuths of measurements from the sensor's position, (N, 2)."""

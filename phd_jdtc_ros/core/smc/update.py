@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
-from ..arrays import FloatArray, IntArray, factorize, sum_by
+from ..arrays import TINY, FloatArray, IntArray, factorize, sum_by
 from ..association.claims import Claims
 from ..attributes.evidence import Evidence
 from ..attributes.reprojection import Paired
@@ -29,9 +29,6 @@ from .correction import Corrector
 from .noise import noise_evidence
 from .particle_set import ParticleSet
 from .reacquisition import with_reacquired
-
-# Lower bound of a probability that is a divisor or the argument of a logarithm.
-TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)

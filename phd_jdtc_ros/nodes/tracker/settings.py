@@ -13,6 +13,7 @@ from typing import Any
 from msg_adapters.outgoing import outputs
 from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.parameters.tracker_node import NAMES, Node
 from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check, table
 from phd_jdtc_ros.configuration.tables import schema
@@ -58,7 +59,7 @@ def resolve(given: Mapping[str, Any]) -> Settings:
         wanted = [name for name in outputs.ON_THE_EARTH if name in node["outputs"]]
         faults += [f"outputs: {name} given, needs world_origin" for name in wanted]
     if "registration" in node["outputs"]:
-        others = [sensor.name for sensor in tracker.model.radars if not sensor.polar]
+        others = [each.name for each in tracker.inputs if not isinstance(each, RadarParameters)]
         faults += [f"outputs: registration given, {name} is not a radar" for name in others]
     if faults:
         raise ConfigError(faults)

@@ -1,38 +1,33 @@
-"""The Gaussian engine with sensors that are not polar, through the interface `Sensor`."""
+"""The Gaussian engine with sensors without compiled functions, through the interface `Sensor`."""
 
 from dataclasses import fields, replace
 from functools import partial
-from typing import ClassVar
 
 import numpy as np
 import pytest
 from lone import GIVEN, INTERVAL_S, MEAN, TWO_MOTIONS, lone, path, scan_at, started
-from position_sensor import PositionSensor
-from scipy.stats import multivariate_normal
+from position_sensor import MAST, PositionSensor
+from scipy.stats import multivariate_normal, norm
 
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.gaussian.algebra import kalman, linearised
+from phd_jdtc_ros.core.gaussian.algebra import kalman
 from phd_jdtc_ros.core.gaussian.smoothing.smoother import backward_pass
 from phd_jdtc_ros.core.sensors.gaussians import PlanePlots
+from phd_jdtc_ros.core.sensors.of_gaussians.linearised import Linearised
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.types import Detections
 
 SECONDS = INTERVAL_S * np.arange(1.0, 9.0)
 STD, CLUTTER, FIELD = 30.0, 4, 2e4
-MAST = {
-    "name": "mast",
-    "position": (500.0, -300.0),
-    "yaw": 0.0,
-    "threshold": 3.0,
-    "clutter_rate": float(CLUTTER),
-}
 
 
-class Linearised(RadarModel):
-    """A radar whose measurements the engine knows by their linearisation only."""
+class LinearisedRadar(RadarModel):
+    """A radar whose measurements of Gaussians are those of the base class, in array operations."""
 
-    polar: ClassVar[bool] = False
+    @property
+    def of_gaussians(self):
+        return Linearised(self)
 
 
 def with_sensor(config, sensor):
@@ -51,7 +46,7 @@ def test_linearised_radar_gives_the_mixtures_of_the_compiled_one(monkeypatch, ti
     (radar,) = config.model.radars
     columns = {each.name: getattr(radar, each.name) for each in fields(radar)}
     rng = np.random.default_rng(5)
-    engines = [started(config), started(with_sensor(config, Linearised(**columns)))]
+    engines = [started(config), started(with_sensor(config, LinearisedRadar(**columns)))]
     for seconds, state in zip(SECONDS, path(SECONDS, 0.01), strict=True):
         # Near the target, so that every plot is in its gate.
         near = radar.measure(state[None]) + 3.0 * radar.noise_std * rng.standard_normal((3, 2))
@@ -102,10 +97,36 @@ def test_correlated_errors_of_positions_update_as_in_a_kalman_filter():
     np.testing.assert_allclose(later[1][0], covariance - gain @ place @ covariance, atol=1e-9)
     expected = multivariate_normal.logpdf([15.0, -25.0], cov=total)
     np.testing.assert_allclose(found.log_likelihood, expected)
-    of_gate = linearised.expected(mean[None, None], covariance[None, None], sensor)
+    gaussians = sensor.of_gaussians
+    measured, spread, _ = gaussians.expected(mean[None, None], covariance[None, None])
     report = Report(sensor, seen)
-    *_, gated = linearised.gate_pairs(np.ones((1, 1)), mean[None, None], *of_gate, report, 9.0)
+    *_, gated = gaussians.gate_pairs(np.ones((1, 1)), mean[None, None], measured, spread, report)
     np.testing.assert_allclose(gated, [[expected]])
+
+
+class EastSensor(PositionSensor):
+    """Measures the first coordinate of a position alone."""
+
+    @property
+    def noise_std(self):
+        return np.full(1, self.std)
+
+    def linearise(self, position):
+        position, jacobian = super().linearise(position)
+        return position[..., :1], jacobian[..., :1, :]
+
+
+def test_one_component_updates_as_in_a_kalman_filter():
+    sensor, covariance = EastSensor(**MAST, std=STD), np.diag(STD**2 * np.arange(1.0, 6.0))
+    covariance[0, 1] = covariance[1, 0] = 0.5 * STD**2
+    prior, measured = (MEAN[None], covariance[None]), MEAN[:1] - sensor.position[0] + 15.0
+    found = kalman.innovations(*prior, sensor, measured[None], sensor.noise_std)
+    mean, later = kalman.update(*prior, sensor, found)
+    gain = covariance[0] / (covariance[0, 0] + STD**2)
+    np.testing.assert_allclose(mean[0], MEAN + 15.0 * gain)
+    np.testing.assert_allclose(later[0], covariance - np.outer(gain, covariance[0]), atol=1e-9)
+    expected = norm.logpdf(15.0, scale=np.sqrt(covariance[0, 0] + STD**2))
+    np.testing.assert_allclose(found.log_likelihood, expected)
 
 
 def test_sensor_of_positions_updates_targets_without_detections():

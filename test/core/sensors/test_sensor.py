@@ -64,7 +64,7 @@ def test_detection_probability_is_learned_by_range_and_azimuth_from_the_sensor()
 def test_pose_moves_the_sensor_and_keeps_the_rest():
     moved = SENSOR.at(Pose((1.0, 2.0), 0.5, (3.0, 4.0)))
     assert (moved.position, moved.yaw, moved.velocity) == ((1.0, 2.0), 0.5, (3.0, 4.0))
-    assert (moved.std, moved.name, moved.polar) == (5.0, "mast", False)
+    assert (moved.std, moved.name, moved.may_turn) == (5.0, "mast", False)
 
 
 def test_deviations_and_shares_are_the_detections_own():

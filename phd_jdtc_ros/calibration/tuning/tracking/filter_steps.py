@@ -9,7 +9,7 @@ import math
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.compilation import inner
-from phd_jdtc_ros.core.gaussian.algebra.blocks import wrapped
+from phd_jdtc_ros.core.sensors.of_gaussians.angles import wrapped
 from phd_jdtc_ros.core.sensors.polar_geometry import MIN_RANGE
 
 # Range error, azimuth error, and the squared Mahalanobis distance and the determinant of the

@@ -33,15 +33,6 @@ def check_matrices(matrices: FloatArray) -> None:
 
 
 @inner
-def wrapped(angle: float) -> float:
-    """Return an angle wrapped to (-pi, pi]."""
-    if -math.pi < angle <= math.pi:  # most are; a remainder takes ten times as long
-        return angle
-    turned = math.pi - (math.pi - angle) % (2.0 * math.pi)
-    return turned if turned > -math.pi else math.pi
-
-
-@inner
 def dot(left: FloatArray | State, right: FloatArray | State) -> float:
     """Return the product of two vectors: written out, which takes two thirds of a loop's time."""
     first = left[0] * right[0] + left[1] * right[1] + left[2] * right[2]

@@ -6,16 +6,16 @@ import math
 
 import numpy as np
 
-from ...arrays import FloatArray, IntArray, contiguous
+from ...arrays import TINY, FloatArray, IntArray, contiguous
 from ...compilation import Float1, Float2, Float3, Int1, compiled
 from ...learned.outliers import Outliers
-from .kalman import TINY, Innovation
+from .kalman import Innovation
 
 
 def mix_noises(
-    innovation: Innovation, outliers: Outliers, noise_std: FloatArray, column: IntArray
+    innovation: Innovation, outliers: Outliers, noise: FloatArray, column: IntArray
 ) -> tuple[Innovation, FloatArray]:
-    """Return the innovations of a radar's detections of which some are outliers.
+    """Return the innovations of detections of which some are outliers.
 
     Return also the probability that each detection is an outlier if it is the Gaussian's, (P,).
 
@@ -23,8 +23,8 @@ def mix_noises(
     ----------
     innovation : Innovation
         With the usual noise, (P,).
-    noise_std : array of shape (M, 2)
-        Usual standard deviations of the detections.
+    noise : array of shape (M, 2, 2)
+        Usual covariances of the detections' errors.
     column : int array of shape (P,)
         Detection of each innovation.
 
@@ -40,7 +40,7 @@ def mix_noises(
     weighted, inverse, log_likelihood, outlier = _mix_noises(
         *(outliers.share, outliers.ratio),
         *contiguous(innovation.weighted, innovation.inverse, innovation.log_likelihood),
-        *contiguous(noise_std, column),
+        *contiguous(noise, column),
     )
     mixed = innovation._replace(weighted=weighted, inverse=inverse, log_likelihood=log_likelihood)
     return mixed, outlier
@@ -53,7 +53,7 @@ def _mix_noises(
     weighted: Float2,
     inverse: Float3,
     log_likelihood: Float1,
-    noise_std: Float2,
+    noise: Float3,
     column: Int1,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the columns of `Innovation` that change, and the probabilities of outliers."""
@@ -71,11 +71,13 @@ def _mix_noises(
         determinant = max(i * n - k * k, TINY)
         a, b, d = n / determinant, -k / determinant, i / determinant
         along, across = a * u + b * v, b * u + d * v
-        wide_a = a + excess * noise_std[column[row], 0] ** 2
-        wide_d = d + excess * noise_std[column[row], 1] ** 2
-        wide_determinant = max(wide_a * wide_d - b * b, TINY)
-        wide_u = (wide_d * along - b * across) / wide_determinant
-        wide_v = (wide_a * across - b * along) / wide_determinant
+        detection_noise = noise[column[row]]
+        wide_a = a + excess * detection_noise[0, 0]
+        wide_b = b + excess * detection_noise[0, 1]
+        wide_d = d + excess * detection_noise[1, 1]
+        wide_determinant = max(wide_a * wide_d - wide_b * wide_b, TINY)
+        wide_u = (wide_d * along - wide_b * across) / wide_determinant
+        wide_v = (wide_a * across - wide_b * along) / wide_determinant
         square = along * wide_u + across * wide_v
         log_usual = log_likelihood[row] + math.log(1.0 - share)
         log_outlier = (
@@ -92,6 +94,6 @@ def _mix_noises(
         east, north = u - wide_u, v - wide_v
         mixed_inverse[row, 0, 0] = p * i + q * wide_d / wide_determinant - p * q * east * east
         mixed_inverse[row, 1, 1] = p * n + q * wide_a / wide_determinant - p * q * north * north
-        cross = p * k - q * b / wide_determinant - p * q * east * north
+        cross = p * k - q * wide_b / wide_determinant - p * q * east * north
         mixed_inverse[row, 0, 1] = mixed_inverse[row, 1, 0] = cross
     return mixed_weighted, mixed_inverse, mixed_log, outlier

@@ -9,21 +9,19 @@ import numpy as np
 
 from ...arrays import FloatArray, IntArray, contiguous
 from ...compilation import Float1, Float2, Float3, Int1, compiled, inner
-from ...sensors.polar_geometry import MIN_RANGE
+from ...sensors.of_gaussians.linearised import Measured
 from ...sensors.sensor import Sensor
-from . import linearised
-from .blocks import SIZE, copy_gaussian, wrapped
+from .blocks import SIZE, copy_gaussian
 
 # Largest number of Gauss-Newton steps of an update; two or three suffice unless a target is next
 # to the sensor.
 ITERATIONS = 5
-# An update has converged at a step below this share of the range's standard deviation.
+# An update has converged at a step below this share of the measurement's standard deviation.
 CONVERGED = 1e-2
 # Smallest eigenvalue of a correlation matrix; smaller and negative ones are rounding errors.
 LEAST_EIGENVALUE = 1e-10
 # Smallest ratio of updated to prior variance that doubles resolve.
 LEAST_VARIANCE = 1e-15
-TINY = float(np.finfo(np.float64).tiny)
 # Times of measurements that are all made at the stamp.
 NO_TIMES = np.zeros(0)
 
@@ -32,106 +30,10 @@ class Innovation(NamedTuple):
     """The innovation of a measurement, linearised at the posterior position."""
 
     # Jacobian of the measurement with respect to the position at the detection's time, (N, 2, 2).
-    # For a sensor that is not polar, `linearised.innovations` replaces the measurement by the
-    # position.
     jacobian: FloatArray
     weighted: FloatArray  # Inverse of the innovation's covariance times the innovation, (N, 2)
     inverse: FloatArray  # Inverse of the innovation's covariance, (N, 2, 2)
     log_likelihood: FloatArray  # log N(z; h, S) of the measurement alone, (N,)
-
-
-@inner
-def _position_covariance(
-    covariance: FloatArray, gaussian: int, axes: IntArray, time: float
-) -> tuple[float, float, float]:
-    """Return the covariance of a position some seconds after the stamp: xx, xy and yy."""
-    x, y, vx, vy = axes[0], axes[1], axes[2], axes[3]
-    p, q, r = covariance[gaussian, x, x], covariance[gaussian, x, y], covariance[gaussian, y, y]
-    if time != 0.0:
-        crossed = covariance[gaussian, x, vy] + covariance[gaussian, vx, y]
-        p += time * (2.0 * covariance[gaussian, x, vx] + time * covariance[gaussian, vx, vx])
-        q += time * (crossed + time * covariance[gaussian, vx, vy])
-        r += time * (2.0 * covariance[gaussian, y, vy] + time * covariance[gaussian, vy, vy])
-    return p, q, r
-
-
-@compiled
-def _innovations(
-    iterations: int,
-    converged: float,
-    modes: int,
-    axes: Int1,
-    pose: Float1,
-    mean: Float2,
-    covariance: Float3,
-    weight: Float1,
-    expected: Float2,
-    group: Int1,
-    column: Int1,
-    measurement: Float2,
-    noise_std: Float2,
-    time_s: Float1,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the columns of `Innovation`; for the parameters see `innovations`.
-
-    `axes` are those of the position and the velocity; `pose` is the radar's position, and the
-    cosine and the sine of its yaw. `expected` is empty if it is unknown.
-    """
-    count = len(group) * modes
-    jacobian, inverse = np.zeros((count, 2, 2)), np.zeros((count, 2, 2))
-    weighted, log_likelihood = np.zeros((count, 2)), np.full(count, -np.inf)
-    x, y, vx, vy = axes[0], axes[1], axes[2], axes[3]
-    radar_x, radar_y, cos, sin = pose[0], pose[1], pose[2], pose[3]
-    for row in range(count):
-        pair = row // modes
-        gaussian, detection = group[pair] * modes + row % modes, column[pair]
-        if gaussian < 0 or not weight[gaussian] > 0.0:
-            continue
-        time = time_s[detection] if len(time_s) else 0.0
-        prior_x = mean[gaussian, x] + time * mean[gaussian, vx]
-        prior_y = mean[gaussian, y] + time * mean[gaussian, vy]
-        p, q, r = _position_covariance(covariance, gaussian, axes, time)
-        noise_range, noise_azimuth = noise_std[detection, 0] ** 2, noise_std[detection, 1] ** 2
-        tolerance = converged * noise_std[detection, 0]
-        east, north = prior_x, prior_y
-        j, k, a, b, d, determinant = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        range_error, azimuth_error, range_weight, azimuth_weight = 0.0, 0.0, 0.0, 0.0
-        n, m = 0.0, 0.0
-        for step in range(iterations):
-            line_x, line_y = east - radar_x, north - radar_y
-            if step == 0 and time == 0.0 and len(expected):
-                distance, azimuth = expected[gaussian, 0], expected[gaussian, 1]
-            else:
-                ahead, left = cos * line_x + sin * line_y, cos * line_y - sin * line_x
-                distance = max(math.sqrt(ahead * ahead + left * left), MIN_RANGE)
-                azimuth = math.atan2(left, ahead)
-            j, k = line_x / distance, line_y / distance
-            n, m = -k / distance, j / distance
-            range_x, range_y = p * j + q * k, q * j + r * k
-            azimuth_x, azimuth_y = p * n + q * m, q * n + r * m
-            a = j * range_x + k * range_y + noise_range
-            b = j * azimuth_x + k * azimuth_y
-            d = n * azimuth_x + m * azimuth_y + noise_azimuth
-            shift_x, shift_y = east - prior_x, north - prior_y
-            range_error = measurement[detection, 0] - distance + (j * shift_x + k * shift_y)
-            azimuth_error = wrapped(measurement[detection, 1] - azimuth)
-            azimuth_error += n * shift_x + m * shift_y
-            determinant = max(a * d - b * b, TINY)
-            range_weight = (d * range_error - b * azimuth_error) / determinant
-            azimuth_weight = (a * azimuth_error - b * range_error) / determinant
-            last_x, last_y = east, north
-            east = prior_x + range_x * range_weight + azimuth_x * azimuth_weight
-            north = prior_y + range_y * range_weight + azimuth_y * azimuth_weight
-            if max(abs(east - last_x), abs(north - last_y)) < tolerance:
-                break
-        jacobian[row, 0, 0], jacobian[row, 0, 1] = j, k
-        jacobian[row, 1, 0], jacobian[row, 1, 1] = n, m
-        inverse[row, 0, 0], inverse[row, 1, 1] = d / determinant, a / determinant
-        inverse[row, 0, 1] = inverse[row, 1, 0] = -b / determinant
-        weighted[row, 0], weighted[row, 1] = range_weight, azimuth_weight
-        square = range_error * range_weight + azimuth_error * azimuth_weight
-        log_likelihood[row] = -0.5 * (square + math.log(determinant)) - math.log(2.0 * math.pi)
-    return jacobian, weighted, inverse, log_likelihood
 
 
 def innovations(
@@ -163,8 +65,7 @@ def innovations(
     iterations : int
         Largest number of linearisations; 1 is the plain extended Kalman filter.
     converged : float
-        Step, as a share of the range's standard deviation, below which iteration ends; for a
-        sensor that is not polar see `linearised.innovations`.
+        Step, as a share of the measurement's standard deviation, below which iteration ends.
     pairs : tuple of two int arrays of shape (P,), or None
         Gaussian and measurement of each pair; None if each Gaussian has the measurement of its row.
         A pair with the Gaussian -1 has a likelihood of zero.
@@ -176,7 +77,7 @@ def innovations(
     expected : array of shape (N, 2) or None
         Expected measurements at the stamp, if they are known.
     correlation : array of shape (M,) or None
-        Correlation of the errors of both components, for a sensor that is not polar.
+        Correlation of the errors of both components; not used for a polar radar.
 
     Notes
     -----
@@ -190,37 +91,14 @@ def innovations(
     """
     if pairs is None:
         pairs = (np.arange(len(measurement)),) * 2
-    gaussian, column = pairs
     noise = noise_std if noise_std.ndim == 2 else np.broadcast_to(noise_std, measurement.shape)
-    weight = np.ones(len(mean)) if weight is None else weight
-    if not sensor.polar:
-        gaussian, column = gaussians_of_groups(gaussian, modes), column.repeat(modes)
-        gaussian = np.where(weight[gaussian] > 0.0, gaussian, -1)
-        pair_correlation = None if correlation is None else correlation[column]
-        row = np.maximum(gaussian, 0)
-        measured = (measurement[column], noise[column], pair_correlation)
-        times = np.zeros(len(row)) if time_s is None else time_s[column]
-        gaussians = mean[row], covariance[row], sensor, *measured, times
-        result = Innovation(*linearised.innovations(*gaussians, iterations, converged))
-        log_likelihood = np.where(gaussian >= 0, result.log_likelihood, -np.inf)
-        return result._replace(log_likelihood=log_likelihood)
-    if expected is None:
-        expected = np.zeros((0, 2))
+    gaussians = mean, covariance, np.ones(len(mean)) if weight is None else weight
+    measured = Measured(measurement, noise, correlation, time_s)
     return Innovation(
-        *_innovations(
-            *(iterations, converged, modes, sensor.axes, sensor.planar_pose),
-            *contiguous(mean, covariance, weight, expected, gaussian, column),
-            *contiguous(measurement, noise, NO_TIMES if time_s is None else time_s),
+        *sensor.of_gaussians.innovations(
+            gaussians, measured, pairs, modes, expected, iterations, converged
         )
     )
-
-
-def gaussians_of_groups(group: IntArray, modes: int) -> IntArray:
-    """Return the Gaussians of groups of `modes` rows, one after the other; -1 for group -1."""
-    if modes == 1:
-        return group
-    gaussian: IntArray = np.maximum(group[:, None] * modes + np.arange(modes), -1).ravel()
-    return gaussian
 
 
 @compiled

@@ -7,14 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import FloatArray, contiguous
+from ...arrays import TINY, FloatArray, contiguous
 from ...compilation import Float2, Float3, Int1, compiled
 from ...models import stationary
 from ...sensors.report import Report
 from ...sensors.sensor import Sensor
 from ...state_space import StateSpace
 from ...types import Coverage
-from ..algebra.kalman import TINY
 from ..dynamics import Dynamics
 from ..mixture import Mixture
 from .gating import Expected

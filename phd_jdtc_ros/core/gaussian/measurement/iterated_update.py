@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ...arrays import FloatArray, IntArray
+from ...sensors.of_gaussians.linearised import gaussians_of_groups
 from ...sensors.range_rate import Rates
 from ...sensors.report import Report
 from ...sensors.sensor import Sensor
@@ -55,8 +56,8 @@ class PairUpdate(NamedTuple):
                 *gaussians, self.report.sensor, self.matched, time_s, (row, pair), modes
             )
         else:
-            gaussian = kalman.gaussians_of_groups(row, modes)
-            updated = kalman.gaussians_of_groups(pair, modes)
+            gaussian = gaussians_of_groups(row, modes)
+            updated = gaussians_of_groups(pair, modes)
             mean, covariance = gaussians[0][gaussian], gaussians[1][gaussian]
             detected = updated >= 0
             mean[detected] = self.rate_update.mean[updated[detected]]
@@ -93,14 +94,12 @@ def iterated_update(
         correlation=detections.noise_correlation,
     )
     matched, outlier = innovation, None
-    if sensor.outliers is not None and sensor.polar:
-        detection = column.repeat(modes)
-        matched, outlier = heavy_tails.mix_noises(
-            innovation, sensor.outliers, report.detection_std, detection
-        )
+    if sensor.outliers is not None:
+        noise, detection = sensor.noise_covariance_of(detections), column.repeat(modes)
+        matched, outlier = heavy_tails.mix_noises(innovation, sensor.outliers, noise, detection)
     rate_update = None
     if rates is not None:
-        gaussian, detection = kalman.gaussians_of_groups(row, modes), column.repeat(modes)
+        gaussian, detection = gaussians_of_groups(row, modes), column.repeat(modes)
         time_s = None if detections.time_s is None else detections.time_s[detection]
         updated = kalman.update(mean[gaussian], covariance[gaussian], sensor, matched, time_s)
         rate_update = range_rate.update_rates(*updated, sensor, rates.take(detection), time_s)

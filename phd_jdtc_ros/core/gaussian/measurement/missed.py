@@ -15,9 +15,6 @@ from .gating import Expected
 LEAST_PART = 1e-3
 # A limit farther away, in standard deviations, cuts off less than `LEAST_PART` of a Gaussian.
 FAR_SIGMA = 3.1
-# Gaussians whose azimuths have a larger deviation keep their moments, radians: they are so near to
-# the sensor that neither the azimuth nor the range is normal.
-LARGEST_AZIMUTH_STD = 0.5
 
 
 @compiled
@@ -79,8 +76,8 @@ def after_miss(
     columns = zip(limits, measured.T, std.T, strict=True)
     partial_moments = np.stack([_partial_moments_within(*column) for column in columns])
     smaller_part = np.minimum(partial_moments[:, 0], 1.0 - partial_moments[:, 0])
-    certain = (std[:, 1] < LARGEST_AZIMUTH_STD) & (mixture.mode_weight.ravel() > 0.0)
-    rows = np.flatnonzero((smaller_part.max(axis=0) > LEAST_PART) & certain)
+    usable = sensor.is_nearly_normal(std) & (mixture.mode_weight.ravel() > 0.0)
+    rows = np.flatnonzero((smaller_part.max(axis=0) > LEAST_PART) & usable)
     if not len(rows):
         return None
     axis = smaller_part[:, rows].argmax(axis=0)

@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...arrays import FloatArray, IntArray
+from ...arrays import TINY, FloatArray, IntArray
 from ...models.detection_birth import Newborn
 from ...sensors.range_rate import Rates
 from ...sensors.report import Report
 from ..algebra import range_rate
-from ..algebra.kalman import TINY
 from ..dynamics import Dynamics
 from ..mixture import Mixture
 from .amplitude import log_amplitude

@@ -6,13 +6,12 @@ import math
 
 import numpy as np
 
-from ...arrays import FloatArray, contiguous
+from ...arrays import TINY, FloatArray, contiguous
 from ...compilation import Float1, Float2, Float3, Int1, compiled
 from ...learned.evidence import evidence_of
 from ...learned.noise_factor import COMPONENTS, NoiseEvidence
 from ...learned.outliers import OutlierEvidence
 from ...models.sensor_memory import KNOWN_EXISTENCE
-from ..algebra.kalman import TINY
 from ..mixture import Mixture
 from .iterated_update import PairUpdate
 

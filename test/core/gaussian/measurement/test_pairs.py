@@ -10,17 +10,19 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.arrays import contiguous, wrap_angle
 from phd_jdtc_ros.core.association.marginals import LEAST_CLUTTER
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
-from phd_jdtc_ros.core.gaussian.measurement import missed, pairs
+from phd_jdtc_ros.core.gaussian.measurement import pairs
 from phd_jdtc_ros.core.gaussian.measurement.amplitude import (
     Amplitudes,
     detection_probability,
     log_amplitude,
     snr_after,
 )
-from phd_jdtc_ros.core.gaussian.measurement.gating import GATE_SIGMA, Expected, gate_pairs
+from phd_jdtc_ros.core.gaussian.measurement.gating import Expected, gate_pairs
 from phd_jdtc_ros.core.gaussian.measurement.missed import after_miss
 from phd_jdtc_ros.core.gaussian.measurement.pruning import most_probable
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
+from phd_jdtc_ros.core.sensors import polar_radar
+from phd_jdtc_ros.core.sensors.of_gaussians.linearised import GATE_SIGMA
 from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.types import Detections
 
@@ -283,5 +285,5 @@ def test_gaussians_away_from_all_limits_do_not_change(place):
 
 
 def test_gaussians_beside_the_sensor_do_not_change(monkeypatch):
-    monkeypatch.setattr(missed, "LARGEST_AZIMUTH_STD", 0.01)
+    monkeypatch.setattr(polar_radar, "LARGEST_AZIMUTH_STD", 0.01)
     assert missed_at(LIMITS["least range"])[1] is None

@@ -1,0 +1,1 @@
+"""The measurements that sensors make of Gaussians: array operations, and compiled ones."""

@@ -1,0 +1,188 @@
+"""Measurements of Gaussians, which are linearised by `Sensor.linearise`, in array operations.
+
+`polar` has compiled functions for range and azimuth.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ...arrays import FloatArray, IntArray, contiguous
+from ..gaussians import noise_covariance
+
+if TYPE_CHECKING:
+    from ..report import Report
+    from ..sensor import Sensor
+
+# Radius of the gate in standard deviations of the innovation; a target's detection falls outside
+# with a probability of 4e-6.
+GATE_SIGMA = 5.0
+# Lower bound of the standard deviations of expected measurements, by which distances are divided.
+LEAST_STD = 1e-6
+# Number of candidate pairs of Gaussians and detections that are gated at a time.
+AT_ONCE = 1 << 16
+
+
+class Measured(NamedTuple):
+    """M measurements with their noise."""
+
+    measurement: FloatArray  # (M, Z)
+    noise_std: FloatArray  # Standard deviations, (M, Z)
+    correlation: FloatArray | None  # See `Detections.noise_correlation`, (M,)
+    time_s: FloatArray | None  # Time relative to the stamp of the Gaussians, seconds, (M,)
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """The measurements that a sensor makes of Gaussians.
+
+    Means have shape (..., D) and covariances (..., D, D).
+    """
+
+    sensor: Sensor
+
+    def expected(
+        self, mean: FloatArray, covariance: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the expected measurements of Gaussians, (..., Z), with covariances and deviations.
+
+        The covariances, (..., Z, Z), are without the sensor's noise. The standard deviations, (...,
+        Z), are not below `LEAST_STD`.
+        """
+        position = list(self.sensor.space.position)
+        measured, jacobian = self.sensor.linearise(mean[..., position])
+        spread = jacobian @ covariance[..., position, :][..., position] @ jacobian.swapaxes(-1, -2)
+        variance = np.diagonal(spread, axis1=-2, axis2=-1)
+        measured, spread, std = contiguous(
+            measured, spread, np.sqrt(np.maximum(variance, LEAST_STD**2))
+        )
+        return measured, spread, std
+
+    @property
+    def gate_ratio(self) -> float:
+        """Ratio of the standard deviations in a gate to the usual ones: outliers are in it too."""
+        outliers = self.sensor.outliers
+        return 1.0 if outliers is None else outliers.ratio
+
+    def gate_pairs(
+        self,
+        weight: FloatArray,
+        mean: FloatArray,
+        measured: FloatArray,
+        covariance: FloatArray,
+        report: Report,
+    ) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return the results of `gating.gate_pairs`.
+
+        Parameters
+        ----------
+        weight : array of shape (H, R)
+            Gaussians without weight have no gate.
+        mean : array of shape (H, R, D)
+        measured, covariance : arrays of shapes (H, R, Z) and (H, R, Z, Z)
+            Expected measurements with their covariances.
+        """
+        sensor, size, modes = self.sensor, measured.shape[-1], weight.shape[1]
+        reachable = sensor.reachable(measured.reshape(-1, size)).reshape(measured.shape)
+        rate = sensor.measurement_rate(mean.reshape(-1, mean.shape[2])).reshape(measured.shape)
+        noise = self.gate_ratio**2 * sensor.noise_covariance_of(report.detections)
+        row = [np.zeros(0, np.int64)]
+        column = [np.zeros(0, np.int64)]
+        log_likelihood = [np.zeros((0, modes))]
+        step = max(AT_ONCE // max(modes * len(report), 1), 1)
+        for begin in range(0, len(weight), step):
+            block = slice(begin, begin + step)
+            error = report.detections.measurement - reachable[block, :, None]
+            error = sensor.wrap(error - rate[block, :, None] * report.time_s[:, None])
+            square, log_density = _normal_density(error, covariance[block, :, None] + noise)
+            inside = (square <= GATE_SIGMA**2) & (weight[block] > 0.0)[..., None]
+            log_density = np.where(inside, log_density, -np.inf).swapaxes(1, 2)
+            gated_row, gated_column = np.nonzero(inside.any(axis=1))
+            row.append(begin + gated_row)
+            column.append(gated_column)
+            log_likelihood.append(log_density[gated_row, gated_column])
+        return np.concatenate(row), np.concatenate(column), np.concatenate(log_likelihood)
+
+    def innovations(
+        self,
+        gaussians: tuple[FloatArray, FloatArray, FloatArray],
+        measured: Measured,
+        pairs: tuple[IntArray, IntArray],
+        modes: int,
+        expected: FloatArray | None,
+        iterations: int,
+        converged: float,
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return the columns of `kalman.Innovation` for pairs of Gaussians and measurements.
+
+        A step has converged if it moves the measurement by less than a share `converged` of its
+        standard deviation. For the other parameters see `kalman.innovations`.
+
+        Parameters
+        ----------
+        gaussians : arrays of shape (N, D), (N, D, D) and (N,)
+            Their means, covariances and weights.
+
+        Notes
+        -----
+        An update takes two components. With the measurement's Jacobian J, the innovation's
+        covariance S and the innovation v, it adds P J' S^-1 v to a state and takes P J' S^-1 J P
+        from its covariance. For other numbers of components v is therefore replaced by J' S^-1 v,
+        the inverse of S by J' S^-1 J, and the Jacobian by the identity.
+        """
+        sensor, (mean, covariance, weight) = self.sensor, gaussians
+        gaussian, column = gaussians_of_groups(pairs[0], modes), pairs[1].repeat(modes)
+        has_weight = (gaussian >= 0) & (weight[gaussian] > 0.0)
+        row, count = np.where(has_weight, gaussian, 0), len(gaussian)
+        measurement, noise_std = measured.measurement[column], measured.noise_std[column]
+        noise = noise_covariance(measured.noise_std, measured.correlation)[column]
+        with_time = np.zeros((count, 2, mean.shape[1]))
+        with_time[:, [0, 1], list(sensor.space.position)] = 1.0
+        if measured.time_s is not None:
+            velocity = list(sensor.space.velocity)
+            with_time[:, [0, 1], velocity] = measured.time_s[column, None]
+        prior = (with_time @ mean[row][..., None])[..., 0]
+        spread = with_time @ covariance[row] @ with_time.swapaxes(1, 2)
+        size = measurement.shape[1]
+        jacobian, weighted = np.zeros((count, size, 2)), np.zeros((count, size))
+        inverse, log_likelihood = np.zeros((count, size, size)), np.zeros(count)
+        position, rows = prior.copy(), np.arange(count)
+        for _ in range(iterations):
+            predicted, slope = sensor.linearise(position[rows])
+            shift = (slope @ (position[rows] - prior[rows])[..., None])[..., 0]
+            error = sensor.wrap(measurement[rows] - predicted) + shift
+            total = slope @ spread[rows] @ slope.swapaxes(1, 2) + noise[rows]
+            jacobian[rows], inverse[rows] = slope, np.linalg.inv(total)
+            weighted[rows] = (inverse[rows] @ error[..., None])[..., 0]
+            log_likelihood[rows] = _normal_density(error, total)[1]
+            gain = spread[rows] @ slope.swapaxes(1, 2)
+            updated = prior[rows] + (gain @ weighted[rows][..., None])[..., 0]
+            step = (slope @ (updated - position[rows])[..., None])[..., 0]
+            position[rows] = updated
+            rows = rows[(np.abs(step) >= converged * noise_std[rows]).any(axis=1)]
+        if size != 2:
+            transposed = jacobian.swapaxes(1, 2)
+            weighted = (transposed @ weighted[..., None])[..., 0]
+            inverse = transposed @ inverse @ jacobian
+            jacobian = np.broadcast_to(np.eye(2), inverse.shape)
+        return jacobian, weighted, inverse, np.where(has_weight, log_likelihood, -np.inf)
+
+
+def gaussians_of_groups(group: IntArray, modes: int) -> IntArray:
+    """Return the Gaussians of groups of `modes` rows, one after the other; -1 for group -1."""
+    if modes == 1:
+        return group
+    gaussian: IntArray = np.maximum(group[:, None] * modes + np.arange(modes), -1).ravel()
+    return gaussian
+
+
+def _normal_density(error: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the square Mahalanobis distances and log normal densities of errors, (...)."""
+    solved = np.linalg.solve(covariance, error[..., None])[..., 0]
+    square = (error * solved).sum(axis=-1)
+    constant = error.shape[-1] * math.log(2.0 * math.pi)
+    return square, -0.5 * (square + np.linalg.slogdet(covariance)[1] + constant)

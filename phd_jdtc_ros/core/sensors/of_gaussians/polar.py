@@ -1,0 +1,189 @@
+"""Measurements of Gaussians in range and azimuth, compiled; see `linearised` for other sensors."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...arrays import TINY, FloatArray, IntArray, contiguous
+from ...compilation import Float1, Float2, Float3, Float4, Int1, compiled, inner
+from ...types import FULL_TURN
+from ..polar_geometry import MIN_RANGE
+from ..report import Report
+from . import polar_gate
+from .angles import wrapped
+from .linearised import LEAST_STD, Linearised, Measured
+
+# Times of measurements that are all made at the stamp.
+NO_TIMES = np.zeros(0)
+
+
+class PolarGaussians(Linearised):
+    """Measurements of Gaussians by a polar radar; see `Linearised` for the parameters."""
+
+    def expected(
+        self, mean: FloatArray, covariance: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return expected measurements, their covariances, and standard deviations."""
+        return _expected_measurements(mean, covariance, self.sensor.axes, self.sensor.planar_pose)
+
+    def gate_pairs(
+        self,
+        weight: FloatArray,
+        mean: FloatArray,
+        measured: FloatArray,
+        covariance: FloatArray,
+        report: Report,
+    ) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return the pairs of hypotheses and detections in a gate, and their log likelihoods."""
+        sensor, measurement = self.sensor, report.detections.measurement
+        turn = measurement[:, 1] % FULL_TURN
+        order, noise_std = turn.argsort(kind="stable"), self.gate_ratio * report.detection_std
+        return polar_gate.gate(
+            *(sensor.max_range, sensor.axes, sensor.planar_pose, mean, measured, covariance),
+            *(weight, measurement, noise_std, report.time_s, turn[order], order),
+        )
+
+    def innovations(
+        self,
+        gaussians: tuple[FloatArray, FloatArray, FloatArray],
+        measured: Measured,
+        pairs: tuple[IntArray, IntArray],
+        modes: int,
+        expected: FloatArray | None,
+        iterations: int,
+        converged: float,
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return the columns of `kalman.Innovation`; errors are taken as independent."""
+        sensor, times = self.sensor, measured.time_s
+        return _innovations(
+            *(iterations, converged, modes, sensor.axes, sensor.planar_pose),
+            *contiguous(*gaussians, np.zeros((0, 2)) if expected is None else expected, *pairs),
+            *contiguous(measured.measurement, measured.noise_std),
+            *contiguous(NO_TIMES if times is None else times),
+        )
+
+
+@compiled
+def _expected_measurements(
+    mean: Float3, covariance: Float4, axes: Int1, pose: Float1
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the results of `PolarGaussians.expected`; for `axes` and `pose` see `_innovations`."""
+    count, modes = mean.shape[:2]
+    measured, spread = np.empty((count, modes, 2)), np.empty((count, modes, 2, 2))
+    std = np.empty((count, modes, 2))
+    x, y = axes[0], axes[1]
+    sensor_x, sensor_y, cos, sin = pose[0], pose[1], pose[2], pose[3]
+    for row in range(count):
+        for mode in range(modes):
+            east, north = mean[row, mode, x] - sensor_x, mean[row, mode, y] - sensor_y
+            ahead, left = cos * east + sin * north, cos * north - sin * east
+            distance = max(math.sqrt(ahead * ahead + left * left), MIN_RANGE)
+            measured[row, mode, 0], measured[row, mode, 1] = distance, math.atan2(left, ahead)
+            j, k = east / distance, north / distance
+            n, m = -k / distance, j / distance
+            state_covariance = covariance[row, mode]
+            p, q, r = state_covariance[x, x], state_covariance[x, y], state_covariance[y, y]
+            spread[row, mode, 0, 0] = j * (p * j + q * k) + k * (q * j + r * k)
+            spread[row, mode, 1, 1] = n * (p * n + q * m) + m * (q * n + r * m)
+            cross = j * (p * n + q * m) + k * (q * n + r * m)
+            spread[row, mode, 0, 1] = spread[row, mode, 1, 0] = cross
+            for axis in range(2):
+                variance = spread[row, mode, axis, axis]
+                std[row, mode, axis] = max(math.sqrt(max(variance, 0.0)), LEAST_STD)
+    return measured, spread, std
+
+
+@inner
+def _position_covariance(
+    covariance: FloatArray, gaussian: int, axes: IntArray, time: float
+) -> tuple[float, float, float]:
+    """Return the covariance of a position some seconds after the stamp: xx, xy and yy."""
+    x, y, vx, vy = axes[0], axes[1], axes[2], axes[3]
+    p, q, r = covariance[gaussian, x, x], covariance[gaussian, x, y], covariance[gaussian, y, y]
+    if time != 0.0:
+        crossed = covariance[gaussian, x, vy] + covariance[gaussian, vx, y]
+        p += time * (2.0 * covariance[gaussian, x, vx] + time * covariance[gaussian, vx, vx])
+        q += time * (crossed + time * covariance[gaussian, vx, vy])
+        r += time * (2.0 * covariance[gaussian, y, vy] + time * covariance[gaussian, vy, vy])
+    return p, q, r
+
+
+@compiled
+def _innovations(
+    iterations: int,
+    converged: float,
+    modes: int,
+    axes: Int1,
+    pose: Float1,
+    mean: Float2,
+    covariance: Float3,
+    weight: Float1,
+    expected: Float2,
+    group: Int1,
+    column: Int1,
+    measurement: Float2,
+    noise_std: Float2,
+    time_s: Float1,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the results of `PolarGaussians.innovations`.
+
+    `axes` are those of the position and the velocity; `pose` is the radar's position, and the
+    cosine and the sine of its yaw. `expected` is empty if it is unknown.
+    """
+    count = len(group) * modes
+    jacobian, inverse = np.zeros((count, 2, 2)), np.zeros((count, 2, 2))
+    weighted, log_likelihood = np.zeros((count, 2)), np.full(count, -np.inf)
+    x, y, vx, vy = axes[0], axes[1], axes[2], axes[3]
+    radar_x, radar_y, cos, sin = pose[0], pose[1], pose[2], pose[3]
+    for row in range(count):
+        pair = row // modes
+        gaussian, detection = group[pair] * modes + row % modes, column[pair]
+        if gaussian < 0 or not weight[gaussian] > 0.0:
+            continue
+        time = time_s[detection] if len(time_s) else 0.0
+        prior_x = mean[gaussian, x] + time * mean[gaussian, vx]
+        prior_y = mean[gaussian, y] + time * mean[gaussian, vy]
+        p, q, r = _position_covariance(covariance, gaussian, axes, time)
+        noise_range, noise_azimuth = noise_std[detection, 0] ** 2, noise_std[detection, 1] ** 2
+        tolerance = converged * noise_std[detection, 0]
+        east, north = prior_x, prior_y
+        j, k, a, b, d, determinant = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        range_error, azimuth_error, range_weight, azimuth_weight = 0.0, 0.0, 0.0, 0.0
+        n, m = 0.0, 0.0
+        for step in range(iterations):
+            line_x, line_y = east - radar_x, north - radar_y
+            if step == 0 and time == 0.0 and len(expected):
+                distance, azimuth = expected[gaussian, 0], expected[gaussian, 1]
+            else:
+                ahead, left = cos * line_x + sin * line_y, cos * line_y - sin * line_x
+                distance = max(math.sqrt(ahead * ahead + left * left), MIN_RANGE)
+                azimuth = math.atan2(left, ahead)
+            j, k = line_x / distance, line_y / distance
+            n, m = -k / distance, j / distance
+            range_x, range_y = p * j + q * k, q * j + r * k
+            azimuth_x, azimuth_y = p * n + q * m, q * n + r * m
+            a = j * range_x + k * range_y + noise_range
+            b = j * azimuth_x + k * azimuth_y
+            d = n * azimuth_x + m * azimuth_y + noise_azimuth
+            shift_x, shift_y = east - prior_x, north - prior_y
+            range_error = measurement[detection, 0] - distance + (j * shift_x + k * shift_y)
+            azimuth_error = wrapped(measurement[detection, 1] - azimuth)
+            azimuth_error += n * shift_x + m * shift_y
+            determinant = max(a * d - b * b, TINY)
+            range_weight = (d * range_error - b * azimuth_error) / determinant
+            azimuth_weight = (a * azimuth_error - b * range_error) / determinant
+            last_x, last_y = east, north
+            east = prior_x + range_x * range_weight + azimuth_x * azimuth_weight
+            north = prior_y + range_y * range_weight + azimuth_y * azimuth_weight
+            if max(abs(east - last_x), abs(north - last_y)) < tolerance:
+                break
+        jacobian[row, 0, 0], jacobian[row, 0, 1] = j, k
+        jacobian[row, 1, 0], jacobian[row, 1, 1] = n, m
+        inverse[row, 0, 0], inverse[row, 1, 1] = d / determinant, a / determinant
+        inverse[row, 0, 1] = inverse[row, 1, 0] = -b / determinant
+        weighted[row, 0], weighted[row, 1] = range_weight, azimuth_weight
+        square = range_error * range_weight + azimuth_error * azimuth_weight
+        log_likelihood[row] = -0.5 * (square + math.log(determinant)) - math.log(2.0 * math.pi)
+    return jacobian, weighted, inverse, log_likelihood
