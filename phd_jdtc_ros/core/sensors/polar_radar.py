@@ -149,6 +149,11 @@ class RadarModel(Sensor):
             std[:, 0] = np.hypot(self.range_std, self.range_growth * measurement[:, 0])
         return std
 
+    @property
+    def largest_detection_probability(self) -> float | None:
+        """Largest configured p_D, at any range; None if p_D follows from the SNR."""
+        return max(self.visibility.probabilities, default=None)
+
     def configured_detection_probability(
         self, measured: FloatArray, std: FloatArray | None = None
     ) -> FloatArray | None:
@@ -156,12 +161,6 @@ class RadarModel(Sensor):
         if not self.visibility.has_probability:
             return None
         return self.visibility.probability(measured[:, 0], None if std is None else std[:, 0])
-
-    def miss_probability(self, log_snr: FloatArray) -> FloatArray:
-        """Return the probability of a missed detection; see `Sensor.miss_probability`."""
-        if self.visibility.has_probability:
-            return np.full_like(log_snr, 1.0 - max(self.visibility.probabilities))
-        return super().miss_probability(log_snr)
 
     def coverage_probability(
         self, predicted: FloatArray, coverage: Coverage | None, std: FloatArray | None = None

@@ -258,14 +258,21 @@ class Sensor(ReadOnly, ABC):
         """Return a mask of the circles that the antenna may have swept for a report, (T,)."""
         return np.ones(len(position), dtype=np.bool_)
 
+    @property
+    def largest_detection_probability(self) -> float | None:
+        """Largest configured p_D of covered targets; None if p_D follows from the SNR."""
+        return None
+
     def configured_detection_probability(
         self, measured: FloatArray, std: FloatArray | None = None
     ) -> FloatArray | None:
         """Return the configured p_D of covered targets, (N,); None if it follows from the SNR.
 
-        `std` has the standard deviations of the measurements, (N, Z); None if they are certain.
+        By default it is the largest one everywhere. `std` has the standard deviations of the
+        measurements, (N, Z); None if they are certain.
         """
-        return None
+        largest = self.largest_detection_probability
+        return None if largest is None else np.full(len(measured), largest)
 
     def learned_detection_probability(
         self, configured: FloatArray, measured: FloatArray
@@ -276,7 +283,9 @@ class Sensor(ReadOnly, ABC):
         return self.detection_factor.probability(configured, self.polar_place(measured))
 
     def miss_probability(self, log_snr: FloatArray) -> FloatArray:
-        """Return 1 - p_D of targets of given ln(1 + SNR), at the range at which it is least."""
+        """Return 1 - p_D of targets of given ln(1 + SNR), where it is least."""
+        if (largest := self.largest_detection_probability) is not None:
+            return np.full_like(log_snr, 1.0 - largest)
         return -np.expm1(-0.5 * self.threshold**2 * np.exp(-log_snr))
 
     def class_detection_probability(self, classes: tuple[ClassModel, ...]) -> FloatArray:

@@ -45,6 +45,10 @@ def test_sensor_without_coverage_or_map_sees_everything_in_uniform_clutter():
     assert SENSOR.coverage_probability(measured, UNKNOWN_COVERAGE).tolist() == [1.0, 1.0]
     assert SENSOR.may_have_swept(STATE[:, :2], np.ones(2), DETECTIONS).all()
     assert SENSOR.configured_detection_probability(measured) is None
+    assert (SENSOR.miss_probability(np.log1p([10.0, 1000.0])) < [0.7, 0.01]).all()
+    uniform = replace(SENSOR, detection_probability=0.8)
+    assert uniform.configured_detection_probability(measured).tolist() == [0.8, 0.8]
+    np.testing.assert_allclose(uniform.miss_probability(np.log1p([10.0, 1000.0])), 0.2)
     np.testing.assert_allclose(SENSOR.log_clutter_intensity(DETECTIONS), np.log(2e-6))
     assert not SENSOR.neighbourhood_density(DETECTIONS.measurement, STATE[:, :2]).any()
 
