@@ -169,7 +169,7 @@ def track_bag(
             bag.add_topic(Topic(names.fixes(), names.FIX))
         if any(radar.clutter_map is not None for radar in config.model.radars):
             bag.add_topic(Topic(names.clutter_map(), names.GRID, depth=1, transient_local=True))
-        if any(sensor.detection_factor or sensor.noise_factor for sensor in config.model.radars):
+        if any(sensor.learns_figures for sensor in config.model.radars):
             bag.add_topic(Topic(names.cardinality(), names.FIGURES))
         tracker = OfflineTracker(config, bag)
         total = sum(source.counts[topic] for topic in copied)

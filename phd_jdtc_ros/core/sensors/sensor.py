@@ -100,6 +100,12 @@ class Sensor(ReadOnly, ABC):
         return {"range_rate": replace(range_rate, std=float(factor.of_std[-1]) * range_rate.std)}
 
     @property
+    def learns_figures(self) -> bool:
+        """Whether figures of its detection or its noise are learned."""
+        correlated = self.correlation is not None and self.correlation.learned
+        return correlated or any((self.detection_factor, self.noise_factor, self.outliers))
+
+    @property
     def clutter_share(self) -> float:
         """Share of its uniform clutter, `clutter_rate`, that is among its detections; above 0."""
         return 1.0

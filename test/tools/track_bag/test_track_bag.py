@@ -354,3 +354,18 @@ def test_track_bag_reports_that_the_truth_has_more_classes(track, tmp_path, caps
         "track_bag: the truth has class_id 2, and the tracker 2 classes" in capsys.readouterr().err
     )
     assert said is not beside
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "figure"),
+    [
+        ("range_std", "300 outliers", "outlier_share"),
+        ("detection_probability", "0.9 correlated", "detection_correlation"),
+    ],
+)
+def test_track_bag_writes_whatever_a_radar_learns(short_bag, track, name, value, figure):
+    status, out = track(short_bag, "-p", "engine:=gaussian", "-p", f"radar_1.{name}:={value}")
+    assert status == 0
+    (figures,) = messages(out, names.cardinality(), names.FIGURES)
+    values = {own.key: own.value for status in figures.status for own in status.values}
+    assert 0.0 <= float(values[f"radar_1.{figure}"]) < 1.0
