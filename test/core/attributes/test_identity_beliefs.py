@@ -203,9 +203,7 @@ def test_joint_association_and_identities_are_those_of_the_sum_over_all(shown):
     kinematic = np.zeros((2, 2))
     for t, mean in enumerate(means):
         motion = model.modes.motions[0]
-        axes = np.isin(np.arange(5), motion.support)
-        start = textbook.Normal(mean * axes, np.diag(STD**2 * axes))
-        prior, _ = textbook.predict(start, motion, seconds)
+        prior, _ = textbook.predict(textbook.initial(motion, mean, STD), motion, seconds)
         for j in range(2):
             kinematic[t, j] = detection * np.exp(textbook.update(prior, radar, measurement[j])[1])
     # Clutter answers less often than unknown targets, with the same codes.

@@ -160,9 +160,7 @@ def test_classes_of_different_motion_are_weighed_by_what_they_foresaw():
     (radar,), modes = config.model.radars, config.model.modes
     assert len(Dynamics(config.model).motions) == 2
     engine = started(config)
-    mean, std = MEAN.copy(), STD.copy()
-    mean[4] = std[4] = 0.0
-    now = [textbook.Normal(mean, np.diag(std**2))] * 2
+    now = [textbook.initial(motion, MEAN, STD) for motion in modes.motions]
     log_weight, rng = np.zeros(2), np.random.default_rng(2)
     for second, state in zip(SECONDS, path(SECONDS, 0.01), strict=True):
         measured = radar.measure(state[None]) + rng.standard_normal((1, 2)) * radar.noise_std

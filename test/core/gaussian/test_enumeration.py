@@ -62,8 +62,7 @@ def histories(config, seconds, scans, existence):
     (radar,), modes = config.model.radars, config.model.modes
     alive = []
     for motion in modes.motions:
-        own = np.isin(np.arange(5), motion.support)
-        first = textbook.Normal(np.where(own, MEAN, 0.0), np.diag(np.where(own, STD, 0.0) ** 2))
+        first = textbook.initial(motion, MEAN, STD)
         alive.append((existence / len(modes), [first], []))
     last = list(range(len(modes)))
     never = (1.0 - existence) * np.prod([clutter_density(radar) ** len(m) for m in scans])

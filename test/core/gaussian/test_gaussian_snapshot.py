@@ -24,36 +24,36 @@ def stored():
     return engine.snapshot()
 
 
-def put(name, value, at=0):
-    """Return a change that writes a value into one entry of an array."""
+def changed(name, function):
+    """Return a change that replaces an array by a function of it."""
 
     def change(snapshot):
-        array = np.array(snapshot.arrays[name])
-        array.flat[at] = value
-        snapshot.arrays[name] = array
+        snapshot.arrays[name] = function(np.array(snapshot.arrays[name]))
 
     return change
+
+
+def put(name, value):
+    """Return a change that writes a value into the first entry of an array."""
+
+    def written(array):
+        array.flat[0] = value
+        return array
+
+    return changed(name, written)
 
 
 def put_matrix(name, matrix):
     """Return a change that writes a matrix over the first one, by its upper left corner."""
 
-    def change(snapshot):
-        array = np.array(snapshot.arrays[name])
+    def written(array):
         first = array.reshape(-1, *array.shape[-2:])[0]
         size = len(matrix)
         first[:] = np.diag(np.diag(first))
         first[:size, :size] = matrix
-        snapshot.arrays[name] = array
+        return array
 
-    return change
-
-
-def changed(name, function):
-    def change(snapshot):
-        snapshot.arrays[name] = function(np.array(snapshot.arrays[name]))
-
-    return change
+    return changed(name, written)
 
 
 # Correlations of x, vx and y: each pair is possible, but not all three at a time.

@@ -204,9 +204,7 @@ def close(found, expected, atol=0.0):
 def textbook_run(config, seconds, measured, time_s, iterations=textbook.ITERATIONS):
     """Return the filtered distributions of the only motion, and the smoothed ones."""
     (radar,), (motion,) = config.model.radars, config.model.modes.motions
-    mean, std = MEAN.copy(), STD.copy()
-    mean[4] = std[4] = 0.0
-    now = textbook.Normal(mean, np.diag(std**2))
+    now = textbook.initial(motion, MEAN, STD)
     filtered, moves, previous = [], [], 0.0
     for index, second in enumerate(seconds):
         later, gain = textbook.predict(now, motion, second - previous)
@@ -265,9 +263,7 @@ def test_several_plots_of_radars_are_updates_one_after_the_other():
     engine = started(config)
     truth = path(EVEN)
     (motion,) = config.model.modes.motions
-    mean, std = MEAN.copy(), STD.copy()
-    mean[4] = std[4] = 0.0
-    now = textbook.Normal(mean, np.diag(std**2))
+    now = textbook.initial(motion, MEAN, STD)
     for index, seconds in enumerate(EVEN):
         reports = [radar.measure(truth[index : index + 1]) for radar in (first, second)]
         one, other = (Detections(report, None) for report in reports)
@@ -295,10 +291,7 @@ def test_two_motions_are_interacting_multiple_models(seconds, timed):
     measured = plots(config, seconds, time_s, turn_rate=0.02)
     filtered, smoothed = run(started(config), seconds, measured, time_s)
 
-    parts = []
-    for motion in modes.motions:
-        inside = np.isin(np.arange(5), motion.support)
-        parts.append(textbook.Normal(MEAN * inside, np.diag(STD**2 * inside)))
+    parts = [textbook.initial(motion, MEAN, STD) for motion in modes.motions]
     steps, previous = [textbook.first_step([0.5, 0.5], parts)], 0.0
     for index, second in enumerate(seconds):
         dt = second - previous
@@ -320,10 +313,7 @@ def test_mode_probabilities_of_the_filter_and_the_smoother_are_those_of_the_text
     config = lone({"lag": 3, **TWO_MOTIONS})
     (radar,), modes = config.model.radars, config.model.modes
     engine = started(config)
-    parts = []
-    for motion in modes.motions:
-        inside = np.isin(np.arange(5), motion.support)
-        parts.append(textbook.Normal(MEAN * inside, np.diag(STD**2 * inside)))
+    parts = [textbook.initial(motion, MEAN, STD) for motion in modes.motions]
     measured = plots(config, EVEN, 0.0 * EVEN, turn_rate=0.03)
     steps = [textbook.first_step([0.5, 0.5], parts)]
     for index, second in enumerate(EVEN[:4]):

@@ -19,6 +19,12 @@ class Normal:
     covariance: np.ndarray
 
 
+def initial(motion, mean, std):
+    """Return the distribution with a mean and deviations, on the axes of a motion."""
+    inside = np.isin(np.arange(len(mean)), motion.support)
+    return Normal(np.where(inside, mean, 0.0), np.diag(np.where(inside, std, 0.0) ** 2))
+
+
 def straight(seconds):
     """Return the matrix of a flight straight on, for five axes; the turn rate stays."""
     matrix = np.eye(5)

@@ -162,10 +162,7 @@ def test_classes_with_one_and_two_motions_have_a_textbook_smoother_each():
     steps = {}
     for index, one in enumerate(modes.classes):
         own = [modes.motions[mode] for mode in np.flatnonzero(modes.class_of == index)]
-        parts = []
-        for motion in own:
-            inside = np.isin(np.arange(5), motion.support)
-            parts.append(textbook.Normal(MEAN * inside, np.diag(STD**2 * inside)))
+        parts = [textbook.initial(motion, MEAN, STD) for motion in own]
         steps[index] = own, [textbook.first_step(np.full(len(own), 1.0 / len(own)), parts)], one
     for second, plot in zip(EVEN, measured, strict=False):
         engine.step(scan_at(second, plot))
