@@ -191,8 +191,9 @@ def in_turn(count):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_restored_engine_goes_on_with_what_was_learned_until_it_is_reset(engine):
-    first, _ = restored_after([0, 1, 12], lambda: learning(engine), in_turn(16))
-    assert len(first.forward.sensors.looks.stamp_ns) > 16
+    first, second = restored_after([0, 1, 12], lambda: learning(engine), in_turn(16))
+    assert learned(first, "usual_count") == learned(second, "usual_count")
+    assert len(second.forward.sensors.looks.stamp_ns) > 16
     for name in LEARNED:
         assert set(learned(first, name)) == set(RADARS)
     first.flush()
