@@ -179,6 +179,14 @@ _MISSING = {
 # The warnings by anomaly, each of the parameters of a sensor of the kind that has it.
 _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
     "azimuths_beyond_a_turn": _beyond_a_turn,
+    "azimuths_in_radians": lambda radar, _: (
+        "all azimuths are within 6.3 degrees; probably radians, set "
+        f"{radar.name}.azimuth_unit to rad"
+    ),
+    "ranges_near": lambda radar, _: (
+        f"all ranges are far below {radar.name}.max_range, {radar.max_range:g} m; ranges must be "
+        "in metres"
+    ),
     "detections_repeated": lambda radar, count: (
         f"{count} detections that repeat another one of their report in every field; each is used "
         "once. Does the driver send its buffer twice?"

@@ -11,7 +11,12 @@ from phd_jdtc_ros.core.clutter.grid import GroundGrid, PolarGrid
 from phd_jdtc_ros.core.clutter.map import ClutterMap
 from phd_jdtc_ros.core.clutter.multipath import Multipath
 from phd_jdtc_ros.core.clutter.rate import ClutterCount
-from phd_jdtc_ros.core.intake.input_checks import FAR, SLOW_TURN, ReportCheck
+from phd_jdtc_ros.core.intake.input_checks import (
+    FAR,
+    RADIANS_AS_DEGREES,
+    SLOW_TURN,
+    ReportCheck,
+)
 from phd_jdtc_ros.core.learned.correlation import Correlation
 from phd_jdtc_ros.core.learned.detection_factor import DetectionFactor
 from phd_jdtc_ros.core.learned.noise_factor import NoiseFactor
@@ -30,6 +35,8 @@ CLUTTER_STD_DB = 6.0
 # Width of the interval about zero that contains false range rates, m/s, for radars that measure
 # range rates without ambiguity: road traffic with some margin.
 RANGE_RATE_SPAN = 200.0
+# Share of its range within which no radar has all detections, unless they are not in metres.
+NEAR = 0.002
 
 
 def radar_model(radar: RadarParameters) -> RadarModel:
@@ -129,4 +136,8 @@ def report_check(radar: RadarParameters) -> ReportCheck:
         lacks_ground_ranges=radar.rotation_s > SLOW_TURN
         and radar.max_range > FAR
         and not ground_known,
+        may_be_radians=radar.named_fields
+        and radar.azimuth_in_degrees
+        and visibility.fov.width > 2.0 * RADIANS_AS_DEGREES,
+        near=NEAR * radar.max_range,
     )

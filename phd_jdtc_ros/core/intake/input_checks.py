@@ -5,6 +5,7 @@ They reject nothing; each finding becomes a warning with its likely cause.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -30,6 +31,10 @@ FIELD_REPORTS = 50
 FIELD_DETECTIONS = 200
 # Largest arc of these detections, in turns.
 FIELD_ARC = 0.4
+# Smallest number of reports, with `FIELD_DETECTIONS` together, whose extent shows their units.
+EXTENT_REPORTS = 20
+# A turn in radians, if it is taken for degrees.
+RADIANS_AS_DEGREES = math.radians(FULL_TURN)
 # A radar with a longer rotation period, seconds, and a longer range, metres, is for aircraft, whose
 # height matters.
 SLOW_TURN = 3.0
@@ -46,17 +51,23 @@ class ReportCheck:
     sees_whole_turn: bool = False  # Whether it is configured to see all azimuths at once
     # True if its ground ranges are unknown although it is probably a radar for aircraft.
     lacks_ground_ranges: bool = False
+    # True if it is configured to see many directions, with azimuths in degrees.
+    may_be_radians: bool = False
+    # Range below which not all detections of the radar can be, metres.
+    near: float = 0.0
     _reports: int = field(init=False, default=0)
     _detections: int = field(init=False, default=0)
     _all: BoolArray = zeros_field(CELLS, dtype=np.bool_)
     _sectors: int = field(init=False, default=0)
     _together: BoolArray = zeros_field(CELLS, dtype=np.bool_)
+    # Measurements of the first reports; None once their extent is checked.
+    _first: list[FloatArray] | None = field(init=False, default_factory=list)
 
     def add(self, detections: Detections) -> list[str]:
         """Return the names of the findings in a report.
 
-        They are ``sectors_not_configured``, ``fov_not_configured`` and ``slant_ranges``; the last
-        two occur at most once.
+        They are ``sectors_not_configured``, and at most once ``fov_not_configured``,
+        ``slant_ranges``, ``azimuths_in_radians`` and ``ranges_near``.
         """
         noticed = []
         if self.lacks_ground_ranges and len(detections):
@@ -71,6 +82,21 @@ class ReportCheck:
             noticed.append("sectors_not_configured")
         if self.sees_whole_turn and self._is_field(azimuth):
             noticed.append("fov_not_configured")
+        if self.near and self._first is not None:
+            noticed += self._wrong_units(self._first, detections.measurement)
+        return noticed
+
+    def _wrong_units(self, first: list[FloatArray], measurement: FloatArray) -> list[str]:
+        """Return the findings about the extent of the first reports, polar; at most once."""
+        first.append(measurement)
+        if len(first) < EXTENT_REPORTS or sum(map(len, first)) < FIELD_DETECTIONS:
+            return []
+        distance, azimuth = np.concatenate(first).T
+        self._first = None
+        noticed = ["ranges_near"] if distance.max() < self.near else []
+        if self.may_be_radians:
+            share = smallest_arc(azimuth)[1] / RADIANS_AS_DEGREES
+            noticed += ["azimuths_in_radians"] if 0.5 < share < 1.0 else []
         return noticed
 
     def _is_sector(self, azimuth: FloatArray) -> bool:

@@ -86,6 +86,26 @@ def test_slant_ranges_are_no_matter_where_the_height_is_known_or_small(changes):
     assert not noticed(check_of(**{**FAR, **changes}), uniform(30, 10))
 
 
+def test_azimuths_in_radians_that_are_read_as_degrees_are_noticed_once():
+    reports = uniform(40, 20, 0.0, np.radians(2.0 * np.pi))
+    turning = {"rotation_s": 4.0, "azimuth_unit": "deg"}
+    for convention in ("enu_ccw", "compass_cw"):
+        check = check_of(**turning, azimuth_convention=convention)
+        assert noticed(check, reports) == {"azimuths_in_radians": 1}
+    assert not noticed(check_of(**turning | {"azimuth_unit": "rad"}), reports)
+    assert not noticed(check_of(**turning, fov_deg=[-3.0, 3.5]), reports)
+    assert not noticed(check_of(**turning), uniform(40, 20, 0.0, 0.2))
+    assert not noticed(check_of(**turning), uniform(40, 20, 0.0, 0.03))
+
+
+def test_ranges_in_kilometres_are_noticed_once_where_the_radar_sees_far():
+    reports = uniform(40, 20)
+    assert noticed(check_of(max_range=1e6, clutter_max_range=1e6), reports) == {"ranges_near": 1}
+    few = reports[:9]
+    assert not noticed(check_of(max_range=1e6, clutter_max_range=1e6), few)
+    assert not noticed(check_of(), reports)
+
+
 def step(targets, due=True):
     """Return a step with so many targets in the estimates that are due."""
     return Step(((None,) * targets,) if due else (), (), np.zeros(2), {})
