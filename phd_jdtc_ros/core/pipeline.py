@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from .engine import Engine, OnFiltered, Step, ignore_filtered
 from .intake.input_checks import ReportCheck, ResultCheck
@@ -52,6 +52,18 @@ class RunEnded:
 Event: TypeAlias = "Stepped | RunEnded"
 
 
+class Drops(NamedTuple):
+    """What is dropped while it waits for poses, by reason."""
+
+    reports: Counter[str]  # Numbers of reports, or of slices of a turn
+    detections: Counter[str]  # Numbers of their detections
+
+    def add(self, reason: str, detections: int) -> None:
+        """Count a report that is dropped."""
+        self.reports[reason] += 1
+        self.detections[reason] += detections
+
+
 @dataclass
 class SensorStages:
     """The stages that the reports of one sensor pass before they join those of others in scans."""
@@ -61,8 +73,7 @@ class SensorStages:
     # of its turn, which is then cut again.
     history: TurnHistory
     platform: Platform | None  # None for a fixed sensor
-    # Numbers of reports that are dropped while they wait for poses, by reason.
-    drops: Counter[str] = field(default_factory=Counter)
+    drops: Drops = field(default_factory=lambda: Drops(Counter(), Counter()))
 
 
 def start_cold(engine: Engine, stamp_ns: int) -> None:
@@ -246,13 +257,13 @@ class Pipeline:
         fault = self._posed.add_pose(radar, stamp_ns, pose)
         return fault if fault is not None else self._events(self._group_released())
 
-    def take_drops(self, radar: int) -> Counter[str]:
-        """Return the counts, by reason, of reports dropped after `add` since the last call.
+    def take_drops(self, radar: int) -> Drops:
+        """Return what was dropped after `add` since the last call.
 
         Only reports of moving radars are dropped after `add`, since they wait for their poses.
         """
         sensor = self._sensors[radar]
-        drops, sensor.drops = sensor.drops, Counter()
+        drops, sensor.drops = sensor.drops, Drops(Counter(), Counter())
         return drops
 
     def _group_released(self, everything: bool = False) -> list[Scan | Reset]:
@@ -260,13 +271,13 @@ class Pipeline:
         closed: list[Scan | Reset] = []
         for report in self._posed.release(everything):
             if report.detections is None:
-                self._sensors[report.radar].drops[POSE_MISSING] += 1
+                self._sensors[report.radar].drops.add(POSE_MISSING, report.size)
                 continue
             if report.extrapolated:
                 self._turns[report.radar].anomalies["poses_extrapolated"] += 1
             grouped = self._group(report.radar, report.stamp_ns, report.detections)
             if isinstance(grouped, Rejection):
-                self._sensors[report.radar].drops[grouped.value] += 1
+                self._sensors[report.radar].drops.add(grouped.value, report.size)
             else:
                 closed += grouped
         return closed

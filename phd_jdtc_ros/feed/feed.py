@@ -13,7 +13,7 @@ from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.engine import Engine, OnFiltered, ignore_filtered
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.intake.scans import Rejection
-from phd_jdtc_ros.core.pipeline import Event, RunEnded, start_cold
+from phd_jdtc_ros.core.pipeline import Drops, Event, RunEnded, start_cold
 from phd_jdtc_ros.core.types import Estimates, Pose, Scan
 
 
@@ -29,7 +29,7 @@ class Notices(Protocol):
     def on_rejection(self, radar: int, reason: str, report: Report) -> None:
         """Receive a report of which no part belongs to a scan."""
 
-    def on_drops(self, radar: int, reasons: Counter[str]) -> None:
+    def on_drops(self, radar: int, drops: Drops) -> None:
         """Receive the numbers of reports dropped while they waited for poses, by reason."""
 
     def on_anomalies(self, radar: int, counts: Counter[str]) -> None:

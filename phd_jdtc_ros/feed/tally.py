@@ -14,7 +14,7 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.intake.scans import Reset
-from phd_jdtc_ros.core.pipeline import Event, RunEnded
+from phd_jdtc_ros.core.pipeline import Drops, Event, RunEnded
 
 # Least share of used detections for a result that counts as a success.
 LEAST_USED = 0.5
@@ -42,7 +42,6 @@ class DetectionCounts:
     # All detections; an unreadable message counts as one, because its number is unknown.
     offered: int = 0
     lost: Counter[str] = field(default_factory=Counter)  # Unused detections by reason
-    _reports: int = 0
     _unreadable: int = 0
     _details: dict[str, str] = field(default_factory=dict)  # Of the first message, by reason
 
@@ -57,17 +56,10 @@ class DetectionCounts:
         """Count a message's detections: the kept ones, and the dropped ones by reason."""
         self.offered += kept + sum(dropped.values())
         self.lost.update(dropped)
-        self._reports += 1
 
     def refuse(self, reason: str, count: int) -> None:
         """Count detections of a refused report as lost."""
         self.lost[reason] += count
-
-    def lose_reports(self, reports: Mapping[str, int]) -> None:
-        """Count reports that were lost later, each with the mean number of detections."""
-        each = self.offered / max(self._reports, 1)
-        for reason, count in reports.items():
-            self.lost[reason] += round(count * each)
 
     def fault(self) -> str | None:
         """Return an error message if too few detections were used, else None."""
@@ -126,10 +118,10 @@ class Tally:
         self.dropped[reason] += 1
         self.detections.refuse(reason, len(report.detections))
 
-    def on_drops(self, radar: int, reasons: Counter[str]) -> None:
+    def on_drops(self, radar: int, drops: Drops) -> None:
         """Count the reports that were dropped while they waited for poses."""
-        self.dropped.update(reasons)
-        self.detections.lose_reports(reasons)
+        self.dropped.update(drops.reports)
+        self.detections.lost.update(drops.detections)
 
     def on_anomalies(self, radar: int, counts: Counter[str]) -> None:
         """Count contradictions of the configuration."""

@@ -7,6 +7,7 @@ import pytest
 from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.incoming.selection import Report
 from phd_jdtc_ros.configuration import build
+from phd_jdtc_ros.core.pipeline import Drops
 from phd_jdtc_ros.core.types import Detections, Pose
 from phd_jdtc_ros.feed.feed import Feed
 from phd_jdtc_ros.feed.step_clock import StepClock
@@ -65,11 +66,10 @@ def test_messages_that_cannot_be_read_are_reported_as_such_with_the_first_ones_f
 
 
 def test_report_that_waited_for_a_pose_in_vain_counts_with_its_detections():
-    used = DetectionCounts()
-    for _ in range(4):
-        used.read(10, {})
-    used.lose_reports({"pose_missing": 3})
-    assert used.lost == {"pose_missing": 30}
+    tally = Tally(build.resolve({"sensors": ["mast"]}))
+    tally.on_drops(0, Drops(Counter({"pose_missing": 3}), Counter({"pose_missing": 7})))
+    assert tally.dropped == {"pose_missing": 3}
+    assert tally.detections.lost == {"pose_missing": 7}
 
 
 def test_feed_yields_a_scan_before_its_monitors_take_it():

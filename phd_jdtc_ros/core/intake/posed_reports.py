@@ -30,6 +30,7 @@ class PosedReport(NamedTuple):
 
     radar: int  # Index in the configured order
     stamp_ns: int
+    size: int  # Number of detections
     # With the radar's pose if it moves; None if the pose is unknown.
     detections: Detections | None
     extrapolated: bool = False  # Whether the pose was extrapolated
@@ -74,7 +75,7 @@ class PosedReports:
             radar, stamp_ns, detections, _ = self._queue.popleft()
             platform = self._platforms[radar]
             posed = (detections,) if platform is None else platform.with_pose(stamp_ns, detections)
-            yield PosedReport(radar, stamp_ns, *posed)
+            yield PosedReport(radar, stamp_ns, len(detections), *posed)
 
     def forget(self) -> None:
         """Discard all reports; the poses stay."""

@@ -20,7 +20,7 @@ from msg_adapters.incoming.selection import Report
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.intake.poses import PoseFault
-from phd_jdtc_ros.core.pipeline import POSE_MISSING
+from phd_jdtc_ros.core.pipeline import POSE_MISSING, Drops
 
 from ..common import topics
 from ..common.health import Rhythm, ThrottledWarnings
@@ -155,10 +155,10 @@ class Inputs:
         """Count a report of which no part belongs to a scan."""
         self._drop(self.radars[radar], reason, f"scan rejected: {reason} stamp")
 
-    def on_drops(self, radar: int, reasons: Counter[str]) -> None:
+    def on_drops(self, radar: int, drops: Drops) -> None:
         """Count the reports that were dropped while they waited for poses."""
         source = self._settings.config.inputs[radar]
-        for reason, count in reasons.items():
+        for reason, count in drops.reports.items():
             text = f"{count} scans rejected: {reason} stamp"
             if reason == POSE_MISSING:
                 text = (

@@ -107,14 +107,16 @@ def test_poses_that_stop_are_bridged_for_a_moment_and_then_reports_are_given_up(
     events, _ = fed(pipeline, in_order(reports(), poses(last_s=until_s)))
     assert len(events) == 11
     assert pipeline.take_anomalies(0) == {"poses_extrapolated": 1}
-    assert pipeline.take_drops(0) == {"pose_missing": moving.SCANS - 11}
+    drops, given_up = pipeline.take_drops(0), reports()[11:]
+    assert drops.reports == {"pose_missing": len(given_up)}
+    assert drops.detections == {"pose_missing": sum(len(each[1][2]) for each in given_up)}
 
 
 def test_tracking_goes_on_when_poses_come_back():
     gap = [*poses(last_s=13.2), *poses(first_s=19.5)]
     pipeline = new_pipeline(moving.config())
     events, _ = fed(pipeline, in_order(reports(), gap))
-    assert pipeline.take_drops(0) == {"pose_missing": 2}
+    assert pipeline.take_drops(0).reports == {"pose_missing": 2}
     assert moving.errors(filtered(events), since=14).max() < 25.0
 
 
@@ -132,7 +134,7 @@ def test_a_report_that_comes_twice_is_counted_when_its_pose_is_known():
     pipeline = new_pipeline(moving.config())
     events, _ = fed(pipeline, steps)
     assert len(events) == moving.SCANS
-    assert pipeline.take_drops(0) == {"duplicate": 1}
+    assert pipeline.take_drops(0).reports == {"duplicate": 1}
 
 
 def test_a_run_that_begins_again_is_tracked_again():
