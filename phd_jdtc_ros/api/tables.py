@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime, timezone
@@ -105,6 +106,8 @@ def _read_csv(path: Path) -> Columns:
         raise ValueError(f"{path}: is empty, must have a line of names and lines of values")
     lines, rows = zip(*numbered, strict=True)
     names = [name.strip() for name in rows[0]]
+    if len(names) == 1 and (separator := re.search("[;\t]", names[0])):
+        raise ValueError(f"{path}: {separator[0]!r} between the names, must be commas")
     # Several columns may have no name, because such columns are not used.
     repeated = [name for name, count in Counter(names).items() if name and count > 1]
     if repeated:
@@ -165,7 +168,7 @@ def stamps_ns(columns: Columns, name: str = "time") -> IntArray:
         row = int(np.argmax(bad))
         raise ValueError(
             f"{name}: {str(column[row])!r} in {place_of(columns, row)}, must be a time from 0 s "
-            "on: seconds or a date since 1970"
+            f"on, at most {LATEST_S:.0f} s: seconds or a date since 1970"
         )
     stamps: IntArray = 1000 * micros
     return stamps

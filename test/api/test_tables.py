@@ -77,6 +77,7 @@ def test_columns_of_reports_what_does_not_fit(table, said):
     [
         (b"", "is empty"),
         (b"time,range\n1,2\n3\n", "line 3 has 1 values, must have 2"),
+        (b"time;range\n1,5;2,5\n", "';' between the names, must be commas"),
         (b"time,range,range,,\n1,2,3,,\n", "'range' names several columns"),
         ("time,d\u00e9tection\n".encode("latin-1"), ".*; must be a CSV file in UTF-8"),
         ("time,range\n".encode("utf-16"), ".*; must be a CSV file in UTF-8"),
@@ -97,6 +98,7 @@ def test_csv_that_is_no_table_is_named_with_its_row(tmp_path, text, said):
         (NINE + "2026-01-01,north,2.0\n", "time: '2026-01-01' in line 12 of .*csv, must be"),
         (NINE + ",north,2.0\n", "time: '' in line 12 of .*csv, must be a time from 0 s on"),
         (NINE + "-1,north,2.0\n", "time: '-1' in line 12 of .*csv, must be a time from 0 s on"),
+        (NINE + "1e10,north,2.0\n", "time: '1e10' in line 12 of .*csv, .* at most 9200000000 s"),
         (NINE + "1.0,south,x\n", "range: 'x' in line 12 of .*csv, must be a number"),
         (NINE + "1.0,east,2.0\n", "radar: 'east' in line 12 of .*csv, must be one of north, south"),
     ],
