@@ -66,7 +66,7 @@ def test_replay_keeps_the_pace_with_a_clock_of_100_hz_before_every_stamp(process
     ticks = []
 
     def tick(message):
-        ticks.append((time.monotonic(), stamps.to_ns(message.clock)))
+        ticks.append(stamps.to_ns(message.clock))
 
     peer.node.create_subscription(Clock, "/clock", tick, CLOCK_QOS)
     # Scans are 6 s apart, so 0.1 s at 60 times the speed.
@@ -77,11 +77,11 @@ def test_replay_keeps_the_pace_with_a_clock_of_100_hz_before_every_stamp(process
     # Some arrive late on a busy machine, and the next ones early then.
     assert median(np.diff(listener.times_of_truth)) == pytest.approx(0.1, rel=0.2)
     recorded = [stamps.of_cdr(data) for data in listener.data[names.TRUTH]]
-    played = [tick for tick in ticks if recorded[0] < tick[1] < recorded[-1]]
-    # One more before each stamp.
-    rate = (len(played) - len(recorded)) / (played[-1][0] - played[0][0])
-    assert {stamp for _, stamp in ticks} >= set(recorded)
-    assert [stamp for _, stamp in ticks] == sorted(stamp for _, stamp in ticks)
+    played = [tick for tick in ticks if recorded[0] < tick < recorded[-1]]
+    # The median of the clock's own intervals: on a busy machine some ticks are late or lost.
+    rate = 60.0 / (1e-9 * median(np.diff(played)))
+    assert set(ticks) >= set(recorded)
+    assert ticks == sorted(ticks)
     assert 70.0 <= rate <= 130.0
 
 
