@@ -249,7 +249,7 @@ class _Sums:
 
     def __init__(self) -> None:
         self._switches = IdentitySwitches(FOUND_M)
-        # Of each turn: squared errors, targets found and all, the same from the first pass on
+        # Each turn has its squared errors, targets found and all, the same from the first pass on
         # without the errors, and false estimates.
         self._turns: list[tuple[float, ...]] = []
         self._switched = 0
