@@ -6,6 +6,7 @@ that the machine's speed affects both. What counts is the median over the rounds
 
 from __future__ import annotations
 
+import argparse
 import os
 import shutil
 import statistics
@@ -56,7 +57,9 @@ def ratio(now: Sequence[float], before: Sequence[float]) -> float:
 
 def main(argv: Sequence[str]) -> int:
     """Compare with a commit, the last one by default; 1 if an engine is slower."""
-    commit = (*argv, "HEAD~1")[0]
+    parser = argparse.ArgumentParser("python -m benchmarks.gate", description=__doc__)
+    parser.add_argument("commit", nargs="?", default="HEAD~1", help="the commit, %(default)s")
+    commit = parser.parse_args(argv).commit
     slower = []
     with tempfile.TemporaryDirectory() as directory:
         before, packed = Path(directory) / "before", Path(directory) / "before.tar"

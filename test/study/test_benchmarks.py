@@ -311,5 +311,11 @@ def test_main_fails_if_an_engine_is_slower_than_allowed(monkeypatch, capsys, now
     assert f"gaussian: {now:.2f} times" in capsys.readouterr().out
 
 
+def test_main_of_the_gate_has_help(capsys):
+    with pytest.raises(SystemExit, match="0"):
+        gate.main(["--help"])
+    assert "the commit, HEAD~1" in capsys.readouterr().out
+
+
 def test_seconds_times_the_public_names():
     assert 0.0 < gate.seconds(gate.ROOT, "gaussian") < 60.0
