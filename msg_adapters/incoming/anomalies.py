@@ -228,7 +228,7 @@ _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
     ),
     "antenna_unclear": lambda radar, count: (
         f"{count} clouds whose azimuths and times do not fit one turning antenna; are "
-        f"{radar.name}.rotation_s and its fields.time right?"
+        f"{radar.name}.rotation_s and {'fields.time' if radar.fields.time else 'sectors'} right?"
     ),
     "times_disagree": lambda radar, count: (
         f"{count} detections whose times do not match their azimuths; they are used unchanged, "

@@ -46,6 +46,8 @@ MAX_STANDING_SPAN = 0.25 * FULL_TURN
 MAX_LATENESS = 0.5 / SLICES
 # Longest coverage of one report in turns, even if the previous one was longer ago.
 MAX_COVERED_TURNS = 1.2
+# Smallest number of reports per turn from whose stamps the antenna's motion is estimated.
+LEAST_REPORTS = 1.9
 
 
 class State(NamedTuple):
@@ -140,12 +142,13 @@ class Turns:
             return self._out_of_order(stamp_ns, detections, sector)
         if self.state.last_ns is not None and stamp_ns < self.state.last_ns:
             self.reset()
-        report = RadarReport.of(stamp_ns, detections)
+        report, unclear = RadarReport.of(stamp_ns, detections), self.state.track.unclear
         self._follow_antenna(report)
         if not self.nominal_period_s or (not report.timed and self._per_turn == 1):
             self._remember(report, report.detection_s)
             self.state = self.state._replace(slice_ns=stamp_ns)
             return [(stamp_ns, detections)]
+        self.anomalies["antenna_unclear"] += self.state.track.unclear > unclear
         due, previous_number = self._reports_due(report.stamp_s), self.state.number
         number = self._sector_number(report, sector, due)
         if due < 0.5 and self._per_turn > 1 and self._is_repeated(report, number, previous_number):
@@ -174,17 +177,18 @@ class Turns:
         """Update the antenna's track by a report's detections."""
         previous_track, timing = self.state.track, self.state.timing
         track, timed = previous_track, not math.isnan(timing.lead_s)
+        # Without times of detections, fewer reports per turn do not show the motion.
+        shortest_s = LEAST_REPORTS * (timing.interval_s or report.stamp_s - timing.last_s)
         if report.timed:
             # Detections' own times replace a track that was estimated from stamps.
             track = previous_track if timed else AntennaTrack(self.nominal_period_s)
             track = track.follow(
                 report.stamp_s, report.detection_s, report.azimuth, self.min_period_s
             )
-        elif not timed:
-            azimuth, min_period_s = report.azimuth, max(1.9 * timing.interval_s, self.min_period_s)
+        elif not timed and not (self.sectors < 2 and 0.0 < self.nominal_period_s < shortest_s):
+            azimuth, min_period_s = report.azimuth, float(np.fmax(shortest_s, self.min_period_s))
             if len(azimuth):
-                # The antenna was somewhere in their arc at the stamp. Fewer than two reports per
-                # turn do not show the motion.
+                # The antenna was somewhere in their arc at the stamp.
                 start, width = smallest_arc(azimuth)
                 azimuth = np.full(len(azimuth) if self.nominal_period_s else 1, start + 0.5 * width)
             time_s = np.full(len(azimuth), report.stamp_s)
@@ -193,7 +197,6 @@ class Turns:
                 # Stamps give the period more accurately than azimuths that are known by sector.
                 track = track.with_period(self.sectors * timing.interval_s)
         first_s = self.state.first_period_s if previous_track.period_s else track.period_s
-        self.anomalies["antenna_unclear"] += track.unclear > previous_track.unclear
         self.state = self.state._replace(
             track=track,
             first_period_s=first_s or self.state.first_period_s,

@@ -239,6 +239,21 @@ def test_times_in_any_order_make_no_difference():
             assert sorted(piece.measurement[:, 0]) == sorted(other.measurement[:, 0])
 
 
+@pytest.mark.parametrize("count", [12, 60])
+@pytest.mark.parametrize("seed", range(4))
+def test_whole_turns_without_times_do_not_show_a_slower_antenna(count, seed):
+    turns, rng = Turns(2.5), np.random.default_rng(seed)
+    azimuth, rate = rng.uniform(-np.pi, np.pi, count), 0.01 * rng.standard_normal(count)
+    for k in range(100):
+        seen = azimuth[rng.random(count) < 0.8]
+        report = Detections(np.stack([np.full(len(seen), 5e3), seen], axis=1), None)
+        stamp_ns = START_NS + round(2.5e9 * k)
+        assert turns.split(stamp_ns, report) == [(stamp_ns, report)]
+        azimuth = np.remainder(azimuth + rate, 2.0 * np.pi)
+    assert turns.period_s == 2.5
+    assert not +turns.anomalies
+
+
 def test_two_antennas_back_to_back_are_not_cut_and_counted():
     radar = TurningRadar()
     turns = turns_of(radar)

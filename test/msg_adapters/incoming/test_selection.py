@@ -308,3 +308,9 @@ def test_figures_of_a_radar_are_not_those_of_others():
 
 def test_an_anomaly_that_only_its_decoder_knows_is_named():
     assert list(anomalies.of(None, {"positions_implausible": 3})) == ["3 positions implausible"]
+
+
+@pytest.mark.parametrize(("field", "named"), [("", "sectors"), ("t", "fields.time")])
+def test_an_unclear_antenna_is_explained_by_what_the_radar_has(field, named):
+    (text,) = anomalies.of(radar(time_field=field), {"antenna_unclear": 3})
+    assert text.endswith(f"are radar_1.rotation_s and {named} right?")
