@@ -126,6 +126,9 @@ def _columns_of(columns: Columns, config: TrackerConfig, index: int) -> selectio
     }
     if radar.fields.range not in columns and {*POSITION} <= columns.keys():
         found |= _of_positions(columns, radar, config.model.radars[index])
+    elif not {"range", "azimuth"} & found.keys() and {*POSITION} & columns.keys():
+        for name in POSITION:
+            require_column(columns, name)
     for what in ("range", "azimuth"):
         if what not in found:
             require_column(columns, names[what])

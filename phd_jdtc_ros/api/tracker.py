@@ -16,7 +16,7 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.types import Detections, Estimates
 from phd_jdtc_ros.feed.feed import Feed
-from phd_jdtc_ros.feed.tally import Tally
+from phd_jdtc_ros.feed.tally import DetectionCounts, Tally
 from phd_jdtc_ros.quoting import counts_text
 
 from .parameters import Parameters
@@ -133,8 +133,10 @@ class Tracker:
         config = without_max_range(self._parameters.config(columns, incomplete=True))
         tally = Tally(config)
         reports: dict[int, list[tuple[int, Detections]]] = {}
+        counts = [DetectionCounts() for _ in config.inputs]
         for index, report in reports_of(columns, config):
             reports.setdefault(index, []).append((report.stamp_ns, report.detections))
+            counts[index].read(len(report.detections), report.dropped)
             tally.on_anomalies(index, report.anomalies)
         for index, text in tally.about_radars():
             warnings.warn(f"{config.inputs[index].name}: {text}", stacklevel=2)
@@ -146,7 +148,8 @@ class Tracker:
                 plots = limit_plots(plots_of(reports[index]))
                 found[name], timed[name] = findings(plots), plots.timed
             except TuningError as error:
-                faults.append(f"{name}: {error}")
+                reason = counts[index].fault()
+                faults.append(f"{name}: {error}" + (f"; {reason}" if reason else ""))
         if faults:
             raise TuningError("; ".join(faults))
         for text in self._parameters.hidden(found):

@@ -334,6 +334,8 @@ def test_wrong_parameters_are_reported_at_once(parameters, said):
             "azimuth: the column is missing, the columns are time, range",
         ),
         ({"range": [1.0], "azimuth": [2.0]}, "time: the column is missing"),
+        ({"time": [1.0], "x": [2.0]}, "y: the column is missing, the columns are time, x"),
+        ({"time": [1.0], "azimuth": [2.0], "x": [3.0]}, "range: the column is missing"),
         (
             {"time": [1.0], "range": [1.0], "azimuth": [0.0], "radar": ["left"]},
             "radar: 'left' in row 1, must be one of radar",
@@ -365,6 +367,12 @@ def test_parameters_go_into_a_file_of_the_node(tmp_path, fitted):
     path.write_text(yaml.safe_dump({"/**": {"ros__parameters": fitted.parameters}}))
     found = Tracker(path).track(DETECTIONS)
     assert_same(found.smoothed, fitted.track(DETECTIONS).smoothed)
+
+
+def test_fit_says_why_detections_cannot_be_used():
+    levels = np.full(len(DETECTIONS["time"]), -80.0)
+    with pytest.raises(ValueError, match=r"0 detections in .*: amplitude \d+ \(amplitude_unit"):
+        Tracker().fit({**DETECTIONS, "amplitude": levels})
 
 
 def test_fit_keeps_the_recognised_columns():
