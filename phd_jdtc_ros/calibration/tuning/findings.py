@@ -76,6 +76,12 @@ class Findings:
     beside: float  # Share of the tracks' plots with a further plot of the same target
 
     @property
+    def false_share(self) -> float:
+        """The share of the plots that belong to no track."""
+        land = self.land if self.land > MOST_LAND else 0.0  # which the clutter rate leaves out
+        return land + self.clutter.count / self.plots
+
+    @property
     def likelier_noise(self) -> Noise:
         """The noise with outliers if that is clearly more likely."""
         return self.with_outliers or self.noise

@@ -7,7 +7,7 @@ its origin.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,8 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.asterix.plot_stream import RadarState
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning import proposal
-from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
+from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, findings
+from phd_jdtc_ros.configuration.models import REPLY_PROBABILITY
 from phd_jdtc_ros.configuration.parameters.forms import learned_from, probability_numbers
 from phd_jdtc_ros.core.sensors.site import MAX_SITE_DISTANCE
 from phd_jdtc_ros.earth import SystemPlane
@@ -92,7 +93,6 @@ def propose(states: Sequence[RadarState], disorder_s: float) -> Proposal | None:
     together = _place_radars(proposed, active)
     proposed.values["sensors"] = [state.settings.name for state in together]
     _set_times(proposed, together)
-    _set_equipped_probability(proposed, together)
     if disorder_s > MAX_DISORDER_S:
         proposed.hints.append(
             f"a cloud is stamped {disorder_s:.0f} s before one that arrived earlier: the clock of "
@@ -107,10 +107,11 @@ def propose(states: Sequence[RadarState], disorder_s: float) -> Proposal | None:
     return proposed
 
 
-def measure(proposed: Proposal, bag: Path) -> None:
-    """Set noise, clutter and detection probability of the radars from the plots in a bag."""
+def measure(proposed: Proposal, states: Sequence[RadarState], bag: Path) -> None:
+    """Set noise, clutter, detection and transponders from the radars' plots in a bag."""
     config = tracker_params.config(proposed.values)
     recorded = recorded_plots.read(BagReader(bag), config, ESTIMATION_S)
+    found: dict[str, Findings] = {}
     for radar, plots in recorded.plots.items():
         try:
             own = None if plots is None else findings(plots)
@@ -122,6 +123,7 @@ def measure(proposed: Proposal, bag: Path) -> None:
                 f"the profile {PROFILE} is used"
             )
             continue
+        found[radar] = own
         for row in proposal.rows(own, config.values, radar):
             if row.name in ESTIMATED and row.proposed and isinstance(row.value, float):
                 value = max(row.value, MIN_STD.get(row.name, 0.0))
@@ -130,6 +132,9 @@ def measure(proposed: Proposal, bag: Path) -> None:
                 proposed.set(f"{radar}.{row.name}", replace(row, value=value).given, origin)
         if math.isfinite(own.detection.value):
             _set_detection_probability(proposed, radar, own.detection.value)
+    together = [state for state in states if state.settings.name in proposed.values["sensors"]]
+    false = {radar: own.false_share for radar, own in found.items()}
+    _set_equipped_probability(proposed, together, false, config.values["equipped_probability"])
 
 
 def _set_detection_probability(proposed: Proposal, radar: str, measured: float) -> None:
@@ -270,10 +275,23 @@ def _set_times(proposed: Proposal, together: Sequence[RadarState]) -> None:
         proposed.set("lag", f"{round(5.0 * turn_s, 4):g} s", "five of the longest turns")
 
 
-def _set_equipped_probability(proposed: Proposal, together: Sequence[RadarState]) -> None:
-    plots = sum(state.plots for state in together)
-    identified = sum(state.statistics.identified for state in together)
-    if identified:
-        share = min(max(round(identified / plots, 2), 0.01), MAX_EQUIPPED)
-        origin = f"{identified} of {plots} plots have a code or an address"
-        proposed.set("equipped_probability", share, origin)
+def _set_equipped_probability(
+    proposed: Proposal, states: Sequence[RadarState], false: Mapping[str, float], default: float
+) -> None:
+    """Set the share of aircraft with a transponder from the plots of radars that report replies.
+
+    `false` has the share of false plots by radar. Without that of every radar the result is a lower
+    bound, and not below the default.
+    """
+    replied = [state for state in states if state.statistics.identified]
+    if not replied:
+        return
+    identified = sum(state.statistics.identified for state in replied)
+    aircraft = sum(state.plots * (1.0 - false.get(state.settings.name, 0.0)) for state in replied)
+    share = round(identified / max(REPLY_PROBABILITY * aircraft, 1.0), 2)
+    known = all(state.settings.name in false for state in replied)
+    value = min(max(share, 0.01 if known else default), MAX_EQUIPPED)
+    plots = sum(state.plots for state in replied)
+    clutter = f"{aircraft:.0f} are of aircraft" if known else "how many are clutter is unknown"
+    origin = f"{identified} of {plots} plots have a code or an address, {clutter}"
+    proposed.set("equipped_probability", value, origin)

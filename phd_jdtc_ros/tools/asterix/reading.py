@@ -165,9 +165,10 @@ def convert(
                     _write(bag, done, bridge, state, report)
     except RecordingError as error:
         raise BagError(f"{path}: {error}") from error
-    found = parameters.propose([*done.stream.radars.values()], done.disorder_ns * 1e-9)
+    states = [*done.stream.radars.values()]
+    found = parameters.propose(states, done.disorder_ns * 1e-9)
     if found is not None:
-        parameters.measure(found, out)
+        parameters.measure(found, states, out)
         head = (
             f"For a tracker of {path.name}, by asterix_bridge: the profile "
             f"{parameters.PROFILE}, adapted to the recording.\n"

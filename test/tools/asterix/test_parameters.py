@@ -193,6 +193,36 @@ def test_fields_are_those_that_plots_have_and_what_was_found_has_a_comment(bare,
     }
 
 
+@pytest.mark.parametrize("share", [0.5, 0.8])
+def test_clutter_does_not_count_as_aircraft_without_a_transponder(bridged, monkeypatch, share):
+    monkeypatch.setattr(parameters, "ESTIMATION_S", 300.0)
+    rng, count = np.random.default_rng(6), 30
+    place, velocity = rng.uniform(-80e3, 80e3, (count, 2)), rng.normal(0.0, 150.0, (count, 2))
+    plots = []
+    for turn in range(60):
+        found = np.flatnonzero(rng.random(count) < 0.95)
+        east, north = (place + 4.0 * turn * velocity)[found].T
+        far = np.hypot(east, north) + rng.normal(0.0, 30.0, len(found))
+        azimuth = np.arctan2(east, north) + rng.normal(0.0, 1e-3, len(found))
+        replies = (found < share * count) & (rng.random(len(found)) < 0.95)
+        code = np.where(replies, 64 + found, NONE)
+        clutter = rng.uniform([5e3, 0.0], [1e5, 6.28], (25, 2))
+        for distance, angle, own in [
+            *zip(far, np.remainder(azimuth, 2.0 * np.pi), code, strict=True),
+            *((*each, NONE) for each in clutter),
+        ]:
+            kind = PRIMARY if own == NONE else SECONDARY
+            plot = Plot(
+                *(0x0102, NONE, DAY, distance, angle, np.nan),
+                *(int(own), NONE, kind, np.nan, np.nan),
+            )
+            plots.append((round((1000.0 + 4.0 * (turn + angle / (2.0 * np.pi))) * NS), plot))
+    plots.sort(key=lambda entry: entry[0])
+    blocks = [plots_out.plot_blocks(plots[k : k + 10]) for k in range(0, len(plots), 10)]
+    _, _, _, given = bridged(b"".join(block for group in blocks for block in group))
+    assert given["equipped_probability"] == pytest.approx(share, abs=0.05)
+
+
 def test_unknown_position_is_guessed_and_reported_and_the_bag_is_tracked(bare, tmp_path, capsys):
     bag, printed, given = bare
     assert given["world_origin"] == given["radar_1_2.geodetic"] == [0.0, 0.0, 0.0]
