@@ -19,12 +19,17 @@ TYPES = {"odometry": names.ODOMETRY, "pose_stamped": names.POSE_STAMPED}
 LEAST_NORM, LARGEST_NORM = 0.5, 2.0
 # Largest coordinate, metres; beyond it, single precision no longer resolves a metre.
 FARTHEST = 1e7
+# Places of the variances of x, y and yaw in a twist's covariance of 6 x 6.
+TWIST_VARIANCES = 0, 7, 35
+# Largest rate of a platform, m/s and rad/s.
+FASTEST = 1e3
 
 
 def from_msg(message: Odometry | PoseStamped, world_frame: str) -> tuple[int, Pose]:
     """Return the stamp and the pose of a message in the world frame.
 
-    The yaw is NaN if the orientation is not a unit quaternion, as in an uninitialised message.
+    The yaw is NaN if the orientation is not a unit quaternion, as in an uninitialised message. Only
+    odometry has a twist; see `_twist`.
 
     Raise `RejectedMessageError`: ``frame`` if it is in another frame; ``schema`` if its stamp is
     invalid; ``not_finite`` or ``range`` if its position is not finite or farther away than
@@ -36,7 +41,8 @@ def from_msg(message: Odometry | PoseStamped, world_frame: str) -> tuple[int, Po
             "frame", f"frame_id {quote(frame)}, must be the world frame, {world_frame!r}"
         )
     stamp_ns = stamps.of_header(message.header)
-    pose = message.pose.pose if isinstance(message, Odometry) else message.pose
+    has_twist = isinstance(message, Odometry)
+    pose = message.pose.pose if has_twist else message.pose
     position = float(pose.position.x), float(pose.position.y)
     if not all(map(math.isfinite, position)):
         raise RejectedMessageError("not_finite", f"position {position}, must be finite")
@@ -44,7 +50,8 @@ def from_msg(message: Odometry | PoseStamped, world_frame: str) -> tuple[int, Po
         raise RejectedMessageError(
             "range", f"position {position}, must be within {FARTHEST:g} m of the map's origin"
         )
-    return stamp_ns, Pose(position, _yaw(pose.orientation))
+    twist = _twist(message) if has_twist else None
+    return stamp_ns, Pose(position, _yaw(pose.orientation), twist=twist)
 
 
 def from_cdr(data: bytes, kind: str, world_frame: str) -> tuple[int, Pose]:
@@ -67,6 +74,21 @@ def to_cdr(pose: Pose, stamp_ns: int, world_frame: str, kind: str, child_frame: 
         message = PoseStamped(header=header)
         message.pose.position, message.pose.orientation = position, orientation
     return interfaces.encode(message)
+
+
+def _twist(message: Odometry) -> tuple[float, float, float] | None:
+    """Return an odometry's velocity ahead and to the left, m/s, and its yaw rate, rad/s, or None.
+
+    It is unknown if a number is not finite or absurd, or if a variance is negative, as drivers mark
+    unknown quantities. A twist of zeros with a covariance of zeros is one that was never set. If
+    that of a platform at rest looks the same, the poses show the rest.
+    """
+    linear, angular = message.twist.twist.linear, message.twist.twist.angular
+    twist = float(linear.x), float(linear.y), float(angular.z)
+    variances = [float(message.twist.covariance[index]) for index in TWIST_VARIANCES]
+    if not all(abs(rate) <= FASTEST for rate in twist) or min(variances) < 0.0:  # also for NaN
+        return None
+    return twist if any(twist) or any(variances) else None
 
 
 def _yaw(turn: Quaternion) -> float:

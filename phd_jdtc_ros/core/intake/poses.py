@@ -4,6 +4,9 @@ Poses are ordered by their stamps. Between two poses the platform moves in a str
 at a constant rate; after the last one its pose is extrapolated with its last velocity for a bounded
 time. A pose that the platform cannot have reached is ignored. If the next pose agrees with it, the
 platform has been relocated, and no pose is interpolated across the jump.
+
+The velocity is the measured one, if the poses have it. Otherwise it is the difference of two poses
+over an interval that suits their noise: a longer one averages the noise, and delays accelerations.
 """
 
 from __future__ import annotations
@@ -25,9 +28,12 @@ POSITION_TOLERANCE = 5.0
 YAW_TOLERANCE = math.radians(10.0)
 # Largest yaw rate of a platform, rad/s.
 MAX_YAW_RATE = 1.0
-# Shortest interval over which a velocity is computed, seconds; over a shorter one the noise of two
-# poses would exceed the motion.
+# Shortest interval over which a velocity is computed, seconds.
 VELOCITY_S = 0.1
+# Usual acceleration of a platform, m/s^2, which limits this interval.
+ACCELERATION = 2.0
+# Number of poses over which the variance of their noise is averaged.
+NOISE_POSES = 20
 # Largest number of poses that are kept.
 MAX_POSES = 100_000
 
@@ -62,6 +68,19 @@ class _StampedPose(NamedTuple):
     stamp_ns: int
     pose: Pose
     segment: int  # The platform has jumped between poses of different segments
+    # Variance of the noise of the positions up to this one along an axis, square metres, and the
+    # number of poses from which it is estimated.
+    variance: float = 0.0
+    averaged: int = 0
+
+    @property
+    def velocity_s(self) -> float:
+        """Interval, seconds, over which a difference has the least error.
+
+        It is the sum of the variances of the noise, 2 s^2 / T^2, and of half the change of the
+        velocity, (a T / 2)^2.
+        """
+        return max(VELOCITY_S, math.sqrt(math.sqrt(8.0 * self.variance) / ACCELERATION))
 
 
 @dataclass
@@ -82,7 +101,7 @@ class PoseTrack:
     def add(self, stamp_ns: int, pose: Pose) -> PoseFault | None:
         """Add a pose; return why it was rejected, or None."""
         if not self.yaw_applies:
-            pose = replace(pose, yaw=0.0)
+            pose = replace(pose, yaw=0.0, twist=_in_the_world(pose))
         elif not math.isfinite(pose.yaw):
             return PoseFault.ORIENTATION
         newest, added = self._poses[-1] if self._poses else None, _StampedPose(stamp_ns, pose, 0)
@@ -101,14 +120,33 @@ class PoseTrack:
         """Return the two poses from which the velocity at a stamp follows; None without two.
 
         The second is the first pose at or after the stamp, or else the last one. The first is at
-        least `VELOCITY_S` earlier, without a jump in between. Later poses have no influence, so the
-        result does not depend on how many of them have arrived.
+        least `VELOCITY_S` earlier, or longer if the poses are noisy, without a jump in between.
+        Later poses have no influence, so the result does not depend on how many of them have
+        arrived.
         """
         last = min(self._index(stamp_ns), len(self._poses) - 1)
         if last > 0 and self._poses[last - 1].segment != self._poses[last].segment:
             last -= 1
-        until_ns = self._poses[last].stamp_ns - round(VELOCITY_S * 1e9)
+        until_ns = self._poses[last].stamp_ns - round(self._poses[last].velocity_s * 1e9)
         return self._pair(self._index(until_ns + 1) - 1, last)
+
+    def twist(self, stamp_ns: int) -> tuple[float, float, float] | None:
+        """Return the measured velocity at a stamp, as a pose's; None if it is unknown.
+
+        It is interpolated between the poses before and after the stamp, and is that of the nearest
+        one without both of them.
+        """
+        following = self._index(stamp_ns)
+        nearest = self._poses[max(following - 1, 0) : following + 1]
+        first, last = nearest[0], nearest[-1]
+        if first.pose.twist is None or last.pose.twist is None or first.segment != last.segment:
+            return None
+        share = (stamp_ns - first.stamp_ns) / max(last.stamp_ns - first.stamp_ns, 1)
+        ahead, left, turning = (
+            own + min(max(share, 0.0), 1.0) * (later - own)
+            for own, later in zip(first.pose.twist, last.pose.twist, strict=True)
+        )
+        return ahead, left, turning
 
     def reaches(self, stamp_ns: int) -> bool:
         """Return whether there is a pose at a stamp or after it."""
@@ -170,13 +208,41 @@ class PoseTrack:
 
     def _append(self, added: _StampedPose) -> None:
         self._suspect = None
-        self._poses.append(added)
+        self._poses.append(_with_noise(added, self._poses[-2:]))
         kept_s = self.reset_threshold_s + 2.0 * self.max_age_s
         oldest = max(len(self._poses) - MAX_POSES, 0)
         if math.isfinite(kept_s):
             oldest = max(oldest, self._index(added.stamp_ns - round(kept_s * 1e9)))
         # The two newest stay, because the next pose is compared with them.
         del self._poses[: max(min(oldest, len(self._poses) - 2), 0)]
+
+
+def _in_the_world(pose: Pose) -> tuple[float, float, float] | None:
+    """Return the twist of a platform whose yaw counts as 0, so that ahead is the world's x axis."""
+    if pose.twist is None or not math.isfinite(pose.yaw):
+        return None
+    ahead, left, _ = pose.twist
+    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
+    return cos * ahead - sin * left, sin * ahead + cos * left, 0.0
+
+
+def _with_noise(added: _StampedPose, before: list[_StampedPose]) -> _StampedPose:
+    """Return a pose with the variance of the noise, given the two poses before it.
+
+    It follows from how far the middle one of three poses is from the line through the others.
+    """
+    if not before:
+        return added
+    if len(before) < 2 or before[0].segment != added.segment:
+        return added._replace(variance=before[-1].variance, averaged=before[-1].averaged)
+    first, middle = before
+    between = _between(first, added, middle.stamp_ns).position
+    share = (middle.stamp_ns - first.stamp_ns) / (added.stamp_ns - first.stamp_ns)
+    squares = math.dist(between, middle.pose.position) ** 2
+    variance = 0.5 * squares / (1.0 + share**2 + (1.0 - share) ** 2)
+    count = min(middle.averaged + 1, NOISE_POSES)
+    mean = middle.variance + (variance - middle.variance) / count
+    return added._replace(variance=mean, averaged=count)
 
 
 def _between(first: _StampedPose, second: _StampedPose, stamp_ns: int) -> Pose:
@@ -245,8 +311,14 @@ class Platform:
     def velocity(self, stamp_ns: int) -> tuple[float, float] | None:
         """Return the radar's velocity at a stamp in the world frame, m/s; None if unknown.
 
-        It follows from the last poses, and includes the motion by the platform's rotation.
+        It is the measured one if there is one, or else follows from the last poses, and includes
+        the motion by the platform's rotation.
         """
+        pose, twist = self.track.at(stamp_ns)[0], self.track.twist(stamp_ns)
+        if pose is not None and twist is not None:
+            cos, sin, (x, y) = math.cos(pose.yaw), math.sin(pose.yaw), self.mount.position
+            ahead, left = twist[0] - twist[2] * y, twist[1] + twist[2] * x
+            return cos * ahead - sin * left, sin * ahead + cos * left
         poses = self.track.poses_for_velocity(stamp_ns)
         if poses is None:
             return None

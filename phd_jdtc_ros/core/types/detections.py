@@ -58,6 +58,9 @@ class Pose:
     yaw: float
     # In the world frame, metres per second; zero where it is not needed.
     velocity: tuple[float, float] = (0.0, 0.0)
+    # Measured velocity ahead and to the left, metres per second, and yaw rate, radians per second;
+    # None if unknown.
+    twist: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)

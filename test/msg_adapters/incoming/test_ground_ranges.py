@@ -291,6 +291,31 @@ def test_an_orientation_that_is_absurd_has_no_yaw(axis, value):
     assert math.isnan(platform_poses.from_msg(message, "map")[1].yaw)
 
 
+@pytest.mark.parametrize(
+    ("linear", "variance", "twist"),
+    [
+        ((14.0, -0.5), 0.0, (14.0, -0.5, 0.2)),
+        ((14.0, -0.5), 0.01, (14.0, -0.5, 0.2)),
+        ((14.0, -0.5), -1.0, None),
+        ((math.nan, 0.0), 0.01, None),
+        ((1e300, 0.0), 0.01, None),
+    ],
+)
+def test_the_velocity_of_an_odometry_is_known_unless_marked_otherwise(linear, variance, twist):
+    message = odometry()
+    message.twist.twist.linear.x, message.twist.twist.linear.y = linear
+    message.twist.twist.angular.z = 0.2
+    message.twist.covariance[0] = variance
+    assert platform_poses.from_msg(message, "map")[1].twist == twist
+
+
+@pytest.mark.parametrize(("variance", "twist"), [(0.0, None), (0.01, (0.0, 0.0, 0.0))])
+def test_a_velocity_of_zero_is_measured_if_it_has_a_covariance(variance, twist):
+    message = odometry()
+    message.twist.covariance[35] = variance
+    assert platform_poses.from_msg(message, "map")[1].twist == twist
+
+
 def test_poses_in_other_frames_and_other_messages_are_refused():
     with pytest.raises(RejectedMessageError, match="'map', must be the world frame, 'enu'") as why:
         platform_poses.from_msg(odometry(), "enu")
