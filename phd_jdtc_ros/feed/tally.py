@@ -14,7 +14,7 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.intake.scans import Reset
-from phd_jdtc_ros.core.pipeline import Drops, Event, RunEnded
+from phd_jdtc_ros.core.pipeline import POSE_MISSING, Drops, Event, RunEnded
 
 # Least share of used detections for a result that counts as a success.
 LEAST_USED = 0.5
@@ -28,7 +28,7 @@ PARAMETERS = {
     "late": "reorder_s, late_reports",
     "late_burst": "reorder_s, late_reports",
     "not_finite": "fields",
-    "pose_missing": "pose",
+    POSE_MISSING: "pose",
     "range": "min_range, max_range",
     "schema": "fields",
     "time": "time_unit, time_reference, rotation_s",
@@ -50,6 +50,10 @@ class DetectionCounts:
         self.offered += 1
         self.lost[reason] += 1
         self._unreadable += 1
+        self.explain(reason, detail)
+
+    def explain(self, reason: str, detail: str) -> None:
+        """Keep what is wrong with the first message behind a reason."""
         self._details.setdefault(reason, detail)
 
     def read(self, kept: int, dropped: Mapping[str, int]) -> None:
@@ -134,6 +138,7 @@ class Tally:
     def on_unreadable_pose(self, topic: str, error: RejectedMessageError) -> None:
         """Count a message that is not a valid pose."""
         self.dropped[f"pose_{error.reason}"] += 1
+        self.detections.explain(POSE_MISSING, f"{topic}: {error}")
 
     def on_pose(self, topic: str, faults: Sequence[PoseFault]) -> None:
         """Count a pose that is not used, once for each cause."""

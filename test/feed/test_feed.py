@@ -72,6 +72,19 @@ def test_report_that_waited_for_a_pose_in_vain_counts_with_its_detections():
     assert tally.detections.lost == {"pose_missing": 7}
 
 
+def test_a_missing_pose_is_explained_by_the_first_pose_that_cannot_be_read():
+    tally = Tally(build.resolve({"sensors": ["mast"]}))
+    for frame in ("odom", "other"):
+        error = RejectedMessageError("frame", f"frame_id {frame!r}, must be the world frame, 'map'")
+        tally.on_unreadable_pose("/odom", error)
+    tally.on_report(0, Report(10**9, Detections(np.ones((7, 2)), None), Counter()))
+    tally.on_drops(0, Drops(Counter({"pose_missing": 3}), Counter({"pose_missing": 7})))
+    assert tally.fault() == (
+        "0 of 7 detections could be used; most frequent reasons: pose_missing 7 (pose: /odom: "
+        "frame_id 'odom', must be the world frame, 'map')"
+    )
+
+
 def test_feed_yields_a_scan_before_its_monitors_take_it():
     taken = []
 
