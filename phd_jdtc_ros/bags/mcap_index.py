@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import io
 import zlib
-from collections.abc import Iterator
 from typing import BinaryIO
 
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, Schema, Statistics
+from mcap.records import ChunkIndex, Statistics
+from mcap.stream_reader import StreamReader
 
 from .chunks import RECORD_HEAD, DamageError
 from .salvage import Index, walk
@@ -54,7 +53,10 @@ def _from_summary(stream: BinaryIO, size: int) -> Index:
     start = int.from_bytes(tail[9:17], "little")
     checksum = int.from_bytes(tail[25:29], "little")
     if start == 0 and checksum in (0, zlib.crc32(tail[:25])):
-        return _without_summary(stream, footer_at)
+        found = Index()
+        if walk(stream, len(MAGIC), footer_at, found) != footer_at:
+            found.damage = found.damage or "its data do not end where they should"
+        return found
     if not len(MAGIC) <= start < footer_at:
         raise DamageError("it has no summary")
     stream.seek(start)
@@ -63,7 +65,7 @@ def _from_summary(stream: BinaryIO, size: int) -> Index:
     if checksum and zlib.crc32(summary + tail[:25]) != checksum:
         raise DamageError("its summary does not match its checksum")
     try:
-        found, parts = _read_summary(summary)
+        found, parts = _read_summary(summary + tail)
     except DamageError:
         raise
     except Exception as error:  # damaged records raise many types of exception
@@ -72,26 +74,15 @@ def _from_summary(stream: BinaryIO, size: int) -> Index:
     return found
 
 
-def _without_summary(stream: BinaryIO, footer_at: int) -> Index:
-    """Return the index of a finished file without a summary, read record by record."""
-    found = Index()
-    if walk(stream, len(MAGIC), footer_at, found) != footer_at:
-        found.damage = found.damage or "its data do not end where they should"
-    return found
-
-
-def _read_summary(summary: bytes) -> tuple[Index, list[ChunkIndex]]:
+def _read_summary(data: bytes) -> tuple[Index, list[ChunkIndex]]:
+    """Return the index in a summary, and its list of chunks; `data` go on to the file's end."""
     found, parts, statistics = Index(), [], None
-    for opcode, content in _records(summary):
-        source = ReadDataStream(io.BytesIO(content))
-        if opcode == Opcode.CHANNEL:
-            found.define(Channel.read(source))
-        elif opcode == Opcode.SCHEMA:
-            found.define(Schema.read(source))
-        elif opcode == Opcode.CHUNK_INDEX:
-            parts.append(ChunkIndex.read(source))
-        elif opcode == Opcode.STATISTICS:
-            statistics = Statistics.read(source)
+    for record in StreamReader(io.BytesIO(data), skip_magic=True, emit_chunks=True).records:
+        found.define(record)
+        if isinstance(record, ChunkIndex):
+            parts.append(record)
+        elif isinstance(record, Statistics):
+            statistics = record
     if statistics is None:
         raise DamageError("it has no statistics")
     found.chunks = [(c.message_start_time, c.chunk_start_offset, c.chunk_length) for c in parts]
@@ -102,20 +93,8 @@ def _read_summary(summary: bytes) -> tuple[Index, list[ChunkIndex]]:
     return found, parts
 
 
-def _records(data: bytes) -> Iterator[tuple[int, bytes]]:
-    position = 0
-    while position + RECORD_HEAD <= len(data):
-        length = int.from_bytes(data[position + 1 : position + RECORD_HEAD], "little")
-        position += RECORD_HEAD
-        yield data[position - RECORD_HEAD], data[position : position + length]
-        position += length
-
-
 def _add_remainder(stream: BinaryIO, end: int, listed: list[ChunkIndex], found: Index) -> None:
-    """Add messages and definitions before the summary that belong to none of its chunks.
-
-    The summary's statistics are kept; contradicting messages are reported as damage.
-    """
+    """Add what is before the summary and in none of its chunks; contradictions are damage."""
     extra = Index(channels=dict(found.channels), schemas=dict(found.schemas))
     begin = len(MAGIC)
     for part in sorted(listed, key=lambda part: part.chunk_start_offset):

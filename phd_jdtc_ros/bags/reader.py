@@ -108,6 +108,7 @@ class BagReader:
         the file.
         """
         lost: list[str] = []
+        wanted = self.types if topics is None else topics
         read: Counter[int] = Counter()
         waiting = 0
         with _guard(self._file), self._file.open("rb") as stream:
@@ -136,7 +137,7 @@ class BagReader:
                 for position, record in enumerate(records):
                     if isinstance(record, Message) and record.channel_id in self._index.channels:
                         read[record.channel_id] += 1
-                        if self._is_wanted(record, topics):
+                        if self._index.channels[record.channel_id].topic in wanted:
                             waiting += len(record.data) + _MESSAGE_COST
                             heapq.heappush(queue, (record.log_time, offset, position, record))
                 if waiting > MAX_WAITING:
@@ -147,11 +148,8 @@ class BagReader:
         self._require_all(read, lost, partly=until_ns is not None and until_ns < self.end_ns)
 
     def _require_all(self, read: Counter[int], lost: Sequence[str], partly: bool) -> None:
-        """Raise `BagError` if messages were lost.
-
-        `read` are the messages by channel id, and `lost` the reasons of the lost chunks. The
-        statistics cannot be checked if chunks were left unread on purpose (`partly`).
-        """
+        """Raise `BagError` if messages were lost, with the chunks' reasons or by the statistics."""
+        # If chunks were left unread on purpose (`partly`), the statistics cannot be checked.
         damage = lost[-1] if lost else self._index.damage
         # The number of messages per channel is optional in a file.
         counts = read if partly else self._index.counts or read
@@ -175,17 +173,10 @@ class BagReader:
             damage += f"; it declares {expected} messages, {read.total()} can be read"
         raise BagError(f"{self._file}: is damaged: {damage}", corrupt=True)
 
-    def _is_wanted(self, message: Message, topics: list[str] | None) -> bool:
-        channel = self._index.channels[message.channel_id]
-        return channel.topic in self.types if topics is None else channel.topic in topics
-
 
 @contextmanager
 def _guard(path: Path) -> Iterator[None]:
-    """Convert every exception of the MCAP reader on damaged bytes to one `BagError`.
-
-    There are many types, among them struct, zlib, Unicode and key errors.
-    """
+    """Convert every exception on damaged bytes, of which there are many types, to a `BagError`."""
     try:
         yield
     except BagError:

@@ -77,14 +77,9 @@ class Index:
 
         Raise `DamageError` if the id has a different definition already, which is kept.
         """
-        known: dict[int, Any]
-        if isinstance(record, Channel):
-            known = self.channels
-        elif isinstance(record, Schema):
-            known = self.schemas
-        else:
-            return
-        if known.setdefault(record.id, record) != record:
+        tables: dict[type, dict[int, Any]] = {Channel: self.channels, Schema: self.schemas}
+        known = tables.get(type(record))
+        if known is not None and known.setdefault(record.id, record) != record:
             raise DamageError("two of its records define a channel or a type differently")
 
     def add_chunk(self, offset: int, length: int, messages: Sequence[Message]) -> None:
@@ -187,10 +182,7 @@ def _message_head(stream: BinaryIO, position: int) -> tuple[int, ...]:
 def _is_damaged_message(
     stream: BinaryIO, position: int, end: int, log_time: int, found: Index
 ) -> bool:
-    """Return whether a message with a damaged header seems to begin at `position`.
-
-    The preceding message, whose log time is given, is intact in this case.
-    """
+    """Return whether a message with a damaged header seems to follow an intact one."""
     if position + _MESSAGE_HEAD.size > end:
         return False
     opcode, _, channel_id, _, its_time, _ = _message_head(stream, position)
@@ -230,12 +222,9 @@ def _can_follow(stream: BinaryIO, position: int, end: int) -> bool:
 
 
 def _next_record(stream: BinaryIO, start: int, end: int, found: Index) -> int:
-    """Return the position of the next plausible chunk or message, or `end`.
-
-    A chunk's two lengths must agree and fit into the data. Messages are searched for only if their
-    channel is defined outside of chunks, because a message in a damaged chunk must not be used
-    without the chunk's checksum.
-    """
+    """Return the position of the next plausible chunk or message, or `end`."""
+    # A message in a damaged chunk must not be used without the chunk's checksum, so only those of
+    # channels that are defined outside of chunks are searched for.
     ids = [re.escape(struct.pack("<H", key)) for key in sorted(found.loose_channels)]
     message = rb"|\x05.{4}\0{4}(?:" + b"|".join(ids) + rb")" if ids else b""
     heads = re.compile(_CHUNK_HEAD + message, re.DOTALL)
