@@ -19,6 +19,9 @@ EXECUTABLES = (
     "demo",
 )
 
+# Folders whose files are installed as they are.
+FOLDERS = ["launch", "rviz", "foxglove", "config", *sorted(glob("config/*/") + glob("bags/*/"))]
+
 # The parts of ROS 2 that are on PyPI. A ROS installation brings its own, so they are an extra.
 ROS_WHEELS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"]
 
@@ -30,16 +33,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        (f"share/{PACKAGE}/launch", glob("launch/*.py")),
-        (f"share/{PACKAGE}/rviz", glob("rviz/*.rviz")),
-        (f"share/{PACKAGE}/foxglove", glob("foxglove/*.json")),
-        (f"share/{PACKAGE}/config", glob("config/*.yaml")),
-        (f"share/{PACKAGE}/config/dds", glob("config/dds/*.xml")),
-        (f"share/{PACKAGE}/config/diagnostics", glob("config/diagnostics/*.yaml")),
-        (f"share/{PACKAGE}/config/sros2", glob("config/sros2/*.xml")),
-        (f"share/{PACKAGE}/config/studies", glob("config/studies/*.yaml")),
-        (f"share/{PACKAGE}/config/scenarios", glob("config/scenarios/*.yaml")),
-        *((f"share/{PACKAGE}/{bag}", glob(f"{bag}*")) for bag in sorted(glob("bags/*/"))),
+        *((f"share/{PACKAGE}/{folder}", glob(f"{folder}/*.*")) for folder in FOLDERS),
     ],
     python_requires=">=3.10",
     install_requires=[

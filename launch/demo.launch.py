@@ -27,6 +27,7 @@ from launch_ros.actions import Node
 from launch import Action, LaunchContext, LaunchDescription
 from msg_adapters.encoding import names
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.parameter_files import sensor_replay
 from phd_jdtc_ros.tools.demo.processes import recorded_topics
 from phd_jdtc_ros.tools.launching import arguments, failure
 from phd_jdtc_ros.tools.launching.failure import Failure
@@ -84,17 +85,16 @@ def _nodes(context: LaunchContext, share: str) -> list[Action]:
         context.launch_configurations.get("ros_namespace"), given["namespace"]
     )
     tracker_name = arguments.full_name(namespace, given["node_name"])
-    demo = arguments.demo(bag, given["params_file"], tracker_name, Path(out))
-    scans = BagReader(demo.bag).counts[names.TRUTH]
-    topics = [source.topic for source in demo.config.inputs]
-    poses = list(demo.config.radars_by_platform)
+    found, params_file, config = arguments.demo(bag, given["params_file"], tracker_name, Path(out))
+    scans = BagReader(found).counts[names.TRUTH]
+    topics = [*(source.topic for source in config.inputs), *config.radars_by_platform]
     tracker = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(f"{share}/launch/tracker.launch.py"),
         # Nothing may be lost between two nodes that wait for each other.
         launch_arguments={
             **given,
-            "params_file": demo.params_file,
-            "reliable_topics": ",".join([*topics, *poses]),
+            "params_file": params_file,
+            "reliable_topics": ",".join(topics),
         }.items(),
     )
     evaluator = Node(
@@ -106,8 +106,8 @@ def _nodes(context: LaunchContext, share: str) -> list[Action]:
         parameters=[
             {
                 "tracker": tracker_name,
-                "classes": [kind.name for kind in demo.config.model.modes.classes],
-                "record_topics": recorded_topics(demo.config),
+                "classes": [kind.name for kind in config.model.modes.classes],
+                "record_topics": recorded_topics(config),
                 # Without truth there is nothing to report.
                 "report": f"{out}/metrics.json" if scans else "",
                 "exit_after_scans": scans,
@@ -122,11 +122,11 @@ def _nodes(context: LaunchContext, share: str) -> list[Action]:
         output="screen",
         parameters=[
             {
-                "bag": str(demo.bag),
-                "rate": arguments.rate(rate),
+                "bag": str(found),
+                "rate": sensor_replay.rate(rate),
                 "flush_service": f"{tracker_name}/flush",
                 "subscriber_timeout_s": 60.0,
-                "answer_delay_s": demo.config.answer_delay_s,
+                "answer_delay_s": config.answer_delay_s,
             }
         ],
         remappings=[(names.estimates("filtered"), names.estimates("filtered", tracker_name))],
@@ -141,11 +141,7 @@ def _nodes(context: LaunchContext, share: str) -> list[Action]:
 
 
 def _once_heard(replay: Action) -> OnProcessIO:
-    """Return a handler that starts the replay when tracker and evaluator are ready.
-
-    The replay waits for its own subscribers, but cannot see whether the evaluator and the tracker
-    have found each other.
-    """
+    """Return a handler that starts the replay when tracker and evaluator have found each other."""
     awaited = dict(READY)
 
     def listen(event: ProcessIO) -> list[Action] | None:

@@ -25,6 +25,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from launch import Action, LaunchContext, LaunchDescription
+from phd_jdtc_ros import resources
 from phd_jdtc_ros.tools.launching import arguments, failure
 
 PACKAGE = "phd_jdtc_ros"
@@ -56,8 +57,6 @@ ARGUMENTS = {
         "topics of detections to subscribe to reliably, separated by commas",
     ),
 }
-# The environment variables that name the profiles' file for Fast DDS 2 and Fast DDS 3.
-PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 # Topics of the tracker in rviz/demo.rviz.
 SHOWN = ("detections", "filtered/estimates", "smoothed/estimates", "markers")
 # Arguments that are true or false, or empty for what the file says.
@@ -100,9 +99,9 @@ def _start(context: LaunchContext, share: str) -> list[Action]:
 
 def _isolation(context: LaunchContext, profile: str) -> list[Action]:
     """Return the environment that keeps DDS on this machine, unless the user has a profile."""
-    if any(name in context.environment for name in PROFILE_VARIABLES):
+    if any(name in context.environment for name in resources.PROFILE_VARIABLES):
         return [LogInfo(msg="localhost_only: the profile in the environment stays in force")]
-    return [SetEnvironmentVariable(name, profile) for name in PROFILE_VARIABLES]
+    return [SetEnvironmentVariable(name, profile) for name in resources.PROFILE_VARIABLES]
 
 
 def _tracker(

@@ -50,15 +50,18 @@ def opened(path: Path) -> Iterator[BinaryIO]:
         raise OSError(error.errno, error.strerror, error.filename or str(path)) from error
 
 
-def require_new(paths: Mapping[str, Path], made: Path | None = None) -> None:
+def require_new(paths: Mapping[str, Path | None], made: Path | None = None) -> None:
     """Check that files, by the option that asks for each, can be written when they are ready.
 
-    `made` is a directory that will have been made by then. `ConfigError` lists every file that
-    exists, that has the path of another one, or whose directory does not exist.
+    An option that is not given is None, and `made` a directory that will have been made by then.
+    `ConfigError` lists every file that exists, that has the path of another one, or whose directory
+    does not exist.
     """
     faults = []
     options: dict[Path, str] = {} if made is None else {made.resolve(): "--out"}
     for option, path in paths.items():
+        if path is None:
+            continue
         whole = path.resolve()
         if whole in options:
             faults.append(f"{option}: {path} given, {options[whole]} has it too")
@@ -71,4 +74,4 @@ def require_new(paths: Mapping[str, Path], made: Path | None = None) -> None:
             faults.append(f"{option}: {path} given, but {whole.parent} {lacks}")
         options.setdefault(whole, option)
     if faults:
-        raise ConfigError(faults)
+        raise ConfigError(*faults)

@@ -17,7 +17,6 @@ from rich.console import Console
 from rich.table import Table
 
 from phd_jdtc_ros import output_files
-from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.study.monte_carlo.results import Mean
@@ -102,16 +101,8 @@ def _parser(study: Study) -> ArgumentParser:
 
 
 def _work(study: Study, arguments: argparse.Namespace) -> int:
-    lowest = {"seed": 0, "runs": 1, "minutes": study.least_minutes}
-    faults = [
-        f"--{name}: {value} given, must be at least {least:g}"
-        for name, least in lowest.items()
-        if least is not None
-        and (value := getattr(arguments, name, None)) is not None
-        and not value >= least
-    ]
-    if faults:
-        raise ConfigError(faults)
+    lowest = {"seed": 0, "runs": 1, "minutes": study.least_minutes or 0.0}
+    command.require_least(arguments, lowest)
     seeds = range(arguments.seed, arguments.seed + arguments.runs) if study.runs else range(1)
     console = Console()
     console.width = max(console.width, WIDTH)

@@ -12,13 +12,12 @@ import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.site import Plane
-from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, Estimates
+from phd_jdtc_ros.core.types import TRACK_STATES, Estimates
 
 from . import geodetic, vertical
 from .palette import class_colour
 from .tracks import rows_by_track
 
-STATES = {TENTATIVE: "tentative", CONFIRMED: "confirmed", COASTING: "coasting"}
 # Decimal places of degrees (a centimetre) and of metres.
 DEGREE_DIGITS, METRE_DIGITS = 7, 1
 
@@ -50,7 +49,7 @@ def of_scan(
             "name": f"{track} {words[row]}".rstrip(),
             "number": track,
             "class": class_names[class_id],
-            "state": STATES[int(estimates.track_state[row])],
+            "state": TRACK_STATES[int(estimates.track_state[row])],
             "speed": round_number(places.speed[row], METRE_DIGITS),
             "course": round_number(places.course[row], METRE_DIGITS),
             "height": round_number(places.height[row], METRE_DIGITS),

@@ -63,7 +63,7 @@ class Parameters:
         if given is None or isinstance(given, Mapping):
             return Parameters(dict(flatten(given or {})))
         raise ConfigError(
-            [f"parameters: {type(given).__name__} given, must be a mapping or the path of a file"]
+            f"parameters: {type(given).__name__} given, must be a mapping or the path of a file"
         )
 
     @property
@@ -101,7 +101,7 @@ class Parameters:
             and values.get(f"{name}.time_reference") != "epoch"
         ]
         if faults:
-            raise ConfigError(faults)
+            raise ConfigError(*faults)
         return resolve(values, SystemPlane)
 
     def values(self, columns: Collection[str] = ()) -> dict[str, Any]:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
@@ -36,15 +35,8 @@ TIME = "time"
 PARTS_OF_A_TURN, DEFAULT_PART_S = 8, 1.0
 
 
-class IndexedReport(NamedTuple):
-    """A report of one radar."""
-
-    radar: int  # Index in the configured order
-    report: Report
-
-
-def reports_of(columns: Columns, config: TrackerConfig) -> list[IndexedReport]:
-    """Return the reports of a table, by ascending stamp and then by radar.
+def reports_of(columns: Columns, config: TrackerConfig) -> list[tuple[int, Report]]:
+    """Return the reports of a table, each with its radar's index, by stamp and then by radar.
 
     Raise `ValueError` if a required column is missing or has an invalid value.
     """
@@ -61,10 +53,8 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[IndexedReport]:
         if timed:
             empty_ns = _empty_ns([*parts], _step_ns(radar))
             parts |= dict.fromkeys(empty_ns, np.arange(0))
-        found += [
-            IndexedReport(index, _report(ns, sent, part, radar)) for ns, part in parts.items()
-        ]
-    return sorted(found, key=lambda each: (each.report.stamp_ns, each.radar))
+        found += [(index, _report(ns, sent, part, radar)) for ns, part in parts.items()]
+    return sorted(found, key=lambda each: (each[1].stamp_ns, each[0]))
 
 
 def report_of(stamp_ns: int, columns: Columns, config: TrackerConfig, index: int) -> Report:
@@ -99,8 +89,7 @@ def _step_ns(radar: RadarParameters) -> int:
 
 def _ends_ns(time_ns: IntArray, radar: RadarParameters) -> IntArray:
     """Return the end of the part of a turn of each detection time."""
-    ends: IntArray = (time_ns // _step_ns(radar) + 1) * _step_ns(radar)
-    return ends
+    return (time_ns // _step_ns(radar) + 1) * _step_ns(radar)
 
 
 def _empty_ns(ends_ns: Sequence[int], step_ns: int) -> list[int]:

@@ -10,14 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from phd_jdtc_ros.core.arrays import IntArray
-from phd_jdtc_ros.core.types import COASTING
+from phd_jdtc_ros.core.types import COASTING, TRACK_STATES
 from phd_jdtc_ros.evaluation.comparison import ALL, PairedScan, PointSet
 from phd_jdtc_ros.evaluation.run_scores import RunScores
 from phd_jdtc_ros.evaluation.true_tracks import TrueTracks
 from phd_jdtc_ros.quoting import short
 
 from .tables import (
-    STATES,
     Columns,
     Table,
     columns_of,
@@ -147,7 +146,7 @@ def _points(table: Columns, class_names: list[str]) -> PointSet:
         velocity,
         table["covariance"][:, :2, :2] if "covariance" in table else None,
         numbers(table, "height") if "height" in table else None,
-        require_column(table, "state") == STATES[COASTING] if "state" in table else None,
+        require_column(table, "state") == TRACK_STATES[COASTING] if "state" in table else None,
     )
 
 

@@ -60,13 +60,13 @@ def simulate(
         A ValueError with all faults of the scenario.
     """
     if not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise ConfigError([f"seed: {short(repr(seed))} given, must be a whole number from 0 on"])
+        raise ConfigError(f"seed: {short(repr(seed))} given, must be a whole number from 0 on")
     document = _document(scenario)
     config = _config(from_arguments.scenario_parameters(document))
     radars = polar_radars(config.model.radars)
     run = paper_scenario(radars) if document is None else scenario_file.resolve(document, radars)
     if run.platform is not None:
-        raise ConfigError(["platform: given, must be absent, because tables have no poses"])
+        raise ConfigError("platform: given, must be absent, because tables have no poses")
     check_sites(config.radars)
     names = [kind.name for kind in config.model.modes.classes]
     truths, reports = truth_and_reports(run, config.radars, seed)
@@ -87,10 +87,8 @@ def _document(scenario: Mapping[str, Any] | str | os.PathLike[str] | None) -> An
     if not path.suffix and not os.path.exists(path):
         names = sorted(file.stem for file in resources.find(SHIPPED).glob("*.yaml"))
         raise ConfigError(
-            [
-                f"scenario: {short(repr(str(path)))} given, must be a mapping, the path of a file, "
-                f"or one of {', '.join(names)}"
-            ]
+            f"scenario: {short(repr(str(path)))} given, must be a mapping, the path of a file, "
+            f"or one of {', '.join(names)}"
         )
     return yaml_files.load(path)
 

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, Estimates
+from phd_jdtc_ros.core.types import TRACK_STATES, Estimates
 from phd_jdtc_ros.quoting import short
 
 Column: TypeAlias = "npt.NDArray[Any]"
@@ -23,7 +23,6 @@ Columns: TypeAlias = "dict[str, Column]"
 # A mapping, a data frame, a structured array, or the path of a CSV file.
 Table: TypeAlias = Any
 
-STATES = {TENTATIVE: "tentative", CONFIRMED: "confirmed", COASTING: "coasting"}
 # Latest time that 64 bits of nanoseconds can count, seconds.
 LATEST_S = 9.2e9
 
@@ -170,8 +169,7 @@ def stamps_ns(columns: Columns, name: str = "time") -> IntArray:
             f"{name}: {str(column[row])!r} in {place_of(columns, row)}, must be a time from 0 s "
             f"on, at most {LATEST_S:.0f} s: seconds or a date since 1970"
         )
-    stamps: IntArray = 1000 * micros
-    return stamps
+    return 1000 * micros
 
 
 def rows_by_stamp(stamps: IntArray) -> list[IntArray]:
@@ -234,7 +232,7 @@ def table_of(found: Sequence[Estimates], class_names: Sequence[str]) -> Column:
     dtype = [
         *(("time", np.float64), ("label", np.int64), ("class", f"U{widest}")),
         *((name, np.float64) for name in ("class_probability", "probability")),
-        ("state", f"U{max(map(len, STATES.values()))}"),
+        ("state", f"U{max(map(len, TRACK_STATES))}"),
         *((name, np.float64) for name in ("x", "y", "vx", "vy", "height")),
         *((name, np.int64) for name in ("code", "address")),
         ("covariance", np.float64, (4, 4)),
@@ -262,7 +260,7 @@ def _columns(found: Estimates, class_names: Sequence[str]) -> Mapping[str, Any]:
         "class": np.array(class_names)[found.class_id],
         "class_probability": found.class_probability[np.arange(len(found)), found.class_id],
         "probability": found.weight,
-        "state": np.array([STATES[state] for state in sorted(STATES)])[found.track_state],
+        "state": np.array(TRACK_STATES)[found.track_state],
         **dict(zip(("x", "y", "vx", "vy"), found.state[:, axes].T, strict=True)),
         "covariance": found.covariance[:, axes][:, :, axes],
         "height": known.height[:, 0],

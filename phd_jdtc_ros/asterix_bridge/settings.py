@@ -220,7 +220,7 @@ def resolve(given: Mapping[str, Any], top: tuple[Parameter, ...] = OF_FILES) -> 
     if not faults:
         faults = [*_faults(values), *_address_faults(values)]
     if faults:
-        raise ConfigError(faults)
+        raise ConfigError(*faults)
     radars = {_number(values, name): _radar(values, name) for name in values["radars"]}
     return Bridge(values, parameters, radars, _radar(values, ""))
 

@@ -166,8 +166,7 @@ class TrackOutput:
 
 def _deviations(covariance: FloatArray) -> FloatArray:
     """Return the standard deviations of covariances, shape (N, D)."""
-    deviations: FloatArray = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
-    return deviations
+    return np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
 
 
 def _course(omega: float, std: float) -> int:

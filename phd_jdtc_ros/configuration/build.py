@@ -103,11 +103,11 @@ class TrackerConfig(Tracking):
         radars = tuple(each for each in self.inputs if isinstance(each, RadarParameters))
         if len(radars) < len(self.inputs):
             raise ConfigError(
-                [
+                *(
                     f"{each.name}.kind: {each.kind} given, must be radar here"
                     for each in self.inputs
                     if not isinstance(each, RadarParameters)
-                ]
+                )
             )
         return radars
 
@@ -212,24 +212,22 @@ def resolve(
     checked = _without_unknown_members(given, table)
     values, faults = check(table.values(), checked, *_FORMER, similar=entries(given))
     if faults:
-        raise ConfigError(faults)
+        raise ConfigError(*faults)
     parts = parts_of(values)
     faults = checks.faults(parts)
     origin = parts.tracking.world_origin
     if not faults and origin and plane_about is None:
         faults = ["world_origin: given, must be empty here: this is computed in the plane only"]
     if faults:
-        raise ConfigError(faults)
+        raise ConfigError(*faults)
     return _config(values, parts, plane_about(origin) if plane_about and origin else None)
 
 
 def _without_unknown_members(
     given: Mapping[str, Any], table: Mapping[str, Parameter]
 ) -> Mapping[str, Any]:
-    """Return the given parameters, without those of undeclared parts if a list of names is faulty.
-
-    Only the faulty list is then reported, and not each parameter of the parts named in it.
-    """
+    """Return the given parameters, without those of unknown parts if a list of names is faulty."""
+    # Only the faulty list is then reported, and not each parameter of the parts named in it.
     lists = (group for group in GROUPS if group in given)
     if all(table[group].coerce(given[group]) is not None for group in lists):
         return given

@@ -5,12 +5,10 @@ A check yields one line per fault.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.targets import amplitude_density
 
 from .parameters.tracker import LABELLED, Parts
@@ -20,12 +18,6 @@ from .tables import GROUPS, TOP
 # Fewer particles do not represent a target.
 LEAST_PER_TARGET = 10
 Faults = Iterator[str]
-
-
-def square(flat: Sequence[float]) -> FloatArray | None:
-    """Return a row-major flat list as a square matrix, or None."""
-    size = math.isqrt(len(flat))
-    return np.array(flat).reshape(size, size) if size**2 == len(flat) else None
 
 
 def _names(parts: Parts) -> Faults:
@@ -51,11 +43,10 @@ def _classes(parts: Parts) -> Faults:
         known = parts.tracking.motions
         if not own.motions or not set(own.motions) <= set(known):
             yield f"{name}.motions: {own.motions} given, must be among motions {known}"
-        matrix, size = square(own.mode_transition), len(own.motions)
-        key, flat = f"{name}.mode_transition", own.mode_transition
-        if matrix is None or len(matrix) != size:
+        size, key, flat = len(own.motions), f"{name}.mode_transition", own.mode_transition
+        if len(flat) != size**2:
             yield f"{key}: {len(flat)} numbers given, must be {size}x{size}, row by row"
-        elif np.abs(matrix.sum(axis=1) - 1.0).max(initial=0.0) > 1e-6:
+        elif np.abs(np.reshape(flat, (size, size)).sum(axis=1) - 1.0).max(initial=0.0) > 1e-6:
             yield f"{key}: {flat} given, every row must sum to 1"
 
 

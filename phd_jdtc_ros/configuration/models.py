@@ -81,9 +81,6 @@ def tracker_model(
     )
 
 
-# --- targets --------------------------------------------------------------------------------------
-
-
 def _attributes(parts: Parts) -> AttributeModel | None:
     """Return the model of identities and heights; None if no sensor reports any."""
     top, fields_of = parts.tracking, [sensor.fields for sensor in parts.sensors.values()]
@@ -169,9 +166,6 @@ def _spawn(rate: float, modes: ModeSpace) -> SpawnModel:
         std=modes.space.state(*SPAWN_STD),
         particles_per_target=SPAWN_PARTICLES,
     )
-
-
-# --- sensors --------------------------------------------------------------------------------------
 
 
 def platform_of(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
 from types import MappingProxyType
@@ -249,7 +249,7 @@ def with_members(
     """
     by_name = {parameter.name: parameter for parameter in top}
     if group in given and by_name[group].coerce(given[group]) is None:
-        raise ConfigError([by_name[group].fault(given[group])])
+        raise ConfigError(by_name[group].fault(given[group]))
 
     def usual(_: str, member: Parameter) -> Any:
         of_all = by_name.get(member.name, member)
@@ -271,7 +271,7 @@ def flatten(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 class ConfigError(ValueError):
     """Every fault of a configuration at once: a line each with name, value and allowed values."""
 
-    def __init__(self, faults: Sequence[str]) -> None:
+    def __init__(self, *faults: str) -> None:
         self.faults = tuple(map(short, faults))
         super().__init__("\n".join(self.faults))
 
@@ -285,7 +285,7 @@ def read_each(read: Callable[[S], T], items: Iterable[S]) -> list[T]:
         except ConfigError as error:
             faults += error.faults
     if faults:
-        raise ConfigError(faults)
+        raise ConfigError(*faults)
     return found
 
 
@@ -310,10 +310,7 @@ def name_faults(
 
 
 def _question(name: str, known: Iterable[str]) -> str:
-    """Return a question for the most similar name of the same group, empty without one.
-
-    A name with a mistyped group is searched in the similar groups.
-    """
+    """Return a question for the most similar name of the same group or a similar one, if any."""
     group = name.rpartition(".")[0]
     near = [each for each in known if each.rpartition(".")[0] == group]
     found = get_close_matches(name, sorted(near), 1, MIN_SIMILARITY)
@@ -324,10 +321,7 @@ def _question(name: str, known: Iterable[str]) -> str:
 
 
 def _is_mistyped_group(name: str, meant: str) -> bool:
-    """Return whether two names differ only in the letters of similar groups.
-
-    Groups that differ in their numbers are different ones, as radar_1 and radar_3.
-    """
+    """Return whether two names differ only in the letters of similar groups, and not in numbers."""
     group, _, member = name.rpartition(".")
     other, _, other_member = meant.rpartition(".")
     if not group or member != other_member or _DIGITS.findall(group) != _DIGITS.findall(other):

@@ -102,12 +102,12 @@ def resolve(given: Mapping[str, Any]) -> Settings:
     if None not in values.values():
         faults += _faults(values)
     if faults:
-        raise ConfigError(faults)
+        raise ConfigError(*faults)
     trackers = tuple(values["trackers"])
     regions = tuple(Region(*values[f"{name}.region"]) for name in trackers)
     faults = region_faults([f"{name}." for name in trackers], regions)
     if faults:
-        raise ConfigError(faults)
+        raise ConfigError(*faults)
     return Settings(
         values,
         parameters,
@@ -127,7 +127,7 @@ def hysteresis(regions: Sequence[Region], given: float | None, name: str = "hyst
     margin = min(region.margin for region in regions)
     found = HYSTERESIS * margin if given is None else given
     if not 0.0 <= found <= margin:
-        raise ConfigError([f"{name}: {found} given, must be from 0 to the margin, {margin:g}"])
+        raise ConfigError(f"{name}: {found} given, must be from 0 to the margin, {margin:g}")
     return found
 
 

@@ -27,7 +27,7 @@ def load(path: Path, node: str = _NODE) -> dict[str, Any]:
     nodes = {name for name in names if name.endswith(f"/{node}") and "*" not in name}
     if len(nodes) > 1:
         listed = ", ".join(sorted(nodes))
-        raise ConfigError([f"{path}: has sections of several {node}s, {listed}: must be one"])
+        raise ConfigError(f"{path}: has sections of several {node}s, {listed}: must be one")
     if nodes:
         return file.values(nodes.pop())
     found: dict[str, Any] = {}
@@ -35,16 +35,12 @@ def load(path: Path, node: str = _NODE) -> dict[str, Any]:
         if name.rpartition("/")[2] in (node, "*", "**"):
             found |= given
     if not found:
-        raise ConfigError(
-            [f"{path}: has no ros__parameters under {node}, /NAMESPACE/{node} or /**"]
-        )
+        raise ConfigError(f"{path}: has no ros__parameters under {node}, /NAMESPACE/{node} or /**")
     return found
 
 
 def scenario_parameters(document: Any) -> dict[str, Any]:
-    """Return the parameters in a scenario document, by dotted name.
-
-    They are its ``parameters``, nested or dotted, and the places of radars in its ``sites``.
+    """Return the ``parameters`` and the radars' ``sites`` of a scenario, by dotted name.
 
     Raise `ConfigError` if they are not a mapping, or a site is wrong.
     """
@@ -52,7 +48,7 @@ def scenario_parameters(document: Any) -> dict[str, Any]:
         return {}
     given = document.get("parameters", {})
     if not isinstance(given, Mapping):
-        raise ConfigError(["parameters: must be a mapping"])
+        raise ConfigError("parameters: must be a mapping")
     return scenario_file.site_parameters(document) | dict(flatten(given))
 
 
@@ -65,7 +61,7 @@ def from_arguments(
         name, separator, value = assignment.partition(":=")
         if not value:
             hint = yaml_files.EMPTY_STRING if separator else ""
-            raise ConfigError([f"-p {assignment}: must be NAME:=VALUE{hint}"])
+            raise ConfigError(f"-p {assignment}: must be NAME:=VALUE{hint}")
         return {name: yaml_files.parse(value, f"-p {yaml_files.one_line(assignment)}")}
 
     sources = [*(partial(load, path, node) for path in paths)]

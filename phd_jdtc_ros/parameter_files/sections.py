@@ -39,8 +39,7 @@ class ParameterFile:
         matching = [given for section, given in self.sections if is_for(section, node)]
         if not matching:
             names = yaml_files.one_line(", ".join(dict.fromkeys(dict(self.sections)))) or "none"
-            fault = f"{self.path}: has no section for this node, {node}; it has {names}"
-            raise ConfigError([fault])
+            raise ConfigError(f"{self.path}: has no section for this node, {node}; it has {names}")
         return {name: value for given in matching for name, value in given.items()}
 
 
@@ -56,7 +55,12 @@ def read(path: Path) -> ParameterFile:
     found, faults = [], []
     document = yaml_files.load(path)
     if isinstance(document, Mapping) and isinstance(document.get("targets"), Sequence):
-        raise ConfigError([_scenario_fault(path)])
+        shipped = resources.find(Path("bags", path.stem, BAG_PARAMETERS))
+        instead = shipped if shipped.is_file() else f"the {BAG_PARAMETERS} that simulate writes"
+        raise ConfigError(
+            f"{path}: is a scenario file, must be a parameter file: give {instead}; offline tools "
+            "take the scenario as --scenario"
+        )
     for name, given in _sections(document):
         leaves = list(flatten(given))
         faults += [
@@ -66,18 +70,8 @@ def read(path: Path) -> ParameterFile:
         ]
         found.append((name, dict(leaves)))
     if faults:
-        raise ConfigError(faults)
+        raise ConfigError(*faults)
     return ParameterFile(path, tuple(found))
-
-
-def _scenario_fault(path: Path) -> str:
-    """Return the fault of a scenario file, with the file to use instead."""
-    shipped = resources.find(Path("bags", path.stem, BAG_PARAMETERS))
-    instead = shipped if shipped.is_file() else f"the {BAG_PARAMETERS} that simulate writes"
-    return (
-        f"{path}: is a scenario file, must be a parameter file: give {instead}; offline tools take "
-        "the scenario as --scenario"
-    )
 
 
 def given_in(argv: Sequence[str]) -> tuple[ParameterFile, ...]:
@@ -87,7 +81,7 @@ def given_in(argv: Sequence[str]) -> tuple[ParameterFile, ...]:
         file = read(path)
         # The error of rclpy would give only a line number.
         if not file.sections:
-            raise ConfigError([f"{path}: has no ros__parameters under a node's name"])
+            raise ConfigError(f"{path}: has no ros__parameters under a node's name")
         return file
 
     return tuple(read_each(of_nodes, _paths(argv)))

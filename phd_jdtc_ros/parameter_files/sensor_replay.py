@@ -10,6 +10,7 @@ from phd_jdtc_ros.configuration.schema import (
     NOT_NEGATIVE,
     ConfigError,
     Form,
+    Parameter,
     number,
     parameter,
     table,
@@ -80,29 +81,27 @@ class Replay:
     flush_service: str = parameter("", "Service called at the end, such as /tracker/flush.")
 
 
-@dataclass(frozen=True)
-class Seek:
-    """The parameter that is set during the replay."""
-
-    seek_s: float = parameter(
-        0.0,
-        "Position to continue from, s from the bag's start, set during the replay; rejected "
-        "outside the part that is played.",
-        form=POSITION,
-        mutable=True,
-    )
-
-
 AT_THE_START = table(Replay)
-(SEEK,) = table(Seek)
+# The parameter that is set during the replay.
+SEEK = Parameter(
+    "seek_s",
+    0.0,
+    "Position to continue from, s from the bag's start, set during the replay; rejected outside "
+    "the part that is played.",
+    form=POSITION,
+    mutable=True,
+)
 TABLE = (*AT_THE_START, SEEK)
 
 
-def rate(given: Any) -> float:
+def rate(text: str) -> float:
     """Return the rate given to a program that starts the replay, or raise `ConfigError`."""
-    value = _rate(given)
+    try:
+        value = _rate(float(text))
+    except ValueError:
+        value = None
     if value is None:
-        raise ConfigError([f"rate: {given!r} given, must be {RATE.allowed}"])
+        raise ConfigError(f"rate: {text!r} given, must be {RATE.allowed}")
     return value
 
 

@@ -16,20 +16,11 @@ _OF_NODE = tracker_node.NAMES.union(("use_sim_time", "start_type_description_ser
 
 
 def config(given: Mapping[str, Any]) -> TrackerConfig:
-    """Return the configuration of a tracker from a live node's parameters.
-
-    The node's own parameters are ignored.
-
-    Raise `ConfigError` with every fault.
-    """
+    """Return the configuration by a live node's parameters; `ConfigError` has every fault."""
     ignored = {name for name in given if name in _OF_NODE or name.startswith("qos_overrides.")}
     return resolve({k: given[k] for k in given if k not in ignored}, SystemPlane)
 
 
 def load(path: Path, tracker: str) -> TrackerConfig:
-    """Return the configuration that a parameter file gives the tracker of that full name.
-
-    Raise `ConfigError` if it is not a parameter file or has no section for the tracker, or with
-    every fault.
-    """
+    """Return a tracker's configuration by a parameter file; `ConfigError` has every fault."""
     return config(sections.read(path).values(tracker))

@@ -155,9 +155,9 @@ def parse(text: str, where: str) -> Any:
         loader = _Loader(text)
         return loader.get_single_data()
     except _RefusedError as error:
-        raise ConfigError([f"{where}: line {error.line}: {one_line(error)}"]) from error
+        raise ConfigError(f"{where}: line {error.line}: {one_line(error)}") from error
     except yaml.YAMLError as error:
-        raise ConfigError([f"{where}: is not YAML: {_place_and_problem(error)}"]) from error
+        raise ConfigError(f"{where}: is not YAML: {_place_and_problem(error)}") from error
     finally:
         loader.dispose()
 
@@ -172,24 +172,20 @@ def _place_and_problem(error: yaml.YAMLError) -> str:
 
 
 def load(path: Path) -> Any:
-    """Return the document in a file.
-
-    Raise `ConfigError` if the file cannot be read, is not YAML, has a key twice, or is above a
-    limit.
-    """
+    """Return the document in a file; raise `ConfigError` as `parse`, or if it cannot be read."""
     try:
         with path.open("rb") as file:
             content = file.read(LARGEST_BYTES + 1)
     except OSError as error:
-        raise ConfigError([f"{path}: cannot be read: {error.strerror}"]) from error
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
     if len(content) > LARGEST_BYTES:
-        raise ConfigError([f"{path}: is larger than {LARGEST_BYTES} bytes"])
+        raise ConfigError(f"{path}: is larger than {LARGEST_BYTES} bytes")
     try:
         text = content.decode()
     except UnicodeDecodeError as error:
         line, byte = content.count(b"\n", 0, error.start) + 1, content[error.start]
         raise ConfigError(
-            [f"{path}: is not YAML: line {line}: byte 0x{byte:02x} is not UTF-8, as it must be"]
+            f"{path}: is not YAML: line {line}: byte 0x{byte:02x} is not UTF-8, as it must be"
         ) from error
     return parse(text, str(path))
 

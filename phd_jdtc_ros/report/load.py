@@ -27,23 +27,20 @@ from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 from .record import RadarPlots, RadarSite, Record, learned_values, sensor_changes
 
 
-def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> Record:
+def record(path: Path, config: TrackerConfig) -> Record:
     """Return the record of the run in a bag, or of the intact part of a damaged bag.
 
-    The estimates are those of the node `tracker`. Raise `BagError` if the bag cannot be read, or
-    has none of the topics of a run.
+    Raise `BagError` if the bag cannot be read, or has none of the topics of a run.
     """
     bag = BagReader(path)
-    sources = {names.estimates(source, tracker): source for source in (FILTERED, SMOOTHED)}
-    figures = names.cardinality(tracker)
+    sources = {names.estimates(source): source for source in (FILTERED, SMOOTHED)}
+    figures, clutter = names.cardinality(), names.clutter_map()
     wanted = dict.fromkeys([*sources, names.TRUTH], names.CLOUD)
     wanted |= {radar.topic: reader_of(radar).type_name for radar in config.inputs}
     present = bag.types.keys() | bag.foreign.keys()
     if not wanted.keys() & present:
         raise BagError(f"{path}: none of {', '.join(wanted)} is in it")
-    wanted[figures] = names.FIGURES
-    clutter = names.clutter_map(tracker)
-    wanted[clutter] = names.GRID
+    wanted |= {figures: names.FIGURES, clutter: names.GRID}
     bag.require({topic: kind for topic, kind in wanted.items() if topic in present})
     intact = Intact(bag)
     radars = config.model.radars

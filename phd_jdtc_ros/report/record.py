@@ -89,8 +89,7 @@ class AllPlots(NamedTuple):
     @property
     def known(self) -> BoolArray:
         """Whether each amplitude can be shown on a logarithmic scale."""
-        known: BoolArray = np.isfinite(self.amplitude) & (self.amplitude > 0.0)
-        return known
+        return np.isfinite(self.amplitude) & (self.amplitude > 0.0)
 
 
 @dataclass(frozen=True)

@@ -37,8 +37,7 @@ def purples(weak: float, strong: float, steps: int) -> FloatArray:
 
     `weak` and `strong` are the darkness of low and of high amplitudes, from 0 (white) to 1.
     """
-    shades: FloatArray = colormaps["Purples"](np.linspace(weak, strong, steps))
-    return shades
+    return colormaps["Purples"](np.linspace(weak, strong, steps))
 
 
 def class_line(class_id: int) -> Line:

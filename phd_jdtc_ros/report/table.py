@@ -112,11 +112,7 @@ def simple_table(
 
 
 def engine_rows(summary: dict[str, Any], compared: dict[str, Any]) -> list[list[str]]:
-    """Return the rows of a table of both engines.
-
-    Columns: engine, OSPA of filter and smoother, reduction, class accuracy, median CPU time per
-    scan.
-    """
+    """Return rows of engine, filtered and smoothed OSPA, reduction, class accuracy and CPU time."""
     rows = []
     for found, how in ((summary, "live"), (compared, "offline")):
         cpu_ms = found.get("step_ms", {}).get("median")

@@ -13,7 +13,7 @@ import numpy as np
 
 from msg_adapters.targets import geo_json, geodetic, vertical
 from phd_jdtc_ros.core.sensors.site import Plane
-from phd_jdtc_ros.core.types import Estimates
+from phd_jdtc_ros.core.types import TRACK_STATES, Estimates
 
 HEADER = (
     *("time", "number", "x", "y", "vx", "vy", "latitude", "longitude", "height", "speed", "course"),
@@ -51,31 +51,16 @@ def fixes(
     for found in run:
         places = _nowhere(found) if plane is None else geodetic.of(found, plane)
         names = vertical.identities(found)
+        on_earth = (places.latitude, places.longitude, places.height, places.speed, places.course)
+        numbers = np.column_stack((found.position, found.velocity, *on_earth)).tolist()
         for row in np.argsort(found.track_id, kind="stable").tolist():
-            number = int(found.track_id[row])
-            if not number:
+            if not found.track_id[row]:
                 continue
-            level = geo_json.level(places.height[row])
-            x, y = map(float, found.position[row])
-            vx, vy = map(float, found.velocity[row])
-            yield Fix(
-                stamp_ns=found.stamp_ns,
-                number=number,
-                x=x,
-                y=y,
-                vx=vx,
-                vy=vy,
-                latitude=float(places.latitude[row]),
-                longitude=float(places.longitude[row]),
-                height=float(places.height[row]),
-                speed=float(places.speed[row]),
-                course=float(places.course[row]),
-                class_name=class_names[int(found.class_id[row])],
-                state=geo_json.STATES[int(found.track_state[row])],
-                code=names[row][0],
-                address=names[row][1],
-                flight_level=str(level.get("flight_level", "")),
-            )
+            class_name = class_names[int(found.class_id[row])]
+            state = TRACK_STATES[int(found.track_state[row])]
+            level = str(geo_json.level(places.height[row]).get("flight_level", ""))
+            words = (class_name, state, *names[row], level)
+            yield Fix(found.stamp_ns, int(found.track_id[row]), *numbers[row], *words)
 
 
 def _nowhere(found: Estimates) -> geodetic.Places:

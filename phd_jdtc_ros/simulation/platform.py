@@ -36,7 +36,7 @@ class PlatformBlock:
 
     def __post_init__(self) -> None:
         if not self.radars:
-            raise ConfigError(["radars: none given, must be at least one"])
+            raise ConfigError("radars: none given, must be at least one")
 
 
 @dataclass(frozen=True)

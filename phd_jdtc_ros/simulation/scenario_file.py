@@ -62,10 +62,8 @@ class Timing:
     def __post_init__(self) -> None:
         if self.start_s + self.duration_s >= END_OF_TIME_S:
             raise ConfigError(
-                [
-                    f"start_s: {self.start_s} given, with {self.scans} scans {self.interval_s} s "
-                    f"apart the last stamp must be below {END_OF_TIME_S} s"
-                ]
+                f"start_s: {self.start_s} given, with {self.scans} scans {self.interval_s} s "
+                f"apart the last stamp must be below {END_OF_TIME_S} s"
             )
 
     @property
@@ -99,7 +97,7 @@ BLOCKS = (
 def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     """Build the scenario of a document; `ConfigError` has all faults."""
     if not isinstance(document, Mapping):
-        raise ConfigError(["scenario: must be a mapping"])
+        raise ConfigError("scenario: must be a mapping")
     faults: list[str] = []
     timing = read(Timing, document, "", faults, BLOCKS)
     all_targets = targets.targets(document, faults)
@@ -119,7 +117,7 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     flights = [t if isinstance(t, Flight) else t.flight(interval_s) for t in all_targets]
     unseen = gaps.of_targets(document, flights, faults)
     if timing is None or faults:
-        raise ConfigError(faults)
+        raise ConfigError(*faults)
     return Scenario(
         start_ns=round(timing.start_s * 1e9),
         interval_s=timing.interval_s,
@@ -150,7 +148,7 @@ def site_parameters(document: Mapping[str, Any]) -> dict[str, Any]:
     if _has_height(document):
         sites = mapping(document, "sites", faults)
         if faults:
-            raise ConfigError(faults)
+            raise ConfigError(*faults)
         found = {f"{name}.geodetic": given for name, given in sites.items()}
         return {"world_origin": document["world_origin"], **found}
     origin = _origin(document, faults)
@@ -159,7 +157,7 @@ def site_parameters(document: Mapping[str, Any]) -> dict[str, Any]:
         for name, given in mapping(document, "sites", faults).items()
     }
     if faults:
-        raise ConfigError(faults)
+        raise ConfigError(*faults)
     return positions
 
 

@@ -94,7 +94,7 @@ def check_sites(inputs: Sequence[RadarParameters]) -> None:
         if radar.site is not None and not radar.rotation_s
     ]
     if faults:
-        raise ConfigError(faults)
+        raise ConfigError(*faults)
 
 
 def plots_with_replies(radar: TurningRadar, seed: int) -> tuple[SimulatedPlots, Detections]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -132,21 +131,22 @@ def add_proposal_arguments(parser: argparse.ArgumentParser, files: str, seconds:
     )
 
 
-def require_new(what: str, *paths: Path | None) -> None:
-    """Raise `BagError` if a file or a bag that is to be written exists."""
-    for path in paths:
-        if path is not None and path.exists():
-            raise BagError(f"{path}: already exists, {what} is not overwritten")
+def require_least(arguments: argparse.Namespace, lowest: Mapping[str, float]) -> None:
+    """Raise `ConfigError` with every given argument, by its attribute, that is below its bound."""
+    given = {name: getattr(arguments, name, None) for name in lowest}
+    faults = [
+        f"--{name.replace('_', '-')}: {value} given, must be at least {lowest[name]:g}"
+        for name, value in given.items()
+        if value is not None and not value >= lowest[name]
+    ]
+    if faults:
+        raise ConfigError(*faults)
 
 
-def require_new_files(*paths: Path | None) -> None:
-    """Raise `BagError` if a file that is to be written exists, or its directory does not."""
-    require_new("a file", *paths)
-    for path in paths:
-        parent = None if path is None else path.resolve().parent
-        if parent is not None and not os.access(parent, os.W_OK):
-            lacks = "cannot be written to" if parent.is_dir() else "is no directory"
-            raise BagError(f"{path}: cannot be written, {parent} {lacks}")
+def require_new(what: str, path: Path) -> None:
+    """Raise `BagError` if a bag, or what else is to be written, exists."""
+    if path.exists():
+        raise BagError(f"{path}: already exists, {what} is not overwritten")
 
 
 def recorded_parameters(

@@ -38,9 +38,9 @@ def join(
     picture = JointPicture(regions, hysteresis, wait_s, math.inf)
     received = [
         (tracker, source, own)
-        for source in (FILTERED, SMOOTHED)
+        for source in SOURCES
         for tracker, run in enumerate(runs)
-        for own in _by_source(run)[source]
+        for own in run.of_source(source)
     ]
     done = []
     for entry in sorted(received, key=lambda entry: entry[2].stamp_ns):
@@ -48,10 +48,6 @@ def join(
         done += complete if isinstance(complete, list) else []
     done += picture.close_all()
     return {kind: [own for source, own in done if source == kind] for kind in SOURCES}
-
-
-def _by_source(run: Record) -> dict[str, Sequence[Estimates]]:
-    return {FILTERED: run.filtered, SMOOTHED: run.smoothed}
 
 
 def _of_bag(given: str) -> tuple[Path, TrackerConfig, Region]:
@@ -65,7 +61,7 @@ def _of_bag(given: str) -> tuple[Path, TrackerConfig, Region]:
         )
     config = tracker_params.config(recorded)
     if config.region is None:
-        raise ConfigError([f"region: not set in {bag_parameters.path_of(path)}, must be"])
+        raise ConfigError(f"region: not set in {bag_parameters.path_of(path)}, must be")
     return path, config, config.region
 
 
@@ -86,18 +82,18 @@ def _require_common(
     if len(classes) > 1:
         faults.append(f"classes: {sorted(classes)} in the bags, must be as many in all")
     if faults:
-        raise ConfigError(faults)
+        raise ConfigError(*faults)
 
 
 def _run(path: Path, config: TrackerConfig) -> Record:
     """Return the record of a bag; `ConfigError` if some of its estimates cannot be joined."""
     found = load.record(path, config)
-    for source, of_source in _by_source(found).items():
-        for own in of_source:
+    for source in SOURCES:
+        for own in found.of_source(source):
             reason = checks.fault_of(own)
             if reason is not None:
                 where = f"{path}: {names.estimates(source)} at {own.stamp_ns * 1e-9:.3f} s"
-                raise ConfigError([f"{where}: {reason[1]}"])
+                raise ConfigError(f"{where}: {reason[1]}")
     return found
 
 
@@ -142,11 +138,11 @@ def main(argv: Sequence[str]) -> int:
 
     def work(arguments: argparse.Namespace) -> int:
         if len(arguments.bags) < 2:
-            raise ConfigError(["BAG: one given, must be two or more"])
+            raise ConfigError("BAG: one given, must be two or more")
         paths, configs, regions = zip(*map(_of_bag, arguments.bags), strict=True)
         if not 0.0 <= arguments.smoothed_wait <= settings.LONGEST_S:
             bounds = f"must be from 0 to {settings.LONGEST_S:g}"
-            raise ConfigError([f"--smoothed-wait: {arguments.smoothed_wait} given, {bounds}"])
+            raise ConfigError(f"--smoothed-wait: {arguments.smoothed_wait} given, {bounds}")
         _require_common(paths, configs, regions)
         hysteresis = settings.hysteresis(regions, arguments.hysteresis, "--hysteresis")
         command.require_new("a bag", arguments.out)

@@ -115,18 +115,7 @@ def write_results(
 
 
 def _plan(arguments: argparse.Namespace, kinds: Kinds) -> tuple[Study, Plan]:
-    bounds = (
-        ("--runs", arguments.runs, 1),
-        ("--first-seed", arguments.first_seed, 0),
-        ("--workers", arguments.workers, 1),
-    )
-    faults = [
-        f"{name}: {value} given, must be at least {low}"
-        for name, value, low in bounds
-        if value < low
-    ]
-    if faults:
-        raise ConfigError(faults)
+    command.require_least(arguments, {"runs": 1, "first_seed": 0, "workers": 1})
     assigned = from_arguments.from_arguments([], arguments.assignments)
     study = load_study(arguments.study, assigned, kinds)
     study = study.select(arguments.case, arguments.variant)
@@ -134,16 +123,12 @@ def _plan(arguments: argparse.Namespace, kinds: Kinds) -> tuple[Study, Plan]:
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.runs)
     plan = monte_carlo.plan(study, seeds)
     if plan.notes and not plan.tasks:
-        raise ConfigError(plan.notes)
+        raise ConfigError(*plan.notes)
     return study, plan
 
 
 def main(argv: Sequence[str], busy: Callable[[], int] = lambda: 0, kinds: Kinds = KINDS) -> int:
-    """Run the study tool.
-
-    `busy` returns the number of this machine's processors that other work uses, and `kinds` are
-    the kinds of tracker that variants can have.
-    """
+    """Run the study tool; `busy` returns how many processors have other work."""
     parser = ArgumentParser("monte_carlo", description=__doc__)
     parser.add_argument(
         "--study", type=Path, default=resources.find(PUBLISHED), help="study file (%(default)s)"

@@ -67,7 +67,7 @@ def main(argv: Sequence[str]) -> int:
 def _work(arguments: argparse.Namespace) -> int:
     out: Path | None = arguments.out
     drawn: Path | None = arguments.picture or (out.with_suffix(".png") if out else None)
-    command.require_new_files(out, drawn)
+    output_files.require_new({"--out": out, "--picture": drawn})
     source = resources.bag(arguments.bag)
     recorded = command.recorded_parameters(source, arguments.params_file)
     if recorded is None:
@@ -109,7 +109,7 @@ def outcome_of(
     config = tracker_params.config(given)
     names = [radar.name for radar in config.radars]
     if reference is not None and reference not in names:
-        raise ConfigError([f"--reference: {reference} given, must be one of {', '.join(names)}"])
+        raise ConfigError(f"--reference: {reference} given, must be one of {', '.join(names)}")
     if len(names) < 2:
         raise BagError(f"{source}: radars: {names[0]} alone given, must be at least two to compare")
     found, recorded = _register(source, config, reference or names[0], seconds)

@@ -12,7 +12,7 @@ from msg_adapters.encoding import interfaces, names
 from msg_adapters.incoming import platform_poses
 from msg_adapters.incoming.readers import reader_of
 from msg_adapters.targets import truth
-from phd_jdtc_ros import resources
+from phd_jdtc_ros import output_files, resources
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.schema import ConfigError
@@ -66,7 +66,7 @@ def check_platform(run: Scenario, config: TrackerConfig) -> None:
         if carried and not radar.pose.yaw:
             faults.append(f"{radar.name}.pose: stabilised given, must not be: a platform turns it")
     if faults:
-        raise ConfigError(faults)
+        raise ConfigError(*faults)
 
 
 def _poses(run: Scenario, config: TrackerConfig) -> Iterator[tuple[int, str, bytes]]:
@@ -111,8 +111,7 @@ def main(argv: Sequence[str]) -> int:
     )
 
     def work(arguments: argparse.Namespace) -> int:
-        if arguments.seed < 0:
-            raise ConfigError([f"--seed: {arguments.seed} given, must be at least 0"])
+        command.require_least(arguments, {"seed": 0})
         path = arguments.scenario = arguments.scenario or resources.find(REFERENCE)
         document = yaml_files.load(path)
         config = command.tracker_config(arguments)
@@ -126,10 +125,8 @@ def main(argv: Sequence[str]) -> int:
         faults: list[str] = []
         sent = sending.of_radars(document, radars, faults)
         if faults:
-            raise ConfigError(faults)
-        # The bag's own directory is new.
-        if sent_to is not None and sent_to.resolve().parent != arguments.out.resolve():
-            command.require_new_files(sent_to)
+            raise ConfigError(*faults)
+        output_files.require_new({"--asterix": sent_to}, arguments.out)
         write_bag(arguments.out, run, config, arguments.seed)
         if sent_to is not None:
             blocks = simulated_asterix.write(sent_to, run, config, sent, arguments.seed)

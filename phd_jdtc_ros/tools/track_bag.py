@@ -156,9 +156,11 @@ def track_bag(
     topic, or the new one cannot be written.
     """
     types = input_types(config)
-    _require_other_topics(config)
-    topics = list(types)
-    copied = [*topics, *([names.TRUTH] if names.TRUTH in source.types else [])]
+    given = [each.name for each in config.inputs if each.topic == names.TRUTH]
+    if given:
+        text = f"topic: {names.TRUTH} given, which is that of the truth"
+        raise ConfigError(*(f"{name}.{text}" for name in given))
+    copied = [*types, *([names.TRUTH] if names.TRUTH in source.types else [])]
     source.require({topic: types.get(topic, names.CLOUD) for topic in copied})
     with BagWriter(out) as bag:
         for topic in copied:
@@ -188,15 +190,6 @@ def track_bag(
                 tracker.finish()
                 bag_parameters.write(out / bag_parameters.NAME, config.values)
     return tracker
-
-
-def _require_other_topics(config: TrackerConfig) -> None:
-    """Raise `ConfigError` if a sensor has the topic of the truth."""
-    given = [each.name for each in config.inputs if each.topic == names.TRUTH]
-    if given:
-        raise ConfigError(
-            [f"{name}.topic: {names.TRUTH} given, which is that of the truth" for name in given]
-        )
 
 
 def _print_outcome(tracker: OfflineTracker, source: Path, out: Path) -> int:
@@ -249,12 +242,9 @@ def main(argv: Sequence[str]) -> int:
         files = {name: getattr(arguments, name) for name in WRITERS if getattr(arguments, name)}
         if "geojson" in files and config.plane is None:
             raise ConfigError(
-                [
-                    "--geojson: given without world_origin, which it needs: the latitude and "
-                    "longitude of the world frame's origin"
-                ]
+                "--geojson: given without world_origin, which it needs: the latitude and "
+                "longitude of the world frame's origin"
             )
-        command.require_new("a bag", arguments.out)
         output_files.require_new({f"--{n}": path for n, path in files.items()}, arguments.out)
         tracker = track_bag(BagReader(source), config, arguments.out)
         status = _print_outcome(tracker, source, arguments.out)

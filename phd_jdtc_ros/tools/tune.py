@@ -17,7 +17,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from phd_jdtc_ros import resources
+from phd_jdtc_ros import output_files, resources
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning import proposal, unspecified
 from phd_jdtc_ros.calibration.tuning.findings import Findings
@@ -45,7 +45,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _work(arguments: argparse.Namespace) -> int:
-    command.require_new_files(arguments.out)
+    output_files.require_new({"--out": arguments.out})
     begin = time.perf_counter()
     source = resources.bag(arguments.bag)
     bag = BagReader(source)

@@ -74,7 +74,7 @@ def record(hour: Hour, config: TrackerConfig, document: Mapping[str, Any], path:
     faults: list[str] = []
     sent = sending.of_radars(document, hour.scenario.radars, faults)
     if faults:
-        raise ConfigError(faults)
+        raise ConfigError(*faults)
     simulated_asterix.write(path, hour.scenario, config, sent, hour.seed)
 
 

@@ -9,6 +9,7 @@ from refusals import faults_of
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.exit_status import CORRUPT, FAILED, OK, USAGE
+from phd_jdtc_ros.parameter_files import sensor_replay
 from phd_jdtc_ros.tools.launching import arguments
 
 ROOT = Path(__file__).parents[2]
@@ -73,27 +74,29 @@ def test_tracker_is_given_up_after_all_retries_or_a_fault_of_its_arguments(statu
 
 @pytest.mark.parametrize("text", ["-1", "0.05", "nan", "fast", "", "1001"])
 def test_rate_refuses_what_the_replay_would_refuse(text):
-    assert [arguments.rate(good) for good in ("0", "0.1", "2")] == [0.0, 0.1, 2.0]
-    (fault,) = faults_of(arguments.rate, text)
+    assert [sensor_replay.rate(good) for good in ("0", "0.1", "2")] == [0.0, 0.1, 2.0]
+    (fault,) = faults_of(sensor_replay.rate, text)
     assert fault.startswith("rate: ")
 
 
 def test_demo_of_a_shipped_bag_has_its_parameters_for_the_tracker_of_that_name(tmp_path):
-    found = arguments.demo("three_classes", "", "/s1/t2", tmp_path / "out")
-    assert found.bag.samefile(ROOT / "bags" / "three_classes")
-    assert [kind.name for kind in found.config.model.modes.classes] == ["weak", "medium", "strong"]
-    assert arguments.load(found.params_file, "/s1/t2").values == found.config.values
+    bag, params_file, config = arguments.demo("three_classes", "", "/s1/t2", tmp_path / "out")
+    assert bag.samefile(ROOT / "bags" / "three_classes")
+    assert [kind.name for kind in config.model.modes.classes] == ["weak", "medium", "strong"]
+    assert arguments.load(params_file, "/s1/t2").values == config.values
 
 
 def test_demo_takes_a_file_of_its_own_or_the_defaults(tmp_path):
     path = tmp_path / "site.yaml"
     path.write_text("/tracker: {ros__parameters: {lag: 2}}\n")
-    found = arguments.demo("three_classes", str(path), "/tracker", tmp_path / "out")
-    assert (found.params_file, found.config.lag.scans) == (str(path), 2)
+    _, params_file, config = arguments.demo(
+        "three_classes", str(path), "/tracker", tmp_path / "out"
+    )
+    assert (params_file, config.lag.scans) == (str(path), 2)
     assert not (tmp_path / "out").exists()
-    found = arguments.demo(str(tmp_path), "", "/tracker", tmp_path / "out")
-    assert (found.bag, found.params_file) == (tmp_path, "")
-    assert found.config.values == resolve({}).values
+    bag, params_file, config = arguments.demo(str(tmp_path), "", "/tracker", tmp_path / "out")
+    assert (bag, params_file) == (tmp_path, "")
+    assert config.values == resolve({}).values
 
 
 @pytest.mark.parametrize("name", ["demo", "tracker"])

@@ -125,7 +125,7 @@ def test_tune_names_a_missing_directory_before_it_reads(tmp_path, capsys):
     assert tune("one_radar", "--out", out) == 2
     said = capsys.readouterr()
     assert said.out == ""
-    assert said.err == f"tune: {out}: cannot be written, {out.parent} is no directory\n"
+    assert said.err == f"tune: --out: {out} given, but {out.parent} is no directory\n"
 
 
 def test_tune_names_the_fields_of_clouds_that_it_does_not_recognise(tmp_path, capsys):

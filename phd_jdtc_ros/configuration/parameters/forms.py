@@ -44,7 +44,6 @@ LAG = Form.parsed(
     f"a whole number of scans from 0 to {MOST_LAG_SCANS}, or seconds above 0 as in '20 s'", _lag
 )
 
-# --- values that may be learned -------------------------------------------------------------------
 
 # The words for a value that is learned while the tracker runs, for a noise that is larger for some
 # measurements, for false detections that are more frequent behind targets, and for the correlation
@@ -235,8 +234,6 @@ def probability_numbers(given: float | list[float] | str) -> list[float]:
     words = _words_of(given, CORRELATED, True)
     return [] if words is None else words.numbers
 
-
-# --- clutter amplitudes ---------------------------------------------------------------------------
 
 CLUTTER_LAWS = ("rayleigh", "log_normal", "learned")
 

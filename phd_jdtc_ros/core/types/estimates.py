@@ -17,6 +17,7 @@ from .detections import SENSORS, UNKNOWN
 
 # Track states, see `confirmation`.
 TENTATIVE, CONFIRMED, COASTING = range(3)
+TRACK_STATES = ("tentative", "confirmed", "coasting")
 # The columns of estimates with one entry per target.
 _PER_TARGET = (
     *("state", "covariance", "weight", "class_probability"),

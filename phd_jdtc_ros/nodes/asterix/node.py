@@ -123,7 +123,7 @@ class AsterixBridge(ManagedNode):
         except OSError as error:
             self._stop()
             where = error.filename or self._values["output"]
-            return self.refuse("not activated", ConfigError([f"{where}: {error.strerror}"]))
+            return self.refuse("not activated", ConfigError(f"{where}: {error.strerror}"))
         done = super().on_activate(state)
         self._active_since_s = time.monotonic()
         inputs = ", ".join(self._values["inputs"]) or "nothing"
@@ -205,8 +205,8 @@ class AsterixBridge(ManagedNode):
         name = state.settings.name
         if name not in self._outputs:
             self._add_output(name)
-        sectors, amplitudes = state.settings.sectors, self._bridge.amplitudes(name)
-        self._outputs[name].publish(clouds.cloud(report, name, sectors, amplitudes))
+        cloud = clouds.cloud(report, state.settings, self._bridge.amplitudes(name))
+        self._outputs[name].publish(cloud)
 
     def _add_output(self, name: str) -> None:
         topic, qos = names.detections(name), topics.reliable(OUTPUT_DEPTH)

@@ -42,12 +42,8 @@ def check(name: str, purpose: str, argv: Sequence[str]) -> tuple[ParameterFile, 
     return files
 
 
-def split(
-    name: str, argv: Sequence[str], own: Sequence[str] = ()
-) -> tuple[list[str], tuple[ParameterFile, ...]]:
+def split(name: str, argv: Sequence[str]) -> tuple[list[str], tuple[ParameterFile, ...]]:
     """Return the other arguments, and the parameter files of the ROS arguments.
-
-    `own` has the options of the program that ROS has too.
 
     Raise `SystemExit` with status 2 after a line for each fault of the ROS arguments.
     """
@@ -55,14 +51,14 @@ def split(
         # Files are checked first, because rcl does not name the fault of a file.
         files = sections.given_in(argv)
         others = remove_ros_args([name, *argv])[1:]
-        misplaced = [word for word in others if word in _OF_ROS and word not in own]
+        misplaced = [word for word in others if word in _OF_ROS]
         if misplaced:
-            raise ConfigError([f"{misplaced[0]}: is a ROS argument, must follow --ros-args"])
+            raise ConfigError(f"{misplaced[0]}: is a ROS argument, must follow --ros-args")
         return others, files
     except ConfigError as error:
         raise SystemExit(fail(name, error)) from error
     except Exception as error:  # rclpy's own type for this is private
-        raise SystemExit(fail(name, ConfigError([rcl_fault(error)]))) from error
+        raise SystemExit(fail(name, ConfigError(rcl_fault(error)))) from error
 
 
 def rcl_fault(error: Exception) -> str:

@@ -100,11 +100,7 @@ def first(*conditions: tuple[bytes, object, str]) -> Condition:
 
 
 class Rhythm:
-    """The usual interval between repeated events: the median of the latest ones.
-
-    The first guess counts as one interval, so that the first two events arriving together are not
-    taken as the usual interval.
-    """
+    """The usual interval between events: the median of the latest ones and of a first guess."""
 
     def __init__(self, first_guess_s: float) -> None:
         self._intervals = deque([first_guess_s], maxlen=INTERVALS)

@@ -44,17 +44,13 @@ def is_ours(name: str) -> bool:
 
 def sources(node: Node, files: Sequence[ParameterFile]) -> list[Path]:
     """Return the user's files that set parameters of the node."""
-    values = _values_in(files, node)
+    # Launch writes a file for parameters that are values in a launch file.
+    by_launch = f"{tempfile.gettempdir()}/{_LAUNCH_PREFIX}"
     return [
         file.path
-        for file, own in zip(files, values, strict=True)
-        if any(map(is_ours, own)) and not _by_launch(file.path)
+        for file, own in zip(files, _values_in(files, node), strict=True)
+        if any(map(is_ours, own)) and not str(file.path).startswith(by_launch)
     ]
-
-
-def _by_launch(path: Path) -> bool:
-    """Return whether launch wrote a file, for parameters that are values in a launch file."""
-    return path.parent == Path(tempfile.gettempdir()) and path.name.startswith(_LAUNCH_PREFIX)
 
 
 def _values_in(files: Sequence[ParameterFile], node: Node) -> list[dict[str, Any]]:
@@ -117,7 +113,7 @@ def resolve(
     """
     values, faults = check(table, {**given_values(node, files), **flags}, old)
     if faults:
-        raise ConfigError(faults)
+        raise ConfigError(*faults)
     declare(node, {parameter.name: parameter for parameter in table}, values)
     return values
 

@@ -53,11 +53,9 @@ class SequenceNumbers:
         sequence.number, sequence.received = number, self._received
 
     def _new_sequence(self, number: int) -> _Sequence:
-        """Return the sequence of another publisher, whose next message has `number`.
-
-        If `number` was counted as lost in the gap of a sequence, the message after that gap came
-        from another publisher. The gap is then taken back, and the new sequence begins before it.
-        """
+        """Return the sequence of another publisher, whose next message has `number`."""
+        # If `number` was counted as lost in the gap of a sequence, the message after that gap came
+        # from another publisher. The gap is taken back, and the new sequence begins before it.
         new = _Sequence(number - 1, self._received)
         for sequence in self._sequences:
             if number in sequence.skipped:

@@ -44,7 +44,7 @@ def qos_of(topic: str) -> Iterator[None]:
         yield
     # rclpy raises these for an unknown policy, for a value of a wrong type, and for a refusal.
     except (RuntimeError, ParameterException, ValueError, InvalidQosOverridesError) as error:
-        raise ConfigError([f"qos_overrides.{topic}: {error}"]) from error
+        raise ConfigError(f"qos_overrides.{topic}: {error}") from error
 
 
 def full_name(node: Node, topic: str, parameter: str, given: str | None = None) -> str:
@@ -58,7 +58,7 @@ def full_name(node: Node, topic: str, parameter: str, given: str | None = None) 
     except RuntimeError as error:  # the type of rcl's own error is private
         what = "topic" if given is None else "node"
         value = topic if given is None else given
-        raise ConfigError([f"{parameter}: {value!r} given, must be a {what}'s name"]) from error
+        raise ConfigError(f"{parameter}: {value!r} given, must be a {what}'s name") from error
     return name
 
 

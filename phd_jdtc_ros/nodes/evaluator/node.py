@@ -19,7 +19,7 @@ from rich.console import Console
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64
 
-from msg_adapters.encoding import names, stamps
+from msg_adapters.encoding import names
 from msg_adapters.encoding.errors import RejectedMessageError, quote
 from msg_adapters.incoming import platform_poses
 from msg_adapters.outgoing import diagnostics, outputs, plots
@@ -28,6 +28,7 @@ from phd_jdtc_ros import output_files
 from phd_jdtc_ros.configuration.parameters import replaced
 from phd_jdtc_ros.configuration.parameters.tracker import ENGINE_OF
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.arrays import IntArray
 from phd_jdtc_ros.core.types import SOURCES, Estimates, Truth
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
@@ -43,7 +44,7 @@ from ..common.health import ThrottledWarnings
 from ..common.runtime import RunnableNode
 from ..common.tracker_parameters import TrackerParameters
 from .received_clouds import Completion, ReceivedClouds
-from .recorder import MissingRadars, Recorder
+from .recorder import Recorder, watch_inputs
 
 INPUT_DEPTH, OUTPUT_DEPTH = 100, 10
 CHECK_PERIOD_S = 0.1
@@ -51,7 +52,7 @@ CHECK_PERIOD_S = 0.1
 # step times.
 MAX_SCANS, MAX_STEPS = 1000, 100_000
 # Largest number of targets of a stamp: all distances between true and estimated ones are computed,
-# and the best assignment of 2000 takes a second.
+# so that memory grows with the square, and the best assignment of 2000 takes a second.
 MAX_TARGETS = 2000
 
 
@@ -106,14 +107,17 @@ class Evaluator(RunnableNode):
 
     def _subscribe(self) -> list[Subscription]:
         """Subscribe to the truth and to the tracker, and return the subscriptions to the latter."""
-        topics.subscribe(self, PointCloud2, names.TRUTH, self._on_truth, INPUT_DEPTH, names.TRUTH)
+        add, topic = self._evaluation.add_truth, self._truth_topic
+        take: Callable[..., None] = partial(self._take, topic, truth.from_msg, add)
+        topics.subscribe(self, PointCloud2, names.TRUTH, take, INPUT_DEPTH, names.TRUTH)
+        figures = names.cardinality(self._values["tracker"])
         inputs: list[tuple[type, str, Callable[..., None]]] = [
-            *(
-                (PointCloud2, topic, partial(self._on_estimates, source))
-                for source, topic in self._received.estimates.items()
-            ),
-            (DiagnosticArray, names.cardinality(self._values["tracker"]), self._on_figures),
+            (DiagnosticArray, figures, self._on_figures)
         ]
+        for source, topic in self._received.estimates.items():
+            add_own = partial(self._evaluation.add_estimates, source)
+            take = partial(self._take, topic, estimates.from_msg, add_own)
+            inputs.append((PointCloud2, topic, take))
         return [
             topics.subscribe(
                 self, message_type, topic, callback, INPUT_DEPTH, "tracker", self._values["tracker"]
@@ -137,7 +141,7 @@ class Evaluator(RunnableNode):
             ),
         }
         recorder = Recorder(self, directory, recorded, outputs.optional(tracker))
-        MissingRadars(self, tracker, {self.resolve_topic_name(topic) for topic in recorded})
+        watch_inputs(self, tracker, {self.resolve_topic_name(topic) for topic in recorded})
         return recorder
 
     def close(self) -> None:
@@ -179,56 +183,39 @@ class Evaluator(RunnableNode):
             self.get_logger().error(f"report not written: {path}: {error.strerror}")
             self.exit_status = FAILED
 
-    def _on_truth(self, cloud: PointCloud2, info: Mapping[str, int]) -> None:
-        topic = self._received.truth
-        points = self._points(topic, cloud, info, truth.from_msg)
-        if points is not None:
-            self._publish(self._evaluation.add_truth(stamps.to_ns(cloud.header.stamp), points))
-
-    def _on_estimates(self, source: str, cloud: PointCloud2, info: Mapping[str, int]) -> None:
-        topic = self._received.estimates[source]
-        points = self._points(topic, cloud, info, estimates.from_msg)
-        if points is not None:
-            stamp_ns = stamps.to_ns(cloud.header.stamp)
-            self._publish(self._evaluation.add_estimates(source, stamp_ns, points))
-
-    def _points(
+    def _take(
         self,
         topic: str,
+        read: Callable[[PointCloud2], Truth | Estimates],
+        add: Callable[[int, PointSet], Sequence[ScanScore]],
         cloud: PointCloud2,
         info: Mapping[str, int],
-        read: Callable[[PointCloud2], Truth | Estimates],
-    ) -> PointSet | None:
-        """Return a cloud's points; None if it is not valid, which is counted and logged."""
+    ) -> None:
+        """Score a cloud, unless it is not valid, which is counted and logged."""
         self._received.count_losses(topic, info.get("publication_sequence_number"))
         try:
             found = read(cloud)
-            self._check_frame(cloud.header.frame_id)
-            self._check_classes(found)
-            _check_size(found)
+            self._check_cloud(cloud.header.frame_id, found.class_id)
         except RejectedMessageError as error:
             self._received.refused[topic] += 1
             self._warnings.warn(topic, f"{topic}: {error}")
-            return None
+            return
         self._received.take(topic, found.stamp_ns)
-        return PointSet.of(found)
+        self._publish(add(found.stamp_ns, PointSet.of(found)))
 
-    def _check_frame(self, frame: str) -> None:
+    def _check_cloud(self, frame: str, class_id: IntArray) -> None:
+        """Refuse a cloud with another frame, unknown classes or too many targets."""
         self._frame = self._frame or frame
+        largest, classes = class_id.max(initial=-1), self._classes
         if frame != self._frame:
-            raise RejectedMessageError(
-                "frame",
-                f"frame_id is {quote(frame)}, must be {self._frame!r} as in the first cloud",
-            )
-
-    def _check_classes(self, found: Truth | Estimates) -> None:
-        classes = self._classes
-        if len(found.class_id) and found.class_id.max() >= classes:
-            raise RejectedMessageError(
-                "schema",
-                f"class_id is {found.class_id.max()}, must be less than {classes}, the number of "
-                "names in classes",
-            )
+            text = f"frame_id is {quote(frame)}, must be {self._frame!r} as in the first cloud"
+            raise RejectedMessageError("frame", text)
+        if largest >= classes:
+            text = f"class_id is {largest}, must be less than {classes}, the number of names in "
+            raise RejectedMessageError("schema", f"{text}classes")
+        if len(class_id) > MAX_TARGETS:
+            text = f"{len(class_id)} targets, at most {MAX_TARGETS} are allowed"
+            raise RejectedMessageError("oversize", text)
 
     def _on_parameters(self, values: Mapping[str, Any]) -> None:
         """Record the tracker's parameters, which it sends once it has discovered this node."""
@@ -274,26 +261,14 @@ class Evaluator(RunnableNode):
             self.exit_status = OK
 
 
-def _check_size(found: Truth | Estimates) -> None:
-    """Refuse more targets than can be compared: memory grows with the square, and time faster."""
-    if len(found.class_id) > MAX_TARGETS:
-        raise RejectedMessageError(
-            "oversize", f"{len(found.class_id)} targets, at most {MAX_TARGETS} are allowed"
-        )
-
-
 def _recorded_topic(entry: str) -> tuple[str, str]:
     """Return the topic and the message type of an entry of ``record_topics``."""
     topic, *message = entry.split()
     if not message:
         return topic, names.CLOUD
     if len(message) > 1 or message[0] not in platform_poses.TYPES:
-        raise ConfigError(
-            [
-                f"record_topics: {entry!r} given, must be a topic, with "
-                f"{' or '.join(platform_poses.TYPES)} after it for poses"
-            ]
-        )
+        suffix = f"with {' or '.join(platform_poses.TYPES)} after it for poses"
+        raise ConfigError(f"record_topics: {entry!r} given, must be a topic, {suffix}")
     return topic, platform_poses.TYPES[message[0]]
 
 
@@ -305,9 +280,9 @@ def _report_path(given: str) -> Path | None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ConfigError([f"report: {given} given, {path.parent}: {error.strerror}"]) from error
+        raise ConfigError(f"report: {given} given, {path.parent}: {error.strerror}") from error
     if os.path.isdir(path) or not os.access(path if os.path.exists(path) else path.parent, os.W_OK):
-        raise ConfigError([f"report: {given} given, cannot be written"])
+        raise ConfigError(f"report: {given} given, cannot be written")
     return path
 
 

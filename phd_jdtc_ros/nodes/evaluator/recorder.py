@@ -129,30 +129,23 @@ class Recorder:
             self._logger.error(f"recording not finished: {error}")
 
 
-class MissingRadars:
-    """Warns of the tracker's topics of detections or poses that are not recorded.
+def watch_inputs(node: Node, tracker: str, recorded: Collection[str]) -> None:
+    """Warn of the tracker's inputs, as the graph shows them, that are not among `recorded`."""
+    namespace, _, name = tracker.rpartition("/")
+    known = set(recorded)
 
-    They are looked up in the graph and not in the parameters, because topics can be remapped.
-    `recorded` are the full names of the recorded topics.
-    """
-
-    def __init__(self, node: Node, tracker: str, recorded: Collection[str]) -> None:
-        self._node = node
-        self._tracker = tracker
-        self._known = set(recorded)
-        steady_timer(node, CHECK_PERIOD_S, self._check)
-
-    def _check(self) -> None:
-        namespace, _, name = self._tracker.rpartition("/")
+    def check() -> None:
         try:
-            inputs = self._node.get_subscriber_names_and_types_by_node(name, namespace or "/")
+            inputs = node.get_subscriber_names_and_types_by_node(name, namespace or "/")
         except NodeNameNonExistentError:  # it has not started, or has ended
             return
         for topic, types in inputs:
             kinds = [KINDS[kind] for kind in types if kind in KINDS]
-            if kinds and topic not in self._known:
-                self._known.add(topic)
-                self._node.get_logger().warning(
-                    f"{topic}, of which {self._tracker} has {kinds[0]}, is not among record_topics "
-                    "and is not recorded"
+            if kinds and topic not in known:
+                known.add(topic)
+                node.get_logger().warning(
+                    f"{topic}, of which {tracker} has {kinds[0]}, is not among record_topics and "
+                    "is not recorded"
                 )
+
+    steady_timer(node, CHECK_PERIOD_S, check)

@@ -115,10 +115,8 @@ class HandOver(RunnableNode):
         self._log_silent()
 
     def _only_quiet_are_ahead(self, stamp_ns: int) -> bool:
-        """Return whether only trackers that are quiet now are far ahead of a late stamp.
-
-        One wrong stamp of a tracker that then dies would make all later clouds late.
-        """
+        """Return whether only trackers that are quiet now are far ahead of a late stamp."""
+        # One wrong stamp of a tracker that then dies would make all later clouds late.
         now_s = time.monotonic()
         ahead = self._picture.ahead_of(stamp_ns)
         if not ahead or not all(self._trackers[tracker].is_quiet(now_s) for tracker in ahead):
@@ -130,11 +128,7 @@ class HandOver(RunnableNode):
         return True
 
     def _read(self, cloud: PointCloud2) -> Estimates:
-        """Return the estimates of a cloud.
-
-        Raise `RejectedMessageError` if it is not a cloud of estimates, or contradicts the first
-        one.
-        """
+        """Return a cloud's estimates, or raise `RejectedMessageError`; the first sets the frame."""
         found = estimates.from_msg(cloud)
         frame, allowed = cloud.header.frame_id, self._frame or cloud.header.frame_id
         if frame != allowed:

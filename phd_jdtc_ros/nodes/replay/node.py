@@ -170,8 +170,8 @@ class SensorReplay(RunnableNode):
 
     def _missing(self) -> list[str]:
         """Return the topics that lack a subscriber, or a tracker, to play to."""
-        awaited = [t for t in self._played.scan_topics if t not in self._played.truth]
-        missing = [t for t in awaited or self._outputs if not self._is_connected(t)]
+        awaited = self._played.detections or self._outputs
+        missing = [topic for topic in awaited if not self._is_connected(topic)]
         if self._lock_step and not self.count_publishers(self._estimates):
             missing.append(self._estimates)
         return missing
@@ -211,7 +211,7 @@ class SensorReplay(RunnableNode):
             self._enter(self._drain)
         # In lock-step, the first scan of the next pass waits for the last scan of this one too.
         elif self._is_settled():
-            self._playback.rewind()
+            self._playback.seek(self._playback.first_ns)
             self._begin()
 
     def _is_due(self, group: Group) -> bool:

@@ -86,10 +86,7 @@ def select(bag: BagReader, wanted: list[str]) -> Playable:
 
 
 def _tracker_prefixes(topics: Iterable[str]) -> tuple[str, ...]:
-    """Return the prefixes of the topics of all trackers, which are recognised by their estimates.
-
-    Otherwise their own clouds of all detections would be taken for a radar's.
-    """
+    """Return the topics' prefixes of all trackers, which are recognised by their estimates."""
     end = names.estimates(FILTERED, "")
     return tuple(topic.removesuffix(end) + "/" for topic in topics if topic.endswith(end))
 
@@ -102,10 +99,7 @@ def _is_topic_name(topic: str) -> bool:
 
 
 def _message_class(type_name: str) -> Any:
-    """Return a message class, or None if its package is not installed.
-
-    The name comes from a file, so only packages that look like message packages are imported.
-    """
+    """Return a message class, None without its package; a bag's name imports no other package."""
     match = _TYPE_NAME.fullmatch(type_name)
     if match is None:
         return None

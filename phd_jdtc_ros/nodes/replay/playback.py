@@ -60,13 +60,9 @@ class Playback:
             end_ns = self.first_ns + round(min(duration_s, longest_s) * 1e9)
             self.last_ns = min(self.last_ns, end_ns)
         self.damage: BagError | None = None
-        self.rewind()
+        self.seek(self.first_ns)
         if self.upcoming is None:
             raise self.damage or BagError(f"{bag.path}: contains nothing in the selected part")
-
-    def rewind(self) -> None:
-        """Go to the first group."""
-        self.seek(self.first_ns)
 
     def seek(self, time_ns: int) -> None:
         """Go to the first group recorded at or after `time_ns`."""

@@ -75,11 +75,7 @@ def write(path: Path, snapshot: Snapshot, configuration: Mapping[str, Any]) -> N
 
 
 def read(path: Path, configuration: Mapping[str, Any]) -> Snapshot:
-    """Return a stored snapshot.
-
-    Raise `CheckpointError` if the file is missing, damaged, of another format, or of a tracker with
-    other parameters.
-    """
+    """Return a stored snapshot; raise `CheckpointError` with the reason if it cannot be used."""
     try:
         content = _content(path)
     except OSError as error:
@@ -122,11 +118,7 @@ def _content(path: Path) -> bytes:
 
 
 def _decode(body: memoryview) -> tuple[dict[str, Any], dict[str, npt.NDArray[Any]]]:
-    """Return the header, and the arrays that it describes.
-
-    Raise `ValueError` if the header is too long, or an array is not of numbers, or the arrays do
-    not fit their bytes. JSON and numpy raise errors of their own.
-    """
+    """Return the header and the arrays that it describes, or raise one of many kinds of errors."""
     size = int.from_bytes(body[:LENGTH_SIZE], "little")
     if size > MAX_HEADER:
         raise ValueError(f"a header of {size} bytes, at most {MAX_HEADER} are allowed")
@@ -145,14 +137,6 @@ def _decode(body: memoryview) -> tuple[dict[str, Any], dict[str, npt.NDArray[Any
     return header, arrays
 
 
-def _delete_leftovers(path: Path) -> None:
-    """Delete incomplete files of killed trackers beside a checkpoint."""
-    with contextlib.suppress(OSError):
-        for entry in path.parent.glob(f".{glob.escape(path.name)}.*.tmp"):
-            if time.time() - entry.lstat().st_mtime > LEFTOVER_S:
-                entry.unlink()
-
-
 class Checkpoints:
     """Reads a tracker's checkpoint at the start, and writes new ones.
 
@@ -168,7 +152,10 @@ class Checkpoints:
         self._configuration, self._log = configuration, log
         self._scans = 0
         self._stored: Snapshot | None = None
-        _delete_leftovers(path)
+        with contextlib.suppress(OSError):
+            for entry in path.parent.glob(f".{glob.escape(path.name)}.*.tmp"):
+                if time.time() - entry.lstat().st_mtime > LEFTOVER_S:
+                    entry.unlink()
         try:
             self._stored = read(path, configuration)
         except CheckpointError as error:

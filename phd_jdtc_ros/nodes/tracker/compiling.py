@@ -52,19 +52,14 @@ def _report(argv: list[str], ended: threading.Event) -> None:
     rclpy.init(args=argv, context=context, signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = Node("tracker", context=context, enable_rosout=False, start_parameter_services=False)
-        _publish(node, ended)
+        name = node.get_fully_qualified_name()
+        health = names.health("step time", name)
+        line = diagnostics.status(health, {}, DiagnosticStatus.STALE, TEXT, name)
+        output = node.create_publisher(DiagnosticArray, names.DIAGNOSTICS, reliable(DEPTH))
+        is_ended = False
+        while not is_ended:
+            output.publish(diagnostics.array(node.get_clock().now().nanoseconds, [line]))
+            is_ended = ended.wait(PERIOD_S)
         node.destroy_node()
     finally:
         context.try_shutdown()
-
-
-def _publish(node: Node, ended: threading.Event) -> None:
-    name = node.get_fully_qualified_name()
-    line = diagnostics.status(
-        names.health("step time", name), {}, DiagnosticStatus.STALE, TEXT, name
-    )
-    output = node.create_publisher(DiagnosticArray, names.DIAGNOSTICS, reliable(DEPTH))
-    while True:
-        output.publish(diagnostics.array(node.get_clock().now().nanoseconds, [line]))
-        if ended.wait(PERIOD_S):
-            return

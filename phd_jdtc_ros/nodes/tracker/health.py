@@ -31,11 +31,7 @@ SUMMED = ("approximate_clusters", "floored_covariances")
 
 
 class Load:
-    """The time that the tracker has worked, in total and within a window before now.
-
-    It is measured by the wall clock, because CPU time would not show that other processes take the
-    processor.
-    """
+    """The time that the tracker has worked by the wall clock, in total and in a latest window."""
 
     def __init__(self, window_s: float) -> None:
         self._window_s = window_s
@@ -82,11 +78,7 @@ class StepHealth:
         targets: int = 0,
         figures: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
-        """Record a step of a scan.
-
-        It has taken `step_ms` of CPU time from receipt to publication, and reported `targets`.
-        `figures` are those of the engine, by name.
-        """
+        """Record a step of `step_ms` of CPU time that reported `targets`; `figures` are by name."""
         self.scans += 1
         self.sums.update({name: int(figures[name]) for name in SUMMED if name in figures})
         if targets:

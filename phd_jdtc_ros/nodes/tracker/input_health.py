@@ -52,6 +52,7 @@ class InputHealth:
     # Estimated time of a turn that is not configured, seconds; 0 if there is none.
     turn_found_s: float = 0.0
     anomalies: Counter[str] = field(default_factory=Counter)
+    # Detections or messages that were not used, by reason.
     dropped: Counter[str] = field(default_factory=Counter)
     fit: Fit | None = None  # The radar's innovations compared with its noise, if known
     # The learned values of the radar, see `anomalies.figures_of`.
@@ -68,11 +69,8 @@ class InputHealth:
     _rises: Rises = field(default_factory=Rises)
 
     def note_message(self, now_s: float, sequence: int | None, worked_s: float) -> None:
-        """Count a message and those lost before it.
-
-        `sequence` is the number that its publisher gave it, and `worked_s` the time that the
-        tracker has worked up to `now_s`.
-        """
+        """Count a message and those lost before it, by its publisher's number for it."""
+        # The tracker has worked for `worked_s` up to `now_s`.
         self.received += 1
         if sequence is not None:
             before = self.gaps
@@ -93,10 +91,6 @@ class InputHealth:
     def gaps(self) -> int:
         """Number of lost messages, as far as messages are numbered."""
         return self._numbering.lost
-
-    def drop(self, reason: str, count: int = 1) -> None:
-        """Count detections or messages that were not used."""
-        self.dropped[reason] += count
 
     def warn(self, counts: Counter[str], text: str) -> None:
         """Count input that is used but contradicts its configuration, as the text describes."""
@@ -149,10 +143,7 @@ class InputHealth:
         )
 
     def _condition(self, now_s: float, silent: bool, publishers: Publishers) -> Condition:
-        """Return the worst condition.
-
-        A silent input is STALE and not ERROR, because tracking continues without it.
-        """
+        """Return the worst condition; silence is STALE and no ERROR, because tracking goes on."""
         listed, several = len(publishers.identities), ""
         if listed > 1:
             several = (

@@ -200,7 +200,7 @@ class Inputs:
 
     def _drop(self, health: InputHealth, reason: str, text: str, count: int = 1) -> None:
         """Count unused input, and warn of it."""
-        health.drop(reason, count)
+        health.dropped[reason] += count
         self._warnings.warn((health.name, reason), f"{health.name}: {text}")
 
     def silent(self) -> frozenset[str]:
@@ -255,6 +255,6 @@ def _message_class(radar: SensorParameters, reader: Reader) -> Any:
     if message_class is None:
         package = reader.type_name.split("/")[0]
         raise ConfigError(
-            [f"{radar.name}.message: {radar.message} given, but {package} is not installed"]
+            f"{radar.name}.message: {radar.message} given, but {package} is not installed"
         )
     return message_class

@@ -17,8 +17,7 @@ from msg_adapters.outgoing.outputs import SCAN, STEP, StepResult
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.calibration.registration.monitor import RegistrationMonitor
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.core.engine import Engine
-from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped
+from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped, start_cold
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
 from phd_jdtc_ros.feed.feed import Feed, Monitor
@@ -69,7 +68,9 @@ class LiveTracker:
             monitors: list[Monitor] = [self._innovations]
             if self._registration is not None:
                 monitors.append(self._registration)
-            self._feed = Feed(config, self.inputs, monitors, self._begin, self._publish_filtered)
+            # The first scan of a run continues from the checkpoint, if there is one.
+            begin = start_cold if self._checkpoints is None else self._checkpoints.resume
+            self._feed = Feed(config, self.inputs, monitors, begin, self._publish_filtered)
             self._pipeline = self._feed.pipeline
         except Exception:
             self.destroy()
@@ -82,9 +83,9 @@ class LiveTracker:
         # os.path returns False where pathlib raises for lack of permission.
         path = Path(os.path.expanduser(values["checkpoint.path"]))
         if not os.path.isdir(path.parent):
-            raise ConfigError([f"checkpoint.path: {path} given, {path.parent} is no directory"])
+            raise ConfigError(f"checkpoint.path: {path} given, {path.parent} is no directory")
         if os.path.isdir(path):
-            raise ConfigError([f"checkpoint.path: {path} given, must be a file, is a directory"])
+            raise ConfigError(f"checkpoint.path: {path} given, must be a file, is a directory")
         fixed = {
             name: value
             for name, value in self._settings.config.values.items()
@@ -151,11 +152,6 @@ class LiveTracker:
         self._feed.reset()
         self._forget_run()
         self._outputs.clear()
-
-    def _begin(self, engine: Engine, stamp_ns: int) -> None:
-        """Continue from the checkpoint, if there is one, before the first scan of a run."""
-        if self._checkpoints is not None:
-            self._checkpoints.resume(engine, stamp_ns)
 
     def _forget_run(self) -> None:
         if self._checkpoints is not None:

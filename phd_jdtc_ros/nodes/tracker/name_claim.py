@@ -54,10 +54,7 @@ class NameClaim:
         self._output.publish(String(data=" ".join([self._state, *self._seniority])))
 
     def _tick(self) -> None:
-        """Count the time in which the node could process claims.
-
-        A clock would also count the time in which a busy node leaves claims waiting.
-        """
+        """Count the time in which the node could process claims, unlike a clock of a busy node."""
         self._elapsed_s += TICK_S
         if self._elapsed_s >= NEWCOMER_S:
             self._timer.cancel()

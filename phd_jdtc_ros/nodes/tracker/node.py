@@ -75,11 +75,7 @@ class Tracker(ManagedNode):
             )
 
     def close(self) -> None:
-        """Log a summary of the run, and write a checkpoint if one is configured.
-
-        Neither is done if another node has the name, and so the checkpoint, or if a step has
-        failed.
-        """
+        """Log a summary and write a checkpoint, unless another has the name or a step failed."""
         self._release()
         if self.exit_status is not None:
             return

@@ -65,16 +65,13 @@ class Outputs:
         kind = interfaces.installed_class(row.type_name)
         if kind is None:
             text = f"outputs: {row.switch} given, but its message package is not installed"
-            raise ConfigError([text])
+            raise ConfigError(text)
         qos = topics.latched(LATCHED_DEPTH) if row.latched else topics.reliable(DEPTH)
         on_subscriber = partial(self._send, row) if row.latched else None
         return endpoints.publisher(self._node, kind, row.topic, qos, self._health, on_subscriber)
 
     def _publish_frames(self, settings: Settings) -> Any:
-        """Publish the poses of the fixed radars once; return the publisher, None without tf2_msgs.
-
-        The frame of a moving radar is published by its platform.
-        """
+        """Publish the fixed radars' poses once; return the publisher, None without tf2_msgs."""
         kind = interfaces.installed_class(names.TRANSFORMS)
         if kind is None:
             self._node.get_logger().info(

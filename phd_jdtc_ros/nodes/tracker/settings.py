@@ -54,7 +54,7 @@ def resolve(given: Mapping[str, Any]) -> Settings:
     try:
         tracker = build.resolve(of_tracker, SystemPlane)
     except ConfigError as error:
-        raise ConfigError([*faults, *error.faults]) from error
+        raise ConfigError(*faults, *error.faults) from error
     if tracker.plane is None and node["outputs"]:
         wanted = [name for name in outputs.ON_THE_EARTH if name in node["outputs"]]
         faults += [f"outputs: {name} given, needs world_origin" for name in wanted]
@@ -62,7 +62,7 @@ def resolve(given: Mapping[str, Any]) -> Settings:
         others = [each.name for each in tracker.inputs if not isinstance(each, RadarParameters)]
         faults += [f"outputs: registration given, {name} is not a radar" for name in others]
     if faults:
-        raise ConfigError(faults)
+        raise ConfigError(*faults)
     return Settings(_table(of_tracker), tracker, node)
 
 
@@ -75,11 +75,8 @@ def edit(
 ) -> tuple[dict[str, Parameter], dict[str, Any]]:
     """Return the table and the values after a change while the tracker is not configured.
 
-    Every value is checked by itself and not in combination, because changes may come one by one.
-    A new name in a list such as ``sensors`` adds its parameters, and a missing name removes them;
-    so does another kind of a sensor.
-
-    Raise `ConfigError` with every fault: unknown parameters, and values that are not allowed.
+    Every value is checked by itself, because changes may come one by one. A list such as
+    ``sensors`` adds and removes the parameters of its names. `ConfigError` has every fault.
     """
     wanted = {**values, **changes}
     table = _table(wanted)
@@ -92,16 +89,12 @@ def edit(
     checked, faults = check(table.values(), known)
     faults += build.name_faults(changes, table)
     if faults:
-        raise ConfigError(faults)
+        raise ConfigError(*faults)
     return table, checked
 
 
 def change(settings: Settings, changes: Mapping[str, Any]) -> Settings:
-    """Return the settings with some parameters changed while the tracker is configured.
-
-    Raise `ConfigError` with every fault: parameters that cannot change, and values that are not
-    allowed.
-    """
+    """Return settings changed while the tracker is configured; `ConfigError` has every fault."""
     faults = [
         f"{name}: cannot change while the tracker is configured, clean it up before"
         for name in changes
@@ -112,10 +105,10 @@ def change(settings: Settings, changes: Mapping[str, Any]) -> Settings:
     try:
         found = resolve({**settings.values, **allowed})
     except ConfigError as error:
-        raise ConfigError([*faults, *error.faults]) from error
+        raise ConfigError(*faults, *error.faults) from error
     before, after = ({*each.node["outputs"]} - {MARKERS} for each in (settings, found))
     if before != after:
         faults.append("outputs: only markers may come and go while the tracker is configured")
     if faults:
-        raise ConfigError(faults)
+        raise ConfigError(*faults)
     return found

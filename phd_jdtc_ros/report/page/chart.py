@@ -13,8 +13,6 @@ import numpy as np
 from plotly.graph_objects import Figure
 from plotly.subplots import make_subplots
 
-from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
-
 from ..record import Record
 from ..units import Clock
 
@@ -24,11 +22,6 @@ INK = "ink"
 NEUTRAL = "#858585"
 FONT = {"family": "system-ui, Segoe UI, Liberation Sans, sans-serif", "size": 13}
 
-# Plotly's names for the styles that the pictures use.
-SYMBOLS = ("circle", "triangle-up", "square", "diamond", "triangle-down", "cross")
-
-SOURCE_ORDER = (SMOOTHED, FILTERED)
-
 
 class Chart(NamedTuple):
     """An interactive chart of a page."""
@@ -37,11 +30,6 @@ class Chart(NamedTuple):
     title: str
     caption: str  # Describes the chart and its main message
     figure: Figure
-
-
-def class_symbol(class_id: int) -> str:
-    """Return the marker of a class."""
-    return SYMBOLS[class_id % len(SYMBOLS)]
 
 
 # Heights in pixels: of a row, and of the space above and below the rows.

@@ -17,7 +17,7 @@ from ..record import Record
 from ..sets import Sets
 from ..style import class_colour
 from ..units import Clock
-from .chart import NEUTRAL, SOURCE_ORDER, Chart, class_symbol, rows_over_time, times
+from .chart import NEUTRAL, Chart, rows_over_time, times
 
 CAPTION = (
     "The probability of each class for every estimate, one row per class. {colours} Near 0 or 1 "
@@ -28,6 +28,8 @@ BY_TRUTH = (
     "target; grey crosses are estimates without a target nearby."
 )
 BY_ESTIMATE = "The colour is the estimated class."
+# Plotly's names for the markers of classes that the pictures use.
+SYMBOLS = ("circle", "triangle-up", "square", "diamond", "triangle-down", "cross")
 
 
 class Key(NamedTuple):
@@ -51,11 +53,12 @@ def class_probabilities(record: Record, evaluation: Evaluation) -> Chart:
     clock = Clock.of(record)
     names = [f"P({record.sets.class_title(k)})" for k in range(record.classes)]
     figure = rows_over_time(record, names, "probability")
-    main = next(source for source in SOURCE_ORDER if record.of_source(source))
+    main = SMOOTHED if record.smoothed else FILTERED
     curves = _curves(record, main, evaluation.cutoff)
     if main == SMOOTHED and record.filtered:
-        behind = _all_of(record.filtered)
-        curves = {Key(FILTERED, FILTERED, None, 0): behind, **curves}
+        shares = np.concatenate([found.class_probability for found in record.filtered])
+        stamps = [found.stamp_ns for found in record.filtered for _ in range(len(found))]
+        curves = {Key(FILTERED, FILTERED, None, 0): Curve(stamps, list(shares)), **curves}
     named: set[str] = set()
     for key, curve in curves.items():
         for k, row in enumerate(names):
@@ -85,7 +88,7 @@ def _style(key: Key) -> dict[str, Any]:
         **shared,
         "mode": "lines+markers" if key.number else "markers",
         "line": {"color": colour, "width": 1.3},
-        "marker": {"symbol": class_symbol(key.class_id), "size": 4, "color": colour},
+        "marker": {"symbol": SYMBOLS[key.class_id % len(SYMBOLS)], "size": 4, "color": colour},
     }
 
 
@@ -130,8 +133,3 @@ def _by_estimate(source: str, found: Estimates, sets: Sets) -> Iterator[Key]:
         name = sets.class_title(class_id)
         label = f"track {number}, {name}" if number else f"estimated {name}"
         yield Key(f"{source}, {name}", label, class_id, number)
-
-
-def _all_of(run: tuple[Estimates, ...]) -> Curve:
-    shares = np.concatenate([found.class_probability for found in run])
-    return Curve([found.stamp_ns for found in run for _ in range(len(found))], list(shares))

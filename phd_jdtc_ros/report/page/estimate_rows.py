@@ -10,6 +10,7 @@ import numpy as np
 
 from msg_adapters.targets import geodetic, vertical
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import SOURCES, Estimates
 
 from ..record import Record, concatenate_rows
@@ -43,8 +44,7 @@ class Frames:
     def at(self, stamp_ns: Sequence[int]) -> IntArray:
         """Return the frame of each stamp: the first frame not before it, or else the last."""
         found = np.searchsorted(self.stamp_ns, np.array(stamp_ns, dtype=np.int64))
-        within: IntArray = np.minimum(found, max(len(self) - 1, 0)).astype(np.int64)
-        return within
+        return np.minimum(found, max(len(self) - 1, 0)).astype(np.int64)
 
     def first_shown(self, record: Record) -> int:
         """Return the last of the frames with the most targets, counting true ones if known."""
@@ -81,77 +81,70 @@ class Grid:
         return order
 
 
-class EstimateRows:
-    """The shown estimates of a source, as columns."""
+def add_estimates(
+    grid: Grid, record: Record, frames: Frames, source: str, known: list[list[str]], flying: bool
+) -> int:
+    """Add the shown estimates of a source as columns, and new identities to `known`.
 
-    def __init__(self, record: Record, frames: Frames, source: str) -> None:
-        found = record.of_source(source)
-        at = frames.at([entry.stamp_ns for entry in found])
-        shown = [
-            (frame, entry)
-            for frame, entry in zip(at.tolist(), found, strict=True)
-            if frames.stamp_ns[frame] == entry.stamp_ns
-        ]
-        self._sets = [entry for _, entry in shown]
-        self._frame = np.repeat([frame for frame, _ in shown], [len(e) for e in self._sets])
-        self._plane = record.plane
-        apart = np.diff([frame for frame, _ in shown])
-        # Number of frames for which a set of estimates remains the newest.
-        self.hold = int(np.median(apart)) if len(apart) else 1
+    Return the number of frames for which a set of estimates remains the newest.
+    """
+    found = record.of_source(source)
+    at = frames.at([entry.stamp_ns for entry in found])
+    shown = [
+        (frame, entry)
+        for frame, entry in zip(at.tolist(), found, strict=True)
+        if frames.stamp_ns[frame] == entry.stamp_ns
+    ]
+    sets, plane = [entry for _, entry in shown], record.plane
+    frame = np.repeat([frame for frame, _ in shown], [len(entry) for entry in sets])
 
-    def add(self, grid: Grid, source: str, known: list[list[str]], flying: bool) -> None:
-        """Add the columns, and new identities to `known`."""
-        order = grid.begin(source, self._of("track_id").astype(np.int64), self._frame)
-        datum = self._plane.origin[2] if self._plane is not None else 0.0
-        unit = vertical.FLIGHT_LEVEL if flying else 1.0
-        upward = self._of("known_attributes.height", 2)[order]
-        velocity, share = self._of("velocity", 2)[order], _shares(self._sets)[order]
-        grid.add(source, self._of("position", 2)[order])
-        variance, axes = np.linalg.eigh(self._of("position_covariance", 2, 2)[order])
-        semi = np.sqrt(np.maximum(variance, LEAST_AXIS**2))
-        known_level = np.isfinite(upward[:, 0])
-        columns = {
-            "vx": 10.0 * velocity[:, 0],
-            "vy": 10.0 * velocity[:, 1],
-            "course": concatenate_rows(map(self._course, self._sets))[order],
-            "level": np.where(known_level, (upward[:, 0] + datum) / unit, NO_LEVEL),
-            "climb": 10.0 * np.nan_to_num(upward[:, 1]),
-            "class": self._of("class_id")[order],
-            "share": 100.0 * share,
-            "weight": 100.0 * self._of("weight")[order],
-            "state": self._of("track_state")[order],
-            "identity": self._identity(known)[order],
-            "minor": AXIS_STEPS * np.log2(semi[:, 0] / LEAST_AXIS),
-            "major": AXIS_STEPS * np.log2(semi[:, 1] / LEAST_AXIS),
-            "angle": np.degrees(np.arctan2(axes[:, 1, 1], axes[:, 0, 1])) % 180.0,
-        }
-        for name, values in columns.items():
-            grid.columns.add(f"{source}.{name}", np.rint(values))
+    def of(name: str, *shape: int) -> FloatArray:
+        return concatenate_rows(map(attrgetter(name), sets), *shape)
 
-    def _of(self, name: str, *shape: int) -> FloatArray:
-        return concatenate_rows(map(attrgetter(name), self._sets), *shape)
-
-    def _course(self, entry: Estimates) -> FloatArray:
-        """Return courses, degrees clockwise from y, or from true north on the earth; 0 at rest."""
-        if self._plane is not None:
-            return np.nan_to_num(geodetic.of(entry, self._plane).course)
-        course: FloatArray = np.degrees(np.arctan2(*entry.velocity.T)) % 360.0
-        return course
-
-    def _identity(self, known: list[list[str]]) -> IntArray:
-        """Return the index of each estimate's code and address in `known`."""
-        places = {tuple(entry): k for k, entry in enumerate(known)}
-        found = [
-            places.setdefault(pair, len(places))
-            for e in self._sets
-            for pair in vertical.identities(e)
-        ]
-        known[:] = map(list, places)
-        return np.array(found, dtype=np.int64)
+    order = grid.begin(source, of("track_id").astype(np.int64), frame)
+    grid.add(source, of("position", 2)[order])
+    datum = plane.origin[2] if plane is not None else 0.0
+    unit = vertical.FLIGHT_LEVEL if flying else 1.0
+    upward, velocity = of("known_attributes.height", 2), of("velocity", 2)
+    known_level = np.isfinite(upward[:, 0])
+    variance, axes = np.linalg.eigh(of("position_covariance", 2, 2))
+    semi = np.sqrt(np.maximum(variance, LEAST_AXIS**2))
+    share = concatenate_rows(e.class_probability[np.arange(len(e)), e.class_id] for e in sets)
+    columns = {
+        "vx": 10.0 * velocity[:, 0],
+        "vy": 10.0 * velocity[:, 1],
+        "course": concatenate_rows(_course(entry, plane) for entry in sets),
+        "level": np.where(known_level, (upward[:, 0] + datum) / unit, NO_LEVEL),
+        "climb": 10.0 * np.nan_to_num(upward[:, 1]),
+        "class": of("class_id"),
+        "share": 100.0 * share,
+        "weight": 100.0 * of("weight"),
+        "state": of("track_state"),
+        "identity": _identity(sets, known),
+        "minor": AXIS_STEPS * np.log2(semi[:, 0] / LEAST_AXIS),
+        "major": AXIS_STEPS * np.log2(semi[:, 1] / LEAST_AXIS),
+        "angle": np.degrees(np.arctan2(axes[:, 1, 1], axes[:, 0, 1])) % 180.0,
+    }
+    for name, values in columns.items():
+        grid.columns.add(f"{source}.{name}", np.rint(values[order]))
+    apart = np.diff([frame for frame, _ in shown])
+    return int(np.median(apart)) if len(apart) else 1
 
 
-def _shares(sets: Sequence[Estimates]) -> FloatArray:
-    return concatenate_rows(e.class_probability[np.arange(len(e)), e.class_id] for e in sets)
+def _course(entry: Estimates, plane: Plane | None) -> FloatArray:
+    """Return courses, degrees clockwise from y, or from true north on the earth; 0 at rest."""
+    if plane is not None:
+        return np.nan_to_num(geodetic.of(entry, plane).course)
+    course: FloatArray = np.degrees(np.arctan2(*entry.velocity.T)) % 360.0
+    return course
+
+
+def _identity(sets: Sequence[Estimates], known: list[list[str]]) -> IntArray:
+    """Return the index of each estimate's code and address in `known`."""
+    places = {tuple(entry): k for k, entry in enumerate(known)}
+    found = [places.setdefault(pair, len(places)) for e in sets for pair in vertical.identities(e)]
+    known[:] = map(list, places)
+    return np.array(found, dtype=np.int64)
 
 
 def known_heights(record: Record) -> FloatArray:
@@ -161,5 +154,4 @@ def known_heights(record: Record) -> FloatArray:
         for source in SOURCES
         for entry in record.of_source(source)
     )
-    known: FloatArray = found[np.isfinite(found)]
-    return known
+    return found[np.isfinite(found)]

@@ -112,11 +112,7 @@ def _part(name: str) -> str:
 
 
 def _run_json(record: Record, charts: Sequence[Chart], picture: Picture | None) -> str:
-    """Return the script's data, without ``<``.
-
-    In a name, ``</script>`` would end the element, and ``<!--<script>`` would extend it over the
-    rest of the page.
-    """
+    """Return the script's data, without ``<``, which in a name could end or extend its element."""
     clock = Clock.of(record)
     document = {
         "times": [] if picture is None else times(clock, picture.frames.stamp_ns.tolist()),

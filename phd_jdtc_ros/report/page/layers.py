@@ -43,8 +43,6 @@ def shades_of(plots: AllPlots) -> IntArray:
     return shades
 
 
-# --- learned clutter
-
 # Ends of the opacity scale: decimal logarithms of false detections per turn and km^2.
 FAINTEST, STRONGEST = 0.0, 3.0
 # Number of steps of the opacity.
@@ -66,11 +64,8 @@ def clutter_levels(raster: ClutterRaster, columns: Columns) -> dict[str, Any]:
     }
 
 
-# --- the earth
-
-# Largest number of lines of the graticule across the picture, and allowed steps, degrees.
+# Largest number of lines of the graticule across the picture.
 MOST_LINES = 8
-GRATICULE_STEPS = tuple(m * 10.0**k for k in (1, 0, -1, -2, -3, -4) for m in (5.0, 2.0, 1.0))
 # Number of points of a line.
 POINTS = 73
 # Largest number of rings of a radar, and allowed steps as multiples of a power of ten.
@@ -94,8 +89,9 @@ def graticule(
     beyond = BEYOND * (far - corner)
     extents = _extent(plane, corner - beyond, far + beyond)
     for along, across, name in ((0, 1, "NS"), (1, 0, "EW")):
-        step = _step(extents[along])
-        for value in _multiples(extents[along], step):
+        step = round_step(float(np.ptp(extents[along])) / MOST_LINES)
+        first, last = np.ceil(extents[along][0] / step), np.floor(extents[along][1] / step)
+        for value in np.arange(first, last + 1.0) * step:
             pair = [np.full(POINTS, value)] * 2
             pair[across] = np.linspace(extents[across][0], extents[across][1], POINTS)
             place = np.stack(plane.to_plane(*pair))
@@ -173,19 +169,4 @@ def _extent(plane: Plane, low: FloatArray, high: FloatArray) -> tuple[FloatArray
 
 def _away(plane: Plane, longitude: FloatArray) -> FloatArray:
     """Return longitudes relative to the origin, continuous over the antimeridian."""
-    away: FloatArray = (longitude - plane.origin[1] + 180.0) % 360.0 - 180.0 + plane.origin[1]
-    return away
-
-
-def _step(extent: FloatArray) -> float:
-    """Return the least step that leaves at most `MOST_LINES` lines, degrees."""
-    wide = float(extent[1] - extent[0])
-    return min(
-        (step for step in GRATICULE_STEPS if wide / step <= MOST_LINES), default=GRATICULE_STEPS[0]
-    )
-
-
-def _multiples(extent: FloatArray, step: float) -> FloatArray:
-    first, last = np.ceil(extent[0] / step), np.floor(extent[1] / step)
-    multiples: FloatArray = np.arange(first, last + 1.0) * step
-    return multiples
+    return (longitude - plane.origin[1] + 180.0) % 360.0 - 180.0 + plane.origin[1]

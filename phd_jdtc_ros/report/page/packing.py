@@ -22,8 +22,8 @@ class Columns:
     def add(self, name: str, values: npt.ArrayLike) -> None:
         """Add a column.
 
-        A column stores the differences of successive entries, starting from 0, with the sign as the
-        lowest bit: first the lowest bytes of all entries, and last the highest, which are mostly 0.
+        It stores the differences of successive entries, from 0 on, with the sign as the lowest bit:
+        first the lowest bytes of all entries, and last the highest, which are mostly 0.
         """
         numbers = np.asarray(values, dtype=np.int64)
         steps = np.diff(numbers, prepend=0)

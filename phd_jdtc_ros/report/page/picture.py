@@ -25,9 +25,9 @@ from .estimate_rows import (
     AXIS_STEPS,
     LEAST_AXIS,
     NO_LEVEL,
-    EstimateRows,
     Frames,
     Grid,
+    add_estimates,
     known_heights,
 )
 from .layers import clutter_levels, earth_grid, graticule, rings, shades_of
@@ -82,9 +82,8 @@ def picture_of(record: Record) -> Picture | None:
         "identities": [],
     }
     for source in header["sources"]:
-        rows = EstimateRows(record, frames, source)
-        header["hold"][source] = rows.hold
-        rows.add(grid, source, header["identities"], aircraft)
+        known = header["identities"]
+        header["hold"][source] = add_estimates(grid, record, frames, source, known, aircraft)
     _add_truth(record, frames, grid)
     header["amplitudes"] = _add_plots(record, frames, grid)
     _add_carriers(record, frames, grid)
@@ -119,10 +118,7 @@ def _ground(record: Record, height: FloatArray) -> dict[str, float]:
 
 
 def _classes(record: Record, aircraft: bool) -> list[dict[str, Any]]:
-    """Return title and colour of each class: the tracker's, then further ones of the truth.
-
-    Further classes have only a number; their category is inferred from their speed.
-    """
+    """Return title and colour of each class of the tracker, and of further ones of the truth."""
     fastest: dict[int, float] = {}
     for entry in record.truth:
         for kind, speed in zip(

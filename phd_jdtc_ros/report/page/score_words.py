@@ -31,11 +31,12 @@ def tables(summary: Mapping[str, Any]) -> str:
     gap = summary.get("long_gap_s")
     over = "" if gap is None else f"Gaps of more than {gap:g} s are long."
     sets, matrix = Sets.of_summary(summary), _score(summary, SMOOTHED, "all", "confusion")
+    confusion = "" if sets.one_class else " and confusion of classes"
     return "\n".join(
         (
             "<h2>Scores</h2>",
             _table(summary, DISTANCES, f"Means over all scans. {unscored_note(summary)}".rstrip()),
-            f"<details>\n<summary>{_details_heading(sets)}</summary>",
+            f"<details>\n<summary>Surveillance figures{confusion}</summary>",
             _table(summary, OTHERS, over),
             _consistency(summary),
             "" if sets.one_class else _confusion(matrix, sets),
@@ -86,10 +87,6 @@ def _wide(headings: Sequence[str], bodies: str, style: str = "") -> str:
     )
 
 
-def _details_heading(sets: Sets) -> str:
-    return "Surveillance figures" + ("" if sets.one_class else " and confusion of classes")
-
-
 def _table(summary: Mapping[str, Any], columns: Sequence[Metric], note: str) -> str:
     """Return one table, without the columns in which no set has a value."""
     sets = Sets.of_summary(summary)
@@ -137,8 +134,7 @@ def percent(fraction: float | None, decimals: int = 0) -> str:
 
 def _score(summary: Mapping[str, Any], source: str, key: str, part: str) -> Any:
     """Return one entry of the summary; None if any of its keys is missing."""
-    value: Any = ((summary.get(source) or {}).get(key) or {}).get(part)
-    return value
+    return ((summary.get(source) or {}).get(key) or {}).get(part)
 
 
 def _sources(summary: Mapping[str, Any]) -> list[str]:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from plotly.graph_objects import Figure, Scatter
 
-from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
-from phd_jdtc_ros.core.types import SMOOTHED, SOURCES, Truth
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.types import SMOOTHED, SOURCES
 from phd_jdtc_ros.evaluation.comparison import ALL
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 
@@ -61,7 +61,9 @@ def numbers(record: Record) -> Chart:
                 Scatter(
                     x=times(clock, [truth.stamp_ns for truth in record.truth]),
                     y=[
-                        _count(truth.class_id[_fast_enough(record, truth)], key)
+                        _count(
+                            truth.class_id[np.hypot(*truth.velocity.T) >= record.least_speed], key
+                        )
                         for truth in record.truth
                     ],
                     name="truth",
@@ -93,9 +95,6 @@ def numbers(record: Record) -> Chart:
     return Chart("numbers", "Number of targets over time", caption, figure)
 
 
-# --- data -----------------------------------------------------------------------------------------
-
-
 def _distances(
     record: Record, evaluation: Evaluation, source: str, key: str
 ) -> tuple[list[float], FloatArray]:
@@ -105,17 +104,8 @@ def _distances(
     return time, np.array([scan.values[key]["ospa"] for scan in scans])
 
 
-def _fast_enough(record: Record, truth: Truth) -> BoolArray:
-    """Return whether each target is fast enough to be reported."""
-    fast: BoolArray = np.hypot(*truth.velocity.T) >= record.least_speed
-    return fast
-
-
 def _count(class_id: Any, key: str) -> int:
     return len(class_id if key == ALL else class_id[class_id == class_of(key)])
-
-
-# --- style ----------------------------------------------------------------------------------------
 
 
 def _append_title(figure: Figure, row: int, text: str) -> None:

@@ -113,7 +113,8 @@ def measurements(record: Record) -> Figure:
             c=amplitude[order],
             s=7.0,
             linewidths=0,
-            cmap=_pale_to_dark(),
+            # Its pale end is left out, because it is hard to see.
+            cmap=LinearSegmentedColormap.from_list("pale_to_dark", purples(0.45, 1.0, 64)),
             norm=LogNorm(lowest, max(highest, 1.1 * lowest)),
         )
         _amplitude_bar(figure, axes, dots)
@@ -182,9 +183,6 @@ def trajectories(record: Record) -> Figure:
     return figure
 
 
-# --- style ----------------------------------------------------------------------------------------
-
-
 def _map(position: FloatArray, scale: MapScale, margin: float) -> tuple[Figure, Axes]:
     """Return axes of equal scale, shaped for `position` of shape (T, 2) in the scale's unit."""
     width, height = np.maximum(np.ptp(position, axis=0), 0.1)
@@ -209,11 +207,6 @@ def _tick_step(extent: float) -> float:
     return float(
         max(step * decade for step in (1.0, 2.0, 2.5, 5.0) if 4.0 * step * decade <= extent)
     )
-
-
-def _pale_to_dark() -> LinearSegmentedColormap:
-    """Return a colour map of rising darkness, without its pale end, which is hard to see."""
-    return LinearSegmentedColormap.from_list("pale_to_dark", purples(0.45, 1.0, 64))
 
 
 def _handle(label: str, **style: Any) -> Line2D:
@@ -315,5 +308,5 @@ def _ellipses(axes: Axes, estimates: Estimates, scale: MapScale) -> None:
 
 def _dot_interval_s(span_s: float) -> float:
     """Return the round interval that gives a run of `span_s` seconds about ten dots."""
-    fitting = [step for step in TIME_STEPS_S if span_s / step <= MARKS_PER_TRACK]
-    return float(fitting[0] if fitting else TIME_STEPS_S[-1])
+    fitting = (step for step in TIME_STEPS_S if span_s / step <= MARKS_PER_TRACK)
+    return float(next(fitting, TIME_STEPS_S[-1]))

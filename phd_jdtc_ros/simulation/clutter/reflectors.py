@@ -44,14 +44,12 @@ class ReflectorBlock:
 
     def __post_init__(self) -> None:
         if not self.points or len(self.points) % 2:
-            raise ConfigError(["points: must be x and y of at least one point"])
+            raise ConfigError("points: must be x and y of at least one point")
         length = float(np.hypot(*np.diff(self.corners, axis=0).T).sum())
         if self.spacing and length / self.spacing > MOST:
             raise ConfigError(
-                [
-                    f"spacing: {self.spacing:g} given, must be at least {length / MOST:g} for at "
-                    f"most {MOST} reflectors"
-                ]
+                f"spacing: {self.spacing:g} given, must be at least {length / MOST:g} for at "
+                f"most {MOST} reflectors"
             )
 
     @property

@@ -35,9 +35,9 @@ class Leg:
 
     def __post_init__(self) -> None:
         if not self.duration_s > 0.0:
-            raise ConfigError([f"duration_s: {self.duration_s} given, must be above 0"])
+            raise ConfigError(f"duration_s: {self.duration_s} given, must be above 0")
         if self.turn_rate and self.acceleration:
-            raise ConfigError([f"acceleration: {self.acceleration} given, must be 0 in a turn"])
+            raise ConfigError(f"acceleration: {self.acceleration} given, must be 0 in a turn")
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Flight:
     def __post_init__(self) -> None:
         slowest = self._marks[:, 2].min()
         if slowest < -ROUNDING_S:
-            raise ConfigError([f"legs: a speed of {slowest:.3g} m/s, expected none below 0"])
+            raise ConfigError(f"legs: a speed of {slowest:.3g} m/s, expected none below 0")
 
     @property
     def end_s(self) -> float:

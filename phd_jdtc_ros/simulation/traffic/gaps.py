@@ -35,10 +35,8 @@ class Gaps:
     def __post_init__(self) -> None:
         if self.longest_s < self.shortest_s:
             raise ConfigError(
-                [
-                    f"longest_s: {self.longest_s:g} given, must be at least shortest_s, "
-                    f"{self.shortest_s:g}"
-                ]
+                f"longest_s: {self.longest_s:g} given, must be at least shortest_s, "
+                f"{self.shortest_s:g}"
             )
 
 

@@ -66,7 +66,7 @@ class TargetScript:
                 )
             first, event = end, "previous turn ends"
         if faults:
-            raise ConfigError(faults)
+            raise ConfigError(*faults)
 
     def state_at(self, scan: int, interval_s: float) -> FloatArray | None:
         """Return the exact state at a scan, with the present turn's rate, (D,); None if absent.

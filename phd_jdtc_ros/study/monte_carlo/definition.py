@@ -116,7 +116,7 @@ class Study:
         faults = _unknown("--case", cases, [case.name for case in self.cases])
         faults += _unknown("--variant", variants, [variant.name for variant in self.variants])
         if faults:
-            raise ConfigError(faults)
+            raise ConfigError(*faults)
         return replace(
             self,
             cases=tuple(case for case in self.cases if not cases or case.name in cases),

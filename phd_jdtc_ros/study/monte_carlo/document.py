@@ -91,7 +91,7 @@ def resolve(
     with all faults.
     """
     if not isinstance(document, Mapping):
-        raise ConfigError(["study: must be a mapping"])
+        raise ConfigError("study: must be a mapping")
     faults = _reserved_faults("-p ", assigned)
     lags = take([LAGS], document, "", faults, ("cases", "variants", "goals")).get("lags")
     given = _entries(document, "cases", faults)
@@ -135,7 +135,7 @@ def resolve(
         for fault in found
     ]
     if faults:
-        raise ConfigError(list(dict.fromkeys(faults)))
+        raise ConfigError(*dict.fromkeys(faults))
     return replace(study, left_out=left_out)
 
 
@@ -193,7 +193,7 @@ def _case(
             scenario = replace(scenario, transponders=replies)
         highest = max((target.class_id for target in scenario.targets), default=0)
         if highest >= classes:
-            raise ConfigError([f"class {highest} of a target, must be below {classes}"])
+            raise ConfigError(f"class {highest} of a target, must be below {classes}")
         settings = {key: values[key] for key in ("run_share", *(each.name for each in optional))}
         return Case(name, scenario, parameters, classes, ignored=ignored, **settings)
     except ConfigError as error:

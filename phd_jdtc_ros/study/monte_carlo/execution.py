@@ -171,11 +171,11 @@ def run_on_dask(tasks: Sequence[Task], address: str, report: Report, work: Work 
     try:
         from distributed import Client, as_completed
     except ImportError as error:
-        raise ConfigError(["--dask: needs the package distributed (the extra study)"]) from error
+        raise ConfigError("--dask: needs the package distributed (the extra study)") from error
     try:
         client = Client(address, timeout=DASK_TIMEOUT_S)
     except (OSError, ValueError) as error:
-        raise ConfigError([f"--dask: {address!r} given, no scheduler answers: {error}"]) from error
+        raise ConfigError(f"--dask: {address!r} given, no scheduler answers: {error}") from error
     with client:
         futures = {client.submit(work, task, pure=False): task for task in tasks}
         for future in as_completed(futures):

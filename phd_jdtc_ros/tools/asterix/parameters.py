@@ -1,8 +1,4 @@
-"""Proposes a tracker's parameters for the radars of a recording of ASTERIX.
-
-The profile of air traffic is adapted to the recording. A comment beside each changed value gives
-its origin.
-"""
+"""Proposes parameters for a recording of ASTERIX: the profile of air traffic, adapted to it."""
 
 from __future__ import annotations
 
@@ -138,11 +134,8 @@ def measure(proposed: Proposal, states: Sequence[RadarState], bag: Path) -> None
 
 
 def _set_detection_probability(proposed: Proposal, radar: str, measured: float) -> None:
-    """Set detection probabilities to learn from, which fall with range from a measured mean.
-
-    A constant probability would be too high at long ranges, where misses are correlated, and lose
-    tracks.
-    """
+    """Set detection probabilities to learn from, which fall with range from a measured mean."""
+    # A constant one would be too high at long ranges, where misses are correlated, and lose tracks.
     least, most = PROBABILITIES
     far = proposed.values[f"{radar}.max_range"]
     near = min(max(measured, least), most)

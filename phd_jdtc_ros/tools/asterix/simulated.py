@@ -43,7 +43,7 @@ def check(run: Scenario) -> None:
         if not radar.rotation_s
     ]
     if faults:
-        raise ConfigError(faults)
+        raise ConfigError(*faults)
 
 
 def write(

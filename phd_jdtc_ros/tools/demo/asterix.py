@@ -63,7 +63,7 @@ def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path, cutoff: f
         if not all(nodes.wait_for(BRIDGE, text) for text in ready):
             return False
         sent = ["--recording", str(recording(bag)), "--send", str(where)]
-        sent += ["--params-file", str(logs / PARAMETERS)]
+        sent += ["--tracker", str(logs / PARAMETERS)]
         if not processes.replay(nodes, bag, config, sent, PLAYER, f"{__package__}.{PLAYER}"):
             return False
         outputs = BagReader(out / RECORDING).counts[names.estimates(FILTERED)]

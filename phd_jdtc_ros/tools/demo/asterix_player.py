@@ -115,7 +115,7 @@ class AsterixPlayer(SensorReplay):
 
     def __init__(self, given: Namespace, flags: dict[str, Any]) -> None:
         records.prepare()
-        config = tracker_params.load(given.params_file, names.TRACKER)
+        config = tracker_params.load(given.tracker, names.TRACKER)
         bridge = settings.resolve(bridge_parameters(config))
         self._bag = Recording(Path(flags["bag"]), given.recording, bridge)
         self._udp = UdpOutput(given.send)
@@ -148,8 +148,8 @@ def main(argv: Sequence[str]) -> int:
     parser = ArgumentParser(NAME, description=__doc__)
     parser.add_argument("--recording", type=Path, required=True, help="of ASTERIX")
     parser.add_argument("--send", required=True, type=udp.address, metavar="HOST:PORT")
-    parser.add_argument("--params-file", type=Path, required=True, help="of the tracker")
-    others, _ = arguments.split(NAME, argv, own=["--params-file"])
+    parser.add_argument("--tracker", type=Path, required=True, help="its parameter file")
+    others, _ = arguments.split(NAME, argv)
     given, flags = parser.parse_known_args(others)
     make = partial(AsterixPlayer, given, sensor_replay.flags(flags))
     return runtime.run(NAME, make, argv[len(others) :])

@@ -60,9 +60,7 @@ ARTEFACTS = (
 )
 
 
-def run_nodes(
-    bag: Path, config: TrackerConfig, out: Path, logs: Path, cutoff: float = command.CUTOFF
-) -> bool:
+def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path, cutoff: float) -> bool:
     """Replay a bag through the three nodes; see `processes.run`."""
 
     def play(nodes: Processes) -> bool:

@@ -6,7 +6,6 @@ Nothing here imports launch, so that it can be tested without.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from phd_jdtc_ros import resources
@@ -14,7 +13,7 @@ from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.parameters import tracker_node
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import OK, USAGE
-from phd_jdtc_ros.parameter_files import bag_parameters, sections, sensor_replay, tracker_params
+from phd_jdtc_ros.parameter_files import bag_parameters, sections, tracker_params
 
 _BOOLEANS = {"true": True, "True": True, "1": True, "false": False, "False": False, "0": False}
 
@@ -27,24 +26,15 @@ def booleans(given: Mapping[str, str]) -> dict[str, bool]:
         if text not in _BOOLEANS
     ]
     if faults:
-        raise ConfigError(faults)
+        raise ConfigError(*faults)
     return {name: _BOOLEANS[text] for name, text in given.items()}
 
 
 def whole(name: str, text: str) -> int:
     """Return the value of a launch argument that must be a whole number, at least 0."""
     if not (text.isascii() and text.isdigit() and len(text) < 10):
-        raise ConfigError([f"{name}: {text!r} given, must be a whole number, at least 0"])
+        raise ConfigError(f"{name}: {text!r} given, must be a whole number, at least 0")
     return int(text)
-
-
-def rate(text: str) -> float:
-    """Return the rate of a replay; `ConfigError` if `sensor_replay` would refuse it."""
-    try:
-        given: float | str = float(text)
-    except ValueError:
-        given = text
-    return sensor_replay.rate(given)
 
 
 def full_namespace(pushed: str | None, given: str) -> str:
@@ -77,31 +67,23 @@ def outputs(params_file: str, tracker: str, frames: bool) -> list[str]:
     return [*(name for name in others if name != "frames"), *(["frames"] if frames else [])]
 
 
-@dataclass(frozen=True)
-class Demo:
-    """The bag of a demo, and the tracker's parameter file, empty for the defaults."""
+def demo(bag: str, params_file: str, tracker: str, out: Path) -> tuple[Path, str, TrackerConfig]:
+    """Return a demo's bag, the tracker's parameter file, empty for the defaults, and what it says.
 
-    bag: Path
-    params_file: str
-    config: TrackerConfig
-
-
-def demo(bag: str, params_file: str, tracker: str, out: Path) -> Demo:
-    """Return the demo of a bag, with the parameters beside it unless a file is given.
-
-    The bag is given by its path, or by its name if it is a shipped one. Its parameters are written
-    into the directory `out`, for the tracker with this full name. `BagError` is raised if there is
-    no such bag, and `ConfigError` with every fault of the parameters.
+    The bag is given by its path, or by its name if it is a shipped one. Unless a file is given, the
+    parameters beside it are written into the directory `out`, for the tracker with this full name.
+    `BagError` is raised if there is no such bag, and `ConfigError` with every fault of the
+    parameters.
     """
     found = resources.bag(bag)
     recorded = None if params_file else bag_parameters.read(found)
     if recorded is None:
-        return Demo(found, params_file, load(params_file, tracker))
+        return found, params_file, load(params_file, tracker)
     config = tracker_params.config(recorded)
     out.mkdir(parents=True, exist_ok=True)
     path = out / bag_parameters.NAME
     bag_parameters.write(path, config.values, section=tracker)
-    return Demo(found, str(path), config)
+    return found, str(path), config
 
 
 def is_final(status: int, ends: int, retries: int) -> bool:

@@ -109,7 +109,7 @@ def test_reporting_radar_is_ok_with_its_figures():
 def test_radar_in_trouble_is_a_warning_for_a_while(trouble):
     health = radar(60.0)
     if trouble == "drop":
-        health.drop("schema", 3)
+        health.dropped["schema"] += 3
     else:
         health.deadlines_missed += 3
     values = diagnostics.values_of(status(health))

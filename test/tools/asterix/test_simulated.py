@@ -141,8 +141,8 @@ def test_simulate_names_an_impossible_recording_before_it_simulates(tmp_path, ca
     taken.write_bytes(b"mine")
     scenario = str(resources.find(Path("config/scenarios/en_route_hour.yaml")))
     faults = {
-        missing: f"{missing}: cannot be written, {missing.parent} is no directory",
-        taken: f"{taken}: already exists, a file is not overwritten",
+        missing: f"--asterix: {missing} given, but {missing.parent} is no directory",
+        taken: f"--asterix: {taken} already exists, a file is not overwritten",
     }
     for path, fault in faults.items():
         given = ["--scenario", scenario, "--out", str(tmp_path / "bag"), "--asterix", str(path)]
