@@ -74,11 +74,9 @@ class Parameters:
         return [name for name in listed if isinstance(name, str)]
 
     def config(self, columns: Collection[str] = (), incomplete: bool = False) -> TrackerConfig:
-        """Return the configuration for a table with these columns.
+        """Return the configuration for a table with these columns; `ConfigError` has all faults.
 
         Noise, range and interval may be missing in an `incomplete` one, which only reads tables.
-
-        Raise `ConfigError` with all faults.
         """
         values = self.values(columns)
         faults = [] if self.for_node or incomplete else self._missing(values, columns)

@@ -44,12 +44,6 @@ def rows_of(columns: Columns, rows: IntArray) -> Columns:
     return Located(own, rows + 1)
 
 
-def with_column(columns: Columns, name: str, column: Column) -> Columns:
-    """Return columns with another one of a name, at the same places."""
-    own = {**columns, name: column}
-    return Located(own, columns.places, columns.path) if isinstance(columns, Located) else own
-
-
 def place_of(columns: Columns, row: int) -> str:
     """Return the words for the place of a row, as the user counts."""
     if not isinstance(columns, Located):
@@ -119,12 +113,12 @@ def _read_csv(path: Path) -> Columns:
     return Located(columns, np.array(lines[1:], dtype=np.int64), path)
 
 
-def numbers(columns: Columns, name: str) -> FloatArray:
-    """Return a column as numbers; empty texts become NaN.
+def numbers(columns: Columns, name: str, column: Column | None = None) -> FloatArray:
+    """Return a column, or what has been made of it, as numbers; empty texts become NaN.
 
     Raise `ValueError` if the column is missing or contains a value that is not a number.
     """
-    column = require_column(columns, name)
+    column = require_column(columns, name) if column is None else column
     if column.ndim > 1:
         raise ValueError(f"{name}: shape {column.shape}, must be one number per row")
     if column.dtype.kind in "US":
@@ -160,7 +154,7 @@ def stamps_ns(columns: Columns, name: str = "time") -> IntArray:
         micros = column.astype("datetime64[us]").astype(np.int64)
         bad = (micros < 0) | (micros > LATEST_S * 1e6)
     else:
-        seconds = numbers(with_column(columns, name, column), name)
+        seconds = numbers(columns, name, column)
         bad = ~((seconds >= 0.0) & (seconds <= LATEST_S))
         micros = np.rint(np.where(bad, 0.0, seconds) * 1e6).astype(np.int64)
     if bad.any():

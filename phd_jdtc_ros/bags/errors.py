@@ -6,10 +6,9 @@ from phd_jdtc_ros.quoting import short
 
 
 class BagError(Exception):
-    """The bag cannot be used; the message is one line with the bag and the reason.
+    """The bag cannot be used; the message is one line of bounded length with bag and reason.
 
-    The message has a bounded length, because it may quote names from the bag. `corrupt` says
-    whether the file is damaged, rather than missing or of another kind.
+    `corrupt` says whether the file is damaged, rather than missing or of another kind.
     """
 
     def __init__(self, message: str, corrupt: bool = False) -> None:

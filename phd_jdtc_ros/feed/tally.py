@@ -61,10 +61,6 @@ class DetectionCounts:
         self.offered += kept + sum(dropped.values())
         self.lost.update(dropped)
 
-    def refuse(self, reason: str, count: int) -> None:
-        """Count detections of a refused report as lost."""
-        self.lost[reason] += count
-
     def fault(self) -> str | None:
         """Return an error message if too few detections were used, else None."""
         lost = min(self.lost.total(), self.offered)
@@ -120,7 +116,7 @@ class Tally:
     def on_rejection(self, radar: int, reason: str, report: Report) -> None:
         """Count the detections of a report of which no part belongs to a scan."""
         self.dropped[reason] += 1
-        self.detections.refuse(reason, len(report.detections))
+        self.detections.lost[reason] += len(report.detections)
 
     def on_drops(self, radar: int, drops: Drops) -> None:
         """Count the reports that were dropped while they waited for poses."""

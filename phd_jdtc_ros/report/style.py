@@ -5,15 +5,19 @@ The palette suits colour-blind readers; lines and markers also differ in greysca
 
 from __future__ import annotations
 
+import io
+from pathlib import Path
 from typing import Literal, TypeAlias
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from msg_adapters.targets.palette import COLOURS as COLOURS
 from msg_adapters.targets.palette import class_colour as class_colour
+from phd_jdtc_ros import output_files
 from phd_jdtc_ros.core.arrays import FloatArray
 
 Line: TypeAlias = Literal["-", "--", "-.", ":"]
@@ -48,6 +52,13 @@ def class_line(class_id: int) -> Line:
 def class_marker(class_id: int) -> str:
     """Return the marker of a class."""
     return MARKERS[class_id % len(MARKERS)]
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure as a PNG file."""
+    image = io.BytesIO()
+    FigureCanvasAgg(figure).print_png(image)
+    output_files.write(path, image.getvalue())
 
 
 def plain_axes(axes: Axes) -> None:

@@ -8,13 +8,11 @@ corrects them, and a picture of the residuals before and after.
 from __future__ import annotations
 
 import argparse
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from rich.console import Console
 
 from phd_jdtc_ros import output_files, resources
@@ -29,6 +27,7 @@ from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 from phd_jdtc_ros.quoting import counts_text
+from phd_jdtc_ros.report import style
 from phd_jdtc_ros.report.pictures import registration as picture
 
 from . import command, recorded_plots, registered_table
@@ -37,14 +36,6 @@ from .recorded_plots import RecordedPlots
 # Length of the part of a recording that is read by default, seconds, and the largest number of
 # detections of a radar.
 SECONDS, MOST_PLOTS = 1200.0, 60_000
-
-
-class Outcome(NamedTuple):
-    """The registration from a recording."""
-
-    found: Registration  # Errors in addition to the corrections that are set already
-    parameters: dict[str, list[float]]  # Corrections of the observable errors, by dotted name
-    damage: BagError | None  # Damage of the bag; all intact messages were used
 
 
 def main(argv: Sequence[str]) -> int:
@@ -77,35 +68,28 @@ def _work(arguments: argparse.Namespace) -> int:
             "radars: give a parameter file as --params"
         )
     given, where = recorded
-    outcome = outcome_of(source, given, arguments.reference, arguments.seconds)
+    found, parameters, damage = _estimate(source, given, arguments.reference, arguments.seconds)
     now = tracker_params.config(given)
     console = Console()
     console.width = max(console.width, registered_table.WIDTH)
-    rows = registered_table.rows(outcome.found, outcome.parameters, now)
+    rows = registered_table.rows(found, parameters, now)
     console.print(registered_table.table(rows))
-    console.print(registered_table.residuals(outcome.found))
-    print(*registered_table.remarks(outcome.found), sep="\n")
+    console.print(registered_table.residuals(found))
+    print(*registered_table.remarks(found), sep="\n")
     if drawn is not None:
-        image = io.BytesIO()
-        FigureCanvasAgg(picture.residuals(outcome.found)).print_png(image)
-        output_files.write(drawn, image.getvalue())
+        style.save(picture.residuals(found), drawn)
         print(f"{drawn}: residuals before and after")
-    status = OK if outcome.damage is None else fail("register", outcome.damage)
+    status = OK if damage is None else fail("register", damage)
     head = f"Registered from {source}\nand {where}.\nA comment gives the basis of each correction."
-    values = {**given, **outcome.parameters}
-    command.write_proposal(out, head, values, registered_table.comments(rows))
+    comments = registered_table.comments(rows)
+    command.write_proposal(out, head, {**given, **parameters}, comments)
     return status
 
 
-def outcome_of(
+def _estimate(
     source: Path, given: Mapping[str, Any], reference: str | None, seconds: float
-) -> Outcome:
-    """Return the systematic errors of the radars in the first `seconds` of a recording.
-
-    `given` are the tracker's parameters, and the reference is the first radar if it is None. Raise
-    `BagError` if the bag cannot be read, or with the reason if no error is observable, and
-    `ConfigError` if the parameters, or the reference, are wrong.
-    """
+) -> tuple[Registration, dict[str, list[float]], BagError | None]:
+    """Return the errors found, the corrections for the tracker, and the damage of a recording."""
     config = tracker_params.config(given)
     names = [radar.name for radar in config.radars]
     if reference is not None and reference not in names:
@@ -120,7 +104,7 @@ def outcome_of(
         found, recorded = _register(source, config, reference or names[0], seconds)
         parameters = {**parameters, **_parameters(config, found)}
         found = _join(first, found)
-    return Outcome(found, parameters, recorded.damage)
+    return found, parameters, recorded.damage
 
 
 def _register(

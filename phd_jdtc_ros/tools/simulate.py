@@ -35,10 +35,7 @@ PLATFORM = "platform"
 
 
 def write_bag(directory: Path, run: Scenario, config: TrackerConfig, seed: int) -> None:
-    """Simulate a scenario into a new bag, with the tracker's parameters beside it.
-
-    Equal arguments give equal bytes. The layout of each radar's messages is that of `config`.
-    """
+    """Simulate a scenario into a new bag, with parameters beside it, byte for byte reproducible."""
     with BagWriter(directory) as bag:
         for radar in config.radars:
             kind = reader_of(radar)

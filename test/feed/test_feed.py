@@ -46,7 +46,7 @@ def test_half_of_the_detections_or_none_is_no_fault():
 def test_less_than_half_is_reported_with_the_main_reasons_and_their_parameters():
     used = DetectionCounts()
     used.read(20, {"range": 10, "azimuth": 1, "not_finite": 2})
-    used.refuse("late", 9)
+    used.lost["late"] += 9
     used.unreadable("schema", "north: no field")
     assert used.fault() == (
         "11 of 34 detections could be used; most frequent reasons: range 10 (min_range, "

@@ -156,10 +156,7 @@ class Rises:
 
 
 class ThrottledWarnings:
-    """Logs a subject's warnings at most once in `WARNING_PERIOD_S`.
-
-    The clock returns seconds; it must be steady, because one that is set back would silence it.
-    """
+    """Logs a subject's warnings at most once in `WARNING_PERIOD_S` of a steady clock, seconds."""
 
     def __init__(self, logger: RcutilsLogger, clock: Callable[[], float] = time.monotonic) -> None:
         self._logger = logger

@@ -92,11 +92,7 @@ def of_picture(
     tracks: int,
     alive: Sequence[str],
 ) -> DiagnosticStatus:
-    """Return the status of the joint picture.
-
-    `published` counts clouds by source; `alive` are the names of the trackers that are in the
-    picture and not quiet.
-    """
+    """Return the joint picture's status; `alive` are the trackers that are in it and not quiet."""
     uncommon_stamps = picture.uncommon_stamps
     values = {
         **published,

@@ -18,11 +18,7 @@ from ..common.tracker_parameters import TrackerParameters
 
 
 def begin(node: Node, bag: Path, estimates_topic: str) -> None:
-    """Compare the parameters beside a bag with the tracker's, once it is there.
-
-    Nothing is compared if the bag has no parameters, or if the topic of the estimates has not a
-    tracker's usual name.
-    """
+    """Compare the parameters beside a bag, if any, with the tracker's, once it is there."""
     tracker, found, _ = estimates_topic.rpartition(names.estimates("filtered", ""))
     try:
         recorded = bag_parameters.read(bag)

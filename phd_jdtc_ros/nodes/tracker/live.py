@@ -128,10 +128,7 @@ class LiveTracker:
         self._outputs.retune(settings)
 
     def flush(self) -> int:
-        """Publish all pending estimates and begin a new run.
-
-        Returns the number of messages of smoothed estimates, one for each stamp.
-        """
+        """Publish all pending estimates and begin a new run; return the number of smoothed ones."""
         published = 0
         with self._step_clock:
             for event in self._feed.flush():

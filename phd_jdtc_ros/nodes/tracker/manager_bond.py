@@ -20,10 +20,7 @@ FAREWELL = Duration(seconds=2)
 
 
 class ManagerBond:
-    """One side of a bond.
-
-    The bond has a thread that sends the heartbeats, so that a long step does not delay them.
-    """
+    """One side of a bond, whose own thread sends heartbeats, so that no long step delays them."""
 
     def __init__(self, node: LifecycleNode, kind: Any) -> None:
         self._node = node

@@ -7,18 +7,16 @@ state, so that they can be drawn from any thread.
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from phd_jdtc_ros import output_files
 from phd_jdtc_ros.core.types import SOURCES
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 
+from .. import style
 from ..record import Record
 from . import maps, timelines
 
@@ -33,9 +31,7 @@ def write_all(record: Record, evaluation: Evaluation, directory: Path) -> list[P
     for picture in PICTURES:
         if picture.has_data(record, evaluation):
             path = directory / f"{picture.name}.png"
-            image = io.BytesIO()
-            FigureCanvasAgg(picture.draw(record, evaluation)).print_png(image)
-            output_files.write(path, image.getvalue())
+            style.save(picture.draw(record, evaluation), path)
             paths.append(path)
     return paths
 

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 from scipy import special
@@ -260,6 +259,6 @@ def write_all(results: Sequence[Result], directory: Path) -> list[Path]:
             if chart.has_data(here):
                 path = directory / slug(case) / f"{chart.name}.png"
                 path.parent.mkdir(parents=True, exist_ok=True)
-                FigureCanvasAgg(chart.draw(here)).print_png(path)
+                style.save(chart.draw(here), path)
                 pictures.append(path)
     return pictures
