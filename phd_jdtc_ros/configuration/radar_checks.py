@@ -64,11 +64,6 @@ def _engine(radar: RadarParameters, parts: Parts) -> Iterator[str]:
             f"{radar.name}.clutter_map: true given, must be false for a moving radar with engine "
             f"{engine}"
         )
-    if radar.range_std.outliers:
-        yield (
-            f"{radar.name}.range_std: outliers given with engine {engine}, must be without them: "
-            "only engine gaussian uses them"
-        )
 
 
 def _fields(radar: RadarParameters, parts: Parts) -> Iterator[str]:

@@ -167,11 +167,6 @@ def test_detection_probability_is_a_number_a_table_or_is_learned_and_may_be_corr
     assert chain == correlation
 
 
-def test_particles_refuse_outliers():
-    with pytest.raises(ConfigError, match=r"radar_1.range_std: outliers given with engine partic"):
-        resolve({"engine": "particles", "radar_1.range_std": "45 outliers"})
-
-
 def test_correlated_detections_may_follow_from_the_snr_bands():
     radar = radar_of(detection_probability="correlated 0.5")
     assert radar.configured_detection_probability(np.zeros((1, 2))) is None

@@ -97,8 +97,8 @@ class RadarParameters(SensorParameters):
         300.0,
         "Standard deviation of measured ranges, m. auto, or auto with a value, such as auto 45, "
         "learns it from the targets, within a factor of 4. Add outliers, as in 45 outliers, if "
-        "some detections have several times this noise and that of the azimuth (engine: gaussian); "
-        "their share is learned.",
+        "some detections may have several times this noise and that of the azimuth; their share is "
+        "learned. Particles take all noise as normal.",
         form=forms.std(300.0, SMALL, outliers=True),
         mutable=True,
     )

@@ -21,6 +21,10 @@ PRIOR_WEIGHT = 4.0
 PRIOR = RatioPrior(0.5, 0.1, 1.4)
 # Memory, as a number of innovations of targets whose predicted measurement is certain.
 MEMORY = 400.0
+# Weight at which the certainty is one half. Outliers are learned after the noise: learned together
+# from the start, a noise twice the configured one is taken for outliers, of which a larger share
+# makes the noise seem small for hundreds of detections.
+CERTAIN_WEIGHT = 20.0
 # Bounds of the factor of the standard deviation.
 LEAST, MOST = 0.25, 4.0
 # Largest weight, and weight times ratio, accepted in a snapshot; a report may add many innovations
@@ -73,6 +77,12 @@ class NoiseFactor(ReadOnly):
     def of_std(self) -> FloatArray:
         """Factor of each standard deviation, shape (Z,)."""
         return np.sqrt(self.variance)
+
+    @property
+    def certainty(self) -> float:
+        """Certainty of the factors of a position's noise, 0 to 1; 1 if they are not learned."""
+        weight = self.weight[:-1][self.learned[:-1]].min(initial=np.inf)
+        return 1.0 if weight == np.inf else float(weight**2 / (weight**2 + CERTAIN_WEIGHT**2))
 
     @property
     def error(self) -> FloatArray:

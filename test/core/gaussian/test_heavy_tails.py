@@ -87,17 +87,23 @@ def test_large_outliers_stay_in_the_gate_of_their_target():
     assert (tails < 0.6 * plain).all()
 
 
+@pytest.mark.parametrize("start", [150, 300])
 @pytest.mark.parametrize(("noise", "share"), [(normal, 0.0), (every_fifth_outlier, 0.2)])
-def test_share_and_noise_are_learned_together(noise, share):
-    given = {f"{radar}.range_std": "auto 300 outliers" for radar in RADARS}
-    found = []
-    for seed in range(320, 324):
-        engine = new_engine(resolve({"engine": "gaussian", **given}))
-        for _, scan in run_of(seed, noise):
-            step = engine.step(scan)
-        found += [
-            (step.figures[f"{radar}.outlier_share"], step.figures[f"{radar}.range_noise_ratio"])
-            for radar in RADARS
-        ]
-    # A prior of twenty detections is among some 140 of a radar.
+def test_share_and_noise_are_learned_together(noise, share, start):
+    given = {f"{radar}.range_std": f"auto {start} outliers" for radar in RADARS}
+    given |= {f"{radar}.azimuth_std_deg": f"auto {start / 300}" for radar in RADARS}
+    engine = new_engine(resolve({"engine": "gaussian", **given}))
+    for repeat in range(4):
+        scans = [scan for _, scan in run_of(320 + repeat, noise)]
+        length_ns = scans[-1].stamp_ns - scans[0].stamp_ns + 6 * 10**9
+        for scan in scans:
+            step = engine.step(replace(scan, stamp_ns=scan.stamp_ns + repeat * length_ns))
+    found = [
+        (
+            step.figures[f"{radar}.outlier_share"],
+            step.figures[f"{radar}.range_noise_ratio"] * start / 300,
+        )
+        for radar in RADARS
+    ]
+    # Some 500 detections of a radar.
     assert np.mean(found, axis=0) == pytest.approx([share, 1.0], abs=0.05)

@@ -21,8 +21,8 @@ def outlier_evidence(
 ) -> OutlierEvidence | None:
     """Return the evidence of pairs on the share of outliers; None for a sensor without any.
 
-    Only targets that existed with `KNOWN_EXISTENCE` before the update count; for the parameters see
-    `noise_evidence`.
+    Only targets that existed with `KNOWN_EXISTENCE` before the update count, with the certainty of
+    the noise; for the parameters see `noise_evidence`.
     """
     if update.outlier is None:
         return None
@@ -32,7 +32,7 @@ def outlier_evidence(
     outlier = (weight * update.outlier.reshape(weight.shape)).sum(axis=1)
     outlier /= np.maximum(weight.sum(axis=1), TINY)
     is_known = mixture.existence[mixture.target[update.row]] >= KNOWN_EXISTENCE
-    detected = np.where(is_known, probability, 0.0)
+    detected = np.where(is_known, probability * _certainty(update), 0.0)
     return OutlierEvidence(float(detected.sum()), float(detected @ outlier))
 
 
@@ -40,7 +40,8 @@ def noise_evidence(mixture: Mixture, update: PairUpdate, probability: FloatArray
     """Return the evidence of the innovations of pairs; see `evidence.evidence_of`.
 
     Only targets that existed with `KNOWN_EXISTENCE` before the update count. A detection that may
-    be an outlier counts with the probability that it is none.
+    be an outlier counts with the probability that it is none, as far as the noise is known: while
+    it is not, a large innovation may as well show that the noise is larger.
 
     Parameters
     ----------
@@ -51,7 +52,7 @@ def noise_evidence(mixture: Mixture, update: PairUpdate, probability: FloatArray
         likelihoods.
     """
     innovation = update.innovation
-    outlier = np.zeros(0) if update.outlier is None else update.outlier
+    outlier = np.zeros(0) if update.outlier is None else _certainty(update) * update.outlier
     rate_square, rate_part = _rate_squares(update, mixture.mode_weight.shape[1])
     return NoiseEvidence(
         *_evidence(
@@ -62,6 +63,11 @@ def noise_evidence(mixture: Mixture, update: PairUpdate, probability: FloatArray
             *contiguous(outlier, rate_square, rate_part),
         )
     )
+
+
+def _certainty(update: PairUpdate) -> float:
+    factor = update.report.sensor.noise_factor
+    return 1.0 if factor is None else factor.certainty
 
 
 def _rate_squares(update: PairUpdate, modes: int) -> tuple[FloatArray, FloatArray]:
