@@ -33,6 +33,9 @@ FIELD_DETECTIONS = 200
 FIELD_ARC = 0.4
 # Smallest number of reports, with `FIELD_DETECTIONS` together, whose extent shows their units.
 EXTENT_REPORTS = 20
+# Smallest number of detections in a report that is taken for a copy of the one before. Fewer can
+# repeat by chance where measurements are coarse and targets rest.
+COPIED_DETECTIONS = 5
 # A turn in radians, if it is taken for degrees.
 RADIANS_AS_DEGREES = math.radians(FULL_TURN)
 # A radar with a longer rotation period, seconds, and a longer range, metres, is for aircraft, whose
@@ -62,18 +65,23 @@ class ReportCheck:
     _together: BoolArray = zeros_field(CELLS, dtype=np.bool_)
     # Measurements of the first reports; None once their extent is checked.
     _first: list[FloatArray] | None = field(init=False, default_factory=list)
+    # Measurements of the report before.
+    _before: FloatArray = zeros_field(0, 2)
 
     def add(self, detections: Detections) -> list[str]:
         """Return the names of the findings in a report.
 
-        They are ``sectors_not_configured``, and at most once ``fov_not_configured``,
+        They are ``reports_repeated``, ``sectors_not_configured``, and once ``fov_not_configured``,
         ``slant_ranges``, ``azimuths_in_radians`` and ``ranges_near``.
         """
-        noticed = []
+        noticed, measurement = [], detections.measurement
+        if len(measurement) >= COPIED_DETECTIONS and np.array_equal(measurement, self._before):
+            noticed.append("reports_repeated")
+        self._before = measurement
         if self.lacks_ground_ranges and len(detections):
             self.lacks_ground_ranges = False
             noticed.append("slant_ranges")
-        azimuth = detections.measurement[:, 1]
+        azimuth = measurement[:, 1]
         if (
             not self.reports_sectors
             and azimuth.size >= SECTOR_DETECTIONS
@@ -83,7 +91,7 @@ class ReportCheck:
         if self.sees_whole_turn and self._is_field(azimuth):
             noticed.append("fov_not_configured")
         if self.near and self._first is not None:
-            noticed += self._wrong_units(self._first, detections.measurement)
+            noticed += self._wrong_units(self._first, measurement)
         return noticed
 
     def _wrong_units(self, first: list[FloatArray], measurement: FloatArray) -> list[str]:

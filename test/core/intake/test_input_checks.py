@@ -51,6 +51,15 @@ def test_clutter_all_around_is_not_taken_for_sectors(size):
     assert not noticed(check_of(), uniform(500, size))
 
 
+def test_a_report_that_repeats_the_one_before_is_noticed():
+    reports = uniform(20, 5)
+    twice = [report for each in reports for report in (each, at(each.measurement[:, 1]))]
+    assert not noticed(check_of(), reports)
+    assert noticed(check_of(), twice) == {"reports_repeated": 20}
+    # Few coarse detections of targets at rest repeat by themselves.
+    assert not noticed(check_of(), [at([0.1, 0.2, 0.3, 0.4])] * 20)
+
+
 def test_the_field_of_view_is_checked_once_by_many_directions():
     assert not noticed(ReportCheck(reports_sectors=False), uniform(100, 20, 0.0, 1.0))
     reports = uniform(FIELD_DETECTIONS - 1, 1, -1.0, 1.0)
