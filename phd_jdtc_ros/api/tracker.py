@@ -41,8 +41,10 @@ class Tracker:
         The tracker's parameters, by dotted or nested names, see ``docs/parameters.md``. The
         defaults here are one radar, named ``radar``, and one class of targets, ``target``, that may
         appear anywhere. ``interval_s`` and each radar's ``range_std``, ``azimuth_std_deg`` and
-        ``max_range`` must be given, or estimated by `fit`. A str or a path is a parameter file of
-        the node, with the node's defaults.
+        ``max_range`` must be given, or estimated by `fit`. Without `fit` also set
+        ``detection_births.velocity_std``, because targets that are several times faster than its
+        40 m/s may not be found. A str or a path is a parameter file of the node, with the node's
+        defaults.
 
     Attributes
     ----------
