@@ -48,22 +48,20 @@ _DTYPES = (
 
 
 @cache
-def _array_fields(cls: Any) -> dict[str, np.dtype[Any]]:
-    """Return the dtype of each array field of a dataclass, optional ones included, by name."""
+def _layout(cls: Any) -> tuple[dict[str, np.dtype[Any]], tuple[str, ...]]:
+    """Return the dtype of each array field of a dataclass, optional ones included, by name.
+
+    The other result has the names of its cached properties.
+    """
     hints = get_type_hints(cls)
-    return {
+    arrays = {
         each.name: dtype
         for each in fields(cls)
         for array, dtype in _DTYPES
         if array in (hints[each.name], *get_args(hints[each.name]))
     }
-
-
-@cache
-def _cached_properties(cls: Any) -> tuple[str, ...]:
-    """Return the names of a class's cached properties."""
     members = ((name, value) for base in cls.__mro__ for name, value in vars(base).items())
-    return tuple({name for name, value in members if isinstance(value, cached_property)})
+    return arrays, tuple({name for name, value in members if isinstance(value, cached_property)})
 
 
 ValueT = TypeVar("ValueT", bound="ReadOnly")
@@ -75,7 +73,7 @@ class ReadOnly:
     def __post_init__(self) -> None:
         cls: Any = type(self)
         values = self.__dict__
-        for name, dtype in _array_fields(cls).items():
+        for name, dtype in _layout(cls)[0].items():
             if values[name] is not None:
                 values[name] = read_only(values[name], dtype)
 
@@ -86,15 +84,17 @@ class ReadOnly:
         read-only.
         """
         cls: Any = type(self)
+        arrays, computed = _layout(cls)
         other: ValueT = object.__new__(cls)
-        own, arrays = other.__dict__, _array_fields(cls)
-        own.update(self.__dict__, **values)
-        for name in _cached_properties(cls):
+        own = other.__dict__
+        own.update(self.__dict__)
+        for name in computed:
             if name in own:
                 del own[name]
         for name, value in values.items():
             if name in arrays and value is not None:
                 value.setflags(False)
+        own.update(values)
         return other
 
 

@@ -18,6 +18,7 @@ from ..models.amplitude_model import SnrCells
 from ..models.tracker_model import TrackerModel
 from ..sensors.sensor import Sensor
 from ..targets.motion import MotionModel
+from ..types import Estimates
 from .mixture import Mixture
 
 # Number of sets of intervals that are kept: the reports of whole turns have the same ones.
@@ -115,6 +116,12 @@ class Dynamics:
         classes, cells = self.cells.log_snr.shape
         modes, size = self.supported.shape
         return Mixture.empty(modes, classes, cells, size)
+
+    @cached_property
+    def nobody(self) -> Estimates:
+        """The estimates of no targets."""
+        modes = self.model.modes
+        return Estimates.empty(0, 0, len(modes.classes), modes.space)
 
     def unknown_snr(self, count: int) -> FloatArray:
         """Return the probabilities of the cells of new targets, shape (count, C, S)."""

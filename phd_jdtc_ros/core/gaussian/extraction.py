@@ -8,7 +8,7 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..compilation import Float3, Float4, Int1, compiled
-from ..types import Estimates
+from ..types import CONFIRMED, Estimates
 from .algebra import kalman
 from .algebra.blocks import SIZE, add_mean, add_spread
 from .algebra.vectors import add, total_of
@@ -115,7 +115,7 @@ def extract_targets(
     """
     columns = _class_moments(threshold, len(label), target, row, *gaussians)
     chosen, mass, probability, class_id, state, covariance = columns
-    return Estimates(
+    return dynamics.nobody.changed(
         stamp_ns=stamp_ns,
         lag=lag,
         state=state,
@@ -124,5 +124,5 @@ def extract_targets(
         class_probability=probability,
         class_id=class_id,
         track_id=label[chosen] + 1,
-        space=dynamics.model.modes.space,
+        track_state=np.full(len(mass), CONFIRMED),
     )

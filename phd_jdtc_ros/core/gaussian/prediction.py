@@ -17,6 +17,7 @@ from ..compilation import (
     Float4,
     Int1,
     Int2,
+    compiled,
     in_place,
     inner,
 )
@@ -33,7 +34,7 @@ from .algebra.blocks import (
     solve,
     write,
 )
-from .algebra.curvature import Moved, move, new_moved
+from .algebra.curvature import Moved, move, new_moved, new_moved_inside
 from .algebra.vectors import total_of
 from .dynamics import Dynamics
 from .mixture import Mixture
@@ -104,25 +105,21 @@ class _Scratch(NamedTuple):
     moved: Moved
 
 
-class _Places(NamedTuple):
-    """Columns of `Moves`: `place`, and `factored` with room for all pairs."""
-
-    place: Int2
-    factored: Int1
-
-
-@in_place
+@inner
 def _write_pair_places(
-    weight: Float3,
-    interval_of: Int1,
-    from_mode: Int1,
-    to_mode: Int1,
-    change: Float2,
-    places: _Places,
+    weight: FloatArray,
+    interval_of: IntArray,
+    pairs: tuple[IntArray, IntArray],
+    change: FloatArray,
+    place: IntArray,
+    factored: IntArray,
 ) -> tuple[int, int]:
-    """Write the places of the pairs that have weight; return their number, and that of factors."""
+    """Write the places of the pairs that have weight; return their number, and that of factors.
+
+    `factored`, a column of `Moves`, has room for all pairs.
+    """
     (count, _, classes), active, factors = weight.shape, 0, 0
-    place, factored = places
+    from_mode, to_mode = pairs
     for row in range(count):
         for pair in range(len(from_mode)):
             has_weight = False
@@ -196,7 +193,7 @@ def _write_pair(
 
 
 @in_place
-def _predict(
+def _write_predicted(
     weight: Float3,
     mean: Float3,
     covariance: Float4,
@@ -254,6 +251,62 @@ def _predict(
                 copy_gaussian(mean[row, mode], covariance[row, mode], later_mean, later_covariance)
 
 
+@compiled
+def _predict(
+    weight: Float3,
+    mean: Float3,
+    covariance: Float4,
+    interval_of: Int1,
+    from_mode: Int1,
+    to_mode: Int1,
+    turns: Bool1,
+    dt: Float1,
+    change: Float2,
+    noise: Float4,
+    transition: Float4,
+) -> _Predicted:
+    """Return the later hypotheses and the moves; see `_write_predicted`."""
+    (count, modes), pairs = weight.shape[:2], len(from_mode)
+    place, factored = np.empty((count, pairs), np.int64), np.empty(count * pairs, np.int64)
+    active, factors = _write_pair_places(
+        weight, interval_of, (from_mode, to_mode), change, place, factored
+    )
+    later = _Predicted(
+        np.zeros(weight.shape),
+        np.zeros(mean.shape),
+        np.zeros(covariance.shape),
+        np.empty((active, SIZE)),
+        np.empty((factors, SIZE, SIZE)),
+        factored[:active].copy(),
+        np.empty((active, SIZE, SIZE)),
+        np.empty((active, SIZE, SIZE)),
+        place,
+    )
+    scratch = _Scratch(
+        np.empty((pairs, SIZE, SIZE)),
+        np.empty(pairs),
+        np.empty(modes),
+        np.empty((SIZE, SIZE)),
+        new_moved_inside(),
+    )
+    _write_predicted(
+        weight,
+        mean,
+        covariance,
+        interval_of,
+        from_mode,
+        to_mode,
+        turns,
+        dt,
+        change,
+        noise,
+        transition,
+        later,
+        scratch,
+    )
+    return later
+
+
 def survivors(earlier: Sequence[AgedMixture], dynamics: Dynamics) -> tuple[Mixture, Moves]:
     """Return the hypotheses of earlier scans predicted to the time of a later one.
 
@@ -271,62 +324,22 @@ def survivors(earlier: Sequence[AgedMixture], dynamics: Dynamics) -> tuple[Mixtu
     interval_of = np.arange(len(earlier)).repeat([len(aged.mixture) for aged in earlier])
     dt = np.array([aged.dt for aged in earlier])
     survival, change, noise, transition, snr = dynamics.over(dt)
-    count, modes, pairs = len(stored), len(dynamics.turns), len(dynamics.pairs[0])
-    places = _Places(np.empty((count, pairs), np.int64), np.empty(count * pairs, np.int64))
-    active, factors = _write_pair_places(
-        stored.weight, interval_of, *dynamics.pairs, change, places
-    )
-    later = _Predicted(
-        np.zeros(stored.weight.shape),
-        np.zeros(stored.mean.shape),
-        np.zeros(stored.covariance.shape),
-        np.empty((active, SIZE)),
-        np.empty((factors, SIZE, SIZE)),
-        places.factored[:active],
-        np.empty((active, SIZE, SIZE)),
-        np.empty((active, SIZE, SIZE)),
-        places.place,
-    )
-    scratch = _Scratch(
-        np.empty((pairs, SIZE, SIZE)),
-        np.empty(pairs),
-        np.empty(modes),
-        np.empty((SIZE, SIZE)),
-        new_moved(),
-    )
-    _predict(
-        *stored.gaussians,
-        interval_of,
-        *dynamics.pairs,
-        dynamics.turns,
-        dt,
-        change,
-        noise,
-        transition,
-        later,
-        scratch,
-    )
     diffused = [
         _diffuse(aged.mixture.snr, cell_transition)
         for aged, cell_transition in zip(earlier, snr, strict=True)
     ]
+    later = _predict(
+        *(*stored.gaussians, interval_of, *dynamics.pairs, dynamics.turns),
+        *(dt, change, noise, transition),
+    )
     predicted = stored.changed(
         weight=later.weight,
         mean=later.mean,
         covariance=later.covariance,
         snr=np.concatenate(diffused),
     )
-    return predicted, Moves(
-        dynamics.pairs,
-        change.take(interval_of, axis=0),
-        survival.take(interval_of, axis=0),
-        later.pair_mean,
-        later.factor,
-        later.factored,
-        later.gain,
-        later.base,
-        later.place,
-    )
+    of_row = change.take(interval_of, axis=0), survival.take(interval_of, axis=0)
+    return predicted, Moves(dynamics.pairs, *of_row, *later[3:])
 
 
 def _diffuse(snr: FloatArray, transition: FloatArray | None) -> FloatArray:

@@ -176,10 +176,10 @@ class ModeSpace:
 
     def noise(self, dt: FloatArray | float) -> FloatArray:
         """Return the process noise of each flat mode after `dt` seconds, (..., O, D, D)."""
-        return noise_after(dt, self._noise_factors)
+        return noise_after(dt, self.noise_factors)
 
     @cached_property
-    def _noise_factors(self) -> FloatArray:
+    def noise_factors(self) -> FloatArray:
         """The motions' `noise_factors` by flat mode, (3, O, D, D)."""
         size = len(self.space)
         factors = np.zeros((3, len(self.motions), size, size))

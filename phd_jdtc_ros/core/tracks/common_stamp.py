@@ -7,18 +7,16 @@ there to the common stamp; smoothed ones are interpolated between the updates be
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..state_space import StateSpace
+from ..compilation import Float1, Float2, Float3, Float4, Int1, compiled
+from ..state_space import OMEGA, VX, VY, X, Y
 from ..targets.modes import ModeSpace
-from ..targets.motion import CoordinatedTurn
+from ..targets.turn_matrix import turn, turn_terms
 from ..types import Estimates
 
-# Predicts the mean of a state; with a turn rate of zero along a straight line.
-NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
 # Step of the numerical Jacobian along the axes of position and velocity.
 STEP = 1e-2
 # Step along the axis of the turn rate.
@@ -53,37 +51,66 @@ def predict(estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeS
         is_at_stamp = estimates.stamp_ns == stamp_ns
         return estimates if is_at_stamp else estimates.changed(stamp_ns=stamp_ns)
     dt = (stamp_ns - time_ns[to_predict]).astype(np.float64) * 1e-9
-    class_of_track = estimates.class_id[to_predict]
-    state, covariance = estimates.state[to_predict], estimates.covariance[to_predict]
-    step, shift = _steps(estimates.space)
-    predicted = NOISE_FREE.mean(shift[:, None] + state, dt)
-    size = step.size
-    difference = predicted[1 : size + 1] - predicted[size + 1 :]
-    jacobian = (difference / (2.0 * step)[:, None, None]).transpose(1, 2, 0)
-    by_mode, noise = modes.noise(dt), np.zeros(covariance.shape)
-    for mode, class_id in enumerate(modes.class_of.tolist()):
-        of_class = (class_of_track == class_id)[:, None, None]
-        noise += of_class * by_mode[:, mode] / len(modes.classes[class_id].motions)
-    survival = modes.nominal_survival[class_of_track] ** (dt / modes.interval_s)
+    class_id, covariance = estimates.class_id[to_predict], estimates.covariance[to_predict]
+    state, columns, noise = _predicted(
+        estimates.state[to_predict],
+        *(dt, dt**2 / 2.0, dt**3 / 3.0),
+        class_id,
+        *(modes.class_of, modes.noise_factors),
+    )
+    jacobian = columns.transpose(1, 2, 0)
+    survival = modes.nominal_survival[class_id] ** (dt / modes.interval_s)
     covariance = jacobian @ covariance @ jacobian.transpose(0, 2, 1) + noise
     return estimates.changed(
         stamp_ns=stamp_ns,
-        state=_with_values(estimates.state, to_predict, predicted[0]),
+        state=_with_values(estimates.state, to_predict, state),
         covariance=_with_values(estimates.covariance, to_predict, covariance),
         weight=_with_values(estimates.weight, to_predict, estimates.weight[to_predict] * survival),
     )
 
 
-@cache
-def _steps(space: StateSpace) -> tuple[FloatArray, FloatArray]:
-    """Return the step along each axis, (D,), and the shifts of a state, (1 + 2 D, D).
+@compiled
+def _predicted(
+    state: Float2,
+    dt: Float1,
+    half_square: Float1,
+    third_cube: Float1,
+    class_id: Int1,
+    class_of: Int1,
+    factors: Float4,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return states after `dt` seconds, their numerical Jacobians by column, and the noise.
 
-    The first shift is zero; then follow the steps up along each axis, and then those down.
+    `half_square` is dt^2 / 2 and `third_cube` dt^3 / 3; `class_of` and `factors` are those of
+    `ModeSpace`. The shapes are (N, D), (D, N, D) and (N, D, D).
     """
-    step = np.full(len(space), STEP)
-    step[space.turn_rate] = TURN_STEP
-    shift = np.diag(step)
-    return step, np.concatenate([np.zeros((1, len(space))), shift, -shift])
+    count, size = state.shape
+    later, columns = np.empty_like(state), np.empty((size, count, size))
+    noise = np.zeros((count, size, size))
+    shifted, ends = np.empty(size), np.empty((2, size))
+    for row in range(count):
+        turn(turn_terms(state[row, OMEGA], dt[row]), state[row], later[row])
+        for axis in range(size):
+            step = TURN_STEP if axis == OMEGA else STEP
+            for side in range(2):
+                shifted[:] = state[row]
+                shifted[axis] += step if side else -step
+                turn(turn_terms(shifted[OMEGA], dt[row]), shifted, ends[side])
+            for i in range(size):
+                columns[axis, row, i] = (ends[1, i] - ends[0, i]) / (2.0 * step)
+        motions = 0
+        for mode_class in class_of:
+            motions += mode_class == class_id[row]
+        for mode in range(len(class_of)):
+            if class_of[mode] != class_id[row]:
+                continue
+            for i in range(size):
+                for k in range(size):
+                    added = dt[row] * factors[0, mode, i, k]
+                    added += half_square[row] * factors[1, mode, i, k]
+                    added += third_cube[row] * factors[2, mode, i, k]
+                    noise[row, i, k] += added / motions
+    return later, columns, noise
 
 
 def _with_values(column: FloatArray, rows: IntArray, values: FloatArray) -> FloatArray:
@@ -103,37 +130,59 @@ def interpolate(
     Positions follow the cubic Hermite spline of the positions and velocities at both ends.
     Everything else is linear in time.
     """
-    duration_s = ((between_ns[1] - between_ns[0]) * 1e-9)[:, None]
-    s = (stamp_ns - between_ns[0])[:, None] * 1e-9 / duration_s
-    state = (1.0 - s) * before.state + s * after.state
-    position, velocity = list(before.space.position), list(before.space.velocity)
-    p0, p1 = before.state[:, position], after.state[:, position]
-    v0, v1 = duration_s * before.state[:, velocity], duration_s * after.state[:, velocity]
-    state[:, position] = (
-        (1.0 + 2.0 * s) * (1.0 - s) ** 2 * p0
-        + s * (1.0 - s) ** 2 * v0
-        + s**2 * (3.0 - 2.0 * s) * p1
-        + s**2 * (s - 1.0) * v1
-    )
-    state[:, velocity] = (
-        6.0 * s * (1.0 - s) * (p1 - p0)
-        + (1.0 - s) * (1.0 - 3.0 * s) * v0
-        + s * (3.0 * s - 2.0) * v1
-    ) / duration_s
-
-    def linear(first: FloatArray, second: FloatArray) -> FloatArray:
-        fraction = s.reshape(-1, *[1] * (first.ndim - 1))
-        return (1.0 - fraction) * first + fraction * second
-
-    probability = linear(before.class_probability, after.class_probability)
+    ends = [
+        (end.state, end.covariance, end.weight, end.class_probability) for end in (before, after)
+    ]
+    pairs = [column for pair in zip(*ends, strict=True) for column in pair]
+    state, covariance, weight, probability = _interpolated(stamp_ns, *between_ns, *pairs)
     return before.changed(
         stamp_ns=stamp_ns,
         state=state,
-        covariance=linear(before.covariance, after.covariance),
-        weight=linear(before.weight, after.weight),
+        covariance=covariance,
+        weight=weight,
         class_probability=probability,
         class_id=probability.argmax(axis=1),
     )
+
+
+@compiled
+def _interpolated(
+    stamp_ns: int,
+    begin_ns: Int1,
+    end_ns: Int1,
+    state0: Float2,
+    state1: Float2,
+    covariance0: Float3,
+    covariance1: Float3,
+    weight0: Float1,
+    weight1: Float1,
+    probability0: Float2,
+    probability1: Float2,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return states, covariances, weights and probabilities of classes between two sets."""
+    state, covariance = np.empty_like(state0), np.empty_like(covariance0)
+    weight, probability = np.empty_like(weight0), np.empty_like(probability0)
+    for row in range(len(state)):
+        duration_s = (end_ns[row] - begin_ns[row]) * 1e-9
+        s = (stamp_ns - begin_ns[row]) * 1e-9 / duration_s
+        r = 1.0 - s
+        for i in range(state.shape[1]):
+            state[row, i] = r * state0[row, i] + s * state1[row, i]
+            for k in range(state.shape[1]):
+                covariance[row, i, k] = r * covariance0[row, i, k] + s * covariance1[row, i, k]
+        for x, vx in ((X, VX), (Y, VY)):
+            p0, p1 = state0[row, x], state1[row, x]
+            v0, v1 = duration_s * state0[row, vx], duration_s * state1[row, vx]
+            state[row, x] = (1.0 + 2.0 * s) * (r * r) * p0 + s * (r * r) * v0
+            state[row, x] += s * s * (3.0 - 2.0 * s) * p1
+            state[row, x] += s * s * (s - 1.0) * v1
+            moved = 6.0 * s * r * (p1 - p0) + r * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
+            state[row, vx] = moved / duration_s
+        weight[row] = r * weight0[row] + s * weight1[row]
+        for class_id in range(probability.shape[1]):
+            linear = r * probability0[row, class_id] + s * probability1[row, class_id]
+            probability[row, class_id] = linear
+    return state, covariance, weight, probability
 
 
 def at_stamp(

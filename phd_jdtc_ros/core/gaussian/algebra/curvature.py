@@ -43,10 +43,15 @@ def new_moved() -> Moved:
     """Return the arrays for one Gaussian at a time."""
     matrices = np.zeros((4, SIZE, SIZE))
     vectors = np.zeros((4, SIZE))
+    first, second, third, last = matrices[0], matrices[1], matrices[2], matrices[3]
+    node_mean = np.empty((len(NODES), SIZE))
     return Moved(
-        *(vectors[0], matrices[0], matrices[1], matrices[2], matrices[3]),
-        *(np.empty((len(NODES), SIZE)), vectors[1], vectors[2], vectors[3]),
+        vectors[0], first, second, third, last, node_mean, vectors[1], vectors[2], vectors[3]
     )
+
+
+# For compiled functions.
+new_moved_inside = inner(new_moved)
 
 
 @inner
