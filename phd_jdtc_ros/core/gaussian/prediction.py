@@ -338,8 +338,8 @@ def survivors(earlier: Sequence[AgedMixture], dynamics: Dynamics) -> tuple[Mixtu
         covariance=later.covariance,
         snr=np.concatenate(diffused),
     )
-    of_row = change.take(interval_of, axis=0), survival.take(interval_of, axis=0)
-    return predicted, Moves(dynamics.pairs, *of_row, *later[3:])
+    change, survival = change.take(interval_of, axis=0), survival.take(interval_of, axis=0)
+    return predicted, Moves(dynamics.pairs, change, survival, *later[3:])
 
 
 def _diffuse(snr: FloatArray, transition: FloatArray | None) -> FloatArray:
