@@ -87,14 +87,14 @@ class ReadOnly:
         arrays, computed = _layout(cls)
         other: ValueT = object.__new__(cls)
         own = other.__dict__
-        own.update(self.__dict__)
+        own |= self.__dict__
         for name in computed:
             if name in own:
                 del own[name]
         for name, value in values.items():
             if name in arrays and value is not None:
                 value.setflags(False)
-        own.update(values)
+        own |= values
         return other
 
 

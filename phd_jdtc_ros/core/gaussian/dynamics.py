@@ -35,7 +35,7 @@ class Intervals(NamedTuple):
     # Probability to survive and to change from the first mode of a pair to the second, (I, K).
     change: FloatArray
     noise: FloatArray  # Process noise, by motion mode after, (I, R, D, D)
-    # Matrix of each motion mode, (I, R, D, D); for a coordinated turn, that of the turn rate 0.
+    # Matrix of each motion mode, (I, R, D, D); 0 for a coordinated turn, whose own the state gives.
     transition: FloatArray
     # For each interval, the transition matrix between each class's cells of SNR, [from, to],
     # (C, S, S); None if targets stay in their cells.
@@ -206,6 +206,9 @@ class Dynamics:
         return cache[key]
 
     def _matrices(self, dt: FloatArray) -> FloatArray:
-        """Return the matrix of each motion mode over intervals at rest, (I, R, D, D)."""
-        rest = np.zeros((len(dt), len(self.model.modes.space)))
-        return np.stack([motion.jacobian(rest, dt) for motion in self.motions], axis=1)
+        """Return the matrix of each motion mode over intervals, (I, R, D, D); 0 if it turns."""
+        modes, size = self.supported.shape
+        matrices, rest = np.zeros((len(dt), modes, size, size)), np.zeros((len(dt), size))
+        for mode in np.flatnonzero(~self.turns):
+            matrices[:, mode] = self.motions[mode].jacobian(rest, dt)
+        return matrices

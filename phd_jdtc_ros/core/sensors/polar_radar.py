@@ -56,7 +56,7 @@ class RadarModel(Sensor):
             **super().scaled_noise(factor),
         }
 
-    @property
+    @cached_property
     def of_gaussians(self) -> Linearised:
         """Its measurements of Gaussians, compiled.
 

@@ -125,7 +125,7 @@ class Sensor(ReadOnly, ABC):
             return self
         return self.changed(multipath=Multipath(measured, existence))
 
-    @property
+    @cached_property
     def of_gaussians(self) -> Linearised:
         """Its measurements of Gaussians; a subclass may have compiled ones."""
         return Linearised(self)

@@ -79,11 +79,13 @@ class Visibility:
         share = below[:, 1:] - below[:, :-1]
         mean = (level[:-1] + slope * offset[:, :-1]) * share
         mean -= slope * std[:, None] * (density[:, 1:] - density[:, :-1])
-        inside = share.sum(axis=1)
-        nearest = np.interp(distance, self.ranges, self.probabilities)
+        inside, total = share.sum(axis=1), mean.sum(axis=1)
         is_inside = inside > LEAST_INSIDE
-        expected: FloatArray = mean.sum(axis=1) / np.where(is_inside, inside, 1.0)
-        return np.where(is_inside, expected, nearest)
+        if is_inside.all():
+            expected: FloatArray = total / inside
+            return expected
+        nearest = np.interp(distance, self.ranges, self.probabilities)
+        return np.where(is_inside, total / np.where(is_inside, inside, 1.0), nearest)
 
     @cached_property
     def _parts(self) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -68,20 +68,22 @@ def after_miss(
     """
     limits, size = sensor.limits, mixture.mode_weight.size
     gaussians = expected.measured, expected.std
-    if not any(
-        _is_at_limit(axis, intervals.ravel(), *gaussians) for axis, intervals in enumerate(limits)
-    ):
+    limited = [axis for axis, intervals in enumerate(limits) if len(intervals)]
+    if not any(_is_at_limit(axis, limits[axis].ravel(), *gaussians) for axis in limited):
         return None
     measured, std = (part.reshape(size, -1) for part in gaussians)
-    columns = zip(limits, measured.T, std.T, strict=True)
+    columns = ((limits[axis], measured[:, axis], std[:, axis]) for axis in limited)
     partial_moments = np.stack([_partial_moments_within(*column) for column in columns])
     smaller_part = np.minimum(partial_moments[:, 0], 1.0 - partial_moments[:, 0])
     usable = sensor.is_nearly_normal(std) & (mixture.mode_weight.ravel() > 0.0)
     rows = np.flatnonzero((smaller_part.max(axis=0) > LEAST_PART) & usable)
     if not len(rows):
         return None
-    axis = smaller_part[:, rows].argmax(axis=0)
-    mass_inside, first, second = partial_moments[axis, :, rows].T
+    divided = smaller_part[:, rows].argmax(axis=0)
+    axis, (mass_inside, first, second) = (
+        np.take(limited, divided),
+        partial_moments[divided, :, rows].T,
+    )
     weight, detection_probability = (
         part.reshape(size, -1)[rows] for part in (mixture.weight, detection_probability)
     )
