@@ -18,7 +18,6 @@ from ..compilation import (
     Float3,
     Float4,
     Int1,
-    Int2,
     compiled,
     inner,
 )
@@ -97,14 +96,14 @@ class _Clusters(NamedTuple):
     whitened: Float1  # Whitened difference of two means, (D,)
 
 
-@compiled
+@inner
 def _find_clusters(
     distance: float,
-    is_kept: Bool1,
-    target: Int1,
-    weight: Float3,
-    mean: Float3,
-    covariance: Float4,
+    is_kept: BoolArray,
+    target: IntArray,
+    weight: FloatArray,
+    mean: FloatArray,
+    covariance: FloatArray,
 ) -> tuple[IntArray, IntArray, IntArray]:
     """Cluster each target's hypotheses around its most probable ones; see `reduce_hypotheses`.
 
@@ -189,20 +188,23 @@ class _Merged(NamedTuple):
 
 
 @compiled
-def _merge(
-    row_of: Int1,
-    child: Int1,
-    count: int,
+def _merge_similar(
+    distance: float,
+    is_kept: Bool1,
+    target: Int1,
     weight: Float3,
     mean: Float3,
     covariance: Float4,
     snr: Float3,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+) -> tuple[
+    IntArray, IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray
+]:
     """Merge the hypotheses of each cluster into one, mode by mode.
 
-    Return the columns of `_Merged` up to `share`, given the first two of `_Clusters`.
+    Return the columns of `_Clusters` and of `_Merged`, without the working arrays.
     """
-    (modes, classes), edges = weight.shape[1:], len(child)
+    row_of, child, leader = _find_clusters(distance, is_kept, target, weight, mean, covariance)
+    (modes, classes), edges, count = weight.shape[1:], len(child), len(leader)
     merged = _Merged(
         np.zeros((count, modes, classes)),
         np.zeros((count, modes, SIZE)),
@@ -242,11 +244,12 @@ def _merge(
             row_of[begin:end], weight, merged.weight[cluster], snr, merged.snr[cluster]
         )
         begin = end
-    return merged.weight, merged.mean, merged.covariance, merged.snr, merged.share
+    weight_after, mean_after, covariance_after, snr_after, share, _ = merged
+    return row_of, child, leader, weight_after, mean_after, covariance_after, snr_after, share
 
 
-@compiled
-def _separate_modes(least: float, weight: Float3) -> tuple[IntArray, IntArray, Int2]:
+@inner
+def _separate_modes(least: float, weight: FloatArray) -> tuple[IntArray, IntArray, IntArray]:
     """Return the modes that become hypotheses of their own: the row and the mode of each.
 
     A mode is separated if its share of a hypothesis is at least `least`, or if it is the most
@@ -275,18 +278,16 @@ def _separate_modes(least: float, weight: Float3) -> tuple[IntArray, IntArray, I
 
 @compiled
 def _split(
-    row: Int1,
-    mode: Int1,
-    stays_with: Int2,
-    weight: Float3,
-    child: Int1,
-    parent: Int1,
-    share: Float3,
-) -> tuple[FloatArray, IntArray, IntArray, FloatArray]:
-    """Split hypotheses into their separated modes; return the weights and the `Ancestry` columns.
+    least: float, most: float, weight: Float3, child: Int1, parent: Int1, share: Float3
+) -> tuple[IntArray, tuple[FloatArray, IntArray, IntArray, FloatArray]]:
+    """Split hypotheses into their separated modes; see `_separate_modes`.
 
-    For `row`, `mode` and `stays_with` see `_separate_modes`.
+    Return the row of each new hypothesis, its weights and the columns of `Ancestry`. None is split
+    if there would be no or more than `most` new ones: all results are then empty.
     """
+    row, mode, stays_with = _separate_modes(least, weight)
+    if not len(weight) < len(row) <= most:
+        row = row[:0]
     modes, classes = weight.shape[1:]
     start = np.zeros(len(weight) + 1, np.int64)
     for hypothesis in child:
@@ -312,7 +313,7 @@ def _split(
                     new_share[begin + offset, other_mode, class_id] = share[
                         start[old_row] + offset, other_mode, class_id
                     ]
-    return new_weight, new_child, new_parent, new_share
+    return row, (new_weight, new_child, new_parent, new_share)
 
 
 def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ancestry, int]:
@@ -347,19 +348,16 @@ def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ance
     1305, 1990, the clustering algorithm.
     """
     mixture, is_kept = branched.mixture, _keep_targets(branched.mixture, bounds)
-    row_of, child, leader = _find_clusters(
-        bounds.merge_distance, is_kept, mixture.target, *mixture.gaussians
-    )
-    weight, mean, covariance, snr, share = _merge(
-        row_of, child, len(leader), *mixture.gaussians, mixture.snr
+    row_of, child, leader, weight, mean, covariance, snr, share = _merge_similar(
+        bounds.merge_distance, is_kept, mixture.target, *mixture.gaussians, mixture.snr
     )
     covariance, floored = kalman.floor_eigenvalues(covariance)
     row_label, parent = mixture.row_label[leader], branched.parent[row_of]
     # If the number of hypotheses would leave too little room for the next scan, none is split:
     # modes are mixed, as with a `least_mode` of 1.
-    row, mode, stays_with = _separate_modes(bounds.least_mode, weight)
-    if len(weight) < len(row) <= ROOM * bounds.most:
-        weight, child, parent, share = _split(row, mode, stays_with, weight, child, parent, share)
+    row, columns = _split(bounds.least_mode, ROOM * bounds.most, weight, child, parent, share)
+    if len(row):
+        weight, child, parent, share = columns
         row_label, snr = row_label.take(row), snr.take(row, axis=0)
         mean, covariance = mean.take(row, axis=0), covariance.take(row, axis=0)
     reduced = mixture.changed(

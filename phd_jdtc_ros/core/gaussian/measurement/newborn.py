@@ -42,16 +42,17 @@ def newborn_mixture(newborn: Newborn, dynamics: Dynamics, label: int) -> Mixture
     supported = dynamics.supported[:, :, None] * dynamics.supported[:, None, :]
     class_weight = dynamics.birth_weight
     classes, modes = class_weight.shape[:2]
-    added = Mixture(
-        label + row,
-        newborn.mass.dot(class_weight.reshape(classes, -1)).reshape(len(row), modes, classes),
-        mean[:, None] * dynamics.supported,
-        covariance[:, None] * supported,
-        dynamics.unknown_snr(len(row)),
+    weight = newborn.mass.dot(class_weight.reshape(classes, -1))
+    has_amplitude = newborn.report.detections.amplitude is not None
+    return dynamics.nothing.changed(
+        row_label=label + row,
+        weight=weight.reshape(len(row), modes, classes),
+        mean=mean[:, None] * dynamics.supported,
+        covariance=covariance[:, None] * supported,
+        snr=_snr_given_amplitude(newborn.report, dynamics)
+        if has_amplitude
+        else dynamics.unknown_snr(len(row)),
     )
-    if newborn.report.detections.amplitude is not None:
-        added = replace(added, snr=_snr_given_amplitude(newborn.report, dynamics))
-    return added
 
 
 def _gaussians(newborn: Newborn, dynamics: Dynamics) -> tuple[FloatArray, FloatArray]:
