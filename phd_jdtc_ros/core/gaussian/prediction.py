@@ -282,13 +282,8 @@ def _predict(
         np.empty((active, SIZE, SIZE)),
         place,
     )
-    scratch = _Scratch(
-        np.empty((pairs, SIZE, SIZE)),
-        np.empty(pairs),
-        np.empty(modes),
-        np.empty((SIZE, SIZE)),
-        new_moved_inside(),
-    )
+    spread, spare = np.empty((pairs, SIZE, SIZE)), np.empty((SIZE, SIZE))
+    scratch = _Scratch(spread, np.empty(pairs), np.empty(modes), spare, new_moved_inside())
     _write_predicted(
         weight,
         mean,

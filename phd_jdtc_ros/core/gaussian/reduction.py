@@ -6,21 +6,12 @@ Each probable motion mode of a remaining hypothesis then becomes a hypothesis of
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 
 from ..arrays import BoolArray, FloatArray, IntArray
-from ..compilation import (
-    Bool1,
-    Float1,
-    Float2,
-    Float3,
-    Float4,
-    Int1,
-    compiled,
-    inner,
-)
+from ..compilation import Bool1, Float3, Float4, Int1, compiled, inner
 from ..snapshot import floats, integers
 from .algebra import kalman
 from .algebra.blocks import SIZE, add_mean, add_spread, factorise, square_distance
@@ -79,23 +70,6 @@ def _write_moments(
             spread[i, i] = 1.0
 
 
-class _Clusters(NamedTuple):
-    """The clusters of similar hypotheses, and working arrays.
-
-    The arrays have room for as many clusters as there are hypotheses. The rows of a target are
-    adjacent, and so are those of a cluster, each by descending probability.
-    """
-
-    row: Int1  # The hypotheses, cluster by cluster, (E,)
-    cluster: Int1  # The cluster of each of these, ascending, (E,)
-    leader: Int1  # The first hypothesis of each cluster
-    merged: Bool1  # Whether each hypothesis is in a cluster, (H,)
-    centre: Float2  # Moments over the modes of each hypothesis, zeros at first, (H, D)
-    spread: Float3  # (H, D, D)
-    factor: Float2  # (D, D)
-    whitened: Float1  # Whitened difference of two means, (D,)
-
-
 @inner
 def _find_clusters(
     distance: float,
@@ -107,21 +81,15 @@ def _find_clusters(
 ) -> tuple[IntArray, IntArray, IntArray]:
     """Cluster each target's hypotheses around its most probable ones; see `reduce_hypotheses`.
 
-    Return the columns of `_Clusters` up to `leader`. Only the targets with `is_kept`, (T,), have
-    clusters.
+    Return the E hypotheses cluster by cluster, and the cluster of each, (E,), and the first one of
+    each cluster. Only the targets with `is_kept`, (T,), have clusters. The rows of a target are
+    adjacent, and so are those of a cluster, each by descending probability.
     """
     count, edges, clusters = len(target), 0, 0
-    columns = _Clusters(
-        np.empty(count, np.int64),
-        np.empty(count, np.int64),
-        np.empty(count, np.int64),
-        np.empty(count, np.bool_),
-        np.zeros((count, SIZE)),
-        np.zeros((count, SIZE, SIZE)),
-        np.empty((SIZE, SIZE)),
-        np.empty(SIZE),
-    )
-    row_of, cluster, leader, merged, centre, spread, factor, whitened = columns
+    row_of, cluster = np.empty(count, np.int64), np.empty(count, np.int64)
+    leader, merged = np.empty(count, np.int64), np.empty(count, np.bool_)
+    centre, spread = np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE))
+    factor, whitened = np.empty((SIZE, SIZE)), np.empty(SIZE)
     begin = end = 0
     while begin < count:
         while end < count and target[end] == target[begin]:
@@ -146,7 +114,7 @@ def _find_clusters(
                 edges += 1
             clusters += 1
         begin = end
-    return columns.row[:edges], columns.cluster[:edges], columns.leader[:clusters]
+    return row_of[:edges], cluster[:edges], leader[:clusters]
 
 
 @inner
@@ -176,17 +144,6 @@ def _write_merged_snr(
                 merged[class_id, cell] += share * snr[row, class_id, cell]
 
 
-class _Merged(NamedTuple):
-    """The hypotheses merged from the clusters, and `Ancestry.share`; all begin as zeros."""
-
-    weight: Float3
-    mean: Float3
-    covariance: Float4
-    snr: Float3
-    share: Float3
-    mode_share: Float1  # Working array: share of each hypothesis in one mode of its cluster, (E,)
-
-
 @compiled
 def _merge_similar(
     distance: float,
@@ -201,28 +158,24 @@ def _merge_similar(
 ]:
     """Merge the hypotheses of each cluster into one, mode by mode.
 
-    Return the columns of `_Clusters` and of `_Merged`, without the working arrays.
+    Return the results of `_find_clusters`; the merged weights, means, covariances and SNR; and
+    `Ancestry.share`.
     """
     row_of, child, leader = _find_clusters(distance, is_kept, target, weight, mean, covariance)
     (modes, classes), edges, count = weight.shape[1:], len(child), len(leader)
-    merged = _Merged(
-        np.zeros((count, modes, classes)),
-        np.zeros((count, modes, SIZE)),
-        np.zeros((count, modes, SIZE, SIZE)),
-        np.zeros((count, snr.shape[1], snr.shape[2])),
-        np.zeros((edges, modes, classes)),
-        np.empty(edges),
-    )
-    mode_share = merged.mode_share
+    new_weight, new_mean = np.zeros((count, modes, classes)), np.zeros((count, modes, SIZE))
+    new_covariance = np.zeros((count, modes, SIZE, SIZE))
+    new_snr = np.zeros((count, snr.shape[1], snr.shape[2]))
+    share, mode_share = np.zeros((edges, modes, classes)), np.empty(edges)
     begin = end = 0
-    for cluster in range(len(merged.weight)):
+    for cluster in range(count):
         while end < edges and child[end] == cluster:
             for mode in range(modes):
-                add(weight[row_of[end], mode], merged.weight[cluster, mode])
+                add(weight[row_of[end], mode], new_weight[cluster, mode])
             end += 1
         for mode in range(modes):
-            centre, spread = merged.mean[cluster, mode], merged.covariance[cluster, mode]
-            mode_weight = total_of(merged.weight[cluster, mode])
+            centre, spread = new_mean[cluster, mode], new_covariance[cluster, mode]
+            mode_weight = total_of(new_weight[cluster, mode])
             for edge in range(begin, end):
                 row = row_of[edge]
                 # A mode without weight keeps the Gaussians of all hypotheses, equally weighted.
@@ -232,20 +185,17 @@ def _merge_similar(
                 )
                 add_mean(mode_share[edge], mean[row, mode], centre)
                 for class_id in range(classes):
-                    if merged.weight[cluster, mode, class_id] > 0.0:
+                    if new_weight[cluster, mode, class_id] > 0.0:
                         class_share = (
-                            weight[row, mode, class_id] / merged.weight[cluster, mode, class_id]
+                            weight[row, mode, class_id] / new_weight[cluster, mode, class_id]
                         )
-                        merged.share[edge, mode, class_id] = class_share
+                        share[edge, mode, class_id] = class_share
             for edge in range(begin, end):
                 row = row_of[edge]
                 add_spread(mode_share[edge], mean[row, mode], covariance[row, mode], centre, spread)
-        _write_merged_snr(
-            row_of[begin:end], weight, merged.weight[cluster], snr, merged.snr[cluster]
-        )
+        _write_merged_snr(row_of[begin:end], weight, new_weight[cluster], snr, new_snr[cluster])
         begin = end
-    weight_after, mean_after, covariance_after, snr_after, share, _ = merged
-    return row_of, child, leader, weight_after, mean_after, covariance_after, snr_after, share
+    return row_of, child, leader, new_weight, new_mean, new_covariance, new_snr, share
 
 
 @inner

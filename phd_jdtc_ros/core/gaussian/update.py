@@ -22,7 +22,6 @@ from .measurement.amplitude import (
     Amplitudes,
     DetectionProbability,
     detection_probability,
-    sector_probability,
     slower,
     snr_after,
 )
@@ -140,7 +139,9 @@ class PriorMixture:
 
     def _measured_in(self, sector: Coverage) -> FloatArray:
         """Return the probability that a target is measured in a sector, shape (H, R, 1)."""
-        return sector_probability(self.expected, self.report.sensor, sector)
+        std = self.expected.std.reshape(self.measured.shape)
+        probability = self.report.sensor.sector_probability(self.measured, sector, std)
+        return probability.reshape(*self.mixture.mean.shape[:2], 1)
 
     @property
     def _unseen(self) -> FloatArray | None:

@@ -13,7 +13,6 @@ from ...models import stationary
 from ...sensors.report import Report
 from ...sensors.sensor import Sensor
 from ...state_space import StateSpace
-from ...types import Coverage
 from ..dynamics import Dynamics
 from ..mixture import Mixture
 from .gating import Expected
@@ -78,13 +77,6 @@ def _mean_over_cells(snr: Float3, cell_value: Float2) -> FloatArray:
             for cell in range(cells):
                 mean[row, class_id] += snr[row, class_id, cell] * cell_value[class_id, cell]
     return mean
-
-
-def sector_probability(expected: Expected, sensor: Sensor, sector: Coverage) -> FloatArray:
-    """Return the probability that a target of each Gaussian is measured in a sector, (H, R, 1)."""
-    count, modes, size = expected.measured.shape
-    measured, std = expected.measured.reshape(-1, size), expected.std.reshape(-1, size)
-    return sensor.sector_probability(measured, sector, std).reshape(count, modes, 1)
 
 
 def log_amplitude(report: Report, dynamics: Dynamics) -> FloatArray:
