@@ -266,23 +266,21 @@ def search_lines(
 
 def _refine(line: Antenna, sightings: Sightings, weight: FloatArray, prior_rate: float) -> Antenna:
     """Return the regression of azimuth on time near a line, at a rate near the usual one, rad/s."""
-    ridge = (AZIMUTH_STD / RATE_STD) ** 2
-    last_s = float(sightings.time_s[-1])
-    line = Antenna(last_s, line.azimuth_at(last_s), line.rate)
-    since_s = sightings.time_s - last_s
+    ridge, last_s = (AZIMUTH_STD / RATE_STD) ** 2, float(sightings.time_s[-1])
+    azimuth, rate, since_s = line.azimuth_at(last_s), line.rate, sightings.time_s - last_s
     for farthest in REFINEMENT_GATES:
-        passed = line.rate * since_s
-        off = wrap_angle(sightings.azimuth - line.azimuth - passed)
+        passed = rate * since_s
+        off = wrap_angle(sightings.azimuth - azimuth - passed)
         weight_in_gate = weight * (np.abs(off) <= farthest)
         across = weight_in_gate @ passed
         normal = np.array(
             [[weight_in_gate.sum() + 1e-9, across], [across, weight_in_gate @ passed**2 + ridge]]
         )
-        prior = ridge * math.log(prior_rate / abs(line.rate))
+        prior = ridge * math.log(prior_rate / abs(rate))
         # LAPACK itself takes a sixth of the time of `numpy.linalg.solve` for two unknowns.
         _, _, (shift, faster), _ = lapack.dgesv(
             normal, [weight_in_gate @ off, weight_in_gate * passed @ off + prior]
         )
-        rate = line.rate * min(max(1.0 + float(faster), 0.7), 1.4)
-        line = Antenna(last_s, line.azimuth + float(shift), rate)
-    return line
+        azimuth += float(shift)
+        rate *= min(max(1.0 + float(faster), 0.7), 1.4)
+    return Antenna(last_s, azimuth, rate)
