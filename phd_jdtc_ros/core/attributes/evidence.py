@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray, distinct_cells, sum_by
+from ..arrays import TINY, BoolArray, FloatArray, IntArray, distinct_cells, sum_by
 from ..types import UNKNOWN, Detections
 from . import detection_times, height, identity
 from .records import AttributeModel, AttributeRecords, Beliefs
@@ -112,7 +112,7 @@ class Evidence:
         of the engine's targets after the update.
         """
         targets = len(self.engine_target)
-        exists = np.maximum(existence[self.engine_target], np.finfo(float).tiny)
+        exists = np.maximum(existence[self.engine_target], TINY)
         probability = sum_by(self.edge_of_pair, mass, len(self.target)) / exists[self.target]
         total = sum_by(self.target, probability, targets)
         probability = probability / np.maximum(total, 1.0)[self.target]

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, sum_by, wrap_angle
+from ..arrays import TINY, FloatArray, IntArray, sum_by, wrap_angle
 from ..sensors.polar_geometry import to_plane
 from ..sensors.range_rate import Rates
 from ..sensors.sensor import Sensor
@@ -83,7 +83,7 @@ def _close_pairs(position: FloatArray, detections: Detections, sensor: Sensor) -
     distance = np.hypot(difference[:, 0], difference[:, 1])
     azimuth = detections.measurement[first, 1]
     along = np.abs(np.cos(azimuth) * difference[:, 0] + np.sin(azimuth) * difference[:, 1])
-    cosine = np.minimum(along / np.maximum(distance, np.finfo(float).tiny), 1.0)
+    cosine = np.minimum(along / np.maximum(distance, TINY), 1.0)
     square = sides[first] ** 2 + sides[second] ** 2
     noise = np.sqrt(cosine**2 * square[:, 0] + (1.0 - cosine**2) * square[:, 1])
     close: IntArray = pairs[distance <= sensor.cluster_distance + NOISE_SIGMA * noise]

@@ -8,7 +8,7 @@ from operator import is_
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
+from ..arrays import TINY, FloatArray, IntArray
 from ..clutter.amplitude_law import Learned
 from ..clutter.map import ClutterMap
 from ..learned.detection_chains import Look
@@ -210,7 +210,7 @@ class SensorMemory:
             is_known &= probability > LEAST_EXPECTED
             expected = np.where(is_known, probability / factor.by_cell[cell], 0.0)
             cell += self._index(report) * CELLS
-        share = np.minimum(detected / np.maximum(existence_after, np.finfo(float).tiny), 1.0)
+        share = np.minimum(detected / np.maximum(existence_after, TINY), 1.0)
         trials = ReportTrials(label, cell, expected, share, np.minimum(existence_after, 1.0))
         self.trials, sums = self.trials.after(trials, CELLS * len(self.names))
         for name, trial_sums in zip(self.names, sums.by_sensor, strict=True):

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray, wrap_angle
+from ..arrays import TINY, BoolArray, FloatArray, IntArray, wrap_angle
 from ..clutter.grid import GroundGrid
 from ..learned.noise_factor import NoiseFactor
 from ..types import FULL_TURN, Coverage, Detections
@@ -228,7 +228,7 @@ class RadarModel(Sensor):
     def _rate_of_turn(self) -> float:
         """Expected uniform clutter of a whole turn, scaled up from the field of view; above 0."""
         # A rate of zero is allowed; the floor keeps the update's quotient defined.
-        rate = max(self.clutter_rate, np.finfo(float).tiny)
+        rate = max(self.clutter_rate, TINY)
         return rate * FULL_TURN / self.visibility.fov.width
 
     def measurement_rate(self, state: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from scipy import sparse
 
-from ..arrays import FloatArray, IntArray, ReadOnly, SparseArray, factorize, read_only, sum_by
+from ..arrays import TINY, FloatArray, IntArray, ReadOnly, SparseArray, factorize, read_only, sum_by
 from ..snapshot import MAX_INDEX, MAX_STATE, floats, integers, sparse_rows
 from ..state_space import StateSpace
 from ..window.entries import Extents
@@ -134,7 +134,7 @@ class ParticleSet(ReadOnly):
     def extents(self, space: StateSpace) -> Extents:
         """Return the position and extent of each label's particles."""
         label, target = factorize(self.row_label)
-        weight = np.maximum(self.weight, np.finfo(float).tiny)
+        weight = np.maximum(self.weight, TINY)
         share = weight / sum_by(target, weight, len(label)).take(target)
 
         def moments(axes: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
