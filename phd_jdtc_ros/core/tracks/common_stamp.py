@@ -12,11 +12,14 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..compilation import Float1, Float2, Float3, Float4, Int1, compiled
-from ..state_space import OMEGA, VX, VY, X, Y
+from ..state_space import PLANAR
 from ..targets.modes import ModeSpace
 from ..targets.turn_matrix import turn, turn_terms
 from ..types import Estimates
 
+OMEGA = PLANAR.turn_rate
+# Axes of a position and its velocity.
+MOVING = tuple(zip(PLANAR.position, PLANAR.velocity, strict=True))
 # Step of the numerical Jacobian along the axes of position and velocity.
 STEP = 1e-2
 # Step along the axis of the turn rate.
@@ -170,7 +173,7 @@ def _interpolated(
             state[row, i] = r * state0[row, i] + s * state1[row, i]
             for k in range(state.shape[1]):
                 covariance[row, i, k] = r * covariance0[row, i, k] + s * covariance1[row, i, k]
-        for x, vx in ((X, VX), (Y, VY)):
+        for x, vx in MOVING:
             p0, p1 = state0[row, x], state1[row, x]
             v0, v1 = duration_s * state0[row, vx], duration_s * state1[row, vx]
             state[row, x] = (1.0 + 2.0 * s) * (r * r) * p0 + s * (r * r) * v0

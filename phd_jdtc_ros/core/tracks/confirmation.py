@@ -26,6 +26,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, contains
+from ..bisection import count_below
 from ..clutter.neighbourhood import probability_among_reflectors
 from ..compilation import Float1, Int1, compiled, inner
 from ..models import stationary
@@ -102,16 +103,6 @@ def _among_reflectors(estimates: Estimates, model: TrackerModel) -> FloatArray:
     return probability_among_reflectors(np.where(np.isinf(smallest), 0.0, smallest))
 
 
-class _Tracks(NamedTuple):
-    """The T tracks of a scan, by ascending label."""
-
-    label: Int1
-    existence: Float1  # Existence probability after the scan
-    class_id: Int1
-    miss_probability: Float1  # Probability that no radar of the scan detects the track
-    stationary: Float1  # Probability that it is stationary
-
-
 class _Rule(NamedTuple):
     """The numbers of each class, (C,)."""
 
@@ -173,12 +164,43 @@ def _next_state(
     return COASTING if look.is_missed or is_stale or still_coasts else CONFIRMED
 
 
+@inner
+def _write_kept(
+    before: tuple[IntArray, ...],
+    values_before: tuple[FloatArray, ...],
+    record: int,
+    unswept_ns: IntArray,
+    swept: IntArray,
+    found: int,
+    integers: IntArray,
+    values: FloatArray,
+) -> int:
+    """Write a record whose track no later scan has swept; return the number written so far."""
+    label, stamp_ns = before[0][record] - 1, before[1][record]
+    place, target = count_below(unswept_ns, stamp_ns), count_below(swept, label)
+    if (target < len(swept) and swept[target] == label) or (
+        place == len(unswept_ns) or unswept_ns[place] != stamp_ns
+    ):
+        return found
+    for column in range(len(before)):
+        integers[column, found] = before[column][record]
+        values[column, found] = values_before[column][record]
+    return found + 1
+
+
 @compiled
 def _next_columns(
     stamp_ns: int,
     durations: _Durations,
-    tracks: _Tracks,
     rule: _Rule,
+    rows: Int1,
+    track_id: Int1,
+    estimated: Float1,
+    class_of: Int1,
+    miss_probability: Float1,
+    stationary: Float1,
+    unswept_ns: Int1,
+    swept: Int1,
     label: Int1,
     latest_ns: Int1,
     detected_before_ns: Int1,
@@ -187,62 +209,74 @@ def _next_columns(
     expected_before: Float1,
     missed_before: Float1,
     factor_before: Float1,
-) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
-    """Return when each track was last detected, its state, and the last columns of its record.
+) -> tuple[IntArray, FloatArray, IntArray]:
+    """Return the columns of the next `ConfirmationRecords`, and the state of each track.
 
-    From `label` on the parameters are the columns of the `ConfirmationRecords` before the scan.
+    `rows` has the estimates of tracks by ascending label; the columns from `track_id` on are those
+    of estimates, the probability that no radar of the scan detects each, and that it is stationary.
+    `unswept_ns` and `swept` are those of `report_filtered`; from `label` on the parameters are the
+    columns of the records before the scan, which remain if the scan has not swept their tracks.
 
     A detection raises the odds of existence. The odds of a track that is missed are corrected by
     its own record.
     """
-    count, record = len(tracks.label), 0
-    detected_ns, state = np.full(count, stamp_ns), np.empty(count, np.int64)
-    expected, missed, factor = np.zeros(count), np.zeros(count), np.ones(count)
-    for track in range(count):
-        class_id, weight = tracks.class_id[track], tracks.existence[track]
-        miss_probability, odds = tracks.miss_probability[track], _odds(weight)
-        while record < len(label) and label[record] < tracks.label[track]:
+    record, found, most = 0, 0, len(label) + len(rows)
+    integers, values = np.empty((4, most), np.int64), np.empty((4, most))
+    states = np.empty(len(rows), np.int64)
+    before = (label, latest_ns, detected_before_ns, state_before)
+    values_before = (existence_before, expected_before, missed_before, factor_before)
+    for track in range(len(rows)):
+        row = rows[track]
+        class_id, weight = class_of[row], estimated[row]
+        missing, odds = miss_probability[row], _odds(weight)
+        while record < len(label) and label[record] < track_id[row]:
+            found = _write_kept(
+                before, values_before, record, unswept_ns, swept, found, integers, values
+            )
             record += 1
-        has_record = record < len(label) and label[record] == tracks.label[track]
+        has_record = record < len(label) and label[record] == track_id[row]
         covered = lower = is_missed = False
-        previous_state = TENTATIVE
+        previous_state, detected_ns = TENTATIVE, stamp_ns
+        expected, missed, factor = 0.0, 0.0, 1.0
         if has_record:
-            detected_ns[track], previous_state = detected_before_ns[record], state_before[record]
-            expected[track], missed[track] = expected_before[record], missed_before[record]
-            factor[track], covered = factor_before[record], miss_probability < MAX_MISS_PROBABILITY
+            detected_ns, previous_state = detected_before_ns[record], state_before[record]
+            expected, missed = expected_before[record], missed_before[record]
+            factor, covered = factor_before[record], missing < MAX_MISS_PROBABILITY
             intervals = (stamp_ns - latest_ns[record]) / durations.interval
             survival = rule.survival[class_id] ** intervals
             lower = odds < _odds(existence_before[record] * survival)
             # A target at the edge of two slices is detected in one of them; the other is no miss.
-            same_turn = stamp_ns - detected_ns[track] < durations.same_turn
+            same_turn = stamp_ns - detected_ns < durations.same_turn
             is_missed = covered and lower and not same_turn
         is_detected = not has_record or (covered and not lower)
         pseudo_count = rule.record_weight[class_id]
         if is_missed:
-            factor[track] *= (1.0 + missed[track] / pseudo_count) / (
-                1.0 + expected[track] / pseudo_count
-            )
+            factor *= (1.0 + missed / pseudo_count) / (1.0 + expected / pseudo_count)
         if is_detected or math.isinf(pseudo_count):
-            factor[track] = 1.0
+            factor = 1.0
         existence = weight
-        if factor[track] != 1.0:
-            existence = odds * factor[track] / (1.0 + odds * factor[track])
+        if factor != 1.0:
+            existence = odds * factor / (1.0 + odds * factor)
         if is_detected:
-            detected_ns[track] = stamp_ns
-        look = _ScanEvidence(covered, is_detected, is_missed, stamp_ns - detected_ns[track])
-        state[track] = _next_state(
-            previous_state,
-            look,
-            (existence, weight),
-            class_id,
-            tracks.stationary[track],
-            rule,
-            durations,
-        )
+            detected_ns = stamp_ns
+        look = _ScanEvidence(covered, is_detected, is_missed, stamp_ns - detected_ns)
+        believed, still = (existence, weight), stationary[row]
+        state = _next_state(previous_state, look, believed, class_id, still, rule, durations)
         if (is_missed or is_detected) and previous_state != TENTATIVE:
-            expected[track] += miss_probability
-            missed[track] += is_missed
-    return detected_ns, state, expected, missed, factor
+            expected += missing
+            missed += is_missed
+        states[track] = state
+        integers[0, found], integers[1, found] = track_id[row], stamp_ns
+        integers[2, found], integers[3, found] = detected_ns, state
+        values[0, found], values[1, found] = weight, expected
+        values[2, found], values[3, found] = missed, factor
+        found += 1
+        record += has_record
+    for later in range(record, len(label)):
+        found = _write_kept(
+            before, values_before, later, unswept_ns, swept, found, integers, values
+        )
+    return integers[:, :found].copy(), values[:, :found].copy(), states
 
 
 class TrackStates:
@@ -280,48 +314,50 @@ class TrackStates:
             return self._of_reported_classes(estimates)
         order = estimates.track_id.argsort(kind="stable")
         labelled = order[estimates.track_id[order] > 0]
-        records = self._next_records(estimates, labelled, scan, model)
-        previous, unswept_stamps = self._records, np.array(sorted(unswept_ns), dtype=np.int64)
-        is_kept = contains(unswept_stamps, previous.stamp_ns) & ~contains(swept, previous.label - 1)
-        # A scan of a whole turn leaves none of the earlier records.
-        self._records = previous.then(records, is_kept) if is_kept.any() else records
         state = np.where(estimates.weight > self.rule.delete.min(), CONFIRMED, TENTATIVE)
-        state[labelled] = records.state
+        unswept_stamps = np.array(sorted(unswept_ns), dtype=np.int64)
+        state[labelled] = self._continue(estimates, labelled, swept, unswept_stamps, scan, model)
         is_reported = (state != TENTATIVE) & self.rule.reported[estimates.class_id]
         return estimates.changed(track_state=state).select(is_reported)
 
     def _of_reported_classes(self, estimates: Estimates) -> Estimates:
         return estimates.select(self.rule.reported[estimates.class_id])
 
-    def _next_records(
-        self, estimates: Estimates, rows: IntArray, scan: Scan, model: TrackerModel
-    ) -> ConfirmationRecords:
-        """Return the records of a scan's tracks; `rows` has these by ascending label."""
+    def _continue(
+        self,
+        estimates: Estimates,
+        rows: IntArray,
+        swept: IntArray,
+        unswept_ns: IntArray,
+        scan: Scan,
+        model: TrackerModel,
+    ) -> IntArray:
+        """Continue the records; return the states of `rows`, the tracks by ascending label."""
         rule, modes = self.rule, model.modes
-        tracks = _Tracks(
-            label=estimates.track_id[rows],
-            existence=estimates.weight[rows],
-            class_id=estimates.class_id[rows],
-            miss_probability=missed_by_all(estimates, scan, model)[rows],
-            stationary=stationary_probability(estimates, model)[rows],
-        )
         durations = _Durations(
             interval=1e9 * modes.interval_s,
             same_turn=1e9 * SAME_TURN * _shortest_turn_s(model),
             patience=1e9 * PATIENCE * slowest_s(model),
             coasting=1e9 * rule.coasting_s,
         )
-        detected_ns, state, *columns = _next_columns(
+        numbers = rule.confirm, rule.delete, rule.hidden, rule.record_weight
+        integers, values, states = _next_columns(
             scan.stamp_ns,
             durations,
-            tracks,
-            _Rule(
-                modes.nominal_survival, rule.confirm, rule.delete, rule.hidden, rule.record_weight
-            ),
+            _Rule(modes.nominal_survival, *numbers),
+            rows,
+            estimates.track_id,
+            estimates.weight,
+            estimates.class_id,
+            missed_by_all(estimates, scan, model),
+            stationary_probability(estimates, model),
+            unswept_ns,
+            swept,
             *self._records,
         )
-        latest_ns, existence = np.full(len(rows), scan.stamp_ns), tracks.existence
-        return ConfirmationRecords(tracks.label, latest_ns, detected_ns, existence, state, *columns)
+        (label, stamp_ns, detected_ns, state), (existence, *counts) = integers, values
+        self._records = ConfirmationRecords(label, stamp_ns, detected_ns, existence, state, *counts)
+        return states
 
     def note(self, published: Estimates) -> None:
         """Store the states of filtered estimates for the smoothed ones of their stamp."""

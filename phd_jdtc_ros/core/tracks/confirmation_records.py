@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray
+from ..arrays import FloatArray, IntArray
 from ..snapshot import MAX_MASS, MAX_STAMP_NS, floats, integers
 from ..types import COASTING, CONFIRMED, TENTATIVE, Estimates
 
@@ -40,13 +40,6 @@ class ConfirmationRecords(NamedTuple):
         """Return a table without tracks."""
         none, nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
         return ConfirmationRecords(none, none, none, nothing, none, nothing, nothing, nothing)
-
-    def then(self, later: ConfirmationRecords, is_kept: BoolArray) -> ConfirmationRecords:
-        """Return those of these records that are kept, and later ones, by ascending label."""
-        order = np.concatenate([self.label, later.label]).argsort(kind="stable")
-        order = order[np.concatenate([is_kept, np.ones(later.label.size, dtype=np.bool_)])[order]]
-        columns = zip(self, later, strict=True)
-        return ConfirmationRecords._make([np.concatenate(pair)[order] for pair in columns])
 
 
 class NotedStates(NamedTuple):

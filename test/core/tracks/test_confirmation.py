@@ -15,7 +15,6 @@ from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.tracks.confirmation import TrackStates, missed_by_all
-from phd_jdtc_ros.core.tracks.confirmation_records import ConfirmationRecords
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.tracks.reporting_rule import rule_of
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, Coverage, Detections, Pose, Scan
@@ -264,9 +263,17 @@ def test_records_and_states_are_of_present_tracks_in_their_order():
         tracks.states.forget_before((tracks.index - 5) * INTERVAL)
     assert len(tracks.states._records.label) <= 2
     assert len(tracks.states._noted.at) == 6
-    first, second = (ConfirmationRecords(*[np.array(labels)] * 8) for labels in ([2, 4, 9], [5]))
-    whole = first.then(second, np.array([True, False, True]))
-    assert whole.label.tolist() == whole.existence.tolist() == [2, 5, 9]
+
+
+def test_records_of_tracks_that_a_scan_has_not_swept_remain_among_the_others():
+    tracks = Tracks()
+    tracks.add(t2=0.9, t4=0.9, t9=0.9)
+    tracks.add(t4=0.9, t5=0.9)
+    records = tracks.states._records
+    assert records.label.tolist() == [2, 4, 5, 9]
+    assert (records.stamp_ns // INTERVAL).tolist() == [1, 2, 2, 1]
+    tracks.add(t5=0.9)
+    assert tracks.states._records.label.tolist() == [4, 5]
 
 
 def snapshot_of(tracks):
