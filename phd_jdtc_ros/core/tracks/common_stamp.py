@@ -88,7 +88,7 @@ def _predicted(
     `ModeSpace`. The shapes are (N, D), (D, N, D) and (N, D, D).
     """
     count, size = state.shape
-    later, columns = np.empty_like(state), np.empty((size, count, size))
+    later, columns = np.empty((count, size)), np.empty((size, count, size))
     noise = np.zeros((count, size, size))
     shifted, ends = np.empty(size), np.empty((2, size))
     for row in range(count):
@@ -96,7 +96,8 @@ def _predicted(
         for axis in range(size):
             step = TURN_STEP if axis == OMEGA else STEP
             for side in range(2):
-                shifted[:] = state[row]
+                for i in range(size):
+                    shifted[i] = state[row, i]
                 shifted[axis] += step if side else -step
                 turn(turn_terms(shifted[OMEGA], dt[row]), shifted, ends[side])
             for i in range(size):

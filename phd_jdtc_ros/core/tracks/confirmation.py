@@ -225,15 +225,17 @@ def _next_columns(
     states = np.empty(len(rows), np.int64)
     before = (label, latest_ns, detected_before_ns, state_before)
     values_before = (existence_before, expected_before, missed_before, factor_before)
-    for track in range(len(rows)):
-        row = rows[track]
-        class_id, weight = class_of[row], estimated[row]
-        missing, odds = miss_probability[row], _odds(weight)
-        while record < len(label) and label[record] < track_id[row]:
+    for track in range(len(rows) + 1):
+        row = rows[track] if track < len(rows) else -1
+        while record < len(label) and (row < 0 or label[record] < track_id[row]):
             found = _write_kept(
                 before, values_before, record, unswept_ns, swept, found, integers, values
             )
             record += 1
+        if row < 0:
+            break
+        class_id, weight = class_of[row], estimated[row]
+        missing, odds = miss_probability[row], _odds(weight)
         has_record = record < len(label) and label[record] == track_id[row]
         covered = lower = is_missed = False
         previous_state, detected_ns = TENTATIVE, stamp_ns
@@ -272,10 +274,6 @@ def _next_columns(
         values[2, found], values[3, found] = missed, factor
         found += 1
         record += has_record
-    for later in range(record, len(label)):
-        found = _write_kept(
-            before, values_before, later, unswept_ns, swept, found, integers, values
-        )
     return integers[:, :found].copy(), values[:, :found].copy(), states
 
 
