@@ -22,6 +22,8 @@ PROFILE = Path("config/air_traffic.yaml")
 TRACKER = "/tracker"
 AIRCRAFT = 50
 SECTORS = 16
+# Expected false detections in a turn; the profile's radar learns them, but a scene needs a number.
+CLUTTER = {"approach.clutter_rate": 10.0}
 # Changes of the profile for a cloud per sector, and for estimates at each of them.
 BY_SECTORS = {"approach.sectors": SECTORS}
 AT_EVERY_SECTOR = {**BY_SECTORS, "estimates_period_s": 0.0}
@@ -41,7 +43,7 @@ SNR_DB = 30.0
 def configuration(changes: Mapping[str, Any]) -> TrackerConfig:
     """Return the configuration of the profile with some parameters changed."""
     values = sections.read(resources.find(PROFILE)).values(TRACKER)
-    return resolve({**values, **changes})
+    return resolve({**values, **CLUTTER, **changes})
 
 
 def scene(turns: int, config: TrackerConfig, seed: int, aircraft: int = AIRCRAFT) -> Scenario:
