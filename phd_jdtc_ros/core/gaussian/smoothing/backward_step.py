@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...arrays import BoolArray, FloatArray, IntArray
+from ...arrays import FloatArray, IntArray
 from ...compilation import (
-    Bool1,
     Float1,
     Float2,
     Float3,
@@ -33,17 +33,7 @@ from ..algebra.blocks import (
     times,
 )
 from ..algebra.vectors import add, total_of
-from .updates import (
-    BEFORE,
-    EDGE,
-    FIRST_FACTOR,
-    FIRST_PAIR,
-    FIRST_PREDICTED,
-    FIRST_ROW,
-    PREDICTED,
-    ROW,
-    STAMP,
-)
+from .updates import BEFORE, EDGE, PREDICTED, ROW
 
 # Smallest log fit of a pair of modes relative to the best pair: no pair is excluded for good.
 LEAST_LOG_FIT = -50.0
@@ -59,36 +49,36 @@ class Gaussians(NamedTuple):
     covariance: Float4
 
 
-class Edges(NamedTuple):
-    """The edges from updated to predicted hypotheses; see `reduction.Ancestry`."""
+class Links(NamedTuple):
+    """The links of updated hypotheses to earlier ones; see `Ancestry` and `Moves`."""
 
     child: Int1
     parent: Int1
     share: Float3
-
-
-class Predicted(NamedTuple):
-    """The predicted hypotheses; see `prediction.Moves`."""
-
     change: Float2
     survival: Float2
     place: Int2
-
-
-class Pairs(NamedTuple):
-    """The predictions from one motion mode to another; see `prediction.Moves`."""
-
     mean: Float2
     factored: Int1
     gain: Float3
     base: Float3
-    factor: Float3  # A table with rows of its own
+    factor: Float3
+
+
+class BackwardStep(NamedTuple):
+    """A step back from updates of one table to those that they continue, in the same or another."""
+
+    updates: IntArray  # Indices of the later updates
+    links: Links  # Their links
+    later: Gaussians  # Smoothed hypotheses of their table
+    filtered: Gaussians  # Filtered and smoothed hypotheses of the table of the earlier updates
+    smoothed: Gaussians
 
 
 class _Scratch(NamedTuple):
-    """Working arrays, allocated once: which updates have changed, (U,), and those of one update."""
+    """Working arrays for the step from one update, allocated once."""
 
-    changed: Bool1
+    successors: Gaussians  # The predicted hypotheses of an update, given later scans, (H, R)
     active: Int1  # The pairs of a row that have weight, (K,); the next arrays have their order
     fit: Float1  # (K,)
     mass: Float1  # (K,)
@@ -113,7 +103,7 @@ def _clear(mean: FloatArray, covariance: FloatArray) -> None:
 
 @inner
 def _write_successors(
-    update: IntArray, edges: Edges, smoothed: Gaussians, scratch: _Scratch, successors: Gaussians
+    update: IntArray, links: Links, smoothed: Gaussians, scratch: _Scratch
 ) -> None:
     """Write the predicted hypotheses of an update, given their smoothed children.
 
@@ -122,20 +112,19 @@ def _write_successors(
     them in proportion to their filtered weights. A hypothesis without children has no weight.
     """
     modes, classes = smoothed.weight.shape[1:]
-    first, count = update[FIRST_ROW], update[PREDICTED + 1] - update[PREDICTED]
-    offset = update[FIRST_PREDICTED] - update[PREDICTED]
-    begin, end = update[EDGE], update[EDGE + 1]
+    first, count = update[PREDICTED], update[PREDICTED + 1] - update[PREDICTED]
+    begin, end, successors = update[EDGE], update[EDGE + 1], scratch.successors
     edge_weight, gaussian_weight = scratch.edge_weight, scratch.successor_weight
     for parent in range(count):
         for mode in range(modes):
             for class_id in range(classes):
                 successors.weight[parent, mode, class_id] = 0.0
     for edge in range(begin, end):
-        parent, child = edges.parent[edge] + offset, edges.child[edge] + first
+        parent, child = links.parent[edge] - first, links.child[edge]
         for mode in range(modes):
             edge_weight[edge - begin, mode] = 0.0
             for class_id in range(classes if 0 <= parent < count else 0):
-                weight = smoothed.weight[child, mode, class_id] * edges.share[edge, mode, class_id]
+                weight = smoothed.weight[child, mode, class_id] * links.share[edge, mode, class_id]
                 successors.weight[parent, mode, class_id] += weight
                 edge_weight[edge - begin, mode] += weight
     for parent in range(count):
@@ -144,7 +133,7 @@ def _write_successors(
             if gaussian_weight[parent, mode] > 0.0:
                 _clear(successors.mean[parent, mode], successors.covariance[parent, mode])
     for edge in range(begin, end):
-        parent, child = edges.parent[edge] + offset, edges.child[edge] + first
+        parent, child = links.parent[edge] - first, links.child[edge]
         for mode in range(modes):
             if edge_weight[edge - begin, mode] > 0.0:
                 edge_weight[edge - begin, mode] /= gaussian_weight[parent, mode]
@@ -154,7 +143,7 @@ def _write_successors(
                     successors.mean[parent, mode],
                 )
     for edge in range(begin, end):
-        parent, child = edges.parent[edge] + offset, edges.child[edge] + first
+        parent, child = links.parent[edge] - first, links.child[edge]
         for mode in range(modes):
             if edge_weight[edge - begin, mode] > 0.0:
                 mean, covariance = smoothed.mean[child, mode], smoothed.covariance[child, mode]
@@ -168,12 +157,11 @@ def _write_fit(
     from_mode: IntArray,
     to_mode: IntArray,
     pair_row: IntArray,
-    pairs: Pairs,
-    update: IntArray,
+    links: Links,
     later_mean: FloatArray,
     scratch: _Scratch,
 ) -> None:
-    """Write how well the mean of each later mode, (R, D), fits the predictions of active pairs.
+    """Write how well the mean of each later mode, (R, D), fits the predictions of active links.
 
     The fit is a normal density, divided by the largest of all pairs with the same later mode; that
     of a single pair is 1.
@@ -190,9 +178,9 @@ def _write_fit(
             continue
         for index in range(len(active)):
             if to_mode[active[index]] == mode:
-                row = update[FIRST_PAIR] + pair_row[active[index]]
-                factor = pairs.factor[update[FIRST_FACTOR] + pairs.factored[row]]
-                predicted = pairs.mean[row]
+                row = pair_row[active[index]]
+                factor = links.factor[links.factored[row]]
+                predicted = links.mean[row]
                 square = square_distance(factor, later_mean[mode], predicted, scratch.vector)
                 density = 0.5 * (log_determinant(factor) - square)
                 fit[index] = density if math.isfinite(density) else LEAST_DENSITY
@@ -258,9 +246,7 @@ def _weigh_pairs(
     to_mode: IntArray,
     prior: tuple[FloatArray, FloatArray],
     pair_row: IntArray,
-    pairs: Pairs,
-    update: IntArray,
-    successors: Gaussians,
+    links: Links,
     offset: int,
     scratch: _Scratch,
 ) -> IntArray:
@@ -269,15 +255,14 @@ def _weigh_pairs(
     `prior` are the row's weights, (R, C), and the probabilities of its pairs, (K,).
     """
     joint, predicted_weight = scratch.joint, scratch.predicted_weight
+    successors = scratch.successors
     (weight, change), count = prior, 0
     for pair in range(len(from_mode)):
         if pair_row[pair] >= 0 and scratch.successor_weight[offset, to_mode[pair]] > 0.0:
             scratch.active[count] = pair
             count += 1
     active = scratch.active[:count]
-    _write_fit(
-        active, from_mode, to_mode, pair_row, pairs, update, successors.mean[offset], scratch
-    )
+    _write_fit(active, from_mode, to_mode, pair_row, links, successors.mean[offset], scratch)
     for mode in range(len(predicted_weight)):
         for class_id in range(predicted_weight.shape[1]):
             predicted_weight[mode, class_id] = 0.0
@@ -303,33 +288,29 @@ def _write_row(
     to_mode: IntArray,
     filtered: Gaussians,
     hypothesis: int,
-    predicted: Predicted,
-    pairs: Pairs,
-    update: IntArray,
+    links: Links,
     row: int,
-    successors: Gaussians,
     offset: int,
     scratch: _Scratch,
     smoothed: Gaussians,
 ) -> float:
     """Write a row's smoothed modes, matched over its pairs; return their weight."""
-    mass, total, pair_row = scratch.mass, 0.0, predicted.place[row]
-    prior = filtered.weight[hypothesis], predicted.change[row]
-    active = _weigh_pairs(
-        from_mode, to_mode, prior, pair_row, pairs, update, successors, offset, scratch
-    )
+    mass, total, pair_row = scratch.mass, 0.0, links.place[row]
+    successors = scratch.successors
+    prior = filtered.weight[hypothesis], links.change[row]
+    active = _weigh_pairs(from_mode, to_mode, prior, pair_row, links, offset, scratch)
     weight = smoothed.weight[hypothesis]
     mean = smoothed.mean[hypothesis]
     covariance = smoothed.covariance[hypothesis]
     for index in range(len(active)):
         if mass[index] > 0.0:
-            pair = update[FIRST_PAIR] + pair_row[active[index]]
+            pair = pair_row[active[index]]
             earlier_mode = from_mode[active[index]]
             columns = (
                 filtered.mean[hypothesis, earlier_mode],
-                pairs.mean[pair],
-                pairs.gain[pair],
-                pairs.base[pair],
+                links.mean[pair],
+                links.gain[pair],
+                links.base[pair],
             )
             later_mode = to_mode[active[index]]
             later_gaussian = (
@@ -389,40 +370,56 @@ def _add_deaths(
 def _go_back(
     from_mode: Int1,
     to_mode: Int1,
-    order: Int1,
+    steps: Int1,
     dropped: int,
-    needed: Bool1,
     updates: Int2,
-    edges: Edges,
-    predicted: Predicted,
-    pairs: Pairs,
-    filtered: Gaussians,
+    child: Int1,
+    parent: Int1,
+    share: Float3,
+    change: Float2,
+    survival: Float2,
+    place: Int2,
+    pair_mean: Float2,
+    factored: Int1,
+    gain: Float3,
+    base: Float3,
+    factor: Float3,
+    later_weight: Float3,
+    later_mean: Float3,
+    later_covariance: Float4,
+    filtered_weight: Float3,
+    filtered_mean: Float3,
+    filtered_covariance: Float4,
     smoothed: Gaussians,
-    successors: Gaussians,
     scratch: _Scratch,
 ) -> None:
-    """Smooth the updates that changed ones continue, and mark them as changed."""
-    modes, classes = filtered.weight.shape[1:]
-    for gaussians in (filtered, smoothed, successors):
+    """Smooth the updates that those in `steps` continue; see `go_back`."""
+    later = Gaussians(later_weight, later_mean, later_covariance)
+    filtered = Gaussians(filtered_weight, filtered_mean, filtered_covariance)
+    edges, predicted = (child, parent, share), (change, survival, place)
+    links = Links(*edges, *predicted, pair_mean, factored, gain, base, factor)
+    modes, classes = share.shape[1:]
+    for vectors in (later_mean, filtered_mean):
+        check_vectors(vectors)
+    for covariances in (later_covariance, filtered_covariance):
+        check_matrices(covariances)
+    for gaussians in (smoothed, scratch.successors):
         check_vectors(gaussians.mean)
         check_matrices(gaussians.covariance)
-    check_vectors(pairs.mean)
-    for matrices in (pairs.gain, pairs.base, pairs.factor, scratch.covariance):
+    check_vectors(pair_mean)
+    for matrices in (gain, base, factor):
         check_matrices(matrices)
-    for index in order:
-        update, continued = updates[index], updates[index, BEFORE] - dropped
-        if continued < 0 or not scratch.changed[index] or not needed[continued]:
-            continue
-        scratch.changed[continued] = True
-        begin, alive, dead = updates[continued, ROW], 0.0, 1.0
-        first_row, end_row = update[PREDICTED], update[PREDICTED + 1]
+    check_matrices(scratch.covariance)
+    for index in steps:
+        update, begin = updates[index], updates[updates[index, BEFORE] - dropped, ROW]
+        alive, dead, first_row, end_row = 0.0, 1.0, update[PREDICTED], update[PREDICTED + 1]
         has_children = update[EDGE] < update[EDGE + 1]
         if has_children:
-            _write_successors(update, edges, smoothed, scratch, successors)
+            _write_successors(update, links, later, scratch)
         for row in range(first_row, end_row):
             offset, hypothesis = row - first_row, begin + row - first_row
             for mode in range(modes):
-                dead -= predicted.survival[row, mode] * total_of(filtered.weight[hypothesis, mode])
+                dead -= survival[row, mode] * total_of(filtered.weight[hypothesis, mode])
                 for class_id in range(classes):
                     smoothed.weight[hypothesis, mode, class_id] = 0.0
             if has_children and total_of(scratch.successor_weight[offset]) > 0.0:
@@ -431,59 +428,43 @@ def _go_back(
                     to_mode,
                     filtered,
                     hypothesis,
-                    predicted,
-                    pairs,
-                    update,
+                    links,
                     row,
-                    successors,
                     offset,
                     scratch,
                     smoothed,
                 )
         death = (1.0 - min(alive, 1.0)) / dead if dead > 0.0 else 0.0
         for row in range(first_row, end_row):
-            hypothesis, survival = begin + row - first_row, predicted.survival[row]
-            _add_deaths(death, survival, filtered, hypothesis, smoothed)
+            _add_deaths(death, survival[row], filtered, begin + row - first_row, smoothed)
 
 
 def go_back(
-    from_mode: IntArray,
-    to_mode: IntArray,
-    first: int,
+    steps: Sequence[BackwardStep],
+    pairs: tuple[IntArray, IntArray],
     dropped: int,
-    needed: BoolArray,
     updates: IntArray,
-    edges: Edges,
-    predicted: Predicted,
-    pairs: Pairs,
-    filtered: Gaussians,
-    smoothed: Gaussians,
 ) -> None:
-    """Smooth the updates that those from `first` on continue, directly or not.
+    """Smooth the updates that others continue.
 
     Parameters
     ----------
-    from_mode, to_mode : int arrays of shape (K,)
-        The pairs of motion modes of `prediction.Moves`.
-    first : int
-        The first new update.
+    pairs : tuple of two int arrays of shape (K,)
+        See `prediction.Moves`.
     dropped : int
         Number of the first update.
-    needed : bool array of shape (U,)
-        Whether each update is still of use; the others are left as they are.
-    filtered, smoothed : Gaussians
-        The filtered and the smoothed hypotheses; those of new updates are equal.
+    updates : int array of shape (U, COLUMNS)
+        All updates.
     """
-    (modes, classes), count = filtered.weight.shape[1:], len(from_mode)
+    (modes, classes), count = steps[0].filtered.weight.shape[1:], len(pairs[0])
     rows = (updates[:, PREDICTED + 1] - updates[:, PREDICTED]).max()
-    most_edges = (updates[:, EDGE + 1] - updates[:, EDGE]).max()
-    successors = Gaussians(
-        np.empty((rows, modes, classes)),
-        np.empty((rows, modes, SIZE)),
-        np.empty((rows, modes, SIZE, SIZE)),
-    )
+    edges = (updates[:, EDGE + 1] - updates[:, EDGE]).max()
     scratch = _Scratch(
-        np.arange(len(updates)) >= first,
+        Gaussians(
+            np.empty((rows, modes, classes)),
+            np.empty((rows, modes, SIZE)),
+            np.empty((rows, modes, SIZE, SIZE)),
+        ),
         np.empty(count, np.int64),
         np.empty(count),
         np.empty(count),
@@ -491,13 +472,11 @@ def go_back(
         np.empty((count, SIZE)),
         np.empty((count, SIZE, SIZE)),
         np.empty(SIZE),
-        np.empty((most_edges, modes)),
+        np.empty((edges, modes)),
         np.empty((rows, modes)),
         np.empty((modes, classes)),
         np.empty(modes),
     )
-    tables = edges, predicted, pairs, filtered, smoothed
-    # The later scans are first, but the updates of a scan are in the order of the tables, in which
-    # the processor reads memory ahead: backwards they would take almost twice as long.
-    order = (-updates[:, STAMP]).argsort(kind="stable")
-    _go_back(from_mode, to_mode, order, dropped, needed, updates, *tables, successors, scratch)
+    for step in steps:
+        columns: Sequence[Any] = (*step.links, *step.later, *step.filtered, step.smoothed, scratch)
+        _go_back(*pairs, step.updates, dropped, updates, *columns)

@@ -1,16 +1,16 @@
 """The updates of all targets within a window, each linked to the one that it continues.
 
-A turning radar makes many small scans, each with the few targets that the antenna passed. The
-hypotheses of all scans are therefore rows of the same tables, in which those of a new scan replace
-those of dropped ones. Smoothed rows stay there, so that a scan costs only the smoothing of the
-targets that it updated.
+A turning radar makes many small scans, each with the few targets that the antenna passed. Smoothed
+hypotheses are therefore kept, so that a scan costs only the smoothing of the targets that it
+updated.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,15 +19,19 @@ from ...window.entries import Entry, Source
 from ..mixture import Mixture
 from ..prediction import Moves
 from ..reduction import Ancestry
-from .backward_step import Edges, Gaussians, Pairs, Predicted, go_back
-from .ring import Ring, ring_for
+from .backward_step import BackwardStep, Gaussians, Links, go_back
+from .tables import JOINED, Table, join
 from .updates import (
+    BEFORE,
     COLUMNS,
     LABEL,
     STAMP,
+    SUMS,
     find_reportable,
+    find_steps,
     hypothesis_rows,
     make_updates,
+    sum_hypotheses,
     updates_around,
 )
 
@@ -41,15 +45,6 @@ class Link:
     ancestry: Ancestry  # From the predicted hypotheses to the kept ones
 
 
-class _Place(NamedTuple):
-    """The place of an entry in the tables."""
-
-    stored: Mixture
-    rows: slice
-    updates: int  # Number of updates
-    linked: bool
-
-
 class Around(NamedTuple):
     """The updates around a stamp of the T targets that exist then."""
 
@@ -57,12 +52,16 @@ class Around(NamedTuple):
     after: IntArray  # First later update; -1 for none, (T,)
 
 
-def _link_columns(link: Link) -> tuple[Sequence[Any], ...]:
-    """Return the columns of each table for a link: predicted ones, pairs, factors and edges."""
+def _links_of(link: Link) -> Links:
+    """Return the columns of a link."""
     moves, ancestry = link.moves, link.ancestry
-    predicted = moves.change, moves.survival, moves.place
-    pairs = moves.mean, moves.factored, moves.gain, moves.base
-    return predicted, pairs, (moves.factor,), (ancestry.child, ancestry.parent, ancestry.share)
+    edges, predicted = (
+        (ancestry.child, ancestry.parent, ancestry.share),
+        (moves.change, moves.survival, moves.place),
+    )
+    return Links(
+        *edges, *predicted, moves.mean, moves.factored, moves.gain, moves.base, moves.factor
+    )
 
 
 def _count_until(window: Sequence[Entry[Mixture, Link]], stamp_ns: int) -> int:
@@ -81,26 +80,26 @@ class Lineages:
 
     def _reset(self) -> None:
         """Drop everything."""
-        self._places: dict[int, _Place] = {}  # By stamp, ascending
+        # The mixture of each entry and the number of its updates, by stamp, ascending.
+        self._entries: dict[int, tuple[Mixture, int]] = {}
+        self._tables: list[Table] = []  # Oldest first
+        self._pairs: tuple[IntArray, IntArray] | None = None  # See `Moves.pairs`
         self._updates = np.zeros((0, COLUMNS), dtype=np.int64)
+        self._sums = np.zeros((0, SUMS))  # Sums over the hypotheses of each update
         self._dropped = 0  # Number of the first update
         self._done = 0  # Number of updates, dropped ones included, that have been smoothed
         self._threshold = 1.0  # Existence up to which targets have been left out
-        self._gaussians = Ring(0, ())  # Filtered and smoothed ones
-        self._links: tuple[Ring, ...] = ()  # Predicted hypotheses, pairs, factors and edges
-        self._pairs_of_modes: tuple[IntArray, ...] = ()  # See `Moves.pairs`
 
     def extend(self, window: Sequence[Entry[Mixture, Link]]) -> None:
         """Append the new entries of a window; begin again if it does not continue these entries."""
-        latest_ns = next(reversed(self._places), -1)
+        latest_ns = next(reversed(self._entries), -1)
         new_entries = window[_count_until(window, latest_ns) :]
         if self._is_continued_by(window):
             self._drop_before(window[0].stamp_ns)
-            if all(map(self._append, new_entries)):
-                return
-        self._reset()
-        self._make_room(window)
-        for entry in window:
+        else:
+            self._reset()
+            new_entries = window
+        for entry in new_entries:
             self._append(entry)
 
     def _is_continued_by(self, window: Sequence[Entry[Mixture, Link]]) -> bool:
@@ -108,31 +107,21 @@ class Lineages:
 
         An entry depends on all before it, so that the latest one shows whether any has changed.
         """
-        if not self._places:
+        if not self._entries:
             return False
-        latest_ns, latest = next(reversed(self._places.items()))
+        latest_ns, (latest, _) = next(reversed(self._entries.items()))
         count = _count_until(window, latest_ns)
         return (
-            count > 0
-            and window[0].stamp_ns in self._places
-            and window[count - 1].stored is latest.stored
+            count > 0 and window[0].stamp_ns in self._entries and window[count - 1].stored is latest
         )
 
     def _drop_before(self, stamp_ns: int) -> None:
         """Drop the entries before a stamp."""
-        first = self._dropped
-        for dropped_ns in [entry_ns for entry_ns in self._places if entry_ns < stamp_ns]:
-            place = self._places.pop(dropped_ns)
-            self._dropped += place.updates
-            for ring in (self._gaussians, *(self._links if place.linked else ())):
-                ring.drop()
-        self._updates = self._updates[self._dropped - first :]
-
-    def _make_room(self, window: Sequence[Entry[Mixture, Link]]) -> None:
-        """Make tables with room for the entries of a window."""
-        links = [_link_columns(entry.link) for entry in window if entry.link is not None]
-        self._gaussians = ring_for([2 * entry.stored.gaussians for entry in window])
-        self._links = tuple(map(ring_for, zip(*links, strict=True)))
+        stamps = [entry_ns for entry_ns in self._entries if entry_ns < stamp_ns]
+        count = sum(self._entries.pop(entry_ns)[1] for entry_ns in stamps)
+        self._dropped += count
+        self._updates, self._sums = self._updates[count:], self._sums[count:]
+        self._tables = [table for table in self._tables if table.end > self._dropped]
 
     def smooth(self, since_ns: int = -1, threshold: float = -1.0) -> Around:
         """Smooth the updates that new ones continue, if a stamp from this one on needs them.
@@ -161,39 +150,48 @@ class Lineages:
             self._done = 0  # targets that were left out may be reported now
         self._threshold = threshold
         first, self._done = self._done, self._dropped + len(self._updates)
-        if not self._links:
-            return around
         needed = self._updates[:, STAMP] > since_ns
         needed[around.before] = True
-        predicted, pairs, factors, edges = (ring.columns for ring in self._links)
-        columns, updates = self._gaussians.columns, (self._dropped, self._updates)
-        needed &= find_reportable(threshold, needed, *updates, columns[0], predicted[1])
+        updates = self._dropped, self._updates
+        needed &= find_reportable(threshold, needed, *updates, self._sums)
         is_needed = needed[around.before]
-        around = Around(around.before[is_needed], around.after[is_needed])
-        if first == self._done:
-            return around
-        from_mode, to_mode = self._pairs_of_modes
-        go_back(
-            from_mode,
-            to_mode,
-            first - self._dropped,
-            self._dropped,
-            needed,
-            self._updates,
-            Edges(*edges),
-            Predicted(*predicted),
-            Pairs(*pairs, *factors),
-            Gaussians(*columns[:3]),
-            Gaussians(*columns[3:]),
-        )
-        return around
+        steps = self._backward_steps(find_steps(first - self._dropped, needed, *updates))
+        if self._pairs is not None and steps:
+            go_back(steps, self._pairs, *updates)
+        return Around(around.before[is_needed], around.after[is_needed])
+
+    def _backward_steps(self, updates: IntArray) -> list[BackwardStep]:
+        """Return the steps back from updates, table by table, first from the latest scans.
+
+        The updates of a scan are in the order of the tables, in which the processor reads memory
+        ahead: backwards they would take almost twice as long.
+        """
+        continued, stamp_ns = self._updates[updates, BEFORE], self._updates[updates, STAMP]
+        later, earlier = self._tables_of(updates + self._dropped), self._tables_of(continued)
+        order = np.lexsort((-stamp_ns, -earlier, -later))
+        updates, later, earlier = updates[order], later[order], earlier[order]
+        begins = np.flatnonzero(np.diff(later * len(self._tables) + earlier, prepend=-1))
+        steps = []
+        for begin, end in pairwise([*begins.tolist(), len(updates)]):
+            table, before = self._tables[later[begin]], self._tables[earlier[begin]]
+            smoothed = before.changeable
+            if table.links is not None:
+                columns = table.links, table.smoothed, before.filtered, smoothed
+                steps.append(BackwardStep(updates[begin:end], *columns))
+        return steps
+
+    def _tables_of(self, numbers: IntArray) -> IntArray:
+        """Return the index of the table of each update."""
+        ends = np.array([table.end for table in self._tables])
+        return ends.searchsorted(numbers, side="right")
 
     def smoothed(self, stamp_ns: int) -> Mixture:
         """Return the smoothed hypotheses of an entry."""
-        place = self._places[stamp_ns]
-        columns = self._gaussians.columns[3:]
-        weight, mean, covariance = (column[place.rows].copy() for column in columns)
-        return place.stored.changed(weight=weight, mean=mean, covariance=covariance)
+        of_entry = np.flatnonzero(self._updates[:, STAMP] == stamp_ns)
+        _, row, columns = self.hypotheses(of_entry)
+        weight, mean, covariance = (column.take(np.sort(row), axis=0) for column in columns)
+        stored, _ = self._entries[stamp_ns]
+        return stored.changed(weight=weight, mean=mean, covariance=covariance)
 
     def around(self, stamp_ns: int) -> Around:
         """Return the updates around a stamp."""
@@ -212,50 +210,61 @@ class Lineages:
         labels: IntArray = self._updates[updates, LABEL]
         return labels
 
-    def hypotheses(
-        self, updates: IntArray
-    ) -> tuple[IntArray, IntArray, tuple[FloatArray, FloatArray, FloatArray]]:
+    def hypotheses(self, updates: IntArray) -> tuple[IntArray, IntArray, Sequence[FloatArray]]:
         """Return the place of the update and the row of each smoothed hypothesis of updates.
 
         The rows are those of the returned Gaussians.
         """
-        weight, mean, covariance = self._gaussians.columns[3:]
-        return *hypothesis_rows(updates, self._updates), (weight, mean, covariance)
+        place, row = hypothesis_rows(updates, self._updates)
+        table = self._tables_of(updates + self._dropped)[place]
+        order = table.argsort(kind="stable")
+        used, begins = np.unique(table[order], return_index=True)
+        smoothed = [self._tables[index].smoothed for index in used]
+        if len(smoothed) == 1:
+            return place, row, smoothed[0]
+        if not smoothed:
+            return place, row, next(reversed(self._entries.values()))[0].gaussians
+        rows = np.split(row[order], begins[1:])
+        columns = [
+            np.concatenate([part.take(own, axis=0) for part, own in zip(parts, rows, strict=True)])
+            for parts in zip(*smoothed, strict=True)
+        ]
+        return place[order], np.arange(len(row)), columns
 
-    def _append(self, entry: Entry[Mixture, Link]) -> bool:
-        """Append the updates of an entry: those of its targets, and of those that it dropped.
-
-        Returns whether there is room.
-        """
+    def _append(self, entry: Entry[Mixture, Link]) -> None:
+        """Append the updates of an entry: those of its targets, and of those that it dropped."""
         stored, link = entry.stored, entry.link
         child = continued = np.zeros(0, dtype=np.int64)
-        first = np.zeros(5, dtype=np.int64)
-        first[0] = self._gaussians.append(*stored.gaussians, *stored.gaussians)
+        before, survival = stored.weight[:0], np.zeros((0, stored.weight.shape[1]))
         if link is not None:
-            if not self._links:
-                return False
-            child, self._pairs_of_modes = link.ancestry.child, link.moves.pairs
-            continued = np.concatenate([continued, *map(self._labels_of, entry.sources)])
-            columns = zip(self._links, _link_columns(link), strict=True)
-            first[1:] = [ring.append(*values) for ring, values in columns]
-        if first.min() < 0:
-            return False
+            child, survival = link.ancestry.child, link.moves.survival
+            self._pairs = link.moves.pairs
+            parts = [self._rows_of(source, before) for source in entry.sources]
+            continued = np.concatenate([continued, *[label for label, _ in parts]])
+            before = np.concatenate([before, *[weight for _, weight in parts]])
         label = np.union1d(stored.label, continued[continued >= 0])
         row_update = label.searchsorted(stored.row_label)
         of_label = np.where(continued < 0, -1, label.searchsorted(continued))
         updates = make_updates(
-            *(entry.stamp_ns, label, row_update, of_label, child, first),
-            *(self._dropped, self._updates),
+            *(entry.stamp_ns, label, row_update, of_label, child, self._dropped, self._updates)
         )
-        rows = slice(int(first[0]), int(first[0]) + len(stored))
-        place = _Place(stored, rows, len(updates), link is not None)
-        self._places[entry.stamp_ns] = place
+        sums = sum_hypotheses(updates, stored.weight, before, survival)
+        self._entries[entry.stamp_ns] = stored, len(updates)
         self._updates = np.concatenate((self._updates, updates))
-        return True
+        self._sums = np.concatenate((self._sums, sums))
+        end, links = self._dropped + len(self._updates), None if link is None else _links_of(link)
+        self._tables.append(Table(end, Gaussians(*stored.gaussians), links))
+        latest = self._tables[-JOINED:]
+        if len(latest) == JOINED and all(table.is_small for table in latest):
+            del self._tables[-JOINED:]
+            first = self._tables[-1].end if self._tables else self._dropped
+            self._tables.append(join(latest, self._updates[first - self._dropped :], first))
 
-    def _labels_of(self, source: Source) -> IntArray:
-        """Return the label of each row of a source; -1 if it has left the window."""
-        if source.stamp_ns not in self._places:
-            return np.full(source.size, -1)
-        label = self._places[source.stamp_ns].stored.row_label
-        return label if source.rows is None else label[source.rows]
+    def _rows_of(self, source: Source, weight: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Return the labels and weights of a source's rows; -1 and 0 if it has left the window."""
+        if source.stamp_ns not in self._entries:
+            return np.full(source.size, -1), np.zeros((source.size, *weight.shape[1:]))
+        (stored, _), rows = self._entries[source.stamp_ns], source.rows
+        if rows is None:
+            return stored.row_label, stored.weight
+        return stored.row_label[rows], stored.weight[rows]
