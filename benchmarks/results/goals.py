@@ -301,7 +301,7 @@ GOALS: tuple[Goal, ...] = (
                 1.1,
                 (*GROWTH, "exponent"),
             ),
-            ("gaussian: memory, 1000 targets, MB", 200.0, ("memory", "MB", GAUSSIAN)),
+            ("gaussian: memory, 1000 targets, MB", 120.0, ("memory", "MB", GAUSSIAN)),
         )
     ),
 )

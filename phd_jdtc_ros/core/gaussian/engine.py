@@ -35,6 +35,11 @@ class GaussianEngine(FixedLagEngine[Mixture, Link]):
         self.forward.on_stage_end("backward")
         return extract_at(self._lineages, around, self.forward.dynamics, stamp_ns, lag, threshold)
 
+    def _smooth_oldest(self) -> Estimates:
+        estimates = super()._smooth_oldest()
+        self._lineages.drop_before(self._window[0].stamp_ns)  # the next scan needs the memory
+        return estimates
+
     def _figures(self, step: Filtered[Mixture, Link]) -> Mapping[str, float]:
         stored = step.entry.stored
         return {

@@ -46,18 +46,18 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
             AgedMixture(rows.stored, self._since(rows.entry.stamp_ns, scan.stamp_ns))
             for rows in swept
         ]
-        parts, moves = [], None
+        parts: list[Mixture] = []
+        moves = None
         if aged:
-            moved, moves = survivors(aged, dynamics)
-            parts.append(moved)
+            *parts, moves = survivors(aged, dynamics)
         if born := self._births(scan):
             parts.append(births(born, dynamics, index))
         if self.model.spawn.rate > 0.0:
             parts.append(spawn(aged, dynamics, index, self.bounds.least_existence))
         predicted = Mixture.concatenate(parts or [dynamics.nothing])
         self.on_stage_end("predict")
-        survived = len(parts[0]) if aged else 0
-        row = np.arange(len(predicted))
+        survived, row = len(parts[0]) if aged else 0, np.arange(len(predicted))
+        parts.clear()  # the update needs the memory
         branched = Branched(predicted, np.where(row < survived, row, -1))
         steps = GaussianSteps(dynamics, self.bounds)
         updated = update_scan(branched, scan, steps, dt, index, self.sensors, self.attributes)

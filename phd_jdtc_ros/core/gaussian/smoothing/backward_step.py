@@ -460,11 +460,7 @@ def go_back(
     rows = (updates[:, PREDICTED + 1] - updates[:, PREDICTED]).max()
     edges = (updates[:, EDGE + 1] - updates[:, EDGE]).max()
     scratch = _Scratch(
-        Gaussians(
-            np.empty((rows, modes, classes)),
-            np.empty((rows, modes, SIZE)),
-            np.empty((rows, modes, SIZE, SIZE)),
-        ),
+        Gaussians(*(np.empty((rows, *column.shape[1:])) for column in steps[0].filtered)),
         np.empty(count, np.int64),
         np.empty(count),
         np.empty(count),

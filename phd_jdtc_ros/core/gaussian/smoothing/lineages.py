@@ -54,14 +54,8 @@ class Around(NamedTuple):
 
 def _links_of(link: Link) -> Links:
     """Return the columns of a link."""
-    moves, ancestry = link.moves, link.ancestry
-    edges, predicted = (
-        (ancestry.child, ancestry.parent, ancestry.share),
-        (moves.change, moves.survival, moves.place),
-    )
-    return Links(
-        *edges, *predicted, moves.mean, moves.factored, moves.gain, moves.base, moves.factor
-    )
+    columns = {**vars(link.moves), **vars(link.ancestry)}
+    return Links(*[columns[name] for name in Links._fields])
 
 
 def _count_until(window: Sequence[Entry[Mixture, Link]], stamp_ns: int) -> int:
@@ -95,7 +89,7 @@ class Lineages:
         latest_ns = next(reversed(self._entries), -1)
         new_entries = window[_count_until(window, latest_ns) :]
         if self._is_continued_by(window):
-            self._drop_before(window[0].stamp_ns)
+            self.drop_before(window[0].stamp_ns)
         else:
             self._reset()
             new_entries = window
@@ -115,13 +109,18 @@ class Lineages:
             count > 0 and window[0].stamp_ns in self._entries and window[count - 1].stored is latest
         )
 
-    def _drop_before(self, stamp_ns: int) -> None:
+    def drop_before(self, stamp_ns: int) -> None:
         """Drop the entries before a stamp."""
         stamps = [entry_ns for entry_ns in self._entries if entry_ns < stamp_ns]
         count = sum(self._entries.pop(entry_ns)[1] for entry_ns in stamps)
         self._dropped += count
         self._updates, self._sums = self._updates[count:], self._sums[count:]
         self._tables = [table for table in self._tables if table.end > self._dropped]
+        if self._tables:
+            oldest = self._tables[0]
+            continued = self._updates[: oldest.end - self._dropped, BEFORE]
+            if (continued < self._dropped).all():
+                oldest.links = None
 
     def smooth(self, since_ns: int = -1, threshold: float = -1.0) -> Around:
         """Smooth the updates that new ones continue, if a stamp from this one on needs them.
@@ -220,16 +219,15 @@ class Lineages:
         order = table.argsort(kind="stable")
         used, begins = np.unique(table[order], return_index=True)
         smoothed = [self._tables[index].smoothed for index in used]
-        if len(smoothed) == 1:
-            return place, row, smoothed[0]
-        if not smoothed:
-            return place, row, next(reversed(self._entries.values()))[0].gaussians
+        if len(smoothed) < 2:
+            latest, _ = next(reversed(self._entries.values()))
+            return place, row, (*smoothed, latest.gaussians)[0]
         rows = np.split(row[order], begins[1:])
         columns = [
             np.concatenate([part.take(own, axis=0) for part, own in zip(parts, rows, strict=True)])
             for parts in zip(*smoothed, strict=True)
         ]
-        return place[order], np.arange(len(row)), columns
+        return place, order.argsort(), columns
 
     def _append(self, entry: Entry[Mixture, Link]) -> None:
         """Append the updates of an entry: those of its targets, and of those that it dropped."""
@@ -250,6 +248,8 @@ class Lineages:
         )
         sums = sum_hypotheses(updates, stored.weight, before, survival)
         self._entries[entry.stamp_ns] = stored, len(updates)
+        if not len(updates):
+            return
         self._updates = np.concatenate((self._updates, updates))
         self._sums = np.concatenate((self._sums, sums))
         end, links = self._dropped + len(self._updates), None if link is None else _links_of(link)

@@ -119,19 +119,32 @@ def test_window_of_no_targets_has_none():
 
 
 def test_window_that_slides_is_smoothed_as_one_that_was_always_whole():
-    entries, most = window(9), 40
+    entries, most, joined = window(9), 40, 0
     slid = lineages.Lineages()
     for end in range(20, len(entries) + 1):
         part = entries[max(end - most, 0) : end]
         since_ns = part[-min(len(part), 30)].stamp_ns
         assert slid._is_continued_by(part) == (end > 20)
         slid.extend(part)
+        joined += sum(table.is_joined for table in slid._tables)
         slid.smooth(since_ns)
         whole = lineages.Lineages()
         whole.extend(part)
         whole.smooth()
         for own, other in zip(gaussians(slid, since_ns), gaussians(whole, since_ns), strict=True):
             np.testing.assert_array_equal(own, other)
+    assert joined > 0
+
+
+def test_engine_smooths_the_arrays_of_its_window_and_holds_no_others():
+    engine = new_engine(small({"engine": "gaussian", "lag": 4}))
+    stepped(engine, [scan for _, scan in simulate(short_scenario(8), 3)])
+    tables = engine._lineages._tables
+    for table, entry in zip(tables, engine._window, strict=True):
+        assert table.filtered.covariance is entry.stored.covariance
+        assert (table.links is None) == (entry.link is None)
+    assert tables[0].links is None
+    assert tables[1].links.gain is engine._window[1].link.moves.gain
 
 
 def gaussians(smoothed, stamp_ns):
