@@ -1,9 +1,9 @@
 """The accuracy of a tracker with misconfigured radars, with and without learning.
 
 Noise, detection probability and clutter of the radars of the reference scenario are the nominal
-ones times a factor, and so is the noise of range rates in the automotive scenario; in one case the
-noise has heavy tails. A tracker with the true values is the reference. The first scans do not
-count, because nothing is learned yet.
+ones times a factor; in one case the noise has heavy tails. Each profile is run as it is shipped, on
+its scenario and on one with other radars. A tracker with the true values is the reference. The
+first scans do not count, because nothing is learned yet.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from rich.table import Table
@@ -24,12 +24,18 @@ from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.metrics import ospa
-from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
+from phd_jdtc_ros.parameter_files import from_arguments, sections, yaml_files
 from phd_jdtc_ros.simulation import noise, scenario_file
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
+from phd_jdtc_ros.study import tracker, turning
 from phd_jdtc_ros.study.monte_carlo.definition import CUTOFF, ORDER
-from phd_jdtc_ros.study.runs import ExtractionVariant, SimulatedRun, simulated_run
-from phd_jdtc_ros.study.tracker import track
+from phd_jdtc_ros.study.runs import (
+    TAXIING,
+    ExtractionVariant,
+    IgnoredTargets,
+    SimulatedRun,
+    simulated_run,
+)
 
 from .runner import Figures, Goal, Study, add_engine_argument, cell, goal, table
 
@@ -42,7 +48,9 @@ NOMINAL: Mapping[str, float] = {
     "clutter_rate": 20.0,
 }
 LEARNED: Mapping[str, str] = {
-    **{name: f"auto {value}" for name, value in NOMINAL.items() if name != "clutter_rate"},
+    "range_std": "auto 300 outliers",
+    "azimuth_std_deg": "auto 1",
+    "detection_probability": "auto 0.9",
     "clutter_rate": "auto",
 }
 # Factors of the truth.
@@ -61,24 +69,36 @@ CASES: Mapping[str, Mapping[str, float]] = {
         "clutter_rate": 3.0,
     },
 }
+# Those of the cases of a profile. Range rates are part of the noise where they are measured.
+AS_SET = "as set"
+PROFILE_CASES: Mapping[str, Mapping[str, float]] = {
+    AS_SET: {},
+    "all wrong": {"range_rate_std": 2.0, **CASES["noise x 2, detection x 0.75, clutter x 3"]},
+}
 # Noise with heavy tails, which a tracker with the true values knows; see `heavy_tailed`.
-HEAVY_TAILS, OUTLIERS = "heavy tails", "outliers"
+HEAVY_TAILS = "heavy tails"
 # Noise of detections to which other noise is added.
 EXACT: Mapping[str, float] = {"range_std": 1e-2, "azimuth_std_deg": 1e-4}
-# The same for the radar of the automotive scenario, which measures range rates.
-RATE_SCENARIO = Path("config/scenarios/automotive.yaml")
-RATE, RATE_STD = "front.range_rate_std", 0.15
-RATE_CASES: Mapping[str, float] = {
-    "range rates, nominal": 1.0,
-    "range rates, noise x 0.5": 0.5,
-    "range rates, noise x 2": 2.0,
+
+
+class Scene(NamedTuple):
+    """The scenario of a profile."""
+
+    scenario: str
+    cutoff: float = CUTOFF  # Metres
+    ignored: IgnoredTargets = TAXIING  # Unscored targets if antennas turn
+
+
+PROFILES = {
+    "surveillance": Scene("paper_scenario"),
+    "air_traffic": Scene("terminal_radar"),
+    "marine": Scene("coastal", 200.0, IgnoredTargets(1.0, 150.0)),
+    "automotive": Scene("automotive", 20.0),
 }
 # Lags of the filtered and of the smoothed estimates.
 LAGS = {"filtered": 0, "smoothed": 5}
 # Scans that do not count.
 BEFORE = 20
-# Cut-off of the distances in the automotive scenario, metres.
-RATE_CUTOFF = 20.0
 EXTRACTION = ExtractionVariant("misspecified", "bernoulli", "components")
 # Largest ratios to the errors of a tracker with the true values, where these are not the nominal
 # ones and where they are.
@@ -97,21 +117,22 @@ def measure(arguments: argparse.Namespace, seed: int) -> Figures:
             for name, given in trackers.items()
         }
     found[HEAVY_TAILS] = _of_heavy_tails(arguments.engine, seed)
-    rates = {case: _of_rates(arguments.engine, factor, seed) for case, factor in RATE_CASES.items()}
-    return {"cases": found, "rates": rates}
+    profiles = {
+        f"{profile}, {case}": _of_profile(arguments.engine, profile, factors, seed)
+        for profile in PROFILES
+        for case, factors in PROFILE_CASES.items()
+    }
+    return {"cases": found, "profiles": profiles}
 
 
 def _of_heavy_tails(engine: str, seed: int) -> Figures:
     """Return the distances with heavy-tailed noise, of trackers with outliers and without."""
     run = heavy_tailed_run(seed)
-    trackers: dict[str, dict[str, Any]] = {
-        "true values": {**NOMINAL},
-        "nominal values": {**NOMINAL},
+    trackers: dict[str, Mapping[str, Any]] = {
+        "true values": {**NOMINAL, "range_std": f"{NOMINAL['range_std']} outliers"},
+        "nominal values": NOMINAL,
+        "learned": LEARNED,
     }
-    trackers["learned"] = {**LEARNED}
-    if engine == "gaussian":  # particles do not know outliers
-        for name in ("true values", "learned"):
-            trackers[name]["range_std"] = f"{trackers[name]['range_std']} {OUTLIERS}"
     return {
         name: _distances(run, {"engine": engine, **of_radars(given)})
         for name, given in trackers.items()
@@ -142,19 +163,38 @@ def heavy_tailed(rng: np.random.Generator, count: int) -> FloatArray:
     return found
 
 
-def _of_rates(engine: str, factor: float, seed: int) -> Figures:
-    """Return the distances in the automotive scenario, given the factor of its rates' noise."""
-    document = yaml_files.load(resources.find(RATE_SCENARIO))
-    given = {**from_arguments.scenario_parameters(document), "engine": engine}
-    truth = {**given, RATE: factor * RATE_STD}
-    scenario = scenario_file.resolve(document, polar_radars(resolve(truth).model.radars))
-    run = simulated_run(scenario, seed)
-    trackers = {
-        "true values": truth,
-        "nominal values": given,
-        "learned": {**given, RATE: f"auto {RATE_STD}"},
+def _of_profile(engine: str, profile: str, factors: Mapping[str, float], seed: int) -> Figures:
+    """Return the distances of a profile with its radars' true values, and as it is shipped."""
+    scene = PROFILES[profile]
+    document = yaml_files.load(resources.find(Path("config/scenarios", f"{scene.scenario}.yaml")))
+    shipped = {
+        **sections.read(resources.find(Path("config", f"{profile}.yaml"))).values("/tracker"),
+        "engine": engine,
     }
-    return {name: _distances(run, own, RATE_CUTOFF) for name, own in trackers.items()}
+    given = from_arguments.scenario_parameters(document)
+    truth = {
+        f"{radar}.{name}": scaled(given.get(f"{radar}.{name}", NOMINAL.get(name)), factor)
+        for radar in shipped["sensors"]
+        for name, factor in ({**dict.fromkeys(NOMINAL, 1.0), **factors}).items()
+        if name in NOMINAL or f"{radar}.{name}" in given
+    }
+    radars = polar_radars(resolve({**given, **truth}).model.radars)
+    scenario = scenario_file.resolve(document, radars)
+    turns = any(radar.rotation_s for radar in radars)
+    run = (
+        turning.turning_run(scenario, seed, scene.ignored)
+        if turns
+        else simulated_run(scenario, seed)
+    )
+    trackers = {"true values": {**shipped, **truth}, "as shipped": shipped}
+    return {name: _distances(run, own, scene.cutoff) for name, own in trackers.items()}
+
+
+def scaled(value: Any, factor: float) -> Any:
+    """Return a number, or the probabilities of pairs of range and probability, times a factor."""
+    if isinstance(value, Sequence):
+        return [each * factor if index % 2 else each for index, each in enumerate(value)]
+    return value * factor
 
 
 def truth_of(factors: Mapping[str, float]) -> dict[str, float]:
@@ -176,7 +216,11 @@ def _distances(
     run: SimulatedRun, parameters: Mapping[str, Any], cutoff: float = CUTOFF
 ) -> dict[str, float]:
     """Return the mean OSPA distances of a tracker with these parameters, by source, metres."""
-    tracks = track(run, resolve(parameters), [EXTRACTION], tuple(LAGS.values()))[EXTRACTION.label]
+    lags = tuple(LAGS.values())
+    if run.scans:
+        tracks = tracker.track(run, resolve(parameters), [EXTRACTION], lags)[EXTRACTION.label]
+    else:
+        tracks = turning.track(run, parameters, lags).tracks
     return {source: _mean(run, tracks[lag], cutoff) for source, lag in LAGS.items()}
 
 
@@ -187,29 +231,35 @@ def _mean(run: SimulatedRun, found: Sequence[PointSet], cutoff: float) -> float:
 
 
 def tables(figures: Figures) -> list[Table]:
-    """Return the distances of each case, filtered / smoothed."""
-    rows = []
-    for part, form in (("cases", ".1f"), ("rates", ".2f")):
-        for case, trackers in figures[part].items():
-            texts = [
-                [cell(figures, [part, case, own, source], form) for source in LAGS]
-                for own in trackers
-            ]
-            rows.append((case, *map(" / ".join, texts)))
-    title = "OSPA after 20 scans in metres, filtered / smoothed"
-    return [table(title, "radars", *trackers, rows=rows)]
+    """Return the distances of each case and of each profile, filtered / smoothed."""
+    found = []
+    for part, title in (("cases", "OSPA after 20 scans in metres"), ("profiles", "The profiles")):
+        trackers = next(iter(figures[part].values()))
+        rows = [
+            (
+                case,
+                *(
+                    " / ".join(cell(figures, [part, case, own, source], ".1f") for source in LAGS)
+                    for own in trackers
+                ),
+            )
+            for case in figures[part]
+        ]
+        found.append(table(f"{title}, filtered / smoothed", "radars", *trackers, rows=rows))
+    return found
 
 
 def goals(figures: Figures) -> list[Goal]:
     """Return the goals: the error of a learning tracker, relative to one with the true values."""
     found = []
-    for case, of_case in (figures["cases"] | figures["rates"]).items():
-        right = RATE_CASES.get(case, 1.0) == 1.0 and not CASES.get(case, case == HEAVY_TAILS)
+    for case, of_case in (figures["cases"] | figures["profiles"]).items():
+        right = case == "nominal" or case.endswith(AS_SET)
         bound = MOST_RIGHT if right else MOST_WRONG
+        learned = next(own for own in ("learned", "as shipped") if own in of_case)
         for source in LAGS:
-            ratio = of_case["learned"][source] / of_case["true values"][source]
+            ratio = of_case[learned][source] / of_case["true values"][source]
             found.append(
-                goal(f"misspecified, {case}, learned / true values, {source}", ratio, bound)
+                goal(f"misspecified, {case}, {learned} / true values, {source}", ratio, bound)
             )
     return found
 

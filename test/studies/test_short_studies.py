@@ -42,8 +42,9 @@ def test_learning_is_compared_with_true_and_nominal_values(tmp_path, capsys, mon
         return usual(replace(scenario, scans=min(scenario.scans, 80)), seed)
 
     monkeypatch.setattr(misspecified, "simulated_run", shorter_run)
-    of_rates = "range rates, noise x 2"
-    monkeypatch.setattr(misspecified, "RATE_CASES", {of_rates: 2.0})
+    monkeypatch.setattr(
+        misspecified, "PROFILES", {"automotive": misspecified.PROFILES["automotive"]}
+    )
     arguments = ["--engine", "gaussian", "--runs", "1", "--seed", "3", "--out", str(tmp_path)]
     assert main(["misspecified", *arguments]) == 0
     assert "nominal values" in capsys.readouterr().out
@@ -52,8 +53,8 @@ def test_learning_is_compared_with_true_and_nominal_values(tmp_path, capsys, mon
     assert right["true values"] == right["nominal values"]
     true, nominal, learned = (each["filtered"] for each in noise.values())
     assert true < learned < nominal
-    rates = found["rates"][of_rates]
-    assert 0.0 < rates["learned"]["smoothed"] < rates["learned"]["filtered"] < 3.0
+    wrong = found["profiles"]["automotive, all wrong"]
+    assert 0.0 < wrong["true values"]["smoothed"] < wrong["as shipped"]["filtered"] < 3.0
     joined = json.loads((tmp_path / "summary.json").read_text())
     assert joined["goals"] == found["goals"]
     assert joined["misspecified"]["cases"] == found["cases"]
