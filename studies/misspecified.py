@@ -233,13 +233,14 @@ def _mean(run: SimulatedRun, found: Sequence[PointSet], cutoff: float) -> float:
 def tables(figures: Figures) -> list[Table]:
     """Return the distances of each case and of each profile, filtered / smoothed."""
     found = []
-    for part, title in (("cases", "OSPA after 20 scans in metres"), ("profiles", "The profiles")):
+    parts = (("cases", "OSPA after 20 scans in metres", ".1f"), ("profiles", "The profiles", ".2f"))
+    for part, title, form in parts:
         trackers = next(iter(figures[part].values()))
         rows = [
             (
                 case,
                 *(
-                    " / ".join(cell(figures, [part, case, own, source], ".1f") for source in LAGS)
+                    " / ".join(cell(figures, [part, case, own, source], form) for source in LAGS)
                     for own in trackers
                 ),
             )
