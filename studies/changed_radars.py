@@ -117,7 +117,7 @@ def tables(figures: Figures) -> list[Table]:
             row[3] = f"{np.median(delays):g} / {longest}"
         rows.append(row)
     headings = ("radar", "false alarms", "found", "scans, median / longest")
-    return [table("A radar that changes", *headings, rows=rows)]
+    return [table("A radar that changes", headings, rows)]
 
 
 def goals(figures: Figures) -> list[Goal]:

@@ -40,13 +40,8 @@ STUDIES = {
 }
 # Studies that run one after the other in a second process, in parallel to the Monte Carlo study.
 REST = (
-    "madap",
-    "registration",
-    "handover",
-    "hours",
-    "misspecified",
-    "changed_radars",
-    "calibration",
+    *("madap", "registration", "handover", "hours"),
+    *("misspecified", "changed_radars", "calibration"),
 )
 RUNS = 50
 

@@ -30,7 +30,7 @@ from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
 from phd_jdtc_ros.study.turning import estimates_of
 
-from .runner import Figures, Study, cell, table
+from .runner import Figures, Study, figures_table
 
 # Supplies the parameters of two turning radars and of their tracker.
 SCENARIO = Path("config/scenarios/two_terminal_radars.yaml")
@@ -209,18 +209,14 @@ def _tables(found: Figures) -> list[Table | str]:
     columns = {
         "gospa": ("GOSPA", ".0f", "m"),
         "ospa": ("OSPA", ".0f", "m"),
-        "switches": ("identity switches", ".1f", ""),
-        "missing": ("missing", ".2f", ""),
-        "duplicated": ("duplicated", ".2f", ""),
+        "switches": ("identity switches", ".1f"),
+        "missing": ("missing", ".2f"),
+        "duplicated": ("duplicated", ".2f"),
     }
-    rows = [
-        (name, *(cell(found, ["scores", name, key], *of[1:]) for key, of in columns.items()))
-        for name in found["scores"]
-    ]
-    headings = (heading for heading, _, _ in columns.values())
+    rows = {name: ("scores", name) for name in found["scores"]}
     spent = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in found["cpu_s"].items())
     return [
-        table(f"within {NEAR / 1e3:g} km of the seam", "trackers", *headings, rows=rows),
+        figures_table(f"within {NEAR / 1e3:g} km of the seam", "trackers", found, columns, rows),
         "missing and duplicated: reports per aircraft, one every 4 s",
         f"runs of {DURATION_S:g} s; CPU: {spent}",
     ]

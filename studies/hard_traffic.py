@@ -34,7 +34,7 @@ from phd_jdtc_ros.study.runs import SimulatedRun
 from phd_jdtc_ros.study.turning import track, turning_run
 
 from .peers.plot_kalman import plot_kalman
-from .runner import Figures, Study, cell, table
+from .runner import Figures, Study, figures_table
 
 PROFILE = Path("config/air_traffic.yaml")
 # Expected false detections in a turn; the profile's radar learns them, but a scene needs a number.
@@ -161,17 +161,12 @@ def tables(figures: Figures) -> list[Table]:
         "switches": ("switches", ".1f"),
         "false_tracks": ("false tracks", ".1f"),
     }
-    found = []
-    for name, scene in figures["scenes"].items():
-        rows = [
-            (
-                source,
-                *(cell(figures, ["scenes", name, source, key], columns[key][1]) for key in columns),
-            )
-            for source in scene
-        ]
-        found.append(table(name, "tracks", *(title for title, _ in columns.values()), rows=rows))
-    return found
+    return [
+        figures_table(
+            name, "tracks", figures, columns, {source: ("scenes", name, source) for source in scene}
+        )
+        for name, scene in figures["scenes"].items()
+    ]
 
 
 STUDY = Study(

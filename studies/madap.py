@@ -215,7 +215,7 @@ def _tables(found: Figures) -> list[Table | str]:
     heading = "MADAP benchmark, manoeuvring flights"
     columns = ("figure", "published, all radars", "published, one radar", *found["figures"])
     return [
-        table(heading, *columns, rows=rows),
+        table(heading, columns, rows),
         f"CPU per update of all tracks: {found['cpu_per_update_ms']:.0f} ms",
     ]
 

@@ -246,7 +246,7 @@ def tables(figures: Figures) -> list[Table]:
             )
             for case in figures[part]
         ]
-        found.append(table(f"{title}, filtered / smoothed", "radars", *trackers, rows=rows))
+        found.append(table(f"{title}, filtered / smoothed", ("radars", *trackers), rows))
     return found
 
 

@@ -33,7 +33,7 @@ from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 from phd_jdtc_ros.study import turning
 
-from .runner import Figures, Goal, Study, StudyError, cell, goal, table, until
+from .runner import Figures, Goal, Study, StudyError, figures_table, goal, table, until
 
 SCENARIO = Path("config/scenarios/three_biased_radars.yaml")
 # The tracker runs on the first seconds only, because it takes much longer than the registration.
@@ -66,13 +66,7 @@ class Row(NamedTuple):
 
 
 def registration_of(scenario: Scenario, config: TrackerConfig, seed: int) -> Registration:
-    """Return the registration of the radars from the plots of a seeded run.
-
-    Raises
-    ------
-    RegistrationError
-        If no bias is observable.
-    """
+    """Return the registration from the plots of a seeded run, or raise `RegistrationError`."""
     reports = simulate_reports(scenario, config.radars, seed)
     sensors = []
     for index, radar in enumerate(scenario.radars):
@@ -176,16 +170,11 @@ def tables(found: Figures) -> list[Table | str]:
     for row in (Row(**each) for each in found["errors"]):
         cells = ("reference", "") if row.std is None else (f"{row.found:.4f}", f"{row.std:.2g}")
         errors.append((row.radar, f"{row.error}, {row.unit}", f"{row.true:.3g}", *cells))
-    tracks = [
-        (name, *(cell(found, ["rms_m", name, source], ".1f") for source in SOURCES))
-        for name in found["rms_m"]
-    ]
+    columns = {source: (source, ".1f") for source in SOURCES}
+    rows = {name: ("rms_m", name) for name in found["rms_m"]}
     return [
-        table(
-            *("registration: systematic errors", "radar", "error", "true", "found", "+-"),
-            rows=errors,
-        ),
-        table("registration: RMS position error, m", "radars", *SOURCES, rows=tracks),
+        table("registration: systematic errors", ("radar", "error", "true", "found", "+-"), errors),
+        figures_table("registration: RMS position error, m", "radars", found, columns, rows),
     ]
 
 

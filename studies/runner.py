@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -14,10 +14,12 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
+from phd_jdtc_ros.report.table import simple_table
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.study.monte_carlo.results import Mean
 from phd_jdtc_ros.tools import command
@@ -125,7 +127,7 @@ def _work(study: Study, arguments: argparse.Namespace) -> int:
     for name, picture in study.pictures(figures).items():
         FigureCanvasAgg(picture).print_png(arguments.out / name)
     join(arguments.out, study, document)
-    for shown in [*study.tables(figures), *([_goals_table(goals)] if goals else [])]:
+    for shown in [*study.tables(figures), *([goals_table(goals)] if goals else [])]:
         console.print(shown, markup=False, highlight=False)
     console.print(f"results: {path}", soft_wrap=True, markup=False, highlight=False)
     return OK if all(map(study.complete, found)) else FAILED
@@ -183,14 +185,30 @@ def _write(path: Path, summary: Figures) -> None:
     output_files.write(path, json.dumps(summary, indent=2, allow_nan=False) + "\n")
 
 
-def table(title: str, *headings: str, rows: Sequence[Sequence[str]]) -> Table:
-    """Return a table with its first column aligned left and the others right."""
-    found = Table(title=title, title_justify="left")
-    for index, heading in enumerate(headings):
-        found.add_column(heading, justify="right" if index else "left", no_wrap=not index)
-    for row in rows:
-        found.add_row(*row)
+def table(title: str, headings: Sequence[str], rows: Iterable[Sequence[str]] = ()) -> Table:
+    """Return a table with its title on the left and a first column that is not wrapped."""
+    found = simple_table(title, headings, rows)
+    found.title_justify, found.columns[0].no_wrap = "left", True
     return found
+
+
+def figures_table(
+    title: str,
+    first: str,
+    figures: Figures,
+    columns: Mapping[str, Sequence[str]],
+    rows: Mapping[str, Sequence[str]],
+) -> Table:
+    """Return a table of figures with the heading `first` over the names of its rows.
+
+    A row has the path to its figures, and a column by their key the heading, the form and
+    optionally the unit; see `cell`.
+    """
+    cells = [
+        (name, *(cell(figures, [*path, key], *form) for key, (_, *form) in columns.items()))
+        for name, path in rows.items()
+    ]
+    return table(title, (first, *(heading for heading, *_ in columns.values())), cells)
 
 
 def cell(figures: Figures, path: Sequence[str], form: str, unit: str = "") -> str:
@@ -209,20 +227,16 @@ def cell(figures: Figures, path: Sequence[str], form: str, unit: str = "") -> st
     return f"{' ± '.join(texts)} {'%' if form.endswith('%') else unit}".rstrip()
 
 
-def _goals_table(goals: Sequence[Goal]) -> Table:
-    reached = {True: "yes", False: "no", None: "-"}
-    return table(
-        *("goals", "name", "value", "goal", "reached"),
-        rows=[
-            (
-                each["name"],
-                "-" if each["value"] is None else f"{each['value']:.4g}",
-                f"{'at most' if each['at_most'] else 'at least'} {each['goal']:.4g}",
-                reached[each["reached"]],
-            )
-            for each in goals
-        ],
-    )
+def goals_table(goals: Sequence[Goal]) -> Table:
+    """Return the table of goals; a goal without a value may have a ``reason`` for that."""
+    found = table("goals", ("name", "value", "goal", "reached"))
+    for each in goals:
+        value = each.get("reason", "-") if each["value"] is None else f"{each['value']:.4g}"
+        bound = f"{'at most' if each['at_most'] else 'at least'} {each['goal']:.4g}"
+        reached = {True: "yes", False: "no", None: "-"}[each["reached"]]
+        style = "red" if reached == "no" else None
+        found.add_row(escape(each["name"]), escape(value), bound, reached, style=style)
+    return found
 
 
 def until(scenario: Scenario, elapsed_s: float) -> Scenario:

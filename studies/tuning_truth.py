@@ -28,14 +28,8 @@ from phd_jdtc_ros.tools.tune import SECONDS
 from .runner import Figures, Study, table
 
 COLUMNS = (
-    "recording",
-    "radar",
-    "turn, s",
-    "interval, s",
-    "range, m",
-    "azimuth, deg",
-    "detected",
-    "clutter",
+    *("recording", "radar", "turn, s", "interval, s"),
+    *("range, m", "azimuth, deg", "detected", "clutter"),
 )
 # Gate of the association of plots with targets, in standard deviations.
 GATE = 4.0
@@ -46,13 +40,7 @@ SAME_STAMP_S = 1e-3
 
 
 def _of_bag(given: str, seconds: float) -> list[list[str]]:
-    """Return the table rows of a bag's radars.
-
-    Raises
-    ------
-    BagError
-        If the bag has no truth, or no parameters beside it.
-    """
+    """Return the table rows of a bag's radars, given its truth and the parameters beside it."""
     source = resources.bag(given)
     bag = BagReader(source)
     recorded = bag_parameters.read(source)
@@ -152,7 +140,7 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
 
 def _tables(found: Figures) -> list[Table | str]:
     return [
-        table("found / simulated", *COLUMNS, rows=found["radars"]),
+        table("found / simulated", COLUMNS, found["radars"]),
         "detected: share of the true targets' looks",
     ]
 

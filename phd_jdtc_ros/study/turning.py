@@ -18,14 +18,7 @@ from msg_adapters.incoming.selection import Report as Received
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.pipeline import Event, RunEnded
-from phd_jdtc_ros.core.types import (
-    COASTING,
-    FILTERED,
-    SMOOTHED,
-    SOURCES,
-    Estimates,
-    Truth,
-)
+from phd_jdtc_ros.core.types import COASTING, FILTERED, SMOOTHED, SOURCES, Estimates, Truth
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.feed.feed import Feed

@@ -90,13 +90,7 @@ class Recording:
 
 
 def scenarios_in(directory: Path) -> list[int]:
-    """Return the numbers of the scenarios in a directory, ascending.
-
-    Raises
-    ------
-    RecordingError
-        If the directory has no scenario.
-    """
+    """Return the numbers of the scenarios in a directory, ascending, or raise `RecordingError`."""
     names = [path.name for path in directory.glob(_DETECTIONS.format("*"))]
     found = [re.fullmatch(r"scenario(\d+)_detections\.csv", name) for name in names]
     numbers = sorted(int(match[1]) for match in found if match)
@@ -108,13 +102,10 @@ def scenarios_in(directory: Path) -> list[int]:
 def read(directory: Path, scenario: int) -> Recording:
     """Return a scenario of the dataset.
 
-    Raises
-    ------
-    RecordingError
-        If a file is missing, or a row does not match the dataset's format.
+    Raise `RecordingError` if a file is missing, or a row does not match the dataset's format.
     """
-    looks = tuple(_looks(directory / _DETECTIONS.format(scenario)))
-    looks = tuple(sorted(looks, key=lambda look: look.stamp_ns))
+    found = _looks(directory / _DETECTIONS.format(scenario))
+    looks = tuple(sorted(found, key=lambda look: look.stamp_ns))
     if not looks:
         raise RecordingError(f"{directory / _DETECTIONS.format(scenario)}: has no scan")
     targets = _targets(directory / _TRUTH.format(scenario))

@@ -22,7 +22,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -74,22 +74,9 @@ class Score:
     # `missed`, `false`: targets without an estimate and estimates without a target, per scan.
     missed: float
     false: float
-    # Root mean square error of the pairs closer than the cutoff, metres; NaN without any.
-    position_rms: float
+    # Root mean square error of the pairs closer than the cutoff, metres; None without any.
+    position_rms: float | None
     identity_switches: int | None = None  # None if estimates have no labels
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the values, None for unknown ones."""
-        return {
-            name: None if isinstance(value, float) and math.isnan(value) else value
-            for name, value in asdict(self).items()
-        }
-
-    @staticmethod
-    def of_json(given: Mapping[str, Any]) -> Score:
-        """Return the scores of `as_json`."""
-        rms = math.nan if given["position_rms"] is None else given["position_rms"]
-        return Score(**{**given, "position_rms": rms})
 
 
 def scans_of(recording: Recording, sensors: Sequence[str] = ("radar",)) -> list[Scan]:
@@ -215,7 +202,7 @@ def _score(
         float(np.mean([scan.distance for scan in scans])),
         float(np.mean([scan.missed for scan in scans])),
         float(np.mean([scan.false for scan in scans])),
-        math.sqrt(square / pairs) if pairs else math.nan,
+        math.sqrt(square / pairs) if pairs else None,
         _switches(truth, found),
     )
 
@@ -240,7 +227,7 @@ def means(scores: Sequence[Score]) -> dict[tuple[str, str], dict[str, float]]:
     for key in dict.fromkeys((score.tracker, score.source) for score in scores):
         rows = [score for score in scores if (score.tracker, score.source) == key]
         found[key] = {
-            name: float(np.nanmean([getattr(row, name) for row in rows]))
+            name: float(np.nanmean(np.array([getattr(row, name) for row in rows], dtype=float)))
             for name in ("gospa", "missed", "false", "position_rms")
         }
     return found
@@ -248,11 +235,9 @@ def means(scores: Sequence[Score]) -> dict[tuple[str, str], dict[str, float]]:
 
 def goals_of(scores: Sequence[Score]) -> list[Goal]:
     """Return the goals: ratio of each engine's GOSPA to the better peer's, by source."""
-    of_tracker = means(scores)
-    goals = []
-    for engine in ENGINES:
-        for source, bound in GOALS.items():
-            better = min(of_tracker[peer, source]["gospa"] for peer in PEERS)
-            ratio = of_tracker[engine, source]["gospa"] / better
-            goals.append(goal(f"GOSPA {source}, {engine}, to the better peer's", ratio, bound))
+    of_tracker, goals = means(scores), []
+    for engine, (source, bound) in itertools.product(ENGINES, GOALS.items()):
+        better = min(of_tracker[peer, source]["gospa"] for peer in PEERS)
+        ratio = of_tracker[engine, source]["gospa"] / better
+        goals.append(goal(f"GOSPA {source}, {engine}, to the better peer's", ratio, bound))
     return goals

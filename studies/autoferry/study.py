@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import asdict
 
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
@@ -42,7 +43,7 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
             found += scores.scores_of(recording, *given, seed)
         except ImportError as error:
             raise BagError(f"Stone Soup: {error}") from error
-    return {"scores": [each.as_json() for each in found]}
+    return {"scores": list(map(asdict, found))}
 
 
 def _combined(found: Sequence[Figures]) -> Figures:
@@ -65,12 +66,12 @@ def _combined(found: Sequence[Figures]) -> Figures:
 
 def _mean_gospa(particles: Sequence[Figures]) -> Figures:
     """Return the mean GOSPA over scenarios, by source."""
-    over = scores.means([Score.of_json(each) for each in particles])
+    over = scores.means([Score(**each) for each in particles])
     return {source: figures["gospa"] for (_, source), figures in over.items()}
 
 
 def _scores(found: Figures) -> list[Score]:
-    return [Score.of_json(each) for each in found["scores"]]
+    return [Score(**each) for each in found["scores"]]
 
 
 def _tables(found: Figures) -> list[Table | str]:

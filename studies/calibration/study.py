@@ -162,7 +162,7 @@ def tables(figures: Figures) -> list[Table]:
     ]
     headings = ("estimates", "NEES", "outside 3 sigma", "NEES, no coverage", "outside, no coverage")
     worst = (f"largest error of {kind}" for kind in KINDS)
-    found = [table("covariances and probabilities", *headings, *worst, rows=rows)]
+    found = [table("covariances and probabilities", (*headings, *worst), rows)]
     for engine, of_engine in figures["engines"].items():
         for kind, edges in KINDS.items():
             found.append(_reliability(engine, kind, edges, of_engine))
@@ -193,7 +193,7 @@ def _reliability(
             cells += [f"{number:.0f}", known]
         rows.append(cells)
     headings = [f"{source}, {what}" for source in of_engine for what in ("number", "said: right")]
-    return table(f"{engine}: {kind} probability", "bin", *headings, rows=rows)
+    return table(f"{engine}: {kind} probability", ("bin", *headings), rows)
 
 
 def goals(figures: Figures) -> list[Goal]:

@@ -23,7 +23,7 @@ that many plots. Tracks of unscored targets are left out; tracks near no target 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
@@ -31,10 +31,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msg_adapters.incoming import ground_ranges
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
-from phd_jdtc_ros.core.sensors.slant_range import Ground
 from phd_jdtc_ros.core.types import Detections, Estimates, Truth
 from phd_jdtc_ros.evaluation.accumulators.identity import IdentitySwitches
 from phd_jdtc_ros.evaluation.comparison import LabelledPoints, PointSet
@@ -82,8 +82,6 @@ class Reader:
 
     layout: RadarParameters
     radar: RadarModel  # The radar in the tracks' plane
-    # `msg_adapters.incoming.ground_ranges.read`, of distance, azimuth, elevation, height, layout.
-    read: Callable[[FloatArray, FloatArray, None, FloatArray | None, RadarParameters], Ground]
 
     def ground(
         self, distance: FloatArray, azimuth: FloatArray, height: FloatArray
@@ -95,7 +93,7 @@ class Reader:
         """
         known = height if self.layout.fields.height else None
         own = azimuth - self.radar.yaw if self.layout.site is None else azimuth
-        found = self.read(distance, own, None, known, self.layout)
+        found = ground_ranges.read(distance, own, None, known, self.layout)
         return np.stack([found.distance, found.azimuth], axis=1), found.possible
 
 
@@ -212,11 +210,8 @@ def plot_kalman(hour: Hour, reader: Reader, times_s: FloatArray) -> list[PointSe
     detections = Detections(ground[possible], None, time_s=time_s[possible])
     true = hour.scenario.radars[0]
     own = replace(true, position=reader.radar.position, yaw=reader.radar.yaw)
-    return follow([SimulatedReport(0, 0, detections, np.zeros(0, np.int64))], [own], _ns(times_s))
-
-
-def _ns(times_s: FloatArray) -> list[int]:
-    return [round(time_s * 1e9) for time_s in times_s.tolist()]
+    stamps_ns = [round(time_s * 1e9) for time_s in times_s.tolist()]
+    return follow([SimulatedReport(0, 0, detections, np.zeros(0, np.int64))], [own], stamps_ns)
 
 
 def scores(hour: Hour, reader: Reader, times_s: FloatArray, found: Sequence[PointSet]) -> Scores:
@@ -274,11 +269,8 @@ class _Sums:
         self._switched += self._switches.add(
             true, LabelledPoints(numbers, rest.position), rest.coasting
         )
-        self._follow(
-            label,
-            passes,
-            dict(zip(true.label[row].tolist(), numbers[column].tolist(), strict=True)),
-        )
+        found_numbers = zip(true.label[row].tolist(), numbers[column].tolist(), strict=True)
+        self._follow(label, passes, dict(found_numbers))
 
     def _follow(self, label: IntArray, passes: IntArray, number: dict[int, int]) -> None:
         """Compare targets' track numbers before and after a gap in sight."""

@@ -12,7 +12,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +20,6 @@ import numpy as np
 from rich.table import Table
 
 from msg_adapters.encoding import interfaces, names
-from msg_adapters.incoming import ground_ranges
 from msg_adapters.incoming.readers import reader_of
 from msg_adapters.targets import estimates
 from phd_jdtc_ros import resources
@@ -36,7 +35,7 @@ from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker
 from phd_jdtc_ros.simulation import scenario_file, sending
 from phd_jdtc_ros.tools.asterix import simulated as simulated_asterix
 
-from ..runner import Figures, Study, cell, table, until
+from ..runner import Figures, Study, figures_table, until
 from . import hour as hours
 from .goals import AS_IS, NO_IDENTITIES, TUNED, goals_of
 from .hour import Hour, Reader, Scores
@@ -120,17 +119,13 @@ def run(name: str, *arguments: object) -> Run:
 def score_bag(hour: Hour, tracked: Path) -> tuple[dict[str, Scores], Scores]:
     """Return the scores of the estimates in a bag by source, and the plot Kalman tracker's.
 
-    The plot Kalman tracker is scored at the stamps of the filtered estimates.
-
-    Raises
-    ------
-    BagError
-        If the bag is not an output of `track_bag` with one radar.
+    The plot Kalman tracker is scored at the stamps of the filtered estimates. Raise `BagError` if
+    the bag is not an output of `track_bag` with one radar.
     """
     config = tracker_params.config(bag_parameters.read(tracked) or {})
     if len(config.radars) != 1:
         raise BagError(f"{tracked}: {len(config.radars)} radars, must be 1")
-    reader = Reader(config.radars[0], polar_radars(config.model.radars)[0], ground_ranges.read)
+    reader = Reader(config.radars[0], polar_radars(config.model.radars)[0])
     bag = BagReader(tracked)
     own_s, _ = hour.plots
     recorded_s = _detection_times(bag, config)
@@ -162,10 +157,9 @@ def _detection_times(bag: BagReader, config: TrackerConfig) -> FloatArray:
 
 
 def _estimates(bag: BagReader, source: str) -> list[Estimates]:
-    topic = names.estimates(source)
     return [
         estimates.from_msg(interfaces.decode(entry.data, names.CLOUD))
-        for entry in bag.messages([topic])
+        for entry in bag.messages([names.estimates(source)])
     ]
 
 
@@ -229,14 +223,15 @@ def _widths(found: Mapping[str, Any]) -> Figures:
 def _tables(found: Figures) -> list[Table | str]:
     shown: list[Table | str] = []
     for name, ways in found["hours"].items():
-        rows = {
+        rows: dict[str, tuple[str, ...]] = {
             f"{way}, {source}": ("hours", name, way, "scores", source)
             for way in ways
             for source in SOURCES
         }
         cpu = ", ".join(f"{way} {each['cpu_s']:.1f} s" for way, each in ways.items())
+        rows["plot Kalman"] = ("hours", name, AS_IS, PEER)
         shown += [
-            _scores_table(name, found, {**rows, "plot Kalman": ("hours", name, AS_IS, PEER)}),
+            figures_table(name, "tracks", found, COLUMNS, rows),
             f"CPU time of track_bag: {cpu}",
         ]
     return shown
@@ -251,15 +246,6 @@ COLUMNS = {
     "renumbered": ("renumbered", ".3g"),
     "returned": ("of", ".3g"),
 }
-
-
-def _scores_table(title: str, found: Figures, rows: Mapping[str, Sequence[str]]) -> Table:
-    """Return the table of scores of an hour, one row per tracker, given the paths to its scores."""
-    cells = [
-        (name, *(cell(found, [*path, key], form) for key, (_, form) in COLUMNS.items()))
-        for name, path in rows.items()
-    ]
-    return table(title, "tracks", *(heading for heading, _ in COLUMNS.values()), rows=cells)
 
 
 STUDY = Study(
@@ -295,9 +281,11 @@ OF_BAG = Study(
     purpose="Scores of a bag that track_bag wrote of a simulated hour.",
     measure=_measure_bag,
     tables=lambda found: [
-        _scores_table(
+        figures_table(
             found["hour"],
+            "tracks",
             found,
+            COLUMNS,
             {**{source: ("scores", source) for source in SOURCES}, "plot Kalman": (PEER,)},
         )
     ],

@@ -45,12 +45,8 @@ Part: TypeAlias = Any
 def require() -> Soup:
     """Return the used parts of Stone Soup by their own names.
 
-    Detections and tracks are `numbered`, from 0 again in each call.
-
-    Raises
-    ------
-    ImportError
-        If Stone Soup is missing, or its version lacks a part.
+    Detections and tracks are `numbered`, from 0 again in each call. Raise `ImportError` if Stone
+    Soup is missing, or its version lacks a part.
     """
     try:
         with warnings.catch_warnings():

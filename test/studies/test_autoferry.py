@@ -1,4 +1,5 @@
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -157,8 +158,8 @@ def test_trackers_are_scored_on_the_same_scans_with_changes_of_ours(boats):
 
 def test_the_figures_of_the_particles_are_means_over_seeds():
     names = ("particles", "gaussian")
-    first = [score(name, s, 20.0).as_json() for name in names for s in ("filtered", "smoothed")]
-    second = [score("particles", s, 22.0).as_json() for s in ("filtered", "smoothed")]
+    first = [asdict(score(name, s, 20.0)) for name in names for s in ("filtered", "smoothed")]
+    second = [asdict(score("particles", s, 22.0)) for s in ("filtered", "smoothed")]
     figures = study.STUDY.combined([{"scores": first}, {"scores": second}])
     assert [(each["scenario"], each["gospa"]) for each in figures["scores"]] == [
         (2, 21.0),

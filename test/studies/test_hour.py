@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from msg_adapters.incoming import ground_ranges
 from phd_jdtc_ros import __main__ as executables
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
 from phd_jdtc_ros.evaluation.comparison import PointSet
@@ -29,7 +28,7 @@ def hour():
 
 @pytest.fixture(scope="module")
 def reader(hour):
-    return Reader(hour.layout, hour.scenario.radars[0], ground_ranges.read)
+    return Reader(hour.layout, hour.scenario.radars[0])
 
 
 @pytest.fixture(scope="module")
@@ -153,7 +152,7 @@ def test_tracks_are_those_nearest_to_the_end_of_each_turn(hour):
 
 def test_truth_is_where_a_flat_earth_puts_it(hour, reader):
     flat = replace(hour.layout, site=None, datum=0.0)
-    own = Reader(flat, replace(reader.radar, position=(500.0, -200.0)), ground_ranges.read)
+    own = Reader(flat, replace(reader.radar, position=(500.0, -200.0)))
     truth, position = hour.truth(300.0, own)
     _, there = hour.truth(300.0, reader)
     np.testing.assert_allclose(there, truth.position, atol=0.01)

@@ -18,17 +18,7 @@ from scipy import special
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.report import style
-from phd_jdtc_ros.report.style import (
-    COLOURS,
-    DPI,
-    GREY,
-    INK,
-    LINES,
-    MARKERS,
-    WIDTH_IN,
-    class_colour,
-    plain_axes,
-)
+from phd_jdtc_ros.report.style import COLOURS, DPI, GREY, INK, WIDTH_IN
 
 from ..monte_carlo import ALL, Mean, Result, slug
 
@@ -41,11 +31,12 @@ def ospa_against_lag(results: Sequence[Result]) -> Figure:
     """Draw the mean OSPA of all targets against the lag, one line per variant."""
     figure = Figure(figsize=(WIDTH_IN, 5.2), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
-    plain_axes(axes)
-    styles = _styles(results)
+    style.plain_axes(axes)
+    styles, highest = _styles(results), 0.0
     for result in results:
         lags = result.scores.lags
         means = [Mean.of(result.figure("ospa", lag)) for lag in lags]
+        highest = max(highest, *(mean.mean for mean in means))
         axes.errorbar(
             lags,
             [mean.mean for mean in means],
@@ -56,18 +47,11 @@ def ospa_against_lag(results: Sequence[Result]) -> Figure:
             **styles[result.variant.name],
         )
     axes.set(xlabel="lag (scans)", ylabel="mean OSPA (m)")
-    _frame_means(axes, results)
+    # From zero to above all means; error bars of few runs may exceed it.
+    axes.set_ylim(0.0, 1.15 * highest or 1.0)
     axes.set_xticks(sorted({lag for result in results for lag in result.scores.lags}))
     figure.legend(loc="outside right upper", frameon=False, fontsize=9)
     return figure
-
-
-def _frame_means(axes: Axes, results: Sequence[Result]) -> None:
-    """Scale the axis from zero to above all means; error bars of few runs may exceed it."""
-    means = [
-        Mean.of(result.figure("ospa", lag)).mean for result in results for lag in result.scores.lags
-    ]
-    axes.set_ylim(0.0, 1.15 * max(means) if max(means) > 0.0 else 1.0)
 
 
 def _styles(results: Sequence[Result]) -> dict[str, dict[str, Any]]:
@@ -78,8 +62,8 @@ def _styles(results: Sequence[Result]) -> dict[str, dict[str, Any]]:
         styles[variant.name] = {
             "color": COLOURS[index % len(COLOURS)],
             # The markers are shifted each time the colours start again.
-            "marker": MARKERS[(index + index // len(COLOURS)) % len(MARKERS)],
-            "linestyle": LINES[index // len(COLOURS) % len(LINES)],
+            "marker": style.MARKERS[(index + index // len(COLOURS)) % len(style.MARKERS)],
+            "linestyle": style.LINES[index // len(COLOURS) % len(style.LINES)],
             "linewidth": 2.2 if index == 0 else 1.4,
             "markersize": 5.5,
         }
@@ -97,25 +81,15 @@ def rows_over_time(result: Result, keys: Sequence[str], label: str) -> tuple[Fig
     return style.rows_over_time(len(keys), label, text, max(float(result.scores.time_s[-1]), 1.0))
 
 
-def sets_of(result: Result) -> list[str]:
-    """Return the sets to draw, the classes first."""
-    return [*(key for key in result.scores.sets if key != ALL), ALL]
-
-
 def draw_lags(
-    axes: Axes,
-    result: Result,
-    key: str,
-    name: str,
-    number: str,
-    title: str | None = None,
+    axes: Axes, result: Result, key: str, name: str, number: str, title: str | None = None
 ) -> None:
     """Draw a metric of filter and smoother over time, with its band and its overall mean.
 
     `key` is the set, which determines the colour and the usual title, and `number` the mean's
     format.
     """
-    colour = INK if key == ALL else class_colour(int(key.removeprefix("class_")))
+    colour = INK if key == ALL else style.class_colour(int(key.removeprefix("class_")))
     time_s = result.scores.time_s
     for lag, label in _shown_lags(result):
         mean, half_width = band(result.over_time(name, lag, key))
@@ -207,7 +181,7 @@ def _by_set(
 ) -> tuple[Figure, list[Axes]]:
     """Draw a metric over time, one row per class and one for all targets."""
     main = _main(results)
-    keys = sets_of(main)
+    keys = [*(key for key in main.scores.sets if key != ALL), ALL]
     figure, rows = rows_over_time(main, keys, label)
     for axes, key in zip(rows, keys, strict=True):
         draw_lags(axes, main, key, metric, number)

@@ -20,13 +20,8 @@ from ..monte_carlo.kinds import KINDS
 SURVEYED = tuple(
     METRICS[key]
     for key in (
-        "position_near",
-        "position_rms",
-        "median_error",
-        "identity_switches",
-        "false",
-        "false_per_scan",
-        "cpu_ms",
+        *("position_near", "position_rms", "median_error"),
+        *("identity_switches", "false", "false_per_scan", "cpu_ms"),
     )
 )
 # Metrics of the covariances, for trackers that state them. A few very small covariances make the
@@ -56,9 +51,7 @@ def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
             yield simple_table(f"{case}: {sheet.title}", sheet.headings, sheet.rows)
     goals = [goal for goal in summary["goals"] if goal["reached"] is not None]
     if goals:
-        table = Table(title="goals")
-        for heading in ("goal", "value", "bound", ""):
-            table.add_column(heading)
+        table = Table("goal", "value", "bound", "", title="goals")
         for goal in goals:
             table.add_row(*map(escape, _goal_row(goal)), style=None if goal["reached"] else "red")
         yield table
@@ -102,25 +95,16 @@ def _sheets(
             "covariances of positions, by lag in scans",
             "Covariances of positions, by age of the track in scans; NEES / 2.",
             ["variant", "runs", "lag", *(metric.heading for metric in CONSISTENCY)],
-            _consistency_rows(variants),
+            [row for row in _figure_rows(variants, CONSISTENCY) if {*row[3:]} != {"-"}],
         )
         yield case, [first, *([consistency] if consistency.rows else [])]
-
-
-def _of_all(found: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
-    """Return a variant's lags, each with the figures of all targets."""
-    return [(lag, sets[ALL]) for lag, sets in found["lags"].items()]
-
-
-def _consistency_rows(variants: Mapping[str, Any]) -> list[list[str]]:
-    return [row for row in _figure_rows(variants, CONSISTENCY) if any(c != "-" for c in row[3:])]
 
 
 def _figure_rows(variants: Mapping[str, Any], columns: Sequence[Metric]) -> Iterator[list[str]]:
     """Yield each variant's name, number of runs, lag and mean figures."""
     for name, found in variants.items():
-        for lag, figures in _of_all(found):
-            means = [figures.get(metric.key) for metric in columns]
+        for lag, sets in found["lags"].items():
+            means = [sets[ALL].get(metric.key) for metric in columns]
             cells = [
                 "-" if mean is None else metric.text(mean["mean"])
                 for metric, mean in zip(columns, means, strict=True)

@@ -8,14 +8,7 @@ from dataclasses import replace
 from typing import Any, TypeAlias
 
 from phd_jdtc_ros.configuration import build as tracker_config
-from phd_jdtc_ros.configuration.schema import (
-    SMALL,
-    ConfigError,
-    Form,
-    Parameter,
-    flatten,
-    number,
-)
+from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, Form, Parameter, flatten, number
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
 from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS

@@ -80,10 +80,7 @@ class OspaAfterBirth(RunAccumulator):
     names = ("ospa_after_5",)
     metrics = (
         Metric(
-            "ospa_after_5",
-            "OSPA after 5 scans",
-            "m",
-            ".1f",
+            *("ospa_after_5", "OSPA after 5 scans", "m", ".1f"),
             mean("ospa_after_5"),
             "Mean OSPA without the targets in their first five scans and without the estimates "
             "that are paired with them. Scans in which all existing targets are in their first "
@@ -117,10 +114,7 @@ class MedianError(RunAccumulator):
     names = ("median_error",)
     metrics = (
         Metric(
-            "median_error",
-            "median error",
-            "m",
-            ".1f",
+            *("median_error", "median error", "m", ".1f"),
             mean("median_error"),
             "Median distance of the pairs of a scan, its mean over the scans.",
             STUDY,
@@ -139,10 +133,7 @@ class Promptness(RunAccumulator):
     names = ("begun", "prompt")
     metrics = (
         Metric(
-            "reported_within_4",
-            "reported within 4 scans",
-            "",
-            ".1%",
+            *("reported_within_4", "reported within 4 scans", "", ".1%"),
             share("prompt", "begun"),
             "Share of the targets that are paired with an estimate in one of their first four "
             "scans, by position alone, closer than c; of targets that exist so long.",
@@ -165,10 +156,7 @@ class CpuTime(RunAccumulator):
     names = ("cpu_ms",)
     metrics = (
         Metric(
-            "cpu_ms",
-            "CPU per turn",
-            "ms",
-            ".0f",
+            *("cpu_ms", "CPU per turn", "ms", ".0f"),
             mean("cpu_ms"),
             "CPU time per turn of the antenna, filter and smoother together.",
             STUDY,
@@ -191,20 +179,14 @@ class ReflectorsAndDelays(RunAccumulator):
     names = ("on_reflectors", "late", "five_scans_old")
     metrics = (
         Metric(
-            "on_reflectors",
-            "on reflectors",
-            "",
-            ".3f",
+            *("on_reflectors", "on reflectors", "", ".3f"),
             mean("on_reflectors"),
             "Mean number per turn, after the first twenty, of estimates within 100 m of a "
             "reflector such as a quay, and farther than that from every target.",
             STUDY,
         ),
         Metric(
-            "late",
-            "found late",
-            "",
-            ".1%",
+            *("late", "found late", "", ".1%"),
             share("late", "five_scans_old"),
             "Share of the targets to which no estimate within 200 m was assigned in their first "
             "five scans or turns.",

@@ -179,16 +179,7 @@ def summarise(
             "runs": len(result.seeds),
             "seeds": list(result.seeds),
             "lags": {
-                str(lag): {
-                    key: {
-                        **{
-                            name: Mean.of(runs).as_json()
-                            for name, runs in result.figures(lag, key).items()
-                        },
-                        "confusion": _confusion(result, lag, key),
-                    }
-                    for key in result.scores.sets
-                }
+                str(lag): {key: _figures(result, lag, key) for key in result.scores.sets}
                 for lag in result.scores.lags
             },
         }
@@ -217,6 +208,12 @@ def _engine(study: Study, result: Result) -> str | None:
     of_case = {case.name: case.parameters for case in study.cases}.get(result.case, {})
     given = merge_layers(of_case, result.variant.parameters, study.assigned)
     return tracker_config.resolve(given).engine
+
+
+def _figures(result: Result, lag: int, of_set: str) -> dict[str, Any]:
+    figures = result.figures(lag, of_set).items()
+    means = {name: Mean.of(runs).as_json() for name, runs in figures}
+    return {**means, "confusion": _confusion(result, lag, of_set)}
 
 
 def _confusion(result: Result, lag: int, of_set: str) -> Any:

@@ -104,7 +104,8 @@ def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
     """Return the task of a case and of variants that share their data, for seed 0."""
     parameters = study.parameters(case, variants[0])
     kind = variants[0].kind
-    code = code_of(kind)
+    code, values = code_of(kind), tracker_config.resolve(parameters).values
+    in_force = {name: value for name, value in values.items() if name not in OWN}
     shared = {
         "format": FORMAT,
         "version": phd_jdtc_ros.__version__,
@@ -113,7 +114,7 @@ def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
         "scenario": asdict(case.scenario),
         "classes": case.classes,
         "kind": kind.name,
-        "parameters": {} if kind.known_association else _in_force(parameters),
+        "parameters": {} if kind.known_association else in_force,
         "ospa": [study.cutoff_of(case), ORDER, OTHER_CUTOFF, OTHER_ORDER],
         "ignored": case.ignored,
     }
@@ -123,11 +124,6 @@ def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
     }
     settings = case.name, case.scenario, case.classes, variants, parameters
     return Task(*settings, 0, code, digests, study.cutoff_of(case), case.ignored)
-
-
-def _in_force(parameters: Mapping[str, Any]) -> dict[str, Any]:
-    values = tracker_config.resolve(parameters).values
-    return {name: value for name, value in values.items() if name not in OWN}
 
 
 def _digest(definition: Mapping[str, Any]) -> str:
