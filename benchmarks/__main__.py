@@ -3,10 +3,9 @@
 import os
 import sys
 
-os.environ["OMP_NUM_THREADS"] = "1"
-os.environ["OPENBLAS_NUM_THREADS"] = "1"
-os.environ["MKL_NUM_THREADS"] = "1"
-os.environ["NUMBA_NUM_THREADS"] = "1"
+from .gate import ONE_THREAD
+
+os.environ.update(ONE_THREAD)
 
 from .command import main
 

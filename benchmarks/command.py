@@ -70,12 +70,9 @@ def main(argv: Sequence[str]) -> int:
         console.print(table)
     for path in write(summary, arguments.out):
         console.print(path, highlight=False)
-    console.print(f"{summary['elapsed_s']:.0f} s; {_on(summary['machine'])}", highlight=False)
-    return 0
-
-
-def _on(found: Mapping[str, Any]) -> str:
-    return (
-        f"{found['cpu']}, {found['cpus']} CPUs, load {found['load_average']:.1f}, "
-        f"Python {found['python']}, NumPy {found['numpy']}"
+    console.print(
+        "{elapsed_s:.0f} s; {cpu}, {cpus} CPUs, load {load_average:.1f}, Python {python}, "
+        "NumPy {numpy}".format(**summary, **summary["machine"]),
+        highlight=False,
     )
+    return 0

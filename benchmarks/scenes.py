@@ -55,12 +55,7 @@ def configuration(
         }.items()
     }
     config = resolve(
-        {
-            "engine": engine,
-            "accuracy": accuracy,
-            "particles_per_target": per_target,
-            **radars,
-        }
+        {"engine": engine, "accuracy": accuracy, "particles_per_target": per_target, **radars}
     )
     # No target has fewer particles because there are many of them.
     most = max(config.budget.most, 2 * targets * per_target)

@@ -20,6 +20,7 @@ from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.study.runs import SimulatedRun, simulated_run
 from studies import peers
 
+from . import stone_soup_smc
 from .recursion import PARTICLES, PARTS
 
 # Few scans for the SMC-PHD filter, which is slow.
@@ -37,22 +38,14 @@ def measure(quick: bool) -> dict[str, Any]:
     }
     trackers |= {"GM-PHD": peers.gm_phd, "GNN": peers.gnn, "JPDA": peers.jpda}
     cost: dict[str, list[float]] = {name: [] for name in trackers}
-    missing: dict[str, str] = {}
     for seed in range(1 if quick else 3):
         run = simulated_run(scene, seed)
         for name, track in trackers.items():
             begin = time.process_time()
-            try:
-                track(run)
-            except ImportError as error:
-                missing[name] = str(error)
-                continue
+            track(run)
             cost[name].append(1e3 * (time.process_time() - begin) / len(run.scans))
     found: dict[str, Any] = {
-        name: {"median_ms": float(np.median(each)), "runs_ms": each}
-        if each
-        else {"value": None, "reason": missing[name]}
-        for name, each in cost.items()
+        name: {"median_ms": float(np.median(each)), "runs_ms": each} for name, each in cost.items()
     }
     found["SMC-PHD"] = _smc(config, quick)
     return found
@@ -70,10 +63,6 @@ def _tracker(config: TrackerConfig) -> Callable[[SimulatedRun], object]:
 def _smc(config: TrackerConfig, quick: bool) -> dict[str, Any]:
     if quick:
         return {"value": None, "reason": "left out of the quick run"}
-    try:
-        from . import stone_soup_smc
-    except ImportError as error:
-        return {"value": None, "reason": str(error)}
     scene = replace(paper_scenario(polar_radars(config.model.radars)), scans=SMC_SCANS)
     each = stone_soup_smc.step_times_ms(simulated_run(scene, 0), config, SMC_TARGETS)
     return {"median_ms": float(np.median(each)), "scans_ms": each}

@@ -35,11 +35,7 @@ PARTS = {
     GAUSSIAN: ("predict", "update", "reduce", "backward", "extraction"),
 }
 # Engine and accuracy of the measured forms.
-FORMS = {
-    PARTICLES: (PARTICLES, "normal"),
-    GAUSSIAN: (GAUSSIAN, "normal"),
-    FAST: (GAUSSIAN, "fast"),
-}
+FORMS = {PARTICLES: (PARTICLES, "normal"), GAUSSIAN: (GAUSSIAN, "normal"), FAST: (GAUSSIAN, "fast")}
 # Number of scans after which particles started at the truth are distributed as in a run.
 SETTLING = 6
 

@@ -48,7 +48,9 @@ def _measure_size(targets: int, dense_runs: bool, quick: bool, engine: str) -> d
 
     rounds = 3 if quick else 15 if targets <= 20 else 7
     cases = {
-        **_product_cases(window, rounds),
+        "smoother": Case(product_smoother(window), rounds),
+        "build": Case(partial(_build, window), rounds),
+        "backward": Case(partial(_backward, window.stored, window.links()), rounds),
         "k-d tree": Case(cached_smoother(window, copies, forms.k_d_tree), min(rounds, 5)),
         "k-d tree, unique particles": Case(
             cached_smoother(window, window.stored, forms.k_d_tree), min(rounds, 5)
@@ -80,16 +82,6 @@ def _measure_size(targets: int, dense_runs: bool, quick: bool, engine: str) -> d
         reason = f"one kernel of the dense form has {gigabytes:.0f} GB"
         result["dense"] = {"value": None, "reason": reason}
     return result
-
-
-def _product_cases(window: Window, rounds: int) -> dict[str, Case]:
-    """Return the cases of the smoother, whole and in two parts."""
-    links = window.links()
-    return {
-        "smoother": Case(product_smoother(window), rounds),
-        "build": Case(partial(_build, window), rounds),
-        "backward": Case(partial(_backward, window.stored, links), rounds),
-    }
 
 
 def product_smoother(window: Window) -> Callable[[], None]:

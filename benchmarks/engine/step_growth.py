@@ -43,11 +43,7 @@ def measure(quick: bool) -> dict[str, Any]:
 def _growth(form: str, sizes: Sequence[int]) -> dict[str, Any]:
     times = [spread(step_times_ms(form, size)) for size in sizes]
     medians = [each["median_ms"] for each in times]
-    return {
-        "size": list(sizes),
-        "times": times,
-        "exponent": exponent(list(sizes), medians),
-    }
+    return {"size": list(sizes), "times": times, "exponent": exponent(list(sizes), medians)}
 
 
 def _scene(form: str, targets: int) -> tuple[TrackerConfig, Scenario, list[Scan]]:

@@ -85,7 +85,8 @@ def _measure(
         # The forms alternate scan by scan.
         for form, run in runs.items():
             costs[form].append(_timed_step(run, scan))
-    found: dict[str, Any] = {"detections_a_radar": _mean_detections(scans), "engines": {}}
+    sizes = [len(found) for scan in scans for found in scan.detections if found is not None]
+    found: dict[str, Any] = {"detections_a_radar": float(np.mean(sizes)), "engines": {}}
     for form, run in runs.items():
         measured = costs[form][settling:]
         found["engines"][form] = {
@@ -115,7 +116,3 @@ def _counts(steps: Sequence[dict[str, float]]) -> dict[str, float]:
     return {
         name: float(np.median([step[name] for step in steps])) for name in names if name in steps[0]
     }
-
-
-def _mean_detections(scans: Sequence[Scan]) -> float:
-    return float(np.mean([len(d) for scan in scans for d in scan.detections if d is not None]))

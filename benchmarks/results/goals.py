@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple, TypeAlias
 
+from studies.runner import goal
+
 from ..engine import late
 from ..engine.recursion import FAST, GAUSSIAN, PARTICLES
 from ..engine.steps import PAPER
@@ -54,27 +56,15 @@ def judge(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
     return [_judge(goal, summary) for goal in GOALS]
 
 
-def _judge(goal: Goal, summary: Mapping[str, Any]) -> dict[str, Any]:
-    figure: dict[str, Any] = {
-        "name": goal.name,
-        "value": None,
-        "goal": goal.bound,
-        "at_most": goal.at_most,
-        "reached": None,
-    }
+def _judge(own: Goal, summary: Mapping[str, Any]) -> dict[str, Any]:
     try:
-        value = goal.value(summary)
-        bound = goal.bound + goal.allowance(summary)
+        value, bound = own.value(summary), own.bound + own.allowance(summary)
     except (LookupError, TypeError, ValueError):
-        return {**figure, "reason": _reason(goal, summary)}
-    reached = value <= bound if goal.at_most else value >= bound
-    return {**figure, "value": value, "goal": bound, "reached": reached}
-
-
-def _reason(goal: Goal, summary: Mapping[str, Any]) -> str:
-    if goal.source not in summary:
-        return "left out of this run"
-    return next(_reasons(summary[goal.source]), "left out of the quick run")
+        reason = "left out of this run"
+        if own.source in summary:
+            reason = next(_reasons(summary[own.source]), "left out of the quick run")
+        return {**goal(own.name, None, own.bound, own.at_most), "reason": reason}
+    return goal(own.name, value, bound, own.at_most)
 
 
 def _reasons(entry: Any) -> Iterator[str]:

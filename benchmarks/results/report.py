@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
 from phd_jdtc_ros.report.table import simple_table
+from studies.runner import goals_table
 
 from ..engine import late
 from ..engine.recursion import FORMS, GAUSSIAN, PARTICLES, PARTS
@@ -52,7 +52,7 @@ def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
         yield _late(summary["late"])
     if "plots_per_s" in summary.get("asterix", {}):
         yield _asterix(summary["asterix"])
-    yield _goals(summary["figures"])
+    yield goals_table(summary["figures"])
 
 
 def markdown(given: Iterable[Table]) -> str:
@@ -271,15 +271,3 @@ def _asterix(found: Mapping[str, Any]) -> Table:
     rates = [(f"plots, {name}", f"{r:,.0f} per s") for name, r in found["plots_per_s"].items()]
     rows = [*rates, ("100 tracks to CAT062", _ms(found["tracks_ms"]))]
     return simple_table("ASTERIX on one core", ("what", "speed"), rows, caption)
-
-
-def _goals(figures: Sequence[Mapping[str, Any]]) -> Table:
-    table = simple_table("goals", ("figure", "value", "goal", "reached"))
-    for figure in figures:
-        sign = "at most" if figure["at_most"] else "at least"
-        value = figure.get("reason") or _number(figure["value"])
-        reached = {True: "yes", False: "no", None: "-"}[figure["reached"]]
-        goal = f"{sign} {figure['goal']:.4g}"
-        style = "red" if figure["reached"] is False else None
-        table.add_row(escape(figure["name"]), escape(value), goal, reached, style=style)
-    return table

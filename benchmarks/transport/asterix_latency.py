@@ -8,7 +8,6 @@ passed its end, and its tracks are awaited.
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import math
 import select
 import socket
@@ -53,8 +52,6 @@ CAT062, CAT065 = 62, 65
 def measure(quick: bool) -> dict[str, Any]:
     """Return the latency of plots, seconds: from the antenna's passing to the receipt of tracks."""
     messages.environment()
-    if importlib.util.find_spec("rclpy") is None:
-        return {"value": None, "reason": "rclpy is missing"}
     turns = QUICK_TURNS if quick else TURNS
     config = traffic.configuration(CHANGES)
     new_engine(config)  # compiles what no earlier run has stored, which takes longer than a start

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import math
 import os
 import signal
@@ -25,6 +24,7 @@ from robustness.harness.rig import Node
 from ..engine.recursion import PARTS
 from ..timing import percentiles
 from . import messages
+from .radars import Radars
 
 START_S = 30.0
 # A scan without an estimate after this time is lost.
@@ -39,8 +39,6 @@ SEARCH_S = 80.0
 def measure(quick: bool) -> dict[str, Any]:
     """Return latencies and the highest rate of each engine; see `of_engine`."""
     messages.environment()
-    if importlib.util.find_spec("rclpy") is None:
-        return {"value": None, "reason": "rclpy is missing"}
     return {engine: of_engine(engine, quick) for engine in PARTS}
 
 
@@ -52,8 +50,6 @@ def of_engine(engine: str, quick: bool) -> dict[str, Any]:
     the step's CPU time as reported by the tracker, from decoding to publishing. The rest is spent
     on transport, waiting and the operating system.
     """
-    from .radars import Radars
-
     scans = _scans(20 if quick else 60)
     with tempfile.TemporaryDirectory() as directory, contextlib.ExitStack() as stack:
         log = Path(directory) / "tracker.log"
@@ -87,7 +83,7 @@ def node(name: str, log: Path, *arguments: str) -> Iterator[None]:
         process.stop(signal.SIGINT)
 
 
-def _latency(radars: Any, scans: list[Scan], repeats: int) -> dict[str, Any] | None:
+def _latency(radars: Radars, scans: list[Scan], repeats: int) -> dict[str, Any] | None:
     """Send scans one after the other, each when the previous one has been answered."""
     estimate, beyond, steps = [], [], []
     for _ in range(repeats):
@@ -109,7 +105,7 @@ def _latency(radars: Any, scans: list[Scan], repeats: int) -> dict[str, Any] | N
     }
 
 
-def _highest_rate(radars: Any, scans: list[Scan], rate_hz: float) -> dict[str, Any]:
+def _highest_rate(radars: Radars, scans: list[Scan], rate_hz: float) -> dict[str, Any]:
     """Raise the rate in steps while it is sustained, or lower it until it is.
 
     A rate that is not sustained is tried again, because the machine may have been busy.
@@ -129,7 +125,9 @@ def _highest_rate(radars: Any, scans: list[Scan], rate_hz: float) -> dict[str, A
     return {"value": None, "reason": reason, "tried": tried}
 
 
-def _sustained(radars: Any, scans: list[Scan], rate_hz: float, tried: list[dict[str, Any]]) -> bool:
+def _sustained(
+    radars: Radars, scans: list[Scan], rate_hz: float, tried: list[dict[str, Any]]
+) -> bool:
     """Return whether no scan was lost and the tracker did not fall behind; add the try to `tried`.
 
     The tracker falls behind if the last scan's estimate is delayed by more than two periods more
@@ -140,7 +138,7 @@ def _sustained(radars: Any, scans: list[Scan], rate_hz: float, tried: list[dict[
     return not lost and behind <= 2.0
 
 
-def _at_rate(radars: Any, scans: list[Scan], rate_hz: float) -> tuple[int, float]:
+def _at_rate(radars: Radars, scans: list[Scan], rate_hz: float) -> tuple[int, float]:
     """Send scans at a rate; return the number lost, and the last one's delay in periods."""
     radars.reset()
     begin, sent = time.monotonic(), []

@@ -11,12 +11,21 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import rclpy
+from geometry_msgs.msg import PoseArray
+from rclpy.impl.logging_severity import LoggingSeverity
+from rclpy.logging import set_logger_level
+from sensor_msgs.msg import PointCloud2
+from visualization_msgs.msg import MarkerArray
 
+from msg_adapters.incoming import detections
 from msg_adapters.outgoing import plots
+from msg_adapters.targets import estimates, markers, poses
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.engine import OnFiltered, Step, ignore_filtered
 from phd_jdtc_ros.core.state_space import PLANAR
 from phd_jdtc_ros.core.types import Detections, Estimates, Scan
+from phd_jdtc_ros.nodes.tracker.node import Tracker
 
 from ..timing import Case, interleaved, spread
 
@@ -40,15 +49,6 @@ def measure(quick: bool) -> dict[str, Any]:
     a cloud and one pose array per class for both, and markers for the filtered ones.
     """
     environment()
-    try:
-        import rclpy
-    except ImportError as error:
-        return {"value": None, "reason": f"rclpy is missing: {error}"}
-    from rclpy.impl.logging_severity import LoggingSeverity
-    from rclpy.logging import set_logger_level
-
-    from phd_jdtc_ros.nodes.tracker.node import Tracker
-
     set_logger_level("tracker", LoggingSeverity.WARN)
     rclpy.init()
     node = Tracker()
@@ -89,8 +89,6 @@ def _subscribe_all(node: Any) -> None:
 
 def _whole(node: Any) -> Callable[[], None]:
     """Return a function that passes the node one scan after the other."""
-    from msg_adapters.incoming import detections
-
     config = resolve({})
     # Without the engine's own work, which is measured elsewhere.
     step_at_no_cost(node._live._pipeline.engine, _estimates(2), 2)
@@ -113,13 +111,6 @@ def _whole(node: Any) -> Callable[[], None]:
 
 def _parts(node: Any) -> dict[str, Callable[[], None]]:
     """Return the parts of the node's work outside the engine, by name."""
-    from geometry_msgs.msg import PoseArray
-    from sensor_msgs.msg import PointCloud2
-    from visualization_msgs.msg import MarkerArray
-
-    from msg_adapters.incoming import detections
-    from msg_adapters.targets import estimates, markers, poses
-
     config = resolve({})
     names = tuple(model.name for model in config.model.modes.classes)
     clouds = [

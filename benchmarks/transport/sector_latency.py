@@ -8,12 +8,11 @@ its sector.
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -26,31 +25,19 @@ from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_re
 from .. import traffic
 from ..timing import percentiles
 from . import live, messages
+from .radars import Radars, Reply
 
-if TYPE_CHECKING:
-    from .radars import Radars, Reply
-
-TURNS, QUICK_TURNS = 10, 3
 # Time from the last cloud in haste to the first in real time.
 PAUSE_S = 0.5
 
 
-def measure(quick: bool, engine: str) -> dict[str, Any]:
+def measure(turns: int, engine: str) -> dict[str, Any]:
     """Return the latency of detections in seconds, and the step's CPU time in milliseconds.
 
     The latency is from the time at which the antenna passed the detection to the receipt of the
     filtered estimates of its sector.
     """
-    return of_turns(QUICK_TURNS if quick else TURNS, engine)
-
-
-def of_turns(turns: int, engine: str) -> dict[str, Any]:
-    """Measure the latency over a number of turns, as `measure` does."""
     messages.environment()
-    if importlib.util.find_spec("rclpy") is None:
-        return {"value": None, "reason": "rclpy is missing"}
-    from .radars import Radars
-
     config = traffic.configuration({**traffic.AT_EVERY_SECTOR, "engine": engine})
     new_engine(config)  # compiles what no earlier run has stored, which takes longer than a start
     scene = traffic.scene(traffic.SETTLING + turns, config, seed=0)

@@ -27,13 +27,14 @@ FORMS: Mapping[str, Mapping[str, Any]] = {
     BY_SECTORS: traffic.BY_SECTORS,
     AT_EVERY_SECTOR: traffic.AT_EVERY_SECTOR,
 }
-# Number of measured turns.
-TURNS = 20
+# Numbers of measured turns: of the cost, and of the latency.
+TURNS, LIVE_TURNS, QUICK_LIVE_TURNS = 20, 10, 3
 
 
 def measure(quick: bool) -> dict[str, Any]:
     """Return the latency of detections, and the cost of a turn by the form of its reports."""
-    latency = {engine: sector_latency.measure(quick, engine) for engine in ENGINES}
+    turns = QUICK_LIVE_TURNS if quick else LIVE_TURNS
+    latency = {engine: sector_latency.measure(turns, engine) for engine in ENGINES}
     return {"latency": latency, "cost": cost(2 if quick else TURNS)}
 
 

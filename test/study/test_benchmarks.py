@@ -146,7 +146,7 @@ def test_latency_by_sectors_is_measured_on_a_live_tracker_that_has_all_aircraft(
     # The variables that the measurement sets are reset afterwards.
     for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTDDS_BUILTIN_TRANSPORTS"):
         monkeypatch.setenv(name, "")
-    found = sector_latency.of_turns(1, recursion.GAUSSIAN)
+    found = sector_latency.measure(1, recursion.GAUSSIAN)
     assert found.get("reason") is None
     assert found["sectors"] == 16
     assert found["detections"] >= 40
