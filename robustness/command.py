@@ -157,10 +157,7 @@ def main(argv: Sequence[str]) -> int:
         "--only", action="store_true", help="nothing with another engine than this one"
     )
     added["faults"].add_argument(
-        "--part",
-        action="append",
-        choices=PARTS,
-        help="only these faults; may be repeated",
+        "--part", action="append", choices=PARTS, help="only these faults; may be repeated"
     )
     added["soak"].add_argument("--scans", type=int, default=soak.SCANS, help="%(default)s")
     added["fuzz"].add_argument("--examples", type=int, default=decoders.EXAMPLES)

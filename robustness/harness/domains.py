@@ -20,11 +20,6 @@ class Domain:
 
     Each holds the lock of a file in the temporary folder, which is released when the process ends
     in any way. ROS processes that do not use these locks are detected by their ports.
-
-    Raises
-    ------
-    RuntimeError
-        If every domain is taken.
     """
 
     def __init__(self) -> None:

@@ -30,15 +30,14 @@ class Figure:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the figure as it is written to the summary."""
-        found: dict[str, Any] = {
+        return {
             "figure": self.name,
             "goal": self.goal,
             "measured": self.measured,
             "reached": self.reached,
+            **({"reason": self.reason} if self.reason else {}),
+            "details": dict(self.details),
         }
-        if self.reason:
-            found["reason"] = self.reason
-        return {**found, "details": dict(self.details)}
 
 
 class NotMeasurableError(Exception):
@@ -48,11 +47,6 @@ class NotMeasurableError(Exception):
 # The result of a measurement: text, whether the goal is reached, and the numbers behind it.
 Found: TypeAlias = "tuple[str, bool, Mapping[str, Any]]"
 P = ParamSpec("P")
-
-
-def result(text: str, reached: bool, **details: Any) -> Found:
-    """Return the result of a measurement."""
-    return text, reached, details
 
 
 def wrong_counts(
@@ -102,21 +96,10 @@ def measures(
 
 
 def in_own_process(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Call a function of this folder in a process of its own; arguments and result are JSON.
-
-    Raises
-    ------
-    RuntimeError
-        If it fails, with the end of its error output.
-    """
+    """Call a function of this folder in a process of its own; arguments and result are JSON."""
+    called = "robustness.harness.figures", function.__module__, function.__name__
     done = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "robustness.harness.figures",
-            function.__module__,
-            function.__name__,
-        ],
+        [sys.executable, "-m", *called],
         input=json.dumps(arguments),
         capture_output=True,
         text=True,

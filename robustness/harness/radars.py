@@ -96,9 +96,9 @@ class Radars(Peer):
         self.spin(SETTLE_S)
         return found
 
-    def leave_the_topics(self) -> None:
-        """Destroy the publishers, so that a driver in another process can replace them."""
-        while self.outputs:
+    def keep(self, count: int) -> None:
+        """Destroy all publishers but the first ones; another process can replace them."""
+        while len(self.outputs) > count:
             self.node.destroy_publisher(self.outputs.pop())
 
     def send(self, index: int, stamp_ns: int | None = None) -> int:

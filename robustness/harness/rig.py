@@ -28,13 +28,19 @@ def start_limit_s() -> float:
     return START_S * max(1.0, os.getloadavg()[0] / len(os.sched_getaffinity(0)))
 
 
-RELIABLE = tuple(
-    word
-    for radar in ("radar_1", "radar_2")
-    for word in ("-p", f"qos_overrides./{radar}/detections.subscription.reliability:=reliable")
+def options(values: Mapping[str, object]) -> list[str]:
+    """Return a node's arguments that set parameters."""
+    return [word for name, value in values.items() for word in ("-p", f"{name}:={value}")]
+
+
+RELIABLE = options(
+    {
+        f"qos_overrides./{radar}/detections.subscription.reliability": "reliable"
+        for radar in ("radar_1", "radar_2")
+    }
 )
 # A tracker with very short steps, for measurements that do not concern them.
-LIGHT = ("-p", "particles_per_target:=200", "-p", "particles_per_birth:=256", "-p", "lag:=2")
+LIGHT = options({"particles_per_target": 200, "particles_per_birth": 256, "lag": 2})
 
 
 def launch(
@@ -162,8 +168,7 @@ class Rig:
     def tracking(self, *arguments: object, radars: int = 2) -> tuple[Node, Radars]:
         """Start a tracker as `tracker` does, and connect one or two radars with it."""
         tracker = self.tracker(*arguments)
-        while len(self.radars.outputs) > radars:
-            self.radars.node.destroy_publisher(self.radars.outputs.pop())
+        self.radars.keep(radars)
         if not self.radars.connected():
             raise RuntimeError(f"the radars did not find the tracker:\n{tracker.text[-2000:]}")
         return tracker, self.radars

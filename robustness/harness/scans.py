@@ -94,12 +94,6 @@ def with_clutter(clutter_rate: float) -> tuple[tuple[bytes, bytes], ...]:
     return tuple(_clouds(scan, stamp_of_scan(index)) for index, (_, scan) in enumerate(run))
 
 
-@cache
-def serialise() -> tuple[tuple[bytes, bytes], ...]:
-    """Return both radars' clouds of every scan of the reference scenario."""
-    return tuple(_clouds(scan, START_NS) for scan in reference())
-
-
 def interval_ns() -> int:
     """Return the time between two scans of the reference scenario."""
     return round(resolve({}).model.modes.interval_s * 1e9)
@@ -110,14 +104,14 @@ def stamp_of_scan(index: int) -> int:
     return START_NS + index * interval_ns()
 
 
-def restamp(data: bytes, stamp_ns: int) -> bytes:
-    """Return a serialised message with another stamp."""
-    begin, end = _STAMP_OFFSET, _STAMP_OFFSET + _STAMP.size
-    return data[:begin] + _STAMP.pack(*divmod(stamp_ns, SECOND_NS)) + data[end:]
+@cache
+def _templates() -> tuple[tuple[bytes, bytes], ...]:
+    return tuple(_clouds(scan, START_NS) for scan in reference())
 
 
 def cloud(index: int, radar: int, stamp_ns: int | None = None) -> bytes:
     """Return a radar's serialised cloud of a scan; the scenario repeats itself."""
-    templates = serialise()
+    data = _templates()[index % len(_templates())][radar]
     stamp = stamp_of_scan(index) if stamp_ns is None else stamp_ns
-    return restamp(templates[index % len(templates)][radar], stamp)
+    begin, end = _STAMP_OFFSET, _STAMP_OFFSET + _STAMP.size
+    return data[:begin] + _STAMP.pack(*divmod(stamp, SECOND_NS)) + data[end:]

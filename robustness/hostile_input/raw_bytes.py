@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 
 from ..harness import scans
-from ..harness.figures import Found, measures, result
+from ..harness.figures import Found, measures
 from ..harness.radars import REPLY_S
 from ..harness.rig import LIGHT, Rig
 
@@ -51,7 +51,7 @@ def measure(seconds: float = SECONDS, seed: int = 5) -> Found:
         tracebacks = tracker.text.count("Traceback")
     text = f"{exits} exits, {len(lost)} of {good} good scans lost, {bad} mutated messages"
     reached = not exits and not lost and not not_finite and not tracebacks and good > 0
-    return result(text, reached, good=good, bad=bad, exits=exits, lost=lost)
+    return text, reached, {"good": good, "bad": bad, "exits": exits, "lost": lost}
 
 
 def mutate(data: bytes, rng: random.Random) -> bytes:

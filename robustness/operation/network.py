@@ -21,6 +21,8 @@ from ..harness.rig import LIGHT, RELIABLE, Node, Rig
 
 ADDRESSES = ("10.77.0.1", "10.77.0.2")
 ROGUE_S = 8.0
+# Number of clouds of both radars in the reference scenario's bag.
+SENT = 160
 
 
 # Environments of the tracker and the replay. The demo has both the profile and the limited
@@ -59,17 +61,10 @@ def measure(trials: Sequence[str] = tuple(TRIALS), seconds: float = ROGUE_S) -> 
 
 @contextlib.contextmanager
 def cable() -> Iterator[tuple[str, str]]:
-    """Make two network namespaces joined by a virtual cable; yield their names.
-
-    Raises
-    ------
-    NotMeasurableError
-        If that is not possible here: it requires root and iproute2.
-    """
+    """Make two network namespaces joined by a virtual cable; yield their names."""
     if os.geteuid() != 0 or shutil.which("ip") is None:
         raise NotMeasurableError("network namespaces need root and iproute2")
-    ours, theirs = (f"robust_{os.getpid()}_{side}" for side in ("ours", "theirs"))
-    spaces = ours, theirs
+    spaces = f"robust_{os.getpid()}_ours", f"robust_{os.getpid()}_theirs"
     try:
         for space in spaces:
             _ip("netns", "add", space)
@@ -123,18 +118,9 @@ def _rogue(space: str, domain: int, seconds: float) -> subprocess.Popen[str]:
         "ROS_STATIC_PEERS": ADDRESSES[0],
         "ROS_DOMAIN_ID": str(domain),
     }
-    command = [
-        "ip",
-        "netns",
-        "exec",
-        space,
-        sys.executable,
-        "-m",
-        "robustness.operation.rogue",
-        str(seconds),
-    ]
+    module = "robustness.operation.rogue"
     return subprocess.Popen(
-        command,
+        ["ip", "netns", "exec", space, sys.executable, "-m", module, str(seconds)],
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         env=environment,
@@ -150,7 +136,3 @@ def _counts(tracker: Node) -> dict[str, int]:
     data = int(rejected[1]) if rejected else 0
     total = int(received[1]) if received else 0
     return {"data": data, "good": total - data, "sent": SENT}
-
-
-# Number of clouds of both radars in the reference scenario's bag.
-SENT = 160

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from ..harness import engines, scans
-from ..harness.figures import Found, measures, result
+from ..harness.figures import Found, measures
 from ..harness.radars import Radars
 from ..harness.rig import Node, Rig
 
@@ -51,7 +51,7 @@ def measure_said(count: int = SAID_SCANS) -> Found:
     silent = sorted(text for text in warnings if "silent" in text)
     text = f"{advice[0]!r}" if advice else "nothing above OK says what to turn down"
     text += f"; {'silent: ' + silent[0] if silent else 'no radar silent'}"
-    return result(text, bool(advice) and not silent, said=sorted(warnings))
+    return text, bool(advice) and not silent, {"said": sorted(warnings)}
 
 
 def _slow_tracker(rig: Rig) -> Node:
@@ -84,16 +84,9 @@ def measure(count: int = SCANS) -> Found:
         f"{sent} clouds at {factor:.1f}x: {received} received + {lost} gaps = {received + lost}; "
         f"memory +{growth * 1024 / 1e6:.1f} MB"
     )
-    return result(
-        text,
-        received + lost == sent and lost > 0 and growth <= MOST_KIB,
-        sent=sent,
-        received=received,
-        gaps=lost,
-        factor=factor,
-        sustainable_hz=1.0 / (period * FACTOR),
-        memory_kib=growth,
-    )
+    details = {"sent": sent, "received": received, "gaps": lost, "factor": factor}
+    details |= {"sustainable_hz": 1.0 / (period * FACTOR), "memory_kib": growth}
+    return text, received + lost == sent and lost > 0 and growth <= MOST_KIB, details
 
 
 def _keeping_up(radars: Radars, clouds: Sequence[tuple[bytes, bytes]]) -> float:

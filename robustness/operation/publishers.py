@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import PointCloud2
 
@@ -11,8 +9,8 @@ from msg_adapters.encoding import names
 from msg_adapters.outgoing import diagnostics
 
 from ..harness import scans
-from ..harness.figures import Found, measures, result
-from ..harness.radars import TOPICS, Radars
+from ..harness.figures import Found, measures
+from ..harness.radars import TOPICS
 from ..harness.rig import LIGHT, Rig
 
 MOST_SCANS = 6
@@ -32,23 +30,17 @@ def measure(restarts: int = RESTARTS, run_s: float = RUN_S) -> Found:
     """Publish on one topic from two publishers, then kill and restart a driver repeatedly."""
     needed, gaps = _side_by_side()
     levels, listed, gaps_of_restarted = _restart_driver(restarts, run_s)
+    gaps += gaps_of_restarted
     errors = levels.count(DiagnosticStatus.ERROR)
     noticed = f"ERROR after {needed} scans" if needed else f"no ERROR within {MOST_SCANS} scans"
     text = (
         f"{noticed}; {errors} in {len(levels)} reports over {restarts} restarts, up to {listed} "
-        f"publishers listed; {gaps + gaps_of_restarted} gaps counted"
+        f"publishers listed; {gaps} gaps counted"
     )
     # Unless both publishers were listed, the restarts prove nothing.
-    reached = needed is not None and errors == 0 and listed > 1 and gaps + gaps_of_restarted == 0
-    return result(
-        text,
-        reached,
-        scans=needed,
-        reports=len(levels),
-        errors=errors,
-        publishers_listed=listed,
-        gaps=gaps + gaps_of_restarted,
-    )
+    reached = needed is not None and errors == 0 and listed > 1 and gaps == 0
+    details = {"scans": needed, "reports": len(levels), "errors": errors}
+    return text, reached, {**details, "publishers_listed": listed, "gaps": gaps}
 
 
 def _side_by_side() -> tuple[int | None, int]:
@@ -64,7 +56,8 @@ def _side_by_side() -> tuple[int | None, int]:
             radars.send(index)
             other.publish(scans.cloud(index, 0))
             radars.spin(PERIOD_S)
-            if DiagnosticStatus.ERROR in _levels(radars, "radar_1"):
+            levels = [lines[names.health("radar_1")].level for _, lines in radars.health]
+            if DiagnosticStatus.ERROR in levels:
                 needed = index - MOST_SCANS + 1
                 break
         return needed, int(radars.values("radar_1")["gaps"])
@@ -75,7 +68,7 @@ def _restart_driver(restarts: int, run_s: float) -> tuple[list[bytes], int, int]
     with Rig() as rig:
         rig.tracker(*LIGHT)
         radars = rig.radars
-        radars.leave_the_topics()
+        radars.keep(0)
         for _ in range(restarts + 1):
             driver = rig.start("sensor_replay", scans.BAG, "--rate", RATE, "--loop")
             before = len(radars.filtered)
@@ -86,7 +79,9 @@ def _restart_driver(restarts: int, run_s: float) -> tuple[list[bytes], int, int]
             # Receive the reports of the state after the kill before the next publisher starts.
             radars.spin(1.0)
         lines = [
-            _line(found, radar) for _, found in radars.health for radar in ("radar_1", "radar_2")
+            found[names.health(radar)]
+            for _, found in radars.health
+            for radar in ("radar_1", "radar_2")
         ]
         values = [diagnostics.values_of(line) for line in lines]
         return (
@@ -94,11 +89,3 @@ def _restart_driver(restarts: int, run_s: float) -> tuple[list[bytes], int, int]
             max(int(value["publishers"]) for value in values),
             sum(int(value["gaps"]) for value in values[-2:]),
         )
-
-
-def _levels(radars: Radars, radar: str) -> list[bytes]:
-    return [_line(found, radar).level for _, found in radars.health]
-
-
-def _line(found: Mapping[str, DiagnosticStatus], radar: str) -> DiagnosticStatus:
-    return found[names.health(radar)]

@@ -19,13 +19,7 @@ DISK = "200k"
 
 
 def _mount(directory: Path, options: str) -> Sequence[str]:
-    """Return the prefix of a command that has a small disk of its own at `directory`.
-
-    Raises
-    ------
-    NotMeasurableError
-        If that is not possible here: it requires the right to mount.
-    """
+    """Return the prefix of a command that has a small disk of its own at `directory`."""
     if os.geteuid() != 0 or shutil.which("unshare") is None:
         raise NotMeasurableError("a disk of its own needs root and unshare")
     directory.mkdir()

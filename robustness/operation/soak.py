@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from ..harness.figures import Found, measures, result
+from ..harness.figures import Found, measures
 from ..harness.radars import Radars
 from ..harness.rig import Rig
 
@@ -49,7 +49,7 @@ def measure(count: int = SCANS) -> Found:
         seconds = time.monotonic() - begin
         answered, alive = len(radars.answered), tracker.alive
         status = tracker.stop()
-        not_finite = radars.not_finite
+        not_finite, load = radars.not_finite, os.getloadavg()[0]
     if not samples:
         raise RuntimeError(f"no scan was answered; the tracker's exit status is {status}")
     half = np.array(samples[len(samples) // 2 :])
@@ -70,18 +70,10 @@ def measure(count: int = SCANS) -> Found:
         and threads <= 0
         and seconds <= LIMIT_S
     )
-    return result(
-        text,
-        reached,
-        scans=answered,
-        seconds=seconds,
-        growth_kib=growth,
-        descriptors=descriptors,
-        threads=threads,
-        not_finite=not_finite,
-        load_average=os.getloadavg()[0],
-        resident_kib={str(index): resident for index, resident, *_ in samples},
-    )
+    details = {"scans": answered, "seconds": seconds, "growth_kib": growth, "threads": threads}
+    memory = {str(index): resident for index, resident, *_ in samples}
+    more = {"descriptors": descriptors, "not_finite": not_finite, "resident_kib": memory}
+    return text, reached, {**details, **more, "load_average": load}
 
 
 def _keeps_up(radars: Radars, sent: int) -> bool:

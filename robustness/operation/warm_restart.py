@@ -8,7 +8,7 @@ import numpy as np
 
 from ..harness.figures import Found, measures
 from ..harness.radars import Radars
-from ..harness.rig import RELIABLE, Rig
+from ..harness.rig import Rig, options
 
 MOST_RATIO = 1.1
 # The last scans before the kills, in the middle of the targets' lives.
@@ -47,17 +47,15 @@ def measure(last_before: tuple[int, ...] = LAST_BEFORE, compare_cold: bool = Tru
 def _run(kills: Sequence[int], counted: Sequence[int], checkpoints: bool) -> float:
     """Track, with kills after some scans; return the filter's mean OSPA over `counted`, metres."""
     with Rig() as rig:
-        options = [*RELIABLE]
-        if checkpoints:
-            path = rig.directory / "tracker.checkpoint"
-            options += ["-p", f"checkpoint.path:={path}", "-p", f"checkpoint.every:={EVERY}"]
-        (tracker, radars), index = rig.tracking(*options), 0
+        path = rig.directory / "tracker.checkpoint"
+        given = options({"checkpoint.path": path, "checkpoint.every": EVERY} if checkpoints else {})
+        (tracker, radars), index = rig.tracking(*given), 0
         while index <= counted[-1]:
             if not _track(radars, index):
                 raise RuntimeError(f"scan {index} was not answered:\n{tracker.text[-2000:]}")
             if index in kills:
                 tracker.kill()
-                tracker, _ = rig.tracking(*options)
+                tracker, _ = rig.tracking(*given)
                 index += LOST
             index += 1
         return float(np.mean([radars.ospa(index) for index in counted]))

@@ -28,15 +28,7 @@ from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Event, Pipeline, Stepped
 from phd_jdtc_ros.core.tracks.region import Region
-from phd_jdtc_ros.core.types import (
-    SENSORS,
-    SOURCES,
-    Attributes,
-    Detections,
-    Estimates,
-    Pose,
-    Truth,
-)
+from phd_jdtc_ros.core.types import SENSORS, SOURCES, Attributes, Detections, Estimates, Pose, Truth
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
@@ -45,7 +37,7 @@ from phd_jdtc_ros.handover.picture import JointPicture
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
 from ..harness import engines, scans
-from ..harness.figures import Found, measures, result, such_as
+from ..harness.figures import Found, measures, such_as
 
 NS, START_NS = scans.SECOND_NS, scans.START_NS
 VALUES = (1e300, -1e300, 1.7e308, 1e160, 1e154, 3.4e38, 1e20, -1e9, 1e-40, 5e-324)
@@ -83,7 +75,7 @@ def _outcomes(cases: Iterator[Case]) -> Found:
     faults = {what: outcome(use) for what, use in cases}
     wrong = {what: fault for what, fault in faults.items() if fault}
     text = f"{len(faults):,} messages: {len(wrong)} end with an error or NaN{such_as(wrong)}"
-    return result(text, not wrong, messages=len(faults), wrong=wrong)
+    return text, not wrong, {"messages": len(faults), "wrong": wrong}
 
 
 def outcome(use: Callable[[], None]) -> str:
@@ -152,18 +144,16 @@ def _of_poses() -> Iterator[Case]:
     """Yield poses of every kind with each value in each numeric field of position and direction."""
     for kind, type_name in platform_poses.TYPES.items():
         data = platform_poses.to_cdr(Pose((1.0, 2.0), 0.3), START_NS, "map", kind)
-        for part in ("position", "orientation"):
-            for axis in "xyzw"[: 4 if part == "orientation" else 3]:
-                for value in VALUES:
-                    message = interfaces.decode(data, type_name)
-                    pose = message.pose.pose if kind == "odometry" else message.pose
-                    setattr(getattr(pose, part), axis, value)
-                    yield f"{kind}: {part}.{axis} {value:g}", partial(_carry, message)
-        for sec in SECONDS:
-            for nanosec in NANOSECONDS:
-                message = interfaces.decode(data, type_name)
-                message.header.stamp.sec, message.header.stamp.nanosec = sec, nanosec
-                yield f"{kind}: stamp {sec} s {nanosec} ns", partial(_carry, message)
+        axes = *product(["position"], "xyz"), *product(["orientation"], "xyzw")
+        for (part, axis), value in product(axes, VALUES):
+            message = interfaces.decode(data, type_name)
+            pose = message.pose.pose if kind == "odometry" else message.pose
+            setattr(getattr(pose, part), axis, value)
+            yield f"{kind}: {part}.{axis} {value:g}", partial(_carry, message)
+        for sec, nanosec in product(SECONDS, NANOSECONDS):
+            message = interfaces.decode(data, type_name)
+            message.header.stamp.sec, message.header.stamp.nanosec = sec, nanosec
+            yield f"{kind}: stamp {sec} s {nanosec} ns", partial(_carry, message)
 
 
 def _carry(message: Any) -> None:

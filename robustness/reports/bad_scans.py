@@ -17,11 +17,11 @@ from msg_adapters.incoming import detections
 from phd_jdtc_ros.core.types import Detections
 
 from ..harness import scans
-from ..harness.figures import Found, measures, result
+from ..harness.figures import Found, measures
 from ..harness.radars import REPLY_S, Radars
 from ..harness.rig import LIGHT, Rig
 
-LARGEST = 2**32 - 1
+LARGEST, POINTS = 2**32 - 1, 7
 
 Change = Callable[[PointCloud2], None]
 
@@ -79,10 +79,6 @@ def _without(name: str) -> Callable[[int], bytes]:
     return _change(change)
 
 
-def _frame(frame: str) -> Callable[[int], bytes]:
-    return _set(header__frame_id=frame)
-
-
 def _data(change: Callable[[bytes], bytes]) -> Callable[[int], bytes]:
     return _change(lambda cloud: setattr(cloud, "data", change(bytes(cloud.data))))
 
@@ -91,25 +87,18 @@ def _stamp(seconds: int, nanoseconds: int) -> Callable[[int], bytes]:
     return _set(header__stamp__sec=seconds, header__stamp__nanosec=nanoseconds)
 
 
-def _points(distance: float, azimuth: float, amplitude: float) -> Callable[[int], bytes]:
-    """Return a function that makes a cloud of `POINTS` points like this one."""
+def _points(*point: float, count: int = POINTS) -> Callable[[int], bytes]:
+    """Return a function that makes a cloud of points of this range, azimuth and amplitude."""
+    distance, azimuth, amplitude = point
 
     def make(stamp_ns: int) -> bytes:
-        measurement = np.tile([distance, azimuth], (POINTS, 1))
-        found = Detections(measurement, np.full(POINTS, amplitude))
+        measurement = np.tile([distance, azimuth], (count, 1))
+        found = Detections(measurement, np.full(count, amplitude))
         with np.errstate(invalid="ignore"):  # x and y of values that are not finite
             cloud = detections.to_msg(found, stamp_ns, "radar_1")
         return bytes(interfaces.encode(cloud))
 
     return make
-
-
-POINTS = 7
-
-
-def _many(stamp_ns: int) -> bytes:
-    found = Detections(np.full((100_001, 2), 500.0), np.full(100_001, 5.0))
-    return bytes(interfaces.encode(detections.to_msg(found, stamp_ns, "radar_1")))
 
 
 def _points_case(name: str, reason: str, *point: float) -> BadScan:
@@ -150,14 +139,14 @@ def cases() -> list[BadScan]:
         "a million points said": _set(width=10**6),
         "a million rows said": _set(height=10**6),
         "the most points that can be said": _set(width=LARGEST, height=LARGEST),
-        "100 001 points": _many,
+        "100 001 points": _points(500.0, 500.0, 5.0, count=100_001),
     }
     frame = {
-        "unknown frame": _frame("base_link"),
-        "empty frame": _frame(""),
-        "the other radar's frame": _frame("radar_2"),
-        "frame with a slash": _frame("/radar_1"),
-        "frame of 10 000 letters": _frame("r" * 10_000),
+        "unknown frame": _set(header__frame_id="base_link"),
+        "empty frame": _set(header__frame_id=""),
+        "the other radar's frame": _set(header__frame_id="radar_2"),
+        "frame with a slash": _set(header__frame_id="/radar_1"),
+        "frame of 10 000 letters": _set(header__frame_id="r" * 10_000),
     }
     stamp = {
         "seconds below zero": _stamp(-5, 0),
@@ -215,16 +204,9 @@ def measure(chosen: list[BadScan] | None = None) -> Found:
         f"{len(exits)} exits, {not_finite} with NaN, {len(lost)} good scans lost, "
         f"{len(chosen)} cases; {'every reject counted' if whole else 'rejects not all counted'}"
     )
-    return result(
-        text,
-        whole and not not_finite and not lost,
-        cases=len(chosen),
-        exits=exits,
-        good_scans_lost=lost,
-        not_finite=not_finite,
-        wanted=dict(wanted),
-        counted=dict(found),
-    )
+    details = {"cases": len(chosen), "exits": exits, "good_scans_lost": lost}
+    details |= {"not_finite": not_finite, "wanted": dict(wanted), "counted": dict(found)}
+    return text, whole and not not_finite and not lost, details
 
 
 def _send(radars: Radars, case: BadScan, index: int) -> bool:

@@ -95,12 +95,7 @@ def _run(
     amplitude = "none" if amplitudes == "none" else "band"
     given = from_arguments.load(scans.PROFILE) if engine == engines.GAUSSIAN else BORN_ANYWHERE
     config = tracker_params.config(
-        {
-            **given,
-            "engine": choice,
-            "amplitude": amplitude,
-            "seed": seed,
-        }
+        {**given, "engine": choice, "amplitude": amplitude, "seed": seed}
     )
     tracker, rng = new_engine(config), np.random.default_rng(seed)
     radars = polar_radars(config.model.radars)

@@ -10,10 +10,10 @@ from sensor_msgs.msg import PointCloud2
 from msg_adapters.encoding import stamps
 
 from ..harness import scans
-from ..harness.figures import Found, measures, result
+from ..harness.figures import Found, measures
 from ..harness.radars import Radars
-from ..harness.rig import Rig
-from .turning import NEAR_M, ROTATION_S, SECTORS, Antenna, how_far, send, settings
+from ..harness.rig import Rig, options
+from .turning import NEAR_M, PARAMETERS, ROTATION_S, SECTORS, Antenna, how_far, send
 
 WARM_UP, TURNS = 4, 8
 # Every 11th sector, which is prime to the sectors of a turn, is late by 5 sectors.
@@ -37,9 +37,9 @@ ANSWER_S = 5.0
 )
 def measure() -> Found:
     """Send sectors late, leave one out, send a burst of late ones, and count what happens."""
-    given = {"late_reports": "rework", "lag": f"{2.0 * ROTATION_S:g} s"}
+    given = {**PARAMETERS, "late_reports": "rework", "lag": f"{2.0 * ROTATION_S:g} s"}
     with Rig() as rig:
-        tracker, radars = rig.tracking(*settings(**given), radars=1)
+        tracker, radars = rig.tracking(*options(given), radars=1)
         antenna = Antenna(np.random.default_rng(2))
         late, lost, apart = _send_all(radars, antenna)
         before = _counts(radars)
@@ -58,7 +58,8 @@ def measure() -> Found:
     bounded = answered and sum(in_burst.values()) == BURST and in_burst["late_reworked"] < MOST
     reached = alive and not not_finite and worked_in == late and not lost and bounded
     reached = reached and tracked > 0.98
-    return result(text, reached, late=late, worked_in=worked_in, tracked=tracked, burst=in_burst)
+    details = {"late": late, "worked_in": worked_in, "tracked": tracked, "burst": in_burst}
+    return text, reached, details
 
 
 def _send_all(radars: Radars, antenna: Antenna) -> tuple[int, int, list[float]]:

@@ -17,8 +17,8 @@ from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.types import Detections, Pose
 
 from ..harness import scans
-from ..harness.figures import Found, measures, result, wrong_counts
-from ..harness.rig import Rig
+from ..harness.figures import Found, measures, wrong_counts
+from ..harness.rig import Rig, options
 
 TOPIC, FRAME = "/own_ship/odometry", "map"
 INTERVAL_S, SCANS, WARM_UP = 2.0, 26, 8
@@ -53,6 +53,7 @@ PARAMETERS = {
     "radar_1.max_range": 2000.0,
     "radar_1.clutter_rate": 2.0,
     "radar_1.clutter_max_range": 2000.0,
+    f"qos_overrides.{TOPIC}.subscription.reliability": "reliable",
 }
 
 
@@ -134,10 +135,8 @@ def _cloud(time_s: float, rng: np.random.Generator) -> PointCloud2:
 )
 def measure() -> Found:
     """Send every fault between valid poses, and leave some poses out."""
-    settings = [word for name, value in PARAMETERS.items() for word in ("-p", f"{name}:={value}")]
-    reliable = ("-p", f"qos_overrides.{TOPIC}.subscription.reliability:=reliable")
     with Rig() as rig:
-        tracker, radars = rig.tracking(*settings, *reliable, radars=1)
+        tracker, radars = rig.tracking(*options(PARAMETERS), radars=1)
         poses = radars.node.create_publisher(Odometry, TOPIC, 50)
         radars.spin_until(lambda: poses.get_subscription_count() > 0, REPLY_S)
         rng, left, lost, away = np.random.default_rng(1), dict(FAULTS), [], []
@@ -175,4 +174,4 @@ def measure() -> Found:
         f"{said}; the target is within {NEAR_M:g} m in {100.0 * tracked:.1f} % of the estimates"
     )
     reached = not (lost or wrong or not_finite or left) and tracked == 1.0
-    return result(text, reached, counted=found, wanted=dict(wanted), tracked=tracked)
+    return text, reached, {"counted": found, "wanted": dict(wanted), "tracked": tracked}

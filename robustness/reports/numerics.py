@@ -23,7 +23,7 @@ from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
 from ..harness import engines, scans
-from ..harness.figures import Found, measures, result, such_as
+from ..harness.figures import Found, measures, such_as
 
 HOUR_S = 3600.0
 USUAL_S = 6.0
@@ -125,7 +125,7 @@ def measure(cases: Mapping[str, Case] = CASES) -> Found:
         if fault:
             wrong[name] = fault
     text = f"{len(cases)} kinds: {len(wrong)} wrong{such_as(wrong)}"
-    return result(text, not wrong, wrong=wrong, seconds=seconds)
+    return text, not wrong, {"wrong": wrong, "seconds": seconds}
 
 
 def outcome(case: Case, engine: str) -> str:

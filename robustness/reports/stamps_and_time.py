@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from msg_adapters.encoding import names
 
 from ..harness import scans
-from ..harness.figures import Found, measures, result
+from ..harness.figures import Found, measures
 from ..harness.radars import Radars
 from ..harness.rig import LIGHT, Rig
 
@@ -40,26 +40,18 @@ def measure_time_faults(loops: int = LOOPS, duration_s: float = 0.0) -> Found:
         f"{shuffled} resets in {SHUFFLED} shuffled scans ({dropped} dropped as late), with "
         f"late_reports rework {ordered} ({late} dropped, {answered} answered in order)"
     )
-    return result(
-        text,
-        looped == back_jumps == loops and shuffled == ordered == late == 0,
-        jumps_back=back_jumps,
-        resets=looped,
-        resets_of_shuffled=shuffled,
-        resets_of_ordered=ordered,
-        late_of_ordered=late,
-        answered_of_ordered=answered,
-    )
+    reached = looped == back_jumps == loops and shuffled == ordered == late == 0
+    details = {"jumps_back": back_jumps, "resets": looped, "resets_of_shuffled": shuffled}
+    of_ordered = {"resets": ordered, "late": late, "answered": answered}
+    return text, reached, {**details, **{f"{k}_of_ordered": n for k, n in of_ordered.items()}}
 
 
 def _loop_bag(loops: int, duration_s: float) -> tuple[int, int]:
     """Play a bag `loops` times; return the jumps back in the estimates' stamps and the resets."""
     with Rig() as rig:
         _, radars = rig.tracking(*LIGHT)
-        replay = rig.start(
-            "sensor_replay",
-            *(scans.BAG, "--rate", RATE, "--loop", "--duration", duration_s),
-        )
+        played = scans.BAG, "--rate", RATE, "--loop", "--duration", duration_s
+        replay = rig.start("sensor_replay", *played)
         # Until the first estimates of one more pass, so that `loops` passes are complete.
         radars.spin_until(lambda: _jumps_back(radars) >= loops, 90.0)
         replay.kill()  # a stop takes a while, in which the next pass may begin

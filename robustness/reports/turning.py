@@ -14,9 +14,9 @@ from msg_adapters.encoding import point_cloud
 from phd_jdtc_ros.core.arrays import FloatArray
 
 from ..harness import scans
-from ..harness.figures import Found, measures, result, wrong_counts
+from ..harness.figures import Found, measures, wrong_counts
 from ..harness.radars import Radars
-from ..harness.rig import Rig
+from ..harness.rig import Rig, options
 
 ROTATION_S, SECTORS = 4.0, 16
 # The antenna is slower in the turns after this one.
@@ -180,12 +180,6 @@ class Antenna:
         return point_cloud.encode(stamp_ns, "radar_1", columns)
 
 
-def settings(**changes: object) -> list[str]:
-    """Return the arguments of a tracker of this radar, with other parameters changed."""
-    given = {**PARAMETERS, **changes}
-    return [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
-
-
 @measures(
     "faults of a turning radar",
     "0 exits, 0 NaN, every one counted, the target tracked all the time",
@@ -194,7 +188,7 @@ def settings(**changes: object) -> list[str]:
 def measure() -> Found:
     """Send every fault in a sector of its own between valid ones."""
     with Rig() as rig:
-        tracker, radars = rig.tracking(*settings(), radars=1)
+        tracker, radars = rig.tracking(*options(PARAMETERS), radars=1)
         antenna = Antenna(np.random.default_rng(1))
         wanted, lost, away = Counter[str](), [], []
         left = faults()
@@ -227,7 +221,7 @@ def measure() -> Found:
         f"{said}; the target is within {NEAR_M:g} m in {100.0 * tracked:.1f} % of the estimates"
     )
     reached = not (lost or wrong or not_finite) and tracked > 0.98
-    return result(text, reached, counted=found, wanted=dict(wanted), tracked=tracked)
+    return text, reached, {"counted": found, "wanted": dict(wanted), "tracked": tracked}
 
 
 def send(radars: Radars, cloud: PointCloud2) -> bool:
@@ -249,13 +243,13 @@ def how_far(radars: Radars, time_s: float) -> float:
 def measure_refused() -> Found:
     """Start trackers with detection probabilities at and beyond their bounds."""
     found = {}
+    name = "radar_1.detection_probability"
     with Rig() as rig:
         for value in (1.0, 1.5, -0.1):
-            name = "radar_1.detection_probability"
-            node = rig.start("tracker", "--ros-args", *settings(**{name: value}))
+            node = rig.start("tracker", "--ros-args", *options({**PARAMETERS, name: value}))
             status = node.process.wait(30.0)
             said = f"{name}: {value} given, must be a number from 0 to 0.999"
             found[str(value)] = status if said in node.text else f"{status}, not said why"
-        rig.tracker(*settings(**{"radar_1.detection_probability": 0.0}))
+        rig.tracker(*options({**PARAMETERS, name: 0.0}))
     text = ", ".join(f"{value}: status {status}" for value, status in found.items())
     return f"{text}; 0 starts", set(found.values()) == {2}, found
