@@ -38,10 +38,7 @@ UNSIGNED = ("u4",)
 
 
 def encode(
-    stamp_ns: int,
-    frame: str,
-    columns: Mapping[str, npt.NDArray[Any]],
-    wide: Collection[str] = (),
+    stamp_ns: int, frame: str, columns: Mapping[str, npt.NDArray[Any]], wide: Collection[str] = ()
 ) -> PointCloud2:
     """Return a dense little-endian cloud of height 1.
 
@@ -58,10 +55,7 @@ def encode(
 
 
 def to_cdr(
-    stamp_ns: int,
-    frame: str,
-    columns: Mapping[str, npt.NDArray[Any]],
-    wide: Collection[str] = (),
+    stamp_ns: int, frame: str, columns: Mapping[str, npt.NDArray[Any]], wide: Collection[str] = ()
 ) -> bytes:
     """Return the cloud of `encode` in serialised form, which the middleware sends as it is."""
     points = _points(columns, wide)

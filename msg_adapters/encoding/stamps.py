@@ -45,6 +45,5 @@ def of_header(sent: Header) -> int:
 def of_cdr(data: bytes) -> int:
     """Return the stamp in nanoseconds of a serialised message that begins with a header."""
     # Byte 1 of the encapsulation gives the byte order; the header's stamp begins at byte 4.
-    order = "<" if data[1] & 1 else ">"
-    sec, nanosec = struct.unpack_from(order + "iI", data, 4)
+    sec, nanosec = struct.unpack_from("<iI" if data[1] & 1 else ">iI", data, 4)
     return int(sec) * NS_PER_S + int(nanosec)

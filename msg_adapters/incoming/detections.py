@@ -51,11 +51,8 @@ def to_msg(
     Raise `ValueError` if the radar has amplitudes or sectors and the detections do not.
     """
     distance, azimuth = detections.measurement.T
-    place = {
-        "x": distance * np.cos(azimuth),
-        "y": distance * np.sin(azimuth),
-        "z": np.zeros(len(detections)),
-    }
+    place = {"x": distance * np.cos(azimuth), "y": distance * np.sin(azimuth)}
+    place["z"] = np.zeros(len(detections))
     columns = {**place, **sent_columns.of(detections, stamp_ns, radar)}
     wide = {radar.fields.time} if radar.time_since_epoch else frozenset()
     return point_cloud.encode(stamp_ns, frame, columns, wide)

@@ -61,18 +61,14 @@ def from_cdr(data: bytes, kind: str, world_frame: str) -> tuple[int, Pose]:
 
 def to_cdr(pose: Pose, stamp_ns: int, world_frame: str, kind: str, child_frame: str = "") -> bytes:
     """Serialise a message of a kind of `TYPES`; an odometry's velocity is 0."""
-    header = stamps.header(stamp_ns, world_frame)
-    x, y = pose.position
-    position = Point(x=float(x), y=float(y), z=0.0)
-    half = 0.5 * pose.yaw
-    orientation = Quaternion(x=0.0, y=0.0, z=math.sin(half), w=math.cos(half))
-    message: Any
+    header, (x, y), half = stamps.header(stamp_ns, world_frame), pose.position, 0.5 * pose.yaw
+    message: Any = PoseStamped(header=header)
+    own = message.pose
     if kind == "odometry":
         message = Odometry(header=header, child_frame_id=child_frame)
-        message.pose.pose.position, message.pose.pose.orientation = position, orientation
-    else:
-        message = PoseStamped(header=header)
-        message.pose.position, message.pose.orientation = position, orientation
+        own = message.pose.pose
+    own.position = Point(x=float(x), y=float(y), z=0.0)
+    own.orientation = Quaternion(x=0.0, y=0.0, z=math.sin(half), w=math.cos(half))
     return interfaces.encode(message)
 
 

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.types import Detections
 
@@ -31,16 +30,15 @@ class Reader:
     type_hash: str = ""
 
 
-def _cloud_from_cdr(data: bytes, radar: RadarParameters) -> Report:
-    return detections.from_msg(interfaces.decode(data, names.CLOUD), radar)
-
-
-def _cloud_to_cdr(found: Detections, stamp_ns: int, radar: RadarParameters) -> bytes:
-    return interfaces.encode(detections.to_msg(found, stamp_ns, radar.frame, radar))
-
-
 READERS = {
-    "point_cloud": Reader(names.CLOUD, detections.from_msg, _cloud_from_cdr, _cloud_to_cdr),
+    "point_cloud": Reader(
+        names.CLOUD,
+        detections.from_msg,
+        lambda data, radar: detections.from_msg(interfaces.decode(data, names.CLOUD), radar),
+        lambda found, stamp_ns, radar: interfaces.encode(
+            detections.to_msg(found, stamp_ns, radar.frame, radar)
+        ),
+    ),
     "radar_scan": Reader(
         radar_scan.TYPE_NAME,
         radar_scan.from_msg,

@@ -71,10 +71,8 @@ def values_of(message: DiagnosticStatus) -> dict[str, str]:
 def score_to_msg(score: ScanScore, cutoff: float, order: float) -> DiagnosticArray:
     """Encode a scan's scores: statuses ``filtered/all``, ``filtered/class_0`` and so on."""
     parameters = {"cutoff": cutoff, "order": order}
-    return array(
-        score.stamp_ns,
-        [
-            status(f"{score.source}/{key}", {**{n: values[n] for n in PUBLISHED}, **parameters})
-            for key, values in score.values.items()
-        ],
-    )
+    statuses = [
+        status(f"{score.source}/{key}", {**{n: values[n] for n in PUBLISHED}, **parameters})
+        for key, values in score.values.items()
+    ]
+    return array(score.stamp_ns, statuses)

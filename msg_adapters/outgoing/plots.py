@@ -18,10 +18,7 @@ if TYPE_CHECKING:
 
 
 # Plotted figures of each engine.
-FIGURES = {
-    "particles": ("particles", "effective_share"),
-    "gaussian": ("hypotheses", "origins"),
-}
+FIGURES = {"particles": ("particles", "effective_share"), "gaussian": ("hypotheses", "origins")}
 
 
 def of_tracker(classes: int, engine: str | None = "gaussian") -> tuple[str, ...]:

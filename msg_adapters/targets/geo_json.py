@@ -23,10 +23,7 @@ DEGREE_DIGITS, METRE_DIGITS = 7, 1
 
 
 def of_scan(
-    estimates: Estimates,
-    plane: Plane,
-    class_names: Sequence[str],
-    trails: Mapping[int, FloatArray],
+    estimates: Estimates, plane: Plane, class_names: Sequence[str], trails: Mapping[int, FloatArray]
 ) -> dict[str, Any]:
     """Return a feature collection with a point per labelled estimate and a line of its trail.
 

@@ -62,10 +62,8 @@ def to_odometry(estimates: Estimates, frame: str) -> list[Odometry]:
             linear=Vector3(x=speed, y=0.0, z=climb),
             angular=Vector3(x=0.0, y=0.0, z=float(state[OMEGA])),
         )
-        of_pose, of_twist = (
-            _pose_covariance(state, covariance),
-            _twist_covariance(state, covariance),
-        )
+        of_pose = _pose_covariance(state, covariance)
+        of_twist = _twist_covariance(state, covariance)
         if up.known[row]:
             of_pose[2, 2], of_twist[2, 2] = np.diag(up.covariance[row])
         message.pose.covariance, message.twist.covariance = of_pose.ravel(), of_twist.ravel()

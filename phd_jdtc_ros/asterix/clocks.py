@@ -39,10 +39,6 @@ class StreamClock:
     max_offset_s: float = 10.0
     latest_ns: int | None = field(init=False, default=None)  # Time of the latest message
 
-    def is_plausible(self, time_ns: int, received_ns: int | None) -> bool:
-        """Return whether a message's time is plausible, given its time of receipt."""
-        return received_ns is None or abs(received_ns - time_ns) <= self.max_offset_s * 1e9
-
 
 @dataclass
 class RadarClock:

@@ -44,6 +44,7 @@ def columns(
     distance, compass = column("distance"), column("azimuth")
     azimuth = math.pi - np.remainder(compass + 0.5 * math.pi, 2.0 * math.pi)
     zero = np.zeros(len(plots))
+    echoes, replies = column("primary_dbm"), column("secondary_dbm")
     times = np.array([time - report.stamp_ns for time in report.times_ns], dtype=np.float64)
     found: dict[str, npt.NDArray[Any]] = {
         "x": distance * np.cos(azimuth),
@@ -52,9 +53,7 @@ def columns(
         "range": distance,
         "azimuth": azimuth,
         "elevation": zero,
-        "amplitude": _amplitude(
-            column("primary_dbm"), column("secondary_dbm"), noise_dbm, amplitude
-        ),
+        "amplitude": _amplitude(echoes, replies, noise_dbm, amplitude),
         "time": times * 1e-9,
         "height": column("height"),
         "code": _identity(column("code")),
@@ -78,11 +77,8 @@ def _amplitude(
     noise_dbm: float,
     choice: str,
 ) -> npt.NDArray[np.float64]:
-    level = {
-        "primary": primary,
-        "secondary": secondary,
-        "any": np.where(np.isnan(primary), secondary, primary),
-    }[choice]
+    any_of_both = np.where(np.isnan(primary), secondary, primary)
+    level = {"primary": primary, "secondary": secondary, "any": any_of_both}[choice]
     envelope: npt.NDArray[np.float64] = np.sqrt(2.0 * 10.0 ** ((level - noise_dbm) / 10.0))
     return envelope
 

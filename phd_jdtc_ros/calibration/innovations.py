@@ -101,8 +101,9 @@ class InnovationMonitor:
         position = tracks.position + since_s * tracks.velocity
         expected, slope = radar.linearise(position)
         passed = np.flatnonzero(radar.coverage_probability(expected, found.coverage) > 0.5)
-        world = radar.to_world(found.measurement)
-        row, column = _pairs(position, world, self._sample(passed))
+        if len(passed) > SAMPLE:
+            passed = self._rng.choice(passed, SAMPLE, replace=False)
+        row, column = _pairs(position, radar.to_world(found.measurement), passed)
         if not len(row):
             return
         expected, slope, after_s = expected[row], slope[row], np.full(len(row), since_s)
@@ -124,14 +125,10 @@ class InnovationMonitor:
         distance2 = (innovation * normal).sum(axis=1)
         yield from np.column_stack([distance2, innovation**2 / noise[:, (0, 1), (0, 1)]])
 
-    def _sample(self, rows: IntArray) -> IntArray:
-        """Return at most `SAMPLE` of some rows."""
-        return rows if len(rows) <= SAMPLE else self._rng.choice(rows, SAMPLE, replace=False)
-
     def fits(self) -> list[Fit]:
         """Return the comparison of each radar's innovations with its noise."""
         self._fits = [
-            _with_verdict(_fit(radar, innovations), before, _learns_noise(radar))
+            _with_verdict(_fit(radar, innovations), before, radar)
             for radar, innovations, before in zip(
                 self._model.radars, self._innovations, self._fits, strict=True
             )
@@ -170,12 +167,7 @@ def _process_noise(motions: tuple[MotionModel, ...], dt: float) -> float:
     )
 
 
-def _learns_noise(radar: Sensor) -> bool:
-    """Return whether the noise of a component is learned."""
-    return radar.noise_factor is not None and bool(radar.noise_factor.learned[:2].any())
-
-
-def _fit(radar: Sensor, innovations: Sequence[FloatArray] | deque[FloatArray]) -> Fit:
+def _fit(radar: Sensor, innovations: Sequence[FloatArray]) -> Fit:
     if not innovations:
         return Fit(radar.name, 0, np.nan, np.nan, np.full(2, np.nan), radar.components)
     squares = np.array(innovations)
@@ -185,11 +177,10 @@ def _fit(radar: Sensor, innovations: Sequence[FloatArray] | deque[FloatArray]) -
     return Fit(radar.name, len(squares), to_expected, to_noise, axes, radar.components)
 
 
-def _with_verdict(fit: Fit, before: Fit, learned: bool) -> Fit:
-    """Return a fit with its verdict, which has hysteresis.
-
-    Noise that is `learned` follows smaller innovations, and larger ones only to a limit.
-    """
+def _with_verdict(fit: Fit, before: Fit, radar: Sensor) -> Fit:
+    """Return a fit with its verdict, which has hysteresis."""
+    # Learned noise follows smaller innovations, and larger ones only to a limit.
+    learned = radar.noise_factor is not None and bool(radar.noise_factor.learned[:2].any())
     share = HYSTERESIS if before.noise_too_small else 1.0
     to_expected, to_noise = fit.ratio_to_expected, fit.ratio_to_noise
     too_small = to_noise > share * FAR_ABOVE_NOISE

@@ -47,16 +47,12 @@ class ScanComparer:
         return self._values(last=True)
 
     def _values(self, last: bool) -> ScanValues:
-        return {
-            key: {
-                name: value
-                for each in self._accumulators
-                for name, value in zip(
-                    each.names, each.values(replace(part, last=last)), strict=True
-                )
-            }
-            for key, part in self._newest.items()
-        }
+        found: ScanValues = {}
+        for key, newest in self._newest.items():
+            part, found[key] = replace(newest, last=last), {}
+            for each in self._accumulators:
+                found[key].update(zip(each.names, each.values(part), strict=True))
+        return found
 
 
 class RunScores:

@@ -155,15 +155,12 @@ class Handover:
         its own number.
         """
         known = [track for track in (mine, theirs) if track in self._number]
-        reported = [track for track in known if self._owns(track)]
+        owners = [self._owner.get(self._number[track], track[0]) for track in known]
+        reported = [track for track, owner in zip(known, owners, strict=True) if track[0] == owner]
         if known:
             joint = min(self._number[track] for track in reported or known)
             self._assign(mine, joint)
             self._assign(theirs, joint)
-
-    def _owns(self, track: Track) -> bool:
-        """Return whether a track is reported under its number."""
-        return self._owner.get(self._number[track], track[0]) == track[0]
 
     def _assign(self, track: Track, joint: int) -> None:
         """Give a track a number; another track of its tracker loses it."""

@@ -76,10 +76,6 @@ class Scenario:
         """Return the clutter law of the radar with this index."""
         return self.clutter[radar] if self.clutter else NOISE
 
-    def clutter_and_echoes(self, radar: int) -> tuple[ClutterLaw, Echoes | None]:
-        """Return the clutter law and the echoes of the radar with this index."""
-        return self.law(radar), self.echoes[radar] if self.echoes else None
-
     def bias(self, radar: int) -> SensorBias:
         """Return the biases of a radar, by the radar's index."""
         return self.biases[radar] if self.biases else NO_BIAS

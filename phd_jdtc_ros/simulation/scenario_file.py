@@ -12,9 +12,9 @@ from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
 from .antenna import Antenna, default_antenna
-from .checked import mapping, place, read, read_by_radar
+from .checked import mapping, place, read, read_by_radar, read_list
 from .clutter import echoes, law
-from .clutter.mirrors import mirrors
+from .clutter.mirrors import Mirror
 from .clutter.reflectors import reflectors
 from .platform import platform
 from .scenario import Scenario
@@ -75,21 +75,8 @@ class Timing:
 # The blocks, which their modules describe; ``parameters`` (of the tracker and the radars),
 # ``sites`` and ``sending`` are read elsewhere.
 BLOCKS = (
-    "targets",
-    "parameters",
-    "traffic",
-    "manoeuvres",
-    "antennas",
-    "biases",
-    "clutter",
-    "echoes",
-    "world_origin",
-    "sites",
-    "reflectors",
-    "platform",
-    "transponders",
-    "gaps",
-    "mirrors",
+    *("targets", "parameters", "traffic", "manoeuvres", "antennas", "biases", "clutter", "echoes"),
+    *("world_origin", "sites", "reflectors", "platform", "transponders", "gaps", "mirrors"),
     "sending",
 )
 
@@ -108,7 +95,7 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     carrier = platform(document, radars, faults)
     fixed = reflectors(document, radars, faults)
     replies = transponders(document, faults)
-    reflecting = mirrors(document, faults)
+    reflecting = read_list(Mirror, document, "mirrors", "", faults)
     duration_s = 0.0 if timing is None or faults else timing.duration_s
     all_targets += generators.traffic(mapping(document, "traffic", faults), duration_s, faults)
     given = mapping(document, "manoeuvres", faults)

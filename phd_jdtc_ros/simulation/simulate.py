@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -45,7 +45,11 @@ def detect(
         state = np.concatenate([state, echo[further.seen]])
         target = np.append(target, target[row[further.seen]])
         parts.append(further.detected)
-    parts += [clutter, *_reflector_detections(radar, reflectors, rng)]
+    parts.append(clutter)
+    for kind in reflectors:
+        fixed = np.zeros((len(kind.points), len(radar.space)))
+        fixed[:, list(radar.space.position)] = kind.points
+        parts.append(kind.measure(radar.measure(fixed), radar, rng).detected)
     measurement, amplitude = map(np.concatenate, zip(*parts, strict=True))
     false = len(measurement) - len(target)
     found = Detections(measurement, amplitude, range_rate=range_rates(state, false, radar, rng))
@@ -102,24 +106,9 @@ def false_detections(
     fov = radar.visibility.fov
     # The start of a field of view of a whole turn has no meaning.
     first = -np.pi if fov.width == FULL_TURN else fov.start
-    clutter = np.stack(
-        [
-            rng.uniform(0.0, radar.clutter_max_range, count),
-            rng.uniform(first, first + fov.width, count),
-        ],
-        axis=1,
-    )
-    return polar(clutter), law.draw(radar.threshold, count, rng)
-
-
-def _reflector_detections(
-    radar: RadarModel, reflectors: Sequence[Reflectors], rng: np.random.Generator
-) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield measurements (K, 2) and envelopes (K,) of the detected reflectors of each kind."""
-    for kind in reflectors:
-        state = np.zeros((len(kind.points), len(radar.space)))
-        state[:, list(radar.space.position)] = kind.points
-        yield kind.measure(radar.measure(state), radar, rng).detected
+    distance = rng.uniform(0.0, radar.clutter_max_range, count)
+    azimuth = rng.uniform(first, first + fov.width, count)
+    return polar(np.stack([distance, azimuth], axis=1)), law.draw(radar.threshold, count, rng)
 
 
 def simulate(scenario: Scenario, seed: int) -> list[tuple[Truth, Scan]]:
@@ -152,8 +141,8 @@ def detect_scan(
     """Return the detections of a staring radar at a scan without replies, and their sources."""
     snr = np.array([target.snr for target in scenario.targets])[truth.track_id - 1]
     model = scenario.radar_at(radar, scan * scenario.interval_s)
-    laws = scenario.clutter_and_echoes(radar)
-    return detect(truth, snr, model, rng, *laws, scenario.reflectors)
+    echoes = scenario.echoes[radar] if scenario.echoes else None
+    return detect(truth, snr, model, rng, scenario.law(radar), echoes, scenario.reflectors)
 
 
 def scan_replies(

@@ -62,7 +62,10 @@ def simulate_reports(
             reports += reports_of(turning, plots_of(turning, rng), seed)
         else:
             reports += _staring_reports(scenario, index, layout, rng, seed)
-    reports = [_add_bias(report, scenario) for report in reports]
+    for place, report in enumerate(reports):
+        bias = scenario.bias(report.radar)
+        stamp_ns, found = bias.apply_to(report.stamp_ns, report.detections)
+        reports[place] = report._replace(stamp_ns=stamp_ns, detections=found)
     return sorted(reports, key=lambda report: (report.stamp_ns, report.radar))
 
 
@@ -119,11 +122,6 @@ def plots_with_replies(radar: TurningRadar, seed: int) -> tuple[SimulatedPlots, 
 def _generator(seed: int, index: int) -> np.random.Generator:
     """Return the generator of a radar, which is independent of the other radars."""
     return np.random.default_rng([seed, index])
-
-
-def _add_bias(report: SimulatedReport, scenario: Scenario) -> SimulatedReport:
-    stamp_ns, found = scenario.bias(report.radar).apply_to(report.stamp_ns, report.detections)
-    return report._replace(stamp_ns=stamp_ns, detections=found)
 
 
 def reports_of(radar: TurningRadar, plots: SimulatedPlots, seed: int = 0) -> list[SimulatedReport]:

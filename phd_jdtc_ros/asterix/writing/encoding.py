@@ -20,9 +20,7 @@ def record(category: int, items: Mapping[str, bytes], kind: str = "") -> bytes:
     """
     layout = layouts(category)[kind]
     places = sorted(layout.place[name] for name in items)
-    selection = bytearray(places[-1] // 7 + 1)
-    for index in range(len(selection) - 1):
-        selection[index] = 1
+    selection = bytearray(b"\1" * (places[-1] // 7) + b"\0")
     body = bytearray()
     for place in places:
         selection[place // 7] |= 0x80 >> place % 7

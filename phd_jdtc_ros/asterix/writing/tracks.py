@@ -180,11 +180,7 @@ def status_block(time_ns: int, source: Source, batch: int) -> bytes:
 
     `batch` is a running number, sent modulo 256.
     """
-    who = {
-        "010": source.number,
-        "015": bytes([source.service]),
-        "030": time_of_day(time_ns),
-    }
+    who = {"010": source.number, "015": bytes([source.service]), "030": time_of_day(time_ns)}
     status = {**who, "000": bytes([STATUS]), "040": bytes(1)}
     end = {**who, "000": bytes([END_OF_BATCH]), "020": bytes([batch % 256])}
     (block,) = blocks(65, [record(65, status), record(65, end)])

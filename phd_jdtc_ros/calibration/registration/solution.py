@@ -13,13 +13,7 @@ from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 from ..tuning import kinematics
 from .common import Sequences, Target, common_targets, sequences
 from .filtering import KINDS, UNITS, Pass, Trajectories, filter_targets, smooth_targets
-from .observability import (
-    Observability,
-    analyse,
-    hidden_reason,
-    require_common,
-    require_observable,
-)
+from .observability import Observability, analyse, hidden_reason, require_common, require_observable
 from .tracked_radars import TrackedRadar
 
 # Largest number of association rounds, and number of relinearisations in each. A pass before these

@@ -158,7 +158,8 @@ def _iterate(
     plots: Plots, timing: Timing, guess: LinkModel, tracks: Tracks
 ) -> tuple[LinkModel, Tracks, Noise]:
     """Estimate noise and tracks alternately until the guess converges."""
-    noise = _as_noise(guess)
+    # The initial value of the first search for the noise.
+    noise = Noise(guess.range_std, guess.azimuth_std, guess.densities, np.ones(2), 0)
     for _ in range(ROUNDS):
         ratio = log_ratio(plots, plots, tracks)
         noise = fit_noise(plots, tracks, noise, guess.speed_std, ratio)
@@ -199,11 +200,6 @@ def _require_tracks(plots: Plots, timing: Timing, tracks: Tracks) -> None:
         f"least {LEAST_TRACKS} with {LEAST_PLOTS}: record longer, with a target that is detected "
         "in most looks"
     )
-
-
-def _as_noise(guess: LinkModel) -> Noise:
-    """Return the initial value of the first search for the noise."""
-    return Noise(guess.range_std, guess.azimuth_std, guess.densities, np.ones(2), 0)
 
 
 def _candidates(

@@ -14,10 +14,7 @@ class OspaAccumulator(Accumulator):
     plotted = ("ospa", "localization")
     metrics = (
         Metric(
-            "ospa",
-            "OSPA",
-            "m",
-            ".1f",
+            *("ospa", "OSPA", "m", ".1f"),
             mean("ospa"),
             "Mean over the scans of the optimal sub-pattern assignment distance between the "
             "estimated and the true positions of a scan. Estimates and targets are paired so "
@@ -28,10 +25,7 @@ class OspaAccumulator(Accumulator):
             OSPA,
         ),
         Metric(
-            "localization",
-            "localisation",
-            "m",
-            ".1f",
+            *("localization", "localisation", "m", ".1f"),
             mean("localization"),
             "The part of the OSPA distance due to the position errors of the pairs. The p-th "
             "powers of the two parts add up to that of the distance in every scan; the parts "
@@ -39,10 +33,7 @@ class OspaAccumulator(Accumulator):
             OSPA,
         ),
         Metric(
-            "cardinality",
-            "cardinality",
-            "m",
-            ".1f",
+            *("cardinality", "cardinality", "m", ".1f"),
             mean("cardinality"),
             "The part of the OSPA distance due to the wrong number of targets.",
             OSPA,
@@ -61,10 +52,7 @@ class GospaAccumulator(Accumulator):
     names = published = ("gospa", "gospa_localization", "missed", "false")
     metrics = (
         Metric(
-            "gospa",
-            "GOSPA",
-            "m",
-            ".1f",
+            *("gospa", "GOSPA", "m", ".1f"),
             mean("gospa"),
             "Mean over the scans of the generalised OSPA distance (alpha = 2) with the same p "
             "and c. It is not divided by the number of targets, and every missed and every false "
@@ -72,29 +60,20 @@ class GospaAccumulator(Accumulator):
             GOSPA,
         ),
         Metric(
-            "gospa_localization",
-            "localisation",
-            "m",
-            ".1f",
+            *("gospa_localization", "localisation", "m", ".1f"),
             mean("gospa_localization"),
             "The part of the GOSPA distance due to the position errors of the pairs; it is not "
             "divided by their number.",
             GOSPA,
         ),
         Metric(
-            "missed",
-            "missed",
-            "",
-            ".3f",
+            *("missed", "missed", "", ".3f"),
             mean("missed"),
             "Mean number per scan of targets that GOSPA pairs with no estimate.",
             GOSPA,
         ),
         Metric(
-            "false",
-            "false",
-            "",
-            ".3f",
+            *("false", "false", "", ".3f"),
             mean("false"),
             "Mean number per scan of estimates that GOSPA pairs with no target.",
             GOSPA,
@@ -114,10 +93,7 @@ class Numbers(Accumulator):
     published = plotted = ("n_true", "n_est")
     metrics = (
         Metric(
-            "cardinality_abs_error",
-            "number error",
-            "",
-            ".3f",
+            *("cardinality_abs_error", "number error", "", ".3f"),
             mean("cardinality_abs_error"),
             "Mean over the scans of the absolute difference between the number of estimates and "
             "the number of targets.",

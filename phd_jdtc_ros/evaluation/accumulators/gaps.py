@@ -25,11 +25,6 @@ class Gap(NamedTuple):
     duration_s: float
     missed: int  # Number of scans without an estimate
 
-    @property
-    def is_long(self) -> bool:
-        """Whether the gap is longer than `LONG_GAP_S`."""
-        return self.duration_s > LONG_GAP_S
-
 
 @dataclass
 class _Continuity:
@@ -93,10 +88,7 @@ class Gaps(Accumulator):
     names = ("gaps", "long_gaps", "missed_in_long_gaps", "longest_gap_s")
     metrics = (
         Metric(
-            "longest_gap_s",
-            "longest gap",
-            "s",
-            ".1f",
+            *("longest_gap_s", "longest gap", "s", ".1f"),
             if_any("n_true", lambda run: run.maximum("longest_gap_s")),
             "The longest of all gaps. A gap is a time in which an existing target has no paired "
             "estimate. It lasts from the previous estimate, or else the target's first scan, to "
@@ -104,20 +96,14 @@ class Gaps(Accumulator):
             SURVEILLANCE,
         ),
         Metric(
-            "long_gap_share",
-            "long gaps",
-            "",
-            ".1%",
+            *("long_gap_share", "long gaps", "", ".1%"),
             # The share is 0 in a run without gaps.
             if_any("n_true", lambda run: run.sum("long_gaps") / np.maximum(run.sum("gaps"), 1)),
             f"Share of the gaps that last longer than {LONG_GAP_S:g} s.",
             SURVEILLANCE,
         ),
         Metric(
-            "long_gap_misses",
-            "missed in them",
-            "",
-            ".2%",
+            *("long_gap_misses", "missed in them", "", ".2%"),
             share("missed_in_long_gaps", "n_true"),
             "Share of the targets, over all scans, that are missed in long gaps.",
             SURVEILLANCE,
@@ -144,6 +130,6 @@ class Gaps(Accumulator):
             return (None,) * len(self.names)
         ended = [*self._ended, *(self._finder.under_way() if part.last else ())]
         gaps = [gap for gap in ended if part.whole or gap.class_id == part.class_id]
-        long = [gap for gap in gaps if gap.is_long]
+        long = [gap for gap in gaps if gap.duration_s > LONG_GAP_S]
         longest_s = max((gap.duration_s for gap in gaps), default=0.0)
         return len(gaps), len(long), sum(gap.missed for gap in long), longest_s

@@ -87,10 +87,7 @@ class Switches(LabelAccumulator):
     names = ("identity_switches", "seen_switches")
     metrics = (
         Metric(
-            "identity_switches",
-            "identity switches",
-            "",
-            ".0f",
+            *("identity_switches", "identity switches", "", ".0f"),
             if_any("n_est", lambda run: run.sum("identity_switches")),
             "Number over the run of targets that are paired with another track id than before, "
             "and of track ids that pass to another target: a broken track counts one, two "
@@ -101,10 +98,7 @@ class Switches(LabelAccumulator):
             headline=True,
         ),
         Metric(
-            "seen_switches",
-            "identity switches, seen",
-            "",
-            ".0f",
+            *("seen_switches", "identity switches, seen", "", ".0f"),
             if_any("n_est", lambda run: run.sum("seen_switches")),
             "The same, except that a coasting track, which had no detection in its last scan, "
             "keeps its target and is paired with no other. A track that coasts for one more turn "

@@ -36,20 +36,14 @@ class Pairs(Accumulator):
     names = ("pairs", "square_error")
     metrics = (
         Metric(
-            "position_rms",
-            "position RMS",
-            "m",
-            ".1f",
+            *("position_rms", "position RMS", "m", ".1f"),
             root_mean("square_error", "pairs"),
             "Root mean square, over all pairs of the run, of the distance between a target and "
             "the estimate that it is paired with, by position alone, closer than c.",
             SURVEILLANCE,
         ),
         Metric(
-            "position_detection",
-            "position detected",
-            "",
-            ".2%",
+            *("position_detection", "position detected", "", ".2%"),
             share("pairs", "n_true"),
             "Share of the targets, over all scans, that are paired with an estimate, by position "
             "alone, closer than c.",
@@ -68,10 +62,7 @@ class Nearness(Accumulator):
     names = ("beyond", "near")
     metrics = (
         Metric(
-            "false_per_scan",
-            "false per scan",
-            "",
-            ".3f",
+            *("false_per_scan", "false per scan", "", ".3f"),
             mean("beyond"),
             "Mean number per scan of estimates that are farther than c from every target. A "
             "second estimate near a target does not count here; `false` counts it too.",
@@ -79,10 +70,7 @@ class Nearness(Accumulator):
             headline=True,
         ),
         Metric(
-            "position_near",
-            f"within {NEAR:g} m",
-            "",
-            ".2%",
+            *("position_near", f"within {NEAR:g} m", "", ".2%"),
             share("near", "n_true"),
             "Share of the targets, over all scans, that are paired with an estimate closer than "
             f"{NEAR:g} m, and than c.",
@@ -104,10 +92,7 @@ class Heights(Accumulator):
     names = ("heights", "height_square_error")
     metrics = (
         Metric(
-            "height_rms",
-            "height RMS",
-            "m",
-            ".1f",
+            *("height_rms", "height RMS", "m", ".1f"),
             root_mean("height_square_error", "heights"),
             "Root mean square, over all pairs of the run whose true and estimated heights are "
             "known, of the difference of the two.",
@@ -130,10 +115,7 @@ class Classes(Accumulator):
     names = ("right_class",)
     metrics = (
         Metric(
-            "class_accuracy",
-            "class accuracy",
-            "",
-            ".1%",
+            *("class_accuracy", "class accuracy", "", ".1%"),
             share("right_class", "pairs"),
             "Share of the pairs with the right class. Pairs are of an estimate and a target, by "
             "position alone, closer than c; in a report the estimates are those of the smoother. "

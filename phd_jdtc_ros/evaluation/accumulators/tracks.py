@@ -60,10 +60,7 @@ class Ospa2Accumulator(LabelAccumulator):
     names = ("ospa2",)
     metrics = (
         Metric(
-            "ospa2",
-            "OSPA(2)",
-            "m",
-            ".1f",
+            *("ospa2", "OSPA(2)", "m", ".1f"),
             if_any("n_est", lambda run: ratio(run.sum("ospa2"), run.scans)),
             "Mean over the scans of the OSPA distance between estimated and true trajectories in "
             f"the last {OSPA2_WINDOW} scans. The distance of two trajectories is the mean over the "

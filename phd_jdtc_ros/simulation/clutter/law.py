@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -28,14 +28,6 @@ LAW = Parameter(
     required=True,
 )
 LEVELS_DB = (-100.0, 200.0)
-
-
-class ClutterLaw(Protocol):
-    """A distribution of the envelopes of clutter."""
-
-    def draw(self, threshold: float, count: int, rng: np.random.Generator) -> FloatArray:
-        """Return envelopes above a threshold, shape (count,)."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -82,8 +74,9 @@ class UniformClutter:
         return _envelope(rng.uniform(lowest, self.highest_db, count))
 
 
+ClutterLaw: TypeAlias = RayleighClutter | LogNormalClutter | UniformClutter
 NOISE = RayleighClutter(1.0)
-LAWS: dict[str, type[RayleighClutter | LogNormalClutter | UniformClutter]] = {
+LAWS: dict[str, type[ClutterLaw]] = {
     "rayleigh": RayleighClutter,
     "log_normal": LogNormalClutter,
     "uniform": UniformClutter,

@@ -7,7 +7,6 @@ plot with its code, address and height in the direction of the wall, farther awa
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +16,7 @@ from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.types import FULL_TURN
 
-from ..checked import degrees, pair, read_list
+from ..checked import degrees, pair
 
 
 @dataclass(frozen=True)
@@ -57,8 +56,3 @@ class Mirror:
             own + np.hypot(*(position - self.position).T) - np.hypot(*(position - radar.position).T)
         )
         return longer
-
-
-def mirrors(document: Mapping[str, object], faults: list[str]) -> tuple[Mirror, ...]:
-    """Return the mirrors in a scenario document; add faults to `faults`."""
-    return read_list(Mirror, document, "mirrors", "", faults)

@@ -42,10 +42,7 @@ def traffic(given: Mapping[str, Any], duration_s: float, faults: list[str]) -> S
 
 
 def manoeuvres(
-    given: Mapping[str, Any],
-    origin: tuple[float, float],
-    duration_s: float,
-    faults: list[str],
+    given: Mapping[str, Any], origin: tuple[float, float], duration_s: float, faults: list[str]
 ) -> Sequence[Flight]:
     """Return the flights of a ``manoeuvres`` block; add its faults to `faults`.
 
@@ -56,8 +53,8 @@ def manoeuvres(
     repeated = read(Manoeuvres, given, "manoeuvres.", found, ("flights",))
     rows = given.get("flights", [])
     for index, row in enumerate(rows if isinstance(rows, list) else [rows]):
-        checked = FLIGHT.coerce(row)
-        if not isinstance(checked, list) or not _flyable(*checked[:2]):
+        speed, bank, *_ = FLIGHT.coerce(row) or (0.0, 0.0)
+        if not (speed > 0.0 and 0.0 < bank <= MOST_BANK_DEG):
             found.append(
                 f"manoeuvres.flights[{index}]: {row!r} given, must be a speed above 0 kt, a bank "
                 f"above 0 and at most {MOST_BANK_DEG:g} degrees, a latitude and a longitude"
@@ -68,15 +65,8 @@ def manoeuvres(
     return tuple(_racetrack(repeated, row, origin, duration_s) for row in rows)
 
 
-def _flyable(speed_kt: float, bank_deg: float) -> bool:
-    return speed_kt > 0.0 and 0.0 < bank_deg <= MOST_BANK_DEG
-
-
 def _racetrack(
-    repeated: Manoeuvres,
-    row: Sequence[float],
-    origin: tuple[float, float],
-    duration_s: float,
+    repeated: Manoeuvres, row: Sequence[float], origin: tuple[float, float], duration_s: float
 ) -> Flight:
     """Return the racetrack of a row; its rate of turn is g tan(bank) / speed."""
     speed = row[0] * MPS_PER_KT

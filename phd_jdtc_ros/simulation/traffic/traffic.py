@@ -178,11 +178,7 @@ def _anywhere(
 
 
 def _flight(
-    traffic: Traffic,
-    place: tuple[float, float],
-    speed: float,
-    course: float,
-    legs: Iterable[Leg],
+    traffic: Traffic, place: tuple[float, float], speed: float, course: float, legs: Iterable[Leg]
 ) -> Flight:
     """Return a flight from a distance and a bearing of the centre, at 0 s."""
     (distance, bearing), (x, y) = place, traffic.centre

@@ -61,12 +61,7 @@ def _update(
     count = len(log_share)
     for c in range(count):
         found[c, 0], found[c, 1], found[c, 2], found[c, 3] = innovate(
-            mean,
-            covariance,
-            measured,
-            pose,
-            variance[c],
-            step[c],
+            mean, covariance, measured, pose, variance[c], step[c]
         )
         log_peak = -0.5 * math.log(4.0 * math.pi**2 * found[c, 3])
         if c == 0:
