@@ -30,8 +30,9 @@ each = pytest.mark.parametrize("name", ["coastal", "coastal_ship"])
 def parameters_of(profile):
     """Return a profile's parameters with the values that learning starts from, not learned."""
     return {
-        name: float(value.removeprefix("auto ")) if str(value).startswith("auto ") else value
+        name: float(value.split()[1]) if str(value).startswith("auto ") else value
         for name, value in profile.items()
+        if value != "auto"
     }
 
 
