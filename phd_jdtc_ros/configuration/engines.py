@@ -15,7 +15,6 @@ from phd_jdtc_ros.core.intake.input_checks import ResultCheck
 from phd_jdtc_ros.core.intake.out_of_sequence import OutOfSequence
 from phd_jdtc_ros.core.intake.turn_history import TurnHistory
 from phd_jdtc_ros.core.pipeline import Pipeline, SensorStages, start_cold
-from phd_jdtc_ros.core.tracks.common_stamp import Schedule
 from phd_jdtc_ros.core.tracks.region import Everywhere
 
 from .build import TrackerConfig
@@ -36,6 +35,7 @@ def particle_engine(config: TrackerConfig) -> ParticleEngine:
     from phd_jdtc_ros.core.smc.engine import ParticleEngine
     from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
     from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS
+    from phd_jdtc_ros.core.tracks.common_stamp import Schedule
 
     return ParticleEngine(
         forward=particle_filter(config),
@@ -62,6 +62,7 @@ def gaussian_engine(config: TrackerConfig) -> GaussianEngine:
     """Return a new engine of Gaussian mixtures."""
     from phd_jdtc_ros.core.gaussian.engine import GaussianEngine
     from phd_jdtc_ros.core.gaussian.filter import GaussianFilter
+    from phd_jdtc_ros.core.tracks.common_stamp import Schedule
 
     # Compiled functions are loaded now and not during the first scan.
     _ = [sensor.of_gaussians for sensor in config.model.radars]

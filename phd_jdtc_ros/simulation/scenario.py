@@ -60,14 +60,6 @@ class Scenario:
     def __post_init__(self) -> None:
         if self.biases and not self.turning:
             raise ConfigError("biases: given, must be none where no radar turns")
-        learning = [radar.name for radar in self.radars if radar.clutter_count is not None]
-        if learning:
-            raise ConfigError(
-                *(
-                    f"{name}.clutter_rate: auto given, must be a number to simulate"
-                    for name in learning
-                )
-            )
         if not self.antennas:
             usual = tuple(default_antenna(index) for index in range(len(self.radars)))
             object.__setattr__(self, "antennas", usual)

@@ -135,9 +135,12 @@ def test_automotive_tracks_its_bag_s_scenario(engine):
     scene = resolve(from_arguments.scenario_parameters(document))
     # The profile and the scenario agree on the radar's properties.
     (radar,) = config.model.radars
-    assert replace(radar, detection_factor=None, noise_factor=None) == scene.model.radars[0]
+    learned = dict.fromkeys(("detection_factor", "noise_factor", "outliers", "clutter_count"))
+    # Learning begins with other clutter than the scenario has.
+    (real,) = scene.model.radars
+    assert replace(radar, **learned, clutter_rate=real.clutter_rate) == real
     tracker = new_engine(config)
-    scenario = scenario_file.resolve(document, config.model.radars)
+    scenario = scenario_file.resolve(document, scene.model.radars)
     truth, scan = zip(*simulate(scenario, 2)[:5], strict=True)
     steps = [tracker.step(each) for each in scan]
     assert len(steps[-1].filtered[0]) == len(truth[-1].track_id)

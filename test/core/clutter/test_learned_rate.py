@@ -11,7 +11,6 @@ from sweep import configuration
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.clutter.rate import MEMORY_TURNS, START_RATE, ClutterCount
 from phd_jdtc_ros.core.models.sensor_memory import SensorMemory
 from phd_jdtc_ros.core.sensors.report import Report
@@ -67,14 +66,14 @@ def test_learned_rate_tracks_as_well_as_the_right_one(rate):
     assert distances(engine_of("gaussian", **given), run) == pytest.approx(right, rel=0.03)
 
 
-def test_a_given_rate_is_not_learned_and_needed_to_simulate():
+def test_a_given_rate_is_not_learned_and_a_learned_one_is_simulated_from_its_start():
     tracker = engine_of("gaussian", **rates(START_RATE))
     for _, scan in run_of(4.0, 3):
         tracker.step(scan)
     assert learned(tracker) == {}
     assert not [name for name in tracker.snapshot().arrays if name.startswith("clutter")]
-    with pytest.raises(ConfigError, match=r"radar_1.clutter_rate: auto given, must be a number"):
-        paper_scenario(resolve({"radar_1.clutter_rate": "auto"}).model.radars)
+    scenario = paper_scenario(resolve({"radar_1.clutter_rate": "auto"}).model.radars)
+    assert [radar.clutter_rate for radar in scenario.radars] == [START_RATE, START_RATE]
 
 
 def test_count_forgets_and_takes_sectors_for_one_turn():
