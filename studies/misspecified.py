@@ -69,7 +69,7 @@ CASES: Mapping[str, Mapping[str, float]] = {
         "clutter_rate": 3.0,
     },
 }
-# Those of the cases of a profile. Range rates are part of the noise where they are measured.
+# Factors of the truth for a profile. Range rates are part of the noise where they are measured.
 AS_SET = "as set"
 PROFILE_CASES: Mapping[str, Mapping[str, float]] = {
     AS_SET: {},
