@@ -60,7 +60,8 @@ class ChangeAlarm(ReadOnly):
     detection_before: Annotated[FloatArray | None, floats("K", 0.0, MOST_FACTOR)] = None
     # Evidence of a larger noise in each component; see `NoiseFactor`.
     noise: Annotated[FloatArray, floats("Z", 0.0, MOST)] = zeros_field(COMPONENTS)
-    # Learned factor of each variance when that evidence began, (Z,); None if there was none yet.
+    # Expected ratio to each configured variance, outliers included, when that evidence began, (Z,);
+    # None if there was none yet.
     noise_before: Annotated[FloatArray | None, floats("Z", LEAST_FACTOR, MOST_FACTOR)] = None
 
     @property
@@ -114,14 +115,18 @@ class ChangeAlarm(ReadOnly):
         return self.changed(detection=detection, detection_before=factor_before)
 
     def after_noise(self, factor: NoiseFactor, evidence: NoiseEvidence) -> ChangeAlarm:
-        """Return the alarm after innovations, given the noise that was learned before them."""
-        learned = factor.variance
-        factor_before = _value_before(self.noise, learned, self.noise_before)
-        square = (evidence.weight + evidence.excess) * learned / factor_before
+        """Return the alarm after innovations, given the noise that was learned before them.
+
+        Outliers count: after a change, most detections look like outliers.
+        """
+        evidence = evidence.with_outliers or evidence
+        expected = factor.variance * evidence.expected
+        before = _value_before(self.noise, expected, self.noise_before)
+        square = (evidence.weight + evidence.excess) * factor.variance / before
         ratio = 0.5 * (square * (1.0 - 1.0 / NOISIER) - evidence.weight * math.log(NOISIER))
         ratio = np.where(factor.learned & (factor.weight >= SETTLED), ratio, 0.0)
         noise = np.minimum(np.maximum(self.noise + ratio, 0.0), MOST)
-        return self.changed(noise=noise, noise_before=factor_before)
+        return self.changed(noise=noise, noise_before=before)
 
 
 def _value_before(

@@ -11,9 +11,16 @@ MOST_SIGMA = 3.0
 # Innovations with a smaller share of the sensor's noise in their variance do not count: they would
 # show the motion's errors.
 LEAST_NOISE_SHARE = 0.25
-# Mean of the squares of normal variables that are limited in this way.
 LIMIT = MOST_SIGMA**2
-LIMITED_MEAN = float(chdtr(3.0, LIMIT) + LIMIT * (1.0 - chdtr(1.0, LIMIT)))
+
+
+def limited_mean(variance: float) -> float:
+    """Return the mean of the limited squares of normal variables of this variance."""
+    limit = LIMIT / variance
+    return float(variance * chdtr(3.0, limit) + LIMIT * (1.0 - chdtr(1.0, limit)))
+
+
+LIMITED_MEAN = limited_mean(1.0)
 
 
 @inner

@@ -44,6 +44,11 @@ class NoiseEvidence(NamedTuple):
     # Sum of weight times the relative difference of the variance from the sensor's present one; see
     # `evidence.evidence_of`.
     excess: FloatArray
+    # Mean ratio of variances that the innovations would show at the present variance; larger than 1
+    # if outliers are among them.
+    expected: FloatArray | float = 1.0
+    # The same of all innovations, whichever are outliers; None for a sensor without any.
+    with_outliers: NoiseEvidence | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -107,3 +107,25 @@ def test_share_and_noise_are_learned_together(noise, share, start):
     ]
     # Some 500 detections of a radar.
     assert np.mean(found, axis=0) == pytest.approx([share, 1.0], abs=0.05)
+
+
+def every_twentieth_outlier(rng, count):
+    """Return normal noise, (N, 2), of which one in twenty is three times as large."""
+    return rng.standard_normal((count, 2)) * np.where(rng.random((count, 1)) < 0.05, 3.0, 1.0)
+
+
+@pytest.mark.parametrize("noise", [normal, every_twentieth_outlier])
+def test_noise_that_doubles_is_noticed_although_it_looks_like_outliers(noise):
+    given = {f"{radar}.range_std": "auto 300 outliers" for radar in RADARS}
+    given |= {f"{radar}.azimuth_std_deg": "auto 1" for radar in RADARS}
+    for seed in range(340, 343):
+        usual = run_of(seed, noise)
+        doubled = run_of(seed, lambda rng, count: 2.0 * noise(rng, count))
+        engine = new_engine(resolve({"engine": "gaussian", **given}))
+        steps = [engine.step(scan) for _, scan in (*usual[:40], *doubled[40:65])]
+        noisier = [
+            {name.split(".")[0] for name in step.figures if name.endswith("_noisier")}
+            for step in steps
+        ]
+        assert not set().union(*noisier[:40])
+        assert set().union(*noisier[40:]) == set(RADARS)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...arrays import TINY, FloatArray, contiguous
 from ...compilation import Float1, Float2, Float3, Int1, compiled
-from ...learned.evidence import evidence_of
+from ...learned.evidence import LIMITED_MEAN, evidence_of, limited_mean
 from ...learned.noise_factor import COMPONENTS, NoiseEvidence
 from ...learned.outliers import OutlierEvidence
 from ...models.sensor_memory import KNOWN_EXISTENCE
@@ -51,18 +51,23 @@ def noise_evidence(mixture: Mixture, update: PairUpdate, probability: FloatArray
         Association probability of each pair; distributed over its motion modes by their
         likelihoods.
     """
-    innovation = update.innovation
+    innovation, outliers = update.innovation, update.report.sensor.outliers
     outlier = np.zeros(0) if update.outlier is None else _certainty(update) * update.outlier
     rate_square, rate_part = _rate_squares(update, mixture.mode_weight.shape[1])
-    return NoiseEvidence(
-        *_evidence(
-            KNOWN_EXISTENCE,
-            *contiguous(mixture.existence, mixture.target, mixture.mode_weight),
-            *contiguous(update.row, update.column, probability, update.log_likelihood),
-            *contiguous(innovation.weighted, innovation.inverse, update.report.sensors_own_std),
-            *contiguous(outlier, rate_square, rate_part),
-        )
+    weight, excess = _evidence(
+        KNOWN_EXISTENCE,
+        *contiguous(mixture.existence, mixture.target, mixture.mode_weight),
+        *contiguous(update.row, update.column, probability, update.log_likelihood),
+        *contiguous(innovation.weighted, innovation.inverse, update.report.sensors_own_std),
+        *contiguous(outlier, rate_square, rate_part),
     )
+    if outliers is None:
+        return NoiseEvidence(weight[0], excess[0])
+    ratio = limited_mean(outliers.ratio**2) / LIMITED_MEAN
+    expected = np.ones(COMPONENTS)
+    expected[:-1] += outliers.share * (ratio - 1.0)  # Range rates have no outliers
+    with_outliers = NoiseEvidence(weight[1], excess[1], expected)
+    return NoiseEvidence(weight[0], excess[0], with_outliers=with_outliers)
 
 
 def _certainty(update: PairUpdate) -> float:
@@ -100,9 +105,13 @@ def _evidence(
     rate_square: Float1,
     rate_part: Float1,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the columns of `NoiseEvidence`; the last three arguments may be empty."""
+    """Return weight and excess of `NoiseEvidence` without and with outliers, (2, Z) each.
+
+    The last three arguments may be empty.
+    """
     modes = mode_weight.shape[1]
-    weight, excess = np.zeros(COMPONENTS), np.zeros(COMPONENTS)
+    weight, excess = np.zeros((2, COMPONENTS)), np.zeros((2, COMPONENTS))
+    counted = np.empty(2)
     share = np.empty(modes)
     for pair in range(len(row)):
         hypothesis, first = row[pair], pair * modes
@@ -120,20 +129,20 @@ def _evidence(
         for mode in range(modes):
             if share[mode] <= 0.0:
                 continue
-            pair_weight = probability[pair] * share[mode] / total
+            counted[:] = probability[pair] * share[mode] / total
             if len(outlier) > 0:
-                pair_weight *= 1.0 - outlier[first + mode]
+                counted[0] *= 1.0 - outlier[first + mode]
             for axis in range(2):
                 expected = inverse[first + mode, axis, axis]
                 square = weighted[first + mode, axis] ** 2 / expected
                 noise_share = std[column[pair], axis] ** 2 * expected
                 added_weight, added_excess = evidence_of(square, noise_share)
-                weight[axis] += pair_weight * added_weight
-                excess[axis] += pair_weight * added_excess
+                weight[:, axis] += counted * added_weight
+                excess[:, axis] += counted * added_excess
             if len(rate_part) > 0:
                 added_weight, added_excess = evidence_of(
                     rate_square[first + mode], rate_part[first + mode]
                 )
-                weight[COMPONENTS - 1] += pair_weight * added_weight
-                excess[COMPONENTS - 1] += pair_weight * added_excess
+                weight[:, COMPONENTS - 1] += counted * added_weight
+                excess[:, COMPONENTS - 1] += counted * added_excess
     return weight, excess
