@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.intake.input_checks import COPIED_DETECTIONS
 from phd_jdtc_ros.core.types import Detections
 
 from . import kinematics
@@ -71,8 +73,11 @@ def limit_plots(plots: Plots, most: int = MOST_PLOTS) -> Plots:
 
 
 def plots_of(reports: Sequence[tuple[int, Detections]]) -> Plots:
-    """Return the detections of a radar's reports with their stamps, ns, in any order."""
-    ordered = sorted(reports, key=lambda report: report[0])
+    """Return the detections of a radar's reports with their stamps, ns, in any order.
+
+    Those that repeat the one before are left out, because their errors are not independent.
+    """
+    ordered = _without_copies(sorted(reports, key=lambda report: report[0]))
     zero_ns = ordered[0][0]
     cloud_s = np.array([(stamp_ns - zero_ns) * 1e-9 for stamp_ns, _ in ordered])
     sizes = [len(found) for _, found in ordered]
@@ -106,6 +111,18 @@ def plots_of(reports: Sequence[tuple[int, Detections]]) -> Plots:
         pose=np.concatenate([_poses(found) for _, found in ordered])[order],
         timed=timed,
     )
+
+
+def _without_copies(reports: list[tuple[int, Detections]]) -> list[tuple[int, Detections]]:
+    """Return reports without those that repeat the one before, if chance does not explain these."""
+    copies = {
+        number
+        for number, ((first_ns, before), (ns, found)) in enumerate(pairwise(reports), 1)
+        if ns > first_ns and len(found) and np.array_equal(found.measurement, before.measurement)
+    }
+    if max((len(reports[number][1]) for number in copies), default=0) < COPIED_DETECTIONS:
+        return reports
+    return [report for number, report in enumerate(reports) if number not in copies]
 
 
 def _poses(found: Detections) -> FloatArray:

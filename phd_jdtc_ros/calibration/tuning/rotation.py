@@ -25,13 +25,17 @@ MOST_PLOTS = 1000
 MOST_TURNS = 3.0
 # If a turn differs from the mean by more than this share, the antenna has changed its speed.
 SWITCHED = 0.1
+# A cloud belongs to the same look as the one before if it follows within this share of the usual
+# gap, which is the upper quartile.
+SAME_LOOK = 0.2
 
 
 @dataclass(frozen=True)
 class Timing:
     """The times of a radar's looks."""
 
-    cloud_interval_s: float  # Median time between clouds, seconds
+    # Median time between clouds, seconds; without a rotation, between looks.
+    cloud_interval_s: float
     rotation_s: float = 0.0  # Rotation period; 0 if no rotation is observable in the plots
     rotation_std_s: float = 0.0  # Standard error of the mean rotation period, seconds
     sectors: int = 0  # Number of clouds per turn; 0 if a cloud is a whole turn
@@ -51,7 +55,7 @@ class Timing:
 def timing_of(plots: Plots) -> Timing:
     """Return the times of a radar's looks, given plots of at least two clouds."""
     interval_s = float(np.median(np.diff(plots.cloud_s)))
-    still = Timing(interval_s)
+    still = Timing(_look_interval_s(plots.cloud_s))
     if interval_s <= 0.0:
         return still
     clouds = _by_cloud(plots)
@@ -80,6 +84,14 @@ def timing_of(plots: Plots) -> Timing:
         turns.clockwise,
         plots.timed,
     )
+
+
+def _look_interval_s(cloud_s: FloatArray) -> float:
+    """Return the median time between looks, each of one cloud or of some in quick succession."""
+    gap = np.diff(cloud_s)
+    begins = gap > SAME_LOOK * np.quantile(gap, 0.75)
+    first = cloud_s[np.append(True, begins)]
+    return float(np.median(np.diff(first))) if len(first) > 1 else 0.0
 
 
 def _by_cloud(plots: Plots) -> list[IntArray]:

@@ -10,12 +10,13 @@ from scipy.optimize import linear_sum_assignment
 from phd_jdtc_ros.calibration.tuning import kinematics
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.calibration.tuning.levels import log_ratio
-from phd_jdtc_ros.calibration.tuning.plots import Plots, limit_plots
+from phd_jdtc_ros.calibration.tuning.plots import Plots, limit_plots, plots_of
 from phd_jdtc_ros.calibration.tuning.rates import clutter_rate, detection_probability, ends
 from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns, Timing, timing_of
 from phd_jdtc_ros.calibration.tuning.tracking import linking, noise
 from phd_jdtc_ros.calibration.tuning.tracking.noise import Noise, find_outliers, fit_noise
 from phd_jdtc_ros.calibration.tuning.tracking.tracks import LinkModel, Tracks, link_plots
+from phd_jdtc_ros.core.types import Detections
 
 GUESS = LinkModel(20.0, 0.01, (0.01, 1.0), 20.0, 0.9, 1.0)
 SECONDS = Timing(2.0)
@@ -255,6 +256,26 @@ def test_no_more_sectors_are_proposed_than_are_allowed():
     assert timing_of(plots).sectors == 0
     with pytest.raises(TuningError, match=r"about 300 clouds in a turn of 3 s, must be"):
         findings(recorded(clouds, 0.01))
+
+
+@pytest.mark.parametrize("clouds_of_a_look", [1, 2, 3])
+def test_clouds_in_quick_succession_are_one_look(clouds_of_a_look):
+    rng = np.random.default_rng(1)
+    after_s = 2.0 * np.arange(40)[:, None] + 0.05 * np.arange(clouds_of_a_look)
+    reports = [
+        (round(each_s * NS), Detections(rng.uniform(1.0, 3.0, (4, 2)), None))
+        for each_s in after_s.ravel()
+    ]
+    assert timing_of(plots_of(reports)).look_s == pytest.approx(2.0)
+
+
+def test_repeated_clouds_are_left_out_if_chance_does_not_explain_them():
+    once = [np.random.default_rng(1).uniform(1.0, 3.0, (size, 2)) for size in (6, 1, 6, 3)]
+    twice = [place for place in once for _ in range(2)]
+    assert len(recorded(twice, 0.05).cloud_s) == 4
+    assert len(recorded(twice, 0.05)) == 16
+    # Few coarse detections of targets at rest repeat by themselves.
+    assert len(recorded([np.ones((2, 2))] * 20).cloud_s) == 20
 
 
 @pytest.mark.parametrize("interval_s", [0.1, 1.0, 6.0])
