@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from ...compilation import (
     Float4,
     Int1,
     Int2,
+    compiled,
     in_place,
     inner,
 )
@@ -63,16 +63,6 @@ class Links(NamedTuple):
     gain: Float3
     base: Float3
     factor: Float3
-
-
-class BackwardStep(NamedTuple):
-    """A step back from updates of one table to those that they continue, in the same or another."""
-
-    updates: IntArray  # Indices of the later updates
-    links: Links  # Their links
-    later: Gaussians  # Smoothed hypotheses of their table
-    filtered: Gaussians  # Filtered and smoothed hypotheses of the table of the earlier updates
-    smoothed: Gaussians
 
 
 class _Scratch(NamedTuple):
@@ -439,28 +429,59 @@ def _go_back(
             _add_deaths(death, survival[row], filtered, begin + row - first_row, smoothed)
 
 
+@compiled
 def go_back(
-    steps: Sequence[BackwardStep],
-    pairs: tuple[IntArray, IntArray],
+    from_mode: Int1,
+    to_mode: Int1,
+    steps: Int1,
     dropped: int,
-    updates: IntArray,
+    updates: Int2,
+    child: Int1,
+    parent: Int1,
+    share: Float3,
+    change: Float2,
+    survival: Float2,
+    place: Int2,
+    pair_mean: Float2,
+    factored: Int1,
+    gain: Float3,
+    base: Float3,
+    factor: Float3,
+    later_weight: Float3,
+    later_mean: Float3,
+    later_covariance: Float4,
+    filtered_weight: Float3,
+    filtered_mean: Float3,
+    filtered_covariance: Float4,
+    smoothed: Gaussians,
 ) -> None:
-    """Smooth the updates that others continue.
+    """Smooth the updates that others continue, in the same table or another.
 
     Parameters
     ----------
-    pairs : tuple of two int arrays of shape (K,)
-        See `prediction.Moves`.
+    from_mode, to_mode : int arrays of shape (K,)
+        See `prediction.Moves.pairs`.
+    steps : int array of shape (N,)
+        Indices of the later updates, the latest first; those from `child` to `factor` are the
+        `Links` of their table, followed by its smoothed hypotheses.
     dropped : int
         Number of the first update.
     updates : int array of shape (U, COLUMNS)
         All updates.
+    filtered_weight, filtered_mean, filtered_covariance : arrays
+        Filtered hypotheses of the table of the earlier updates, whose smoothed ones are written.
     """
-    (modes, classes), count = steps[0].filtered.weight.shape[1:], len(pairs[0])
-    rows = (updates[:, PREDICTED + 1] - updates[:, PREDICTED]).max()
-    edges = (updates[:, EDGE + 1] - updates[:, EDGE]).max()
+    (modes, classes), count, rows, edges = share.shape[1:], len(from_mode), 0, 0
+    for index in steps:
+        rows = max(rows, updates[index, PREDICTED + 1] - updates[index, PREDICTED])
+        edges = max(edges, updates[index, EDGE + 1] - updates[index, EDGE])
+    successors = Gaussians(
+        np.empty((rows, modes, classes)),
+        np.empty((rows, modes, SIZE)),
+        np.empty((rows, modes, SIZE, SIZE)),
+    )
     scratch = _Scratch(
-        Gaussians(*(np.empty((rows, *column.shape[1:])) for column in steps[0].filtered)),
+        successors,
         np.empty(count, np.int64),
         np.empty(count),
         np.empty(count),
@@ -473,6 +494,8 @@ def go_back(
         np.empty((modes, classes)),
         np.empty(modes),
     )
-    for step in steps:
-        columns: Sequence[Any] = (*step.links, *step.later, *step.filtered, step.smoothed, scratch)
-        _go_back(*pairs, step.updates, dropped, updates, *columns)
+    later = later_weight, later_mean, later_covariance
+    filtered = filtered_weight, filtered_mean, filtered_covariance
+    predicted = change, survival, place, pair_mean, factored, gain, base, factor
+    step = from_mode, to_mode, steps, dropped, updates, child, parent, share
+    _go_back(*(step + predicted + later + filtered + (smoothed, scratch)))

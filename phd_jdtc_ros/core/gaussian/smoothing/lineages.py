@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +18,7 @@ from ...window.entries import Entry, Source
 from ..mixture import Mixture
 from ..prediction import Moves
 from ..reduction import Ancestry
-from .backward_step import BackwardStep, Gaussians, Links, go_back
+from .backward_step import Gaussians, Links, go_back
 from .tables import JOINED, Table, join
 from .updates import (
     BEFORE,
@@ -27,12 +26,9 @@ from .updates import (
     LABEL,
     STAMP,
     SUMS,
-    find_reportable,
-    find_steps,
+    append_updates,
     hypothesis_rows,
-    make_updates,
-    sum_hypotheses,
-    updates_around,
+    plan_steps,
 )
 
 
@@ -112,6 +108,8 @@ class Lineages:
     def drop_before(self, stamp_ns: int) -> None:
         """Drop the entries before a stamp."""
         stamps = [entry_ns for entry_ns in self._entries if entry_ns < stamp_ns]
+        if not stamps:
+            return
         count = sum(self._entries.pop(entry_ns)[1] for entry_ns in stamps)
         self._dropped += count
         self._updates, self._sums = self._updates[count:], self._sums[count:]
@@ -144,45 +142,31 @@ class Lineages:
         systems", Journal of Machine Learning Research 7, 2006.
         Kim, "Dynamic linear models with Markov-switching", Journal of Econometrics 60, 1994.
         """
-        around = self.around(since_ns)
         if threshold < self._threshold:
             self._done = 0  # targets that were left out may be reported now
         self._threshold = threshold
-        first, self._done = self._done, self._dropped + len(self._updates)
-        needed = self._updates[:, STAMP] > since_ns
-        needed[around.before] = True
-        updates = self._dropped, self._updates
-        needed &= find_reportable(threshold, needed, *updates, self._sums)
-        is_needed = needed[around.before]
-        steps = self._backward_steps(find_steps(first - self._dropped, needed, *updates))
-        if self._pairs is not None and steps:
-            go_back(steps, self._pairs, *updates)
-        return Around(around.before[is_needed], around.after[is_needed])
+        before, after, steps, parts = self._plan(since_ns, threshold)
+        self._done = self._dropped + len(self._updates)
+        for begin, end, later, earlier in parts.tolist():
+            table, continued = self._tables[later], self._tables[earlier]
+            smoothed = continued.changeable
+            if self._pairs is not None and table.links is not None:
+                columns = *table.links, *table.smoothed, *continued.filtered, smoothed
+                updates = steps[begin:end], self._dropped, self._updates
+                go_back(*(*self._pairs, *updates, *columns))
+        return Around(before, after)
 
-    def _backward_steps(self, updates: IntArray) -> list[BackwardStep]:
-        """Return the steps back from updates, table by table, first from the latest scans.
+    def _plan(
+        self, since_ns: int, threshold: float
+    ) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+        """Return the updates around a stamp and the steps back from new ones; see `plan_steps`."""
+        first, updates = self._done - self._dropped, (self._dropped, self._updates)
+        return plan_steps(since_ns, threshold, first, *updates, self._sums, self._ends)
 
-        The updates of a scan are in the order of the tables, in which the processor reads memory
-        ahead: backwards they would take almost twice as long.
-        """
-        continued, stamp_ns = self._updates[updates, BEFORE], self._updates[updates, STAMP]
-        later, earlier = self._tables_of(updates + self._dropped), self._tables_of(continued)
-        order = np.lexsort((-stamp_ns, -earlier, -later))
-        updates, later, earlier = updates[order], later[order], earlier[order]
-        begins = np.flatnonzero(np.diff(later * len(self._tables) + earlier, prepend=-1))
-        steps = []
-        for begin, end in pairwise([*begins.tolist(), len(updates)]):
-            table, before = self._tables[later[begin]], self._tables[earlier[begin]]
-            smoothed = before.changeable
-            if table.links is not None:
-                columns = table.links, table.smoothed, before.filtered, smoothed
-                steps.append(BackwardStep(updates[begin:end], *columns))
-        return steps
-
-    def _tables_of(self, numbers: IntArray) -> IntArray:
-        """Return the index of the table of each update."""
-        ends = np.array([table.end for table in self._tables])
-        return ends.searchsorted(numbers, side="right")
+    @property
+    def _ends(self) -> IntArray:
+        """The number of the update after the last one of each table."""
+        return np.array([table.end for table in self._tables], dtype=np.int64)
 
     def smoothed(self, stamp_ns: int) -> Mixture:
         """Return the smoothed hypotheses of an entry."""
@@ -194,10 +178,8 @@ class Lineages:
 
     def around(self, stamp_ns: int) -> Around:
         """Return the updates around a stamp."""
-        past = int(self._updates[:, STAMP].searchsorted(stamp_ns, side="right"))
-        latest, after = updates_around(self._updates, self._dropped, past)
-        rows = latest.nonzero()[0]
-        return Around(rows, after[rows])
+        before, after, _, _ = self._plan(stamp_ns, -1.0)
+        return Around(before, after)
 
     def stamps(self, updates: IntArray) -> IntArray:
         """Return the stamps of updates."""
@@ -214,44 +196,40 @@ class Lineages:
 
         The rows are those of the returned Gaussians.
         """
-        place, row = hypothesis_rows(updates, self._updates)
-        table = self._tables_of(updates + self._dropped)[place]
-        order = table.argsort(kind="stable")
-        used, begins = np.unique(table[order], return_index=True)
-        smoothed = [self._tables[index].smoothed for index in used]
-        if len(smoothed) < 2:
+        place, row, counts = hypothesis_rows(updates, self._dropped, self._updates, self._ends)
+        (used,) = counts.nonzero()
+        if len(used) < 2:
             latest, _ = next(reversed(self._entries.values()))
-            return place, row, (*smoothed, latest.gaussians)[0]
-        rows = np.split(row[order], begins[1:])
-        columns = [
-            np.concatenate([part.take(own, axis=0) for part, own in zip(parts, rows, strict=True)])
-            for parts in zip(*smoothed, strict=True)
+            return place, row, self._tables[used[0]].smoothed if len(used) else latest.gaussians
+        rows = np.split(row, counts[used[:-1]].cumsum())
+        parts = [
+            [column.take(own, axis=0) for column in self._tables[index].smoothed]
+            for index, own in zip(used, rows, strict=True)
         ]
-        return place, order.argsort(), columns
+        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+        return place, np.arange(len(row)), columns
 
     def _append(self, entry: Entry[Mixture, Link]) -> None:
         """Append the updates of an entry: those of its targets, and of those that it dropped."""
-        stored, link = entry.stored, entry.link
+        stored, link, first = entry.stored, entry.link, len(self._updates)
         child = continued = np.zeros(0, dtype=np.int64)
         before, survival = stored.weight[:0], np.zeros((0, stored.weight.shape[1]))
         if link is not None:
             child, survival = link.ancestry.child, link.moves.survival
             self._pairs = link.moves.pairs
             parts = [self._rows_of(source, before) for source in entry.sources]
-            continued = np.concatenate([continued, *[label for label, _ in parts]])
-            before = np.concatenate([before, *[weight for _, weight in parts]])
-        label = np.union1d(stored.label, continued[continued >= 0])
-        row_update = label.searchsorted(stored.row_label)
-        of_label = np.where(continued < 0, -1, label.searchsorted(continued))
-        updates = make_updates(
-            *(entry.stamp_ns, label, row_update, of_label, child, self._dropped, self._updates)
+            continued = np.concatenate([label for label, _ in parts])
+            before = np.concatenate([weight for _, weight in parts])
+        ordered = np.concatenate((stored.row_label, continued))
+        ordered.sort()
+        labels, weights = (stored.row_label, continued, ordered, child), (stored.weight, before)
+        earlier = self._dropped, self._updates, self._sums
+        self._updates, self._sums = append_updates(
+            *(entry.stamp_ns, *labels, *weights, survival, *earlier)
         )
-        sums = sum_hypotheses(updates, stored.weight, before, survival)
-        self._entries[entry.stamp_ns] = stored, len(updates)
-        if not len(updates):
+        self._entries[entry.stamp_ns] = stored, len(self._updates) - first
+        if len(self._updates) == first:
             return
-        self._updates = np.concatenate((self._updates, updates))
-        self._sums = np.concatenate((self._sums, sums))
         end, links = self._dropped + len(self._updates), None if link is None else _links_of(link)
         self._tables.append(Table(end, Gaussians(*stored.gaussians), links))
         latest = self._tables[-JOINED:]

@@ -39,12 +39,13 @@ def extract_at(
 ) -> Estimates:
     """Return the smoothed targets at a stamp, between the updates `around` it."""
     before, after = around
-    by_label = np.argsort(lineages.labels(before))
-    before, after = before[by_label], after[by_label]
     if (lineages.stamps(before) == stamp_ns).all():
-        # Targets below the threshold are not needed to interpolate between updates.
+        # Targets below the threshold are not needed to interpolate between updates. Those of one
+        # stamp are sorted by label.
         targets = lineages.labels(before), *lineages.hypotheses(before)
         return extract_targets(*targets, dynamics, stamp_ns, lag, threshold)
+    by_label = lineages.labels(before).argsort()
+    before, after = before[by_label], after[by_label]
     has_later = after >= 0
     count, parts = int(np.count_nonzero(has_later)), (before[has_later], after[has_later])
     updates = np.concatenate([*parts, before[~has_later]])

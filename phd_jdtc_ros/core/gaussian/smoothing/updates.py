@@ -6,7 +6,7 @@ import numpy as np
 
 from ...arrays import BoolArray, FloatArray, IntArray
 from ...bisection import count_below
-from ...compilation import Bool1, Float2, Float3, Int1, Int2, compiled, inner
+from ...compilation import Float2, Float3, Int1, Int2, compiled, inner
 from ..algebra.vectors import total_of
 
 # Columns of the U updates of single targets, oldest first, (U, COLUMNS): the stamp, the label, and
@@ -29,71 +29,76 @@ def _extend_rows(update: IntArray, column: int, row: int) -> None:
 
 
 @compiled
-def make_updates(
+def append_updates(
     stamp_ns: int,
-    label: Int1,
-    row_update: Int1,
+    row_label: Int1,
     continued: Int1,
+    ordered: Int1,
     child: Int1,
+    weight: Float3,
+    before: Float3,
+    survival: Float2,
     dropped: int,
     existing: Int2,
-) -> IntArray:
-    """Return the updates of a scan: those of its targets, and of those that it dropped.
+    existing_sums: Float2,
+) -> tuple[IntArray, FloatArray]:
+    """Return all updates and their sums, with those of a scan: of its targets and of dropped ones.
 
     Parameters
     ----------
-    label : int array of shape (U,)
-        Label of each update's target, ascending.
-    row_update : int array of shape (H,)
-        Update of each updated hypothesis.
-    continued : int array of shape (E,)
-        Update of each hypothesis that the scan continues; -1 if it has left the window.
-    child : int array
+    row_label, weight : int array of shape (H,), and array of shape (H, R, C)
+        Label and weights of each updated hypothesis.
+    continued, before : int array of shape (P,), and array of shape (P, R, C)
+        Label and weights of each hypothesis that the scan continues; -1 and 0 if it has left the
+        window.
+    ordered : int array of shape (H + P,)
+        The labels of both, ascending.
+    child : int array of shape (E,)
         Updated hypothesis of each edge.
-    dropped, existing : int, and int array of shape (V, COLUMNS)
+    survival : array of shape (P, R)
+        See `Moves`.
+    dropped, existing, existing_sums : int, and arrays of shape (V, COLUMNS) and (V, SUMS)
         The number of the first earlier update, and all of them.
     """
-    updates = np.zeros((len(label), COLUMNS), np.int64)
-    for index in range(len(label)):
-        updates[index, STAMP], updates[index, LABEL] = stamp_ns, label[index]
-        updates[index, BEFORE] = -1
-    for number in range(len(existing)):
+    first, label, count = len(existing), np.empty(len(ordered), np.int64), 0
+    for value in ordered:
+        if value >= 0 and (count == 0 or value != label[count - 1]):
+            label[count] = value
+            count += 1
+    label = label[:count]
+    updates, sums = np.zeros((first + count, COLUMNS), np.int64), np.zeros((first + count, SUMS))
+    for number in range(first, first + count):
+        updates[number, STAMP], updates[number, LABEL] = stamp_ns, label[number - first]
+        updates[number, BEFORE], sums[number, DEAD] = -1, 1.0
+    for number in range(first):
+        for column in range(COLUMNS):
+            updates[number, column] = existing[number, column]
+        for column in range(SUMS):
+            sums[number, column] = existing_sums[number, column]
         index = count_below(label, existing[number, LABEL])
-        if index < len(label) and label[index] == existing[number, LABEL]:
-            updates[index, BEFORE] = dropped + number  # the last one stays
-    for row in range(len(row_update)):
-        _extend_rows(updates[row_update[row]], ROW, row)
+        if index < count and label[index] == existing[number, LABEL]:
+            updates[first + index, BEFORE] = dropped + number  # the last one stays
+    row_update = np.empty(len(row_label), np.int64)
+    for row in range(len(row_label)):
+        number = row_update[row] = first + count_below(label, row_label[row])
+        _extend_rows(updates[number], ROW, row)
+        for mode in range(weight.shape[1]):
+            sums[number, EXISTENCE] += total_of(weight[row, mode])
     for row in range(len(continued)):
+        number = first + count_below(label, continued[row])
         if continued[row] >= 0:
-            _extend_rows(updates[continued[row]], PREDICTED, row)
-    for edge in range(len(child)):
-        _extend_rows(updates[row_update[child[edge]]], EDGE, edge)
-    return updates
-
-
-@compiled
-def sum_hypotheses(updates: Int2, weight: Float3, before: Float3, survival: Float2) -> FloatArray:
-    """Return the sums of a scan's updates, (U, SUMS).
-
-    `weight` and `before` are those of the updated hypotheses, and of those that the scan continues.
-    """
-    sums = np.zeros((len(updates), SUMS))
-    for index in range(len(updates)):
-        own = sums[index]
-        own[DEAD] = 1.0
-        for row in range(updates[index, ROW], updates[index, ROW + 1]):
-            for mode in range(weight.shape[1]):
-                own[EXISTENCE] += total_of(weight[row, mode])
-        for row in range(updates[index, PREDICTED], updates[index, PREDICTED + 1]):
+            _extend_rows(updates[number], PREDICTED, row)
             for mode in range(before.shape[1]):
                 row_weight = total_of(before[row, mode])
-                own[DIED] += (1.0 - survival[row, mode]) * row_weight
-                own[DEAD] -= survival[row, mode] * row_weight
-    return sums
+                sums[number, DIED] += (1.0 - survival[row, mode]) * row_weight
+                sums[number, DEAD] -= survival[row, mode] * row_weight
+    for edge in range(len(child)):
+        _extend_rows(updates[row_update[child[edge]]], EDGE, edge)
+    return updates, sums
 
 
-@compiled
-def updates_around(updates: Int2, dropped: int, past: int) -> tuple[BoolArray, IntArray]:
+@inner
+def _updates_around(updates: IntArray, dropped: int, past: int) -> tuple[BoolArray, IntArray]:
     """Return which of the updates up to a stamp are the latest, and the first later ones.
 
     `past` is the number of updates up to the stamp; -1 stands for no later one.
@@ -111,9 +116,9 @@ def updates_around(updates: Int2, dropped: int, past: int) -> tuple[BoolArray, I
     return latest, after
 
 
-@compiled
-def find_reportable(
-    threshold: float, needed: Bool1, dropped: int, updates: Int2, sums: Float2
+@inner
+def _find_reportable(
+    threshold: float, needed: BoolArray, dropped: int, updates: IntArray, sums: FloatArray
 ) -> BoolArray:
     """Return the updates of targets whose smoothed existence may exceed a threshold.
 
@@ -143,8 +148,8 @@ def find_reportable(
     return reportable
 
 
-@compiled
-def find_steps(first: int, needed: Bool1, dropped: int, updates: Int2) -> IntArray:
+@inner
+def _find_steps(first: int, needed: BoolArray, dropped: int, updates: IntArray) -> IntArray:
     """Return the updates from which a step back to a `needed` one is due, ascending.
 
     These are the new ones, from `first` on, and those that steps from later ones change.
@@ -161,16 +166,103 @@ def find_steps(first: int, needed: Bool1, dropped: int, updates: Int2) -> IntArr
     return steps[len(steps) - count :]
 
 
+@inner
+def _in_order(steps: IntArray, dropped: int, updates: IntArray, ends: IntArray) -> IntArray:
+    """Write steps, ascending, in the order of `plan_steps`; return its `parts`."""
+    parts, found, filled, ascending = np.empty((len(steps), 4), np.int64), 0, 0, steps.copy()
+    last = len(ascending)
+    while last > 0:
+        later, first = count_below(ends, dropped + ascending[last - 1] + 1), last
+        while first > 0 and count_below(ends, dropped + ascending[first - 1] + 1) == later:
+            first -= 1
+        for earlier in range(later, -1, -1):
+            part_begin, end = filled, last
+            while end > first:
+                begin = end - 1
+                stamp_ns = updates[ascending[begin], STAMP]
+                while begin > first and updates[ascending[begin - 1], STAMP] == stamp_ns:
+                    begin -= 1
+                for place in range(begin, end):
+                    continued = updates[ascending[place], BEFORE]
+                    if count_below(ends, continued + 1) == earlier:
+                        steps[filled] = ascending[place]
+                        filled += 1
+                end = begin
+            if filled > part_begin:
+                parts[found, 0], parts[found, 1] = part_begin, filled
+                parts[found, 2], parts[found, 3] = later, earlier
+                found += 1
+        last = first
+    return parts[:found]
+
+
 @compiled
-def hypothesis_rows(chosen: Int1, updates: Int2) -> tuple[IntArray, IntArray]:
-    """Return the place of the update and the row of each hypothesis of chosen updates."""
-    count = 0
+def plan_steps(
+    since_ns: int,
+    threshold: float,
+    first: int,
+    dropped: int,
+    updates: Int2,
+    sums: Float2,
+    ends: Int1,
+) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+    """Return the updates around a stamp, and the steps back that a stamp from this one on needs.
+
+    Targets whose existence probability cannot exceed the threshold are left out. `first` is the
+    index of the first new update, `dropped` the number of the first update, and `ends` has the
+    number of the update after the last one of each table, (A,).
+
+    Returns
+    -------
+    before, after : int arrays of shape (T,)
+        See `lineages.Around`.
+    steps : int array of shape (N,)
+        The updates to go back from, table by table, first from the latest scans. Those of a scan
+        are in the order of the tables, in which the processor reads memory ahead: backwards they
+        would take almost twice as long.
+    parts : int array of shape (G, 4)
+        First step and end of the steps between two tables, and the indices of the table of the
+        updates and of the table of those that they continue.
+    """
+    past, count = len(updates), 0
+    while past > 0 and updates[past - 1, STAMP] > since_ns:
+        past -= 1
+    latest, following = _updates_around(updates, dropped, past)
+    needed = np.ones(len(updates), np.bool_)
+    for index in range(past):
+        needed[index] = latest[index]
+    reportable = _find_reportable(threshold, needed, dropped, updates, sums)
+    before, after = np.empty(past, np.int64), np.empty(past, np.int64)
+    for index in range(len(updates)):
+        needed[index] = needed[index] and reportable[index]
+        if index < past and needed[index]:
+            before[count], after[count] = index, following[index]
+            count += 1
+    steps = _find_steps(first, needed, dropped, updates)
+    parts = _in_order(steps, dropped, updates, ends)
+    return before[:count], after[:count], steps, parts
+
+
+@compiled
+def hypothesis_rows(
+    chosen: Int1, dropped: int, updates: Int2, ends: Int1
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Return the place of the update and the row of each hypothesis of chosen updates.
+
+    They are sorted by table; the third array has their number in each, (A,). For `dropped` and
+    `ends` see `plan_steps`.
+    """
+    counts, begins = np.zeros(len(ends), np.int64), np.zeros(len(ends), np.int64)
     for update in chosen:
-        count += updates[update, ROW + 1] - updates[update, ROW]
-    position, rows, filled = np.empty(count, np.int64), np.empty(count, np.int64), 0
+        table = count_below(ends, dropped + update + 1)
+        counts[table] += updates[update, ROW + 1] - updates[update, ROW]
+    for table in range(1, len(ends)):
+        begins[table] = begins[table - 1] + counts[table - 1]
+    position, rows = np.empty(counts.sum(), np.int64), np.empty(counts.sum(), np.int64)
     for index in range(len(chosen)):
         update = chosen[index]
+        table = count_below(ends, dropped + update + 1)
         for row in range(updates[update, ROW], updates[update, ROW + 1]):
-            position[filled], rows[filled] = index, row
-            filled += 1
-    return position, rows
+            position[begins[table]], rows[begins[table]] = index, row
+            begins[table] += 1
+    return position, rows, counts

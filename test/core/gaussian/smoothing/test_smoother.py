@@ -148,10 +148,11 @@ def test_engine_smooths_the_arrays_of_its_window_and_holds_no_others():
 
 
 def gaussians(smoothed, stamp_ns):
-    """Return the smoothed Gaussians of the updates around a stamp."""
+    """Return the smoothed Gaussians of the updates around a stamp, update by update."""
     before, after = smoothed.around(stamp_ns)
     place, rows, columns = smoothed.hypotheses(np.concatenate([before, after[after >= 0]]))
-    return place, *(column[rows] for column in columns)
+    order = place.argsort(kind="stable")
+    return place[order], *(column[rows[order]] for column in columns)
 
 
 def test_target_whose_last_scan_was_dropped_is_found_once():
