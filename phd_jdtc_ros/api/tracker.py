@@ -23,6 +23,9 @@ from .parameters import Parameters
 from .reports import TIME, report_of, reports_of, without_max_range
 from .tables import Column, Table, columns_of, stamps_ns, table_of
 
+# The findings about reports that contradict what `fit` cannot estimate.
+NOT_FITTED = ("azimuths_in_radians", "reports_repeated")
+
 
 class Tracks(NamedTuple):
     """Estimates of targets, as structured arrays; see `Tracker` for their columns."""
@@ -136,11 +139,15 @@ class Tracker:
         tally = Tally(config)
         reports: dict[int, list[tuple[int, Detections]]] = {}
         counts = [DetectionCounts() for _ in config.inputs]
+        checks = config.report_checks()
         for index, report in reports_of(columns, config):
             reports.setdefault(index, []).append((report.stamp_ns, report.detections))
             counts[index].read(len(report.detections), report.dropped)
-            tally.on_anomalies(index, report.anomalies)
+            noticed = [each for each in checks[index].add(report.detections) if each in NOT_FITTED]
+            tally.on_anomalies(index, report.anomalies + Counter(noticed))
+        about: dict[int, list[str]] = {}
         for index, text in tally.about_radars():
+            about.setdefault(index, []).append(text)
             warnings.warn(f"{config.inputs[index].name}: {text}", stacklevel=2)
         found, timed, faults = {}, {}, []
         for index, name in enumerate(each.name for each in config.inputs):
@@ -151,7 +158,8 @@ class Tracker:
                 found[name], timed[name] = findings(plots), plots.timed
             except TuningError as error:
                 reason = counts[index].fault()
-                faults.append(f"{name}: {error}" + (f"; {reason}" if reason else ""))
+                reasons = [str(error), *([reason] if reason else ()), *about.get(index, ())]
+                faults.append(f"{name}: {'; '.join(reasons)}")
         if faults:
             raise TuningError("; ".join(faults))
         for text in self._parameters.hidden(found):

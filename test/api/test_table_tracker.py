@@ -73,6 +73,37 @@ def test_fit_warns_of_degrees_that_are_read_as_radians():
         Tracker().fit(degrees)
 
 
+def all_around(unit):
+    """Return false detections in all directions; `unit` is a turn in the unit of azimuths."""
+    rng, count = np.random.default_rng(1), 240
+    time = np.repeat(10.0 + np.arange(40.0), count // 40)
+    return {
+        "time": time,
+        "range": rng.uniform(50.0, 1.4e3, count),
+        "azimuth": unit * (rng.random(count) - 0.5),
+    }
+
+
+def test_fit_without_targets_says_that_degrees_are_read_as_radians():
+    warned = pytest.warns(UserWarning, match=r"^radar: \d+ azimuths beyond 2 pi rad")
+    with warned, pytest.raises(ValueError, match=r"distinct from clutter.*; \d+ azimuths beyond"):
+        Tracker().fit(all_around(360.0))
+
+
+def test_fit_warns_of_radians_that_are_read_as_degrees():
+    added = all_around(2.0 * np.pi)
+    both = {name: np.concatenate([DETECTIONS[name], added[name]]) for name in added}
+    with pytest.warns(UserWarning, match=r"^radar: all azimuths are within 6\.3 degrees"):
+        Tracker({"radar": {"azimuth_unit": "deg"}}).fit(both)
+
+
+def test_fit_warns_of_repeated_scans_and_leaves_them_out(fitted):
+    twice = {name: np.tile(column, 2) for name, column in DETECTIONS.items()}
+    twice["time"][len(DETECTIONS["time"]) :] += 0.05
+    with pytest.warns(UserWarning, match=r"^radar: \d+ clouds that repeat all detections"):
+        assert Tracker().fit(twice).parameters == fitted.parameters
+
+
 def test_fit_says_that_it_takes_targets_at_rest_for_clutter():
     rng, times = np.random.default_rng(5), np.unique(DETECTIONS["time"])
     places = np.array([[300.0, 0.5], [420.0, -2.0], [350.0, 2.0], [250.0, -1.0]])

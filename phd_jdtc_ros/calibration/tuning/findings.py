@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from phd_jdtc_ros.configuration.parameters.radar import MOST_SECTORS
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.intake.sectors import smallest_arc
 
 from .levels import Levels, levels, log_ratio
 from .plots import Plots
@@ -47,6 +49,9 @@ LEAST_DENSITY = 1e-9
 SPEED_MARGIN = 1.5
 # Ratio by which the manoeuvres' density is enlarged for one of the tried guesses.
 WILDER = 20.0
+# Ratio of units that are often confused, of ranges or times, and the largest plausible speed, m/s.
+KILO = 1000.0
+FASTEST = 1000.0
 
 
 class TuningError(ValueError):
@@ -105,8 +110,11 @@ def findings(plots: Plots) -> Findings:
             "a time for each of them in the field that fields.time names"
         )
     guess, tracks = first_guess(plots, timing)
-    _require_tracks(plots, timing, tracks)
-    guess, tracks, noise = _iterate(plots, timing, guess, tracks)
+    try:
+        _require_tracks(plots, timing, tracks)
+        guess, tracks, noise = _iterate(plots, timing, guess, tracks)
+    except TuningError as error:
+        raise TuningError(f"{error}; {_units(plots)}") from None
     rows = outside_land(plots, looks_of(plots, timing), noise.range_std, noise.azimuth_std)
     land = 1.0 - len(rows) / len(plots)
     kept = rows if land > MOST_LAND else np.arange(len(plots))
@@ -199,6 +207,23 @@ def _require_tracks(plots: Plots, timing: Timing, tracks: Tracks) -> None:
         f"{plots.duration_s:.1f} s ({looks:.0f} looks) with {len(plots)} detections; must be at "
         f"least {LEAST_TRACKS} with {LEAST_PLOTS}: record longer, with a target that is detected "
         "in most looks"
+    )
+
+
+def _units(plots: Plots) -> str:
+    """Return the extent of plots without targets, and whether longer ranges would have some."""
+    width = math.degrees(smallest_arc(plots.measurement[:, 1])[1])
+    extent = (
+        f"the largest range is {plots.measurement[:, 0].max():.3g} m, and azimuths span "
+        f"{width:.3g} degrees"
+    )
+    longer = replace(plots, measurement=plots.measurement * [KILO, 1.0])
+    _, tracks = first_guess(longer, timing_of(longer))
+    if len(tracks.claimed) < LEAST_PLOTS or _speed_std(longer, tracks) > FASTEST:
+        return extent
+    return (
+        f"{extent}; {len(tracks.plots)} targets are found if ranges are {KILO:g} times as large: "
+        "ranges must be in metres, probably they are in kilometres, or times are in milliseconds"
     )
 
 

@@ -221,9 +221,19 @@ def test_insufficient_recordings_name_what_is_missing():
     only = one_target(count=40, missed=set(range(40)), clutter=5)
     with pytest.raises(TuningError, match=r"0 targets with 0 detections are distinct from clutter"):
         findings(only)
+    with pytest.raises(TuningError, match=r"range is [\d.e+]+ m, and azimuths span 3\d\d degrees$"):
+        findings(only)
     frozen = recorded([np.ones((5, 2))] * 20, 0.0)
     with pytest.raises(TuningError, match="all clouds have the same stamp"):
         findings(frozen)
+
+
+def test_wrong_units_are_named_where_no_target_is_found():
+    metres = one_target(count=60, clutter=3)
+    plots = replace(metres, measurement=metres.measurement * [1e-3, 1.0])
+    expected = r"range is [\d.]+ m, .*; 1 targets are found if .* probably they are in kilometres"
+    with pytest.raises(TuningError, match=expected):
+        findings(plots)
 
 
 def test_rows_list_proposed_and_current_values(estimated):
