@@ -111,7 +111,6 @@ def _evidence(
     """
     modes = mode_weight.shape[1]
     weight, excess = np.zeros((2, COMPONENTS)), np.zeros((2, COMPONENTS))
-    counted = np.empty(2)
     share = np.empty(modes)
     for pair in range(len(row)):
         hypothesis, first = row[pair], pair * modes
@@ -129,20 +128,20 @@ def _evidence(
         for mode in range(modes):
             if share[mode] <= 0.0:
                 continue
-            counted[:] = probability[pair] * share[mode] / total
+            of_all = probability[pair] * share[mode] / total
+            of_usual = of_all
             if len(outlier) > 0:
-                counted[0] *= 1.0 - outlier[first + mode]
-            for axis in range(2):
-                expected = inverse[first + mode, axis, axis]
-                square = weighted[first + mode, axis] ** 2 / expected
-                noise_share = std[column[pair], axis] ** 2 * expected
+                of_usual *= 1.0 - outlier[first + mode]
+            for axis in range(COMPONENTS if len(rate_part) > 0 else 2):
+                if axis < 2:
+                    expected = inverse[first + mode, axis, axis]
+                    square = weighted[first + mode, axis] ** 2 / expected
+                    noise_share = std[column[pair], axis] ** 2 * expected
+                else:
+                    square, noise_share = rate_square[first + mode], rate_part[first + mode]
                 added_weight, added_excess = evidence_of(square, noise_share)
-                weight[:, axis] += counted * added_weight
-                excess[:, axis] += counted * added_excess
-            if len(rate_part) > 0:
-                added_weight, added_excess = evidence_of(
-                    rate_square[first + mode], rate_part[first + mode]
-                )
-                weight[:, COMPONENTS - 1] += counted * added_weight
-                excess[:, COMPONENTS - 1] += counted * added_excess
+                weight[0, axis] += of_usual * added_weight
+                weight[1, axis] += of_all * added_weight
+                excess[0, axis] += of_usual * added_excess
+                excess[1, axis] += of_all * added_excess
     return weight, excess
