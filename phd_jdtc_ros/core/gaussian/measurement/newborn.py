@@ -121,4 +121,4 @@ def _snr_given_amplitude(report: Report, dynamics: Dynamics) -> FloatArray:
     likelihood = np.exp(log_likelihood - np.where(largest > -np.inf, largest, 0.0))
     total = likelihood.sum(axis=2, keepdims=True)
     share = likelihood / np.maximum(total, TINY)
-    return np.where(total > 0.0, share, dynamics.cells.prior)
+    return np.ascontiguousarray(np.where(total > 0.0, share, dynamics.cells.prior))

@@ -12,6 +12,7 @@ from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.measurement import newborn as newborn_module
 from phd_jdtc_ros.core.gaussian.measurement.iterated_update import coarse_rates, iterated_update
 from phd_jdtc_ros.core.gaussian.measurement.newborn import newborn_mixture
+from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.models.detection_birth import Newborn
 from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.types import Detections
@@ -155,6 +156,15 @@ def test_amplitude_tells_the_cells_of_a_class_and_not_its_probability():
     share = np.exp(log_density - log_density.max(axis=2, keepdims=True))
     share /= share.sum(axis=2, keepdims=True)
     np.testing.assert_allclose(found.snr, share, rtol=1e-6, atol=1e-12)
+
+
+def test_newborns_join_a_single_hypothesis_in_memory_that_compiled_code_reads():
+    config = banded([5.0, 15.0], [12.0, 30.0])
+    found = born(config, Detections(PLACES, np.array([5.0, 28.0, 40.0])), [[0.2, 0.3]] * 3)
+    single = found.take(np.array([0]))
+    # The memory order of one hypothesis is ambiguous; that of the others decides in NumPy.
+    single = single.changed(snr=single.snr.swapaxes(0, 1).copy().swapaxes(0, 1))
+    assert Mixture.concatenate([single, found]).snr.flags.c_contiguous
 
 
 def mixture():
