@@ -2,6 +2,7 @@
 
 import copy
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,11 +19,17 @@ from sweep import (
     seconds_of,
 )
 
+from phd_jdtc_ros import resources
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.smoothing.smoother import backward_pass
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Coverage, Detections, Scan
+from phd_jdtc_ros.parameter_files import sections
+from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
+PROFILE = resources.find(Path("config/surveillance.yaml"))
 SCANS = [scan for _, scan in simulate(short_scenario(10), 3)]
 CASES = [
     *(
@@ -50,6 +57,23 @@ COPIED = (8, 10, 12, 20, LONGEST)
 def test_restored_engine_goes_on_as_if_it_had_never_stopped_bit_by_bit(given):
     first, second = restored_after([0, 1, 6], lambda: new_engine(small(given)), SCANS)
     assert equal(first.flush(), second.flush())
+
+
+def test_few_targets_in_little_clutter_are_tracked_by_the_general_profile():
+    # Sets of one hypothesis and of none, beside newborn ones.
+    config = resolve(sections.read(PROFILE).values("/tracker"))
+    for seed in range(12):
+        clutter_rate = (0.05, 0.5, 2.0)[seed % 3]
+        radars = [
+            radar.changed(clutter_rate=clutter_rate)
+            for radar in polar_radars(resolve({}).model.radars)
+        ]
+        scene = paper_scenario(radars)
+        scene = replace(scene, scans=16, targets=scene.targets[: seed % 3])
+        tracker = new_engine(config)
+        for _, scan in simulate(scene, seed):
+            for estimates in tracker.step(scan).filtered:
+                assert np.isfinite(estimates.state).all()
 
 
 @pytest.mark.parametrize("engine", ENGINES)
