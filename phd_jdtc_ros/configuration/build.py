@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 from phd_jdtc_ros.core.gaussian.bounds import Bounds
@@ -27,7 +28,7 @@ from .parameters.tracker import ENGINE_OF, LABELLED, Parts, Tracking
 from .schema import ConfigError, Parameter, build, check
 from .schema import name_faults as schema_faults
 from .sensor_kinds import KINDS
-from .tables import GROUPS, entries, parts_of, schema
+from .tables import GROUPS, entries, parts_of, schema, unlisted
 
 # Former parameters with their replacements: without a prefix, and of each sensor.
 _FORMER = ({**replaced.TRACKER, **replaced.NODE}, replaced.RADAR)
@@ -210,7 +211,9 @@ def resolve(
     """
     table = schema(given)
     checked = _without_unknown_members(given, table)
-    values, faults = check(table.values(), checked, *_FORMER, similar=entries(given))
+    values, faults = check(
+        table.values(), checked, *_FORMER, entries(given), partial(unlisted, given)
+    )
     if faults:
         raise ConfigError(*faults)
     parts = parts_of(values)
@@ -234,9 +237,14 @@ def _without_unknown_members(
     return {name: value for name, value in given.items() if name in table or "." not in name}
 
 
-def name_faults(given: Mapping[str, Any], table: Collection[str]) -> list[str]:
-    """Return a fault for each parameter that is not in the table; see `schema.name_faults`."""
-    return schema_faults(given, table, *_FORMER, similar=entries(given))
+def name_faults(
+    given: Mapping[str, Any], table: Collection[str], values: Mapping[str, Any]
+) -> list[str]:
+    """Return a fault for each parameter that is not in the table; see `schema.name_faults`.
+
+    `values` has the lists of names.
+    """
+    return schema_faults(given, table, *_FORMER, entries(given), partial(unlisted, values))
 
 
 def _config(values: dict[str, Any], parts: Parts, plane: Plane | None) -> TrackerConfig:

@@ -295,18 +295,24 @@ def name_faults(
     old: Mapping[str, str] = _NO_NAMES,
     old_members: Mapping[str, str] = _NO_NAMES,
     similar: Iterable[str] = (),
+    explain: Callable[[str], str] = lambda name: "",
 ) -> list[str]:
     """Return a fault for each former or unknown parameter.
 
     `old` and `old_members` have the replacements of former names in words, without a prefix and
     after the name of a list's member; `similar` names may be meant besides the known ones.
+    `explain` returns why a name like no other is unknown, or an empty text.
     """
     others = [name for name in given if name not in known]
     instead = {name: old.get(name) or old_members.get(name.partition(".")[2]) for name in others}
     faults = [f"{name}: no longer a parameter, {text}" for name, text in instead.items() if text]
     unknown = [name for name in others if not instead[name]]
     candidates = {*known, *similar} if len(unknown) <= MAX_SUGGESTIONS else ()
-    return faults + [f"{name}: unknown parameter{_question(name, candidates)}" for name in unknown]
+    hints = (_question(name, candidates) or explain(name) for name in unknown)
+    return faults + [
+        f"{name}: unknown parameter{hint and ', '}{hint}"
+        for name, hint in zip(unknown, hints, strict=True)
+    ]
 
 
 def _question(name: str, known: Iterable[str]) -> str:
@@ -317,7 +323,7 @@ def _question(name: str, known: Iterable[str]) -> str:
     # Swapped letters make a short name less similar than that.
     found = found or [each for each in sorted(near) if sorted(each) == sorted(name)]
     found = found or [each for each in sorted(known) if _is_mistyped_group(name, each)]
-    return f", did you mean {found[0]}?" if found else ""
+    return f"did you mean {found[0]}?" if found else ""
 
 
 def _is_mistyped_group(name: str, meant: str) -> bool:
@@ -335,10 +341,11 @@ def check(
     old: Mapping[str, str] = _NO_NAMES,
     old_members: Mapping[str, str] = _NO_NAMES,
     similar: Iterable[str] = (),
+    explain: Callable[[str], str] = lambda name: "",
 ) -> tuple[dict[str, Any], list[str]]:
     """Return the values of all parameters, and every fault of the given ones; see `name_faults`."""
     by_name = {parameter.name: parameter for parameter in table}
     found = {name: given.get(name, own.default) for name, own in by_name.items()}
     values = {name: own.coerce(found[name]) for name, own in by_name.items()}
     faults = [by_name[name].fault(found[name]) for name in by_name if values[name] is None]
-    return values, faults + name_faults(given, by_name, old, old_members, similar)
+    return values, faults + name_faults(given, by_name, old, old_members, similar, explain)

@@ -65,3 +65,21 @@ def entries(given: Mapping[str, Any]) -> set[str]:
     names = listed.coerce(given.get("sensors", listed.default)) or ()
     mappings = [member for member in GROUPS["sensors"] if member.keys]
     return {f"{name}.{own.name}.{key}" for name in names for own in mappings for key in own.keys}
+
+
+def unlisted(given: Mapping[str, Any], name: str) -> str:
+    """Return which list lacks the part that a parameter belongs to; empty if none does."""
+    part, _, member = name.partition(".")
+    listed = {
+        own.name: own.coerce(given.get(own.name, own.default)) or ()
+        for own in TOP
+        if own.name in GROUPS
+    }
+    if any(part in names for names in listed.values()):
+        return ""
+    lacking = [
+        f"{group} ({', '.join(listed[group])})"
+        for group, members in GROUPS.items()
+        if member.partition(".")[0] in {own.name for own in members}
+    ]
+    return f"{part} is not in {' or '.join(lacking)}" if lacking else ""

@@ -87,7 +87,16 @@ def test_resolve_lists_every_fault_at_once_with_name_value_and_what_is_allowed()
             "radr_2.range_std: unknown parameter, did you mean radar_2.range_std?",
         ),
         ("radr_2.lag", "radr_2.lag: unknown parameter"),
-        ("radar_3.range_std", "radar_3.range_std: unknown parameter"),
+        (
+            "radar_3.fields.range",
+            "radar_3.fields.range: unknown parameter, radar_3 is not in sensors (radar_1, radar_2)",
+        ),
+        (
+            "start_3.position",
+            "start_3.position: unknown parameter, start_3 is not in sensors (radar_1, radar_2) or "
+            "births (start_1, start_2)",
+        ),
+        ("radar_1.model", "radar_1.model: unknown parameter"),
         ("survival", "survival: unknown parameter"),
     ],
 )

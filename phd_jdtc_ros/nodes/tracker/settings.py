@@ -87,7 +87,7 @@ def edit(
         if name in table and (name in changes or table[name].coerce(value) is not None)
     }
     checked, faults = check(table.values(), known)
-    faults += build.name_faults(changes, table)
+    faults += build.name_faults(changes, table, wanted)
     if faults:
         raise ConfigError(*faults)
     return table, checked
@@ -100,7 +100,7 @@ def change(settings: Settings, changes: Mapping[str, Any]) -> Settings:
         for name in changes
         if name in settings.table and name not in settings.mutable
     ]
-    faults += build.name_faults(changes, settings.table)
+    faults += build.name_faults(changes, settings.table, settings.values)
     allowed = {name: value for name, value in changes.items() if name in settings.mutable}
     try:
         found = resolve({**settings.values, **allowed})

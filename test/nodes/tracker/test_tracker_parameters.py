@@ -97,7 +97,10 @@ def test_every_parameter_may_change_after_a_cleanup(tracker, peer):
     assert [result.successful for result in results] == [True] * 6
     assert "detection_births.rates" in results[3].reason
     (wrong,) = set_one_by_one(peer, {"radar_2.topic": "/gone"})
-    assert (wrong.successful, wrong.reason) == (False, "radar_2.topic: unknown parameter")
+    assert (wrong.successful, wrong.reason) == (
+        False,
+        "radar_2.topic: unknown parameter, radar_2 is not in sensors (radar_1, north)",
+    )
     assert not change(peer, "CONFIGURE")
     assert state_of(peer) == "unconfigured"
 

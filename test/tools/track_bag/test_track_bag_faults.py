@@ -95,7 +95,9 @@ def test_track_bag_lists_every_fault_of_the_parameters(short_bag, track, faults)
     assert len(listed) == 3
     assert listed[1].startswith("lag: 101 given, must be a whole number of scans from ")
     assert listed[0].startswith("engine: 'best' given, must be one of ")
-    assert listed[2] == "radar_3.yaw_deg: unknown parameter"
+    assert listed[2] == (
+        "radar_3.yaw_deg: unknown parameter, radar_3 is not in sensors (radar_1, radar_2)"
+    )
     assert not out.exists()
 
 
