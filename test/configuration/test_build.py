@@ -92,11 +92,11 @@ def test_resolve_lists_every_fault_at_once_with_name_value_and_what_is_allowed()
             "radar_3.fields.range: unknown parameter, radar_3 is not in sensors (radar_1, radar_2)",
         ),
         (
-            "start_3.position",
-            "start_3.position: unknown parameter, start_3 is not in sensors (radar_1, radar_2) or "
-            "births (start_1, start_2)",
+            "start_9.position",
+            "start_9.position: unknown parameter, start_9 is not in sensors (radar_1, radar_2) or "
+            "births (start_1, start_2, start_3, start_4)",
         ),
-        ("radar_1.model", "radar_1.model: unknown parameter"),
+        ("radar_1.survival_probability", "radar_1.survival_probability: unknown parameter"),
         ("survival", "survival: unknown parameter"),
     ],
 )
