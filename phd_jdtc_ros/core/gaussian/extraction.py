@@ -9,8 +9,8 @@ import numpy as np
 from ..arrays import FloatArray, IntArray
 from ..compilation import Float3, Float4, Int1, compiled
 from ..types import CONFIRMED, Estimates
-from .algebra import kalman
 from .algebra.blocks import SIZE, add_mean, add_spread
+from .algebra.kalman import floor_eigenvalues, is_positive
 from .algebra.vectors import add, total_of
 from .dynamics import Dynamics
 from .mixture import Mixture
@@ -25,12 +25,12 @@ def _class_moments(
     weight: Float3,
     mean: Float3,
     covariance: Float4,
-) -> tuple[IntArray, FloatArray, FloatArray, IntArray, FloatArray, FloatArray]:
+) -> tuple[bool, IntArray, FloatArray, FloatArray, IntArray, FloatArray, FloatArray]:
     """Return the targets whose mass is above a threshold, and the columns of their estimates.
 
     These are the mass, the probability of each class, the most probable class, and the moments of
-    that class. `target_of` and `row` have the target of each hypothesis and its row in the
-    Gaussians.
+    that class. The first result is whether all covariances are sound. `target_of` and `row` have
+    the target of each hypothesis and its row in the Gaussians.
     """
     modes, classes = weight.shape[1:]
     of_class, output_row, count = np.zeros((target_count, classes)), np.full(target_count, -1), 0
@@ -72,12 +72,14 @@ def _class_moments(
                 add_spread(
                     share[index, mode], own_mean, own_covariance, state[output], spread[output]
                 )
+    is_sound, factor = True, np.empty((SIZE, SIZE))
     for output in range(count):
         for i in range(SIZE):
             for k in range(i):
                 half = 0.5 * (spread[output, i, k] + spread[output, k, i])
                 spread[output, i, k] = spread[output, k, i] = half
-    return chosen, mass, probability, majority, state, spread
+        is_sound = is_positive(spread[output], factor) and is_sound
+    return is_sound, chosen, mass, probability, majority, state, spread
 
 
 def extract(
@@ -114,12 +116,12 @@ def extract_targets(
         See `Mixture.gaussians`.
     """
     columns = _class_moments(threshold, len(label), target, row, *gaussians)
-    chosen, mass, probability, class_id, state, covariance = columns
+    is_sound, chosen, mass, probability, class_id, state, covariance = columns
     return dynamics.nobody.changed(
         stamp_ns=stamp_ns,
         lag=lag,
         state=state,
-        covariance=kalman.floor_eigenvalues(covariance)[0],
+        covariance=covariance if is_sound else floor_eigenvalues(covariance)[0],
         weight=mass,
         class_probability=probability,
         class_id=class_id,

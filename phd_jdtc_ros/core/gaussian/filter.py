@@ -56,9 +56,10 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
             parts.append(spawn(aged, dynamics, index, self.bounds.least_existence))
         predicted = Mixture.concatenate(parts or [dynamics.nothing])
         self.on_stage_end("predict")
-        survived, row = len(parts[0]) if aged else 0, np.arange(len(predicted))
+        parent = np.arange(len(predicted))
+        parent[len(parts[0]) if aged else 0 :] = -1
         parts.clear()  # the update needs the memory
-        branched = Branched(predicted, np.where(row < survived, row, -1))
+        branched = Branched(predicted, parent)
         steps = GaussianSteps(dynamics, self.bounds)
         updated = update_scan(branched, scan, steps, dt, index, self.sensors, self.attributes)
         self.approximate = updated.approximate

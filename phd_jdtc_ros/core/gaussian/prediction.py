@@ -34,7 +34,7 @@ from .algebra.blocks import (
     solve,
     write,
 )
-from .algebra.curvature import Moved, move, new_moved, new_moved_inside
+from .algebra.curvature import Moved, move, new_moved_inside
 from .algebra.vectors import total_of
 from .dynamics import Dynamics
 from .mixture import Mixture
@@ -375,39 +375,18 @@ def spawn(
     -----
     The parent's hypotheses are moment-matched by one Gaussian, which each motion mode predicts.
     """
-    model = dynamics.model
+    model, parts = dynamics.model, []
     label = labels.first_predicted(scan_index) + len(model.births)
-    parts = []
     for mixture, dt in earlier:
         rate = min(model.spawn.rate * dt / model.modes.interval_s, 1.0)
-        parent = (mixture.existence > 0.0) & (rate * mixture.existence >= least)
-        if not (count := int(np.count_nonzero(parent))):
-            continue
-        spawned_row = np.where(parent, parent.cumsum() - 1, -1)
         transition = dynamics.over(np.array([dt])).transition[0]
-        shape = count, len(dynamics.turns)
-        spawned = _Spawned(
-            np.zeros((*shape, mixture.weight.shape[2])),
-            np.empty((*shape, SIZE)),
-            np.empty((*shape, SIZE, SIZE)),
-        )
-        matched = _Matched(np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE)), new_moved())
-        _spawn(
-            rate,
-            mixture.target,
-            spawned_row,
-            mixture.existence,
-            *mixture.gaussians,
-            *dynamics.spawned,
-            transition,
-            dynamics.turns,
-            dt,
-            spawned,
-            matched,
-        )
-        row_label = np.arange(label, label + count)
-        parts.append(Mixture(row_label, *spawned, dynamics.unknown_snr(count)))
-        label += count
+        parents = mixture.target, mixture.existence, *mixture.gaussians
+        motion = *dynamics.spawned, transition, dynamics.turns, dt
+        spawned = _spawn(rate, least, *(*parents, *motion))
+        if count := len(spawned.weight):
+            row_label = np.arange(label, label + count)
+            parts.append(Mixture(row_label, *spawned, dynamics.unknown_snr(count)))
+            label += count
     return Mixture.concatenate(parts) if parts else dynamics.nothing
 
 
@@ -428,7 +407,7 @@ class _Matched(NamedTuple):
 
 
 @in_place
-def _spawn(
+def _write_spawned(
     rate: float,
     target: Int1,
     spawned_row: Int1,
@@ -487,3 +466,41 @@ def _spawn(
                     total = matched.moved.covariance[i, k] + noise[mode, i, k]
                     spawned.covariance[child, mode, i, k] = total
                     spawned.covariance[child, mode, k, i] = total
+
+
+@compiled
+def _spawn(
+    rate: float,
+    least: float,
+    target: Int1,
+    existence: Float1,
+    weight: Float3,
+    mean: Float3,
+    covariance: Float4,
+    weight_by_parent: Float2,
+    noise: Float3,
+    transition: Float3,
+    turns: Bool1,
+    dt: float,
+) -> _Spawned:
+    """Return the spawned targets of parents that spawn one with a probability of at least `least`.
+
+    For the other parameters see `_write_spawned`.
+    """
+    (modes, classes), count = weight.shape[1:], 0
+    spawned_row = np.full(len(existence), -1)
+    for parent in range(len(existence)):
+        if existence[parent] > 0.0 and rate * existence[parent] >= least:
+            spawned_row[parent] = count
+            count += 1
+    spawned = _Spawned(
+        np.zeros((count, modes, classes)),
+        np.empty((count, modes, SIZE)),
+        np.empty((count, modes, SIZE, SIZE)),
+    )
+    mean_of, spread_of = np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE))
+    parents = rate, target, spawned_row, existence, weight, mean, covariance
+    matched = _Matched(mean_of, spread_of, new_moved_inside())
+    motion = weight_by_parent, noise, transition, turns, dt
+    _write_spawned(*(parents + motion + (spawned, matched)))
+    return spawned

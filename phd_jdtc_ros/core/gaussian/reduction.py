@@ -6,15 +6,15 @@ Each probable motion mode of a remaining hypothesis then becomes a hypothesis of
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from ..arrays import BoolArray, FloatArray, IntArray
 from ..compilation import Bool1, Float3, Float4, Int1, compiled, inner
 from ..snapshot import floats, integers
-from .algebra import kalman
 from .algebra.blocks import SIZE, add_mean, add_spread, factorise, square_distance
+from .algebra.kalman import floor_eigenvalues, is_positive
 from .algebra.vectors import add, total_of
 from .bounds import Bounds
 from .mixture import Mixture
@@ -46,6 +46,19 @@ class Ancestry:
     # Share of the child's weight, (E, R, C); sums to one over the rows of a child with positive
     # weight.
     share: Annotated[FloatArray, floats("EOC", 0.0, 1.0)]
+
+
+class _Reduced(NamedTuple):
+    """The columns of the reduced `Mixture` and of its `Ancestry`."""
+
+    row_label: Int1
+    weight: Float3
+    mean: Float3
+    covariance: Float4
+    snr: Float3
+    child: Int1
+    parent: Int1
+    share: Float3
 
 
 @inner
@@ -144,23 +157,18 @@ def _write_merged_snr(
                 merged[class_id, cell] += share * snr[row, class_id, cell]
 
 
-@compiled
+@inner
 def _merge_similar(
     distance: float,
-    is_kept: Bool1,
-    target: Int1,
-    weight: Float3,
-    mean: Float3,
-    covariance: Float4,
-    snr: Float3,
-) -> tuple[
-    IntArray, IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray
-]:
-    """Merge the hypotheses of each cluster into one, mode by mode.
-
-    Return the results of `_find_clusters`; the merged weights, means, covariances and SNR; and
-    `Ancestry.share`.
-    """
+    is_kept: BoolArray,
+    target: IntArray,
+    gaussians: tuple[FloatArray, FloatArray, FloatArray],
+    snr: FloatArray,
+    row_label: IntArray,
+    parent: IntArray,
+) -> _Reduced:
+    """Merge the hypotheses of each cluster into one, mode by mode."""
+    weight, mean, covariance = gaussians
     row_of, child, leader = _find_clusters(distance, is_kept, target, weight, mean, covariance)
     (modes, classes), edges, count = weight.shape[1:], len(child), len(leader)
     new_weight, new_mean = np.zeros((count, modes, classes)), np.zeros((count, modes, SIZE))
@@ -195,7 +203,8 @@ def _merge_similar(
                 add_spread(mode_share[edge], mean[row, mode], covariance[row, mode], centre, spread)
         _write_merged_snr(row_of[begin:end], weight, new_weight[cluster], snr, new_snr[cluster])
         begin = end
-    return row_of, child, leader, new_weight, new_mean, new_covariance, new_snr, share
+    merged = new_weight, new_mean, new_covariance, new_snr
+    return _Reduced(row_label[leader], *merged, child, parent[row_of], share)
 
 
 @inner
@@ -226,18 +235,16 @@ def _separate_modes(least: float, weight: FloatArray) -> tuple[IntArray, IntArra
     return row_of[:found], mode_of[:found], stays_with
 
 
-@compiled
-def _split(
-    least: float, most: float, weight: Float3, child: Int1, parent: Int1, share: Float3
-) -> tuple[IntArray, tuple[FloatArray, IntArray, IntArray, FloatArray]]:
+@inner
+def _split(least: float, most: float, merged: _Reduced) -> _Reduced:
     """Split hypotheses into their separated modes; see `_separate_modes`.
 
-    Return the row of each new hypothesis, its weights and the columns of `Ancestry`. None is split
-    if there would be no or more than `most` new ones: all results are then empty.
+    None is split if there would be no or more than `most` new ones.
     """
+    row_label, weight, mean, covariance, snr, child, parent, share = merged
     row, mode, stays_with = _separate_modes(least, weight)
     if not len(weight) < len(row) <= most:
-        row = row[:0]
+        return merged
     modes, classes = weight.shape[1:]
     start = np.zeros(len(weight) + 1, np.int64)
     for hypothesis in child:
@@ -263,7 +270,32 @@ def _split(
                     new_share[begin + offset, other_mode, class_id] = share[
                         start[old_row] + offset, other_mode, class_id
                     ]
-    return row, (new_weight, new_child, new_parent, new_share)
+    split = row_label[row], new_weight, mean[row], covariance[row], snr[row]
+    return _Reduced(*split, new_child, new_parent, new_share)
+
+
+@compiled
+def _reduce(
+    distance: float,
+    least: float,
+    most: float,
+    is_kept: Bool1,
+    target: Int1,
+    weight: Float3,
+    mean: Float3,
+    covariance: Float4,
+    snr: Float3,
+    row_label: Int1,
+    parent: Int1,
+) -> tuple[_Reduced, int]:
+    """Return the columns of reduced hypotheses, and how many merged covariances are not sound."""
+    gaussians = weight, mean, covariance
+    merged = _merge_similar(distance, is_kept, target, gaussians, snr, row_label, parent)
+    unsound, factor = 0, np.empty((SIZE, SIZE))
+    for modes in merged.covariance:
+        for spread in modes:
+            unsound += not is_positive(spread, factor)
+    return _split(least, most, merged), unsound
 
 
 def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ancestry, int]:
@@ -297,19 +329,17 @@ def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ance
     Salmond, "Mixture reduction algorithms for target tracking in clutter", Proceedings of SPIE
     1305, 1990, the clustering algorithm.
     """
-    mixture, is_kept = branched.mixture, _keep_targets(branched.mixture, bounds)
-    row_of, child, leader, weight, mean, covariance, snr, share = _merge_similar(
-        bounds.merge_distance, is_kept, mixture.target, *mixture.gaussians, mixture.snr
-    )
-    covariance, floored = kalman.floor_eigenvalues(covariance)
-    row_label, parent = mixture.row_label[leader], branched.parent[row_of]
+    mixture = branched.mixture
     # If the number of hypotheses would leave too little room for the next scan, none is split:
     # modes are mixed, as with a `least_mode` of 1.
-    row, columns = _split(bounds.least_mode, ROOM * bounds.most, weight, child, parent, share)
-    if len(row):
-        weight, child, parent, share = columns
-        row_label, snr = row_label.take(row), snr.take(row, axis=0)
-        mean, covariance = mean.take(row, axis=0), covariance.take(row, axis=0)
+    limits = bounds.merge_distance, bounds.least_mode, ROOM * bounds.most
+    columns, floored = _reduce(
+        *(*limits, _keep_targets(mixture, bounds), mixture.target, *mixture.gaussians),
+        *(mixture.snr, mixture.row_label, branched.parent),
+    )
+    row_label, weight, mean, covariance, snr, child, parent, share = columns
+    if floored:
+        covariance, _ = floor_eigenvalues(covariance)
     reduced = mixture.changed(
         row_label=row_label, weight=weight, mean=mean, covariance=covariance, snr=snr
     )

@@ -201,7 +201,7 @@ def floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
 
 
 @inner
-def _is_positive(covariance: FloatArray, factor: FloatArray) -> bool:
+def is_positive(covariance: FloatArray, factor: FloatArray) -> bool:
     """Return whether a Cholesky factor exists, and write it; axes of zero variance are left out."""
     for i in range(SIZE):
         for k in range(i + 1):
@@ -224,7 +224,7 @@ def _find_indefinite(covariance: Float3) -> IntArray:
     """Return the rows of the matrices that are not positive definite on their axes."""
     indefinite, factor = np.zeros(len(covariance), np.bool_), np.empty((SIZE, SIZE))
     for row in range(len(covariance)):
-        indefinite[row] = not _is_positive(covariance[row], factor)
+        indefinite[row] = not is_positive(covariance[row], factor)
     return np.flatnonzero(indefinite)
 
 
