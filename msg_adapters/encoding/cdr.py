@@ -46,19 +46,26 @@ _SIZES = {code: struct.calcsize(code) for code in _CODES.values()}
 class Writer:
     """Writes members in order, each aligned to its own size with padding of zeros."""
 
-    # Bytes written so far, without the encapsulation header.
-    data: bytearray = field(default_factory=bytearray)
+    # Parts written so far, without the encapsulation header, and the number of their bytes. They
+    # are joined once, because each copy of a large message takes as long as computing it.
+    parts: list[bytes | memoryview] = field(default_factory=list)
+    size: int = 0
+
+    def add(self, part: bytes | memoryview) -> None:
+        """Append bytes as they are; they must not change before the message is read."""
+        self.parts.append(part)
+        self.size += len(part)
 
     def put(self, code: str, *values: float | bytes) -> None:
         """Append numbers, or octets, of one `struct` code."""
         self.align(_SIZES[code])
-        self.data += struct.pack(f"<{len(values)}{code}", *values)
+        self.add(struct.pack(f"<{len(values)}{code}", *values))
 
     def align(self, size: int) -> None:
         """Append zeros up to a multiple of `size` bytes."""
-        missing = -len(self.data) % size
+        missing = -self.size % size
         if missing:
-            self.data += bytes(missing)
+            self.add(bytes(missing))
 
     def rows(self, values: FloatArray) -> None:
         """Append the rows of an array as a sequence of messages of doubles."""
@@ -66,24 +73,28 @@ class Writer:
         # An empty sequence has no padding after its length.
         if values.size:
             self.align(8)
-            self.data += np.ascontiguousarray(values, "<f8").data
+            self.add(np.ascontiguousarray(values, "<f8").data.cast("B"))
 
     def string(self, text: str) -> None:
         """Append a string."""
         encoded = text.encode()
         self.put("I", len(encoded) + 1)
-        self.data += encoded + b"\0"
+        self.add(encoded + b"\0")
 
     def header(self, stamp_ns: int, frame: str) -> None:
         """Append a ``std_msgs/Header``."""
-        sec, nanosec = divmod(stamp_ns, NS_PER_S)
-        self.put("i", sec)
-        self.put("I", nanosec)
+        self.align(4)
+        self.add(struct.pack("<iI", *divmod(stamp_ns, NS_PER_S)))
         self.string(frame)
+
+    @property
+    def data(self) -> bytes:
+        """The bytes written so far, without the encapsulation header."""
+        return b"".join(self.parts)
 
     def message(self) -> bytes:
         """Return what has been written as a serialised message."""
-        return b"".join((ENCAPSULATION, self.data))
+        return b"".join((ENCAPSULATION, *self.parts))
 
 
 # --- messages -----------------------------------------------------------------------------------
@@ -157,4 +168,4 @@ def _put_numbers(code: str, writer: Writer, values: Any) -> None:
     if len(values):
         writer.put(code)
         numbers = np.frombuffer(values, code) if isinstance(values, bytes) else values
-        writer.data += np.asarray(numbers, dtype=np.dtype(code).newbyteorder("<")).tobytes()
+        writer.add(np.asarray(numbers, dtype=np.dtype(code).newbyteorder("<")).tobytes())

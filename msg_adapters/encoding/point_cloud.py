@@ -76,8 +76,8 @@ def to_cdr(
 
 def _points(columns: Mapping[str, npt.NDArray[Any]], wide: Collection[str]) -> npt.NDArray[np.void]:
     """Return the columns as an array of points."""
-    codes = ((name, _code(array, name in wide)) for name, array in columns.items())
-    points = np.zeros(len(next(iter(columns.values()))), dtype=_layout(tuple(codes)))
+    kinds = tuple([(name, array.dtype.char) for name, array in columns.items()])
+    points = np.empty(len(next(iter(columns.values()))), dtype=_layout(kinds, frozenset(wide)))
     for name, array in columns.items():
         points[name] = array
     return points
@@ -103,21 +103,21 @@ def _constant_bytes(layout: np.dtype[np.void], frame: str) -> tuple[bytes, bytes
     cdr.put_message(header, cloud.header)
     header.put("I", cloud.height)
     cdr.put_message(whole, cloud)
-    begin = len(header.data)
-    return bytes(whole.data[_STAMP:begin]), bytes(whole.data[begin + _WIDTH : -_AFTER_FIELDS])
-
-
-def _code(array: npt.NDArray[Any], wide: bool) -> str:
-    """Return the type code of a column."""
-    if array.dtype.kind == "f":
-        return "f8" if wide else "f4"
-    return "u1" if array.dtype == np.uint8 else "u4"
+    begin, data = header.size, whole.data
+    return data[_STAMP:begin], data[begin + _WIDTH : -_AFTER_FIELDS]
 
 
 @cache
-def _layout(codes: tuple[tuple[str, str], ...]) -> np.dtype[np.void]:
-    """Return the layout of a point."""
-    return np.dtype([(name, "<" + code) for name, code in codes])
+def _layout(kinds: tuple[tuple[str, str], ...], wide: frozenset[str]) -> np.dtype[np.void]:
+    """Return the layout of a point, given the name and the type of each column."""
+    return np.dtype([(name, f"<{_code(kind, name in wide)}") for name, kind in kinds])
+
+
+def _code(kind: str, wide: bool) -> str:
+    """Return the type code of a column, given the character of its type."""
+    if kind in np.typecodes["Float"]:
+        return "f8" if wide else "f4"
+    return "u1" if kind == "B" else "u4"
 
 
 def _fields(layout: np.dtype[np.void]) -> list[PointField]:

@@ -106,7 +106,7 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     address, bad_addresses = identities.read(columns.get("address"), kept, identities.ADDRESSES)
     sector, bad_sectors = _sector(columns.get("sector"), radar)
     detections = Detections(
-        np.stack([ground.distance[kept], wrap_angle(ground.azimuth[kept])], axis=1),
+        np.column_stack([ground.distance[kept], wrap_angle(ground.azimuth[kept])]),
         None if amplitude is None else amplitude[kept],
         None if time is None else time[kept],
         _noise_std(range_std, azimuth_std),
@@ -117,21 +117,22 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         address=address,
         sensor_type=identities.read(columns.get("kind"), kept, identities.KINDS)[0],
     )
-    anomalies = Counter(
-        detections_repeated=_count(repeats),
-        azimuths_beyond_a_turn=0
+    counts = {
+        "detections_repeated": _count(repeats),
+        "azimuths_beyond_a_turn": 0
         if radar.azimuth_in_degrees
         else _count(azimuth_size[kept] > LARGEST_AZIMUTH),
-        heights_unknown=0 if height is None else _count(~np.isfinite(height[kept])),
-        deviations_unusable=bad_ranges + bad_azimuths + bad_rate_stds,
-        sectors_unusable=bad_sectors,
-        identities_unusable=bad_codes + bad_addresses,
-        range_rates_unusable=bad_rates,
-        range_rates_beyond_ambiguity=(
+        "heights_unknown": 0 if height is None else _count(~np.isfinite(height[kept])),
+        "deviations_unusable": bad_ranges + bad_azimuths + bad_rate_stds,
+        "sectors_unusable": bad_sectors,
+        "identities_unusable": bad_codes + bad_addresses,
+        "range_rates_unusable": bad_rates,
+        "range_rates_beyond_ambiguity": (
             0 if rate is None else _count(np.abs(rate) > AMBIGUITY_TOLERANCE * interval)
         ),
-    )
-    return Report(stamp_ns - radar.bias.offset_ns, detections, dropped, +anomalies, sector)
+    }
+    anomalies = Counter({what: count for what, count in counts.items() if count})
+    return Report(stamp_ns - radar.bias.offset_ns, detections, dropped, anomalies, sector)
 
 
 def _count(which: BoolArray) -> int:
@@ -149,10 +150,11 @@ def _repeats(columns: Columns) -> BoolArray:
     1.4 degrees (uniform, 20,000 turns). The detection probability falls by that share, which costs
     less than the copies do.
     """
-    repeats = np.ones(len(columns["range"]), dtype=bool)
-    # Unique ranges, the common case, exclude repetitions at the lowest cost.
-    if len(np.unique(columns["range"])) == len(repeats):
-        return ~repeats
+    # Different ranges, the common case, exclude repetitions at the lowest cost.
+    ordered = np.sort(columns["range"])
+    if (ordered[1:] != ordered[:-1]).all():
+        return np.zeros(len(ordered), dtype=bool)
+    repeats = np.ones(len(ordered), dtype=bool)
     # Comparing bits makes unknown amplitudes (NaN) equal.
     numbers = [column.astype(np.float64) for column in columns.values()]
     rows = np.column_stack(numbers).view(np.int64)
@@ -214,10 +216,13 @@ def _kept_and_dropped(passed: Mapping[str, BoolArray]) -> tuple[BoolArray, Count
     """Return which points pass every test, and the number of points that each test fails first."""
     dropped: Counter[str] = Counter()
     kept = np.ones(len(next(iter(passed.values()))), dtype=bool)
+    left = len(kept)
     for reason, passes in passed.items():
-        dropped[reason] = _count(kept & ~passes)
-        kept = kept & passes
-    return kept, +dropped
+        kept &= passes
+        before, left = left, _count(kept)
+        if left < before:
+            dropped[reason] = before - left
+    return kept, dropped
 
 
 def _linear_amplitude(raw: FloatArray, radar: RadarParameters) -> FloatArray:

@@ -22,15 +22,17 @@ def to_cdr(scan: Scan, radars: Sequence[Sensor], frame: str) -> bytes:
     (UINT32, from 0 in the configured order). z is the height, 0 if unknown. The amplitude is 0 if
     the radar reports none, because viewers draw NaN in an undefined colour.
     """
-    parts = [np.zeros((0, 5))]
+    # Rows x, y, z, amplitude and radar index.
+    points, end = np.zeros((5, sum(len(found or ()) for found in scan.detections))), 0
     for index, (radar, found) in enumerate(zip(radars, scan.detections, strict=True)):
         if found is not None:
-            none = np.zeros(len(found))
-            x, y = radar.at(found.pose).to_world(found.measurement).T
-            z = none if found.height is None else np.nan_to_num(found.height)
-            amplitude = none if found.amplitude is None else found.amplitude
-            parts.append(np.column_stack([x, y, z, amplitude, none + index]))
-    x, y, z, amplitude, indices = np.concatenate(parts).T
+            begin, end = end, end + len(found)
+            own = points[:, begin:end]
+            own[:2] = radar.at(found.pose).to_world(found.measurement).T
+            own[2] = 0.0 if found.height is None else np.nan_to_num(found.height)
+            own[3] = 0.0 if found.amplitude is None else found.amplitude
+            own[4] = index
+    x, y, z, amplitude, indices = points
     columns = {"x": x, "y": y, "z": z, "amplitude": amplitude}
     columns["radar_index"] = indices.astype(np.int64)
     return point_cloud.to_cdr(scan.stamp_ns, frame, columns)

@@ -9,7 +9,8 @@ from __future__ import annotations
 import uuid
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import Any
 
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -29,13 +30,19 @@ SCAN, STEP = "scan", "step"
 CLUTTER_PERIOD_S = 10.0
 
 
-class StepResult(NamedTuple):
+@dataclass
+class StepResult:
     """A step whose estimates have been published."""
 
     stamp_ns: int  # Stamp of its scan
     step: Step
     step_ms: float  # CPU time of the step, milliseconds
     engine: Engine
+
+    @cached_property
+    def numbers(self) -> dict[str, float]:
+        """The numbers to plot, by name."""
+        return plots.of_step(self.step, self.step_ms)
 
 
 @dataclass
@@ -211,7 +218,7 @@ def _clutter_map(done: StepResult, view: View) -> list[Any]:
 
 
 def _number_of(quantity: str) -> Callable[[StepResult, View], list[Any]]:
-    return lambda done, _: [plots.step_to_msg(done.step, done.step_ms, quantity)]
+    return lambda done, _: [plots.to_msg(done.numbers[quantity])]
 
 
 def _paths(found: Estimates, view: View) -> list[Any]:

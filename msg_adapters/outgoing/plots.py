@@ -41,23 +41,24 @@ def of_score(source: str, key: str, name: str) -> str:
     return f"{source}/{key}/{name}"
 
 
-def step_to_msg(step: Step, step_ms: float, quantity: str) -> Float64:
-    """Return a number of a tracker step, see `of_tracker`; `step_ms` is its CPU time."""
-    mass = {f"cardinality/class_{k}": each for k, each in enumerate(step.class_mass)}
-    numbers = {"cardinality/total": step.class_mass.sum(), **mass, "step_ms": step_ms}
-    return _to_msg({**step.figures, **numbers}[quantity])
+def of_step(step: Step, step_ms: float) -> dict[str, float]:
+    """Return the numbers of a tracker step by name, see `of_tracker`; `step_ms` is its CPU time."""
+    mass = {f"cardinality/class_{k}": each for k, each in enumerate(step.class_mass.tolist())}
+    total = {"cardinality/total": float(step.class_mass.sum())}
+    return {**step.figures, **total, **mass, "step_ms": step_ms}
 
 
 def score_to_msgs(score: ScanScore) -> dict[str, Float64]:
     """Return the numbers of a scan's scores, by name."""
     return {
-        of_score(score.source, key, name): _to_msg(value)
+        of_score(score.source, key, name): to_msg(value)
         for key, values in score.values.items()
         for name in PLOTTED
         if (value := values[name]) is not None
     }
 
 
-def _to_msg(value: float) -> Float64:
+def to_msg(value: float) -> Float64:
+    """Return the message of a number."""
     # Messages do not check types, and a number that is not a float would become garbage.
     return Float64(data=float(value))

@@ -50,7 +50,7 @@ def to_cdr(estimates: Estimates, frame: str) -> bytes:
 def _columns_of(estimates: Estimates) -> dict[str, npt.NDArray[Any]]:
     """Return the columns of a cloud by field name, in order."""
     state, known = estimates.state, estimates.attributes
-    height = vertical.known_or_zero(estimates.known_attributes.height)
+    height = vertical.states(estimates)
     columns = {
         "x": state[:, X],
         "y": state[:, Y],

@@ -63,8 +63,8 @@ def to_cdr(
     """
     order = np.argsort(estimates.class_id, kind="stable")
     estimates, numbers = estimates.take(order), order.tolist()
-    present, counts = np.unique(estimates.class_id, return_counts=True)
-    up = vertical.of(estimates).state
+    counts = np.bincount(estimates.class_id).tolist()
+    up = vertical.states(estimates)
     position = np.column_stack([estimates.position, up[:, 0]])
     ellipses = _ellipses(position, estimates.position_covariance)
     arrows = _arrows(position, np.column_stack([estimates.velocity, up[:, 1]]))
@@ -72,50 +72,71 @@ def to_cdr(
     texts = _labels(estimates, class_names, datum)
     stamp, end = struct.pack("<iI", *divmod(estimates.stamp_ns, stamps.NS_PER_S)), 0
     writer = cdr.Writer()
-    writer.put("I", 1 + 2 * len(present) + len(estimates))
-    writer.data += stamp + _clearing(frame)
-    for index, count in zip(present.tolist(), counts.tolist(), strict=True):
+    writer.put("I", 1 + 2 * sum(map(bool, counts)) + len(estimates))
+    writer.add(stamp + _clearing(frame))
+    for index, count in enumerate(counts):
+        if not count:
+            continue
         begin, end = end, end + count
         name, mine = class_names[index], slice(begin, end)
         for kind, ends in (("ellipse", ellipses), ("velocity", arrows)):
             names, after = _parts(frame, f"{name}/{kind}", LINES, class_rgb(index))
             _begin(writer, stamp + names, LINES, 0, (0.0, 0.0, 0.0))
-            writer.data += after[: -_COUNT - _AFTER_POINTS]
+            writer.add(after[: -_COUNT - _AFTER_POINTS])
             writer.rows(ends[mine].reshape(-1, 3))
-            writer.data += after[-_AFTER_POINTS:]
+            writer.add(after[-_AFTER_POINTS:])
         names, after = _parts(frame, f"{name}/label", LABEL, LABEL_COLOUR)
-        names, after, last = stamp + names, after[: -_TEXT - _AFTER_TEXT], after[-_AFTER_TEXT:]
-        for number, place, text in zip(numbers[mine], places[mine], texts[mine], strict=True):
-            encoded, begun = text.encode(), len(writer.data)
-            size = len(encoded) + 1
-            # CDR aligns a marker to four bytes, and the doubles of its position to eight.
-            gap = -begun % 4
-            odd = (begun + gap + len(names)) // 4 % 2
-            label = _label(gap, len(names), odd, len(after), size + -size % 4, len(last))
-            writer.data += label.pack(names, number, LABEL, ADD, *place, after, size, encoded, last)
+        _put_labels(writer, stamp + names, after, numbers[mine], places[mine], texts[mine])
     return writer.message()
 
 
+def _put_labels(
+    writer: cdr.Writer,
+    names: bytes,
+    after: bytes,
+    numbers: Sequence[int],
+    places: Sequence[Sequence[float]],
+    texts: Sequence[str],
+) -> None:
+    """Append the labels of a class, given a label's bytes before its number and after its place."""
+    after, last = after[: -_TEXT - _AFTER_TEXT], after[-_AFTER_TEXT:]
+    encoded = [text.encode() for text in texts]
+    sizes = [len(text) for text in encoded]
+    layouts = {size: _label(len(after), size, len(last), len(names)) for size in {*sizes}}
+    _begin(writer, names, LABEL, numbers[0], places[0])
+    between = [
+        layouts[size].pack(after, size + 1, text, last, names, number, LABEL, ADD, *place)
+        for size, text, number, place in zip(sizes, encoded, numbers[1:], places[1:], strict=False)
+    ]
+    writer.add(b"".join(between) + after)
+    writer.string(texts[-1])
+    writer.align(4)
+    writer.add(last)
+
+
 @cache
-def _label(gap: int, names: int, odd: int, after: int, text: int, last: int) -> struct.Struct:
-    """Return the layout of a label's marker, given the sizes of its parts; see `_begin`."""
-    pad = 0 if odd else 4
-    return struct.Struct(f"<{gap}x{names}s3i{pad}x3d{after}sI{text}s{last}s")
+def _label(after: int, text: int, last: int, names: int) -> struct.Struct:
+    """Return the layout of the bytes between two labels' positions, given the sizes of parts.
 
-
-def label_text(track_id: int, class_name: str, share: float, more: str = "") -> str:
-    """Return a target's label: track number, class, probability of the class, and `more`."""
-    words = f"{track_id} {class_name} {share:.0%}" if track_id else f"{class_name} {share:.0%}"
-    return f"{words} {more}" if more else words
+    Both positions are aligned to eight bytes, and the second label to four, so that the padding
+    depends on these sizes only.
+    """
+    size = text + 1 + -(text + 1) % 4
+    end = after + 4 + size + last
+    gap = -end % 4
+    pad = -(end + gap + names + 12) % 8
+    return struct.Struct(f"<{after}sI{size}s{last}s{gap}x{names}s3i{pad}x3d")
 
 
 def _labels(estimates: Estimates, class_names: tuple[str, ...], datum: float) -> list[str]:
+    """Return each target's track number, class, probability of the class, and further words."""
     class_id, more = estimates.class_id.tolist(), vertical.words(estimates, datum)
-    share = estimates.class_probability[np.arange(len(estimates)), class_id].tolist()
+    share = estimates.class_probability[np.arange(len(estimates)), class_id]
+    percent = np.rint(100.0 * share).astype(np.int64).tolist()
     return [
-        label_text(track, class_names[k], s, words)
-        for track, k, s, words in zip(
-            estimates.track_id.tolist(), class_id, share, more, strict=True
+        f"{f'{track} ' if track else ''}{class_names[k]} {p}%{words and f' {words}'}"
+        for track, k, p, words in zip(
+            estimates.track_id.tolist(), class_id, percent, more, strict=True
         )
     ]
 
@@ -152,9 +173,10 @@ def _arrows(position: FloatArray, velocity: FloatArray) -> FloatArray:
 @cache
 def _clearing(frame: str) -> bytes:
     """Return the marker that comes first and clears the display, without its stamp."""
-    writer = cdr.Writer(bytearray(_COUNT))
+    writer = cdr.Writer()
+    writer.put("I", 0)
     cdr.put_message(writer, Marker(header=Header(frame_id=frame), action=Marker.DELETEALL))
-    return bytes(writer.data[_COUNT + _STAMP :])
+    return writer.data[_COUNT + _STAMP :]
 
 
 @cache
@@ -171,9 +193,9 @@ def _parts(frame: str, ns: str, kind: int, rgb: tuple[float, float, float]) -> t
     cdr.put_message(begun, marker.header)
     begun.string(ns)
     begun.align(4)
-    names = bytes(begun.data[_STAMP:])
+    names = begun.data[_STAMP:]
     _begin(begun, b"", kind, 0, (0.0, 0.0, 0.0))
-    return names, bytes(whole.data[len(begun.data) :])
+    return names, whole.data[begun.size :]
 
 
 def _begin(
@@ -181,6 +203,6 @@ def _begin(
 ) -> None:
     """Append a marker until its position; `names` are the bytes until its number."""
     writer.align(4)
-    writer.data += names
-    odd = len(writer.data) // 4 % 2
-    writer.data += _NUMBER_TO_POSITION[odd].pack(number, kind, ADD, *place)
+    writer.add(names)
+    odd = writer.size // 4 % 2
+    writer.add(_NUMBER_TO_POSITION[odd].pack(number, kind, ADD, *place))

@@ -22,7 +22,7 @@ def to_cdr(estimates: Estimates, class_id: int, frame: str) -> bytes:
     # Position x y z, orientation x y z w.
     pose = np.zeros((len(rows), 7))
     pose[:, 0], pose[:, 1] = rows[:, X], rows[:, Y]
-    pose[:, 2] = vertical.of(estimates).state[mine, 0]
+    pose[:, 2] = vertical.states(estimates)[mine, 0]
     pose[:, 5], pose[:, 6] = np.sin(half), np.cos(half)
     writer = cdr.Writer()
     writer.header(estimates.stamp_ns, frame)

@@ -26,7 +26,13 @@ def of(estimates: Estimates) -> Vertical:
     """Return the heights of estimates, all unknown if no radar reports heights."""
     found = estimates.known_attributes
     known = np.isfinite(found.height[:, 0])
-    return Vertical(known, known_or_zero(found.height), known_or_zero(found.height_covariance))
+    return Vertical(known, states(estimates), known_or_zero(found.height_covariance))
+
+
+def states(estimates: Estimates) -> FloatArray:
+    """Return heights and climb rates, metres and metres per second, (T, 2); 0 if unknown."""
+    found = estimates.attributes
+    return np.zeros((len(estimates), 2)) if found is None else known_or_zero(found.height)
 
 
 def known_or_zero(values: FloatArray) -> FloatArray:

@@ -45,6 +45,8 @@ class Outputs:
         trails = Trails(PATH_LENGTH)
         self._view = View(config.world_frame, classes, config.model.radars, config.plane, trails)
         self._publishers: dict[Output, Any] = {}
+        # The outputs that are wanted, with their publishers, by trigger.
+        self._wanted: dict[str, list[tuple[Output, Any]]] = {}
         self._frames: Any = None
         # Stamps of the last messages of periodic outputs.
         self._last_ns: dict[Output, int] = {}
@@ -58,6 +60,7 @@ class Outputs:
         except Exception:
             self.destroy()
             raise
+        self._select_wanted()
         if "frames" in self._values["outputs"]:
             self._frames = self._publish_frames(settings)
 
@@ -111,6 +114,13 @@ class Outputs:
         """Follow changed parameters: clear the outputs that are no longer wanted."""
         self._clear([row for row in self._publishers if not _is_wanted(row, settings.node)])
         self._values = settings.node
+        self._select_wanted()
+
+    def _select_wanted(self) -> None:
+        self._wanted = {}
+        for row, publisher in self._publishers.items():
+            if _is_wanted(row, self._values):
+                self._wanted.setdefault(row.when, []).append((row, publisher))
 
     def clear(self) -> None:
         """Clear all displays: their topics are latched, and would show old data to late ones."""
@@ -124,9 +134,7 @@ class Outputs:
 
     def publish(self, when: str, stamp_ns: int, data: Any) -> None:
         """Publish data on all topics with this trigger; see `Output.when`."""
-        for row, publisher in self._publishers.items():
-            if row.when != when or not _is_wanted(row, self._values):
-                continue
+        for row, publisher in self._wanted.get(when, ()):
             last_ns = self._last_ns.get(row)
             if last_ns is not None and stamp_ns - last_ns < row.period_s * 1e9:
                 continue

@@ -19,7 +19,6 @@ from msg_adapters.targets.markers import (
     LABEL_HEIGHT,
     LINE_WIDTH,
     VELOCITY_SECONDS,
-    label_text,
 )
 from msg_adapters.targets.palette import class_rgb
 from msg_adapters.targets.tracks import pose_of
@@ -70,11 +69,9 @@ def _label(estimates, row, frame, name):
     label.pose.position = _point(
         state[X], state[Y] + 2.0 * LABEL_HEIGHT, heights(estimates)[row, 0]
     )
-    label.text = label_text(
-        int(estimates.track_id[row]),
-        name,
-        share[estimates.class_id[row]],
-        vertical.words(estimates)[row],
+    track, more = int(estimates.track_id[row]), vertical.words(estimates)[row]
+    label.text = " ".join(
+        filter(None, [str(track or ""), name, f"{share[estimates.class_id[row]]:.0%}", more])
     )
     return label
 

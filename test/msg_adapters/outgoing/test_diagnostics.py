@@ -105,7 +105,8 @@ def received(messages):
 
 def of_step(step, engine):
     names = plots.of_tracker(2, engine)
-    return received({name: plots.step_to_msg(step, 12.5, name) for name in names})
+    numbers = plots.of_step(step, 12.5)
+    return received({name: plots.to_msg(numbers[name]) for name in names})
 
 
 def test_step_is_one_number_for_each_quantity_of_the_tracker():
