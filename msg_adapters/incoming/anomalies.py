@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from phd_jdtc_ros.calibration.innovations import Fit
+from phd_jdtc_ros.calibration.registration.monitor import MeanResidual
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.intake.scans import Reset
@@ -88,6 +89,17 @@ def of_noise(fit: Fit) -> str | None:
         f"innovations are {factor:.2g} times {wrong} than the noise predicts ({deviations}); "
         f"check {noise}; tune finds them in a recording"
     )
+
+
+def of_registration(found: MeanResidual) -> str | None:
+    """Return the warning about a radar that does not agree with others, None if it agrees."""
+    (range_m, azimuth), (range_sigma_m, azimuth_sigma) = found.mean, found.sigma
+    azimuth_deg, azimuth_sigma_deg = math.degrees(azimuth), math.degrees(azimuth_sigma)
+    ranges = f"ranges {range_m:+.3g} m (sigma {range_sigma_m:.2g})"
+    azimuths = f"azimuths {azimuth_deg:+.3g} degrees to the left (sigma {azimuth_sigma_deg:.2g})"
+    shown = zip((ranges, azimuths), found.significant, strict=True)
+    biased = ", ".join(text for text, significant in shown if significant)
+    return f"off the tracks that other radars see too: {biased}" if biased else None
 
 
 def figures_of(sensor: str, figures: Mapping[str, float]) -> dict[str, float]:

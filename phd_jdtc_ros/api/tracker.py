@@ -10,10 +10,12 @@ from typing import Any, NamedTuple
 
 from msg_adapters.incoming.selection import Report
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
+from phd_jdtc_ros.calibration.registration.monitor import RegistrationMonitor
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.calibration.tuning.plots import limit_plots, plots_of
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.pipeline import Event, RunEnded
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Detections, Estimates
 from phd_jdtc_ros.feed.feed import Feed
 from phd_jdtc_ros.feed.tally import DetectionCounts, Tally
@@ -273,7 +275,11 @@ class _Run:
     def __init__(self, config: TrackerConfig) -> None:
         self.config, self.tally = config, Tally(config)
         self._innovations = InnovationMonitor(config.model)
-        self._feed = Feed(config, self.tally, [self._innovations])
+        self._registration = RegistrationMonitor(
+            polar_radars(config.model.radars), config.model.modes.interval_s
+        )
+        several = [self._registration] if len(config.inputs) > 1 else []
+        self._feed = Feed(config, self.tally, [self._innovations, *several])
         self._filtered: list[Estimates] = []
         self._smoothed: list[Estimates] = []
 
@@ -300,7 +306,9 @@ class _Run:
             reasons = counts_text(self.tally.dropped)
             yield f"{counts.lost.total()} of {counts.offered} detections were not used: {reasons}"
         yield from (f"{each.name}: silent, without a row" for each in self.tally.silent())
-        for radar, text in self.tally.about_radars(self._innovations.fits()):
+        for radar, text in self.tally.about_radars(
+            self._innovations.fits(), self._registration.mean_residuals()
+        ):
             yield f"{self.config.inputs[radar].name}: {text}"
         yield from self.tally.about_run()
 

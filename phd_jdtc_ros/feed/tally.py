@@ -10,6 +10,7 @@ from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.incoming import anomalies
 from msg_adapters.incoming.selection import Report
 from phd_jdtc_ros.calibration.innovations import Fit
+from phd_jdtc_ros.calibration.registration.monitor import MeanResidual
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.intake.poses import PoseFault
@@ -154,10 +155,13 @@ class Tally:
         """The learned values of the sensors, by dotted name; see `SensorMemory.figures`."""
         return {name: value for name, value in self._figures.items() if "." in name}
 
-    def about_radars(self, fits: Sequence[Fit] = ()) -> Iterator[tuple[int, str]]:
+    def about_radars(
+        self, fits: Sequence[Fit] = (), residuals: Sequence[MeanResidual] = ()
+    ) -> Iterator[tuple[int, str]]:
         """Yield each contradiction of the configuration once, with the radar's index.
 
-        `fits` are the innovations of the radars, if they are known.
+        `fits` are the innovations of the radars, and `residuals` those against the tracks of other
+        radars, if they are known.
         """
         for index, radar in enumerate(self._config.inputs):
             if index in self._without_amplitude and self._config.classifies_by_amplitude:
@@ -170,6 +174,9 @@ class Tally:
             own = anomalies.figures_of(fit.radar, self._figures)
             texts = anomalies.of_noise(fit), anomalies.of_learned(own), anomalies.of_changes(own)
             yield from ((index, text) for text in texts if text is not None)
+        for index, found in enumerate(residuals):
+            if biased := anomalies.of_registration(found):
+                yield index, f"{biased}; check {found.radar}.position, yaw_deg and biases"
 
     def silent(self) -> Iterator[SensorParameters]:
         """Yield the sensors that have sent nothing."""

@@ -430,6 +430,34 @@ def test_track_names_a_radar_without_rows():
         Tracker(given).track(table)
 
 
+def seen_by_two(error_deg):
+    """Return what two radars detect of the usual targets; the azimuths of one have an error."""
+    rng, parts = np.random.default_rng(4), []
+    for name, place in (("one", 0.0), ("two", 900.0)):
+        x, y = TRUTH["x"] - place, TRUTH["y"]
+        azimuth = np.arctan2(y, x) + np.radians(0.5) * rng.standard_normal(len(x))
+        azimuth += np.radians(error_deg if place else 0.0)
+        distance = np.hypot(x, y) + 5.0 * rng.standard_normal(len(x))
+        parts.append((TRUTH["time"], distance, azimuth, np.full(len(x), name)))
+    columns = map(np.concatenate, zip(*parts, strict=True))
+    return dict(zip(("time", "range", "azimuth", "radar"), columns, strict=True))
+
+
+def test_track_warns_of_a_radar_that_does_not_agree_with_another():
+    usual = {**crossing.PARAMETERS["radar"], "clutter_rate": 0.1}
+    parameters = {**crossing.PARAMETERS, "sensors": ["one", "two"], "one": usual}
+    del parameters["radar"]
+    parameters["two"] = {**usual, "position": [900.0, 0.0]}
+    expected = (
+        r"^two: off the tracks that other radars see too: .*azimuths \+1.* check two\.position"
+    )
+    with pytest.warns(UserWarning, match=expected):
+        Tracker(parameters).track(seen_by_two(2.0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        Tracker(parameters).track(seen_by_two(0.0))
+
+
 def test_track_of_right_parameters_does_not_warn():
     with warnings.catch_warnings():
         warnings.simplefilter("error", UserWarning)

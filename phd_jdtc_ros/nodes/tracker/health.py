@@ -150,27 +150,18 @@ class OutputHealth:
 def registration_status(found: MeanResidual, node: str) -> DiagnosticStatus:
     """Return the status of a radar's agreement with the others; `node` is the tracker's name."""
     values: dict[str, object] = {"residuals": found.residuals}
-    (range_m, azimuth), (range_sigma_m, azimuth_sigma) = found.mean, found.sigma
-    azimuth_deg, azimuth_sigma_deg = math.degrees(azimuth), math.degrees(azimuth_sigma)
     if found.residuals:
         values |= {
-            "range_residual_m": float(range_m),
-            "range_sigma_m": float(range_sigma_m),
-            "azimuth_residual_deg": azimuth_deg,
-            "azimuth_sigma_deg": azimuth_sigma_deg,
+            "range_residual_m": float(found.mean[0]),
+            "range_sigma_m": float(found.sigma[0]),
+            "azimuth_residual_deg": math.degrees(found.mean[1]),
+            "azimuth_sigma_deg": math.degrees(found.sigma[1]),
         }
     few = f"{found.residuals} detections of tracks that other radars see too, judged from {LEAST}"
-    ranges = f"ranges {range_m:+.3g} m (sigma {range_sigma_m:.2g})"
-    azimuths = f"azimuths {azimuth_deg:+.3g} degrees to the left (sigma {azimuth_sigma_deg:.2g})"
-    shown = zip((ranges, azimuths), found.significant, strict=True)
-    biased = [text for text, significant in shown if significant]
+    biased = anomalies.of_registration(found)
     condition = first(
         (OK, found.residuals < LEAST, few),
-        (
-            WARN,
-            biased,
-            f"off the tracks that other radars see too: {', '.join(biased)}; {REGISTRATION_ADVICE}",
-        ),
+        (WARN, biased, f"{biased}; {REGISTRATION_ADVICE}"),
         (OK, True, "agrees with the other radars"),
     )
     line = names.health(f"registration of {found.radar}", node)
