@@ -8,7 +8,7 @@ ends a run. The live node publishes the estimates, and the offline tracker write
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple, TypeAlias
 
@@ -266,9 +266,12 @@ class Pipeline:
         drops, sensor.drops = sensor.drops, Drops(Counter(), Counter())
         return drops
 
-    def _group_released(self, everything: bool = False) -> list[Scan | Reset]:
-        """Return the scans closed by reports that no longer wait for poses, or by all reports."""
-        closed: list[Scan | Reset] = []
+    def _group_released(self, everything: bool = False) -> Iterator[Scan | Reset]:
+        """Yield the scans closed by reports that no longer wait for poses, or by all reports.
+
+        A report is grouped after the scans that the reports before it close have been stepped: it
+        may be out of sequence to these.
+        """
         for report in self._posed.release(everything):
             if report.detections is None:
                 self._sensors[report.radar].drops.add(POSE_MISSING, report.size)
@@ -279,8 +282,7 @@ class Pipeline:
             if isinstance(grouped, Rejection):
                 self._sensors[report.radar].drops.add(grouped.value, report.size)
             else:
-                closed += grouped
-        return closed
+                yield from grouped
 
     def take_anomalies(self, radar: int) -> Counter[str]:
         """Return the counts of a radar's input anomalies since the last call."""
@@ -291,7 +293,8 @@ class Pipeline:
 
     def close_scans(self) -> Iterator[Event]:
         """Close all scans, complete or not, and step the engine through them."""
-        return self._events([*self._group_released(everything=True), *self._grouper.close_all()])
+        yield from self._events(self._group_released(everything=True))
+        yield from self._events(self._grouper.close_all())
 
     def flush(self) -> Iterator[Event]:
         """Close all scans, step the engine through them, and end the run."""
@@ -313,7 +316,7 @@ class Pipeline:
             sensor.history.turns.reset()
             sensor.history.clear()
 
-    def _events(self, closed: Sequence[Scan | Reset]) -> Iterator[Event]:
+    def _events(self, closed: Iterable[Scan | Reset]) -> Iterator[Event]:
         for event in closed:
             if isinstance(event, Reset):
                 yield self._end(event)

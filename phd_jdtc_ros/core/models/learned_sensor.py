@@ -192,7 +192,7 @@ class LearnedSensor(ReadOnly):
         if (outliers := self.outliers) is not None and outliers.detections:
             figures["outlier_share"], figures["outlier_share_std"] = outliers.share, outliers.std
         correlation = self.correlation
-        if correlation is not None and correlation.learned and correlation.sums[0] > 0.0:
+        if correlation is not None and correlation.std < math.inf:
             figures["detection_correlation"] = correlation.value
             figures["detection_correlation_std"] = correlation.std
         if self.alarm is not None:

@@ -14,7 +14,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.intake.out_of_sequence import EARNED, MAX_SAVED
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import REPROCESSED, Stepped
-from phd_jdtc_ros.core.types import Attributes, Estimates
+from phd_jdtc_ros.core.types import Attributes, Estimates, Pose
 from phd_jdtc_ros.simulation.simulate import simulate
 
 ENGINES = pytest.mark.parametrize("engine", ["particles", "gaussian"])
@@ -146,6 +146,26 @@ def test_a_late_report_at_the_end_is_in_the_pending_estimates(engine):
     ours, theirs = (from_stamp(each.smoothed, SCANS[12].stamp_ns) for each in (run, whole))
     assert len(ours) == len(theirs) == 3
     assert all(same(ours[stamp_ns], theirs[stamp_ns]) for stamp_ns in ours)
+
+
+def test_a_late_report_may_wait_for_its_pose_with_later_ones():
+    moving = {"pose": "/platform", "pose_max_age_s": 60.0}
+    given = {f"radar_{n}.{name}": value for n in (1, 2) for name, value in moving.items()}
+    settings = config("gaussian", given)
+    runs = []
+    # Scans 6 and 7 close without report 13, and all three are released together.
+    shuffled = [*REPORTS[:12], *(REPORTS[index] for index in (15, 12, 14, 13)), *REPORTS[16:]]
+    for order in (REPORTS, shuffled):
+        run = Run(settings)
+        for last_ns, reports in ((SCANS[5].stamp_ns, order[:12]), (SCANS[-1].stamp_ns, order[12:])):
+            run.feed(reports)
+            for radar, pose_ns in itertools.product(
+                range(2), range(SCANS[0].stamp_ns, last_ns + 1, 500_000_000)
+            ):
+                run.take(run.pipeline.add_pose(radar, pose_ns, Pose((0.0, 0.0), 0.0)))
+        runs.append(run.finished())
+    assert (runs[1].refused, runs[1].reprocessed) == ([], 1)
+    assert_as_if_in_time(runs[1], runs[0], SCANS[8].stamp_ns, SCANS[5].stamp_ns)
 
 
 def test_what_comes_too_late_or_twice_is_refused():

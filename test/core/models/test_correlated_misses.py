@@ -13,6 +13,8 @@ from runs import ENGINES, learned, stepped
 from scenes import small
 
 from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core.learned.correlation import Correlation, sums_of
+from phd_jdtc_ros.core.models.learned_sensor import LearnedSensor
 from phd_jdtc_ros.core.models.recent_looks import MOST, RecentLooks
 from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.types import Coverage, Detections, Scan
@@ -209,6 +211,16 @@ def test_particles_learn_as_gaussians_do():
         last[engine] = learned(tracker, "chains")["radar_1"]
     sure = [np.sort(each.detected[each.detected > 0.9]) for each in last.values()]
     assert len(sure[0]) == len(sure[1]) > 0
+
+
+def test_correlation_is_reported_once_pairs_of_looks_show_it():
+    radar, half = lone(radar_of("auto")).model.radars[0], np.full(8, 0.5)
+    always, at_times = np.ones(8), np.array([1.0, 0.0] * 4)
+    for detected, names in ((always, set()), (at_times, {"", "_std"})):
+        sums = sums_of(detected, np.roll(detected, 1), half, half).sum(axis=0)
+        learned_sensor = LearnedSensor(correlation=Correlation(0.0, True).after(sums))
+        figures = learned_sensor.figures(radar)
+        assert set(figures) == {f"detection_correlation{name}" for name in names}
 
 
 def test_last_looks_are_bounded_and_independent_misses_teach_nothing():
