@@ -11,7 +11,7 @@ import numpy as np
 
 from ..arrays import BoolArray, FloatArray, ReadOnly, zeros_field
 from ..snapshot import floats
-from .detection_factor import AZIMUTHS, RANGES, DetectionFactor, TrialSums
+from .detection_factor import AZIMUTHS, DetectionFactor, TrialSums
 from .noise_factor import COMPONENTS, NoiseEvidence, NoiseFactor
 
 # Changes to detect: ratios of the detection probability and of a variance to the learned values.
@@ -34,10 +34,9 @@ def _of_both(of_sensor: float, of_sector: float) -> FloatArray:
     return np.array([of_sensor, *[of_sector] * AZIMUTHS])
 
 
-# Ratios of the detection probability to the learned one with and without a change, the log
-# likelihood ratio of a detection, and the number of expected detections from which they count.
+# Ratios of the detection probability to the learned one with and without a change, and the number
+# of expected detections from which they count.
 CHANGED, UNCHANGED = _of_both(FEWER, BLIND), _of_both(1.0, SHARED)
-OF_DETECTION = _of_both(math.log(FEWER), math.log(BLIND / SHARED))
 KNOWN = _of_both(SETTLED, SETTLED_SECTOR)
 
 
@@ -98,19 +97,14 @@ class ChangeAlarm(ReadOnly):
 
     def after_trials(self, factor: DetectionFactor, sums: TrialSums) -> ChangeAlarm:
         """Return the alarm after trials that count, given the factor learned before them."""
+        from .loops import evidence_of_sectors
+
         factor_before = _value_before(self.detection[1:], factor.by_cell, self.detection_before)
-        expected, usual_before = factor.by_cell * sums.expected, factor_before * sums.expected
-        by_cell = np.concatenate([sums.trials, sums.detected, usual_before, factor.expected])
-        by_sector = by_cell.reshape(4, RANGES, AZIMUTHS).sum(axis=1)
-        merged = np.empty((4, 1 + AZIMUTHS))
-        merged[:, 0], merged[:, 1:] = by_sector.sum(axis=1), by_sector
-        merged[2:, 0] = expected.sum(), factor.all_expected
-        trials, detected, expected, expected_before = merged
-        learned = expected / np.where(trials > 0.0, trials, 1.0)
-        learned = np.minimum(np.maximum(learned, 0.01), 0.99)
-        of_miss = np.log((1.0 - CHANGED * learned) / (1.0 - UNCHANGED * learned))
-        evidence = detected * OF_DETECTION + (trials - detected) * of_miss
-        detection = self.detection + np.where(expected_before >= KNOWN, evidence, 0.0)
+        of_cells = factor.by_cell, factor_before, sums.trials, sums.expected, sums.detected
+        evidence = evidence_of_sectors(
+            *of_cells, factor.expected, factor.all_expected, CHANGED, UNCHANGED, KNOWN
+        )
+        detection = self.detection + evidence
         detection = np.minimum(np.maximum(detection, 0.0), MOST)
         return self.changed(detection=detection, detection_before=factor_before)
 

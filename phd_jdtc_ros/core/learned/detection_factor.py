@@ -141,10 +141,8 @@ def _factor(
 
     They follow from the expected and actual numbers of detections, arrays of the same shape.
     """
-    shrunk = (PRIOR_WEIGHT + detected) / (PRIOR_WEIGHT + expected)
-    # The smaller of both probabilities has the lower precision, so that few looks prove little.
-    bounded = np.minimum(probability * np.minimum(shrunk, 1.0), MOST_PROBABILITY)
-    precision = expected / probability * bounded / (1.0 - bounded)
-    mean, variance = prior.posterior(np.log(shrunk), precision)
-    factor = np.exp(mean)
-    return factor, factor * np.sqrt(variance)
+    from .loops import detection_factors
+
+    of_prior = prior.right, prior.scale, prior.wide, PRIOR_WEIGHT, MOST_PROBABILITY
+    factor, std = detection_factors(*of_prior, probability, expected, detected)
+    return factor, std
