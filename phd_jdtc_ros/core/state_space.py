@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from .arrays import FloatArray
+from .arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,11 @@ class StateSpace:
 
     def __len__(self) -> int:
         return len(self.axes)
+
+    @cached_property
+    def planar_axes(self) -> IntArray:
+        """Indices of the axes of position and velocity, (4,)."""
+        return np.array([*self.position, *self.velocity])
 
     def state(
         self,

@@ -163,9 +163,8 @@ class Mixture(ReadOnly):
 
     def extents(self, space: StateSpace) -> Extents:
         """Return the position and extent of each target; see `Rows`."""
-        axes = np.array([*space.position, *space.velocity])
         columns = self.mode_weight, self.mean, self.covariance
-        moments = _extents(axes, self.target, self.existence, *columns)
+        moments = _extents(space.planar_axes, self.target, self.existence, *columns)
         return Extents(self.label, self.target, moments)
 
     @staticmethod

@@ -27,9 +27,9 @@ from .measurement.amplitude import (
 )
 from .measurement.gating import Expected, gate_pairs
 from .measurement.iterated_update import PairUpdate, coarse_rates, iterated_update
-from .measurement.missed import after_miss
+from .measurement.missed import after_miss, missed_and_measured
 from .measurement.newborn import newborn_mixture
-from .measurement.noise import noise_evidence, outlier_evidence
+from .measurement.noise import evidence_of_pairs
 from .measurement.pairs import Association, PairLikelihoods, associate, select_likely, sum_modes
 from .mixture import Mixture
 from .reacquisition import with_reacquired
@@ -90,9 +90,14 @@ class PriorMixture:
         return self.mixture.mass
 
     @property
-    def missed_mass(self) -> FloatArray:
-        """Weight of each hypothesis without a detection, shape (H,)."""
-        return sum_modes(self.mixture.weight * (1.0 - self.detection_probability))
+    def existence(self) -> FloatArray:
+        """Existence probability of each target, shape (T,)."""
+        return self.mixture.existence
+
+    @property
+    def missed(self) -> FloatArray:
+        """Probability that each target exists and is not detected, shape (T,)."""
+        return self._by_target[0]
 
     @property
     def measured(self) -> FloatArray:
@@ -102,11 +107,13 @@ class PriorMixture:
     @property
     def measured_by_target(self) -> FloatArray:
         """Expected measurement of each target's first hypothesis, shape (T, Z)."""
-        row = np.zeros(len(self.label), dtype=np.int64)
-        row[self.target[::-1]] = np.arange(len(self.target))[::-1]
-        mode = self.mixture.mode_weight[row].argmax(axis=1)
-        measured: FloatArray = self.expected.measured[row, mode]
-        return measured
+        return self._by_target[1]
+
+    @cached_property
+    def _by_target(self) -> tuple[FloatArray, FloatArray]:
+        mixture = self.mixture
+        of_rows = mixture.target, mixture.mode_weight, mixture.weight, self.detection_probability
+        return missed_and_measured(*of_rows, self.expected.measured, len(mixture.label))
 
     @property
     def detection_probability(self) -> FloatArray:
@@ -204,6 +211,7 @@ class PriorMixture:
         association = associate(
             self.mixture, self.detection_probability, amplitude, likelihoods, self.steps.bounds
         )
+        noise, outliers = evidence_of_pairs(self.mixture, update, association.pair)
         return Posterior(
             rows=self._branch(association, update, amplitudes),
             claims=association.claims,
@@ -212,10 +220,8 @@ class PriorMixture:
             pair_probability=association.pair,
             existence=association.existence,
             evidence=evidence,
-            noise=None
-            if readings.sensor.noise_factor is None
-            else noise_evidence(self.mixture, update, association.pair),
-            outliers=outlier_evidence(self.mixture, update, association.pair),
+            noise=noise,
+            outliers=outliers,
             approximate=association.approximate,
         )
 

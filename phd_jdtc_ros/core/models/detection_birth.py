@@ -72,30 +72,25 @@ class DetectionBirthModel(ReadOnly):
         reports missed the target. `earlier` has the newborn targets of these reports.
         """
         sensor = report.sensor
-        position = sensor.to_world(report.detections.measurement)
-        since = self._unseen_s(report, position, modes, dt, looks)
+        since = self._unseen_s(report, modes, dt, looks)
         appeared = self.rate[:, None] * since / modes.interval_s
         likelihood = report.log_class_likelihood(modes.classes)
         # The intensity is zero for classes without births, and where an earlier radar has p_D = 1.
         with np.errstate(divide="ignore"):
             intensity: FloatArray = np.log(appeared / sensor.field_size) + likelihood
             if earlier:
-                missed = missed_by([newborn.report for newborn in earlier], position, modes)
+                missed = missed_by([newborn.report for newborn in earlier], report.position, modes)
                 intensity = intensity + np.log(missed)
         if (measured := report.range_rates) is not None:
-            toward = sensor.line_of_sight(position)
+            toward = sensor.line_of_sight(report.position)
             intensity = intensity + self.log_range_rate(toward, measured, sensor)
         return intensity
 
     @staticmethod
     def _unseen_s(
-        report: Report,
-        position: FloatArray,
-        modes: ModeSpace,
-        dt: float,
-        looks: EarlierLooks | None,
+        report: Report, modes: ModeSpace, dt: float, looks: EarlierLooks | None
     ) -> FloatArray | float:
-        """Return the seconds in which unknown targets appeared at places, (C, M) or one for all.
+        """Return the seconds in which unknown targets appeared, (C, M) or one for all detections.
 
         The seconds before each look count with the probability that the look missed a target.
         """
@@ -106,7 +101,7 @@ class DetectionBirthModel(ReadOnly):
         end_ns, since, missed = report.stamp_ns, np.zeros((1, 1)), np.ones((1, 1))
         for look in reversed(looks.others):
             since = since + 1e-9 * (end_ns - look.stamp_ns) * missed
-            missed = missed * missed_by([look], position, modes)
+            missed = missed * missed_by([look], report.position, modes)
             end_ns = look.stamp_ns
         return since + (end_ns - looks.first_ns) * 1e-9 * missed
 
@@ -135,7 +130,7 @@ class Newborn:
     mass: FloatArray  # Probability that each detection is a new target of each class, (M, C)
 
     def __len__(self) -> int:
-        return len(self.report)
+        return len(self.mass)
 
     def take(self, rows: IntArray) -> Newborn:
         """Return the newborn targets of these rows."""

@@ -85,8 +85,8 @@ class TrackerModel(ReadOnly):
 
     def _unknown_density_of(self, sensor: Sensor) -> float:
         middle = np.zeros((1, len(sensor.noise_std)))
-        for column, intervals in enumerate(sensor.limits):
-            middle[:, column] = intervals[:1].mean() if len(intervals) else 0.0
+        columns, first = np.unique(sensor.limits[0], return_index=True)
+        middle[:, columns] = sensor.limits[1][first].mean(axis=1)
         p_d = sensor.configured_detection_probability(middle)
         p_d = sensor.class_detection_probability(self.modes.classes) if p_d is None else p_d
         turns = (sensor.rotation_s or self.modes.interval_s) / self.modes.interval_s

@@ -77,7 +77,7 @@ class RadarModel(Sensor):
         return self.visibility.max_range
 
     @property
-    def limits(self) -> tuple[FloatArray, FloatArray]:
+    def limits(self) -> tuple[IntArray, FloatArray]:
         """Intervals of the ranges and azimuths of its field of view; see `Visibility.limits`."""
         return self.visibility.limits
 

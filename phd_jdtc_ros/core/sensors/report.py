@@ -146,6 +146,11 @@ class Report(ReadOnly):
         return self.sensor.in_plane(self.detections)
 
     @cached_property
+    def position(self) -> FloatArray:
+        """Position of each detection in the world frame, metres, shape (M, 2)."""
+        return self.sensor.to_world(self.detections.measurement)
+
+    @cached_property
     def time_s(self) -> FloatArray:
         """Time of each detection relative to the stamp, seconds, shape (M,)."""
         times = self.detections.time_s

@@ -131,11 +131,6 @@ class Sensor(ReadOnly, ABC):
         return Linearised(self)
 
     @cached_property
-    def axes(self) -> IntArray:
-        """Indices of the axes of position and velocity in a state, (4,)."""
-        return np.array([*self.space.position, *self.space.velocity])
-
-    @cached_property
     def planar_pose(self) -> FloatArray:
         """Its position, and the cosine and the sine of its yaw, (4,)."""
         return np.array([*self.position, math.cos(self.yaw), math.sin(self.yaw)])
@@ -211,12 +206,13 @@ class Sensor(ReadOnly, ABC):
         return math.inf
 
     @property
-    def limits(self) -> tuple[FloatArray, ...]:
-        """Intervals of each component of a measurement in which targets are detected, (I, 2) each.
+    def limits(self) -> tuple[IntArray, FloatArray]:
+        """Intervals of components of a measurement in which targets are detected, (I, 2).
 
-        Empty if the sensor sees all targets.
+        The first array has the component of each, ascending, (I,). There are none if the sensor
+        sees all targets.
         """
-        return ()
+        return np.zeros(0, np.int64), np.zeros((0, 2))
 
     def is_nearly_normal(self, std: FloatArray) -> BoolArray:
         """Return whether expected measurements of Gaussians are nearly normal, (N, Z) to (N,).

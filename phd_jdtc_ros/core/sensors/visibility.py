@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy.special import ndtr
 
-from ..arrays import FloatArray, wrap_angle
+from ..arrays import FloatArray, IntArray, wrap_angle
 from ..types import FULL_TURN, Coverage
 
 WHOLE_TURN = Coverage(-np.pi, FULL_TURN)
@@ -127,8 +127,8 @@ class Visibility:
         return sum(arc.width for arc in self._arcs or ()) / self.fov.width
 
     @cached_property
-    def limits(self) -> tuple[FloatArray, FloatArray]:
-        """Intervals of the ranges and of the azimuths of the field of view, (I, 2) each.
+    def limits(self) -> tuple[IntArray, FloatArray]:
+        """Intervals of the ranges and of the azimuths of the field of view; see `Sensor.limits`.
 
         Azimuths are those of three turns, so that each is inside at any multiple of a turn; there
         are no intervals if all azimuths are clear.
@@ -137,7 +137,8 @@ class Visibility:
         sides = np.array([(arc.start, arc.start + arc.width) for arc in self._arcs or ()])
         turns = FULL_TURN * np.arange(-2.0, 1.0)
         azimuths = (sides.reshape(-1, 1, 2) + turns[:, None]).reshape(-1, 2)
-        return np.array([[nearest, self.max_range]]), azimuths
+        intervals = np.concatenate([[[nearest, self.max_range]], azimuths])
+        return np.minimum(np.arange(len(intervals)), 1), intervals
 
     def _clear(self, azimuth: FloatArray) -> FloatArray:
         """Return 1 for each azimuth in the field of view and not obstructed, 0 otherwise."""

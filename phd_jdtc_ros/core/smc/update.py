@@ -101,9 +101,14 @@ class PriorParticles:
         return self.particles.weight
 
     @property
-    def missed_mass(self) -> FloatArray:
-        """Weight of each particle times its probability of a missed detection, shape (N,)."""
-        return self.particles.weight * (1.0 - self.detection_probability)
+    def existence(self) -> FloatArray:
+        """Existence probability of each target, shape (T,)."""
+        return sum_by(self.target, self.mass, len(self.label))
+
+    @property
+    def missed(self) -> FloatArray:
+        """Probability that each target exists and is not detected, shape (T,)."""
+        return sum_by(self.target, self.mass * (1.0 - self.detection_probability), len(self.label))
 
     @cached_property
     def _all_measured(self) -> FloatArray:

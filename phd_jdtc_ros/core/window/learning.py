@@ -9,7 +9,7 @@ from ..learned.detection_chains import Look
 from ..models.sensor_memory import KNOWN_EXISTENCE, SensorMemory
 from ..models.tracker_model import TrackerModel
 from ..sensors.report import Report
-from .update_steps import Posterior, Prior, RowsT, existence_and_missed
+from .update_steps import Posterior, Prior, RowsT
 
 # Lower bound of the existence probabilities by which others are divided.
 LEAST_EXISTENCE = 1e-12
@@ -40,9 +40,9 @@ def learn(
     if not learns and not looks:
         return None
     label, measured, existence_after = prior.label, prior.measured_by_target, posterior.existence
-    existence_before, missed = existence_and_missed(prior)
+    existence_before = prior.existence
     exists = np.where(existence_before > 0.0, existence_before, 1.0)
-    probability = 1.0 - missed / exists
+    probability = 1.0 - prior.missed / exists
     target = prior.target.take(posterior.claims.row)
     # Probability that each target exists and was detected.
     detected = sum_by(target, posterior.pair_probability, len(label))

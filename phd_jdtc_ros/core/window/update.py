@@ -11,7 +11,6 @@ from typing import Generic
 
 import numpy as np
 
-from ..arrays import sum_by
 from ..association.claims import undetected
 from ..attributes.evidence import Evidence
 from ..attributes.memory import AttributeMemory, AttributesAt
@@ -26,7 +25,7 @@ from ..sensors.report import Report
 from ..tracks import labels
 from ..types import Scan
 from .learning import learn
-from .update_steps import Prior, RowsT, UpdateSteps, existence_and_missed
+from .update_steps import Prior, RowsT, UpdateSteps
 
 
 @dataclass(frozen=True)
@@ -113,8 +112,7 @@ def _with_known_targets(report: Report, prior: Prior[RowsT]) -> Report:
     """Return a report whose sensor has the false detections that the prior's targets cause."""
     if report.sensor.multipath is None:
         return report
-    existence = sum_by(prior.target, prior.mass, len(prior.label))
-    sensor = report.sensor.with_known_targets(prior.measured_by_target, existence)
+    sensor = report.sensor.with_known_targets(prior.measured_by_target, prior.existence)
     return report.changed(sensor=sensor)
 
 
@@ -137,9 +135,8 @@ def _evidence_of(
     prior: Prior[RowsT], pairs: Paired, report: Report, attributes: AttributesAt
 ) -> Evidence | None:
     """Return the identities and heights of the detections as evidence for pairs."""
-    existence, missed = existence_and_missed(prior)
     target = prior.target.take(pairs.row)
-    unseen = undetected(existence, missed)
+    unseen = undetected(prior.existence, prior.missed)
     return attributes.evidence(prior.label, target, pairs.column, report.detections, unseen)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
-from ..arrays import FloatArray, IntArray, sum_by
+from ..arrays import FloatArray, IntArray
 from ..association.claims import Claims
 from ..attributes.evidence import Evidence
 from ..attributes.reprojection import Paired
@@ -59,8 +59,12 @@ class Prior(Protocol[RowsT]):
         """Weight of each row, (N,)."""
 
     @property
-    def missed_mass(self) -> FloatArray:
-        """Weight of each row times its probability of a missed detection, (N,)."""
+    def existence(self) -> FloatArray:
+        """Existence probability of each target, (T,)."""
+
+    @property
+    def missed(self) -> FloatArray:
+        """Probability that each target exists and is not detected, (T,)."""
 
     @property
     def measured(self) -> FloatArray:
@@ -91,12 +95,6 @@ class Prior(Protocol[RowsT]):
         log_other : array of shape (1 + C, M)
             See `competing_sources.log_intensities`.
         """
-
-
-def existence_and_missed(prior: Prior[RowsT]) -> tuple[FloatArray, FloatArray]:
-    """Return the weight of each target, and that of its missed detection, (T,)."""
-    size = len(prior.label)
-    return sum_by(prior.target, prior.mass, size), sum_by(prior.target, prior.missed_mass, size)
 
 
 class UpdateSteps(Protocol[RowsT]):

@@ -13,20 +13,26 @@ from .kalman import Innovation
 
 
 def mix_noises(
-    innovation: Innovation, outliers: Outliers, noise: FloatArray, column: IntArray
+    innovation: Innovation,
+    outliers: Outliers,
+    noise_std: FloatArray,
+    correlation: FloatArray | None,
+    column: IntArray,
 ) -> tuple[Innovation, FloatArray]:
     """Return the innovations of detections of which some are outliers.
 
-    Return also the probability that each detection is an outlier if it is the Gaussian's, (P,).
+    Return also the probability that each detection is an outlier if it is the Gaussian's, (P R,).
 
     Parameters
     ----------
     innovation : Innovation
-        With the usual noise, (P,).
-    noise : array of shape (M, 2, 2)
-        Usual covariances of the detections' errors.
+        With the usual noise, (P R,).
+    noise_std : array of shape (M, 2)
+        Usual standard deviations of the detections' errors.
+    correlation : array of shape (M,) or None
+        See `Detections.noise_correlation`.
     column : int array of shape (P,)
-        Detection of each innovation.
+        Detection of every R innovations.
 
     Notes
     -----
@@ -40,7 +46,7 @@ def mix_noises(
     weighted, inverse, log_likelihood, outlier = _mix_noises(
         *(outliers.share, outliers.ratio),
         *contiguous(innovation.weighted, innovation.inverse, innovation.log_likelihood),
-        *contiguous(noise, column),
+        *contiguous(noise_std, np.zeros(0) if correlation is None else correlation, column),
     )
     mixed = innovation._replace(weighted=weighted, inverse=inverse, log_likelihood=log_likelihood)
     return mixed, outlier
@@ -53,11 +59,12 @@ def _mix_noises(
     weighted: Float2,
     inverse: Float3,
     log_likelihood: Float1,
-    noise: Float3,
+    noise_std: Float2,
+    correlation: Float1,
     column: Int1,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the columns of `Innovation` that change, and the probabilities of outliers."""
-    count = len(column)
+    count = len(log_likelihood)
     mixed_weighted = np.zeros((count, 2))
     mixed_inverse = np.zeros((count, 2, 2))
     mixed_log = np.full(count, -np.inf)
@@ -71,10 +78,13 @@ def _mix_noises(
         determinant = max(i * n - k * k, TINY)
         a, b, d = n / determinant, -k / determinant, i / determinant
         along, across = a * u + b * v, b * u + d * v
-        detection_noise = noise[column[row]]
-        wide_a = a + excess * detection_noise[0, 0]
-        wide_b = b + excess * detection_noise[0, 1]
-        wide_d = d + excess * detection_noise[1, 1]
+        z = column[row * len(column) // count]
+        std, cross = noise_std[z], 0.0
+        if len(correlation) and not math.isnan(correlation[z]):
+            cross = correlation[z] * std[0] * std[1]
+        wide_a = a + excess * std[0] ** 2
+        wide_b = b + excess * cross
+        wide_d = d + excess * std[1] ** 2
         wide_determinant = max(wide_a * wide_d - wide_b * wide_b, TINY)
         wide_u = (wide_d * along - wide_b * across) / wide_determinant
         wide_v = (wide_a * across - wide_b * along) / wide_determinant

@@ -178,7 +178,8 @@ def update(
         pairs = (np.arange(len(mean)),) * 2
     times = NO_TIMES if time_s is None else time_s
     return _update(
-        modes, *contiguous(sensor.axes, mean, covariance, *pairs, *innovation[:3], times)
+        modes,
+        *contiguous(sensor.space.planar_axes, mean, covariance, *pairs, *innovation[:3], times),
     )
 
 

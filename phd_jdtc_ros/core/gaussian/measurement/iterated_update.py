@@ -95,8 +95,8 @@ def iterated_update(
     )
     matched, outlier = innovation, None
     if sensor.outliers is not None:
-        noise, detection = sensor.noise_covariance_of(detections), column.repeat(modes)
-        matched, outlier = heavy_tails.mix_noises(innovation, sensor.outliers, noise, detection)
+        noise = report.detection_std, detections.noise_correlation
+        matched, outlier = heavy_tails.mix_noises(innovation, sensor.outliers, *noise, column)
     rate_update = None
     if rates is not None:
         gaussian, detection = gaussians_of_groups(row, modes), column.repeat(modes)

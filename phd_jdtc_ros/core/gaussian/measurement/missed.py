@@ -2,46 +2,97 @@
 
 from __future__ import annotations
 
-import numpy as np
-from scipy.special import ndtr
+import math
 
-from ...arrays import FloatArray
-from ...compilation import Float1, Float3, compiled
+import numpy as np
+
+from ...arrays import FloatArray, IntArray
+from ...compilation import Float1, Float2, Float3, Int1, compiled, inner
 from ...sensors.sensor import Sensor
 from ..mixture import Mixture
 from .gating import Expected
 
 # Gaussians with a smaller part within the limits, or beyond them, keep their moments.
 LEAST_PART = 1e-3
-# A limit farther away, in standard deviations, cuts off less than `LEAST_PART` of a Gaussian.
-FAR_SIGMA = 3.1
+# Limits farther away on both sides, in standard deviations, cut off less than `LEAST_PART`.
+FAR_SIGMA = 3.3
 
 
 @compiled
-def _is_at_limit(axis: int, limits: Float1, measured: Float3, std: Float3) -> bool:
-    """Return whether any Gaussian is at a limit of a component of the measurement."""
-    for row in range(len(measured)):
-        for mode in range(measured.shape[1]):
-            for limit in limits:
-                distance = abs(limit - measured[row, mode, axis])
-                if distance < FAR_SIGMA * std[row, mode, axis]:
-                    return True
-    return False
+def missed_and_measured(
+    target: Int1,
+    mode_weight: Float2,
+    weight: Float3,
+    detection_probability: Float3,
+    measured: Float3,
+    targets: int,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the weight of each target's missed detection, (T,), and a measurement of it, (T, Z).
 
-
-def _partial_moments_within(limits: FloatArray, mean: FloatArray, std: FloatArray) -> FloatArray:
-    """Return integrals of normal densities, (N,), over the intervals of `limits`, (I, 2).
-
-    They are of 1, of the deviation from the mean, and of its square, (3, N), in standard
-    deviations.
+    The measurement is that of the most probable mode of the target's first hypothesis. The other
+    arguments are those of H hypotheses, as in `Mixture` and `Expected`.
     """
-    edges = (limits - mean[:, None, None]) / std[:, None, None]
-    density = np.exp(-0.5 * edges**2) / np.sqrt(2.0 * np.pi)
-    weighted = np.where(np.isfinite(edges), edges, 0.0) * density
-    mass, density_change, weighted_change = (
-        np.diff(values).sum(axis=(1, 2)) for values in (ndtr(edges), density, weighted)
-    )
-    return np.stack([mass, -density_change, mass - weighted_change])
+    missed, measured_by_target = np.zeros(targets), np.zeros((targets, measured.shape[2]))
+    found = np.zeros(targets, np.bool_)
+    for row in range(len(target)):
+        index, best = target[row], 0
+        for mode in range(weight.shape[1]):
+            if mode_weight[row, mode] > mode_weight[row, best]:
+                best = mode
+            for class_id in range(weight.shape[2]):
+                probability = 1.0 - detection_probability[row, mode, class_id]
+                missed[index] += weight[row, mode, class_id] * probability
+        if not found[index]:
+            found[index] = True
+            measured_by_target[index] = measured[row, best]
+    return missed, measured_by_target
+
+
+@inner
+def _moments_within(limits: FloatArray, mean: float, std: float) -> tuple[float, float, float]:
+    """Return integrals of a normal density over the intervals of `limits`, (I, 2).
+
+    They are of 1, of the deviation from the mean, and of its square, in standard deviations; 0
+    without a limit nearby.
+    """
+    mass, first, second, is_near = 0.0, 0.0, 0.0, False
+    for limit in limits.flat:
+        is_near = is_near or abs(limit - mean) < FAR_SIGMA * std
+    for index in range(limits.size if is_near else 0):
+        sign, edge = 2.0 * (index % 2) - 1.0, (limits[index // 2, index % 2] - mean) / std
+        density = sign * math.exp(-0.5 * edge * edge) / math.sqrt(2.0 * math.pi)
+        below = sign * 0.5 * math.erfc(-edge / math.sqrt(2.0))
+        mass, first, second = mass + below, first - density, second + below
+        if math.isfinite(edge):
+            second -= edge * density
+    return mass, first, second
+
+
+@compiled
+def _divided(
+    component: Int1, limits: Float2, weight: Float1, measured: Float2, std: Float2
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return which of N Gaussians limits divide, the divided component of each, and moments.
+
+    For the first arguments see `Sensor.limits`. The moments within them, (3, K), are those of
+    `_moments_within`.
+    """
+    count, (rows, axes) = 0, np.empty((2, len(weight)), np.int64)
+    moments = np.empty((3, len(weight)))
+    for row in range(len(weight)):
+        smaller_part, end = LEAST_PART, 0
+        while end < len(component) and weight[row] > 0.0:
+            begin, axis = end, component[end]
+            while end < len(component) and component[end] == axis:
+                end += 1
+            inside = limits[begin:end]
+            mass, first, second = _moments_within(inside, measured[row, axis], std[row, axis])
+            if min(mass, 1.0 - mass) > smaller_part:
+                smaller_part = min(mass, 1.0 - mass)
+                rows[count], axes[count] = row, axis
+                moments[0, count], moments[1, count], moments[2, count] = mass, first, second
+        count += smaller_part > LEAST_PART
+    return rows[:count], axes[:count], moments[:, :count]
 
 
 def after_miss(
@@ -66,24 +117,14 @@ def after_miss(
     1[d within]). Its mean and variance are matched; the other axes follow by their regression on
     d. A Gaussian at limits of both components is changed along the one that divides it more evenly.
     """
-    limits, size = sensor.limits, mixture.mode_weight.size
-    gaussians = expected.measured, expected.std
-    limited = [axis for axis, intervals in enumerate(limits) if len(intervals)]
-    if not any(_is_at_limit(axis, limits[axis].ravel(), *gaussians) for axis in limited):
+    size, components = mixture.mode_weight.size, expected.measured.shape[-1]
+    measured = expected.measured.reshape(-1, components)
+    std, weight = expected.std.reshape(-1, components), mixture.mode_weight.ravel()
+    rows, axis, moments = _divided(*sensor.limits, weight, measured, std)
+    usable = sensor.is_nearly_normal(std[rows])
+    if not usable.any():
         return None
-    measured, std = (part.reshape(size, -1) for part in gaussians)
-    columns = ((limits[axis], measured[:, axis], std[:, axis]) for axis in limited)
-    partial_moments = np.stack([_partial_moments_within(*column) for column in columns])
-    smaller_part = np.minimum(partial_moments[:, 0], 1.0 - partial_moments[:, 0])
-    usable = sensor.is_nearly_normal(std) & (mixture.mode_weight.ravel() > 0.0)
-    rows = np.flatnonzero((smaller_part.max(axis=0) > LEAST_PART) & usable)
-    if not len(rows):
-        return None
-    divided = smaller_part[:, rows].argmax(axis=0)
-    axis, (mass_inside, first, second) = (
-        np.take(limited, divided),
-        partial_moments[divided, :, rows].T,
-    )
+    rows, axis, (mass_inside, first, second) = rows[usable], axis[usable], moments[:, usable]
     weight, detection_probability = (
         part.reshape(size, -1)[rows] for part in (mixture.weight, detection_probability)
     )

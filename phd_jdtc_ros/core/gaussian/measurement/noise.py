@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ...arrays import TINY, FloatArray, contiguous
+from ...arrays import FloatArray, contiguous
 from ...compilation import Float1, Float2, Float3, Int1, compiled
 from ...learned.evidence import LIMITED_MEAN, evidence_of, limited_mean
 from ...learned.noise_factor import COMPONENTS, NoiseEvidence
@@ -16,32 +16,16 @@ from ..mixture import Mixture
 from .iterated_update import PairUpdate
 
 
-def outlier_evidence(
+def evidence_of_pairs(
     mixture: Mixture, update: PairUpdate, probability: FloatArray
-) -> OutlierEvidence | None:
-    """Return the evidence of pairs on the share of outliers; None for a sensor without any.
+) -> tuple[NoiseEvidence | None, OutlierEvidence | None]:
+    """Return the evidence of pairs on the noise and on the share of outliers.
 
-    Only targets that existed with `KNOWN_EXISTENCE` before the update count, with the certainty of
-    the noise; for the parameters see `noise_evidence`.
-    """
-    if update.outlier is None:
-        return None
-    log_likelihood = update.log_likelihood.reshape(-1, mixture.mode_weight.shape[1])
-    largest = log_likelihood.max(axis=1, keepdims=True, initial=np.finfo(float).min)
-    weight = mixture.mode_weight[update.row] * np.exp(log_likelihood - largest)
-    outlier = (weight * update.outlier.reshape(weight.shape)).sum(axis=1)
-    outlier /= np.maximum(weight.sum(axis=1), TINY)
-    is_known = mixture.existence[mixture.target[update.row]] >= KNOWN_EXISTENCE
-    detected = np.where(is_known, probability * _certainty(update), 0.0)
-    return OutlierEvidence(float(detected.sum()), float(detected @ outlier))
-
-
-def noise_evidence(mixture: Mixture, update: PairUpdate, probability: FloatArray) -> NoiseEvidence:
-    """Return the evidence of the innovations of pairs; see `evidence.evidence_of`.
-
-    Only targets that existed with `KNOWN_EXISTENCE` before the update count. A detection that may
-    be an outlier counts with the probability that it is none, as far as the noise is known: while
-    it is not, a large innovation may as well show that the noise is larger.
+    The first is None if the noise is known, see `evidence.evidence_of`; the second for a sensor
+    without outliers. Only targets that existed with `KNOWN_EXISTENCE` before the update count. A
+    detection that may be an outlier counts with the probability that it is none, as far as the
+    noise is known: while it is not, a large innovation may as well show that the noise is larger.
+    Outliers count with the same certainty of the noise.
 
     Parameters
     ----------
@@ -51,28 +35,29 @@ def noise_evidence(mixture: Mixture, update: PairUpdate, probability: FloatArray
         Association probability of each pair; distributed over its motion modes by their
         likelihoods.
     """
-    innovation, outliers = update.innovation, update.report.sensor.outliers
-    outlier = np.zeros(0) if update.outlier is None else _certainty(update) * update.outlier
+    innovation, sensor = update.innovation, update.report.sensor
+    factor, outliers = sensor.noise_factor, sensor.outliers
+    if factor is None and outliers is None:
+        return None, None
+    outlier = np.zeros(0) if update.outlier is None else update.outlier
     rate_square, rate_part = _rate_squares(update, mixture.mode_weight.shape[1])
-    weight, excess = _evidence(
-        KNOWN_EXISTENCE,
+    weight, excess, found = _evidence(
+        *(KNOWN_EXISTENCE, 1.0 if factor is None else factor.certainty),
         *contiguous(mixture.existence, mixture.target, mixture.mode_weight),
         *contiguous(update.row, update.column, probability, update.log_likelihood),
         *contiguous(innovation.weighted, innovation.inverse, update.report.sensors_own_std),
         *contiguous(outlier, rate_square, rate_part),
     )
     if outliers is None:
-        return NoiseEvidence(weight[0], excess[0])
+        return NoiseEvidence(weight[0], excess[0]), None
+    outlier_evidence = OutlierEvidence(*found.tolist())
+    if factor is None:
+        return None, outlier_evidence
     ratio = limited_mean(outliers.ratio**2) / LIMITED_MEAN
     expected = np.ones(COMPONENTS)
     expected[:-1] += outliers.share * (ratio - 1.0)  # Range rates have no outliers
     with_outliers = NoiseEvidence(weight[1], excess[1], expected)
-    return NoiseEvidence(weight[0], excess[0], with_outliers=with_outliers)
-
-
-def _certainty(update: PairUpdate) -> float:
-    factor = update.report.sensor.noise_factor
-    return 1.0 if factor is None else factor.certainty
+    return NoiseEvidence(weight[0], excess[0], with_outliers=with_outliers), outlier_evidence
 
 
 def _rate_squares(update: PairUpdate, modes: int) -> tuple[FloatArray, FloatArray]:
@@ -91,6 +76,7 @@ def _rate_squares(update: PairUpdate, modes: int) -> tuple[FloatArray, FloatArra
 @compiled
 def _evidence(
     least_existence: float,
+    certainty: float,
     existence: Float1,
     target: Int1,
     mode_weight: Float2,
@@ -104,18 +90,20 @@ def _evidence(
     outlier: Float1,
     rate_square: Float1,
     rate_part: Float1,
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return weight and excess of `NoiseEvidence` without and with outliers, (2, Z) each.
 
-    The last three arguments may be empty.
+    The third array has the numbers of `OutlierEvidence`. The last three arguments may be empty.
     """
     modes = mode_weight.shape[1]
     weight, excess = np.zeros((2, COMPONENTS)), np.zeros((2, COMPONENTS))
+    found = np.zeros(2)
     share = np.empty(modes)
     for pair in range(len(row)):
         hypothesis, first = row[pair], pair * modes
         if existence[target[hypothesis]] < least_existence:
             continue
+        found[0] += certainty * probability[pair]
         largest, total = -np.inf, 0.0
         for mode in range(modes):
             largest = max(largest, log_likelihood[first + mode])
@@ -131,7 +119,9 @@ def _evidence(
             of_all = probability[pair] * share[mode] / total
             of_usual = of_all
             if len(outlier) > 0:
-                of_usual *= 1.0 - outlier[first + mode]
+                outlying = certainty * outlier[first + mode]
+                found[1] += of_all * outlying
+                of_usual *= 1.0 - outlying
             for axis in range(COMPONENTS if len(rate_part) > 0 else 2):
                 if axis < 2:
                     expected = inverse[first + mode, axis, axis]
@@ -144,4 +134,4 @@ def _evidence(
                 weight[1, axis] += of_all * added_weight
                 excess[0, axis] += of_usual * added_excess
                 excess[1, axis] += of_all * added_excess
-    return weight, excess
+    return weight, excess, found

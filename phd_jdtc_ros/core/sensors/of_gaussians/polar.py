@@ -26,7 +26,8 @@ class PolarGaussians(Linearised):
         self, mean: FloatArray, covariance: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return expected measurements, their covariances, and standard deviations."""
-        return _expected_measurements(mean, covariance, self.sensor.axes, self.sensor.planar_pose)
+        axes, pose = self.sensor.space.planar_axes, self.sensor.planar_pose
+        return _expected_measurements(mean, covariance, axes, pose)
 
     def gate_pairs(
         self,
@@ -41,7 +42,14 @@ class PolarGaussians(Linearised):
         turn = measurement[:, 1] % FULL_TURN
         order, noise_std = turn.argsort(kind="stable"), self.gate_ratio * report.detection_std
         return polar_gate.gate(
-            *(sensor.max_range, sensor.axes, sensor.planar_pose, mean, measured, covariance),
+            *(
+                sensor.max_range,
+                sensor.space.planar_axes,
+                sensor.planar_pose,
+                mean,
+                measured,
+                covariance,
+            ),
             *(weight, measurement, noise_std, report.time_s, turn[order], order),
         )
 
@@ -58,7 +66,7 @@ class PolarGaussians(Linearised):
         """Return the columns of `kalman.Innovation`; errors are taken as independent."""
         sensor, times = self.sensor, measured.time_s
         return _innovations(
-            *(iterations, converged, modes, sensor.axes, sensor.planar_pose),
+            *(iterations, converged, modes, sensor.space.planar_axes, sensor.planar_pose),
             *contiguous(*gaussians, np.zeros((0, 2)) if expected is None else expected, *pairs),
             *contiguous(measured.measurement, measured.noise_std),
             *contiguous(NO_TIMES if times is None else times),

@@ -32,11 +32,12 @@ def detection(name, sigma):
 
 def found(sensor, seen, outliers):
     """Return the log likelihood, the updated mean and covariance, and whether it is an outlier."""
-    prior, noise = (MEAN[None], COVARIANCE[None]), sensor.noise_covariance_of(seen)
+    prior, noise = (MEAN[None], COVARIANCE[None]), sensor.noise_std_of(seen)
     of_seen = seen.measurement, sensor.noise_std
     more = {"correlation": seen.noise_correlation, "iterations": 1}
     usual = kalman.innovations(*prior, sensor, *of_seen, **more)
-    mixed, outlier = heavy_tails.mix_noises(usual, outliers, noise, np.zeros(1, dtype=np.int64))
+    columns = noise, seen.noise_correlation, np.zeros(1, dtype=np.int64)
+    mixed, outlier = heavy_tails.mix_noises(usual, outliers, *columns)
     mean, covariance = kalman.update(*prior, sensor, mixed)
     return mixed.log_likelihood[0], mean[0], covariance[0], outlier[0]
 
@@ -94,7 +95,7 @@ def test_a_gaussian_outside_its_gate_stays_impossible():
         *(MEAN[None], COVARIANCE[None], radar, seen.measurement, radar.noise_std),
         pairs=(np.array([-1]), np.array([0])),
     )
-    noise = radar.noise_covariance_of(seen)
-    mixed, outlier = heavy_tails.mix_noises(usual, OUTLIERS, noise, np.zeros(1, dtype=np.int64))
+    noise = radar.noise_std_of(seen), None
+    mixed, outlier = heavy_tails.mix_noises(usual, OUTLIERS, *noise, np.zeros(1, dtype=np.int64))
     assert mixed.log_likelihood[0] == -np.inf
     assert outlier[0] == 0.0
