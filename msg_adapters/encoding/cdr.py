@@ -58,8 +58,8 @@ class Writer:
 
     def put(self, code: str, *values: float | bytes) -> None:
         """Append numbers, or octets, of one `struct` code."""
-        self.align(_SIZES[code])
-        self.add(struct.pack(f"<{len(values)}{code}", *values))
+        gap = bytes(-self.size % _SIZES[code])
+        self.add(gap + struct.pack(f"<{len(values)}{code}", *values))
 
     def align(self, size: int) -> None:
         """Append zeros up to a multiple of `size` bytes."""
@@ -78,8 +78,8 @@ class Writer:
     def string(self, text: str) -> None:
         """Append a string."""
         encoded = text.encode()
-        self.put("I", len(encoded) + 1)
-        self.add(encoded + b"\0")
+        gap = bytes(-self.size % 4)
+        self.add(gap + struct.pack("<I", len(encoded) + 1) + encoded + b"\0")
 
     def header(self, stamp_ns: int, frame: str) -> None:
         """Append a ``std_msgs/Header``."""

@@ -30,6 +30,8 @@ def read(
     ranges if there is an elevation, a height or a site; angles in radians, azimuths
     counter-clockwise from the sensor's x axis; heights in metres as in messages, NaN if unknown.
     """
+    if radar.site is None and elevation is None and height is None:
+        return Ground(distance, azimuth, np.ones(len(distance), dtype=bool))
     finite = np.isfinite(distance) & np.isfinite(azimuth)
     if elevation is not None:
         finite &= np.isfinite(elevation)

@@ -9,7 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from phd_jdtc_ros.evaluation.metric_table import PUBLISHED
 
-from ..encoding import stamps
+from ..encoding import cdr, stamps
 
 if TYPE_CHECKING:
     from phd_jdtc_ros.core.engine import Step
@@ -32,11 +32,12 @@ def status(
         name=name,
         message=message,
         hardware_id=hardware_id,
-        values=[
-            KeyValue(key=key, value=repr(float(v)) if isinstance(v, float) else str(v))
-            for key, v in values.items()
-        ],
+        values=[KeyValue(key=key, value=_text_of(value)) for key, value in values.items()],
     )
+
+
+def _text_of(value: object) -> str:
+    return repr(float(value)) if isinstance(value, float) else str(value)
 
 
 def array(stamp_ns: int, statuses: Sequence[DiagnosticStatus]) -> DiagnosticArray:
@@ -44,10 +45,8 @@ def array(stamp_ns: int, statuses: Sequence[DiagnosticStatus]) -> DiagnosticArra
     return DiagnosticArray(header=stamps.header(stamp_ns, ""), status=statuses)
 
 
-def step_to_msg(
-    stamp_ns: int, step: Step, step_ms: float, class_names: Sequence[str]
-) -> DiagnosticArray:
-    """Return the figures of a tracker step; `step_ms` is its CPU time, ms."""
+def step_to_cdr(stamp_ns: int, step: Step, step_ms: float, class_names: Sequence[str]) -> bytes:
+    """Return the figures of a tracker step, see `figures_to_cdr`; `step_ms` is its CPU time, ms."""
     values = {
         "total": float(step.class_mass.sum()),
         **dict(zip(class_names, step.class_mass.tolist(), strict=True)),
@@ -55,12 +54,25 @@ def step_to_msg(
         "unresolved": sum(found.unresolved for found in step.filtered),
         "step_ms": step_ms,
     }
-    return figures_to_msg(stamp_ns, values)
+    return figures_to_cdr(stamp_ns, values)
 
 
-def figures_to_msg(stamp_ns: int, values: Mapping[str, object]) -> DiagnosticArray:
-    """Return a tracker's figures by name."""
-    return array(stamp_ns, [status("tracker/cardinality", values)])
+def figures_to_cdr(stamp_ns: int, values: Mapping[str, object]) -> bytes:
+    """Return a tracker's figures by name, as a serialised array of one status.
+
+    It is written as bytes, because there is one per scan (see `cdr`).
+    """
+    writer = cdr.Writer()
+    writer.header(stamp_ns, "")
+    writer.put("I", 1)
+    writer.put("c", DiagnosticStatus.OK)
+    for text in ("tracker/cardinality", "", ""):
+        writer.string(text)
+    writer.put("I", len(values))
+    for name, value in values.items():
+        writer.string(name)
+        writer.string(_text_of(value))
+    return writer.message()
 
 
 def values_of(message: DiagnosticStatus) -> dict[str, str]:

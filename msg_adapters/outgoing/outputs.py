@@ -141,7 +141,7 @@ def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
             names.FIGURES,
             when=STEP,
             encode=lambda done, view: [
-                diagnostics.step_to_msg(done.stamp_ns, done.step, done.step_ms, view.class_names)
+                diagnostics.step_to_cdr(done.stamp_ns, done.step, done.step_ms, view.class_names)
             ],
         ),
         *(

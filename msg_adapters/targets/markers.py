@@ -9,12 +9,13 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from functools import cache
+from itertools import chain
 
 import numpy as np
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker
 
-from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.types import Estimates
 
 from ..encoding import cdr, stamps
@@ -62,13 +63,13 @@ def to_cdr(
     refer.
     """
     order = np.argsort(estimates.class_id, kind="stable")
-    estimates, numbers = estimates.take(order), order.tolist()
+    estimates = estimates.take(order)
     counts = np.bincount(estimates.class_id).tolist()
     up = vertical.states(estimates)
     position = np.column_stack([estimates.position, up[:, 0]])
     ellipses = _ellipses(position, estimates.position_covariance)
     arrows = _arrows(position, np.column_stack([estimates.velocity, up[:, 1]]))
-    places = (position + np.array([0.0, 2.0 * LABEL_HEIGHT, 0.0])).tolist()
+    places = position + np.array([0.0, 2.0 * LABEL_HEIGHT, 0.0])
     texts = _labels(estimates, class_names, datum)
     stamp, end = struct.pack("<iI", *divmod(estimates.stamp_ns, stamps.NS_PER_S)), 0
     writer = cdr.Writer()
@@ -86,7 +87,7 @@ def to_cdr(
             writer.rows(ends[mine].reshape(-1, 3))
             writer.add(after[-_AFTER_POINTS:])
         names, after = _parts(frame, f"{name}/label", LABEL, LABEL_COLOUR)
-        _put_labels(writer, stamp + names, after, numbers[mine], places[mine], texts[mine])
+        _put_labels(writer, stamp + names, after, order[mine], places[mine], texts[mine])
     return writer.message()
 
 
@@ -94,38 +95,41 @@ def _put_labels(
     writer: cdr.Writer,
     names: bytes,
     after: bytes,
-    numbers: Sequence[int],
-    places: Sequence[Sequence[float]],
+    numbers: IntArray,
+    places: FloatArray,
     texts: Sequence[str],
 ) -> None:
-    """Append the labels of a class, given a label's bytes before its number and after its place."""
+    """Append the labels of a class, given a label's bytes before its number and after its place.
+
+    A label is joined from parts, which takes half as long as packing its numbers. Positions are
+    aligned to eight bytes, and markers to four, so that the padding between two positions depends
+    on the size of the text only.
+    """
     after, last = after[: -_TEXT - _AFTER_TEXT], after[-_AFTER_TEXT:]
     encoded = [text.encode() for text in texts]
     sizes = [len(text) for text in encoded]
-    layouts = {size: _label(len(after), size, len(last), len(names)) for size in {*sizes}}
-    _begin(writer, names, LABEL, numbers[0], places[0])
-    between = [
-        layouts[size].pack(after, size + 1, text, last, names, number, LABEL, ADD, *place)
-        for size, text, number, place in zip(sizes, encoded, numbers[1:], places[1:], strict=False)
-    ]
-    writer.add(b"".join(between) + after)
+    constant = {size: _around(size, names, after, last) for size in {*sizes}}
+    before, behind, kinds = zip(*[constant[size] for size in sizes], strict=True)
+    _begin(writer, names, LABEL, int(numbers[0]), places[0].tolist())
+    later = numbers[1:].astype("<i4").view("V4").tolist()
+    ahead = np.ascontiguousarray(places[1:], "<f8").view("V24").ravel().tolist()
+    parts = zip(before, encoded, behind, later, kinds, ahead, strict=False)
+    writer.add(b"".join([*chain.from_iterable(parts), after]))
     writer.string(texts[-1])
     writer.align(4)
     writer.add(last)
 
 
-@cache
-def _label(after: int, text: int, last: int, names: int) -> struct.Struct:
-    """Return the layout of the bytes between two labels' positions, given the sizes of parts.
+def _around(size: int, names: bytes, after: bytes, last: bytes) -> tuple[bytes, bytes, bytes]:
+    """Return the bytes around a text of this size, from its label's position to that of the next.
 
-    Both positions are aligned to eight bytes, and the second label to four, so that the padding
-    depends on these sizes only.
+    They are those before the text, then those up to the next label's number, and those after it.
     """
-    size = text + 1 + -(text + 1) % 4
-    end = after + 4 + size + last
-    gap = -end % 4
-    pad = -(end + gap + names + 12) % 8
-    return struct.Struct(f"<{after}sI{size}s{last}s{gap}x{names}s3i{pad}x3d")
+    before = after + struct.pack("<I", size + 1)
+    behind = bytes(1 + -(size + 1) % 4) + last
+    behind += bytes(-(len(before) + size + len(behind)) % 4) + names
+    kind = struct.pack("<2i", LABEL, ADD)
+    return before, behind, kind + bytes(-(len(before) + size + len(behind) + 4 + len(kind)) % 8)
 
 
 def _labels(estimates: Estimates, class_names: tuple[str, ...], datum: float) -> list[str]:

@@ -71,7 +71,10 @@ class Feed:
         on_filtered: OnFiltered = ignore_filtered,
     ) -> None:
         self.pipeline = new_pipeline(config, begin, on_filtered)
-        self._radars, self._radars_by_platform = len(config.inputs), config.radars_by_platform
+        self._radars_by_platform = config.radars_by_platform
+        # Radars whose reports may be dropped, or found faulty, after they were added: if a radar
+        # moves, all of them, because the reports wait for poses in one queue.
+        self._delayed = range(len(config.inputs) if self._radars_by_platform else 0)
         self._notices, self._monitors = notices, monitors
 
     def message(self, radar: int, read: Callable[[], Report]) -> Iterator[Event] | None:
@@ -140,6 +143,6 @@ class Feed:
                     monitor.forget_tracks()
                 else:
                     monitor.add_scan(event.scan, event.step.filtered)
-        for radar in range(self._radars):
+        for radar in self._delayed:
             self._notices.on_drops(radar, self.pipeline.take_drops(radar))
             self._notices.on_anomalies(radar, self.pipeline.take_anomalies(radar))

@@ -97,8 +97,8 @@ class OfflineTracker:
             self._bag.write(names.clutter_map(), interfaces.encode(message), self._last_ns)
         learned = self.tally.learned
         if learned:
-            message = diagnostics.figures_to_msg(self._last_ns, learned)
-            self._bag.write(names.cardinality(), interfaces.encode(message), self._last_ns)
+            figures = diagnostics.figures_to_cdr(self._last_ns, learned)
+            self._bag.write(names.cardinality(), figures, self._last_ns)
         self._write(self._feed.flush())
 
     def record(self) -> Record:

@@ -95,6 +95,13 @@ def test_array_has_no_frame():
     assert [status.name for status in message.status] == ["a", "b"]
 
 
+def test_figures_to_cdr_equals_the_serialised_objects():
+    values = {"total": 2.5, "unresolved": 3, "läufer": np.float64(0.1), "": 1e-300}
+    status = diagnostics.status("tracker/cardinality", values)
+    expected = interfaces.encode(diagnostics.array(STAMP_NS, [status]))
+    assert diagnostics.figures_to_cdr(STAMP_NS, values) == expected
+
+
 def received(messages):
     """Return what arrives, by name."""
     return {
