@@ -17,7 +17,7 @@ from rich.table import Table
 
 from .harness import engines
 from .harness.figures import Figure, all_reached
-from .hostile_input import asterix_bytes, decoders, raw_bytes
+from .hostile_input import asterix_bytes, decoders, random_trackers, raw_bytes
 from .operation import soak
 
 Measure = Callable[[], Figure]
@@ -91,6 +91,7 @@ def fuzzing(arguments: argparse.Namespace) -> Iterator[Measure]:
     yield lambda: decoders.measure(arguments.examples)
     yield lambda: decoders.measure_bags(max(1, arguments.examples // 10))
     yield lambda: asterix_bytes.measure(arguments.examples)
+    yield lambda: random_trackers.measure(max(1, arguments.examples // 25))
     yield engines.of(arguments.engine, lambda: raw_bytes.measure(arguments.seconds))
 
 

@@ -13,7 +13,15 @@ from estimate_sets import estimates
 from msg_adapters.encoding import interfaces, names, stamps
 from robustness import command
 from robustness.harness import engines, figures, scans
-from robustness.hostile_input import asterix_bytes, bags, decoders, forgeries, hostile, raw_bytes
+from robustness.hostile_input import (
+    asterix_bytes,
+    bags,
+    decoders,
+    forgeries,
+    hostile,
+    random_trackers,
+    raw_bytes,
+)
 from robustness.reports import absurd, crowd, numerics
 
 # Fewer particles than a user has: what is tested is their numbers' range.
@@ -34,6 +42,7 @@ every_engine = pytest.mark.parametrize("engine", engines.ALL)
         (asterix_bytes.measure, (300,)),
         (decoders.measure, (200,)),
         (decoders.measure_bags, (60,)),
+        (random_trackers.measure, (12,)),
     ],
     ids=[
         *(
@@ -43,7 +52,7 @@ every_engine = pytest.mark.parametrize("engine", engines.ALL)
             "long lists of names",
             "forged times of a capture",
         ),
-        *("hostile ASTERIX", "random clouds", "damaged bags"),
+        *("hostile ASTERIX", "random clouds", "damaged bags", "random trackers"),
     ],
 )
 def test_fault_outside_an_engine_reaches_its_goal(measure, bounds):

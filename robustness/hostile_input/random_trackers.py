@@ -1,0 +1,226 @@
+"""Trackers of random configurations with random reports: no exception, and finite values only.
+
+The scenes are small, with sets of no and of one hypothesis, and reports arrive late and twice.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.configuration.engines import new_pipeline
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.intake.poses import PoseFault
+from phd_jdtc_ros.core.intake.scans import Rejection
+from phd_jdtc_ros.core.pipeline import Event, Pipeline, RunEnded, Stepped
+from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Pose
+
+from ..harness.figures import Found, measures, such_as
+
+TRACKERS = 400
+MOTIONS = {"turn.model": "coordinated_turn", "rest.model": "stationary"}
+# Values of parameters, of which each tracker has one.
+TRACKER: Mapping[str, Sequence[Any]] = {
+    "sensors": (["a"], ["a", "b"], ["a", "b", "c"]),
+    "classes": (["x"], ["x", "y"], ["x", "y", "z"]),
+    "births": ([], [], ["gate"]),
+    "interval_s": (0.1, 1.0, 4.0, 10.0),
+    "max_gap_scans": (2.0, 15.0),
+    "reorder_s": (0.0, 0.0, 0.5, 4.0),
+    "lag": (0, 1, 5, "20 s"),
+    "accuracy": ("fast", "normal", "high"),
+    "estimates_period_s": (0.0, 0.0, 2.0),
+    "late_reports": ("drop", "rework"),
+    "amplitude": ("auto", "band", "memory", "none"),
+    "detection_births.least_probability": (1e-4, 0.005, 0.3),
+    "report_resting": (False, True),
+    "spawn.rate": (0.0, 0.01),
+    "coasting_scans": (0.0, 10.0),
+    "region": ([], [], [], [-6e3, -6e3, 6e3, 6e3, 500.0]),
+    "world_origin": ([], [], [48.0, 11.0, 0.0]),
+}
+CLASS: Mapping[str, Sequence[Any]] = {
+    "motions": (["line"], ["line", "turn"], ["rest"], ["line", "rest"], ["turn"]),
+    "snr_band_db": ([10.0, 50.0], [5.0, 15.0], [20.0, 20.1]),
+    "survival_probability": (0.9, 0.99, 1.0),
+}
+RADAR: Mapping[str, Sequence[Any]] = {
+    "max_range": (15e3, 2e4),
+    "min_range": (0.0, 500.0),
+    "range_std": (30.0, "auto", "auto 50", "auto 50 outliers", "50 outliers"),
+    "azimuth_std_deg": (0.3, 1.0, "auto 0.5"),
+    "detection_probability": (0.9, "auto", "auto 0.7 correlated", [2e3, 0.95, 15e3, 0.4]),
+    "clutter_rate": (0.1, 5.0, "auto", "auto multipath"),
+    "clutter_map": (False, False, True),
+    "clutter_amplitude": ("rayleigh", "log_normal 10", "learned"),
+    "rotation_s": (0.0, 4.0, "auto"),
+    "sectors": (0, 0, 4, 16),
+    "range_rate_std": (0.5, "auto"),
+    "range_rate_ambiguity": (0.0, 25.0),
+    "cluster_distance": (0.0, 0.0, 5.0),
+    "fov_deg": ([0.0, 360.0], [-60.0, 60.0]),
+    "blind_sectors_deg": ([], [10.0, 30.0]),
+    "pose": ("fixed", "fixed", "fixed", "/odometry"),
+}
+# Optional columns of detections.
+COLUMNS = ("amplitude", "range_rate", "height", "noise_std", "time_s", "code", "address")
+SPEED, FIELD = 60.0, 5e3
+
+
+class _Report(NamedTuple):
+    arrival_ns: int
+    sensor: int
+    stamp_ns: int
+    detections: Detections
+    sector: int | None
+
+
+def _any_of(rng: np.random.Generator, values: Sequence[Any]) -> Any:
+    return values[int(rng.integers(len(values)))]
+
+
+def _drawn(
+    rng: np.random.Generator, table: Mapping[str, Sequence[Any]], prefix: str = ""
+) -> dict[str, Any]:
+    return {f"{prefix}{name}": _any_of(rng, values) for name, values in table.items()}
+
+
+def configuration(rng: np.random.Generator, engine: str) -> TrackerConfig:
+    """Return a random configuration; those that are refused are drawn again."""
+    while True:
+        given: dict[str, Any] = {"engine": engine, "motions": ["line", "turn", "rest"]}
+        given |= {**MOTIONS, **_drawn(rng, TRACKER)}
+        if engine != "gaussian":
+            given |= {"particles_per_target": 64, "particles_per_birth": 64}
+        count = len(given["classes"])
+        given["detection_births.rates"] = rng.choice([0.0, 0.01, 1.0], count).tolist()
+        given |= {"gate.rates": [0.01] * count} if given["births"] else {}
+        for name in given["classes"]:
+            given |= _drawn(rng, CLASS, f"{name}.")
+            modes = len(given[f"{name}.motions"])
+            given[f"{name}.mode_transition"] = [1.0] if modes == 1 else [0.9, 0.1, 0.1, 0.9]
+        for name in given["sensors"]:
+            given |= _drawn(rng, RADAR, f"{name}.")
+            east, north = rng.normal(0.0, 2e3, 2).tolist()
+            given |= (
+                {f"{name}.geodetic": [48.0 + north / 1.1e5, 11.0 + east / 7e4, 300.0]}
+                if given["world_origin"]
+                else {f"{name}.position": [east, north]}
+            )
+        try:
+            return resolve(given)
+        except ConfigError:
+            continue
+
+
+def _column(rng: np.random.Generator, name: str, count: int, part_s: float) -> Any:
+    """Return a random column of detections, some of them unknown."""
+    if name == "code":
+        return rng.choice([-1, 0o1234, 0o7000, 0o4321], count)
+    if name == "address":
+        return rng.choice([-1, 77, 78], count)
+    if name == "noise_std":
+        return rng.uniform(0.5, 2.0, (count, 2)) * [30.0, 0.01]
+    if name == "time_s":
+        return -rng.uniform(0.0, part_s, count)
+    low, high = {"amplitude": (0.1, 9.0), "range_rate": (-12.0, 12.0), "height": (0.0, 1e4)}[name]
+    return np.where(rng.random(count) < 0.1, np.nan, rng.uniform(low, high, count))
+
+
+def _measured(rng: np.random.Generator, position: FloatArray) -> FloatArray:
+    """Return ranges and azimuths of some targets, which most looks detect, and of clutter."""
+    seen = position[rng.random(len(position)) < 0.85]
+    clutter = rng.uniform(-FIELD, FIELD, (rng.poisson(rng.choice([0.0, 0.3, 3.0])), 2))
+    x, y = (np.concatenate([seen, clutter]) + 30.0 * rng.standard_normal((1, 2))).T
+    return np.stack([np.hypot(x, y), np.arctan2(y, x)], axis=1)
+
+
+def reports(rng: np.random.Generator, config: TrackerConfig) -> Iterator[_Report]:
+    """Yield the reports of radars that see up to three targets, in the order of their stamps."""
+    targets = int(rng.integers(0, 4))
+    start = rng.uniform(-FIELD, FIELD, (targets, 2))
+    velocity = SPEED * rng.standard_normal((targets, 2))
+    columns = [[name for name in COLUMNS if rng.random() < 0.35] for _ in config.inputs]
+    now_ns = 10**18
+    for _ in range(int(rng.integers(3, 22))):
+        now_ns += int(1e9 * rng.choice([0.0] * 19 + [1.0, 60.0, -30.0]))
+        for index, radar in enumerate(config.inputs):
+            turn_s, parts = radar.rotation_s or config.model.modes.interval_s, radar.sectors or 1
+            for sector in range(parts if rng.random() < 0.9 else 0):
+                stamp_ns = now_ns + round(1e9 * ((sector + 1) / parts * turn_s + 0.01 * index))
+                position = start + velocity * ((stamp_ns - 10**18) * 1e-9)
+                measured, coverage = _measured(rng, position), None
+                if radar.sectors:
+                    coverage = Coverage(FULL_TURN * sector / parts, FULL_TURN / parts)
+                    turned = (measured[:, 1] - coverage.start) % FULL_TURN
+                    measured = measured[turned < coverage.width]
+                given = {
+                    name: _column(rng, name, len(measured), turn_s / parts)
+                    for name in columns[index]
+                }
+                detections = Detections(measured, given.pop("amplitude", None), **given)
+                detections = detections.changed(coverage=coverage)
+                late_ns = int(rng.exponential(4e8 * turn_s)) if rng.random() < 0.2 else 0
+                at = sector if radar.sectors else None
+                yield _Report(stamp_ns + late_ns, index, stamp_ns, detections, at)
+        now_ns += round(1e9 * max(radar.rotation_s for radar in config.inputs)) or round(
+            1e9 * config.model.modes.interval_s
+        )
+
+
+def _take(events: Iterable[Event]) -> int:
+    """Return the number of steps; raise for a value that is not finite."""
+    steps = 0
+    for event in events:
+        estimates = event.smoothed if isinstance(event, RunEnded) else ()
+        figures: Mapping[str, float] = {}
+        if isinstance(event, Stepped):
+            steps, figures = steps + 1, event.step.figures
+            estimates = (*event.step.filtered, *event.step.smoothed)
+        values = [np.array(list(figures.values()))]
+        values += [value for each in estimates for value in (each.state, each.covariance)]
+        if not all(np.isfinite(value).all() for value in values):
+            raise ArithmeticError(f"not finite: {figures}")
+    return steps
+
+
+def _pose(rng: np.random.Generator, pipeline: Pipeline, sensor: int, stamp_ns: int) -> int:
+    pose = Pose(tuple(rng.normal(0.0, 10.0, 2)), 0.1, (3.0, 4.0))
+    events = pipeline.add_pose(sensor, stamp_ns + int(rng.uniform(-6e8, 3e8)), pose)
+    return 0 if isinstance(events, PoseFault) else _take(events)
+
+
+def track(seed: int, engine: str) -> int:
+    """Run a random tracker; return the number of its steps."""
+    rng = np.random.default_rng(seed)
+    config = configuration(rng, engine)
+    pipeline, steps = new_pipeline(config), 0
+    arriving = sorted(reports(rng, config), key=lambda report: report.arrival_ns)
+    for _, sensor, stamp_ns, detections, sector in arriving:
+        if config.inputs[sensor].pose.topic and rng.random() < 0.9:
+            steps += _pose(rng, pipeline, sensor, stamp_ns)
+        for _ in range(1 if rng.random() < 0.97 else 2):
+            events = pipeline.add(sensor, stamp_ns, detections, sector)
+            steps += 0 if isinstance(events, Rejection) else _take(events)
+        if rng.random() < 0.02:
+            new_pipeline(config).engine.restore(pipeline.engine.snapshot())
+    return steps + _take(pipeline.flush())
+
+
+@measures("random configurations and reports", "0 exceptions, 0 values not finite")
+def measure(trackers: int = TRACKERS) -> Found:
+    """Run random trackers of Gaussians, and of particles one in eight."""
+    steps, wrong, kinds = 0, {}, Counter[str]()
+    for seed in range(trackers):
+        try:
+            steps += track(seed, "particles" if seed % 8 == 0 else "gaussian")
+        except Exception as error:
+            wrong[f"tracker {seed}"] = f"{type(error).__name__}: {error}"[:120]
+            kinds[type(error).__name__] += 1
+    text = f"{trackers:,} trackers, {steps:,} steps: {len(wrong)} exceptions{such_as(wrong)}"
+    return text, not wrong and steps > 0, dict(kinds)
