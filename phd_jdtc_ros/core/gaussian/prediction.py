@@ -82,11 +82,13 @@ class Moves:
 
 
 class _Predicted(NamedTuple):
-    """The predicted hypotheses, which begin as zeros, and the columns of `Moves` from `mean` on."""
+    """The predicted hypotheses, which begin as zeros, and the columns of `Moves`."""
 
     weight: Float3
     mean: Float3
     covariance: Float4
+    change: Float2
+    survival: Float2
     pair_mean: Float2
     factor: Float3
     factored: Int1
@@ -108,7 +110,6 @@ class _Scratch(NamedTuple):
 @inner
 def _write_pair_places(
     weight: FloatArray,
-    interval_of: IntArray,
     pairs: tuple[IntArray, IntArray],
     change: FloatArray,
     place: IntArray,
@@ -126,7 +127,7 @@ def _write_pair_places(
             for class_id in range(classes):
                 has_weight = has_weight or weight[row, from_mode[pair], class_id] > 0.0
             place[row, pair] = -1
-            if has_weight and change[interval_of[row], pair] > 0.0:
+            if has_weight and change[row, pair] > 0.0:
                 place[row, pair], factored[active] = active, -1
                 active += 1
         for pair in range(len(from_mode)):
@@ -202,7 +203,6 @@ def _write_predicted(
     to_mode: Int1,
     turns: Bool1,
     dt: Float1,
-    change: Float2,
     noise: Float4,
     transition: Float4,
     later: _Predicted,
@@ -220,7 +220,7 @@ def _write_predicted(
         check_matrices(matrix)
     for row in range(len(weight)):
         interval = interval_of[row]
-        _write_shares(row, weight, from_mode, to_mode, change[interval], later, share, total)
+        _write_shares(row, weight, from_mode, to_mode, later.change[row], later, share, total)
         for pair in range(len(from_mode)):
             pair_row, mode = later.place[row, pair], to_mode[pair]
             if pair_row < 0:
@@ -256,25 +256,40 @@ def _predict(
     weight: Float3,
     mean: Float3,
     covariance: Float4,
-    interval_of: Int1,
+    sizes: Int1,
     from_mode: Int1,
     to_mode: Int1,
     turns: Bool1,
     dt: Float1,
+    survival: Float2,
     change: Float2,
     noise: Float4,
     transition: Float4,
 ) -> _Predicted:
-    """Return the later hypotheses and the moves; see `_write_predicted`."""
-    (count, modes), pairs = weight.shape[:2], len(from_mode)
+    """Return the later hypotheses and the moves; see `_write_predicted`.
+
+    `sizes` has the number of hypotheses of each interval, which are adjacent.
+    """
+    (count, modes), pairs, end = weight.shape[:2], len(from_mode), 0
+    interval_of = np.empty(count, np.int64)
+    row_change, row_survival = np.empty((count, pairs)), np.empty((count, modes))
+    for interval in range(len(sizes)):
+        end += sizes[interval]
+        for row in range(end - sizes[interval], end):
+            interval_of[row] = interval
+            for pair in range(pairs):
+                row_change[row, pair] = change[interval, pair]
+            for mode in range(modes):
+                row_survival[row, mode] = survival[interval, mode]
     place, factored = np.empty((count, pairs), np.int64), np.empty(count * pairs, np.int64)
-    active, factors = _write_pair_places(
-        weight, interval_of, (from_mode, to_mode), change, place, factored
-    )
+    of_modes = from_mode, to_mode
+    active, factors = _write_pair_places(weight, of_modes, row_change, place, factored)
     later = _Predicted(
         np.zeros(weight.shape),
         np.zeros(mean.shape),
         np.zeros(covariance.shape),
+        row_change,
+        row_survival,
         np.empty((active, SIZE)),
         np.empty((factors, SIZE, SIZE)),
         factored[:active].copy(),
@@ -284,21 +299,9 @@ def _predict(
     )
     spread, spare = np.empty((pairs, SIZE, SIZE)), np.empty((SIZE, SIZE))
     scratch = _Scratch(spread, np.empty(pairs), np.empty(modes), spare, new_moved_inside())
-    _write_predicted(
-        weight,
-        mean,
-        covariance,
-        interval_of,
-        from_mode,
-        to_mode,
-        turns,
-        dt,
-        change,
-        noise,
-        transition,
-        later,
-        scratch,
-    )
+    earlier = weight, mean, covariance, interval_of, from_mode, to_mode
+    motion = turns, dt, noise, transition
+    _write_predicted(*(earlier + motion + (later, scratch)))
     return later
 
 
@@ -316,25 +319,21 @@ def survivors(earlier: Sequence[AgedMixture], dynamics: Dynamics) -> tuple[Mixtu
     switching coefficients", IEEE Transactions on Automatic Control 33(8), 1988.
     """
     stored = Mixture.concatenate([aged.mixture for aged in earlier])
-    interval_of = np.arange(len(earlier)).repeat([len(aged.mixture) for aged in earlier])
+    sizes = np.array([len(aged.mixture) for aged in earlier])
     dt = np.array([aged.dt for aged in earlier])
-    survival, change, noise, transition, snr = dynamics.over(dt)
+    *motion, snr = dynamics.over(dt)
     diffused = [
         _diffuse(aged.mixture.snr, cell_transition)
         for aged, cell_transition in zip(earlier, snr, strict=True)
     ]
-    later = _predict(
-        *(*stored.gaussians, interval_of, *dynamics.pairs, dynamics.turns),
-        *(dt, change, noise, transition),
-    )
+    later = _predict(*stored.gaussians, sizes, *dynamics.pairs, dynamics.turns, dt, *motion)
     predicted = stored.changed(
         weight=later.weight,
         mean=later.mean,
         covariance=later.covariance,
-        snr=np.concatenate(diffused),
+        snr=diffused[0] if len(diffused) == 1 else np.concatenate(diffused),
     )
-    change, survival = change.take(interval_of, axis=0), survival.take(interval_of, axis=0)
-    return predicted, Moves(dynamics.pairs, change, survival, *later[3:])
+    return predicted, Moves(dynamics.pairs, *later[3:])
 
 
 def _diffuse(snr: FloatArray, transition: FloatArray | None) -> FloatArray:
@@ -357,8 +356,13 @@ def births(terms: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: i
     expected = np.array([dt for _, dt in terms]) / dynamics.model.modes.interval_s
     weight, mean, covariance = dynamics.births
     weight = expected[:, None, None] * weight.take(rows, axis=0)
-    gaussians = mean.take(rows, axis=0), covariance.take(rows, axis=0)
-    return Mixture(first + rows, weight, *gaussians, dynamics.unknown_snr(len(rows)))
+    return dynamics.nothing.changed(
+        row_label=first + rows,
+        weight=weight,
+        mean=mean.take(rows, axis=0),
+        covariance=covariance.take(rows, axis=0),
+        snr=dynamics.unknown_snr(len(rows)),
+    )
 
 
 def spawn(
@@ -384,8 +388,9 @@ def spawn(
         motion = *dynamics.spawned, transition, dynamics.turns, dt
         spawned = _spawn(rate, least, *(*parents, *motion))
         if count := len(spawned.weight):
-            row_label = np.arange(label, label + count)
-            parts.append(Mixture(row_label, *spawned, dynamics.unknown_snr(count)))
+            row_label, snr = np.arange(label, label + count), dynamics.unknown_snr(count)
+            columns = spawned._asdict()
+            parts.append(dynamics.nothing.changed(row_label=row_label, snr=snr, **columns))
             label += count
     return Mixture.concatenate(parts) if parts else dynamics.nothing
 

@@ -56,7 +56,10 @@ class MotionModel(ABC):
 
 
 def noise_after(dt: FloatArray | float, factors: FloatArray) -> FloatArray:
-    """Return noise covariances after `dt` seconds, (..., K, K), given `noise_factors`."""
+    """Return noise covariances after `dt` seconds, (..., K, K), given `noise_factors`.
+
+    Given some of their columns it returns these columns.
+    """
     linear, square, cube = factors
     noise: FloatArray = np.multiply.outer(dt, linear)
     noise += np.multiply.outer(dt**2 / 2.0, square)

@@ -25,10 +25,10 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, contains
+from ..arrays import BoolArray, FloatArray, IntArray, contains
 from ..bisection import count_below
 from ..clutter.neighbourhood import probability_among_reflectors
-from ..compilation import Float1, Int1, compiled, inner
+from ..compilation import Bool1, Float1, Int1, compiled, inner
 from ..models import stationary
 from ..models.amplitude_model import Band
 from ..models.tracker_model import TrackerModel
@@ -110,6 +110,7 @@ class _Rule(NamedTuple):
     confirm: Float1  # These are those of the `ReportingRule`
     delete: Float1
     hidden: Float1
+    reported: Bool1
     record_weight: Float1
 
 
@@ -209,10 +210,11 @@ def _next_columns(
     expected_before: Float1,
     missed_before: Float1,
     factor_before: Float1,
-) -> tuple[IntArray, FloatArray, IntArray]:
-    """Return the columns of the next `ConfirmationRecords`, and the state of each track.
+) -> tuple[IntArray, FloatArray, IntArray, BoolArray]:
+    """Return the columns of the next `ConfirmationRecords`, and the state of each estimate.
 
-    `rows` has the estimates of tracks by ascending label; the columns from `track_id` on are those
+    The last result is whether each is reported. `rows` has the estimates by ascending label, first
+    those without one, which have no record; the columns from `track_id` on are those
     of estimates, the probability that no radar of the scan detects each, and that it is stationary.
     `unswept_ns` and `swept` are those of `report_filtered`; from `label` on the parameters are the
     columns of the records before the scan, which remain if the scan has not swept their tracks.
@@ -222,7 +224,7 @@ def _next_columns(
     """
     record, found, most = 0, 0, len(label) + len(rows)
     integers, values = np.empty((4, most), np.int64), np.empty((4, most))
-    states = np.empty(len(rows), np.int64)
+    states, is_reported = np.empty(len(rows), np.int64), np.empty(len(rows), np.bool_)
     before = (label, latest_ns, detected_before_ns, state_before)
     values_before = (existence_before, expected_before, missed_before, factor_before)
     for track in range(len(rows) + 1):
@@ -235,6 +237,10 @@ def _next_columns(
         if row < 0:
             break
         class_id, weight = class_of[row], estimated[row]
+        if track_id[row] == 0:
+            states[row] = CONFIRMED if weight > rule.delete.min() else TENTATIVE
+            is_reported[row] = states[row] != TENTATIVE and rule.reported[class_id]
+            continue
         missing, odds = miss_probability[row], _odds(weight)
         has_record = record < len(label) and label[record] == track_id[row]
         covered = lower = is_missed = False
@@ -267,14 +273,14 @@ def _next_columns(
         if (is_missed or is_detected) and previous_state != TENTATIVE:
             expected += missing
             missed += is_missed
-        states[track] = state
+        states[row], is_reported[row] = state, state != TENTATIVE and rule.reported[class_id]
         integers[0, found], integers[1, found] = track_id[row], stamp_ns
         integers[2, found], integers[3, found] = detected_ns, state
         values[0, found], values[1, found] = weight, expected
         values[2, found], values[3, found] = missed, factor
         found += 1
         record += has_record
-    return integers[:, :found].copy(), values[:, :found].copy(), states
+    return integers[:, :found].copy(), values[:, :found].copy(), states, is_reported
 
 
 class TrackStates:
@@ -310,12 +316,8 @@ class TrackStates:
         """
         if not self.rule.labelled:
             return self._of_reported_classes(estimates)
-        order = estimates.track_id.argsort(kind="stable")
-        labelled = order[estimates.track_id[order] > 0]
-        state = np.where(estimates.weight > self.rule.delete.min(), CONFIRMED, TENTATIVE)
         unswept_stamps = np.array(sorted(unswept_ns), dtype=np.int64)
-        state[labelled] = self._continue(estimates, labelled, swept, unswept_stamps, scan, model)
-        is_reported = (state != TENTATIVE) & self.rule.reported[estimates.class_id]
+        state, is_reported = self._continue(estimates, swept, unswept_stamps, scan, model)
         return estimates.changed(track_state=state).select(is_reported)
 
     def _of_reported_classes(self, estimates: Estimates) -> Estimates:
@@ -324,13 +326,12 @@ class TrackStates:
     def _continue(
         self,
         estimates: Estimates,
-        rows: IntArray,
         swept: IntArray,
         unswept_ns: IntArray,
         scan: Scan,
         model: TrackerModel,
-    ) -> IntArray:
-        """Continue the records; return the states of `rows`, the tracks by ascending label."""
+    ) -> tuple[IntArray, BoolArray]:
+        """Continue the records; return the state of each estimate, and whether it is reported."""
         rule, modes = self.rule, model.modes
         durations = _Durations(
             interval=1e9 * modes.interval_s,
@@ -338,12 +339,12 @@ class TrackStates:
             patience=1e9 * PATIENCE * slowest_s(model),
             coasting=1e9 * rule.coasting_s,
         )
-        numbers = rule.confirm, rule.delete, rule.hidden, rule.record_weight
-        integers, values, states = _next_columns(
+        numbers = rule.confirm, rule.delete, rule.hidden, rule.reported, rule.record_weight
+        integers, values, states, is_reported = _next_columns(
             scan.stamp_ns,
             durations,
             _Rule(modes.nominal_survival, *numbers),
-            rows,
+            estimates.track_id.argsort(kind="stable"),
             estimates.track_id,
             estimates.weight,
             estimates.class_id,
@@ -355,7 +356,7 @@ class TrackStates:
         )
         (label, stamp_ns, detected_ns, state), (existence, *counts) = integers, values
         self._records = ConfirmationRecords(label, stamp_ns, detected_ns, existence, state, *counts)
-        return states
+        return states, is_reported
 
     def note(self, published: Estimates) -> None:
         """Store the states of filtered estimates for the smoothed ones of their stamp."""

@@ -17,6 +17,7 @@ import numpy as np
 from ..arrays import BoolArray, FloatArray
 from ..models.tracker_model import TrackerModel
 from ..sensors.report import Report
+from ..targets.motion import noise_after
 from ..tracks.reporting_rule import slowest_s
 from ..types import Scan
 from .entries import LinkT, RowsT, UnsweptRows
@@ -51,7 +52,8 @@ def partition_swept(
     age_s = (scan.stamp_ns - np.array([rows.entry.stamp_ns for rows in unswept])) * 1e-9
     x = space.position[0]
     # Largest standard deviation that a motion adds, over both axes.
-    noise_std = np.sqrt(2.0 * model.modes.noise(age_s)[:, :, x, x].max(axis=1))
+    variance = noise_after(age_s, model.modes.noise_factors[:, :, x, x])
+    noise_std = np.sqrt(2.0 * variance.max(axis=1))
     dt, spread = np.array([age_s, noise_std]).repeat(sizes, axis=1)
     moments = np.concatenate([extent.moments for extent in extents])
     position = moments[:, :2] + dt[:, None] * moments[:, 2:4]
