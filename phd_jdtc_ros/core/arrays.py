@@ -91,9 +91,9 @@ class ReadOnly:
         for name in computed:
             if name in own:
                 del own[name]
-        for name, value in values.items():
-            if name in arrays and value is not None:
-                value.setflags(False)
+        for name in values:
+            if name in arrays and values[name] is not None:
+                values[name].setflags(False)
         own |= values
         return other
 

@@ -50,8 +50,20 @@ class GaussianSteps:
 
     def prior(self, rows: Branched, report: Report) -> PriorMixture:
         """Return the hypotheses as the prior of a report's update."""
-        expected = Expected.of(rows.mixture, report.sensor)
-        return PriorMixture(rows.mixture, rows.parent, expected, report, self)
+        mixture, sensor = rows.mixture, report.sensor
+        expected, prediction = Expected.of(mixture, sensor), report.informative_prediction
+        looked = None if prediction is None else prediction.of(mixture.row_label)
+        probability = detection_probability(expected, mixture.snr, sensor, self.dynamics, looked)
+        by_class, (count, modes, size) = probability.by_class, expected.measured.shape
+        places = expected.measured.reshape(-1, size), expected.std.reshape(-1, size)
+
+        def measured_in(sector: Coverage) -> FloatArray:
+            share = sensor.sector_probability(places[0], sector, places[1])
+            return share.reshape(count, modes, 1)
+
+        in_turn = by_class if report.share == 1.0 else report.share * by_class
+        seen = report.detection_probability(mixture.row_label, in_turn, measured_in)
+        return PriorMixture(mixture, rows.parent, expected, report, self, probability, *seen)
 
     def with_newborn(
         self, rows: Branched, newborn: Newborn, label: int
@@ -73,6 +85,10 @@ class PriorMixture:
     expected: Expected  # Measurements expected of the Gaussians
     report: Report
     steps: GaussianSteps
+    probability: DetectionProbability  # In a whole turn
+    detection_probability: FloatArray  # Probability that each Gaussian is detected, (H, R, C)
+    # Factor of the earlier sectors, (H, R, C); see `Report.detection_probability`.
+    unseen: FloatArray | None
 
     @property
     def label(self) -> IntArray:
@@ -115,50 +131,9 @@ class PriorMixture:
         of_rows = mixture.target, mixture.mode_weight, mixture.weight, self.detection_probability
         return missed_and_measured(*of_rows, self.expected.measured, len(mixture.label))
 
-    @property
-    def detection_probability(self) -> FloatArray:
-        """Probability that each Gaussian is detected, shape (H, R, C)."""
-        return self._seen[0]
-
-    @cached_property
-    def _probability(self) -> DetectionProbability:
-        """Probability that each Gaussian is detected, given whether the last look detected it."""
-        prediction = self.report.informative_prediction
-        return self._detection_probability(
-            None if prediction is None else prediction.of(self.mixture.row_label)
-        )
-
-    def _detection_probability(
-        self, prediction: tuple[FloatArray, FloatArray] | None
-    ) -> DetectionProbability:
-        sensor, dynamics = self.report.sensor, self.steps.dynamics
-        return detection_probability(self.expected, self.mixture.snr, sensor, dynamics, prediction)
-
-    @property
-    def _in_turn(self) -> FloatArray:
-        """Probability that each Gaussian is detected in a whole turn, shape (H, R, C)."""
-        share, by_class = self.report.share, self._probability.by_class
-        return by_class if share == 1.0 else share * by_class
-
     def _average(self, by_class: FloatArray) -> FloatArray:
         """Return the mean of each hypothesis's values, (H, R, C) to (H,)."""
         return sum_modes(self.mixture.weight * by_class) / np.maximum(self.mass, TINY)
-
-    def _measured_in(self, sector: Coverage) -> FloatArray:
-        """Return the probability that a target is measured in a sector, shape (H, R, 1)."""
-        std = self.expected.std.reshape(self.measured.shape)
-        probability = self.report.sensor.sector_probability(self.measured, sector, std)
-        return probability.reshape(*self.mixture.mean.shape[:2], 1)
-
-    @property
-    def _unseen(self) -> FloatArray | None:
-        """Factor of the earlier sectors, (H, R, C); see `Report.detection_probability`."""
-        return self._seen[1]
-
-    @cached_property
-    def _seen(self) -> tuple[FloatArray, FloatArray | None]:
-        label = self.mixture.row_label
-        return self.report.detection_probability(label, self._in_turn, self._measured_in)
 
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the gated pairs; see `gating.gate_pairs`."""
@@ -237,12 +212,13 @@ class PriorMixture:
     def _log_factor(self, pairs: Paired, evidence: Evidence | None) -> FloatArray:
         """Return the log likelihoods of pairs besides measurement and amplitude, (P,)."""
         factor = np.zeros(len(pairs.row)) if evidence is None else evidence.log_factor
-        if self._unseen is not None:
-            mean = self._average(self._unseen)
+        if self.unseen is not None:
+            mean = self._average(self.unseen)
             factor = factor + np.log(np.maximum(mean, TINY)).take(pairs.row)
         if self.report.informative_prediction is not None:
-            probability = self._average(self._probability.by_class)
-            unconditional = self._average(self._detection_probability(None).by_class)
+            probability = self._average(self.probability.by_class)
+            usual = self.expected, self.mixture.snr, self.report.sensor, self.steps.dynamics
+            unconditional = self._average(detection_probability(*usual).by_class)
             ratio = np.maximum(probability / np.maximum(unconditional, TINY), TINY)
             factor = factor + np.log(ratio).take(pairs.row)
         return factor
@@ -263,7 +239,7 @@ class PriorMixture:
             missed = pair < 0
             for updated, after in zip(gaussians, after_misses, strict=True):
                 updated[missed] = after[prior_row[missed]]
-        probability = self._probability
+        probability = self.probability
         columns = (
             mixture.snr,
             mixture.weight,

@@ -139,8 +139,8 @@ class Newborn:
 
 def newborn_of(report: Report, mass: FloatArray, least_mass: float) -> Newborn:
     """Return the detections with at least a newborn mass, given their masses (M, C)."""
-    newborn, is_kept = Newborn(report, mass), mass.sum(axis=1) >= least_mass
-    return newborn if is_kept.all() else newborn.take(is_kept.nonzero()[0])
+    newborn, rows = Newborn(report, mass), (mass.sum(axis=1) >= least_mass).nonzero()[0]
+    return newborn if len(rows) == len(mass) else newborn.take(rows)
 
 
 def missed_by(reports: Sequence[Report], position: FloatArray, modes: ModeSpace) -> FloatArray:

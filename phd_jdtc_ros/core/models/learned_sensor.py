@@ -23,7 +23,7 @@ from ..learned.correlation import Correlation
 from ..learned.detection_chains import DetectionChains, Look, LookPrediction
 from ..learned.detection_factor import DetectionFactor, TrialSums
 from ..learned.noise_factor import NoiseEvidence, NoiseFactor
-from ..learned.outliers import Outliers
+from ..learned.outliers import OutlierEvidence, Outliers
 from ..sensors.report import EarlierSectors, Report
 from ..sensors.sensor import Sensor
 from ..types import Coverage
@@ -87,15 +87,15 @@ class LearnedSensor(ReadOnly):
         chains = DetectionChains() if self.chains is None else self.chains
         return chains.predict(report.stamp_ns, report.turn_ns, correlation.value)
 
-    def with_surplus(self, report: Report) -> Report:
-        """Return a report whose sensor has the clutter of a burst.
+    def with_surplus(self, report: Report, turn_share: float) -> Report:
+        """Return a report, which covers a part of a turn, whose sensor has the clutter of a burst.
 
         Detections far beyond the usual number are clutter that no configured or learned rate
         expects: jamming, rain, a faulty plot extractor. Targets do not appear in such numbers
         at once, except at the start, when nothing is usual yet.
         """
-        usual, turn_share = self.usual_count, report.part_of_turn
-        if usual is None or usual.turns < USUAL_TURNS or not turn_share:
+        usual = self.usual_count
+        if usual is None or usual.turns < USUAL_TURNS:
             return report
         size = len(report)
         surplus = size - usual.rate * turn_share - USUAL_SIGMA * math.sqrt(size)
@@ -104,12 +104,10 @@ class LearnedSensor(ReadOnly):
         sensor, rate = report.sensor, report.sensor.clutter_rate + surplus / turn_share
         return report.changed(sensor=sensor.changed(clutter_rate=rate))
 
-    def after_count(self, report: Report) -> LearnedSensor:
-        """Return the values after a report, whose detections count towards the usual number."""
-        if not report.part_of_turn:
-            return self
+    def after_count(self, detections: int, turn_share: float) -> LearnedSensor:
+        """Return the values after a number of detections in a part of a turn."""
         usual = self.usual_count or ClutterCount()
-        return self.changed(usual_count=usual.after(len(report), report.part_of_turn))
+        return self.changed(usual_count=usual.after(detections, turn_share))
 
     def after_clutter(
         self, report: Report, claimed: FloatArray, stationary: FloatArray
@@ -146,10 +144,17 @@ class LearnedSensor(ReadOnly):
         alarm = (self.alarm or ChangeAlarm()).after_trials(self.detection, sums)
         return self.changed(alarm=alarm, detection=self.detection.after(sums))
 
-    def after_noise(self, factor: NoiseFactor, evidence: NoiseEvidence) -> LearnedSensor:
-        """Return the values after the innovations of a report, given the factor used for it."""
-        alarm = (self.alarm or ChangeAlarm()).after_noise(factor, evidence)
-        return self.changed(alarm=alarm, noise=factor.after(evidence))
+    def after_noise(
+        self, sensor: Sensor, noise: NoiseEvidence | None, outliers: OutlierEvidence | None
+    ) -> LearnedSensor:
+        """Return the values after the innovations of a report, given the sensor used for it."""
+        values: dict[str, Any] = {}
+        if (factor := sensor.noise_factor) is not None and noise is not None:
+            values["alarm"] = (self.alarm or ChangeAlarm()).after_noise(factor, noise)
+            values["noise"] = factor.after(noise)
+        if sensor.outliers is not None and outliers is not None:
+            values["outliers"] = sensor.outliers.after(outliers)
+        return self.changed(**values)
 
     def after_any_look(self, look: Look) -> LearnedSensor:
         """Return the values after any sensor's look, whose detections let pairs of looks count."""
@@ -163,9 +168,11 @@ class LearnedSensor(ReadOnly):
         """Return the values after the sensor's own look; the report is as it was prepared."""
         learned, sector, sensor = self, report.detections.coverage, report.sensor
         if sector is not None and report.turn_ns and sector.width <= WIDEST:
-            latest = AntennaPass.of(sector, report.stamp_ns)
-            if report.earlier_sectors is not None:
-                latest = report.earlier_sectors.continued
+            latest = (
+                AntennaPass.of(sector, report.stamp_ns)
+                if report.earlier_sectors is None
+                else report.earlier_sectors.continued
+            )
             learned = learned.changed(antenna_pass=latest.detecting(look.label, look.detected))
         prediction, correlation = report.look_prediction, sensor.correlation
         if prediction is not None and correlation is not None:

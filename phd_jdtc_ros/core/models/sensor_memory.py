@@ -151,13 +151,17 @@ class SensorMemory:
     def _index(self, report: Report) -> int:
         return self.names.index(report.sensor.name)
 
-    def with_surplus(self, report: Report) -> Report:
-        """Return a report with the clutter of a burst; see `LearnedSensor.with_surplus`."""
-        return self._of(report.sensor).with_surplus(report)
+    def count(self, report: Report) -> Report:
+        """Count a report's detections towards the usual number.
 
-    def count(self, report: Report) -> None:
-        """Count a report's detections towards the usual number."""
-        self._set(report.sensor, self._of(report.sensor).after_count(report))
+        Return it with the clutter of a burst; see `LearnedSensor.with_surplus`.
+        """
+        turn_share = report.part_of_turn
+        if not turn_share:
+            return report
+        learned = self._of(report.sensor)
+        self._set(report.sensor, learned.after_count(len(report), turn_share))
+        return learned.with_surplus(report, turn_share)
 
     def learns_clutter(self, report: Report) -> bool:
         """Return whether the clutter can be learned from a report; it must be complete."""
@@ -217,19 +221,13 @@ class SensorMemory:
             if trial_sums.trials.any():
                 self.sensors = {**self.sensors, name: self.sensors[name].after_trials(trial_sums)}
 
-    def learn_noise(self, report: Report, evidence: NoiseEvidence) -> None:
-        """Learn from the innovations of one report; see `evidence.evidence_of`."""
-        factor = report.sensor.noise_factor
-        if self.labelled and factor is not None and report.complete:
-            learned = self._of(report.sensor)
-            self._set(report.sensor, learned.after_noise(factor, evidence))
-
-    def learn_outliers(self, report: Report, evidence: OutlierEvidence) -> None:
-        """Learn the share of outliers from the detections of targets in one report."""
-        outliers = report.sensor.outliers
-        if self.labelled and outliers is not None and report.complete:
-            learned = self._of(report.sensor)
-            self._set(report.sensor, learned.changed(outliers=outliers.after(evidence)))
+    def learn_noise(
+        self, report: Report, noise: NoiseEvidence | None, outliers: OutlierEvidence | None
+    ) -> None:
+        """Learn the noise and the share of outliers from the innovations of one report."""
+        if self.labelled and report.complete and (noise is not None or outliers is not None):
+            learned = self._of(report.sensor).after_noise(report.sensor, noise, outliers)
+            self._set(report.sensor, learned)
 
     def needs_look(self, report: Report) -> bool:
         """Return whether `learn_look` learns anything from a report."""

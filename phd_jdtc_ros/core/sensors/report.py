@@ -150,7 +150,7 @@ class Report(ReadOnly):
         """Position of each detection in the world frame, metres, shape (M, 2)."""
         return self.sensor.to_world(self.detections.measurement)
 
-    @cached_property
+    @property
     def time_s(self) -> FloatArray:
         """Time of each detection relative to the stamp, seconds, shape (M,)."""
         times = self.detections.time_s
@@ -189,7 +189,7 @@ class Report(ReadOnly):
             self._by_class.append(log_likelihood)
         return self._by_class[0]
 
-    @cached_property
+    @property
     def log_clutter(self) -> FloatArray:
         """Log intensity of false detections at each detection, shape (M,)."""
         return self.sensor.log_clutter_intensity(self.detections)

@@ -39,7 +39,7 @@ class Coverage:
                 "width above 0 and at most 2 pi"
             )
 
-    @property
+    @cached_property
     def part_of_turn(self) -> float:
         """Part of a turn; 0 if the swept azimuths are unknown."""
         return 0.0 if self == UNKNOWN_COVERAGE else self.width / FULL_TURN

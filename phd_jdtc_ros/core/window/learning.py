@@ -32,10 +32,7 @@ def learn(
         slower = posterior.claims.share_of(prior.probability_slower(bound))
         stationary = model.detection_births.stationary(slower, bound)
         memory.learn_clutter(report, posterior.claimed_probability, stationary)
-    if posterior.noise is not None:
-        memory.learn_noise(report, posterior.noise)
-    if posterior.outliers is not None:
-        memory.learn_outliers(report, posterior.outliers)
+    memory.learn_noise(report, posterior.noise, posterior.outliers)
     learns, looks = memory.learns_detections(report), memory.needs_look(report)
     if not learns and not looks:
         return None

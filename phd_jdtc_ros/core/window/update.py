@@ -69,13 +69,14 @@ def update(
     earlier : sequence of Newborn
         Targets born at the detections of the scan's earlier reports.
     """
-    memory = memory or SensorMemory.of(steps.model)
+    model, births = steps.model, steps.model.detection_births
+    memory = memory or SensorMemory.of(model)
     prepared = report = memory.prepare(report)
     prior = steps.prior(rows, report)
+    counted = memory.count(report)
     limited = detection_limit.limit_detections(report, prior.measured, prior.mass)
     if limited is report:
-        limited = memory.with_surplus(report)
-    memory.count(report)
+        limited = counted
     if limited is not report:
         report, prior = limited, steps.prior(rows, limited)
 
@@ -89,21 +90,21 @@ def update(
     evidence = None if attributes is None else _evidence_of(prior, pairs, report, attributes)
     report = _with_known_targets(report, prior)
     looks, since_s = None, dt
-    if steps.model.detection_births.enabled:  # nothing else depends on earlier looks
-        looks = memory.earlier_looks(report, steps.model)
+    if births.enabled:  # nothing else depends on earlier looks
+        looks = memory.earlier_looks(report, model)
         if looks is None and memory.others_looked(report):
-            since_s = max(dt, steps.model.modes.interval_s)
+            since_s = max(dt, model.modes.interval_s)
         memory.remember_look(report)
-    log_other = log_intensities(report, steps.model, since_s, earlier, evidence, looks)
+    log_other = log_intensities(report, model, since_s, earlier, evidence, looks)
     posterior = prior.posterior(pairs, evidence, log_other)
 
-    look = learn(memory, report, steps.model, prior, posterior)
+    look = learn(memory, report, model, prior, posterior)
     if attributes is not None and posterior.evidence is not None:
         attributes.learn(posterior.evidence, posterior.pair_probability, posterior.existence)
     newborns: tuple[Newborn, ...] = ()
-    if steps.model.detection_births.enabled:
+    if births.enabled:
         # Without the clutter of a burst, in which new targets can wait.
-        least_mass = steps.model.least_newborn_mass(prepared.sensor)
+        least_mass = model.least_newborn_mass(prepared.sensor)
         newborns = (posterior.sources.newborn(posterior.claimed_probability, report, least_mass),)
     return Updated(posterior.rows, newborns, posterior.approximate, prepared, look)
 

@@ -33,7 +33,7 @@ def after(*numbers):
 
 
 def clutter_rate(memory, count, coverage=None):
-    return memory.with_surplus(report_of(count, coverage)).sensor.clutter_rate
+    return memory.count(report_of(count, coverage)).sensor.clutter_rate
 
 
 def test_detections_far_beyond_the_usual_number_are_clutter_until_usual():
@@ -49,7 +49,6 @@ def test_usual_numbers_change_nothing(usual):
     rng, memory = np.random.default_rng(3), SensorMemory(("radar_1",))
     for number in rng.poisson(usual, 500):
         assert clutter_rate(memory, number) == RADAR.clutter_rate
-        memory.count(report_of(number))
 
 
 @pytest.mark.parametrize(("turns", "known"), [(0, False), (1, False), (FEW_TURNS + 1, True)])

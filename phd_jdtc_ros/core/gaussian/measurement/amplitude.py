@@ -58,13 +58,14 @@ def detection_probability(
         configured = mean.T.repeat(modes, axis=1)
     else:
         cell, mean = np.ones(snr.shape[1:]), np.ones(snr.shape[:2])
-        configured = by_gaussian[None].repeat(classes, axis=0)
+        configured = by_gaussian[None]
     learned = sensor.learned_detection_probability(configured, flat)
-    probability = np.ascontiguousarray(learned.T).reshape(count, modes, classes)
+    probability = learned.T.reshape(count, modes, len(configured))
     if prediction is not None:
         looked, detected = (column[:, None, None] for column in prediction)
         probability = probability * (1.0 - looked) + detected
-    return DetectionProbability(covered * probability, cell, mean)
+    by_class = np.empty((count, modes, classes))
+    return DetectionProbability(np.multiply(covered, probability, by_class), cell, mean)
 
 
 @compiled

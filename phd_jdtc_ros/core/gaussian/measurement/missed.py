@@ -44,7 +44,8 @@ def missed_and_measured(
                 missed[index] += weight[row, mode, class_id] * probability
         if not found[index]:
             found[index] = True
-            measured_by_target[index] = measured[row, best]
+            for axis in range(measured.shape[2]):
+                measured_by_target[index, axis] = measured[row, best, axis]
     return missed, measured_by_target
 
 

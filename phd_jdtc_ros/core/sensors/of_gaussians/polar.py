@@ -38,7 +38,8 @@ class PolarGaussians(Linearised):
         report: Report,
     ) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the pairs of hypotheses and detections in a gate, and their log likelihoods."""
-        sensor, measurement = self.sensor, report.detections.measurement
+        sensor, detections = self.sensor, report.detections
+        measurement, times = detections.measurement, detections.time_s
         turn = measurement[:, 1] % FULL_TURN
         order, noise_std = turn.argsort(kind="stable"), self.gate_ratio * report.detection_std
         return polar_gate.gate(
@@ -50,7 +51,8 @@ class PolarGaussians(Linearised):
                 measured,
                 covariance,
             ),
-            *(weight, measurement, noise_std, report.time_s, turn[order], order),
+            *(weight, measurement, noise_std, NO_TIMES if times is None else times),
+            *(turn[order], order),
         )
 
     def innovations(

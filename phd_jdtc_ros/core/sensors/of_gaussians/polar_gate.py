@@ -224,9 +224,8 @@ def _gate_pairs(
                 _write_inverses(
                     row, covariance, noise_range, noise_azimuth, gated.inverse, gated.log_scale
                 )
-            inside = _write_densities(
-                row, measured, weight, measurement[z], time_s[z], pairs, gated
-            )
+            time = time_s[z] if len(time_s) else 0.0
+            inside = _write_densities(row, measured, weight, measurement[z], time, pairs, gated)
             gated.row[pairs], gated.column[pairs] = row, z
             pairs += inside
     return pairs
@@ -249,7 +248,8 @@ def gate(
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return the results of `PolarGaussians.gate_pairs`.
 
-    `ascending` has the azimuths of the detections `by_azimuth`, from 0 to a full turn.
+    `ascending` has the azimuths of the detections `by_azimuth`, from 0 to a full turn; `time_s` may
+    be empty.
     """
     (count, modes), size, begin = weight.shape, len(ascending), 0
     azimuth, distance = np.empty(2 * size), np.empty(2 * size)
@@ -265,7 +265,7 @@ def gate(
         distance[index] = measurement[order[index], 0]
     for z in range(size):
         widest[0], widest[1] = max(widest[0], noise_std[z, 0]), max(widest[1], noise_std[z, 1])
-        latest = max(latest, abs(time_s[z]))
+        latest = max(latest, abs(time_s[z])) if len(time_s) else 0.0
     pairs, room = -1, 4 * count + 64
     while pairs < 0:
         gated = _Gated(
