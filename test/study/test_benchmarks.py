@@ -288,7 +288,7 @@ def test_messages_are_measured_around_a_step_that_finds_the_same():
     messages.step_at_no_cost(pipeline.engine, found, 2)
     events = [
         event
-        for index, report in enumerate(messages._reports(2))
+        for index, report in enumerate(messages._reports(2, 0))
         for event in pipeline.add(index, 10**12, report)
     ]
     (stepped,) = events
