@@ -1,11 +1,10 @@
-"""``python -m benchmarks``: on one thread, which must be set before numpy is imported."""
+"""``python -m benchmarks``."""
 
-import os
 import sys
 
-from .gate import ONE_THREAD
+from phd_jdtc_ros.threads import use_one_thread
 
-os.environ.update(ONE_THREAD)
+use_one_thread()
 
 from .command import main
 

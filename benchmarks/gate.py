@@ -16,13 +16,12 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from phd_jdtc_ros.threads import use_one_thread
+
 ROOT = Path(__file__).parents[1]
 ENGINES = ("particles", "gaussian")
 ROUNDS = 7
 LARGEST = 1.15
-ONE_THREAD = dict.fromkeys(
-    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
-)
 # The first pass compiles and fills the caches; what happens once in another does not count.
 TIMED = """
 import sys, time
@@ -42,7 +41,7 @@ def seconds(source: Path, engine: str) -> float:
     done = subprocess.run(
         [sys.executable, "-c", TIMED, engine],
         cwd=source,
-        env={**os.environ, **ONE_THREAD, "PYTHONPATH": str(source)},
+        env={**os.environ, "PYTHONPATH": str(source)},
         check=True,
         capture_output=True,
         text=True,
@@ -60,6 +59,7 @@ def main(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser("python -m benchmarks.gate", description=__doc__)
     parser.add_argument("commit", nargs="?", default="HEAD~1", help="the commit, %(default)s")
     commit = parser.parse_args(argv).commit
+    use_one_thread()
     slower = []
     with tempfile.TemporaryDirectory() as directory:
         before, packed = Path(directory) / "before", Path(directory) / "before.tar"

@@ -14,6 +14,7 @@ from functools import partial
 from types import ModuleType
 
 from phd_jdtc_ros.quoting import short
+from phd_jdtc_ros.threads import use_one_thread
 
 # Modules and purposes; the modules are in `nodes` or `tools`.
 EXECUTABLES = {
@@ -61,6 +62,7 @@ ROS_PACKAGES = {
 def run(name: str, argv: Sequence[str] | None = None) -> int:
     """Run an executable and return its exit status; `argv` without its name."""
     arguments = sys.argv[1:] if argv is None else argv
+    use_one_thread()
     path = EXECUTABLES[name][0]
     if name in NODES and (not arguments or arguments[0] == "--ros-args"):
         path = NODES[name]

@@ -10,7 +10,6 @@ from .harness.isolation import ISOLATED
 # LOCALHOST in addition, a restarted node would be discovered seconds later.
 os.environ.update(ISOLATED)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SUBNET"
-os.environ["OMP_NUM_THREADS"] = "1"
 
 from .command import main
 

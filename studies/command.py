@@ -18,7 +18,6 @@ from typing import IO
 
 from phd_jdtc_ros.exit_status import FAILED, INTERRUPTED, OK, ArgumentParser
 from phd_jdtc_ros.quoting import short
-from phd_jdtc_ros.study.monte_carlo.execution import THREAD_VARIABLES
 from phd_jdtc_ros.tools import monte_carlo
 
 from . import peers, runner
@@ -112,11 +111,10 @@ def run_all(argv: Sequence[str]) -> int:
 @contextmanager
 def _beside(out: Path, text: IO[str]) -> Iterator[subprocess.Popen[str]]:
     """Run the rest in a process that ends with the block at the latest; print into `text`."""
-    settings = dict.fromkeys(THREAD_VARIABLES, "1")
-    settings["COLUMNS"] = str(shutil.get_terminal_size().columns)
+    columns = str(shutil.get_terminal_size().columns)
     process = subprocess.Popen(
         [sys.executable, "-m", "studies", "rest", "--out", str(out)],
-        env={**os.environ, **settings},
+        env={**os.environ, "COLUMNS": columns},
         stdout=text,
         text=True,
     )

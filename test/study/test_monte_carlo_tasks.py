@@ -9,7 +9,7 @@ from pathlib import Path
 import fatal_tasks
 import numpy as np
 import pytest
-from fatal_tasks import alone, die_of_one, die_once, outcome
+from fatal_tasks import alone, die_of_one, die_once
 from fatal_tasks import tasks as light_tasks
 
 from phd_jdtc_ros.study import monte_carlo
@@ -190,11 +190,3 @@ def test_run_on_processes_is_interrupted_while_a_worker_sends_an_outcome(tmp_pat
         check=False,
     )
     assert ended.stderr.decode().strip().endswith("KeyboardInterrupt")
-
-
-def test_run_on_processes_restores_the_environment(monkeypatch):
-    monkeypatch.setenv("OMP_NUM_THREADS", "7")
-    monkeypatch.delenv("MKL_NUM_THREADS", raising=False)
-    on_processes(light_tasks(1), lambda _: None, outcome)
-    assert os.environ["OMP_NUM_THREADS"] == "7"
-    assert "MKL_NUM_THREADS" not in os.environ

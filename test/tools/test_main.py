@@ -1,8 +1,10 @@
 """The executables, what they print, and the shipped profiles that they run."""
 
 import contextlib
+import os
 import subprocess
 import sys
+import textwrap
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +21,7 @@ from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
+from phd_jdtc_ros.threads import THREAD_VARIABLES
 from phd_jdtc_ros.tools import compile_engines
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -57,6 +60,28 @@ def test_usage_is_printed_unless_an_executable_is_named(start, arguments, refusa
     assert text.startswith(f"{refusal or ''}usage: python -m phd_jdtc_ros NAME [ARGUMENTS]\n")
     for name in EXECUTABLES:
         assert f"\n  {name} " in text
+
+
+@pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="a BLAS has one thread then")
+def test_an_executable_computes_on_one_thread_unless_the_environment_has_another():
+    script = """
+        import os
+        from phd_jdtc_ros.__main__ import track_bag
+        try:
+            track_bag(["--help"])
+        except SystemExit:
+            print(len(os.listdir("/proc/self/task")))
+    """
+
+    def threads(**settings):
+        kept = {name: value for name, value in os.environ.items() if name not in THREAD_VARIABLES}
+        command = [sys.executable, "-c", textwrap.dedent(script)]
+        done = subprocess.run(
+            command, env={**kept, **settings}, capture_output=True, text=True, check=True
+        )
+        return int(done.stdout.split()[-1])
+
+    assert threads() < threads(OPENBLAS_NUM_THREADS="2", OMP_NUM_THREADS="2")
 
 
 @pytest.mark.parametrize("name", ["simulate", "track_bag", "demo"])

@@ -80,6 +80,15 @@ def _unmatched_probability(table: FloatArray, later: FloatArray, bit: int) -> fl
 
 
 @inner
+def _product(table: FloatArray, later: FloatArray) -> float:
+    """Return the scalar product; that of BLAS would wait for its threads on a busy machine."""
+    total = 0.0
+    for state in range(len(table)):
+        total += table[state] * later[state]
+    return total
+
+
+@inner
 def _largest_table(table_size: IntArray, steps: tuple[int, int]) -> int:
     """Return the size of the largest table of some steps."""
     largest = 0
@@ -139,7 +148,7 @@ def _write_probabilities(
         table = tables[begin:end]
         for index in range(plan.node_start[step], plan.node_start[step + 1]):
             later = _reopen_node(later, plan.node_bit[index], free[plan.node[index]], buffer)
-        later /= np.dot(table, later)
+        later /= _product(table, later)
         for index in range(plan.node_start[step], plan.node_start[step + 1]):
             unmatched[plan.node[index]] = _unmatched_probability(table, later, plan.node_bit[index])
         for index in range(plan.edge_start[step], plan.edge_start[step + 1]):

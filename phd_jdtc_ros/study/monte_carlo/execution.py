@@ -20,7 +20,6 @@ from .tasks import Outcome, Task, perform
 # A task fails after this many deaths of its worker process.
 TRIES = 3
 DASK_TIMEOUT_S = 10
-THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 Report: TypeAlias = Callable[[Outcome], None]
 Work: TypeAlias = Callable[[Task], Outcome]
@@ -56,10 +55,8 @@ def run_on_processes(
 
 @contextlib.contextmanager
 def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Yield a pool of single-threaded processes, which end with the context even after an error."""
+    """Yield a pool of processes, which end with the context even after an error."""
     before = set(multiprocessing.active_children())
-    settings = {name: os.environ.get(name) for name in THREAD_VARIABLES}
-    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
     spawn = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(workers, mp_context=spawn, initializer=_Worker.begin)
     try:
@@ -70,11 +67,6 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
         raise
     finally:
         pool.shutdown(cancel_futures=True)
-        for name, value in settings.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 class _Worker:
