@@ -9,8 +9,10 @@ from typing import Any
 from .findings import SPEED_MARGIN, Findings
 from .proposal import ALARMS, round_to_std
 
-# Least displacement by acceleration in a look, as a share of the range's standard deviation.
-LEAST_OFF_COURSE = 0.1
+# Looks of the smoother's lag, and least displacement by acceleration in this time, as a share of
+# the range's standard deviation. As displacement in a single look, it would exceed the
+# accelerations of slow targets by far where looks are frequent.
+LAG_LOOKS, LEAST_OFF_COURSE = 5.0, 0.1
 # Least ratio of the manoeuvres' density to the density at constant velocity.
 LEAST_RATIO = 20.0
 # The SNR band is wider than the tracks' levels by this much on either side, dB.
@@ -33,13 +35,13 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
         if each.timing.rotation_s and not each.timing.sectors and timed[radar]
     ]
     noise = first.likelier_noise
-    floor = 3.0 * (LEAST_OFF_COURSE * noise.range_std) ** 2 / look_s**3
+    floor = 3.0 * (LEAST_OFF_COURSE * noise.range_std) ** 2 / (LAG_LOOKS * look_s) ** 3
     calm = max(noise.densities[0], floor)
     hard = max(noise.densities[1], LEAST_RATIO * calm)
     given: dict[str, Any] = {
         "engine": "gaussian",
         "interval_s": round_to_std(look_s, 1e-3 * look_s),
-        "lag": f"{round_to_std(5.0 * look_s, 0.1 * look_s):g} s",
+        "lag": f"{round_to_std(LAG_LOOKS * look_s, 0.1 * look_s):g} s",
         "classes": ["target"],
         "motions": ["cv", "ct"],
         "births": [],

@@ -12,6 +12,7 @@ from phd_jdtc_ros.calibration.tuning import proposal, unspecified
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.calibration.tuning.plots import plots_of
 from phd_jdtc_ros.calibration.tuning.rates import crowded, outside_land
+from phd_jdtc_ros.calibration.tuning.rotation import Timing
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import Detections, Pose
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
@@ -294,6 +295,18 @@ def test_survival_is_the_highest_that_the_ends_of_tracks_allow(estimated, rate, 
     )
     values = unspecified.parameters({"a": long, "b": slow}, {"a": True, "b": True})
     assert values["target.survival_probability"] == pytest.approx(survival, abs=1e-9)
+
+
+def test_frequent_looks_do_not_enlarge_the_accelerations_of_slow_targets(estimated):
+    _, found = estimated
+    noise = replace(found.noise, range_std=25.0, densities=(1e-5, 0.1))
+    ships = replace(found, timing=Timing(1.0), noise=noise, with_outliers=None)
+    values = unspecified.parameters({"mast": ships}, {"mast": False})
+    assert values["cv.noise_density"] < 0.2
+    assert values["ct.noise_density"] < 4.0
+    fast = replace(ships, noise=replace(noise, densities=(2.0, 90.0)))
+    values = unspecified.parameters({"mast": fast}, {"mast": False})
+    assert (values["cv.noise_density"], values["ct.noise_density"]) == (2.0, 90.0)
 
 
 def test_unspecified_tracker_is_one_that_the_configuration_takes(estimated):
