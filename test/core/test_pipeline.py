@@ -7,10 +7,11 @@ from scenes import short_scenario, small
 
 from phd_jdtc_ros.configuration.engines import ENGINES, new_engine, new_pipeline
 from phd_jdtc_ros.core.intake.scans import Rejection
-from phd_jdtc_ros.core.intake.slices import SLICES
+from phd_jdtc_ros.core.intake.slices import slices_per_turn
 from phd_jdtc_ros.core.pipeline import RunEnded, Stepped
 from phd_jdtc_ros.simulation.simulate import simulate
 
+SLICES = slices_per_turn(4.0)
 CONFIG = small({"lag": 2})
 SCANS = [scan for _, scan in simulate(short_scenario(8), 0)]
 INTERVAL_NS = 6_000_000_000

@@ -11,8 +11,12 @@ import numpy as np
 from ..arrays import FloatArray
 from ..types import FULL_TURN, UNKNOWN_COVERAGE, Coverage, Detections
 
-# Slices per turn; a target's motion during half a slice is nearly straight.
-SLICES = 8
+# Fewest slices per turn, and their usual length, seconds. Detections are predicted to their own
+# times as if a target flew straight: in half a slice, a turn with 3 g departs by 8 m from that.
+FEWEST_SLICES, SLICE_S = 3, 1.5
+# Fewest slices of a moving radar, which has one pose in a slice: a boat that yaws at 5 degrees a
+# second turns by 0.8 degrees in half a slice of a turn of 2.5 s.
+FEWEST_MOVING = 8
 
 Slice = tuple[int, Detections]
 
@@ -44,19 +48,24 @@ class RadarReport(NamedTuple):
         return RadarReport(stamp_ns, detections, stamp_s, time_s is not None, detection_s, azimuth)
 
 
+def slices_per_turn(period_s: float, moves: bool = False) -> int:
+    """Return the number of slices of a turn of this duration of a radar that may move."""
+    return max(FEWEST_MOVING if moves else FEWEST_SLICES, round(period_s / SLICE_S))
+
+
 def cut(
     report: RadarReport,
-    period_s: float,
+    length_s: float,
     between_s: tuple[float, float],
     between: tuple[float, float],
 ) -> list[UnstampedSlice]:
     """Return the slices of a report of detections with times of their own, oldest first.
 
-    `between_s` has the start and the end of the time that the report covers, and `between` the
-    antenna's directions at these times, radians.
+    `length_s` is about the time that a slice covers, `between_s` has the start and the end of the
+    time that the report covers, and `between` the antenna's directions at these times, radians.
     """
     start_s, end_s = between_s
-    count = round(SLICES * (end_s - start_s) / period_s)
+    count = round((end_s - start_s) / length_s)
     if count <= 1:
         offset_ns = round((0.5 * (start_s + end_s) - report.stamp_s) * 1e9)
         return [UnstampedSlice(report.stamp_ns + offset_ns, report.detections, arc(*between))]

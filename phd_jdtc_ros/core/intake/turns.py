@@ -2,9 +2,9 @@
 
 A surveillance antenna takes some seconds for a turn, and a target is missed only if the antenna has
 passed it. A report covers the time since the previous one. If its detections have times of their
-own, this time is cut into slices of about an eighth of a turn, and each detection belongs to the
-slice of its time. The coverage of a slice follows from the antenna's motion (see `antenna`), or
-from the sector's number if the report has one. If neither is known, no target counts as missed.
+own, this time is cut into slices of some 1.5 s, and each detection belongs to the slice of its
+time. The coverage of a slice follows from the antenna's motion (see `antenna`), or from the
+sector's number if the report has one. If neither is known, no target counts as missed.
 
 A detection's time is a measurement and is never changed. A detection whose time disagrees with its
 azimuth, or comes after its slice has been processed, is counted and used as it is.
@@ -30,7 +30,7 @@ from .antenna import MIN_PERIOD_S, AntennaTrack
 from .report_timing import ReportTiming
 from .scans import Rejection
 from .sectors import coverage_of, is_sector, smallest_arc
-from .slices import SLICES, RadarReport, Slice, UnstampedSlice, arc, cut
+from .slices import RadarReport, Slice, UnstampedSlice, arc, cut, slices_per_turn
 
 # Directions of the antenna at the end of one report and at the start of the next are joined if they
 # differ by less than this, radians.
@@ -43,7 +43,7 @@ MIN_WHOLE_SPAN = 0.75 * FULL_TURN
 # The antenna may be standing still if they span less than this, radians.
 MAX_STANDING_SPAN = 0.25 * FULL_TURN
 # A detection is late if it precedes its report's interval by more than this share of a turn.
-MAX_LATENESS = 0.5 / SLICES
+MAX_LATENESS = 0.0625
 # Longest coverage of one report in turns, even if the previous one was longer ago.
 MAX_COVERED_TURNS = 1.2
 # Smallest number of reports per turn from whose stamps the antenna's motion is estimated.
@@ -81,6 +81,7 @@ class Turns:
     compass: bool = False  # Whether sectors are numbered clockwise from north; see `sectors`
     # A stamp that is further behind the latest than this begins a new run.
     reset_threshold_s: float = math.inf
+    moves: bool = False  # Whether the radar moves
     # Bias of the antenna's azimuths, radians counter-clockwise. Sector numbers refer to the biased
     # azimuths; those of the detections are corrected already.
     azimuth_bias: float = 0.0
@@ -301,7 +302,8 @@ class Turns:
             start = start if (end - start) * antenna.rate > 0.0 else end
         if not report.timed:
             return [UnstampedSlice(stamp_ns, detections, arc(start, end))], end
-        return cut(report, self.period_s, (start_s, end_s), (start, end)), end
+        length_s = self.period_s / slices_per_turn(self.period_s, self.moves)
+        return cut(report, length_s, (start_s, end_s), (start, end)), end
 
     def _unclear_coverage(self, report: RadarReport) -> Coverage | None:
         """Return the coverage of a report while the antenna's motion is unknown."""

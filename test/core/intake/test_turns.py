@@ -17,11 +17,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phd_jdtc_ros.core.intake.scans import Rejection
-from phd_jdtc_ros.core.intake.slices import SLICES
+from phd_jdtc_ros.core.intake.slices import slices_per_turn
 from phd_jdtc_ros.core.intake.turn_history import TurnHistory
 from phd_jdtc_ros.core.intake.turns import Turns
 from phd_jdtc_ros.core.types import Detections
 
+SLICES = slices_per_turn(4.0)
 REPORTS = TurningRadar(sectors=8, plots=80).reports(8)
 
 
@@ -31,6 +32,13 @@ def test_a_report_without_times_or_of_a_radar_that_does_not_turn_stays_as_it_is(
     ((stamp_ns, piece),) = Turns(rotation_s).split(sent.stamp_ns, sent.detections)
     assert stamp_ns == sent.stamp_ns
     assert piece is sent.detections
+
+
+@pytest.mark.parametrize(
+    ("period_s", "moves", "slices"), [(2.5, False, 3), (12.0, False, 8), (2.5, True, 8)]
+)
+def test_slices_are_short_and_those_of_a_moving_radar_shorter(period_s, moves, slices):
+    assert slices_per_turn(period_s, moves) == slices
 
 
 @pytest.mark.parametrize("clockwise", [False, True])

@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.intake.sectors import coverage_of
-from phd_jdtc_ros.core.intake.slices import SLICES
+from phd_jdtc_ros.core.intake.slices import slices_per_turn
 from phd_jdtc_ros.core.intake.turns import Turns
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN_COVERAGE, Detections
 
+SLICES = slices_per_turn(4.0)
 GRID_S = 0.02
 # Turns after a change of the antenna or its clock by which coverages must be right again.
 SETTLED_TURNS = 4.0
