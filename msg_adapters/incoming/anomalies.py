@@ -204,8 +204,8 @@ _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
         "once. Does the driver send its buffer twice?"
     ),
     "reports_repeated": lambda radar, count: (
-        f"{count} clouds that repeat all detections of the cloud before; under another stamp they "
-        "make false targets. Does the driver send its buffer twice?"
+        f"{count} clouds that repeat all detections of the cloud before under another stamp; they "
+        "are not used. Does the driver send its buffer twice?"
     ),
     "heights_unknown": lambda radar, count: (
         f"{count} detections without a height; {_without_height(radar)}"

@@ -14,6 +14,7 @@ from phd_jdtc_ros.calibration.registration.monitor import RegistrationMonitor
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.calibration.tuning.plots import limit_plots, plots_of
 from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.intake.input_checks import REPEATED
 from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Detections, Estimates
@@ -26,7 +27,7 @@ from .reports import TIME, report_of, reports_of, without_max_range
 from .tables import Column, Table, columns_of, stamps_ns, table_of
 
 # The findings about reports that contradict what `fit` cannot estimate.
-NOT_FITTED = ("azimuths_in_radians", "reports_repeated")
+NOT_FITTED = ("azimuths_in_radians", REPEATED)
 
 
 class Tracks(NamedTuple):

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple, TypeAlias
 
 from .engine import Engine, OnFiltered, Step, ignore_filtered
-from .intake.input_checks import ReportCheck, ResultCheck
+from .intake.input_checks import REPEATED, ReportCheck, ResultCheck
 from .intake.out_of_sequence import OutOfSequence
 from .intake.posed_reports import PosedReports
 from .intake.poses import Platform, PoseFault
@@ -136,13 +136,19 @@ class Pipeline:
         """Add one report; return the events of the scans that it closes.
 
         If no part of the report is used in any scan, the reason is returned. `radar` is the index
-        in the configured order, and `sector` the sector's number, if the report contains it.
+        in the configured order, and `sector` the sector's number, if the report contains it. A copy
+        of the radar's previous report under a later stamp is counted, and otherwise ignored: its
+        errors are the same, so that as a look of its own it would count them twice.
         """
         sensor, turns = self._sensors[radar], self._turns[radar]
-        for finding in sensor.check.add(detections):
+        noticed = sensor.check.add(detections)
+        for finding in noticed:
             # Sectors need no configuration once the rotation period is known.
             if finding != "sectors_not_configured" or not turns.period_s:
                 turns.anomalies[finding] += 1
+        if REPEATED in noticed and not turns.is_behind(stamp_ns):
+            self._grouper.note_live(radar)
+            return self._events([])
         nominal_s = turns.nominal_period_s
         can_recut = sensor.history.kept and self._out_of_sequence.since_ns() is not None
         if can_recut and nominal_s and turns.is_behind(stamp_ns):

@@ -76,6 +76,31 @@ def test_add_refuses_a_report_that_came_before_even_if_cut():
     assert again is Rejection.DUPLICATE
 
 
+@pytest.mark.parametrize("radars", [(0,), (1,), (0, 1)])
+def test_a_copy_of_the_previous_report_is_no_new_look(radars):
+    expected, pipeline, events = fed(new_pipeline(CONFIG), SCANS), new_pipeline(CONFIG), []
+    for scan in SCANS:
+        for later_ns in (0, INTERVAL_NS // 3, INTERVAL_NS // 2):
+            for radar in (0, 1) if later_ns == 0 else radars:
+                stamp_ns = scan.stamp_ns + later_ns
+                events += pipeline.add(radar, stamp_ns, scan.detections[radar])
+    assert [event.scan.stamp_ns for event in events] == [scan.stamp_ns for scan in SCANS]
+    for one, other in zip(states(events), states(expected), strict=True):
+        np.testing.assert_array_equal(one, other)
+    for radar in (0, 1):
+        copies = 2 * len(SCANS) if radar in radars else 0
+        assert pipeline.take_anomalies(radar)["reports_repeated"] == copies
+
+
+def test_a_radar_that_sends_copies_is_waited_for():
+    pipeline, scans = new_pipeline(CONFIG), []
+    for number, scan in enumerate(SCANS[:7]):
+        slow = SCANS[number - number % 3]
+        for radar, detections in ((1, scan.detections[1]), (0, slow.detections[0])):
+            scans += [event.scan for event in pipeline.add(radar, scan.stamp_ns, detections)]
+    assert [scan.detections[0] is not None for scan in scans] == [True, False, False] * 2 + [True]
+
+
 def test_scans_are_stepped_when_their_events_are_asked_for():
     pipeline = new_pipeline(CONFIG)
     fed(pipeline, SCANS[:2])

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.intake.input_checks import COPIED_DETECTIONS
+from phd_jdtc_ros.core.intake.input_checks import COPIED_DETECTIONS, is_copy
 from phd_jdtc_ros.core.types import Detections
 
 from . import kinematics
@@ -118,7 +118,7 @@ def _without_copies(reports: list[tuple[int, Detections]]) -> list[tuple[int, De
     copies = {
         number
         for number, ((first_ns, before), (ns, found)) in enumerate(pairwise(reports), 1)
-        if ns > first_ns and len(found) and np.array_equal(found.measurement, before.measurement)
+        if ns > first_ns and is_copy(found, before)
     }
     if max((len(reports[number][1]) for number in copies), default=0) < COPIED_DETECTIONS:
         return reports

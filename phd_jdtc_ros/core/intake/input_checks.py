@@ -33,9 +33,11 @@ FIELD_DETECTIONS = 200
 FIELD_ARC = 0.4
 # Smallest number of reports, with `FIELD_DETECTIONS` together, whose extent shows their units.
 EXTENT_REPORTS = 20
-# Smallest number of detections in a report that is taken for a copy of the one before. Fewer can
-# repeat by chance where measurements are coarse and targets rest.
+# Smallest number of detections in a report that shows that a radar's reports come several times.
+# Fewer can repeat by chance where measurements are coarse and targets rest.
 COPIED_DETECTIONS = 5
+# Finding: a report is a copy of the one before, and no new look.
+REPEATED = "reports_repeated"
 # A turn in radians, if it is taken for degrees.
 RADIANS_AS_DEGREES = math.radians(FULL_TURN)
 # A radar with a longer rotation period, seconds, and a longer range, metres, is for aircraft, whose
@@ -65,19 +67,20 @@ class ReportCheck:
     _together: BoolArray = zeros_field(CELLS, dtype=np.bool_)
     # Measurements of the first reports; None once their extent is checked.
     _first: list[FloatArray] | None = field(init=False, default_factory=list)
-    # Measurements of the report before.
-    _before: FloatArray = zeros_field(0, 2)
+    _before: Detections | None = field(init=False, default=None)  # The previous report
+    _copied: bool = field(init=False, default=False)  # True once a report is clearly a copy
 
     def add(self, detections: Detections) -> list[str]:
         """Return the names of the findings in a report.
 
-        They are ``reports_repeated``, ``sectors_not_configured``, and once ``fov_not_configured``,
+        They are `REPEATED`, ``sectors_not_configured``, and once ``fov_not_configured``,
         ``slant_ranges``, ``azimuths_in_radians`` and ``ranges_near``.
         """
         noticed, measurement = [], detections.measurement
-        if len(measurement) >= COPIED_DETECTIONS and np.array_equal(measurement, self._before):
-            noticed.append("reports_repeated")
-        self._before = measurement
+        if self._before is not None and is_copy(detections, self._before):
+            self._copied |= len(measurement) >= COPIED_DETECTIONS
+            noticed += [REPEATED] if self._copied else []
+        self._before = detections
         if self.lacks_ground_ranges and len(detections):
             self.lacks_ground_ranges = False
             noticed.append("slant_ranges")
@@ -130,6 +133,15 @@ class ReportCheck:
         self.sees_whole_turn = False
         seen = np.linspace(0.0, FULL_TURN, CELLS, endpoint=False)[self._all]
         return smallest_arc(seen)[1] < FIELD_ARC * FULL_TURN
+
+
+def is_copy(found: Detections, before: Detections) -> bool:
+    """Return whether two reports, which are not empty, have equal measurements and amplitudes."""
+    if not len(found) or not np.array_equal(found.measurement, before.measurement):
+        return False
+    if found.amplitude is None or before.amplitude is None:
+        return found.amplitude is before.amplitude
+    return np.array_equal(found.amplitude, before.amplitude, equal_nan=True)
 
 
 def _cells(azimuth: FloatArray) -> IntArray:

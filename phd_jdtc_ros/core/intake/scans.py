@@ -106,6 +106,10 @@ class ScanGrouper:
         self._pending.setdefault(stamp_ns, {})[radar] = detections
         return events + self._close_complete()
 
+    def note_live(self, radar: int) -> None:
+        """Wait for a radar's next reports, although it has no new one."""
+        self._misses[radar] = 0
+
     def replace(
         self, radar: int, stamps_ns: Sequence[int], reports: Sequence[tuple[int, Detections]]
     ) -> None:

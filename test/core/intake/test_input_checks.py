@@ -56,6 +56,12 @@ def test_a_report_that_repeats_the_one_before_is_noticed():
     twice = [report for each in reports for report in (each, at(each.measurement[:, 1]))]
     assert not noticed(check_of(), reports)
     assert noticed(check_of(), twice) == {"reports_repeated": 20}
+    # Where one report is a copy, so is each one of fewer detections.
+    smaller = [report.take(np.arange(2)) for report in twice[2:]]
+    assert noticed(check_of(), twice[:2] + smaller) == {"reports_repeated": 20}
+    # Coarse measurements of targets at rest differ in their amplitudes.
+    louder = [report.changed(amplitude=np.arange(5.0) + n) for n, report in enumerate(twice)]
+    assert not noticed(check_of(), louder)
     # Few coarse detections of targets at rest repeat by themselves.
     assert not noticed(check_of(), [at([0.1, 0.2, 0.3, 0.4])] * 20)
 
