@@ -25,7 +25,7 @@ INFINITY = math.inf
 SMALL = 1e-9
 POSITIVE, NOT_NEGATIVE, UNBOUNDED = (SMALL, INFINITY), (0.0, INFINITY), (-INFINITY, INFINITY)
 # Smallest similarity of a suggested name.
-MIN_SIMILARITY = 0.8
+MIN_SIMILARITY = 0.75
 # Largest number of unknown names for which suggestions are searched: more mean that the file is for
 # another program, and each search takes time.
 MAX_SUGGESTIONS = 20
@@ -317,11 +317,17 @@ def name_faults(
 
 def _question(name: str, known: Iterable[str]) -> str:
     """Return a question for the most similar name of the same group or a similar one, if any."""
-    group = name.rpartition(".")[0]
-    near = [each for each in known if each.rpartition(".")[0] == group]
-    found = get_close_matches(name, sorted(near), 1, MIN_SIMILARITY)
-    # Swapped letters make a short name less similar than that.
-    found = found or [each for each in sorted(near) if sorted(each) == sorted(name)]
+    # The group itself would make all its members similar.
+    group, _, member = name.rpartition(".")
+    names = {
+        each.rpartition(".")[2]: each for each in sorted(known) if each.rpartition(".")[0] == group
+    }
+    near = get_close_matches(member, names, 1, MIN_SIMILARITY)
+    # A beginning, and swapped letters in a short name, are less similar than that.
+    near = near or [
+        each for each in names if each.startswith(member) or sorted(each) == sorted(member)
+    ]
+    found = [names[each] for each in near]
     found = found or [each for each in sorted(known) if _is_mistyped_group(name, each)]
     return f"did you mean {found[0]}?" if found else ""
 

@@ -68,18 +68,22 @@ def entries(given: Mapping[str, Any]) -> set[str]:
 
 
 def unlisted(given: Mapping[str, Any], name: str) -> str:
-    """Return which list lacks the part that a parameter belongs to; empty if none does."""
+    """Return which list lacks the part that a parameter belongs to, or which parts have it.
+
+    The text is empty if no part has such a parameter.
+    """
     part, _, member = name.partition(".")
     listed = {
         own.name: own.coerce(given.get(own.name, own.default)) or ()
         for own in TOP
         if own.name in GROUPS
     }
-    if any(part in names for names in listed.values()):
-        return ""
-    lacking = [
-        f"{group} ({', '.join(listed[group])})"
+    having = [
+        group
         for group, members in GROUPS.items()
         if member.partition(".")[0] in {own.name for own in members}
     ]
+    if having and any(part in names for names in listed.values()):
+        return f"{member} is a parameter of {' and '.join(having)}"
+    lacking = [f"{group} ({', '.join(listed[group])})" for group in having]
     return f"{part} is not in {' or '.join(lacking)}" if lacking else ""

@@ -96,7 +96,18 @@ def test_resolve_lists_every_fault_at_once_with_name_value_and_what_is_allowed()
             "start_9.position: unknown parameter, start_9 is not in sensors (radar_1, radar_2) or "
             "births (start_1, start_2, start_3, start_4)",
         ),
-        ("radar_1.survival_probability", "radar_1.survival_probability: unknown parameter"),
+        (
+            "radar_1.survival_probability",
+            "radar_1.survival_probability: unknown parameter, survival_probability is a parameter "
+            "of classes",
+        ),
+        ("radar_1.model", "radar_1.model: unknown parameter, model is a parameter of motions"),
+        ("radar_1.speed", "radar_1.speed: unknown parameter"),
+        ("radar_1.fov", "radar_1.fov: unknown parameter, did you mean radar_1.fov_deg?"),
+        (
+            "radar_1.fields.amp",
+            "radar_1.fields.amp: unknown parameter, did you mean radar_1.fields.amplitude?",
+        ),
         ("survival", "survival: unknown parameter"),
     ],
 )

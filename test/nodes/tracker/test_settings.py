@@ -88,7 +88,7 @@ def test_edited_and_changed_list_every_fault():
         "sensors: 'x' given, must be a list of distinct names, at most 100",
         "lag: -1 given, must be a whole number of scans from 0 to 100, or seconds above 0 as in "
         "'20 s'",
-        "class_0.survival: unknown parameter",
+        "class_0.survival: unknown parameter, did you mean class_0.survival_probability?",
     ]
     changes = {"radar_1.clutter_rate": -1.0, "lag": 3, "survival": 0.9, "confirm_probability": 2.0}
     assert faults_of(change, USUAL, changes) == [
