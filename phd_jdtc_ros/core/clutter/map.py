@@ -65,6 +65,10 @@ class ClutterMap(ReadOnly):
     is usual there. This is known from earlier detections: at least that of uniform clutter, and at
     most that of uniform clutter and one reflector.
 
+    The sea and rain that lasts fill an area evenly, and ships cross it. There the local rate is
+    A / CELLS: with the probability w of such an area, the geometric mean of both rates with the
+    weights 1 - w and w, and A counts only with 1 - w for b.
+
     Where stationary targets are not clutter, ALONE_FACTOR is multiplied by the share that the
     neighbourhood has of its own and the place's detections beyond uniform clutter. It is large in
     rain, and small for a ship alone at anchor, which would otherwise be clutter for ever if it is
@@ -99,7 +103,7 @@ class ClutterMap(ReadOnly):
         a place with repeated detections is clutter also where there is no other clutter.
         """
         cell, share = corners(self.grid, self.grid.places(measurement, world))
-        lasting, begun, around = self._excesses(measurement, world, rate, max_range)
+        lasting, begun, around, area = self._excesses(measurement, world, rate, max_range)
         cell_count, counted = np.zeros(cell.shape), np.zeros(cell.shape)
         if len(self.cell):
             index = np.minimum(np.searchsorted(self.cell, cell), len(self.cell) - 1)
@@ -108,15 +112,20 @@ class ClutterMap(ReadOnly):
             cell_count = known * np.maximum(self.count[index] - self.recent[index], 0.0)
         local_count = cell_count.sum(axis=0)
         turns = max(self.turns - self.recent_turns, 0.0)
-        among = neighbourhood.probability_among_reflectors(lasting)
+        among = neighbourhood.probability_among_reflectors((1.0 - area) * lasting)
         alone_factor = np.full(len(measurement), ALONE_FACTOR)
         if not alone:
             own = counted.sum(axis=0) / max(self.turns, 1.0)
             alone_factor *= around / np.maximum(around + own, MIN_COUNT)
         factor = alone_factor + (REFLECTOR_FACTOR - alone_factor) * among
+        mean = lasting / neighbourhood.CELLS
         local = factor * local_count**2 / (local_count + PASSING + MIN_SHARE * turns)
-        local += PRIOR_TURNS * GATHERED * lasting / neighbourhood.CELLS
-        local = np.maximum(local / (PRIOR_TURNS + turns), begun / neighbourhood.CELLS)
+        local += PRIOR_TURNS * GATHERED * mean
+        # A cell with many more detections than the others of an area is a reflector there.
+        surplus = np.maximum(local_count - mean * turns - PASSING, 0.0)
+        area *= mean * turns / np.maximum(mean * turns + surplus, MIN_COUNT)
+        local = (local / (PRIOR_TURNS + turns)) ** (1.0 - area) * mean**area
+        local = np.maximum(local, begun / neighbourhood.CELLS)
         log_uniform = np.log(rate) + self.grid.log_share(measurement, max_range)
         with np.errstate(divide="ignore"):  # cells without detections
             log_factor: FloatArray = np.logaddexp(0.0, np.log(local) - log_uniform)
@@ -130,20 +139,22 @@ class ClutterMap(ReadOnly):
         Those of one reflector and of uniform clutter are subtracted. For the arguments see
         `log_factor`.
         """
-        return self._excesses(measurement, world, rate, max_range)[0]
+        lasting, _, _, area = self._excesses(measurement, world, rate, max_range)
+        return (1.0 - area) * lasting
 
     def _excesses(
         self, measurement: FloatArray, world: FloatArray, rate: float, max_range: float
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return numbers of detections per turn in the neighbourhood of each place, (M,).
 
-        They are `neighbourhood_excess`, the clutter that has begun, and all beyond uniform clutter.
-        A surplus of recent detections is evidence that they are all clutter.
+        They are those beyond one reflector and uniform clutter, the clutter that has begun, and all
+        beyond uniform clutter. The last column is `neighbourhood.probability_of_area`. A surplus of
+        recent detections is evidence that they are all clutter.
         """
-        count, recent = neighbourhood.detections_around(
+        count, recent, square = neighbourhood.detections_around(
             self.grid,
             self.cell,
-            np.stack([self.count, self.recent]),
+            np.stack([self.count, self.recent, self.count**2]),
             self.grid.places(measurement, world),
         )
         share = neighbourhood.CELLS * np.exp(self.grid.log_share(measurement, max_range))
@@ -156,7 +167,9 @@ class ClutterMap(ReadOnly):
         known = turns * np.clip(earlier, uniform, expected)
         surplus = np.maximum(recent - known - PASSING, 0.0)
         begun = surplus / (surplus + PASSING) * np.maximum(recent / turns - uniform, 0.0)
-        return usual - np.minimum(usual, expected), begun, np.maximum(usual - uniform, 0.0)
+        area = neighbourhood.probability_of_area(count, square, usual / neighbourhood.CELLS)
+        lasting = usual - np.minimum(usual, expected)
+        return lasting, begun, np.maximum(usual - uniform, 0.0), area
 
     def after(
         self, measurement: FloatArray, world: FloatArray, weight: FloatArray, turns: float

@@ -23,6 +23,12 @@ CELLS = (2 * REACH + 1) ** 2 - (2 * OWN + 1) ** 2
 UNCOUNTED = 1.0
 # Excess, in detections per turn, at which a neighbourhood is fixed clutter with probability 0.5.
 EVEN_EXCESS = 0.5
+# Shares of a neighbourhood's cells that its detections fill, up to which it is a line of reflectors
+# and from which on it is an area of clutter, as of the sea or of rain.
+LINE, AREA = 1.0 / 6.0, 0.5
+# Detections per turn and cell up to which an area may be the sea, and from which on it is land:
+# the sea would hide all targets there.
+SEA, LAND = 0.25, 0.5
 
 
 def detections_around(
@@ -45,6 +51,18 @@ def probability_among_reflectors(excess: FloatArray) -> FloatArray:
     For the excess see `ClutterMap.neighbourhood_excess`.
     """
     return excess / (excess + EVEN_EXCESS)
+
+
+def probability_of_area(around: FloatArray, square: FloatArray, density: FloatArray) -> FloatArray:
+    """Return the weight of an area of clutter without reflectors, from 0 to 1, elementwise.
+
+    `around` is the number of detections in a neighbourhood, `square` the sum of the squares of its
+    cells' numbers, and `density` the detections per turn and cell. The square of the sum over the
+    sum of squares is the number of cells that the detections fill.
+    """
+    filled = around**2 / np.maximum(CELLS * square, 1e-12)
+    even: FloatArray = np.clip((filled - LINE) / (AREA - LINE), 0.0, 1.0)
+    return even * np.clip((LAND - density) / (LAND - SEA), 0.0, 1.0)
 
 
 def _block(

@@ -93,6 +93,42 @@ def test_uniform_clutter_makes_no_places(rate):
     assert 1.0 <= np.exp(log_factor(places, anywhere, rate)).mean() < 1.5
 
 
+def sea(density, turns, rng, places=None):
+    """Return the map after so many turns of an area of 40 by 40 cells that clutter fills evenly."""
+    places = places or empty()
+    for _ in range(turns):
+        count = rng.poisson(density * 40 * 40)
+        seen = PLACE + rng.uniform(-20.0, 20.0, (count, 2)) * CELL
+        places = after(places, seen, np.ones(count), 1.0)
+    return places
+
+
+@pytest.mark.parametrize("density", [0.05, 0.2])
+def test_an_area_that_clutter_fills_evenly_has_the_density_of_its_clutter(density):
+    rng = np.random.default_rng(6)
+    places = sea(density, 60, rng)
+    within = PLACE + rng.uniform(-8.0, 8.0, (200, 2)) * CELL
+    per_cell = np.exp(log_factor(places, within, RATE) + places.grid.log_share(within, MAX_RANGE))
+    found = RATE * per_cell / density
+    assert 0.8 < np.median(found) < 1.25
+    assert np.quantile(found, 0.9) < 2.0
+    # Ships there are not taken for reflectors.
+    excess = places.neighbourhood_excess(within, world(within), RATE, MAX_RANGE)
+    assert np.quantile(probability_among_reflectors(excess), 0.9) < 0.5
+
+
+def test_land_and_a_reflector_in_the_sea_are_reflectors():
+    rng = np.random.default_rng(7)
+    land = sea(0.6, 60, rng)
+    excess = land.neighbourhood_excess(PLACE, world(PLACE), RATE, MAX_RANGE)
+    assert probability_among_reflectors(excess)[0] > 0.9
+    places = empty()
+    for _ in range(60):
+        places = answered(1, places=sea(0.05, 1, rng, places), rng=rng)
+    beside = PLACE + np.array([[8.0, 8.0]]) * CELL
+    assert factor(places, PLACE)[0] > 20.0 * factor(places, beside)[0]
+
+
 def test_few_detections_make_no_place():
     once, often = answered(1), answered(20)
     assert factor(once, PLACE)[0] < 0.1 * factor(often, PLACE)[0]
