@@ -99,6 +99,8 @@ def of_registration(found: MeanResidual) -> str | None:
     azimuths = f"azimuths {azimuth_deg:+.3g} degrees to the left (sigma {azimuth_sigma_deg:.2g})"
     shown = zip((ranges, azimuths), found.significant, strict=True)
     biased = ", ".join(text for text, significant in shown if significant)
+    if not math.isnan(found.near):
+        biased = f"{100.0 * found.near:.0f} % of the expected detections are near"
     return f"off the tracks that other radars see too: {biased}" if biased else None
 
 

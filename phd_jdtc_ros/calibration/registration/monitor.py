@@ -3,20 +3,22 @@
 A detection that is near exactly one confirmed track is compared with the track's prediction from
 its last estimate. Only tracks that another radar has recently detected count, because a radar alone
 would agree with itself. Each radar's mean residuals of range and azimuth are averaged with
-exponential forgetting.
+exponential forgetting. So is the share of these tracks with a detection near: a radar with a large
+bias detects its targets elsewhere.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import FloatArray, wrap_angle
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, wrap_angle
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
-from phd_jdtc_ros.core.types import CONFIRMED, Detections, Estimates, Scan
+from phd_jdtc_ros.core.types import CONFIRMED, TENTATIVE, Detections, Estimates, Scan
 
 # Effective number of residuals of a mean, and least number for a warning.
 MEMORY, LEAST = 400, 60
@@ -28,6 +30,8 @@ CORRELATED = 1.25
 # Gate on residuals, in standard deviations. With a larger bias only few residuals are inside, near
 # its edge; their mean is significant.
 GATE = 6.0
+# A radar does not see the tracks of others if this share of the detections expected there is near.
+APART = 0.25
 # A track counts if its estimate, and its last detection by another radar, are no older than this
 # many scans of the slowest radar.
 MAX_AGE_SCANS = 2.5
@@ -42,6 +46,8 @@ class MeanResidual(NamedTuple):
     mean: FloatArray
     sigma: FloatArray  # Standard deviations of the means, (2,)
     significant: tuple[bool, bool]  # True where each mean exceeds what noise explains
+    # Share of the expected detections near tracks that others detect; NaN if it is not low.
+    near: float = math.nan
 
 
 @dataclass
@@ -76,7 +82,9 @@ class RegistrationMonitor:
         slowest_s = max(interval_s, *(radar.rotation_s for radar in self._radars))
         self._max_age_ns = round(MAX_AGE_SCANS * slowest_s * 1e9)
         self._means = [_Mean() for _ in self._radars]
-        # The confirmed tracks with a unique number, of the newest estimates.
+        # Numbers of each radar's detections expected near others' tracks, and found there.
+        self._looks = np.zeros((len(self._radars), 2))
+        # The tracks, not tentative, with a unique number, of the newest estimates.
         self._tracks: Estimates | None = None
         # Stamp of each radar's last detection of each track, by the track's number.
         self._seen_ns: dict[int, dict[int, int]] = {}
@@ -98,8 +106,8 @@ class RegistrationMonitor:
                     self._compare(index, scan.stamp_ns, detections, tracks)
         if filtered:
             newest = filtered[-1]
-            confirmed = (newest.track_state == CONFIRMED) & (newest.track_id > 0)
-            self._tracks = newest.take(np.flatnonzero(confirmed))
+            known = (newest.track_state != TENTATIVE) & (newest.track_id > 0)
+            self._tracks = newest.take(np.flatnonzero(known))
             alive = set(newest.track_id.tolist())
             self._seen_ns = {n: seen for n, seen in self._seen_ns.items() if n in alive}
 
@@ -119,24 +127,48 @@ class RegistrationMonitor:
         predicted = slope @ tracks.position_covariance[:, None] @ slope.swapaxes(-1, -2)
         limit = GATE * np.sqrt(np.diagonal(predicted, axis1=-2, axis2=-1) + variance)
         near = (np.abs(residual) < limit).all(axis=-1)
+        # Clutter is often within the whole gate.
+        closer: BoolArray = (np.abs(residual) < 0.5 * limit).all(axis=-1)
+        self._count(index, tracks, stamp_ns, detections, closer.any(axis=1))
         unambiguous = near & (near.sum(axis=0) == 1) & (near.sum(axis=1) == 1)[:, None]
         for row, column in np.argwhere(unambiguous).tolist():
             seen = self._seen_ns.setdefault(int(tracks.track_id[row]), {})
-            others = [last_ns for other, last_ns in seen.items() if other != index]
-            seen[index] = stamp_ns
-            if others and stamp_ns - max(others) <= self._max_age_ns:
+            confirmed = tracks.track_state[row] == CONFIRMED
+            if confirmed and self._others_see(index, int(tracks.track_id[row]), stamp_ns):
                 self._means[index].add(residual[row, column])
+            seen[index] = stamp_ns
+
+    def _others_see(self, index: int, track_id: int, stamp_ns: int) -> bool:
+        """Return whether another radar has recently detected a track."""
+        seen = self._seen_ns.get(track_id, {})
+        newest = max((last_ns for other, last_ns in seen.items() if other != index), default=None)
+        return newest is not None and stamp_ns - newest <= self._max_age_ns
+
+    def _count(
+        self, index: int, tracks: Estimates, stamp_ns: int, detections: Detections, near: BoolArray
+    ) -> None:
+        """Count the detections expected near the tracks of others, and those with one near."""
+        radar, numbers = self._radars[index].at(detections.pose), tracks.track_id.tolist()
+        rows = [row for row, n in enumerate(numbers) if self._others_see(index, n, stamp_ns)]
+        after_s = (stamp_ns - tracks.stamp_ns) * 1e-9
+        place, _ = radar.linearise(tracks.position[rows] + after_s * tracks.velocity[rows])
+        due = radar.coverage_probability(place, detections.coverage)
+        probability = radar.configured_detection_probability(place)
+        due = due if probability is None else due * probability
+        looks = np.array([due.sum(), np.count_nonzero(near[rows] & (due > 0.0))])
+        self._looks[index] = (1.0 - 1.0 / MEMORY) ** looks[0] * self._looks[index] + looks
 
     def mean_residuals(self) -> list[MeanResidual]:
         """Return each radar's mean residuals."""
-        return list(map(_mean_residual, self._radars, self._means))
+        return list(map(_mean_residual, self._radars, self._means, self._looks))
 
 
-def _mean_residual(radar: RadarModel, mean: _Mean) -> MeanResidual:
+def _mean_residual(radar: RadarModel, mean: _Mean, looks: FloatArray) -> MeanResidual:
+    near = looks[1] / looks[0] if looks[0] >= LEAST and looks[1] < APART * looks[0] else math.nan
     if not mean.count:
         unknown = np.full(2, np.nan)
-        return MeanResidual(radar.name, 0, unknown, unknown, (False, False))
+        return MeanResidual(radar.name, 0, unknown, unknown, (False, False), near)
     beyond = np.abs(mean.mean) > SIGMAS * mean.sigma + SHARE * radar.noise_std
     enough = mean.count >= LEAST
     flags = bool(enough and beyond[0]), bool(enough and beyond[1])
-    return MeanResidual(radar.name, mean.count, mean.mean, mean.sigma, flags)
+    return MeanResidual(radar.name, mean.count, mean.mean, mean.sigma, flags, near)

@@ -160,8 +160,8 @@ def registration_status(found: MeanResidual, node: str) -> DiagnosticStatus:
     few = f"{found.residuals} detections of tracks that other radars see too, judged from {LEAST}"
     biased = anomalies.of_registration(found)
     condition = first(
-        (OK, found.residuals < LEAST, few),
         (WARN, biased, f"{biased}; {REGISTRATION_ADVICE}"),
+        (OK, found.residuals < LEAST, few),
         (OK, True, "agrees with the other radars"),
     )
     line = names.health(f"registration of {found.radar}", node)

@@ -10,7 +10,14 @@ from phd_jdtc_ros.calibration.registration.monitor import LEAST, MEMORY, Registr
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.sensors.bias import SensorBias
-from phd_jdtc_ros.core.types import CONFIRMED, TENTATIVE, Detections, Scan
+from phd_jdtc_ros.core.types import (
+    CONFIRMED,
+    TENTATIVE,
+    UNKNOWN_COVERAGE,
+    Coverage,
+    Detections,
+    Scan,
+)
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
@@ -60,18 +67,25 @@ CALM = estimates(
 )
 
 
-def seen(radars, *measurement, count=3):
-    """Return what is seen of a track that goes on as it is, by the radars of each scan."""
+def seen(radars, *measurement, count=3, error=0.0, coverage=None):
+    """Return what is seen of a track that goes on as it is, by the radars of each scan.
+
+    The azimuths of the second radar have an error.
+    """
     monitor = RegistrationMonitor(RADARS, 6.0)
     for k in range(count):
         stamp_ns = 10**9 * (1 + 6 * k)
         found = replace(CALM, stamp_ns=stamp_ns)
         state = found.state[0] + [60.0, 0.0, 0.0, 0.0, 0.0]
         given = [
-            Detections(np.concatenate([RADARS[r].measure(state[None]), *measurement]), None)
+            Detections(
+                np.concatenate([RADARS[r].measure(state[None]) + off, *measurement]),
+                None,
+                coverage=coverage,
+            )
             if r in radars
             else None
-            for r in (0, 1)
+            for r, off in enumerate([np.zeros(2), np.array([0.0, error])])
         ]
         monitor.add_scan(Scan(stamp_ns, (None, None)), [found])
         monitor.add_scan(Scan(stamp_ns + 6 * 10**9, tuple(given)), [])
@@ -90,6 +104,19 @@ def test_only_unambiguous_tracks_of_several_radars_are_compared():
     assert np.isnan(seen((1,))[0].mean).all()
     near = RADARS[0].measure(CALM.state) + np.array([100.0, 0.0])
     assert [found.residuals for found in seen((0, 1), near)] == [0, 0]
+
+
+def test_a_radar_whose_detections_are_far_from_the_tracks_of_others_is_noticed():
+    for radar in seen((0, 1), count=100):
+        assert np.isnan(radar.near)
+    first, second = seen((0, 1), count=100, error=np.radians(20.0))
+    assert np.isnan(first.near)  # Nobody but this radar sees the track.
+    assert (second.residuals, second.near) == (0, 0.0)
+    assert np.isnan(seen((0, 1), count=50, error=np.radians(20.0))[1].near)
+    # A radar that does not look there is not expected to see it.
+    for coverage in (UNKNOWN_COVERAGE, Coverage(np.pi, 0.5)):
+        looks = seen((0, 1), count=100, error=np.radians(20.0), coverage=coverage)
+        assert np.isnan(looks[1].near)
 
 
 @pytest.mark.parametrize("changes", [{"track_state": [TENTATIVE]}, {"track_id": [0]}])

@@ -45,6 +45,11 @@ def residual(mean, sigma, count=LEAST, significant=(False, False)):
             "ranges +80 m (sigma 4), azimuths -0.3 degrees to the left (sigma 0.02)",
         ),
         (residual([80.0, 0.0], [4.0, 0.0], count=3), DiagnosticStatus.OK, "judged from 60"),
+        (
+            residual([80.0, 0.0], [4.0, 0.0], count=3)._replace(near=0.031),
+            DiagnosticStatus.WARN,
+            "off the tracks that other radars see too: 3 % of the expected detections are near",
+        ),
     ],
 )
 def test_a_status_lists_the_bias_and_its_standard_deviation(found, level, text):
