@@ -12,6 +12,8 @@ from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.intake.scans import Reset
 
+from .selection import NO_ANGLE
+
 # A radar is worse than configured if it detects targets with less than this share of the configured
 # probability, or if its noise is larger by this factor, each with this many standard deviations.
 WORSE_DETECTION, WORSE_NOISE, SURE = 0.75, 1.5, 3.0
@@ -193,6 +195,14 @@ _MISSING = {
 # The warnings by anomaly, each of the parameters of a sensor of the kind that has it.
 _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
     "azimuths_beyond_a_turn": _beyond_a_turn,
+    "azimuths_no_angles": lambda radar, count: (
+        f"{count} azimuths beyond {NO_ANGLE:g}, neither radians nor degrees; are {radar.name}."
+        "fields.azimuth and fields.range right, and not swapped?"
+    ),
+    "ranges_negative": lambda radar, count: (
+        f"{count} negative ranges, which are not used; are {radar.name}.fields.range and "
+        "fields.azimuth right, and not swapped?"
+    ),
     "azimuths_in_radians": lambda radar, _: (
         "all azimuths are within 6.3 degrees; probably radians, set "
         f"{radar.name}.azimuth_unit to rad"

@@ -23,6 +23,8 @@ MAX_AMPLITUDE = 1e6
 LARGEST_AZIMUTH = FULL_TURN * (1.0 + 1e-6)
 # Largest azimuth in turns; beyond it, single precision is coarser than 0.03 degrees.
 MAX_TURNS = 1000.0
+# No azimuth, in radians or degrees, has a larger magnitude; a range has.
+NO_ANGLE = 720.0
 # Largest time from the stamp in turns, or in seconds if the time of a turn is unknown.
 MAX_TURNS_OFF = 1.5
 MAX_SECONDS_OFF = 60.0
@@ -117,11 +119,14 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         address=address,
         sensor_type=identities.read(columns.get("kind"), kept, identities.KINDS)[0],
     )
+    no_angles = _count(np.isfinite(azimuth_size) & (np.abs(columns["azimuth"]) > NO_ANGLE))
     counts = {
         "detections_repeated": _count(repeats),
         "azimuths_beyond_a_turn": 0
-        if radar.azimuth_in_degrees
+        if radar.azimuth_in_degrees or no_angles
         else _count(azimuth_size[kept] > LARGEST_AZIMUTH),
+        "azimuths_no_angles": no_angles,
+        "ranges_negative": _count(columns["range"] < 0.0),
         "heights_unknown": 0 if height is None else _count(~np.isfinite(height[kept])),
         "deviations_unusable": bad_ranges + bad_azimuths + bad_rate_stds,
         "sectors_unusable": bad_sectors,

@@ -14,7 +14,7 @@ from phd_jdtc_ros.calibration.registration.monitor import RegistrationMonitor
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.calibration.tuning.plots import limit_plots, plots_of
 from phd_jdtc_ros.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.intake.input_checks import REPEATED
+from phd_jdtc_ros.core.intake.input_checks import NOT_IN_RECORDINGS
 from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Detections, Estimates
@@ -25,9 +25,6 @@ from phd_jdtc_ros.quoting import counts_text
 from .parameters import Parameters
 from .reports import TIME, report_of, reports_of, without_max_range
 from .tables import Column, Table, columns_of, stamps_ns, table_of
-
-# The findings about reports that contradict what `fit` cannot estimate.
-NOT_FITTED = ("azimuths_in_radians", REPEATED)
 
 
 class Tracks(NamedTuple):
@@ -146,7 +143,7 @@ class Tracker:
         for index, report in reports_of(columns, config):
             reports.setdefault(index, []).append((report.stamp_ns, report.detections))
             counts[index].read(len(report.detections), report.dropped)
-            noticed = [each for each in checks[index].add(report.detections) if each in NOT_FITTED]
+            noticed = set(checks[index].add(report.detections)) & {*NOT_IN_RECORDINGS}
             tally.on_anomalies(index, report.anomalies + Counter(noticed))
         about: dict[int, list[str]] = {}
         for index, text in tally.about_radars():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from msg_adapters.encoding import interfaces, names
 from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.incoming import platform_poses
 from msg_adapters.incoming.readers import reader_of
+from msg_adapters.incoming.selection import Report
 from msg_adapters.outgoing import clutter_maps, diagnostics
 from msg_adapters.targets import estimates, truth
 from phd_jdtc_ros.bags.errors import BagError
@@ -124,11 +125,13 @@ def posed_reports(
     inputs: Sequence[SensorParameters],
     dropped: Sequence[Counter[str]],
     until_ns: int | None = None,
+    on_report: Callable[[int, Report], None] = lambda radar, report: None,
 ) -> Iterator[PosedReport]:
     """Yield the reports of all radars, of moving ones with poses, ordered by log time.
 
     `inputs` are the layouts of the radars' messages. `dropped` gains, by radar, the counts of
-    rejected messages and points. The bag is read up to `until_ns`.
+    rejected messages and points. The bag is read up to `until_ns`. `on_report` gets each radar's
+    reports as they are read.
     """
     pending, carried = PosedReports(config.platforms()), config.radars_by_platform
     radar_of = {radar.topic: index for index, radar in enumerate(inputs)}
@@ -143,6 +146,7 @@ def posed_reports(
                 index = radar_of[entry.topic]
                 report = reader_of(inputs[index]).from_cdr(entry.data, inputs[index])
                 dropped[index].update(report.dropped)
+                on_report(index, report)
                 pending.add(index, [(report.stamp_ns, report.detections)])
         except RejectedMessageError as error:
             if entry.topic in radar_of:

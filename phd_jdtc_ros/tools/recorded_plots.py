@@ -6,19 +6,21 @@ import math
 import re
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.encoding.errors import RejectedMessageError
-from msg_adapters.incoming import recognised
+from msg_adapters.incoming import anomalies, recognised
 from msg_adapters.incoming.readers import READERS
+from msg_adapters.incoming.selection import Report
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, findings
 from phd_jdtc_ros.calibration.tuning.plots import MOST_PLOTS, Plots, limit_plots, plots_of
 from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.intake.input_checks import NOT_IN_RECORDINGS
 from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.report.load import Intact, input_types, posed_reports
@@ -36,6 +38,8 @@ class RecordedPlots:
     plots: dict[str, Plots | None]  # None if a radar has no usable messages
     dropped: dict[str, Counter[str]]  # Unused messages and points, by reason
     offered: dict[str, int]  # Number of usable detections, of which `plots` may be the first
+    # Contradictions of the configuration, by radar.
+    warnings: dict[str, list[str]] = field(default_factory=dict)
     damage: BagError | None = None  # Damage of the bag; all intact messages were used
 
 
@@ -50,8 +54,15 @@ def read(
     bag.require(input_types(config))
     reports: list[list[tuple[int, Detections]]] = [[] for _ in inputs]
     dropped: list[Counter[str]] = [Counter() for _ in inputs]
+    found: list[Counter[str]] = [Counter() for _ in inputs]
+    checks = config.report_checks()
+
+    def check(radar: int, report: Report) -> None:
+        noticed = {*checks[radar].add(report.detections)} & {*NOT_IN_RECORDINGS}
+        found[radar].update(report.anomalies + Counter(noticed))
+
     intact, until_ns = Intact(bag), bag.start_ns + round(seconds * 1e9)
-    for report in posed_reports(intact, config, inputs, dropped, until_ns):
+    for report in posed_reports(intact, config, inputs, dropped, until_ns, check):
         if report.detections is None:
             dropped[report.radar]["pose_missing"] += 1
         else:
@@ -66,6 +77,7 @@ def read(
             radar.name: sum(len(found) for _, found in own)
             for radar, own in zip(inputs, reports, strict=True)
         },
+        {radar.name: [*anomalies.of(radar, own)] for radar, own in zip(inputs, found, strict=True)},
         intact.damage,
     )
 
@@ -88,7 +100,8 @@ def findings_of(
         try:
             found[radar] = findings(plots)
         except TuningError as error:
-            faults.append(f"{radar}: {error}{suffix}")
+            texts = [str(error), *recorded.warnings.get(radar, ())]
+            faults.append(f"{radar}: {'; '.join(texts)}{suffix}")
     if faults:
         raise BagError(f"{source}: {'; '.join(faults)}")
     return found

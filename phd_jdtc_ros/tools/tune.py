@@ -74,8 +74,9 @@ def _work(arguments: argparse.Namespace) -> int:
     for radar, each in found.items():
         topic = next(entry.topic for entry in config.inputs if entry.name == radar)
         console.print(_table(radar, topic, each, rows[radar], recorded))
-        if hidden := proposal.hidden(each, now, radar):
-            console.print(f"{radar}: {hidden}", soft_wrap=True, highlight=False)
+        hidden = proposal.hidden(each, now, radar)
+        for text in (*recorded.warnings[radar], *([hidden] if hidden else ())):
+            console.print(f"{radar}: {text}", soft_wrap=True, highlight=False)
     proposed = _proposal(given, found, rows, recorded, where is not None)
     tracker_params.config(proposed)
     status = OK if recorded.damage is None else fail("tune", recorded.damage)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from bag_content import write
 
 from msg_adapters.encoding import point_cloud
@@ -96,6 +97,17 @@ def test_tune_reports_what_a_recording_lacks(short_bag, tmp_path, capsys):
     assert "radar_2: 8 clouds" in said
     assert tune(tmp_path / "none") == 2
     assert "no such bag" in capsys.readouterr().err
+
+
+def test_tune_warns_of_a_unit_that_contradicts_the_recording(tmp_path, capsys):
+    given = from_arguments.load(SHIPPED / "parameters.yaml")
+    given["radar_1.azimuth_unit"] = "deg"
+    file = tmp_path / "degrees.yaml"
+    document = {"/**/tracker": {"ros__parameters": given}}
+    file.write_text(yaml.safe_dump(document))
+    tune("one_radar", "--params-file", file)
+    said = "".join(capsys.readouterr())
+    assert "radar_1: all azimuths are within 6.3 degrees; probably radians" in said
 
 
 def test_tune_uses_the_intact_part_of_a_damaged_bag_with_a_warning(tmp_path, capsys):

@@ -128,7 +128,7 @@ class RegistrationMonitor:
         limit = GATE * np.sqrt(np.diagonal(predicted, axis1=-2, axis2=-1) + variance)
         near = (np.abs(residual) < limit).all(axis=-1)
         # Clutter is often within the whole gate.
-        closer: BoolArray = (np.abs(residual) < 0.5 * limit).all(axis=-1)
+        closer = (np.abs(residual) / limit).max(axis=-1) < 0.5
         self._count(index, tracks, stamp_ns, detections, closer.any(axis=1))
         unambiguous = near & (near.sum(axis=0) == 1) & (near.sum(axis=1) == 1)[:, None]
         for row, column in np.argwhere(unambiguous).tolist():

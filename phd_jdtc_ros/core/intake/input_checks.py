@@ -38,6 +38,8 @@ EXTENT_REPORTS = 20
 COPIED_DETECTIONS = 5
 # Finding: a report is a copy of the one before, and no new look.
 REPEATED = "reports_repeated"
+# The findings that contradict what no recording shows; the others contradict what it does.
+NOT_IN_RECORDINGS = ("azimuths_in_radians", REPEATED)
 # A turn in radians, if it is taken for degrees.
 RADIANS_AS_DEGREES = math.radians(FULL_TURN)
 # A radar with a longer rotation period, seconds, and a longer range, metres, is for aircraft, whose

@@ -8,6 +8,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 
 from msg_adapters.encoding import point_cloud, stamps
 from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.incoming import anomalies
 from msg_adapters.incoming import detections as adapter
 from phd_jdtc_ros.core.types import Detections
 
@@ -188,11 +189,23 @@ def test_from_msg_azimuths_are_above_minus_pi_and_at_most_pi(azimuth, compass):
 
 
 def test_from_msg_counts_azimuths_beyond_a_turn_that_probably_are_degrees():
-    points = [(1e3, azimuth, 4.0) for azimuth in (-359.0, -6.3, -6.2, 0.0, 6.2, 6.3, 359.0, 1e30)]
-    report = read(points)
-    assert report.anomalies == {"azimuths_beyond_a_turn": 4}
-    assert report.dropped == {"azimuth": 1}
+    points = [(1e3, azimuth, 4.0) for azimuth in (-359.0, -6.3, -6.2, 0.0, 6.2, 6.3, 359.0)]
+    assert read(points).anomalies == {"azimuths_beyond_a_turn": 4}
     assert not read(points, azimuth_in_degrees=True).anomalies
+
+
+@pytest.mark.parametrize("azimuth_in_degrees", [False, True])
+def test_from_msg_counts_ranges_and_azimuths_that_are_swapped(azimuth_in_degrees):
+    points = [(azimuth, 1e3, 4.0) for azimuth in (-3.0, -1.0, 2.0)]
+    report = read(
+        [*points, (1.0, 1e30, 4.0), (1.0, INF, 4.0)], azimuth_in_degrees=azimuth_in_degrees
+    )
+    assert report.anomalies == {"azimuths_no_angles": 4, "ranges_negative": 2}
+    assert report.dropped == {"range": 2, "azimuth": 1, "not_finite": 1}
+    given = radar(azimuth_in_degrees=azimuth_in_degrees)
+    texts = [*anomalies.of(given, report.anomalies)]
+    assert len(texts) == 2
+    assert all("swapped" in text for text in texts)
 
 
 @pytest.mark.parametrize("compass", [False, True])
