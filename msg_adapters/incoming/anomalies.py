@@ -49,6 +49,14 @@ def started_again(reset: Reset, jumps: int = 1) -> str:
     return f"{reset}{limit}: starting again{more}"
 
 
+def apart(first_ns: int, last_ns: int) -> str:
+    """Return the warning about a radar whose stamps are all outside the time of the others."""
+    return (
+        f"its stamps, from {first_ns * 1e-9:.3f} to {last_ns * 1e-9:.3f} s, are all before or "
+        "after those of the other radars; is its clock right?"
+    )
+
+
 def turn_found(radar: SensorParameters, turn_s: float) -> str:
     """Return the warning about a radar whose time of a turn, s, is estimated and not configured."""
     return (

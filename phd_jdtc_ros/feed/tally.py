@@ -95,6 +95,7 @@ class Tally:
         self._turns_s = [0.0] * len(config.inputs)
         self._without_amplitude: set[int] = set()
         self._silent = set(range(len(config.inputs)))  # Sensors without a message
+        self._span_ns: dict[int, tuple[int, int]] = {}  # First and last stamp of each sensor
         self._targets_seen, self._overdue = False, 0
         self._figures: Mapping[str, float] = {}
         self._resets: list[Reset] = []
@@ -109,6 +110,8 @@ class Tally:
     def on_report(self, radar: int, report: Report) -> None:
         """Count a report's detections, used and dropped."""
         self._silent.discard(radar)
+        first_ns, last_ns = self._span_ns.get(radar, (report.stamp_ns, report.stamp_ns))
+        self._span_ns[radar] = min(first_ns, report.stamp_ns), max(last_ns, report.stamp_ns)
         self.dropped.update(report.dropped)
         self.detections.read(len(report.detections), report.dropped)
         if report.detections.amplitude is None and self._config.inputs[radar].measures_amplitude:
@@ -170,6 +173,8 @@ class Tally:
                 yield index, anomalies.turn_found(radar, self._turns_s[index])
             for text in anomalies.of(radar, self._warned[index]):
                 yield index, text
+            if self._is_apart(index):
+                yield index, anomalies.apart(*self._span_ns[index])
         for index, fit in enumerate(fits):
             own = anomalies.figures_of(fit.radar, self._figures)
             texts = anomalies.of_noise(fit), anomalies.of_learned(own), anomalies.of_changes(own)
@@ -177,6 +182,14 @@ class Tally:
         for index, found in enumerate(residuals):
             if biased := anomalies.of_registration(found):
                 yield index, f"{biased}; check {found.radar}.position, yaw_deg and biases"
+
+    def _is_apart(self, index: int) -> bool:
+        """Return whether all stamps of a sensor are before or after those of the others."""
+        others = [span_ns for other, span_ns in self._span_ns.items() if other != index]
+        if not others or index not in self._span_ns:
+            return False
+        (first_ns, last_ns), (firsts_ns, lasts_ns) = self._span_ns[index], zip(*others, strict=True)
+        return first_ns < last_ns and (last_ns < min(firsts_ns) or first_ns > max(lasts_ns))
 
     def silent(self) -> Iterator[SensorParameters]:
         """Yield the sensors that have sent nothing."""

@@ -65,6 +65,21 @@ def test_messages_that_cannot_be_read_are_reported_as_such_with_the_first_ones_f
     )
 
 
+@pytest.mark.parametrize(
+    ("later_s", "apart"), [(0, []), (19, []), (20, [0, 1]), (3600, [0, 1]), (-3600, [0, 1])]
+)
+def test_radars_whose_stamps_do_not_overlap_are_warned_of(later_s, apart):
+    tally = Tally(build.resolve({}))
+    for stamp_s in range(4000, 4020):
+        for radar in (0, 1):
+            stamp_ns = (stamp_s + radar * later_s) * 10**9
+            tally.on_report(radar, Report(stamp_ns, Detections(np.ones((1, 2)), None), Counter()))
+    texts = {index: text for index, text in tally.about_radars() if "clock" in text}
+    assert [*texts] == apart
+    if apart:
+        assert texts[0].startswith("its stamps, from 4000.000 to 4019.000 s, are all before")
+
+
 def test_report_that_waited_for_a_pose_in_vain_counts_with_its_detections():
     tally = Tally(build.resolve({"sensors": ["mast"]}))
     tally.on_drops(0, Drops(Counter({"pose_missing": 3}), Counter({"pose_missing": 7})))
