@@ -70,7 +70,10 @@ def _rows_of_radars(columns: Columns, radars: Sequence[RadarParameters]) -> Iter
     if len(radars) == 1 and "radar" not in columns:
         yield np.arange(count)
         return
-    name = require_column(columns, "radar").astype(np.str_)
+    column = require_column(columns, "radar")
+    if column.dtype.kind == "f" and (column % 1 == 0).all():
+        column = column.astype(np.int64)  # Data frames make whole numbers floats.
+    name = column.astype(np.str_)
     known = [radar.name for radar in radars]
     unknown = ~np.isin(name, known)
     if unknown.any():

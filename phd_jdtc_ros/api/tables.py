@@ -25,6 +25,8 @@ Table: TypeAlias = Any
 
 # Latest time that 64 bits of nanoseconds can count, seconds.
 LATEST_S = 9.2e9
+# A date and a time, and its offset from UTC in hours and minutes.
+_OFFSET = re.compile(r"(.*:.*)([+-])(\d\d):?(\d\d)?")
 
 
 class Located(dict[str, Column]):
@@ -150,6 +152,8 @@ def stamps_ns(columns: Columns, name: str = "time") -> IntArray:
         column = _dates(name, columns)
     elif column.dtype.kind == "O":
         column = np.array([_since_1970(value) for value in column.tolist()], dtype=object)
+    elif column.dtype.kind == "m":
+        column = column / np.timedelta64(1, "s")
     if column.dtype.kind == "M":
         micros = column.astype("datetime64[us]").astype(np.int64)
         bad = (micros < 0) | (micros > LATEST_S * 1e6)
@@ -190,11 +194,15 @@ def _all_numbers(column: Column) -> bool:
 
 
 def _dates(name: str, columns: Columns) -> Column:
-    """Convert texts to dates; a Z at the end is dropped, because UTC is the default."""
+    """Convert texts to dates, with a Z, an offset such as +02:00, or UTC by default."""
     column = columns[name]
 
     def date(text: str) -> np.datetime64:
-        return np.datetime64(text.removesuffix("Z"), "ns")
+        if (found := _OFFSET.fullmatch(text)) is None:
+            return np.datetime64(text.removesuffix("Z"), "ns")
+        local, sign, hours, minutes = found.groups("0")
+        ahead = np.timedelta64(int(f"{sign}1") * (60 * int(hours) + int(minutes)), "m")
+        return np.datetime64(local, "ns") - ahead
 
     try:
         return np.array([date(text) for text in column.tolist()], dtype="datetime64[ns]")

@@ -144,6 +144,9 @@ def test_numbers_names_the_columns_that_there_are():
         ["1700000000.25"],
         ["2023-11-14T22:13:20.250Z"],
         ["2023-11-14 22:13:20.25"],
+        ["2023-11-15T00:13:20.25+02:00"],
+        ["2023-11-14 17:13:20.250-0500"],
+        [np.timedelta64(1_700_000_000_250, "ms")],
         np.array(["2023-11-14T22:13:20.250"], dtype=object),
         np.array(["2023-11-14T22:13:20.250"], dtype="datetime64[ms]"),
         [datetime(2023, 11, 14, 22, 13, 20, 250_000)],
@@ -154,12 +157,16 @@ def test_numbers_names_the_columns_that_there_are():
         "text",
         "ISO 8601",
         "with a space",
+        "with an offset",
+        "behind UTC",
+        "since 1970",
         "data frame",
         "dates",
         "Python's",
         "with a zone",
     ],
 )
+@pytest.mark.filterwarnings("error")
 def test_stamps_are_seconds_or_dates(column):
     assert stamps_ns(columns_of({"time": column})).tolist() == [1_700_000_000_250_000_000]
 
