@@ -155,7 +155,10 @@ class Tracker:
                 if index not in reports:
                     raise TuningError("no detections")
                 plots = limit_plots(plots_of(reports[index]))
-                found[name], timed[name] = findings(plots), plots.timed
+                each = findings(plots)
+                polar = config.radars[index].fields.range in columns
+                found[name] = each if polar else each.isotropic()
+                timed[name] = plots.timed
             except TuningError as error:
                 reason = counts[index].fault()
                 reasons = [str(error), *([reason] if reason else ()), *about.get(index, ())]

@@ -174,6 +174,18 @@ def test_azimuths_are_read_by_the_parameters(tracked):
     np.testing.assert_allclose(found["x"], tracked.smoothed["x"])
 
 
+def test_fit_takes_the_larger_deviation_for_both_axes_of_positions():
+    noise = np.radians(3.0) * np.random.default_rng(6).standard_normal(len(DETECTIONS["time"]))
+    table = {**DETECTIONS, "azimuth": DETECTIONS["azimuth"] + noise}
+    along = Tracker().fit(table).parameters["radar.range_std"]
+    assert along == pytest.approx(5.0, rel=0.4)
+    given = cartesian(table)
+    across = Tracker().fit(given).parameters["radar.range_std"]
+    assert across == pytest.approx(np.radians(3.0) * 450.0, rel=0.4)
+    # Positions are not used beside ranges and azimuths.
+    assert Tracker().fit({**table, **given}).parameters["radar.range_std"] == along
+
+
 def test_positions_have_deviations_of_their_own():
     table = cartesian(DETECTIONS)
 
@@ -420,6 +432,14 @@ def test_track_warns_of_innovations_that_contradict_the_noise(factor, wrong):
     noise = {name: factor * usual[name] for name in ("range_std", "azimuth_std_deg")}
     with pytest.warns(UserWarning, match=rf"^radar: innovations are .* times {wrong} than the"):
         Tracker(with_radar(**noise)).track(DETECTIONS)
+
+
+def test_radars_may_be_named_by_numbers(tracked):
+    given = {**crossing.PARAMETERS, "sensors": ["7"], "7": crossing.PARAMETERS["radar"]}
+    del given["radar"]
+    for name in ("7", 7, 7.0):
+        table = {**DETECTIONS, "radar": np.full(len(DETECTIONS["time"]), name)}
+        assert_same(Tracker(given).track(table).smoothed, tracked.smoothed)
 
 
 def test_track_names_a_radar_without_rows():

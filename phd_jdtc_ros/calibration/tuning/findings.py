@@ -65,6 +65,8 @@ class Findings:
     timing: Timing
     noise: Noise  # The noise without outliers
     with_outliers: Noise | None  # The noise with outliers; None if it is not clearly more likely
+    # Standard deviation across the line of sight at the tracks' median range, metres.
+    across_std: float
     detection: Rate  # Detection probability per look
     ends: Rate  # Ends of tracks per look; see `rates.ends`
     clutter: Rate  # False detections per look
@@ -90,6 +92,19 @@ class Findings:
     def likelier_noise(self) -> Noise:
         """The noise with outliers if that is clearly more likely."""
         return self.with_outliers or self.noise
+
+    def isotropic(self) -> Findings:
+        """Return a copy for positions, whose `range_std` is their noise along both axes.
+
+        Where that differs, the larger one counts, because a smaller one breaks tracks.
+        """
+        factor = max(self.across_std / self.noise.range_std, 1.0)
+        noise, heavy = self.noise, self.with_outliers
+        return replace(
+            self,
+            noise=replace(noise, range_std=factor * noise.range_std),
+            with_outliers=heavy and replace(heavy, range_std=factor * heavy.range_std),
+        )
 
 
 def findings(plots: Plots) -> Findings:
@@ -132,6 +147,7 @@ def findings(plots: Plots) -> Findings:
         timing,
         noise,
         find_outliers(plots, tracks, noise, SPEED_MARGIN * speed_std, ratio),
+        noise.azimuth_std * float(np.median(plots.measurement[tracks.claimed, 0])),
         detection_probability(plots, timing, tracks),
         ends(plots, timing, tracks),
         clutter,
