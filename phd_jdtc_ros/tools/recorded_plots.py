@@ -37,7 +37,8 @@ class RecordedPlots:
 
     plots: dict[str, Plots | None]  # None if a radar has no usable messages
     dropped: dict[str, Counter[str]]  # Unused messages and points, by reason
-    offered: dict[str, int]  # Number of usable detections, of which `plots` may be the first
+    # Number of usable detections without copies, of which `plots` may be the first.
+    offered: dict[str, int]
     # Contradictions of the configuration, by radar.
     warnings: dict[str, list[str]] = field(default_factory=dict)
     damage: BagError | None = None  # Damage of the bag; all intact messages were used
@@ -67,16 +68,14 @@ def read(
             dropped[report.radar]["pose_missing"] += 1
         else:
             reports[report.radar].append((report.stamp_ns, report.detections))
+    plots = [plots_of(own) if own else None for own in reports]
     return RecordedPlots(
         {
-            radar.name: limit_plots(plots_of(own), most) if own else None
-            for radar, own in zip(inputs, reports, strict=True)
+            radar.name: whole and limit_plots(whole, most)
+            for radar, whole in zip(inputs, plots, strict=True)
         },
         {radar.name: count for radar, count in zip(inputs, dropped, strict=True)},
-        {
-            radar.name: sum(len(found) for _, found in own)
-            for radar, own in zip(inputs, reports, strict=True)
-        },
+        {radar.name: len(whole or ()) for radar, whole in zip(inputs, plots, strict=True)},
         {radar.name: [*anomalies.of(radar, own)] for radar, own in zip(inputs, found, strict=True)},
         intact.damage,
     )

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from bag_content import write
+from bag_content import rewrite, write
 
-from msg_adapters.encoding import point_cloud
+from msg_adapters.encoding import interfaces, names, point_cloud, stamps
 from msg_adapters.incoming import recognised
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
@@ -88,6 +88,21 @@ def test_tune_says_if_it_uses_only_the_first_detections(monkeypatch, capsys):
     assert re.fullmatch(
         r"radar_1: the first 9\d\d of \d{4} detections are used, because more .*", said
     )
+
+
+def test_tune_warns_of_clouds_that_come_twice_and_leaves_the_copies_out(tmp_path, capsys):
+    def twice(entry):
+        sent = interfaces.decode(entry[1], names.CLOUD)
+        later_ns = entry[2] + 10**8
+        sent.header.stamp = stamps.from_ns(later_ns)
+        return [entry, (entry[0], interfaces.encode(sent), later_ns)]
+
+    copied = rewrite(SHIPPED, tmp_path / "copied", twice, drop=["/ground_truth/targets"])
+    shutil.copy(SHIPPED / "parameters.yaml", copied)
+    assert tune(copied) == 0
+    said = capsys.readouterr().out
+    assert re.search(r"radar_1: \d+ clouds that repeat all detections of the cloud before", said)
+    assert "detections are used" not in said
 
 
 def test_tune_reports_what_a_recording_lacks(short_bag, tmp_path, capsys):
