@@ -97,15 +97,13 @@ class ChangeAlarm(ReadOnly):
 
     def after_trials(self, factor: DetectionFactor, sums: TrialSums) -> ChangeAlarm:
         """Return the alarm after trials that count, given the factor learned before them."""
-        from .loops import evidence_of_sectors
+        from .loops import evidence_after_trials
 
-        factor_before = _value_before(self.detection[1:], factor.by_cell, self.detection_before)
-        of_cells = factor.by_cell, factor_before, sums.trials, sums.expected, sums.detected
-        evidence = evidence_of_sectors(
-            *of_cells, factor.expected, factor.all_expected, CHANGED, UNCHANGED, KNOWN
+        learned, before = factor.by_cell, self.detection_before
+        detection, factor_before = evidence_after_trials(
+            *(self.detection, RAISED, MOST, learned, learned if before is None else before, *sums),
+            *(factor.expected, factor.all_expected, CHANGED, UNCHANGED, KNOWN),
         )
-        detection = self.detection + evidence
-        detection = np.minimum(np.maximum(detection, 0.0), MOST)
         return self.changed(detection=detection, detection_before=factor_before)
 
     def after_noise(self, factor: NoiseFactor, evidence: NoiseEvidence) -> ChangeAlarm:

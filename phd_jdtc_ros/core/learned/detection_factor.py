@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, NamedTuple
@@ -40,11 +39,6 @@ class TrialSums(NamedTuple):
     expected: FloatArray  # Number of detections expected with the configured probability
     detected: FloatArray  # Number of detections
 
-    @property
-    def by_sensor(self) -> Iterator[TrialSums]:
-        """The sums of the cells of each sensor."""
-        return map(TrialSums, *(column.reshape(-1, CELLS) for column in self))
-
 
 @dataclass(frozen=True, eq=False)
 class DetectionFactor(ReadOnly):
@@ -69,39 +63,34 @@ class DetectionFactor(ReadOnly):
     all_detected: Annotated[float, floats("", 0.0, MAX_REMEMBERED)] = 0.0
 
     @cached_property
-    def _of_sensor(self) -> tuple[float, float]:
-        """Factor of the sensor as a whole, and its standard deviation."""
-        totals = np.array([self.all_expected]), np.array([self.all_detected])
-        factor, std = _factor(*totals, self._assumed, SENSOR_PRIOR)
-        return float(factor[0]), float(std[0])
+    def _factors(self) -> FloatArray:
+        """Factor of the sensor as a whole, its deviation, and the factor of each cell, (2 + K,)."""
+        from .loops import detection_factors
 
-    @property
+        assumed = self.configured if self.all_looks else MOST_PROBABILITY
+        priors = *SENSOR_PRIOR, *CELL_PRIOR, PRIOR_WEIGHT, MOST_PROBABILITY
+        totals = assumed, self.all_expected, self.all_detected
+        return detection_factors(*priors, *totals, self.expected, self.detected)
+
+    @cached_property
     def mean(self) -> float:
         """Factor of the sensor as a whole."""
-        return self._of_sensor[0]
+        return float(self._factors[0])
 
     @property
     def std(self) -> float:
         """Standard deviation of `mean`."""
-        return self._of_sensor[1]
+        return float(self._factors[1])
 
     @property
     def configured(self) -> float:
         """Mean of the configured probability over the looks; NaN without any."""
         return self.all_expected / self.all_looks if self.all_looks else math.nan
 
-    @property
-    def _assumed(self) -> float:
-        """The configured probability; `MOST_PROBABILITY` without looks."""
-        return self.configured if self.all_looks else MOST_PROBABILITY
-
     @cached_property
     def by_cell(self) -> FloatArray:
         """Factor of each cell, shape (K,)."""
-        expected = self.mean * self.expected
-        return (
-            self.mean * _factor(expected, self.detected, self.mean * self._assumed, CELL_PRIOR)[0]
-        )
+        return self._factors[2:]
 
     def cell(self, measured: FloatArray) -> IntArray:
         """Return the cells of (range, azimuth) rows, (N, 2) to (N,); ranges may be infinite."""
@@ -123,7 +112,7 @@ class DetectionFactor(ReadOnly):
 
     def after(self, sums: TrialSums) -> DetectionFactor:
         """Return the factor after further trials."""
-        trials, expected, detected = np.array(sums).sum(axis=1).tolist()
+        trials, expected, detected = np.add.reduce(np.array(sums), axis=1).tolist()
         retention, fading = np.exp(-sums.expected / MEMORY), math.exp(-expected / MEMORY)
         return self.changed(
             expected=retention * self.expected + sums.expected,
@@ -132,17 +121,3 @@ class DetectionFactor(ReadOnly):
             all_expected=fading * self.all_expected + expected,
             all_detected=fading * self.all_detected + detected,
         )
-
-
-def _factor(
-    expected: FloatArray, detected: FloatArray, probability: float, prior: RatioPrior
-) -> tuple[FloatArray, FloatArray]:
-    """Return the factors of a probability, and their standard deviations.
-
-    They follow from the expected and actual numbers of detections, arrays of the same shape.
-    """
-    from .loops import detection_factors
-
-    of_prior = prior.right, prior.scale, prior.wide, PRIOR_WEIGHT, MOST_PROBABILITY
-    factor, std = detection_factors(*of_prior, probability, expected, detected)
-    return factor, std

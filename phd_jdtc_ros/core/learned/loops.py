@@ -39,36 +39,64 @@ def mixture_posterior(
     return moments
 
 
+@inner
+def _detection_factor(
+    prior: tuple[float, float, float],
+    bounds: tuple[float, float],
+    probability: float,
+    expected: float,
+    detected: float,
+) -> tuple[float, float]:
+    """Return the factor of a probability and its deviation; see `detection_factors`."""
+    (right, scale, wide), (prior_weight, most) = prior, bounds
+    shrunk = (prior_weight + detected) / (prior_weight + expected)
+    # The smaller of both probabilities has the lower precision, so that few looks prove little.
+    bounded = min(probability * min(shrunk, 1.0), most)
+    precision = expected / probability * bounded / (1.0 - bounded)
+    mean, variance = _posterior(right, scale, wide, math.log(shrunk), precision)
+    factor = math.exp(mean)
+    return factor, factor * math.sqrt(variance)
+
+
 @compiled
 def detection_factors(
     right: float,
     scale: float,
     wide: float,
+    cell_right: float,
+    cell_scale: float,
+    cell_wide: float,
     prior_weight: float,
     most: float,
     probability: float,
+    all_expected: float,
+    all_detected: float,
     expected: Float1,
     detected: Float1,
 ) -> FloatArray:
-    """Return the factors of a probability and their deviations, (2, K); see `DetectionFactor`.
+    """Return a sensor's factor, its deviation, and the factor of each cell, (2 + K,).
 
-    `most` is the largest probability; the last arguments are the expected and actual numbers of
-    detections.
+    The first arguments are the priors of the sensor's factor and of a cell's relative to it; see
+    `RatioPrior`. `most` is the largest probability. The last arguments are the expected and actual
+    numbers of detections, of the sensor and of each cell; see `DetectionFactor`.
     """
-    factors = np.empty((2, len(expected)))
-    for row in range(len(expected)):
-        shrunk = (prior_weight + detected[row]) / (prior_weight + expected[row])
-        # The smaller of both probabilities has the lower precision, so that few looks prove little.
-        bounded = min(probability * min(shrunk, 1.0), most)
-        precision = expected[row] / probability * bounded / (1.0 - bounded)
-        mean, variance = _posterior(right, scale, wide, math.log(shrunk), precision)
-        factors[0, row] = math.exp(mean)
-        factors[1, row] = factors[0, row] * math.sqrt(variance)
+    factors, bounds = np.empty(2 + len(expected)), (prior_weight, most)
+    prior, of_cell = (right, scale, wide), (cell_right, cell_scale, cell_wide)
+    mean, std = _detection_factor(prior, bounds, probability, all_expected, all_detected)
+    factors[0], factors[1] = mean, std
+    for cell in range(len(expected)):
+        relative, _ = _detection_factor(
+            of_cell, bounds, mean * probability, mean * expected[cell], detected[cell]
+        )
+        factors[2 + cell] = mean * relative
     return factors
 
 
 @compiled
-def evidence_of_sectors(
+def evidence_after_trials(
+    evidence: Float1,
+    raised: float,
+    most: float,
     learned: Float1,
     before: Float1,
     trials: Float1,
@@ -79,18 +107,22 @@ def evidence_of_sectors(
     changed: Float1,
     unchanged: Float1,
     known: Float1,
-) -> FloatArray:
-    """Return the log likelihood ratios of changes, given trials, (1 + A,); see `ChangeAlarm`.
+) -> tuple[FloatArray, FloatArray]:
+    """Return the evidence of changes after trials, (1 + A,), and the factors before it, (K,).
 
+    See `ChangeAlarm`: `evidence` is that before the trials, `raised` and `most` are its bounds.
     `learned` and `before` are the factors of each cell, now and when the evidence began, (K,).
     Trials, expected and detected numbers, and the expected numbers that are remembered, are of the
     cells too; `changed`, `unchanged` and `known` are of the sensor and its sectors, (1 + A,).
     """
-    evidence, sectors = np.zeros(len(known)), len(known) - 1
-    sums = np.zeros((4, len(known)))
+    after, sectors = evidence.copy(), len(known) - 1
+    sums, factor_before = np.zeros((4, len(known))), learned.copy()
     for cell in range(len(learned)):
-        for place in (0, 1 + cell % sectors):
-            factor = before[cell] if place else learned[cell]
+        sector = 1 + cell % sectors
+        if 0.0 < evidence[sector] < raised:
+            factor_before[cell] = before[cell]
+        for place in (0, sector):
+            factor = factor_before[cell] if place else learned[cell]
             sums[0, place] += trials[cell]
             sums[1, place] += detected[cell]
             sums[2, place] += factor * expected[cell]
@@ -101,6 +133,7 @@ def evidence_of_sectors(
             count, hits = sums[0, place], sums[1, place]
             usual = min(max(sums[2, place] / (count if count > 0.0 else 1.0), 0.01), 0.99)
             of_miss = (1.0 - changed[place] * usual) / (1.0 - unchanged[place] * usual)
-            evidence[place] = hits * math.log(changed[place] / unchanged[place])
-            evidence[place] += (count - hits) * math.log(of_miss)
-    return evidence
+            ratio = hits * math.log(changed[place] / unchanged[place])
+            ratio += (count - hits) * math.log(of_miss)
+            after[place] = min(max(evidence[place] + ratio, 0.0), most)
+    return after, factor_before

@@ -19,7 +19,6 @@ from ..arrays import BoolArray, FloatArray, IntArray, ReadOnly, contains, contig
 from ..bisection import count_below
 from ..compilation import Float1, Int1, compiled
 from ..snapshot import MAX_INDEX, floats, integers
-from .detection_factor import TrialSums
 
 # Trials with a smaller open share are dropped.
 LEAST_OPEN = 1e-3
@@ -69,10 +68,11 @@ class OpenTrials(ReadOnly):
         """Return the trials for the targets of ascending labels."""
         return self.take(contains(labels, self.label))
 
-    def after(self, trials: ReportTrials, cells: int) -> tuple[OpenTrials, TrialSums]:
+    def after(self, trials: ReportTrials, cells: int) -> tuple[OpenTrials, FloatArray]:
         """Return the open trials after a report, and sums over those that count now.
 
-        `cells` is the number of all sensors' cells, K. If a target is detected with probability d,
+        `cells` is the number of all sensors' cells, K; the sums are the columns of `TrialSums`,
+        (3, K). If a target is detected with probability d,
         given that it exists, the share d of its open trials counts, times its existence
         probability. The share 1 - d stays open, and so does the report's own trial for it.
         """
@@ -91,7 +91,7 @@ class OpenTrials(ReadOnly):
         trials_left = self.changed(
             label=label, cell=cell, expected=expected, detected=detected, open_share=open_share
         )
-        return trials_left, TrialSums(*counted)
+        return trials_left, counted
 
 
 @compiled

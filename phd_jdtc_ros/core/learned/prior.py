@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from ..arrays import FloatArray
 
 
-@dataclass(frozen=True)
-class RatioPrior:
+class RatioPrior(NamedTuple):
     """Prior of the log ratio of a learned value to the configured one.
 
     The prior is a mixture of two normal distributions. The posterior stays at the configured value
@@ -30,5 +29,5 @@ class RatioPrior:
         """
         from .loops import mixture_posterior
 
-        mean, variance = mixture_posterior(self.right, self.scale, self.wide, log_ratio, precision)
+        mean, variance = mixture_posterior(*self, log_ratio, precision)
         return mean, variance

@@ -12,7 +12,7 @@ from ..arrays import TINY, FloatArray, IntArray
 from ..clutter.amplitude_law import Learned
 from ..clutter.map import ClutterMap
 from ..learned.detection_chains import Look
-from ..learned.detection_factor import CELLS
+from ..learned.detection_factor import CELLS, TrialSums
 from ..learned.noise_factor import NoiseEvidence
 from ..learned.open_trials import OpenTrials, ReportTrials
 from ..learned.outliers import OutlierEvidence
@@ -217,9 +217,10 @@ class SensorMemory:
         share = np.minimum(detected / np.maximum(existence_after, TINY), 1.0)
         trials = ReportTrials(label, cell, expected, share, np.minimum(existence_after, 1.0))
         self.trials, sums = self.trials.after(trials, CELLS * len(self.names))
-        for name, trial_sums in zip(self.names, sums.by_sensor, strict=True):
-            if trial_sums.trials.any():
-                self.sensors = {**self.sensors, name: self.sensors[name].after_trials(trial_sums)}
+        for first, name in zip(range(0, CELLS * len(self.names), CELLS), self.names, strict=True):
+            counted = TrialSums(*sums[:, first : first + CELLS])
+            if np.count_nonzero(counted.trials):
+                self.sensors = {**self.sensors, name: self.sensors[name].after_trials(counted)}
 
     def learn_noise(
         self, report: Report, noise: NoiseEvidence | None, outliers: OutlierEvidence | None
