@@ -113,27 +113,14 @@ class ChangeAlarm(ReadOnly):
         """
         evidence = evidence.with_outliers or evidence
         expected = factor.variance * evidence.expected
-        before = _value_before(self.noise, expected, self.noise_before)
+        before = expected
+        if self.noise_before is not None:
+            # In comparison with the present value, which follows a change immediately, evidence
+            # would shrink while it is collected.
+            begun = (self.noise > 0.0) & (self.noise < RAISED)
+            before = np.where(begun, self.noise_before, expected)
         square = (evidence.weight + evidence.excess) * factor.variance / before
         ratio = 0.5 * (square * (1.0 - 1.0 / NOISIER) - evidence.weight * math.log(NOISIER))
         ratio = np.where(factor.learned & (factor.weight >= SETTLED), ratio, 0.0)
         noise = np.minimum(np.maximum(self.noise + ratio, 0.0), MOST)
         return self.changed(noise=noise, noise_before=before)
-
-
-def _value_before(
-    evidence: FloatArray, learned: FloatArray, before: FloatArray | None
-) -> FloatArray:
-    """Return the learned values, (K,), as they were before the evidence of changes, (E,), began.
-
-    The values are E columns of K / E rows. A learned value follows a change immediately; in
-    comparison with the present one, evidence would shrink while it is collected.
-    """
-    if before is None:
-        return learned
-    begun = (evidence > 0.0) & (evidence < RAISED)
-    columns = -1, len(evidence)
-    selected: FloatArray = np.where(
-        begun, before.reshape(columns), learned.reshape(columns)
-    ).ravel()
-    return selected

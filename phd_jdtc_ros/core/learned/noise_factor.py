@@ -66,22 +66,23 @@ class NoiseFactor(ReadOnly):
     ratio: Annotated[FloatArray, floats("Z", -MAX_RATIO, MAX_RATIO)] = zeros_field(COMPONENTS)
 
     @cached_property
-    def _posterior(self) -> tuple[FloatArray, FloatArray]:
-        """Mean and variance of the log of each ratio of variances, shapes (Z,)."""
+    def _factors(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Factors of variances and of deviations, and variances of the logs of the former, (Z,)."""
         shrunk = (PRIOR_WEIGHT + self.ratio) / (PRIOR_WEIGHT + self.weight)
         log_ratio = np.log(np.minimum(np.maximum(shrunk, LEAST**2), MOST**2))
-        return PRIOR.posterior(log_ratio, 0.5 * self.weight)
+        mean, variance = PRIOR.posterior(log_ratio, 0.5 * self.weight)
+        factor = np.exp(mean)
+        return factor, np.sqrt(factor), variance
 
-    @cached_property
+    @property
     def variance(self) -> FloatArray:
         """Factor of each variance, shape (Z,)."""
-        factor: FloatArray = np.exp(self._posterior[0])
-        return factor
+        return self._factors[0]
 
-    @cached_property
+    @property
     def of_std(self) -> FloatArray:
         """Factor of each standard deviation, shape (Z,)."""
-        return np.sqrt(self.variance)
+        return self._factors[1]
 
     @property
     def certainty(self) -> float:
@@ -92,7 +93,8 @@ class NoiseFactor(ReadOnly):
     @property
     def error(self) -> FloatArray:
         """Standard deviation of `of_std`, shape (Z,)."""
-        error: FloatArray = 0.5 * self.of_std * np.sqrt(self._posterior[1])
+        _, of_std, variance = self._factors
+        error: FloatArray = 0.5 * of_std * np.sqrt(variance)
         return error
 
     def after(self, evidence: NoiseEvidence) -> NoiseFactor:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, NamedTuple
 
 from ..arrays import ReadOnly
@@ -42,7 +43,7 @@ class Outliers(ReadOnly):
     detections: Annotated[float, floats("", 0.0, MAX_REMEMBERED)] = 0.0  # Remembered
     outliers: Annotated[float, floats("", 0.0, MAX_REMEMBERED)] = 0.0  # Remembered
 
-    @property
+    @cached_property
     def share(self) -> float:
         """Probability that a detection of a target is an outlier."""
         share = (PRIOR_WEIGHT * self.start + self.outliers) / (PRIOR_WEIGHT + self.detections)

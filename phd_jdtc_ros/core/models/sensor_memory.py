@@ -40,7 +40,7 @@ class SensorMemory:
     names: tuple[str, ...]  # Names of all sensors, in the configured order
     # True if detections are associated with labelled targets; otherwise only clutter is learned.
     labelled: bool = True
-    # By sensor, after its first report.
+    # By sensor; those that are not given have learned nothing yet.
     sensors: dict[str, LearnedSensor] = field(default_factory=dict)
     trials: OpenTrials = field(default_factory=OpenTrials)  # Trials that do not count yet
     # Recent looks of all sensors; births at detections depend on what others have missed.
@@ -57,8 +57,8 @@ class SensorMemory:
         """Return the memory of a model's sensors, of which nothing is learned yet."""
         return SensorMemory(tuple(sensor.name for sensor in model.radars), labelled)
 
-    def _of(self, sensor: Sensor) -> LearnedSensor:
-        return self.sensors.get(sensor.name, NOTHING_LEARNED)
+    def __post_init__(self) -> None:
+        self.sensors = dict.fromkeys(self.names, NOTHING_LEARNED) | self.sensors
 
     def _set(self, sensor: Sensor, learned: LearnedSensor) -> None:
         # A copy, because saved states share the mapping.
@@ -70,7 +70,7 @@ class SensorMemory:
         These are the earlier sectors of the same pass of an antenna, and the last look at each
         target if misses are correlated.
         """
-        learned, sensor = self._of(report.sensor), self.with_learned_values(report.sensor)
+        learned, sensor = self.sensors[report.sensor.name], self.with_learned_values(report.sensor)
         earlier = prediction = None
         if self.labelled:
             earlier = learned.earlier_sectors(report)
@@ -82,7 +82,7 @@ class SensorMemory:
 
     def with_learned_values(self, sensor: Sensor) -> Sensor:
         """Return a configured sensor with its learned values."""
-        values, cached = self._of(sensor), self._cache.get(sensor.name)
+        values, cached = self.sensors[sensor.name], self._cache.get(sensor.name)
         # A scan begins with the values learned by the one before, whose sensor is used again.
         if cached is not None and cached[0] is sensor and cached[1] is values:
             return cached[2]
@@ -114,7 +114,7 @@ class SensorMemory:
         return {
             f"{sensor.name}.{name}": figure
             for sensor in sensors
-            for name, figure in self._of(sensor).figures(sensor).items()
+            for name, figure in self.sensors[sensor.name].figures(sensor).items()
         }
 
     def earlier_looks(self, report: Report, model: TrackerModel) -> EarlierLooks | None:
@@ -159,7 +159,7 @@ class SensorMemory:
         turn_share = report.part_of_turn
         if not turn_share:
             return report
-        learned = self._of(report.sensor)
+        learned = self.sensors[report.sensor.name]
         self._set(report.sensor, learned.after_count(len(report), turn_share))
         return learned.with_surplus(report, turn_share)
 
@@ -171,7 +171,7 @@ class SensorMemory:
 
     def learn_clutter(self, report: Report, claimed: FloatArray, stationary: FloatArray) -> None:
         """Learn the clutter of a report; see `LearnedSensor.after_clutter`."""
-        learned = self._of(report.sensor)
+        learned = self.sensors[report.sensor.name]
         self._set(report.sensor, learned.after_clutter(report, claimed, stationary))
 
     def learns_detections(self, report: Report) -> bool:
@@ -198,7 +198,7 @@ class SensorMemory:
         are the existence probabilities before and after the report, and `clutter` is the
         probability that the target is clutter if it exists, (T,).
         """
-        factor, learned = report.sensor.detection_factor, self._of(report.sensor)
+        factor, learned = report.sensor.detection_factor, self.sensors[report.sensor.name]
         cell = np.zeros(len(label), dtype=np.int64)
         expected = np.zeros(len(label))
         if factor is not None and factor is not learned.detection:
@@ -227,13 +227,16 @@ class SensorMemory:
     ) -> None:
         """Learn the noise and the share of outliers from the innovations of one report."""
         if self.labelled and report.complete and (noise is not None or outliers is not None):
-            learned = self._of(report.sensor).after_noise(report.sensor, noise, outliers)
+            learned = self.sensors[report.sensor.name].after_noise(report.sensor, noise, outliers)
             self._set(report.sensor, learned)
 
     def needs_look(self, report: Report) -> bool:
         """Return whether `learn_look` learns anything from a report."""
-        if not self.labelled or report.detections.coverage is not None:
-            return self.labelled
+        sector = report.detections.coverage
+        return self.labelled and (sector is not None or self.correlates_looks(report))
+
+    def correlates_looks(self, report: Report) -> bool:
+        """Return whether `learn_look` uses more of a report than the detected targets."""
         learning = any(learned.correlation is not None for learned in self.sensors.values())
         return learning or report.look_prediction is not None
 
@@ -245,7 +248,7 @@ class SensorMemory:
         for name, other in self.sensors.items():
             if other.correlation is not None:
                 self.sensors = {**self.sensors, name: other.after_any_look(look)}
-        self._set(report.sensor, self._of(report.sensor).after_look(report, look))
+        self._set(report.sensor, self.sensors[report.sensor.name].after_look(report, look))
 
     def forget_ended(self, labels: Iterable[IntArray]) -> None:
         """Drop trials and chains of ended targets, once their number has doubled.

@@ -63,12 +63,14 @@ def learn(
         )
     if not looks:
         return None
-    expected = np.zeros(len(existence_before))
+    covered = expected = np.zeros(len(label))
+    if memory.correlates_looks(report):
+        covered = report.sensor.coverage_probability(measured, report.detections.coverage)
     if report.look_prediction is not None and report.complete:
         expected = report.look_prediction.usual(probability, label)
     return Look(
         label=label,
-        covered=report.sensor.coverage_probability(measured, report.detections.coverage),
+        covered=covered,
         detected=np.minimum(detected / np.maximum(existence_after, LEAST_EXISTENCE), 1.0),
         expected=expected,
         existence=np.minimum(existence_after, 1.0),

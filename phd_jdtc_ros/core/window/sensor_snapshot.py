@@ -42,7 +42,7 @@ def sensors_to_snapshot(
 ) -> None:
     """Store the learned values of these sensors."""
     for sensor in sensors:
-        learned = memory.sensors.get(sensor.name, LearnedSensor())
+        learned = memory.sensors[sensor.name]
         for field, (part, _) in PARTS.items():
             value = getattr(learned, field)
             if value is not None:
