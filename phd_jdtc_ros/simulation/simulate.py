@@ -87,7 +87,7 @@ def observe(
     visible = radar.visibility.probability_in_view(exact) > 0.0
     envelope = rng.rayleigh(np.sqrt(1.0 + snr))
     noisy = with_noise(exact, radar, rng)
-    if radar.visibility.has_probability:
+    if radar.visibility.probabilities:
         found = rng.random(len(exact)) < radar.visibility.probability(exact[:, 0])
         # Squares of Rayleigh envelopes are exponential, and the exponential law is memoryless.
         envelope = np.sqrt(radar.threshold**2 + envelope**2)

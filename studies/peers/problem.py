@@ -58,7 +58,7 @@ class Problem:
 
     def detection_probability(self, radar: RadarModel) -> float:
         """Return p_D: the radar's own if configured, or else the mean over the classes."""
-        if radar.visibility.has_probability:
+        if radar.visibility.probabilities:
             return float(radar.visibility.probability(np.zeros(1))[0])
         return float(radar.class_detection_probability(self.model.modes.classes).mean())
 

@@ -158,7 +158,7 @@ class RadarModel(Sensor):
         self, measured: FloatArray, std: FloatArray | None = None
     ) -> FloatArray | None:
         """Return the configured p_D at (range, azimuth), (N,); see `Sensor`."""
-        if not self.visibility.has_probability:
+        if not self.visibility.probabilities:
             return None
         return self.visibility.probability(measured[:, 0], None if std is None else std[:, 0])
 
@@ -260,7 +260,7 @@ class RadarModel(Sensor):
         It swept the coverage of the detections, and the azimuths of the detections themselves;
         without a coverage the field of view.
         """
-        line = position - np.asarray(self.position)
+        line = position - self.position
         distance = np.maximum(np.hypot(line[:, 0], line[:, 1]), MIN_RANGE)
         margin = np.arcsin(np.minimum(radius / distance, 1.0))
         margin += DETECTION_GATE_SIGMA * self.azimuth_std
@@ -275,11 +275,11 @@ class RadarModel(Sensor):
             in_reach &= distance - radius <= field.max_range + gate
             in_reach &= distance + radius >= field.min_range - gate
         elif len(detections):
-            azimuths = np.sort(np.mod(detections.measurement[:, 1], FULL_TURN))
+            azimuths = np.mod(detections.measurement[:, 1], FULL_TURN)
+            azimuths.sort()
             first = azimuth - margin
-            following = azimuths[
-                np.searchsorted(azimuths, np.mod(first, FULL_TURN)) % len(azimuths)
-            ]
+            index = azimuths.searchsorted(np.mod(first, FULL_TURN))
+            following = azimuths.take(index, mode="wrap")
             in_reach |= np.mod(following - first, FULL_TURN) <= 2.0 * margin
         return in_reach
 

@@ -38,7 +38,7 @@ def sector_probability(
     half, std = 0.5 * sector.width, np.minimum(azimuth_std, WIDEST_STD)
     offset = wrap_angle(azimuth - sector.start - half)
     share: FloatArray = ndtr((offset + half) / std) - ndtr((offset - half) / std)
-    if half + FARTHEST * std.max(initial=0.0) > np.pi:
+    if half + FARTHEST * np.maximum.reduce(std, axis=None, initial=0.0) > np.pi:
         for shifted in (offset - FULL_TURN, offset + FULL_TURN):
             share += ndtr((shifted + half) / std) - ndtr((shifted - half) / std)
     return share
@@ -56,11 +56,6 @@ class Visibility:
     # constant outside; empty if it follows from the classes' signal-to-noise ratios.
     ranges: tuple[float, ...] = ()
     probabilities: tuple[float, ...] = ()  # Detection probability at each of `ranges`
-
-    @property
-    def has_probability(self) -> bool:
-        """Whether the detection probability is given."""
-        return len(self.probabilities) > 0
 
     def probability(self, distance: FloatArray, std: FloatArray | None = None) -> FloatArray:
         """Return the given detection probability at expected ranges, (N,).

@@ -43,10 +43,12 @@ def evidence_of_pairs(
     rate_square, rate_part = _rate_squares(update, mixture.mode_weight.shape[1])
     weight, excess, found = _evidence(
         *(KNOWN_EXISTENCE, 1.0 if factor is None else factor.certainty),
-        *contiguous(mixture.existence, mixture.target, mixture.mode_weight),
-        *contiguous(update.row, update.column, probability, update.log_likelihood),
-        *contiguous(innovation.weighted, innovation.inverse, update.report.sensors_own_std),
-        *contiguous(outlier, rate_square, rate_part),
+        *contiguous(
+            *(mixture.existence, mixture.target, mixture.mode_weight),
+            *(update.row, update.column, probability, update.log_likelihood),
+            *(innovation.weighted, innovation.inverse, update.report.sensors_own_std),
+            *(outlier, rate_square, rate_part),
+        ),
     )
     if outliers is None:
         return NoiseEvidence(weight[0], excess[0]), None
