@@ -63,8 +63,8 @@ class DetectionFactor(ReadOnly):
     all_detected: Annotated[float, floats("", 0.0, MAX_REMEMBERED)] = 0.0
 
     @cached_property
-    def _factors(self) -> FloatArray:
-        """Factor of the sensor as a whole, its deviation, and the factor of each cell, (2 + K,)."""
+    def _factors(self) -> tuple[float, float, FloatArray]:
+        """Factor of the sensor as a whole, its deviation, and the factor of each cell."""
         from .loops import detection_factors
 
         assumed = self.configured if self.all_looks else MOST_PROBABILITY
@@ -72,25 +72,25 @@ class DetectionFactor(ReadOnly):
         totals = assumed, self.all_expected, self.all_detected
         return detection_factors(*priors, *totals, self.expected, self.detected)
 
-    @cached_property
+    @property
     def mean(self) -> float:
         """Factor of the sensor as a whole."""
-        return float(self._factors[0])
+        return self._factors[0]
 
     @property
     def std(self) -> float:
         """Standard deviation of `mean`."""
-        return float(self._factors[1])
+        return self._factors[1]
 
     @property
     def configured(self) -> float:
         """Mean of the configured probability over the looks; NaN without any."""
         return self.all_expected / self.all_looks if self.all_looks else math.nan
 
-    @cached_property
+    @property
     def by_cell(self) -> FloatArray:
         """Factor of each cell, shape (K,)."""
-        return self._factors[2:]
+        return self._factors[2]
 
     def cell(self, measured: FloatArray) -> IntArray:
         """Return the cells of (range, azimuth) rows, (N, 2) to (N,); ranges may be infinite."""

@@ -73,23 +73,22 @@ def detection_factors(
     all_detected: float,
     expected: Float1,
     detected: Float1,
-) -> FloatArray:
-    """Return a sensor's factor, its deviation, and the factor of each cell, (2 + K,).
+) -> tuple[float, float, FloatArray]:
+    """Return a sensor's factor, its deviation, and the factor of each cell, (K,).
 
     The first arguments are the priors of the sensor's factor and of a cell's relative to it; see
     `RatioPrior`. `most` is the largest probability. The last arguments are the expected and actual
     numbers of detections, of the sensor and of each cell; see `DetectionFactor`.
     """
-    factors, bounds = np.empty(2 + len(expected)), (prior_weight, most)
+    factors, bounds = np.empty(len(expected)), (prior_weight, most)
     prior, of_cell = (right, scale, wide), (cell_right, cell_scale, cell_wide)
     mean, std = _detection_factor(prior, bounds, probability, all_expected, all_detected)
-    factors[0], factors[1] = mean, std
     for cell in range(len(expected)):
         relative, _ = _detection_factor(
             of_cell, bounds, mean * probability, mean * expected[cell], detected[cell]
         )
-        factors[2 + cell] = mean * relative
-    return factors
+        factors[cell] = mean * relative
+    return mean, std, factors
 
 
 @compiled

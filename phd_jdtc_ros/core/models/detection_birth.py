@@ -139,8 +139,8 @@ class Newborn:
 
 def newborn_of(report: Report, mass: FloatArray, least_mass: float) -> Newborn:
     """Return the detections with at least a newborn mass, given their masses (M, C)."""
-    newborn, rows = Newborn(report, mass), (mass.sum(axis=1) >= least_mass).nonzero()[0]
-    return newborn if len(rows) == len(mass) else newborn.take(rows)
+    rows = (mass.sum(axis=1) >= least_mass).nonzero()[0]
+    return Newborn(report if len(rows) == len(mass) else report.take(rows), mass[rows])
 
 
 def missed_by(reports: Sequence[Report], position: FloatArray, modes: ModeSpace) -> FloatArray:

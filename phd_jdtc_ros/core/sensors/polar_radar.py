@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -64,7 +65,8 @@ class RadarModel(Sensor):
         """
         from .of_gaussians.polar import PolarGaussians
 
-        return PolarGaussians(self)
+        pose = np.array([*self.position, math.cos(self.yaw), math.sin(self.yaw)])
+        return PolarGaussians(self, pose)
 
     def is_nearly_normal(self, std: FloatArray) -> BoolArray:
         """Return whether (range, azimuth) of Gaussians are nearly normal; see `Sensor`."""

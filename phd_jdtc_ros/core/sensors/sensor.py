@@ -130,11 +130,6 @@ class Sensor(ReadOnly, ABC):
         """Its measurements of Gaussians; a subclass may have compiled ones."""
         return Linearised(self)
 
-    @cached_property
-    def planar_pose(self) -> FloatArray:
-        """Its position, and the cosine and the sine of its yaw, (4,)."""
-        return np.array([*self.position, math.cos(self.yaw), math.sin(self.yaw)])
-
     @property
     @abstractmethod
     def noise_std(self) -> FloatArray:

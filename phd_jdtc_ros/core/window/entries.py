@@ -126,19 +126,9 @@ class UnsweptRows(Generic[RowsT, LinkT]):
         label = self.entry.stored.row_label
         return label if self.rows is None else label[self.rows]
 
-    @cached_property
-    def _class_mass(self) -> dict[int, FloatArray]:
-        return {}
-
     def class_mass(self, class_of: IntArray, classes: int) -> FloatArray:
-        """Return the rows' expected number of targets of each class; computed once.
-
-        See `Rows.class_mass`. `class_of` is the same for every call with the same `classes`.
-        """
-        if classes not in self._class_mass:
-            mass = self.entry.stored.class_mass(class_of, classes, self.rows)
-            self._class_mass[classes] = mass
-        return self._class_mass[classes]
+        """Return the rows' expected number of targets of each class; see `Rows.class_mass`."""
+        return self.entry.stored.class_mass(class_of, classes, self.rows)
 
     @property
     def source(self) -> Source:

@@ -9,7 +9,7 @@ from typing import ClassVar, Generic
 
 import numpy as np
 
-from ..arrays import contains
+from ..arrays import FloatArray, contains
 from ..engine import EngineState, Lag, OnFiltered, Reprocessed, Step, ignore_filtered
 from ..models.clutter_raster import ClutterRaster, raster
 from ..models.tracker_model import TrackerModel
@@ -56,8 +56,9 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
     _states: TrackStates = field(init=False, repr=False)
     _tracks: TrackNumbers = field(init=False, repr=False)
     _window: list[Entry[RowsT, LinkT]] = field(init=False, repr=False)
-    # Rows of each scan that no later scan has swept, and their filtered targets, by stamp.
-    _filtered: dict[int, tuple[UnsweptRows[RowsT, LinkT], Estimates]] = field(
+    # Rows of each scan that no later scan has swept, and their filtered targets, by stamp; and
+    # their expected number of targets of each class, once a later scan needs it.
+    _filtered: dict[int, tuple[UnsweptRows[RowsT, LinkT], Estimates, FloatArray | None]] = field(
         init=False, repr=False
     )
     _stamps: list[int] = field(init=False, repr=False)  # With pending smoothed estimates
@@ -106,7 +107,6 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
 
     def step(self, scan: Scan, on_filtered: OnFiltered = ignore_filtered) -> Step:
         """Filter one scan and smooth the stamps whose lag is reached; see `Engine.step`."""
-        modes = self.forward.model.modes
         filtered = []
         if self.forward.stamp_ns is not None:
             due = self.schedule.between(self.forward.stamp_ns, scan.stamp_ns)
@@ -117,7 +117,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             replaced = {entry.stamp_ns: entry for entry in step.replaced}
             window = [replaced.get(entry.stamp_ns, entry) for entry in window]
         self._window = [*window, step.entry]
-        self._note_filtered(step.updated, scan)
+        total = self._note_filtered(step.updated, scan)
         if not self.schedule.period_ns:
             filtered.append(self._filtered_at(scan.stamp_ns))
         self._stamps = [*self._stamps, *[estimates.stamp_ns for estimates in filtered]]
@@ -129,10 +129,6 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             smoothed.append(self._smooth_oldest())
         if len(self._window) < entries:
             self._forget_dropped(scan.stamp_ns)
-        classes = modes.class_of, len(modes.classes)
-        mass = [rows.class_mass(*classes) for rows in self.forward.unswept[:-1]]
-        mass.append(step.updated.class_mass(*classes))
-        total = sum(mass, np.zeros(len(modes.classes)))
         figures = {**self._figures(step), **self.forward.learned_figures}
         return Step(tuple(filtered), tuple(smoothed), total, figures)
 
@@ -209,7 +205,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         self._states.to_snapshot(stored)
         self._tracks.to_snapshot(stored)
         window_to_snapshot(self._stamps, self._window, stored, self._entry_to_snapshot)
-        for stamp_ns, (_, estimates) in self._filtered.items():
+        for stamp_ns, (_, estimates, _) in self._filtered.items():
             to_snapshot(estimates, stored, f"filtered.{stamp_ns}")
         return stored
 
@@ -235,7 +231,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             targets = from_snapshot(
                 Estimates, stored, f"filtered.{stamp_ns}", sizes, stamp_ns=stamp_ns, **constants
             )
-            self._filtered[stamp_ns] = rows, _targets_of(rows, targets)
+            self._filtered[stamp_ns] = rows, _targets_of(rows, targets), None
 
     def _forget_dropped(self, stamp_ns: int) -> None:
         """Forget the targets that are in no entry of the window any more."""
@@ -245,8 +241,13 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             oldest_ns = self._stamps[0] if self._stamps else stamp_ns
             self.forward.attributes.forget_all_but(labels, oldest_ns)
 
-    def _note_filtered(self, updated: RowsT, scan: Scan) -> None:
-        """Store the filtered targets of a scan, and drop earlier ones of the rows that it swept."""
+    def _note_filtered(self, updated: RowsT, scan: Scan) -> FloatArray:
+        """Store the filtered targets of a scan, and drop earlier ones of the rows that it swept.
+
+        Return the expected number of targets of each class, (C,).
+        """
+        modes = self.forward.model.modes
+        classes = modes.class_of, len(modes.classes)
         *earlier, latest = self.forward.unswept
         unswept_ns = [rows.entry.stamp_ns for rows in self.forward.unswept]
         estimates = self._extract_and_record(updated, scan.stamp_ns, 0, self.rule.least)
@@ -254,12 +255,17 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             estimates, updated.label, unswept_ns, scan, self.forward.learned_model
         )
         previous, self._filtered = self._filtered, {}
+        total = np.zeros(len(modes.classes))
         for rows in earlier:
-            unchanged, targets = previous[rows.entry.stamp_ns]
+            unchanged, targets, mass = previous[rows.entry.stamp_ns]
             # Most rows have not changed since the last scan.
-            targets = targets if rows is unchanged else _targets_of(rows, targets)
-            self._filtered[rows.entry.stamp_ns] = rows, targets
-        self._filtered[scan.stamp_ns] = latest, reported
+            if rows is not unchanged:
+                targets, mass = _targets_of(rows, targets), None
+            mass = rows.class_mass(*classes) if mass is None else mass
+            total += mass
+            self._filtered[rows.entry.stamp_ns] = rows, targets, mass
+        self._filtered[scan.stamp_ns] = latest, reported, None
+        return total + updated.class_mass(*classes)
 
     def _filtered_at(self, stamp_ns: int) -> Estimates:
         """Return the targets to publish for a stamp."""
@@ -278,7 +284,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
 
     def _predict_targets(self, stamp_ns: int) -> Estimates:
         """Return the latest targets predicted to a stamp; `track_id` is still label + 1."""
-        parts = [targets for _, targets in self._filtered.values()]
+        parts = [targets for _, targets, _ in self._filtered.values()]
         estimates, time_ns = Estimates.concatenate(parts, 0)
         return predict(estimates, time_ns, stamp_ns, self.forward.model.modes)
 

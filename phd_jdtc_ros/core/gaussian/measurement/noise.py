@@ -15,6 +15,10 @@ from ...models.sensor_memory import KNOWN_EXISTENCE
 from ..mixture import Mixture
 from .iterated_update import PairUpdate
 
+# Whether each component has outliers; range rates have none.
+HAS_OUTLIERS = np.array([1.0, 1.0, 0.0])
+NONE = np.zeros(0)
+
 
 def evidence_of_pairs(
     mixture: Mixture, update: PairUpdate, probability: FloatArray
@@ -39,9 +43,9 @@ def evidence_of_pairs(
     factor, outliers = sensor.noise_factor, sensor.outliers
     if factor is None and outliers is None:
         return None, None
-    outlier = np.zeros(0) if update.outlier is None else update.outlier
+    outlier = NONE if update.outlier is None else update.outlier
     rate_square, rate_part = _rate_squares(update, mixture.mode_weight.shape[1])
-    weight, excess, found = _evidence(
+    weight, excess, *found = _evidence(
         *(KNOWN_EXISTENCE, 1.0 if factor is None else factor.certainty),
         *contiguous(
             *(mixture.existence, mixture.target, mixture.mode_weight),
@@ -52,12 +56,11 @@ def evidence_of_pairs(
     )
     if outliers is None:
         return NoiseEvidence(weight[0], excess[0]), None
-    outlier_evidence = OutlierEvidence(*found.tolist())
+    outlier_evidence = OutlierEvidence(*found)
     if factor is None:
         return None, outlier_evidence
     ratio = limited_mean(outliers.ratio**2) / LIMITED_MEAN
-    expected = np.ones(COMPONENTS)
-    expected[:-1] += outliers.share * (ratio - 1.0)  # Range rates have no outliers
+    expected = 1.0 + outliers.share * (ratio - 1.0) * HAS_OUTLIERS
     with_outliers = NoiseEvidence(weight[1], excess[1], expected)
     return NoiseEvidence(weight[0], excess[0], with_outliers=with_outliers), outlier_evidence
 
@@ -70,7 +73,7 @@ def _rate_squares(update: PairUpdate, modes: int) -> tuple[FloatArray, FloatArra
     report, rate_update = update.report, update.rate_update
     factor, rates = report.sensor.noise_factor, report.range_rates
     if rate_update is None or rates is None or factor is None or not factor.learned[-1]:
-        return np.zeros(0), np.zeros(0)
+        return NONE, NONE
     sensor_std = report.sensors_own_rate_std(rates)[update.column].repeat(modes)
     return rate_update.innovation**2 / rate_update.variance, sensor_std**2 / rate_update.variance
 
@@ -92,20 +95,20 @@ def _evidence(
     outlier: Float1,
     rate_square: Float1,
     rate_part: Float1,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, float, float]:
     """Return weight and excess of `NoiseEvidence` without and with outliers, (2, Z) each.
 
-    The third array has the numbers of `OutlierEvidence`. The last three arguments may be empty.
+    The last results are the numbers of `OutlierEvidence`; the last three arguments may be empty.
     """
     modes = mode_weight.shape[1]
     weight, excess = np.zeros((2, COMPONENTS)), np.zeros((2, COMPONENTS))
-    found = np.zeros(2)
+    detections, outliers = 0.0, 0.0
     share = np.empty(modes)
     for pair in range(len(row)):
         hypothesis, first = row[pair], pair * modes
         if existence[target[hypothesis]] < least_existence:
             continue
-        found[0] += certainty * probability[pair]
+        detections += certainty * probability[pair]
         largest, total = -np.inf, 0.0
         for mode in range(modes):
             largest = max(largest, log_likelihood[first + mode])
@@ -122,7 +125,7 @@ def _evidence(
             of_usual = of_all
             if len(outlier) > 0:
                 outlying = certainty * outlier[first + mode]
-                found[1] += of_all * outlying
+                outliers += of_all * outlying
                 of_usual *= 1.0 - outlying
             for axis in range(COMPONENTS if len(rate_part) > 0 else 2):
                 if axis < 2:
@@ -136,4 +139,4 @@ def _evidence(
                 weight[1, axis] += of_all * added_weight
                 excess[0, axis] += of_usual * added_excess
                 excess[1, axis] += of_all * added_excess
-    return weight, excess, found
+    return weight, excess, detections, outliers

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,15 +20,18 @@ from .linearised import LEAST_STD, Linearised, Measured
 NO_TIMES = np.zeros(0)
 
 
+@dataclass(frozen=True)
 class PolarGaussians(Linearised):
     """Measurements of Gaussians by a polar radar; see `Linearised` for the parameters."""
+
+    pose: FloatArray  # Position of the radar, and the cosine and the sine of its yaw, (4,)
 
     def expected(
         self, mean: FloatArray, covariance: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return expected measurements, their covariances, and standard deviations."""
-        axes, pose = self.sensor.space.planar_axes, self.sensor.planar_pose
-        return _expected_measurements(mean, covariance, axes, pose)
+        axes = self.sensor.space.planar_axes
+        return _expected_measurements(mean, covariance, axes, self.pose)
 
     def gate_pairs(
         self,
@@ -43,14 +47,7 @@ class PolarGaussians(Linearised):
         turn = measurement[:, 1] % FULL_TURN
         order, noise_std = turn.argsort(kind="stable"), self.gate_ratio * report.detection_std
         return polar_gate.gate(
-            *(
-                sensor.max_range,
-                sensor.space.planar_axes,
-                sensor.planar_pose,
-                mean,
-                measured,
-                covariance,
-            ),
+            *(sensor.max_range, sensor.space.planar_axes, self.pose, mean, measured, covariance),
             *(weight, measurement, noise_std, NO_TIMES if times is None else times),
             *(turn[order], order),
         )
@@ -68,7 +65,7 @@ class PolarGaussians(Linearised):
         """Return the columns of `kalman.Innovation`; errors are taken as independent."""
         sensor, times = self.sensor, measured.time_s
         return _innovations(
-            *(iterations, converged, modes, sensor.space.planar_axes, sensor.planar_pose),
+            *(iterations, converged, modes, sensor.space.planar_axes, self.pose),
             *contiguous(*gaussians, np.zeros((0, 2)) if expected is None else expected, *pairs),
             *contiguous(measured.measurement, measured.noise_std),
             *contiguous(NO_TIMES if times is None else times),
