@@ -72,9 +72,9 @@ class OpenTrials(ReadOnly):
         """Return the open trials after a report, and sums over those that count now.
 
         `cells` is the number of all sensors' cells, K; the sums are the columns of `TrialSums`,
-        (3, K). If a target is detected with probability d,
-        given that it exists, the share d of its open trials counts, times its existence
-        probability. The share 1 - d stays open, and so does the report's own trial for it.
+        (3, K). If a target is detected with probability d, given that it exists, the share d of its
+        open trials counts, times its existence probability. The share 1 - d stays open, and so does
+        the report's own trial for it.
         """
         label, cell, (expected, detected, open_share), counted = _count_trials(
             *(

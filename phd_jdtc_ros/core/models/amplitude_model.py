@@ -106,7 +106,7 @@ class Ignored(AmplitudeModel):
 
     def select(self, detections: Detections) -> Detections:
         """Return the detections without their amplitudes."""
-        return detections.without_amplitude
+        return detections.changed(amplitude=None)
 
 
 @dataclass(frozen=True)

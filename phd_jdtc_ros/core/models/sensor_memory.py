@@ -219,7 +219,7 @@ class SensorMemory:
         self.trials, sums = self.trials.after(trials, CELLS * len(self.names))
         for first, name in zip(range(0, CELLS * len(self.names), CELLS), self.names, strict=True):
             counted = TrialSums(*sums[:, first : first + CELLS])
-            if np.count_nonzero(counted.trials):
+            if counted.trials.any():
                 self.sensors = {**self.sensors, name: self.sensors[name].after_trials(counted)}
 
     def learn_noise(
@@ -269,5 +269,5 @@ class SensorMemory:
     @property
     def _entries(self) -> int:
         """Number of open trials and chains."""
-        chains = (learned.chains for learned in self.sensors.values())
-        return len(self.trials) + sum(len(chain) for chain in chains if chain is not None)
+        chains = [each.chains for each in self.sensors.values() if each.chains is not None]
+        return len(self.trials) + sum(map(len, chains))

@@ -119,11 +119,6 @@ class Detections(ReadOnly):
     def __len__(self) -> int:
         return len(self.measurement)
 
-    @cached_property
-    def without_amplitude(self) -> Detections:
-        """The detections without their amplitudes."""
-        return self.changed(amplitude=None)
-
     def take(self, rows: IntArray) -> Detections:
         """Return the detections of these rows, in this order; coverage and pose stay the same."""
         values = self.__dict__

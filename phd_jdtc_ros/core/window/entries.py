@@ -146,11 +146,12 @@ class UnsweptRows(Generic[RowsT, LinkT]):
             Whether a scan has swept each row of the entry.
         """
         is_swept = swept if self.rows is None else swept[self.rows]
-        (rows,), (others,) = is_swept.nonzero(), (~is_swept).nonzero()
-        if not others.size:
+        (rows,) = is_swept.nonzero()
+        if rows.size == is_swept.size:
             return self, None
         if not rows.size:
             return None, self
+        (others,) = (~is_swept).nonzero()
         if self.rows is not None:
             rows, others = self.rows[rows], self.rows[others]
         return UnsweptRows(self.entry, rows), UnsweptRows(self.entry, others)

@@ -327,4 +327,6 @@ def _targets_of(rows: UnsweptRows[RowsT, LinkT], targets: Estimates) -> Estimate
     """Return those of an entry's filtered targets whose rows are still unswept."""
     if rows.rows is None:
         return targets
-    return targets.select(contains(np.sort(rows.row_label), targets.track_id - 1))
+    label = rows.row_label  # A copy, because it is of selected rows
+    label.sort()
+    return targets.select(contains(label, targets.track_id - 1))
