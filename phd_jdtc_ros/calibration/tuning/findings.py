@@ -234,13 +234,26 @@ def _units(plots: Plots) -> str:
         f"{width:.3g} degrees"
     )
     longer = replace(plots, measurement=plots.measurement * [KILO, 1.0])
-    _, tracks = first_guess(longer, timing_of(longer))
-    if len(tracks.claimed) < LEAST_PLOTS or _speed_std(longer, tracks) > FASTEST:
-        return extent
-    return (
-        f"{extent}; {len(tracks.plots)} targets are found if ranges are {KILO:g} times as large: "
-        "ranges must be in metres, probably they are in kilometres, or times are in milliseconds"
-    )
+    if count := _plausible_targets(longer):
+        return (
+            f"{extent}; {count} targets are found if ranges are {KILO:g} times as large: ranges "
+            "must be in metres, probably they are in kilometres, or times are in milliseconds"
+        )
+    # A turn of the antenna is found in seconds only.
+    faster = replace(plots, cloud_s=plots.cloud_s / KILO, time_s=plots.time_s / KILO)
+    if count := _plausible_targets(faster):
+        return (
+            f"{extent}; {count} targets are found if times are divided by {KILO:g}: times must be "
+            "in seconds, probably they are in milliseconds"
+        )
+    return extent
+
+
+def _plausible_targets(plots: Plots) -> int:
+    """Return the number of targets; 0 if they are too few, or faster than any."""
+    _, tracks = first_guess(plots, timing_of(plots))
+    few = len(tracks.claimed) < LEAST_PLOTS
+    return 0 if few or _speed_std(plots, tracks) > FASTEST else len(tracks.plots)
 
 
 def _candidates(

@@ -237,6 +237,15 @@ def test_wrong_units_are_named_where_no_target_is_found():
         findings(plots)
 
 
+def test_milliseconds_are_named_where_a_turning_antenna_has_times_of_single_plots():
+    seconds = turning()[1].until(120.0)
+    own_s = 1e3 * seconds.time_s
+    plots = replace(seconds, cloud=np.arange(len(own_s)), cloud_s=own_s, time_s=own_s, timed=True)
+    expected = r"\d+ targets are found if times are divided by 1000: .* in milliseconds$"
+    with pytest.raises(TuningError, match=expected):
+        findings(plots)
+
+
 def test_rows_list_proposed_and_current_values(estimated):
     rows = rows_of(estimated)
     assert (rows["rotation_s"].value, rows["rotation_s"].now) == (5.0, 5.0)
