@@ -7,7 +7,7 @@ tracks of one aircraft both have the older number, and the better one is reporte
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -134,14 +134,14 @@ class TrackNumbers:
         pairs = dict(zip(stored.label.tolist(), number.tolist(), strict=True))
         return TrackNumbers(pairs, count, KnownAircraft.from_snapshot(snapshot, count))
 
-    def forget_all_but(self, labels: list[IntArray]) -> None:
+    def forget_all_but(self, labels: Iterable[IntArray]) -> None:
         """Drop the numbers of targets that can no longer be reported.
 
         They are dropped only when the numbers have doubled since the last time, because a number
         without a target does no harm.
         """
         if len(self._number) > 2 * self._kept + FEW_NUMBERS:
-            alive = set((np.concatenate(labels) + 1).tolist())
+            alive = set((np.concatenate([*labels]) + 1).tolist())
             self._number = {label: n for label, n in self._number.items() if label in alive}
             self._kept = len(self._number)
 
@@ -153,7 +153,7 @@ class NoNumbers(TrackNumbers):
         """Return the estimates unchanged."""
         return estimates
 
-    def forget_all_but(self, labels: list[IntArray]) -> None:
+    def forget_all_but(self, labels: Iterable[IntArray]) -> None:
         """Keep all numbers: there are none to drop."""
 
 

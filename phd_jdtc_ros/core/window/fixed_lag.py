@@ -195,7 +195,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             smoothed += [self._tracks.assign(estimates, reach) for estimates in due]
         tracks_in_use = {NUMBERS: self._tracks.in_use}
         states = [replace(saved, state={**saved.state, **tracks_in_use}) for saved in states]
-        self._tracks.forget_all_but([entry.label for entry in self._window])
+        self._tracks.forget_all_but(entry.label for entry in self._window)
         return Reprocessed(tuple(states), tuple(filtered), tuple(smoothed))
 
     def snapshot(self) -> Snapshot:
@@ -235,10 +235,10 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
 
     def _forget_dropped(self, stamp_ns: int) -> None:
         """Forget the targets that are in no entry of the window any more."""
-        labels = [entry.label for entry in self._window]
-        self._tracks.forget_all_but(labels)
+        self._tracks.forget_all_but(entry.label for entry in self._window)
         if self.forward.attributes is not None:
             oldest_ns = self._stamps[0] if self._stamps else stamp_ns
+            labels = [entry.label for entry in self._window]
             self.forward.attributes.forget_all_but(labels, oldest_ns)
 
     def _note_filtered(self, updated: RowsT, scan: Scan) -> FloatArray:
