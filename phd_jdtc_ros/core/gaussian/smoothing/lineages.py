@@ -19,7 +19,7 @@ from ..mixture import Mixture
 from ..prediction import Moves
 from ..reduction import Ancestry
 from .backward_step import Gaussians, Links, go_back
-from .tables import JOINED, Table, join
+from .tables import JOINED, LARGEST, Table, join
 from .updates import (
     BEFORE,
     COLUMNS,
@@ -118,7 +118,7 @@ class Lineages:
             oldest = self._tables[0]
             continued = self._updates[: oldest.end - self._dropped, BEFORE]
             if (continued < self._dropped).all():
-                oldest.links = None
+                oldest.links, oldest.is_small = None, False
 
     def smooth(self, since_ns: int = -1, threshold: float = -1.0) -> Around:
         """Smooth the updates that new ones continue, if a stamp from this one on needs them.
@@ -211,29 +211,31 @@ class Lineages:
 
     def _append(self, entry: Entry[Mixture, Link]) -> None:
         """Append the updates of an entry: those of its targets, and of those that it dropped."""
-        stored, link, first = entry.stored, entry.link, len(self._updates)
-        child = continued = np.zeros(0, dtype=np.int64)
-        before, survival = stored.weight[:0], np.zeros((0, stored.weight.shape[1]))
-        if link is not None:
+        stored, link, links = entry.stored, entry.link, None
+        if link is None:
+            child = continued = np.zeros(0, dtype=np.int64)
+            before, survival = stored.weight[:0], np.zeros((0, stored.weight.shape[1]))
+        else:
             child, survival = link.ancestry.child, link.moves.survival
-            self._pairs = link.moves.pairs
-            parts = [self._rows_of(source, before) for source in entry.sources]
-            continued = np.concatenate([label for label, _ in parts])
-            before = np.concatenate([weight for _, weight in parts])
+            self._pairs, links = link.moves.pairs, _links_of(link)
+            parts = [self._rows_of(source, stored.weight) for source in entry.sources]
+            continued, before = map(np.concatenate, zip(*parts, strict=True))
         ordered = np.concatenate((stored.row_label, continued))
         ordered.sort()
         labels, weights = (stored.row_label, continued, ordered, child), (stored.weight, before)
-        earlier = self._dropped, self._updates, self._sums
+        earlier, first = (self._dropped, self._updates, self._sums), len(self._updates)
         self._updates, self._sums = append_updates(
             *(entry.stamp_ns, *labels, *weights, survival, *earlier)
         )
-        self._entries[entry.stamp_ns] = stored, len(self._updates) - first
-        if len(self._updates) == first:
+        end = len(self._updates)
+        self._entries[entry.stamp_ns] = stored, end - first
+        if end == first:
             return
-        end, links = self._dropped + len(self._updates), None if link is None else _links_of(link)
-        self._tables.append(Table(end, Gaussians(*stored.gaussians), links))
+        is_small = links is not None and len(stored.weight) <= LARGEST
+        own = self._dropped + end, Gaussians(*stored.gaussians), links, is_small
+        self._tables.append(Table(*own))
         latest = self._tables[-JOINED:]
-        if len(latest) == JOINED and all(table.is_small for table in latest):
+        if len(latest) == JOINED and all([table.is_small for table in latest]):
             del self._tables[-JOINED:]
             first = self._tables[-1].end if self._tables else self._dropped
             self._tables.append(join(latest, self._updates[first - self._dropped :], first))

@@ -29,8 +29,8 @@ class Table:
     end: int  # Number of the update after its last one
     filtered: Gaussians
     links: Links | None  # None without earlier hypotheses
+    is_small: bool = False  # Whether the table can be joined to others
     smoothed: Gaussians = field(init=False)
-    is_joined: bool = field(init=False, default=False)
 
     def __post_init__(self) -> None:
         self.smoothed = self.filtered
@@ -42,21 +42,10 @@ class Table:
             self.smoothed = Gaussians(*(column.copy() for column in self.filtered))
         return self.smoothed
 
-    @property
-    def is_small(self) -> bool:
-        """Whether the table can be joined to others."""
-        return not (self.is_joined or self.links is None) and len(self.filtered.weight) <= LARGEST
 
-
-def _shift(links: Links, begins: IntArray) -> Links:
-    """Return links that refer to rows of joined tables, in which their own have these `begins`."""
-    rows, predicted, _, pairs, factors = begins
-    return links._replace(
-        child=links.child + rows,
-        parent=np.where(links.parent < 0, -1, links.parent + predicted),
-        place=np.where(links.place < 0, -1, links.place + pairs),
-        factored=np.where(links.factored < 0, -1, links.factored + factors),
-    )
+def _shift(rows: IntArray, begin: IntArray) -> IntArray:
+    """Return rows of joined tables, given the begin of each row's own table; -1 remains."""
+    return np.where(rows < 0, -1, rows + begin)
 
 
 def join(tables: Sequence[Table], updates: IntArray, first: int) -> Table:
@@ -69,25 +58,28 @@ def join(tables: Sequence[Table], updates: IntArray, first: int) -> Table:
     first : int
         Number of the first of these updates.
     """
-    links = [table.links for table in tables if table.links is not None]
-    rows = [len(table.filtered.weight) for table in tables]
+    parts = [table.links for table in tables if table.links is not None]
     sizes = np.array(
         [
-            [count, len(own.change), len(own.child), len(own.mean), len(own.factor)]
-            for count, own in zip(rows, links, strict=True)
+            [len(table.filtered.weight), *map(len, (own.change, own.child, own.mean, own.factor))]
+            for table, own in zip(tables, parts, strict=True)
         ]
     )
     begins = sizes.cumsum(axis=0) - sizes
-    ends, numbers = [table.end for table in tables], first + np.arange(len(updates))
-    of_table = np.searchsorted(ends, numbers, side="right")
-    updates[:, ROW : EDGE + 2] += begins[of_table, :3].repeat(2, axis=1)
-    shifted = map(_shift, links, begins)
+    counts = np.diff([first, *[table.end for table in tables]])
+    updates[:, ROW : EDGE + 2] += begins[:, :3].repeat(counts, axis=0).repeat(2, axis=1)
+    _, predicted, edges, pairs, _ = sizes.T
+    links = Links(*map(np.concatenate, zip(*parts, strict=True)))
+    links = links._replace(
+        child=links.child + begins[:, 0].repeat(edges),
+        parent=_shift(links.parent, begins[:, 1].repeat(edges)),
+        place=_shift(links.place, begins[:, 3].repeat(predicted)[:, None]),
+        factored=_shift(links.factored, begins[:, 4].repeat(pairs)),
+    )
     filtered, smoothed = (
         Gaussians(*map(np.concatenate, zip(*gaussians, strict=True)))
         for gaussians in zip(*((table.filtered, table.smoothed) for table in tables), strict=True)
     )
-    joined = Table(
-        tables[-1].end, filtered, Links(*map(np.concatenate, zip(*shifted, strict=True)))
-    )
-    joined.smoothed, joined.is_joined = smoothed, True
+    joined = Table(tables[-1].end, filtered, links)
+    joined.smoothed = smoothed
     return joined

@@ -126,7 +126,7 @@ def test_window_that_slides_is_smoothed_as_one_that_was_always_whole():
         since_ns = part[-min(len(part), 30)].stamp_ns
         assert slid._is_continued_by(part) == (end > 20)
         slid.extend(part)
-        joined += sum(table.is_joined for table in slid._tables)
+        joined += sum(bool(table.links) and not table.is_small for table in slid._tables)
         slid.smooth(since_ns)
         whole = lineages.Lineages()
         whole.extend(part)
