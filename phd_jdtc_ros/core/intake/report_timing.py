@@ -35,17 +35,13 @@ class ReportTiming(NamedTuple):
     # detection after the previous report's stamp; and the time of its last detection after its own
     # stamp. NaN if the detections have no times.
     timings: FloatArray = np.zeros((0, 3))
+    last_s: float = math.nan  # Stamp of the latest report, seconds; NaN before the first
     interval_s: float = 0.0  # Median interval between reports, seconds; 0 if unknown
     # True if reports come at regular intervals, so that a missing one was lost.
     regular: bool = True
     # End of a report's interval relative to its stamp, seconds; NaN if no detection had a time. No
     # report has a detection later than this, and no following one has an earlier detection.
     lead_s: float = math.nan
-
-    @property
-    def last_s(self) -> float:
-        """Stamp of the latest report, seconds; NaN before the first."""
-        return float(self.timings[-1, 0]) if len(self.timings) else math.nan
 
     def after(self, stamp_s: float, time_s: FloatArray, period_s: float) -> ReportTiming:
         """Return the timing after a new report.
@@ -67,7 +63,7 @@ class ReportTiming(NamedTuple):
         )
         lead_s = np.fmin(np.fmax.reduce(timings[:, 2]), np.fmin.reduce(timings[:, 1]))
         lead_s = self.lead_s if np.isnan(lead_s) else float(lead_s)
-        return ReportTiming(timings, interval_s, regular, lead_s)
+        return ReportTiming(timings, stamp_s, interval_s, regular, lead_s)
 
     def _plausible_times(self, stamp_s: float, time_s: FloatArray, period_s: float) -> FloatArray:
         """Return the times that are plausible for a report, without those off by a turn.

@@ -20,7 +20,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
@@ -50,17 +49,19 @@ MAX_COVERED_TURNS = 1.2
 LEAST_REPORTS = 1.9
 
 
-class State(NamedTuple):
-    """State of a run, from which the next report is cut."""
+@dataclass
+class State:
+    """State of a run, from which the next report is cut; it changes only while one is cut."""
 
     track: AntennaTrack
+    period_s: float  # Current estimate of the rotation period, seconds; 0 if unknown
     # The first estimate of the rotation period, seconds; 0 if there was none. It stays constant
     # while wind changes the antenna's speed.
     first_period_s: float = 0.0
     last_ns: int | None = None  # Stamp of the latest report
     slice_ns: int = 0  # Stamp of the latest slice
     # Timing of the reports, without those that repeated an earlier one.
-    timing: ReportTiming = ReportTiming()
+    timing: ReportTiming = field(default_factory=ReportTiming)
     end_s: float = math.nan  # End of the time that the reports cover, seconds; NaN if unknown
     end: float = math.nan  # Direction of the antenna at this time, radians; NaN if unknown
     number: int | None = None  # Number of the latest sector
@@ -91,11 +92,13 @@ class Turns:
     anomalies: Counter[str] = field(init=False, default_factory=Counter)
 
     def __post_init__(self) -> None:
-        self.state = State(AntennaTrack(self.configured_period_s))
+        period_s = self.configured_period_s
+        self.state = State(AntennaTrack(period_s), period_s)
 
     def reset(self) -> None:
         """Forget all reports, but keep the rotation period."""
-        self.state = State(AntennaTrack(self.nominal_period_s), self.state.first_period_s)
+        period_s = self.nominal_period_s
+        self.state = State(AntennaTrack(period_s), period_s, self.state.first_period_s)
 
     @property
     def nominal_period_s(self) -> float:
@@ -105,7 +108,7 @@ class Turns:
     @property
     def period_s(self) -> float:
         """Current estimate of the rotation period, seconds; 0 if unknown."""
-        return self.state.track.period_s or self.nominal_period_s
+        return self.state.period_s
 
     @property
     def report_duration_s(self) -> float:
@@ -144,20 +147,21 @@ class Turns:
         if self.state.last_ns is not None and stamp_ns < self.state.last_ns:
             self.reset()
         report, unclear = RadarReport.of(stamp_ns, detections), self.state.track.unclear
+        state = self.state = State(**vars(self.state))
         self._follow_antenna(report)
         if not self.nominal_period_s or (not report.timed and self._per_turn == 1):
             self._remember(report, report.detection_s)
-            self.state = self.state._replace(slice_ns=stamp_ns)
+            state.slice_ns = stamp_ns
             return [(stamp_ns, detections)]
-        self.anomalies["antenna_unclear"] += self.state.track.unclear > unclear
-        due, previous_number = self._reports_due(report.stamp_s), self.state.number
+        self.anomalies["antenna_unclear"] += state.track.unclear > unclear
+        due, previous_number = self._reports_due(report.stamp_s), state.number
         number = self._sector_number(report, sector, due)
         if due < 0.5 and self._per_turn > 1 and self._is_repeated(report, number, previous_number):
             self.anomalies["sectors_repeated"] += 1
             return self._stamp(report, [UnstampedSlice(stamp_ns, detections, UNKNOWN_COVERAGE)])
         start_s, end_s = self._covered_time(report, due)
         slices, end = self._slices(report, number, start_s, end_s)
-        self.state = self.state._replace(end_s=end_s, end=end)
+        state.end_s, state.end = end_s, end
         return self._stamp(report, slices)
 
     def _out_of_order(
@@ -176,7 +180,8 @@ class Turns:
 
     def _follow_antenna(self, report: RadarReport) -> None:
         """Update the antenna's track by a report's detections."""
-        previous_track, timing = self.state.track, self.state.timing
+        state = self.state
+        previous_track, timing = state.track, state.timing
         track, timed = previous_track, not math.isnan(timing.lead_s)
         # Without times of detections, fewer reports per turn do not show the motion.
         shortest_s = LEAST_REPORTS * (timing.interval_s or report.stamp_s - timing.last_s)
@@ -197,12 +202,10 @@ class Turns:
             if self.sectors > 1:
                 # Stamps give the period more accurately than azimuths that are known by sector.
                 track = track.with_period(self.sectors * timing.interval_s)
-        first_s = self.state.first_period_s if previous_track.period_s else track.period_s
-        self.state = self.state._replace(
-            track=track,
-            first_period_s=first_s or self.state.first_period_s,
-            last_ns=report.stamp_ns,
-        )
+        state.track, state.last_ns, period_s = track, report.stamp_ns, track.period_s
+        if period_s and not previous_track.period_s:
+            state.first_period_s = period_s
+        state.period_s = period_s or self.nominal_period_s
 
     def _reports_due(self, stamp_s: float) -> float:
         """Return the number of reports due since the previous one, including this one."""
@@ -228,7 +231,7 @@ class Turns:
         elif previous_number is not None and self.sectors > 2:
             adjacent_steps = {1: 1, self.sectors - 1: -1}
             step = adjacent_steps.get((sector - previous_number) % self.sectors, step)
-        self.state = self.state._replace(number=sector, step=step)
+        self.state.number, self.state.step = sector, step
         return sector
 
     def _is_repeated(
@@ -249,12 +252,12 @@ class Turns:
 
     def _remember(self, report: RadarReport, detection_s: FloatArray) -> None:
         """Update the timing by a report's stamp and its plausible detection times."""
-        timing = self.state.timing.after(report.stamp_s, detection_s, self.period_s)
-        self.state = self.state._replace(timing=timing)
+        state = self.state
+        state.timing = state.timing.after(report.stamp_s, detection_s, state.period_s)
 
     def _covered_time(self, report: RadarReport, due: float) -> tuple[float, float]:
         """Return the start and the end of the time that a report covers, seconds."""
-        before_s, length_s, period_s = self.state.end_s, self.report_duration_s, self.period_s
+        before_s, length_s, period_s = self.state.end_s, self.report_duration_s, self.state.period_s
         detection_s = report.detection_s
         if report.timed and (antenna := self.state.track.antenna) is not None:
             detection_s = detection_s[antenna.fits(detection_s, report.azimuth)]
@@ -322,5 +325,5 @@ class Turns:
             if time_s is not None:
                 time_s = time_s + (report.stamp_ns - stamp_ns) * 1e-9
             slices.append((stamp_ns, detections.changed(time_s=time_s, coverage=coverage)))
-        self.state = self.state._replace(slice_ns=stamp_ns)
+        self.state.slice_ns = stamp_ns
         return slices

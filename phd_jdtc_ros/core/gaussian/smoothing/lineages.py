@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -235,7 +236,7 @@ class Lineages:
         own = self._dropped + end, Gaussians(*stored.gaussians), links, is_small
         self._tables.append(Table(*own))
         latest = self._tables[-JOINED:]
-        if len(latest) == JOINED and all([table.is_small for table in latest]):
+        if len(latest) == JOINED and all(map(attrgetter("is_small"), latest)):
             del self._tables[-JOINED:]
             first = self._tables[-1].end if self._tables else self._dropped
             self._tables.append(join(latest, self._updates[first - self._dropped :], first))
