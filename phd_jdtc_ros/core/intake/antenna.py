@@ -123,6 +123,15 @@ class Sightings(NamedTuple):
             rows = rows[:: math.ceil(rows.size / MAX_SIGHTINGS)]
         return Sightings(self.time_s[rows], self.azimuth[rows])
 
+    def plausible(self) -> Sightings:
+        """Return those of a report with times near the median; others come from a wrong clock."""
+        time_s = self.time_s
+        if time_s.size < MIN_FOR_OUTLIERS or time_s.max() - time_s.min() <= MIN_OUTLIER_S:
+            return self
+        off_s = np.abs(time_s - median(time_s))
+        near = off_s <= max(MAX_MEDIAN_DEVIATIONS * median(off_s), MIN_OUTLIER_S)
+        return Sightings(time_s[near], self.azimuth[near])
+
     def with_latest(self, latest: Sightings, seconds: float) -> Sightings:
         """Return the sightings of a new report and of the given seconds before its end."""
         older = self.since(float(latest.time_s.max()) - seconds)
@@ -171,8 +180,7 @@ class AntennaTrack(NamedTuple):
             return AntennaTrack(self.nominal_period_s).follow(now_s, time_s, azimuth)
         if not len(time_s):
             return self
-        plausible = _plausible_times(time_s)
-        latest = Sightings(time_s[plausible], azimuth[plausible]).since(-math.inf)
+        latest = Sightings(time_s, azimuth).plausible().since(-math.inf)
         if not period_s:
             sightings = self.sightings.with_latest(latest, MAX_PERIOD_S)
             return self._search(now_s, sightings, min_period_s)
@@ -182,7 +190,7 @@ class AntennaTrack(NamedTuple):
             else self.sightings.with_latest(latest, MAX_AGE * period_s)
         )
         weight = 0.5 ** ((sightings.time_s.max() - sightings.time_s) / (HALF_AGE * period_s))
-        total = weight.sum()
+        total = np.add.reduce(weight)
         if total < MIN_WEIGHT:
             return self._replace(sightings=sightings)
         for line in self._candidate_lines(sightings, weight, FULL_TURN / period_s):
@@ -237,13 +245,6 @@ class AntennaTrack(NamedTuple):
         return self._replace(sightings=sightings, searched_s=now_s)
 
 
-def _plausible_times(time_s: FloatArray) -> BoolArray:
-    """Return a mask of the times near the median of a report; others come from a wrong clock."""
-    off_s = np.abs(time_s - median(time_s))
-    plausible: BoolArray = off_s <= max(MAX_MEDIAN_DEVIATIONS * median(off_s), MIN_OUTLIER_S)
-    return plausible | (len(time_s) < MIN_FOR_OUTLIERS)
-
-
 def search_lines(
     sightings: Sightings, weight: FloatArray, rates: FloatArray, log_prior: FloatArray | float = 0.0
 ) -> list[tuple[float, Antenna]]:
@@ -272,10 +273,8 @@ def _refine(line: Antenna, sightings: Sightings, weight: FloatArray, prior_rate:
         passed = rate * since_s
         off = wrap_angle(sightings.azimuth - azimuth - passed)
         weight_in_gate = weight * (np.abs(off) <= farthest)
-        across = weight_in_gate @ passed
-        normal = np.array(
-            [[weight_in_gate.sum() + 1e-9, across], [across, weight_in_gate @ passed**2 + ridge]]
-        )
+        total, across = np.add.reduce(weight_in_gate) + 1e-9, weight_in_gate @ passed
+        normal = np.array([[total, across], [across, weight_in_gate @ passed**2 + ridge]])
         prior = ridge * math.log(prior_rate / abs(rate))
         # LAPACK itself takes a sixth of the time of `numpy.linalg.solve` for two unknowns.
         _, _, (shift, faster), _ = lapack.dgesv(

@@ -139,7 +139,8 @@ class ReportCheck:
 
 def is_copy(found: Detections, before: Detections) -> bool:
     """Return whether two reports, which are not empty, have equal measurements and amplitudes."""
-    if not len(found) or not np.array_equal(found.measurement, before.measurement):
+    own, other = found.measurement, before.measurement
+    if not own.size or own.shape != other.shape or (own != other).any():
         return False
     if found.amplitude is None or before.amplitude is None:
         return found.amplitude is before.amplitude

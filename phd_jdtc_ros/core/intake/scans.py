@@ -92,7 +92,7 @@ class ScanGrouper:
             outstanding = self._outstanding_intervals(newest)
             self.reset()
             self._before_jump = outstanding
-        if self._is_before_jump(radar, stamp_ns):
+        if self._before_jump and self._is_before_jump(radar, stamp_ns):
             return Rejection.LATE
         last = self._last_stamp[radar]
         if stamp_ns == last or radar in self._pending.get(stamp_ns, ()):
@@ -197,5 +197,5 @@ class ScanGrouper:
                 self._misses[radar] += 1
         gap_ns = 0 if self.closed_ns is None else stamp_ns - self.closed_ns
         self.closed_ns = stamp_ns
-        scan = Scan(stamp_ns, tuple(reports.get(radar) for radar in range(self.radars)))
+        scan = Scan(stamp_ns, tuple(map(reports.get, range(self.radars))))
         return [Reset(gap_ns * 1e-9), scan] if gap_ns > self.max_gap_s * 1e9 else [scan]

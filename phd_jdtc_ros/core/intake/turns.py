@@ -305,7 +305,8 @@ class Turns:
             start = start if (end - start) * antenna.rate > 0.0 else end
         if not report.timed:
             return [UnstampedSlice(stamp_ns, detections, arc(start, end))], end
-        length_s = self.period_s / slices_per_turn(self.period_s, self.moves)
+        period_s = self.state.period_s
+        length_s = period_s / slices_per_turn(period_s, self.moves)
         return cut(report, length_s, (start_s, end_s), (start, end)), end
 
     def _unclear_coverage(self, report: RadarReport) -> Coverage | None:

@@ -58,7 +58,6 @@ def missed_by_all(estimates: Estimates, scan: Scan, model: TrackerModel) -> Floa
     It depends on the target's class and position, and on the radars' poses at the scan.
     """
     modes, missed = model.modes, np.ones(len(estimates))
-    mode = modes.class_of.searchsorted(estimates.class_id)
     for configured, report in zip(model.radars, scan.detections, strict=True):
         if report is None:
             continue
@@ -66,6 +65,7 @@ def missed_by_all(estimates: Estimates, scan: Scan, model: TrackerModel) -> Floa
         measured = sensor.measure(estimates.state)
         detected = sensor.configured_detection_probability(measured)
         if detected is None:
+            mode = modes.class_of.searchsorted(estimates.class_id)
             no_snr = np.zeros(len(estimates))
             detected = Band().detection_probability(mode, no_snr, sensor, modes)
         detected = sensor.learned_detection_probability(detected, measured)

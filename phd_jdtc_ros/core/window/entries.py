@@ -113,7 +113,7 @@ class UnsweptRows(Generic[RowsT, LinkT]):
     rows: IntArray | None = None  # These rows, ascending; None for all rows
 
     def __len__(self) -> int:
-        return len(self.entry.stored) if self.rows is None else len(self.rows)
+        return (self.entry.stored.row_label if self.rows is None else self.rows).size
 
     @cached_property
     def stored(self) -> RowsT:

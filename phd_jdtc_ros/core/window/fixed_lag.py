@@ -116,7 +116,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         if step.replaced:
             replaced = {entry.stamp_ns: entry for entry in step.replaced}
             window = [replaced.get(entry.stamp_ns, entry) for entry in window]
-        self._window = [*window, step.entry]
+        window = self._window = [*window, step.entry]
         total = self._note_filtered(step.updated, scan)
         if not self.schedule.period_ns:
             filtered.append(self._filtered_at(scan.stamp_ns))
@@ -124,10 +124,10 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         if filtered:
             self._published_ns = filtered[-1].stamp_ns, self._published_ns[1]
             on_filtered(tuple(filtered))
-        entries, smoothed = len(self._window), []
+        smoothed = []
         while self.lag.reached(self._stamps):
             smoothed.append(self._smooth_oldest())
-        if len(self._window) < entries:
+        if self._window is not window:
             self._forget_dropped(scan.stamp_ns)
         figures = {**self._figures(step), **self.forward.learned_figures}
         return Step(tuple(filtered), tuple(smoothed), total, figures)

@@ -51,8 +51,10 @@ class Around(NamedTuple):
 
 def _links_of(link: Link) -> Links:
     """Return the columns of a link."""
-    columns = {**vars(link.moves), **vars(link.ancestry)}
-    return Links(*[columns[name] for name in Links._fields])
+    ancestry, moves = link.ancestry, link.moves
+    pairs = moves.place, moves.mean, moves.factored, moves.gain, moves.base, moves.factor
+    rows = ancestry.child, ancestry.parent, ancestry.share, moves.change, moves.survival
+    return Links(*(rows + pairs))
 
 
 def _count_until(window: Sequence[Entry[Mixture, Link]], stamp_ns: int) -> int:
@@ -199,14 +201,13 @@ class Lineages:
         """
         place, row, counts = hypothesis_rows(updates, self._dropped, self._updates, self._ends)
         (used,) = counts.nonzero()
-        if len(used) < 2:
+        if used.size < 2:
             latest, _ = next(reversed(self._entries.values()))
-            return place, row, self._tables[used[0]].smoothed if len(used) else latest.gaussians
-        rows = np.split(row, counts[used[:-1]].cumsum())
-        parts = [
-            [column.take(own, axis=0) for column in self._tables[index].smoothed]
-            for index, own in zip(used, rows, strict=True)
-        ]
+            return place, row, self._tables[used[0]].smoothed if used.size else latest.gaussians
+        parts, end = [], 0
+        for index in used.tolist():
+            begin, end = end, end + counts[index]
+            parts.append([c.take(row[begin:end], axis=0) for c in self._tables[index].smoothed])
         columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
         return place, np.arange(len(row)), columns
 
