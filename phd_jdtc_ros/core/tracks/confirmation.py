@@ -35,7 +35,7 @@ from ..models.tracker_model import TrackerModel
 from ..snapshot import Snapshot, from_snapshot, to_snapshot
 from ..types import COASTING, CONFIRMED, TENTATIVE, Estimates, Scan
 from .confirmation_records import ConfirmationRecords, NotedStates, PastStates
-from .reporting_rule import MIN_EXISTENCE, ReportingRule, slowest_s
+from .reporting_rule import MIN_EXISTENCE, ReportingRule
 
 # A target that a scan misses with a larger probability than this counts as not covered: neither as
 # missed nor as detected.
@@ -333,10 +333,11 @@ class TrackStates:
     ) -> tuple[IntArray, BoolArray]:
         """Continue the records; return the state of each estimate, and whether it is reported."""
         rule, modes = self.rule, model.modes
+        turns_s = [radar.rotation_s for radar in model.radars if radar.rotation_s]
         durations = _Durations(
             interval=1e9 * modes.interval_s,
-            same_turn=1e9 * SAME_TURN * _shortest_turn_s(model),
-            patience=1e9 * PATIENCE * slowest_s(model),
+            same_turn=1e9 * SAME_TURN * min(turns_s, default=0.0),
+            patience=1e9 * PATIENCE * max([modes.interval_s, *turns_s]),
             coasting=1e9 * rule.coasting_s,
         )
         numbers = rule.confirm, rule.delete, rule.hidden, rule.reported, rule.record_weight
@@ -396,8 +397,3 @@ class TrackStates:
         """
         self._records = from_snapshot(ConfirmationRecords, snapshot, "tracks", {})
         self._noted = PastStates.of(from_snapshot(NotedStates, snapshot, "noted", {}))
-
-
-def _shortest_turn_s(model: TrackerModel) -> float:
-    """Return the shortest turn of an antenna, seconds; 0 if none turns."""
-    return min([r.rotation_s for r in model.radars if r.rotation_s], default=0.0)

@@ -170,7 +170,8 @@ class Estimates(_Targets):
 
         At least one part is required. The result has the stamp of the last part.
         """
-        stamps = np.repeat([part.stamp_ns for part in parts], [part.weight.size for part in parts])
+        sizes = [part.weight.size for part in parts]
+        stamps = np.array([part.stamp_ns for part in parts]).repeat(sizes)
         if len(parts) == 1:
             return parts[0], stamps
         order = np.concatenate([part.track_id for part in parts]).argsort(kind="stable")

@@ -250,7 +250,8 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         classes = modes.class_of, len(modes.classes)
         *earlier, latest = self.forward.unswept
         unswept_ns = [rows.entry.stamp_ns for rows in self.forward.unswept]
-        estimates = self._extract_and_record(updated, scan.stamp_ns, 0, self.rule.least)
+        estimates = self._extract(updated, scan.stamp_ns, 0, self.rule.least)
+        self.forward.on_stage_end("extraction")
         reported = self._states.report_filtered(
             estimates, updated.label, unswept_ns, scan, self.forward.learned_model
         )
@@ -313,14 +314,6 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         self._states.forget_before(following)
         self._window = trim(self._window, self.forward.unswept, following)
         return self._describe_and_number(estimates, smoothed=True)
-
-    def _extract_and_record(
-        self, stored: RowsT, stamp_ns: int, lag: int, threshold: float
-    ) -> Estimates:
-        """Extract the targets of a set, and record the time that this takes."""
-        estimates = self._extract(stored, stamp_ns, lag, threshold)
-        self.forward.on_stage_end("extraction")
-        return estimates
 
 
 def _targets_of(rows: UnsweptRows[RowsT, LinkT], targets: Estimates) -> Estimates:
