@@ -115,9 +115,9 @@ class UnsweptRows(Generic[RowsT, LinkT]):
     def __len__(self) -> int:
         return (self.entry.stored.row_label if self.rows is None else self.rows).size
 
-    @cached_property
+    @property
     def stored(self) -> RowsT:
-        """The set of these rows."""
+        """The set of these rows; computed at each call, because it is needed once."""
         return self.entry.stored if self.rows is None else self.entry.stored.take(self.rows)
 
     @property
