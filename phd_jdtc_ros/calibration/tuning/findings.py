@@ -233,6 +233,11 @@ def _units(plots: Plots) -> str:
         f"the largest range is {plots.measurement[:, 0].max():.3g} m, and azimuths span "
         f"{width:.3g} degrees"
     )
+    if not plots.timed and np.median(np.bincount(plots.cloud)) <= 1.0:
+        extent += (
+            "; most clouds have one detection: all those of a scan must have the same stamp, or "
+            "fields.time must name their own times"
+        )
     longer = replace(plots, measurement=plots.measurement * [KILO, 1.0])
     if count := _plausible_targets(longer):
         return (

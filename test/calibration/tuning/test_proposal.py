@@ -237,6 +237,17 @@ def test_wrong_units_are_named_where_no_target_is_found():
         findings(plots)
 
 
+def test_scans_whose_detections_have_a_stamp_each_are_named():
+    scans = one_target(count=60, clutter=8)
+    own_s = scans.time_s + 1e-4 * np.random.default_rng(3).random(len(scans))
+    order = np.argsort(own_s)
+    rows = replace(scans.only(order), cloud=np.arange(len(order)))
+    rows = replace(rows, time_s=own_s[order], cloud_s=own_s[order])
+    expected = r"degrees; most clouds have one detection: all those of a scan must have the same"
+    with pytest.raises(TuningError, match=expected):
+        findings(rows)
+
+
 def test_milliseconds_are_named_where_a_turning_antenna_has_times_of_single_plots():
     seconds = turning()[1].until(120.0)
     own_s = 1e3 * seconds.time_s
