@@ -113,7 +113,7 @@ class Mixture(ReadOnly):
         order = self.row_label.argsort(kind="stable")
         return Sums(*_sums(self.row_label, order, self.weight))
 
-    @cached_property
+    @property
     def label(self) -> IntArray:
         """The distinct labels, ascending, shape (T,)."""
         return self._sums.label

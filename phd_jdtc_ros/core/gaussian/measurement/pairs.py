@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from ...association import marginals
 from ...association.claims import Claims
 from ...association.marginals import LEAST_CLUTTER
 from ...association.shares import posterior_shares
-from ...compilation import Bool1, Float1, Float2, Float3, Int1, compiled, in_place, inner
+from ...compilation import Bool1, Float1, Float2, Float3, Int1, compiled, inner
 from ...models.competing_sources import CompetingSources
 from ..algebra.vectors import sum_of
 from ..bounds import Bounds
@@ -323,19 +323,78 @@ def select_likely(
     return _select_likely(*(*of_mixture, detection_probability, mixture.snr, relative, *pairs))
 
 
-class _Weights(NamedTuple):
-    """The N hypotheses after the update: first those of missed detections, then those of pairs."""
+@inner
+def _weights(
+    target_of: IntArray,
+    weight: FloatArray,
+    detection_probability: FloatArray,
+    amplitude: FloatArray,
+    row: IntArray,
+    measurement: FloatArray,
+    log_factor: FloatArray,
+) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the hypotheses before the association: those of missed detections, then of pairs.
 
-    target: Int1
-    weight: Float3  # (N, R, C)
-    mass: Float1
-    prior: Float1  # Weight of each hypothesis before the update, (H,)
-    detected: Float1  # Mean probability that each is detected, (H,)
-    existence: Float1  # Existence probability of each target, zeros at first, (T,)
+    These are the target of each, its weights and their sum, and the weight before the update and
+    the probability of detection of each prior one. `log_factor` is as in `_write_pair_weight`.
+    """
+    rows, modes, classes = weight.shape
+    count = rows + len(row)
+    target, posterior = np.empty(count, np.int64), np.empty((count, modes, classes))
+    mass, prior, detected = np.empty(count), np.empty(rows), np.empty(rows)
+    for hypothesis in range(rows):
+        target[hypothesis], total = target_of[hypothesis], 0.0
+        prior[hypothesis] = sum_of(weight[hypothesis])
+        for mode in range(modes):
+            for class_id in range(classes):
+                total += (
+                    weight[hypothesis, mode, class_id]
+                    * detection_probability[hypothesis, mode, class_id]
+                )
+        detected[hypothesis] = total / (prior[hypothesis] if prior[hypothesis] > 0.0 else 1.0)
+    for pair in range(len(row)):
+        hypothesis, factor = row[pair], log_factor[pair]
+        target[rows + pair] = target_of[hypothesis]
+        mass[rows + pair] = _write_pair_weight(
+            hypothesis, weight, pair, measurement, amplitude, factor, rows + pair, posterior
+        )
+    return target, posterior, mass, prior, detected
+
+
+@inner
+def _write_posterior(
+    weight: FloatArray,
+    detection_probability: FloatArray,
+    scaled: FloatArray,
+    unseen: FloatArray,
+    share: FloatArray,
+    prior: FloatArray,
+    target: IntArray,
+    posterior: FloatArray,
+    mass: FloatArray,
+) -> None:
+    """Write the weights after the association, of which `posterior_shares` gives the factors."""
+    rows, modes, classes = weight.shape
+    for hypothesis in range(rows):
+        factor = unseen[target[hypothesis]] * (
+            scaled[hypothesis] / prior[hypothesis] if prior[hypothesis] > 0.0 else 1.0
+        )
+        mass[hypothesis] = _write_missed_weight(
+            hypothesis, weight, detection_probability, factor, hypothesis, posterior
+        )
+    for pair in range(len(share)):
+        mass[rows + pair] *= share[pair]
+        for mode in range(modes):
+            for class_id in range(classes):
+                posterior[rows + pair, mode, class_id] *= share[pair]
 
 
 @compiled
-def _weights(
+def _associate(
+    most_work: int,
+    most: int,
+    least_share: float,
+    targets: int,
     target_of: Int1,
     weight: Float3,
     detection_probability: Float3,
@@ -346,70 +405,41 @@ def _weights(
     largest: Float1,
     evidence: Float1,
     other: Float2,
-    targets: int,
-) -> tuple[_Weights, _Sources, FloatArray]:
-    """Return the weights of pairs before their association, their sources, and their masses.
-
-    For the parameters see `associate`.
-    """
-    rows, modes, classes = weight.shape
-    count, sources = rows + len(row), _no_sources(other)
-    posterior = _Weights(
-        np.empty(count, np.int64),
-        np.empty((count, modes, classes)),
-        np.empty(count),
-        np.empty(rows),
-        np.empty(rows),
-        np.zeros(targets),
-    )
+) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...], tuple[Any, ...]]:
+    """Return columns of `Claims`, of `CompetingSources`, and the other ones of `Association`."""
+    (rows, modes, classes), sources = weight.shape, _no_sources(other)
     _write_sources(column, measurement, largest, evidence, other, sources)
-    for hypothesis in range(rows):
-        posterior.target[hypothesis], detected = target_of[hypothesis], 0.0
-        posterior.prior[hypothesis] = sum_of(weight[hypothesis])
+    log_factor = evidence + largest[column] - sources.scale[column]
+    target, posterior, mass, prior, detected = _weights(
+        target_of, weight, detection_probability, amplitude, row, measurement, log_factor
+    )
+    claimed_mass = mass[rows:].copy()
+    scaled, unseen, share, claimed, approximate = posterior_shares(
+        *(most_work, targets, target_of, prior, row, column, claimed_mass, sources.total, detected)
+    )
+    _write_posterior(
+        weight, detection_probability, scaled, unseen, share, prior, target, posterior, mass
+    )
+    existence = np.zeros(targets)
+    for index in range(len(mass)):
+        existence[target[index]] += mass[index]
+    kept, factor = most_probable(most, least_share, target, mass)
+    kept_pair, kept_weight = np.full(len(kept), -1), np.empty((len(kept), modes, classes))
+    prior_row = kept.copy()
+    for index in range(len(kept)):
+        if kept[index] >= rows:
+            kept_pair[index] = kept[index] - rows
+            prior_row[index] = row[kept_pair[index]]
         for mode in range(modes):
             for class_id in range(classes):
-                detected += (
-                    weight[hypothesis, mode, class_id]
-                    * detection_probability[hypothesis, mode, class_id]
-                )
-        prior = posterior.prior[hypothesis] if posterior.prior[hypothesis] > 0.0 else 1.0
-        posterior.detected[hypothesis] = detected / prior
-    for pair in range(len(row)):
-        hypothesis, z = row[pair], column[pair]
-        factor = evidence[pair] + largest[z] - sources.scale[z]
-        posterior.target[rows + pair] = target_of[hypothesis]
-        posterior.mass[rows + pair] = _write_pair_weight(
-            hypothesis, weight, pair, measurement, amplitude, factor, rows + pair, posterior.weight
-        )
-    return posterior, sources, posterior.mass[rows:].copy()
-
-
-@in_place
-def _write_posterior(
-    weight: Float3,
-    detection_probability: Float3,
-    scaled: Float1,
-    unseen: Float1,
-    share: Float1,
-    posterior: _Weights,
-) -> None:
-    """Write the weights after the association, of which `posterior_shares` gives the factors."""
-    rows, modes, classes = weight.shape
-    for hypothesis in range(rows):
-        prior = posterior.prior[hypothesis]
-        factor = unseen[posterior.target[hypothesis]] * (
-            scaled[hypothesis] / prior if prior > 0.0 else 1.0
-        )
-        posterior.mass[hypothesis] = _write_missed_weight(
-            hypothesis, weight, detection_probability, factor, hypothesis, posterior.weight
-        )
-    for pair in range(len(share)):
-        posterior.mass[rows + pair] *= share[pair]
-        for mode in range(modes):
-            for class_id in range(classes):
-                posterior.weight[rows + pair, mode, class_id] *= share[pair]
-    for index in range(len(posterior.mass)):
-        posterior.existence[posterior.target[index]] += posterior.mass[index]
+                unscaled = posterior[kept[index], mode, class_id]
+                kept_weight[index, mode, class_id] = factor[index] * unscaled
+    hypotheses = prior_row, kept_pair, kept_weight
+    return (
+        (claimed_mass, sources.total, detected),
+        (sources.scale, sources.intensity),
+        (claimed, mass[rows:], existence, *hypotheses, approximate),
+    )
 
 
 def associate(
@@ -428,27 +458,9 @@ def associate(
     amplitude : array of shape (P, C)
         See `select_likely`.
     """
-    rows, targets = len(mixture), len(mixture.label)
-    weight, target = mixture.weight, mixture.target
-    posterior, sources, mass = _weights(
-        target, weight, detection_probability, amplitude, *pairs, targets
+    limits = marginals.MOST_WORK, bounds.hypotheses, bounds.least_share, len(mixture.label)
+    claims, sources, others = _associate(
+        *(*limits, mixture.target, mixture.weight, detection_probability, amplitude, *pairs)
     )
-    claims = Claims(pairs.row, pairs.column, mass, sources.total, posterior.detected)
-    scaled, unseen, share, claimed, approximate = posterior_shares(
-        *(marginals.MOST_WORK, targets, target, posterior.prior, pairs.row, pairs.column),
-        *(mass, sources.total, posterior.detected),
-    )
-    _write_posterior(weight, detection_probability, scaled, unseen, share, posterior)
-    least = bounds.hypotheses, bounds.least_share
-    kept, factor = most_probable(*least, posterior.target, posterior.mass)
-    return Association(
-        claims=claims,
-        sources=CompetingSources(sources.scale, sources.intensity),
-        claimed=claimed,
-        pair=posterior.mass[rows:],
-        existence=posterior.existence,
-        prior_row=np.concatenate([np.arange(rows), pairs.row]).take(kept),
-        kept_pair=np.maximum(kept - rows, -1),
-        weight=factor[:, None, None] * posterior.weight.take(kept, axis=0),
-        approximate=approximate,
-    )
+    claimed = Claims(pairs.row, pairs.column, *claims)
+    return Association(claimed, CompetingSources(*sources), *others)
