@@ -122,8 +122,7 @@ def after_miss(
     measured = expected.measured.reshape(-1, components)
     std, weight = expected.std.reshape(-1, components), mixture.mode_weight.ravel()
     rows, axis, moments = _divided(*sensor.limits, weight, measured, std)
-    usable = sensor.is_nearly_normal(std[rows])
-    if not usable.any():
+    if not len(rows) or not (usable := sensor.is_nearly_normal(std[rows])).any():
         return None
     rows, axis, (mass_inside, first, second) = rows[usable], axis[usable], moments[:, usable]
     weight, detection_probability = (

@@ -66,9 +66,10 @@ class PolarGaussians(Linearised):
         sensor, times = self.sensor, measured.time_s
         return _innovations(
             *(iterations, converged, modes, sensor.space.planar_axes, self.pose),
-            *contiguous(*gaussians, np.zeros((0, 2)) if expected is None else expected, *pairs),
-            *contiguous(measured.measurement, measured.noise_std),
-            *contiguous(NO_TIMES if times is None else times),
+            *contiguous(
+                *(*gaussians, np.zeros((0, 2)) if expected is None else expected, *pairs),
+                *(measured.measurement, measured.noise_std, NO_TIMES if times is None else times),
+            ),
         )
 
 
