@@ -167,7 +167,7 @@ class TrackerConfig(Tracking):
                 configured_period_s=radar.rotation_s,
                 sectors=radar.sectors,
                 compass=radar.compass,
-                moves=bool(radar.pose.topic),
+                fine=bool(radar.pose.topic) or self.engine == "particles",
                 reset_threshold_s=self.reset_threshold_s,
                 azimuth_bias=radar.bias.azimuth,
                 # Filters without labels update all targets at once, so that turns are not cut.

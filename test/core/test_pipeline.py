@@ -11,7 +11,7 @@ from phd_jdtc_ros.core.intake.slices import slices_per_turn
 from phd_jdtc_ros.core.pipeline import RunEnded, Stepped
 from phd_jdtc_ros.simulation.simulate import simulate
 
-SLICES = slices_per_turn(4.0)
+SLICES = slices_per_turn(4.0, fine=True)  # as with particles
 CONFIG = small({"lag": 2})
 SCANS = [scan for _, scan in simulate(short_scenario(8), 0)]
 INTERVAL_NS = 6_000_000_000

@@ -15,8 +15,9 @@ from ..types import FULL_TURN, UNKNOWN_COVERAGE, Coverage, Detections
 # times as if a target flew straight: in half a slice, a turn with 3 g departs by 8 m from that.
 FEWEST_SLICES, SLICE_S = 3, 1.5
 # Fewest slices of a moving radar, which has one pose in a slice: a boat that yaws at 5 degrees a
-# second turns by 0.8 degrees in half a slice of a turn of 2.5 s.
-FEWEST_MOVING = 8
+# second turns by 0.8 degrees in half a slice of a turn of 2.5 s. Also for particles, which follow a
+# turn better in small steps.
+FEWEST_FINE = 8
 
 Slice = tuple[int, Detections]
 
@@ -48,9 +49,9 @@ class RadarReport(NamedTuple):
         return RadarReport(stamp_ns, detections, stamp_s, time_s is not None, detection_s, azimuth)
 
 
-def slices_per_turn(period_s: float, moves: bool = False) -> int:
-    """Return the number of slices of a turn of this duration of a radar that may move."""
-    return max(FEWEST_MOVING if moves else FEWEST_SLICES, round(period_s / SLICE_S))
+def slices_per_turn(period_s: float, fine: bool = False) -> int:
+    """Return the number of slices of a turn of this duration; see `FEWEST_FINE` for `fine`."""
+    return max(FEWEST_FINE if fine else FEWEST_SLICES, round(period_s / SLICE_S))
 
 
 def cut(

@@ -82,7 +82,7 @@ class Turns:
     compass: bool = False  # Whether sectors are numbered clockwise from north; see `sectors`
     # A stamp that is further behind the latest than this begins a new run.
     reset_threshold_s: float = math.inf
-    moves: bool = False  # Whether the radar moves
+    fine: bool = False  # Whether slices are fine; see `slices.FEWEST_FINE`
     # Bias of the antenna's azimuths, radians counter-clockwise. Sector numbers refer to the biased
     # azimuths; those of the detections are corrected already.
     azimuth_bias: float = 0.0
@@ -306,7 +306,7 @@ class Turns:
         if not report.timed:
             return [UnstampedSlice(stamp_ns, detections, arc(start, end))], end
         period_s = self.state.period_s
-        length_s = period_s / slices_per_turn(period_s, self.moves)
+        length_s = period_s / slices_per_turn(period_s, self.fine)
         return cut(report, length_s, (start_s, end_s), (start, end)), end
 
     def _unclear_coverage(self, report: RadarReport) -> Coverage | None:

@@ -35,10 +35,10 @@ def test_a_report_without_times_or_of_a_radar_that_does_not_turn_stays_as_it_is(
 
 
 @pytest.mark.parametrize(
-    ("period_s", "moves", "slices"), [(2.5, False, 3), (12.0, False, 8), (2.5, True, 8)]
+    ("period_s", "fine", "slices"), [(2.5, False, 3), (12.0, False, 8), (2.5, True, 8)]
 )
-def test_slices_are_short_and_those_of_a_moving_radar_shorter(period_s, moves, slices):
-    assert slices_per_turn(period_s, moves) == slices
+def test_slices_are_short_and_fine_ones_shorter(period_s, fine, slices):
+    assert slices_per_turn(period_s, fine) == slices
 
 
 @pytest.mark.parametrize("clockwise", [False, True])
