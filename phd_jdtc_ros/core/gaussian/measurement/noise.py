@@ -15,7 +15,7 @@ from ...models.sensor_memory import KNOWN_EXISTENCE
 from ..mixture import Mixture
 from .iterated_update import PairUpdate
 
-# Whether each component has outliers; range rates have none.
+# Components with outliers: range and azimuth, but not the range rate.
 HAS_OUTLIERS = np.array([1.0, 1.0, 0.0])
 NONE = np.zeros(0)
 
