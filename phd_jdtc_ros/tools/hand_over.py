@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from msg_adapters.encoding import interfaces, names
+from msg_adapters.encoding import names
 from msg_adapters.targets import estimates
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
@@ -111,8 +111,8 @@ def _write(
                 bag.write(entry.topic, entry.data, entry.stamp_ns)
         for kind, by_stamp in found.items():
             for own in by_stamp:
-                message = estimates.to_msg(own, config.world_frame)
-                bag.write(names.estimates(kind), interfaces.encode(message), own.stamp_ns)
+                data = estimates.to_cdr(own, config.world_frame)
+                bag.write(names.estimates(kind), data, own.stamp_ns)
     bag_parameters.write(out / bag_parameters.NAME, {**config.values, "region": []})
 
 

@@ -64,7 +64,8 @@ class OfflineTracker:
         self.step_ms: list[float] = []  # CPU time of each scan, milliseconds
         self._step_clock = StepClock()
         self.damage: BagError | None = None  # Damage of the bag; its intact messages were tracked
-        self._estimates: dict[str, list[Estimates]] = {source: [] for source in SOURCES}
+        # Serialised, as in the new bag.
+        self._estimates: dict[str, list[bytes]] = {source: [] for source in SOURCES}
         self._truth: list[bytes] = []
 
     def add(self, entry: BagMessage) -> None:
@@ -103,7 +104,11 @@ class OfflineTracker:
 
     def record(self) -> Record:
         """Return truth and estimates as in the new bag, without plots."""
-        config, found = self._config, self._estimates
+        config = self._config
+        found = {
+            source: [estimates.from_msg(interfaces.decode(data, names.CLOUD)) for data in clouds]
+            for source, clouds in self._estimates.items()
+        }
         try:
             known = [truth.from_msg(interfaces.decode(data, names.CLOUD)) for data in self._truth]
         except RejectedMessageError as error:
@@ -139,9 +144,9 @@ class OfflineTracker:
 
     def _write_estimates(self, source: str, published: Iterable[Estimates]) -> None:
         for values in published:
-            message = estimates.to_msg(values, self._config.world_frame)
-            self._estimates[source].append(estimates.from_msg(message))
-            self._bag.write(names.estimates(source), interfaces.encode(message), values.stamp_ns)
+            data = estimates.to_cdr(values, self._config.world_frame)
+            self._estimates[source].append(data)
+            self._bag.write(names.estimates(source), data, values.stamp_ns)
             if source == FILTERED and self._config.plane is not None:
                 for fix in navsat.to_msgs(values, self._config.plane):
                     self._bag.write(names.fixes(), interfaces.encode(fix), values.stamp_ns)

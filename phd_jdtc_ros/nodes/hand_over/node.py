@@ -153,7 +153,7 @@ class HandOver(RunnableNode):
             self._published[source] += 1
             if source == FILTERED:
                 self._tracks = len(joint)
-            self._outputs[source].publish(estimates.to_msg(joint, self._frame or ""))
+            self._outputs[source].publish(estimates.to_cdr(joint, self._frame or ""))
 
     def _log_silent(self) -> None:
         """Log each tracker that the picture no longer waits for, or waits for again."""
