@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import importlib
+import os
 import subprocess
 import sys
 import time
@@ -21,27 +22,32 @@ CORE = "phd_jdtc_ros.core"
 # The compiled functions of `tune`.
 TRACKING = "phd_jdtc_ros.calibration.tuning.tracking"
 TUNING = (f"{TRACKING}.linking", f"{TRACKING}.likelihood")
-# The association of targets and detections and `TUNING` are half of the work, and no part of the
-# others, which are nearly all the rest.
-HALF = f"{CORE}.gaussian.measurement.pairs", *TUNING
-OTHERS = (
-    *("gaussian.smoothing.backward_step", "gaussian.prediction", "sensors.of_gaussians.polar_gate"),
-    *("gaussian.reduction", "gaussian.extraction", "gaussian.measurement.amplitude"),
-    *("gaussian.smoothing.updates", "sensors.of_gaussians.polar"),
+# Nearly all compiled functions, in parts that take about equally long and have few in common.
+PARTS = (
+    (f"{CORE}.gaussian.measurement.pairs",),
+    (f"{CORE}.gaussian.smoothing.backward_step",),
+    (f"{CORE}.gaussian.prediction", f"{CORE}.gaussian.reduction"),
+    (*TUNING, f"{CORE}.sensors.of_gaussians.polar", f"{CORE}.tracks.confirmation"),
 )
 
 
 @contextlib.contextmanager
-def _beside() -> Iterator[None]:
-    """Compile a half in a second process, since numba compiles in one thread only."""
-    # The process may fail in silence: what it could not compile or store is tried again here.
-    command = [sys.executable, "-c", f"import {', '.join(HALF)}"]
-    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+def _compiling(parts: Sequence[Sequence[str]]) -> Iterator[None]:
+    """Compile each part in a process of its own, since numba compiles in one thread only."""
+    # A process may fail in silence: what it could not compile or store is tried again here.
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-c", f"import {', '.join(part)}"], stderr=subprocess.DEVNULL
+        )
+        for part in parts
+    ]
     try:
         yield
-        process.wait()
+        for process in processes:
+            process.wait()
     finally:
-        process.kill()
+        for process in processes:
+            process.kill()
 
 
 def main(argv: Sequence[str]) -> int:
@@ -60,9 +66,11 @@ def _compile(_: argparse.Namespace) -> int:
         print("compile_engines: numba is not installed: pip install numba", file=sys.stderr)
         return FAILED
     begin = time.perf_counter()
-    with _beside():
-        for name in OTHERS:
-            importlib.import_module(f"{CORE}.{name}")
+    count = min(len(os.sched_getaffinity(0)), len(PARTS))
+    own, *others = [sum(PARTS[first::count], ()) for first in range(count)]
+    with _compiling(others):
+        for name in own:
+            importlib.import_module(name)
     for name in ENGINES:
         new_engine(resolve({"engine": name}))
         print(f"{name}: ready after {time.perf_counter() - begin:.1f} s")

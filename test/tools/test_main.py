@@ -1,6 +1,8 @@
 """The executables, what they print, and the shipped profiles that they run."""
 
 import contextlib
+import importlib.util
+import itertools
 import os
 import subprocess
 import sys
@@ -118,6 +120,11 @@ def test_both_engines_are_compiled_without_arguments(capsys):
     assert "unrecognized arguments: everything" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("name", itertools.chain(*compile_engines.PARTS))
+def test_parts_that_another_process_compiles_in_silence_exist(name):
+    assert importlib.util.find_spec(name) is not None
+
+
 def test_without_numba_it_fails_and_says_what_is_missing(monkeypatch, capsys):
     monkeypatch.setattr(compilation, "numba", None)
     assert compile_engines.main([]) == FAILED
@@ -126,7 +133,7 @@ def test_without_numba_it_fails_and_says_what_is_missing(monkeypatch, capsys):
 
 def test_a_result_that_is_not_stored_is_a_failure(monkeypatch, capsys):
     monkeypatch.setattr(compilation, "NOT_STORED", ["sums"])
-    monkeypatch.setattr(compile_engines, "_beside", contextlib.nullcontext)
+    monkeypatch.setattr(compile_engines, "_compiling", contextlib.nullcontext)
     assert compile_engines.main([]) == FAILED
     assert "NUMBA_CACHE_DIR" in capsys.readouterr().err
 
