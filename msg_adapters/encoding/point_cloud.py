@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Collection, Mapping, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -161,36 +161,19 @@ def decode(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> dict[str,
     Raise `RejectedMessageError`: ``oversize`` above `MAX_POINTS`; ``schema`` if a field is missing
     or has another type or count, or if the steps do not match each other or the data.
     """
-    layout = _checked_layout(cloud, wanted)
-    count = cloud.width * cloud.height
-    points = np.ndarray(
-        shape=(cloud.height, cloud.width),
-        dtype=layout,
-        buffer=bytes(cloud.data) if count else b"",
-        strides=(cloud.row_step, cloud.point_step) if count else None,
-    ).ravel()
-    return {
-        name: points[name].astype(points[name].dtype.newbyteorder("="), copy=True)
-        for name in wanted
-    }
-
-
-def _checked_layout(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> np.dtype[np.void]:
-    """Return the layout of the wanted fields in a point, after checks against the data."""
     count = cloud.width * cloud.height
     if count > MAX_POINTS:
         raise RejectedMessageError("oversize", f"{count} points, at most {MAX_POINTS} are allowed")
-    order = ">" if cloud.is_bigendian else "<"
     by_name = {field.name: field for field in cloud.fields}
-    formats, offsets = [], []
-    for name, allowed in wanted.items():
-        field = by_name.get(name)
-        if field is None:
-            raise RejectedMessageError(
-                "schema", f"field {name!r} is missing; the cloud has {quote(sorted(by_name))}"
-            )
-        formats.append(order + _checked_code(field, allowed, cloud.point_step))
-        offsets.append(field.offset)
+    found = [by_name.get(name) for name in wanted]
+    places = tuple([field and (field.offset, field.datatype, field.count) for field in found])
+    try:
+        layout = _checked_layout(
+            tuple(wanted.items()), places, cloud.is_bigendian, cloud.point_step
+        )
+    except KeyError as missing:
+        text = f"field {missing.args[0]!r} is missing; the cloud has {quote(sorted(by_name))}"
+        raise RejectedMessageError("schema", text) from None
     if cloud.row_step < cloud.width * cloud.point_step or len(cloud.data) != (
         cloud.row_step * cloud.height
     ):
@@ -200,24 +183,56 @@ def _checked_layout(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> 
             f"{cloud.point_step} do not fit {cloud.height} x {cloud.width} points",
         )
     # The strides carry the step, because numpy limits items to less than 2 GiB.
-    return np.dtype({"names": list(wanted), "formats": formats, "offsets": offsets})
+    points = np.ndarray(
+        shape=(cloud.height, cloud.width),
+        dtype=layout,
+        buffer=cloud.data if count else b"",
+        strides=(cloud.row_step, cloud.point_step) if count else None,
+    ).ravel()
+    return {
+        name: points[name].astype(points[name].dtype.newbyteorder("="), copy=True)
+        for name in wanted
+    }
 
 
-def _checked_code(field: PointField, allowed: Sequence[str], point_step: int) -> str:
+# The clouds of a topic usually have the same layout.
+@lru_cache(maxsize=64)
+def _checked_layout(
+    wanted: tuple[tuple[str, Sequence[str]], ...],
+    places: tuple[tuple[int, int, int] | None, ...],
+    is_bigendian: bool,
+    point_step: int,
+) -> np.dtype[np.void]:
+    """Return the layout of the wanted fields in a point, after checks of the types and places.
+
+    Each place is a field's offset, datatype and count, None if the field is missing: a `KeyError`.
+    """
+    order = ">" if is_bigendian else "<"
+    formats, offsets = [], []
+    for (name, allowed), place in zip(wanted, places, strict=True):
+        if place is None:
+            raise KeyError(name)
+        formats.append(order + _checked_code(name, place, allowed, point_step))
+        offsets.append(place[0])
+    return np.dtype({"names": [name for name, _ in wanted], "formats": formats, "offsets": offsets})
+
+
+def _checked_code(
+    name: str, place: tuple[int, int, int], allowed: Sequence[str], point_step: int
+) -> str:
     """Return a field's type code, after checks of its type and its place in the point."""
-    code = _CODES.get(field.datatype, "unknown")
-    if code not in allowed or field.count != 1:
+    offset, datatype, count = place
+    code = _CODES.get(datatype, "unknown")
+    if code not in allowed or count != 1:
         raise RejectedMessageError(
             "schema",
-            f"field {field.name!r} has type {code}, count {field.count}; "
+            f"field {name!r} has type {code}, count {count}; "
             f"must be one of {', '.join(allowed)}, count 1",
         )
-    if field.offset + np.dtype(code).itemsize > point_step:
+    if offset + np.dtype(code).itemsize > point_step:
+        raise RejectedMessageError("schema", f"field {name!r} reaches beyond the point's step")
+    if offset > MAX_OFFSET:
         raise RejectedMessageError(
-            "schema", f"field {field.name!r} reaches beyond the point's step"
-        )
-    if field.offset > MAX_OFFSET:
-        raise RejectedMessageError(
-            "schema", f"field {field.name!r} begins at byte {field.offset}, at most {MAX_OFFSET}"
+            "schema", f"field {name!r} begins at byte {offset}, at most {MAX_OFFSET}"
         )
     return code

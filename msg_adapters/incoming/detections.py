@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
+from phd_jdtc_ros.configuration.parameters.radar import Fields, RadarParameters
 from phd_jdtc_ros.core.types import Detections
 
 from ..encoding import point_cloud, stamps
@@ -71,24 +72,22 @@ def from_msg(cloud: PointCloud2, radar: RadarParameters) -> Report:
     otherwise see `stamps.of_header` and `point_cloud.decode`.
     """
     require_frame(cloud.header.frame_id, radar)
-    present = set(point_cloud.field_names(cloud))
+    present = frozenset(point_cloud.field_names(cloud))
     radar = _recognise_fields(radar, present)
-    named = _wanted_fields(radar)
+    own = present.intersection(vars(radar.fields).values())
+    named, missing = _wanted_fields(radar.fields, radar.time_since_epoch, own)
     if not (present or cloud.width * cloud.height or len(cloud.data)):
-        nothing = {what: np.zeros(0) for what in named}
+        nothing = {what: np.zeros(0) for what in sent_columns.names_of(radar.fields)}
         return select(stamps.of_header(cloud.header), radar, nothing)
-    missing = [w for w, (name, _) in named.items() if w not in REQUIRED and name not in present]
-    wanted = dict(entry for what, entry in named.items() if what not in missing)
+    found = point_cloud.decode(cloud, dict(named.values()))
     # Converting a signalling NaN warns. Such a value is handled like any other NaN.
     with np.errstate(invalid="ignore"):
-        columns = {
-            name: column.astype(np.float64)
-            for name, column in point_cloud.decode(cloud, wanted).items()
-        }
-    found = {what: columns[name] for what, (name, _) in named.items() if name in columns}
-    report = select(stamps.of_header(cloud.header), radar, found)
-    lacking = Counter(f"{what}_missing" for what in missing if what != "amplitude")
-    return replace(report, anomalies=report.anomalies + lacking) if lacking else report
+        columns = {what: found[name].astype(np.float64) for what, (name, _) in named.items()}
+    report = select(stamps.of_header(cloud.header), radar, columns)
+    if not missing:
+        return report
+    lacking = Counter(f"{what}_missing" for what in missing)
+    return replace(report, anomalies=report.anomalies + lacking)
 
 
 def _recognise_fields(radar: RadarParameters, present: Collection[str]) -> RadarParameters:
@@ -100,7 +99,7 @@ def _recognise_fields(radar: RadarParameters, present: Collection[str]) -> Radar
     }
     if not lacking:
         return radar
-    taken = {*sent_columns.names_of(radar).values()}
+    taken = {*sent_columns.names_of(radar.fields).values()}
     own = {name.lower(): name for name in sorted(present) if name not in taken}
     found = {
         quantity: next(own[name] for name in names if name in own)
@@ -111,15 +110,25 @@ def _recognise_fields(radar: RadarParameters, present: Collection[str]) -> Radar
     return replace(radar, fields=replace(radar.fields, **found), amplitude_in_db=in_db)
 
 
-def _wanted_fields(radar: RadarParameters) -> dict[str, tuple[str, Sequence[str]]]:
-    """Return the name and the allowed types of every field of a radar, by its column."""
+@lru_cache(maxsize=64)
+def _wanted_fields(
+    fields: Fields, time_since_epoch: bool, present: frozenset[str]
+) -> tuple[dict[str, tuple[str, Sequence[str]]], tuple[str, ...]]:
+    """Return the name and the allowed types of the fields to read, by column.
+
+    The other result has the columns whose missing fields are anomalies.
+    """
     types: dict[str, Sequence[str]] = dict.fromkeys(WHOLE, NUMBERS)
-    if radar.time_since_epoch:
+    if time_since_epoch:
         types["time"] = DOUBLES
-    return {
+    names = sent_columns.names_of(fields)
+    missing = [w for w, name in names.items() if w not in REQUIRED and name not in present]
+    wanted = {
         what: (name, types.get(what, point_cloud.FLOATS))
-        for what, name in sent_columns.names_of(radar).items()
+        for what, name in names.items()
+        if what not in missing
     }
+    return wanted, tuple(what for what in missing if what != "amplitude")
 
 
 def require_frame(frame: str, radar: RadarParameters) -> None:

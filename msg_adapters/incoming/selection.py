@@ -95,8 +95,10 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         possible = (amplitude >= 0.0) & (amplitude <= MAX_AMPLITUDE)
         passed["amplitude"] = possible | np.isnan(amplitude)
     kept, dropped = _kept_and_dropped(passed)
-    repeats = kept & _repeats(columns)
-    kept &= ~repeats
+    repeated = 0
+    if (repeats := _repeats(columns)) is not None:
+        repeated = _count(kept & repeats)
+        kept &= ~repeats
 
     range_std, bad_ranges = _kept_values(columns, "range_std", kept, RANGE_STDS)
     scale = np.pi / 180.0 if radar.azimuth_in_degrees else 1.0
@@ -119,14 +121,18 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         address=address,
         sensor_type=identities.read(columns.get("kind"), kept, identities.KINDS)[0],
     )
-    no_angles = _count(np.isfinite(azimuth_size) & (np.abs(columns["azimuth"]) > NO_ANGLE))
+    beyond, no_angles = azimuth_size > LARGEST_AZIMUTH, 0
+    if is_beyond := bool(beyond.any()):
+        no_angles = _count(np.isfinite(azimuth_size) & (np.abs(columns["azimuth"]) > NO_ANGLE))
     counts = {
-        "detections_repeated": _count(repeats),
-        "azimuths_beyond_a_turn": 0
-        if radar.azimuth_in_degrees or no_angles
-        else _count(azimuth_size[kept] > LARGEST_AZIMUTH),
+        "detections_repeated": repeated,
+        "azimuths_beyond_a_turn": (
+            _count(beyond & kept)
+            if is_beyond and not (radar.azimuth_in_degrees or no_angles)
+            else 0
+        ),
         "azimuths_no_angles": no_angles,
-        "ranges_negative": _count(columns["range"] < 0.0),
+        "ranges_negative": _count(columns["range"] < 0.0) if dropped else 0,
         "heights_unknown": 0 if height is None else _count(~np.isfinite(height[kept])),
         "deviations_unusable": bad_ranges + bad_azimuths + bad_rate_stds,
         "sectors_unusable": bad_sectors,
@@ -144,8 +150,10 @@ def _count(which: BoolArray) -> int:
     return int(np.count_nonzero(which))
 
 
-def _repeats(columns: Columns) -> BoolArray:
+def _repeats(columns: Columns) -> BoolArray | None:
     """Return which points repeat an earlier point in all columns, bit for bit.
+
+    The result is None if no two ranges are equal.
 
     A driver that sends its buffer twice would otherwise make each target appear as a group in
     formation: three copies of each detection made four targets out of one. Noise in double or
@@ -156,9 +164,10 @@ def _repeats(columns: Columns) -> BoolArray:
     less than the copies do.
     """
     # Different ranges, the common case, exclude repetitions at the lowest cost.
-    ordered = np.sort(columns["range"])
+    ordered = columns["range"].copy()
+    ordered.sort()
     if (ordered[1:] != ordered[:-1]).all():
-        return np.zeros(len(ordered), dtype=bool)
+        return None
     repeats = np.ones(len(ordered), dtype=bool)
     # Comparing bits makes unknown amplitudes (NaN) equal.
     numbers = [column.astype(np.float64) for column in columns.values()]
@@ -219,15 +228,12 @@ def _sector(column: FloatArray | None, radar: RadarParameters) -> tuple[int | No
 
 def _kept_and_dropped(passed: Mapping[str, BoolArray]) -> tuple[BoolArray, Counter[str]]:
     """Return which points pass every test, and the number of points that each test fails first."""
-    dropped: Counter[str] = Counter()
-    kept = np.ones(len(next(iter(passed.values()))), dtype=bool)
-    left = len(kept)
-    for reason, passes in passed.items():
-        kept &= passes
-        before, left = left, _count(kept)
-        if left < before:
-            dropped[reason] = before - left
-    return kept, dropped
+    tests = np.array([*passed.values()])
+    kept: BoolArray = np.logical_and.reduce(tests)
+    if kept.all():
+        return kept, Counter()
+    failed = np.bincount(tests.argmin(axis=0)[~kept], minlength=len(passed)).tolist()
+    return kept, Counter({what: count for what, count in zip(passed, failed, strict=True) if count})
 
 
 def _linear_amplitude(raw: FloatArray, radar: RadarParameters) -> FloatArray:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
+from phd_jdtc_ros.configuration.parameters.radar import Fields, RadarParameters
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.intake.sectors import sector_of
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
@@ -20,9 +20,9 @@ from . import ground_ranges
 NS_PER_S = 1_000_000_000
 
 
-def names_of(radar: RadarParameters) -> dict[str, str]:
+def names_of(fields: Fields) -> dict[str, str]:
     """Return the radar's names of its columns by quantity."""
-    return {quantity: name for quantity, name in vars(radar.fields).items() if name}
+    return {quantity: name for quantity, name in vars(fields).items() if name}
 
 
 def of(
@@ -38,7 +38,7 @@ def of(
     columns = {radar.fields.range: slant, radar.fields.azimuth: azimuth(measured, radar)}
     # The radar may use the default name of elevations for another field.
     columns.setdefault(radar.fields.elevation or "elevation", np.zeros(len(detections)))
-    for quantity, name in names_of(radar).items():
+    for quantity, name in names_of(radar.fields).items():
         if quantity in _COLUMNS:
             columns[name] = _COLUMNS[quantity](detections, stamp_ns, radar)
     return columns

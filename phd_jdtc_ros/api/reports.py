@@ -107,7 +107,7 @@ def _empty_ns(ends_ns: Sequence[int], step_ns: int) -> list[int]:
 def _columns_of(columns: Columns, config: TrackerConfig, index: int) -> selection.Columns:
     """Return the columns of one radar by quantity, in the radar's convention."""
     radar = config.radars[index]
-    names = sent_columns.names_of(radar)
+    names = sent_columns.names_of(radar.fields)
     if radar.fields.time == TIME:
         # Reports are split by time here, and not by the radar's sectors.
         names.pop("sector", None)

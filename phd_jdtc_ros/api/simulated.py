@@ -104,7 +104,7 @@ def _config(parameters: Mapping[str, Any]) -> TrackerConfig:
 
 def _detections(reports: Sequence[SimulatedReport], inputs: Sequence[RadarParameters]) -> Column:
     """Return reports as a table with the columns of all radars."""
-    own = [sent_columns.names_of(radar).values() for radar in inputs]
+    own = [sent_columns.names_of(radar.fields).values() for radar in inputs]
     names = [name for name in dict.fromkeys(chain.from_iterable(own)) if name != TIME]
     dtype = [
         (TIME, np.float64),

@@ -53,7 +53,8 @@ def smallest_arc(azimuth: FloatArray) -> tuple[float, float]:
 
     There is at least one azimuth, (M,); the arc is counter-clockwise.
     """
-    ordered = np.sort(np.mod(azimuth, FULL_TURN))
-    gaps = np.diff(np.append(ordered, ordered[0] + FULL_TURN))
-    widest = int(np.argmax(gaps))
+    ordered = np.mod(azimuth, FULL_TURN)
+    ordered.sort()
+    gaps = np.concatenate([ordered[1:], ordered[:1] + FULL_TURN]) - ordered
+    widest = int(gaps.argmax())
     return float(ordered[(widest + 1) % len(ordered)]), FULL_TURN - float(gaps[widest])

@@ -107,6 +107,33 @@ def test_decode_keeps_precision_and_returns_writable_copies():
     assert_columns(point_cloud.decode(message, WANTED))
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"datatype": U4},
+        {"count": 2},
+        {"offset": 1},
+        {"offset": point_cloud.MAX_OFFSET + 1},
+        {"name": "b"},
+    ],
+)
+def test_decode_checks_each_clouds_own_layout(change):
+    changed = good()
+    for member, value in change.items():
+        setattr(changed.fields[0], member, value)
+    step = good()
+    step.point_step -= 1
+    for _ in range(2):
+        assert_columns(point_cloud.decode(good(), WANTED))
+        assert_columns(point_cloud.decode(good(big_endian=True), WANTED))
+        if change == {"offset": 1}:
+            shifted = np.frombuffer(bytes(changed.data), "<f4", 1, 1)[0]
+            assert point_cloud.decode(changed, WANTED)["a"][0] == shifted
+        else:
+            assert rejection(changed)[0] == "schema"
+        assert rejection(step)[0] == "schema"
+
+
 @pytest.mark.parametrize(("height", "width"), [(1, 0), (0, 4), (0, 0), (3, 0)])
 def test_decode_of_an_empty_cloud_is_empty(height, width):
     message = good()
