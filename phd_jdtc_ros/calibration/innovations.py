@@ -100,7 +100,7 @@ class InnovationMonitor:
         """Yield squared innovations relative to the expected ones, and by axis to the noise."""
         position = tracks.position + since_s * tracks.velocity
         expected, slope = radar.linearise(position)
-        passed = np.flatnonzero(radar.coverage_probability(expected, found.coverage) > 0.5)
+        (passed,) = (radar.coverage_probability(expected, found.coverage) > 0.5).nonzero()
         if len(passed) > SAMPLE:
             passed = self._rng.choice(passed, SAMPLE, replace=False)
         row, column = _pairs(position, radar.to_world(found.measurement), passed)
@@ -119,11 +119,12 @@ class InnovationMonitor:
         by_state = np.concatenate([slope, after_s[:, None, None] * slope], axis=2)
         predicted = by_state @ covariance @ by_state.swapaxes(-1, -2)
         # The tracks of a scan are predicted over about the same time.
-        added = _process_noise(self._motions, float(after_s.mean()))
+        added = _process_noise(self._motions, float(np.add.reduce(after_s)) / len(row))
         predicted += added * (slope @ slope.swapaxes(-1, -2))
-        normal = np.linalg.solve(predicted + noise, innovation[:, :, None])[:, :, 0]
-        distance2 = (innovation * normal).sum(axis=1)
-        yield from np.column_stack([distance2, innovation**2 / noise[:, (0, 1), (0, 1)]])
+        squares = np.empty((len(row), 3))
+        squares[:, 0] = _squared_distance(innovation, predicted + noise)
+        squares[:, 1:] = innovation**2 / noise[:, (0, 1), (0, 1)]
+        yield from squares
 
     def fits(self) -> list[Fit]:
         """Return the comparison of each radar's innovations with its noise."""
@@ -152,9 +153,20 @@ def _nearest_two(places: FloatArray, others: FloatArray) -> tuple[FloatArray, In
     The second distance is infinite if there is one only.
     """
     apart = places[:, None] - others
-    distance = np.full((len(places), len(others) + 1), np.inf)
+    distance = np.empty((len(places), len(others) + 1))
+    distance[:, -1] = np.inf
     np.hypot(apart[..., 0], apart[..., 1], out=distance[:, :-1])
-    return np.partition(distance, 1, axis=1)[:, :2], distance.argmin(axis=1)
+    nearest = distance.argmin(axis=1)
+    distance.partition(1, axis=1)
+    return distance[:, :2], nearest
+
+
+def _squared_distance(error: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the squared Mahalanobis distances of errors with two components, (N,)."""
+    first, second, across = covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 0, 1]
+    one, other = error[:, 0], error[:, 1]
+    square: FloatArray = one**2 * second - 2.0 * one * other * across + other**2 * first
+    return square / (first * second - across**2)
 
 
 @lru_cache(maxsize=16)  # Scans are often equally far apart

@@ -15,7 +15,8 @@ def noise_covariance(std: FloatArray, correlation: FloatArray | None) -> FloatAr
     A correlation is that of the first two components, NaN where unknown; all others are
     independent.
     """
-    covariance: FloatArray = np.eye(std.shape[1]) * std[:, None, :] ** 2
+    axis, covariance = np.arange(std.shape[1]), np.zeros((*std.shape, std.shape[1]))
+    covariance[:, axis, axis] = std**2
     if correlation is not None:
         known_correlation = np.where(np.isfinite(correlation), correlation, 0.0)
         covariance[:, 0, 1] = covariance[:, 1, 0] = known_correlation * std[:, 0] * std[:, 1]

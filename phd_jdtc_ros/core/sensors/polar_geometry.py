@@ -40,10 +40,11 @@ def linearise(
     ahead, left = cos * east + sin * north, cos * north - sin * east
     distance = np.maximum(np.sqrt(ahead**2 + left**2), MIN_RANGE)
     along, across = east / distance, north / distance
-    jacobian = np.empty((*position.shape, 2))
+    measured, jacobian = np.empty(position.shape), np.empty((*position.shape, 2))
+    measured[..., 0], measured[..., 1] = distance, np.arctan2(left, ahead)
     jacobian[..., 0, 0], jacobian[..., 0, 1] = along, across
     jacobian[..., 1, 0], jacobian[..., 1, 1] = -across / distance, along / distance
-    return np.stack([distance, np.arctan2(left, ahead)], axis=-1), jacobian
+    return measured, jacobian
 
 
 def line_of_sight(position: FloatArray, origin: Sequence[float]) -> tuple[FloatArray, FloatArray]:

@@ -99,7 +99,9 @@ class RadarModel(Sensor):
 
     def wrap(self, error: FloatArray) -> FloatArray:
         """Return differences of (range, azimuth) with wrapped azimuths; (..., 2)."""
-        return np.stack([error[..., 0], wrap_angle(error[..., 1])], axis=-1)
+        wrapped: FloatArray = error.copy()
+        wrapped[..., 1] = wrap_angle(error[..., 1])
+        return wrapped
 
     def polar_place(self, measured: FloatArray) -> FloatArray:
         """Return the measurements themselves."""
