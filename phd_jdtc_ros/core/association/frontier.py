@@ -1,18 +1,21 @@
 """Exact association probabilities in clusters, by a frontier programme.
 
-The edges are processed in a fixed order, and a node is open from its first edge to its last. A
-table has, for each subset of the open nodes (the frontier), the summed weight of the matchings of
-the edges processed so far that use exactly these nodes. The probability of an edge is a sum of
-products of a forward and a backward table. The size of a table is two to the power of the number of
-open nodes, which are few where targets compete with their neighbours only.
+A step passes a node with all its remaining edges, of which a matching has at most one. A node is
+open from its first edge until it is passed or its last edge is processed. A table has, for each
+subset of the open nodes (the frontier), the summed weight of the matchings of the edges processed
+so far that use exactly these nodes. The probability of an edge is a sum of products of a forward
+and a backward table. The size of a table is two to the power of the number of open nodes, which are
+few where targets compete with their neighbours only.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
-from ..compilation import Float1, compiled, inner
+from ..arrays import FloatArray
+from ..compilation import Float1, compiled, in_place, inner
 from .clusters import Graph
 from .planning import Plan
 
@@ -24,37 +27,85 @@ SLACK = 300.0
 LEAST_RISE = 2.0
 
 
+class _Tables(NamedTuple):
+    """The probabilities of edges and of unmatched nodes, and working arrays for a cluster."""
+
+    edge: Float1  # (E,)
+    unmatched: Float1  # (N,)
+    entries: Float1  # The forward tables
+    buffer: Float1  # A forward or backward table between two steps
+    earlier: Float1  # The separated backward table before the edges of a step
+
+
 @inner
-def _add_edge(table: FloatArray, lower: int, upper: int, weight: float) -> None:
-    """Add the matchings with an edge to a forward table."""
-    for block in range(0, len(table), 2 * upper):
-        for base in range(block, block + upper, 2 * lower):
-            for state in range(base, base + lower):
-                table[state + lower + upper] += weight * table[state]
+def _unmatched_states(states: int, bit: int) -> int:
+    """Return how many of a table's states are without a node: all of them if it is not open."""
+    assert bit > 0  # The compiler then knows that no index counts from the end.
+    return min(max(states // 2, bit), states)
+
+
+@inner
+def _state(index: int, bit: int) -> int:
+    """Return one of the states without a node, of which the index is the rank."""
+    return index + (index & -bit)
+
+
+@inner
+def _separate(table: FloatArray, bit: int, separated: FloatArray) -> float:
+    """Write the entries without a node, then those with it; return the largest one."""
+    count, largest = _unmatched_states(len(table), bit), 0.0
+    for index in range(count):
+        separated[index] = table[_state(index, bit)]
+    for index in range(len(table) - count):
+        separated[count + index] = table[_state(index, bit) + bit]
+    for state in range(len(table)):
+        if table[state] > largest:
+            largest = table[state]
+    return largest
+
+
+@inner
+def _join(separated: FloatArray, bit: int, factor: float, table: FloatArray) -> None:
+    """Write a factor times the entries in the order that `_separate` gives them."""
+    count = _unmatched_states(len(table), bit)
+    for index in range(count):
+        table[_state(index, bit)] = factor * separated[index]
+    for index in range(len(table) - count):
+        table[_state(index, bit) + bit] = factor * separated[count + index]
+
+
+@inner
+def _add_edge(unmatched: FloatArray, bit: int, weight: float, table: FloatArray) -> None:
+    """Add the matchings with an edge of the passed node to the table after the step's edges.
+
+    `unmatched` are the entries before them without this node, and `bit` is that of the other one.
+    """
+    for index in range(_unmatched_states(len(unmatched), bit)):
+        state = _state(index, bit)
+        table[state + bit] += weight * unmatched[state]
 
 
 @inner
 def _add_edge_backward(
-    table: FloatArray, later: FloatArray, lower: int, upper: int, weight: float
+    unmatched: FloatArray, bit: int, weight: float, later: FloatArray, earlier: FloatArray
 ) -> float:
-    """Add the matchings with an edge to a backward table; return the edge's probability."""
+    """Add the matchings with an edge to the backward table before the edges; return their sum."""
     total = 0.0
-    for block in range(0, len(table), 2 * upper):
-        for base in range(block, block + upper, 2 * lower):
-            for state in range(base, base + lower):
-                share = weight * later[state + lower + upper]
-                later[state] += share
-                total += table[state] * share
+    for index in range(_unmatched_states(len(unmatched), bit)):
+        state = _state(index, bit)
+        share = weight * later[state + bit]
+        earlier[state] += share
+        total += unmatched[state] * share
     return total
 
 
 @inner
 def _close_node(table: FloatArray, bit: int, free: float, buffer: FloatArray) -> FloatArray:
     """Return a table summed over a node, matched or not; `table` and `buffer` may share memory."""
-    closed = buffer[: len(table) // 2]
-    for base in range(0, len(closed), bit):
-        for state in range(base, base + bit):
-            closed[state] = free * table[base + state] + table[base + state + bit]
+    closed = buffer[: _unmatched_states(len(table), bit)]
+    for index in range(len(closed)):
+        state = _state(index, bit)
+        closed[index] = free * table[state] + table[state + bit]
     return closed
 
 
@@ -62,101 +113,118 @@ def _close_node(table: FloatArray, bit: int, free: float, buffer: FloatArray) ->
 def _reopen_node(later: FloatArray, bit: int, free: float, buffer: FloatArray) -> FloatArray:
     """Return the backward table before a node was closed; it may share memory with `buffer`."""
     reopened = buffer[: 2 * len(later)]
-    for base in range(len(later) - bit, -1, -bit):
-        for state in range(base + bit - 1, base - 1, -1):
-            reopened[base + state + bit] = later[state]
-            reopened[base + state] = free * later[state]
+    for index in range(_unmatched_states(len(reopened), bit) - 1, -1, -1):
+        state, entry = _state(index, bit), later[index]
+        reopened[state + bit], reopened[state] = entry, free * entry
     return reopened
 
 
 @inner
-def _unmatched_probability(table: FloatArray, later: FloatArray, bit: int) -> float:
-    """Return the probability that a node is unmatched."""
+def _unmatched_share(table: FloatArray, later: FloatArray, bit: int) -> float:
+    """Return the share of the matchings that leave a node unmatched."""
     total = 0.0
-    for base in range(0, len(table), 2 * bit):
-        for state in range(base, base + bit):
-            total += table[state] * later[state]
+    for index in range(_unmatched_states(len(table), bit)):
+        total += table[_state(index, bit)] * later[_state(index, bit)]
     return total
 
 
 @inner
-def _product(table: FloatArray, later: FloatArray) -> float:
-    """Return the scalar product; that of BLAS would wait for its threads on a busy machine."""
-    total = 0.0
-    for state in range(len(table)):
-        total += table[state] * later[state]
-    return total
-
-
-@inner
-def _largest_table(table_size: IntArray, steps: tuple[int, int]) -> int:
-    """Return the size of the largest table of some steps."""
-    largest = 0
-    for step in range(*steps):
-        largest = max(largest, table_size[step])
-    return largest
-
-
-@inner
-def _scale(table: FloatArray) -> None:
-    """Divide a table by its largest entry."""
-    largest = 0.0
-    for state in range(len(table)):
-        largest = max(largest, table[state])
-    for state in range(len(table)):
-        table[state] /= largest
-
-
-@inner
-def _forward_tables(
-    plan: Plan, steps: tuple[int, int], weight: FloatArray, free: FloatArray
-) -> FloatArray:
-    """Return the forward tables of a cluster, one after the other, each after a step's edges."""
-    entries = 0
-    for step in range(*steps):
-        entries += plan.table_size[step]
-    tables, buffer = np.zeros(entries), np.ones(_largest_table(plan.table_size, steps))
-    table, end = buffer[:1], 0
-    for step in range(*steps):
-        begin, end = end, end + plan.table_size[step]
-        initial = tables[begin : begin + len(table)]
-        initial += table
-        table = tables[begin:end]
-        for index in range(plan.edge_start[step], plan.edge_start[step + 1]):
-            _add_edge(table, plan.lower_bit[index], plan.upper_bit[index], weight[plan.edge[index]])
-        for index in range(plan.node_start[step + 1] - 1, plan.node_start[step] - 1, -1):
-            table = _close_node(table, plan.node_bit[index], free[plan.node[index]], buffer)
-        _scale(table)
-    return tables
-
-
-@inner
-def _write_probabilities(
+def _sum_forward(
     plan: Plan,
-    steps: tuple[int, int],
+    step: int,
     weight: FloatArray,
     free: FloatArray,
-    tables: FloatArray,
-    edge_probability: FloatArray,
-    unmatched: FloatArray,
+    separated: FloatArray,
+    largest: float,
+    table: FloatArray,
 ) -> None:
-    """Write a cluster's probabilities: products of its forward and backward tables."""
-    buffer, begin = np.ones(_largest_table(plan.table_size, steps)), len(tables)
-    later = buffer[:1]
-    for step in range(steps[1] - 1, steps[0] - 1, -1):
-        begin, end = begin - plan.table_size[step], begin
-        table = tables[begin:end]
+    """Write the table after a step's edges, relative to the largest entry before them."""
+    node = plan.passed[step]
+    unmatched = separated[: _unmatched_states(len(separated), plan.passed_bit[step])]
+    for state in range(len(table)):
+        table[state] = 0.0
+    for state in range(len(unmatched)):
+        table[state] = free[node] / largest * unmatched[state]
+    for state in range(len(separated) - len(unmatched)):
+        table[state] += separated[len(unmatched) + state] / largest
+    for index in range(plan.edge_start[step], plan.edge_start[step + 1]):
+        edge_weight = weight[plan.edge[index]] / largest
+        _add_edge(unmatched, plan.edge_bit[index], edge_weight, table)
+
+
+@inner
+def _sum_backward(
+    plan: Plan,
+    step: int,
+    weight: FloatArray,
+    free: FloatArray,
+    separated: FloatArray,
+    later: FloatArray,
+    earlier: FloatArray,
+    edge_share: FloatArray,
+    unmatched_share: FloatArray,
+) -> float:
+    """Write the separated backward table before a step's edges, and the shares of its matchings.
+
+    Return the sum of all matchings.
+    """
+    node = plan.passed[step]
+    unmatched = separated[: _unmatched_states(len(separated), plan.passed_bit[step])]
+    total = 0.0
+    for state in range(len(unmatched)):
+        earlier[state] = free[node] * later[state]
+        total += unmatched[state] * earlier[state]
+    unmatched_share[node] = total
+    for state in range(len(separated) - len(unmatched)):
+        earlier[len(unmatched) + state] = later[state]
+        total += separated[len(unmatched) + state] * later[state]
+    for index in range(plan.edge_start[step], plan.edge_start[step + 1]):
+        edge = plan.edge[index]
+        edge_share[edge] = _add_edge_backward(
+            unmatched, plan.edge_bit[index], weight[edge], later, earlier
+        )
+        total += edge_share[edge]
+    return total
+
+
+@in_place
+def _write_probabilities(
+    plan: Plan, begin: int, end: int, weight: Float1, free: Float1, tables: _Tables
+) -> None:
+    """Write the probabilities of a cluster with the steps from `begin` to `end`.
+
+    They are products of its forward and backward tables.
+    """
+    edge_probability, unmatched, entries, buffer, earlier = tables
+    buffer[0], table, filled = 1.0, buffer[:1], 0
+    for step in range(begin, end):
+        separated = entries[filled : filled + len(table)]
+        largest = _separate(table, plan.passed_bit[step], separated)
+        filled += len(table)
+        table = entries[filled : filled + plan.table_size[step]]
+        filled += len(table)
+        _sum_forward(plan, step, weight, free, separated, largest, table)
+        for index in range(plan.node_start[step + 1] - 1, plan.node_start[step] - 1, -1):
+            table = _close_node(table, plan.node_bit[index], free[plan.node[index]], buffer)
+    # Backward tables are such that their products with the forward tables sum to 1.
+    buffer[0], later = 1.0 / table[0], buffer[:1]
+    for step in range(end - 1, begin - 1, -1):
+        table = entries[filled - plan.table_size[step] : filled]
+        filled -= len(table)
+        separated = entries[filled - plan.table_before[step] : filled]
+        filled -= len(separated)
         for index in range(plan.node_start[step], plan.node_start[step + 1]):
             later = _reopen_node(later, plan.node_bit[index], free[plan.node[index]], buffer)
-        later /= _product(table, later)
-        for index in range(plan.node_start[step], plan.node_start[step + 1]):
-            unmatched[plan.node[index]] = _unmatched_probability(table, later, plan.node_bit[index])
+        total = _sum_backward(
+            plan, step, weight, free, separated, later, earlier, edge_probability, unmatched
+        )
         for index in range(plan.edge_start[step], plan.edge_start[step + 1]):
-            edge_index = plan.edge[index]
-            edge_probability[edge_index] = _add_edge_backward(
-                table, later, plan.lower_bit[index], plan.upper_bit[index], weight[edge_index]
-            )
-        later = later[: plan.table_before[step]]
+            edge_probability[plan.edge[index]] /= total
+        unmatched[plan.passed[step]] /= total
+        for index in range(plan.node_start[step], plan.node_start[step + 1]):
+            unmatched[plan.node[index]] = _unmatched_share(table, later, plan.node_bit[index])
+        later = buffer[: len(separated)]
+        _join(earlier, plan.passed_bit[step], 1.0 / total, later)
 
 
 @compiled
@@ -168,14 +236,18 @@ def matching_probabilities(
     They are zero in clusters without steps. `weight`, (E,), and `free`, (N,), are the factors of a
     matching for each of its edges and for each unmatched node.
     """
-    edge, unmatched = np.zeros(len(weight)), np.zeros(len(free))
+    edge, unmatched, most, largest = np.zeros(len(weight)), np.zeros(len(free)), 0, 1
     for cluster in range(len(plan.first) - 1):
-        steps = plan.first[cluster], plan.first[cluster + 1]
-        if steps[0] == steps[1]:
-            continue
-        _write_probabilities(
-            plan, steps, weight, free, _forward_tables(plan, steps, weight, free), edge, unmatched
-        )
+        entries = 0
+        for step in range(plan.first[cluster], plan.first[cluster + 1]):
+            entries += plan.table_before[step] + plan.table_size[step]
+            largest = max(largest, plan.table_before[step], plan.table_size[step])
+        most = max(most, entries)
+    arrays = np.empty(most), np.empty(largest), np.empty(largest)
+    for cluster in range(len(plan.first) - 1):
+        begin, end = plan.first[cluster], plan.first[cluster + 1]
+        if begin < end:
+            _write_probabilities(plan, begin, end, weight, free, _Tables(edge, unmatched, *arrays))
     return edge, unmatched
 
 
@@ -203,7 +275,8 @@ def node_prices(graph: Graph, log_odds: Float1) -> FloatArray:
             bidder = bidders[waiting]
             best = second = 0.0
             best_detection = -1
-            for edge in graph.link[graph.start[bidder] : graph.start[bidder + 1]]:
+            for place in range(graph.start[bidder], graph.start[bidder + 1]):
+                edge = graph.link[place]
                 value = log_odds[edge] - price[graph.detection[edge]]
                 if value > best:
                     best, second, best_detection = value, best, graph.detection[edge]

@@ -22,7 +22,7 @@ from .planning import plan
 LEAST_CLUTTER = 1e-9
 # Bound on the work for a cluster, per target, in entries of a table times edges, which take a
 # nanosecond each. Twelve targets that compete for twelve detections are within it.
-MOST_WORK = 1 << 17
+MOST_WORK = 1 << 16
 # Largest log odds in belief propagation, which multiplies odds.
 CERTAIN = 200.0
 

@@ -183,11 +183,10 @@ def test_marginals_of_clusters_of_this_size_are_exact(shape):
 
 
 def test_marginals_of_just_the_bound_are_exact(monkeypatch):
-    # Two targets and two detections: two edges in the first step, with three open nodes, and two
-    # in the second one.
-    monkeypatch.setattr(module, "MOST_WORK", (2 * 8 + 2 * 8) // 2)
+    # Two targets and two detections: two edges in each of two steps, with two open nodes.
+    monkeypatch.setattr(module, "MOST_WORK", (2 * 4 + 2 * 4) // 2)
     assert marginals(*complete((2, 2))).approximate == 0
-    monkeypatch.setattr(module, "MOST_WORK", (2 * 8 + 2 * 8) // 2 - 1)
+    monkeypatch.setattr(module, "MOST_WORK", (2 * 4 + 2 * 4) // 2 - 1)
     assert marginals(*complete((2, 2))).approximate == 1
 
 
