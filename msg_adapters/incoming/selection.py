@@ -110,7 +110,7 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     address, bad_addresses = identities.read(columns.get("address"), kept, identities.ADDRESSES)
     sector, bad_sectors = _sector(columns.get("sector"), radar)
     detections = Detections(
-        np.column_stack([ground.distance[kept], wrap_angle(ground.azimuth[kept])]),
+        np.array([ground.distance[kept], wrap_angle(ground.azimuth[kept])]).T,
         None if amplitude is None else amplitude[kept],
         None if time is None else time[kept],
         _noise_std(range_std, azimuth_std),

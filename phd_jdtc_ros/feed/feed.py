@@ -33,7 +33,7 @@ class Notices(Protocol):
         """Receive the numbers of reports dropped while they waited for poses, by reason."""
 
     def on_anomalies(self, radar: int, counts: Counter[str]) -> None:
-        """Receive the numbers of anomalies, by kind; see `anomalies`."""
+        """Receive the numbers of anomalies, at least one, by kind; see `anomalies`."""
 
     def on_turn_period(self, radar: int, turn_s: float) -> None:
         """Receive the estimated time of a turn, seconds; 0 if it is configured or unknown."""
@@ -90,7 +90,8 @@ class Feed:
         """Process a report; see `message`."""
         self._notices.on_report(radar, report)
         events = self.pipeline.add(radar, report.stamp_ns, report.detections, report.sector)
-        self._notices.on_anomalies(radar, report.anomalies + self.pipeline.take_anomalies(radar))
+        if anomalies := report.anomalies + self.pipeline.take_anomalies(radar):
+            self._notices.on_anomalies(radar, anomalies)
         self._notices.on_turn_period(radar, self.pipeline.first_period_s(radar))
         if isinstance(events, Rejection):
             self._notices.on_rejection(radar, events.value, report)
@@ -145,4 +146,5 @@ class Feed:
                     monitor.add_scan(event.scan, event.step.filtered)
         for radar in self._delayed:
             self._notices.on_drops(radar, self.pipeline.take_drops(radar))
-            self._notices.on_anomalies(radar, self.pipeline.take_anomalies(radar))
+            if anomalies := self.pipeline.take_anomalies(radar):
+                self._notices.on_anomalies(radar, anomalies)

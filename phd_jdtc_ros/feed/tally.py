@@ -59,8 +59,10 @@ class DetectionCounts:
 
     def read(self, kept: int, dropped: Mapping[str, int]) -> None:
         """Count a message's detections: the kept ones, and the dropped ones by reason."""
-        self.offered += kept + sum(dropped.values())
-        self.lost.update(dropped)
+        self.offered += kept
+        for reason, count in dropped.items():
+            self.offered += count
+            self.lost[reason] += count
 
     def fault(self) -> str | None:
         """Return an error message if too few detections were used, else None."""
@@ -112,8 +114,9 @@ class Tally:
         self._silent.discard(radar)
         first_ns, last_ns = self._span_ns.get(radar, (report.stamp_ns, report.stamp_ns))
         self._span_ns[radar] = min(first_ns, report.stamp_ns), max(last_ns, report.stamp_ns)
-        self.dropped.update(report.dropped)
         self.detections.read(len(report.detections), report.dropped)
+        for reason, count in report.dropped.items():
+            self.dropped[reason] += count
         if report.detections.amplitude is None and self._config.inputs[radar].measures_amplitude:
             self._without_amplitude.add(radar)
 

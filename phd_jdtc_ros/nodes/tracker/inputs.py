@@ -169,8 +169,6 @@ class Inputs:
 
     def on_anomalies(self, radar: int, counts: Counter[str]) -> None:
         """Count input that contradicts its configuration, and warn of it."""
-        if not counts:
-            return
         source = self._settings.config.inputs[radar]
         texts = list(anomalies.of(source, counts))
         self.radars[radar].warn(counts, texts[0])
