@@ -176,9 +176,7 @@ class PriorMixture:
             pairs, factor = pairs.take(kept), factor.take(kept)
             evidence = None if evidence is None else evidence.take(kept)
 
-        update = iterated_update(
-            self.mixture, pairs.row, pairs.projected_index, readings, self.measured
-        )
+        update = iterated_update(self.mixture, pairs.row, pairs.projected_index, readings)
         exact = update.log_likelihood.reshape(-1, self.mixture.mean.shape[1])
         likelihoods = PairLikelihoods(
             pairs.row, pairs.column, exact, amplitudes.largest, factor, log_other

@@ -48,7 +48,6 @@ def innovations(
     pairs: tuple[IntArray, IntArray] | None = None,
     weight: FloatArray | None = None,
     modes: int = 1,
-    expected: FloatArray | None = None,
     correlation: FloatArray | None = None,
 ) -> Innovation:
     """Return the innovations of measurements of Gaussians, by iterated linearisation.
@@ -74,8 +73,6 @@ def innovations(
     modes : int
         Number of consecutive Gaussians that form a group. `pairs` has the indices of groups, and
         each pair has an innovation for each Gaussian of its group, one after the other.
-    expected : array of shape (N, 2) or None
-        Expected measurements at the stamp, if they are known.
     correlation : array of shape (M,) or None
         Correlation of the errors of both components; not used for a polar radar.
 
@@ -95,9 +92,7 @@ def innovations(
     gaussians = mean, covariance, np.ones(len(mean)) if weight is None else weight
     measured = Measured(measurement, noise, correlation, time_s)
     return Innovation(
-        *sensor.of_gaussians.innovations(
-            gaussians, measured, pairs, modes, expected, iterations, converged
-        )
+        *sensor.of_gaussians.innovations(gaussians, measured, pairs, modes, iterations, converged)
     )
 
 

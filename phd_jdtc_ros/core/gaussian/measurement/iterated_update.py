@@ -70,7 +70,6 @@ def iterated_update(
     row: IntArray,
     column: IntArray,
     report: Report,
-    expected: FloatArray | None = None,
 ) -> PairUpdate:
     """Return the innovations of pairs, linearised at the posterior positions.
 
@@ -78,8 +77,6 @@ def iterated_update(
     ----------
     row, column : int arrays of shape (P,)
         Hypothesis and detection of each pair.
-    expected : array of shape (H R, Z) or None
-        Expected measurements of the Gaussians, if they are known.
     """
     detections, sensor, rates = report.detections, report.sensor, report.range_rates
     modes, size = mixture.mean.shape[1:]
@@ -90,7 +87,6 @@ def iterated_update(
         pairs=(row, column),
         weight=mixture.mode_weight.reshape(-1),
         modes=modes,
-        expected=expected,
         correlation=detections.noise_correlation,
     )
     matched, outlier = innovation, None

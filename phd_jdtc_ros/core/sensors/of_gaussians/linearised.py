@@ -113,7 +113,6 @@ class Linearised:
         measured: Measured,
         pairs: tuple[IntArray, IntArray],
         modes: int,
-        expected: FloatArray | None,
         iterations: int,
         converged: float,
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

@@ -13,7 +13,7 @@ from ...types import FULL_TURN
 from ..polar_geometry import MIN_RANGE
 from ..report import Report
 from . import polar_gate
-from .angles import wrapped
+from .angles import angle_of
 from .linearised import LEAST_STD, Linearised, Measured
 
 # Times of measurements that are all made at the stamp.
@@ -58,7 +58,6 @@ class PolarGaussians(Linearised):
         measured: Measured,
         pairs: tuple[IntArray, IntArray],
         modes: int,
-        expected: FloatArray | None,
         iterations: int,
         converged: float,
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -67,8 +66,8 @@ class PolarGaussians(Linearised):
         return _innovations(
             *(iterations, converged, modes, sensor.space.planar_axes, self.pose),
             *contiguous(
-                *(*gaussians, np.zeros((0, 2)) if expected is None else expected, *pairs),
-                *(measured.measurement, measured.noise_std, NO_TIMES if times is None else times),
+                *(*gaussians, *pairs, measured.measurement, measured.noise_std),
+                NO_TIMES if times is None else times,
             ),
         )
 
@@ -128,7 +127,6 @@ def _innovations(
     mean: Float2,
     covariance: Float3,
     weight: Float1,
-    expected: Float2,
     group: Int1,
     column: Int1,
     measurement: Float2,
@@ -138,59 +136,67 @@ def _innovations(
     """Return the results of `PolarGaussians.innovations`.
 
     `axes` are those of the position and the velocity; `pose` is the radar's position, and the
-    cosine and the sine of its yaw. `expected` is empty if it is unknown.
+    cosine and the sine of its yaw.
     """
     count = len(group) * modes
     jacobian, inverse = np.zeros((count, 2, 2)), np.zeros((count, 2, 2))
     weighted, log_likelihood = np.zeros((count, 2)), np.full(count, -np.inf)
     x, y, vx, vy = axes[0], axes[1], axes[2], axes[3]
     radar_x, radar_y, cos, sin = pose[0], pose[1], pose[2], pose[3]
+    # The directions of the measurements, from east: their angles from a line are small, so that
+    # most pairs need no arctangent.
+    to_east, to_north = np.empty(len(measurement)), np.empty(len(measurement))
+    for z in range(len(measurement)):
+        ahead, left = math.cos(measurement[z, 1]), math.sin(measurement[z, 1])
+        to_east[z], to_north[z] = cos * ahead - sin * left, sin * ahead + cos * left
     for row in range(count):
         pair = row // modes
-        gaussian, detection = group[pair] * modes + row % modes, column[pair]
+        gaussian, z = group[pair] * modes + row % modes, column[pair]
         if gaussian < 0 or not weight[gaussian] > 0.0:
             continue
-        time = time_s[detection] if len(time_s) else 0.0
-        prior_x = mean[gaussian, x] + time * mean[gaussian, vx]
-        prior_y = mean[gaussian, y] + time * mean[gaussian, vy]
+        time = time_s[z] if len(time_s) else 0.0
+        # Positions are relative to the radar.
+        prior_x = mean[gaussian, x] + time * mean[gaussian, vx] - radar_x
+        prior_y = mean[gaussian, y] + time * mean[gaussian, vy] - radar_y
         p, q, r = _position_covariance(covariance, gaussian, axes, time)
-        noise_range, noise_azimuth = noise_std[detection, 0] ** 2, noise_std[detection, 1] ** 2
-        tolerance = converged * noise_std[detection, 0]
+        noise_range, noise_azimuth = noise_std[z, 0] ** 2, noise_std[z, 1] ** 2
+        tolerance = converged * noise_std[z, 0]
         east, north = prior_x, prior_y
-        j, k, a, b, d, determinant = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        nearness, inverse_square, a, b, d, determinant, scale = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         range_error, azimuth_error, range_weight, azimuth_weight = 0.0, 0.0, 0.0, 0.0
-        n, m = 0.0, 0.0
-        for step in range(iterations):
-            line_x, line_y = east - radar_x, north - radar_y
-            if step == 0 and time == 0.0 and len(expected):
-                distance, azimuth = expected[gaussian, 0], expected[gaussian, 1]
-            else:
-                ahead, left = cos * line_x + sin * line_y, cos * line_y - sin * line_x
-                distance = max(math.sqrt(ahead * ahead + left * left), MIN_RANGE)
-                azimuth = math.atan2(left, ahead)
-            j, k = line_x / distance, line_y / distance
-            n, m = -k / distance, j / distance
-            range_x, range_y = p * j + q * k, q * j + r * k
-            azimuth_x, azimuth_y = p * n + q * m, q * n + r * m
-            a = j * range_x + k * range_y + noise_range
-            b = j * azimuth_x + k * azimuth_y
-            d = n * azimuth_x + m * azimuth_y + noise_azimuth
+        last_x, last_y = east, north
+        for _ in range(iterations):
+            # The Jacobian's rows are (x, y) / distance and (-y, x) / distance^2; those factors come
+            # last, so that divisions and roots are computed at the same time as the rest.
+            square = max(east * east + north * north, MIN_RANGE**2)
+            inverse_square, distance = 1.0 / square, math.sqrt(square)
+            nearness = distance * inverse_square
+            along_x, along_y = p * east + q * north, q * east + r * north
+            across_x, across_y = q * east - p * north, r * east - q * north
+            a = (east * along_x + north * along_y) * inverse_square + noise_range
+            b = (east * across_x + north * across_y) * (inverse_square * nearness)
+            d = (east * across_y - north * across_x) * inverse_square**2 + noise_azimuth
             shift_x, shift_y = east - prior_x, north - prior_y
-            range_error = measurement[detection, 0] - distance + (j * shift_x + k * shift_y)
-            azimuth_error = wrapped(measurement[detection, 1] - azimuth)
-            azimuth_error += n * shift_x + m * shift_y
+            range_error = measurement[z, 0] - distance
+            range_error += (east * shift_x + north * shift_y) * nearness
+            azimuth_error = (east * shift_y - north * shift_x) * inverse_square + angle_of(
+                east * to_east[z] + north * to_north[z], east * to_north[z] - north * to_east[z]
+            )
             determinant = max(a * d - b * b, TINY)
-            range_weight = (d * range_error - b * azimuth_error) / determinant
-            azimuth_weight = (a * azimuth_error - b * range_error) / determinant
+            scale = 1.0 / determinant
+            range_weight = (d * range_error - b * azimuth_error) * scale
+            azimuth_weight = (a * azimuth_error - b * range_error) * scale
+            along, across = range_weight * nearness, azimuth_weight * inverse_square
             last_x, last_y = east, north
-            east = prior_x + range_x * range_weight + azimuth_x * azimuth_weight
-            north = prior_y + range_y * range_weight + azimuth_y * azimuth_weight
+            east = prior_x + along_x * along + across_x * across
+            north = prior_y + along_y * along + across_y * across
             if max(abs(east - last_x), abs(north - last_y)) < tolerance:
                 break
-        jacobian[row, 0, 0], jacobian[row, 0, 1] = j, k
-        jacobian[row, 1, 0], jacobian[row, 1, 1] = n, m
-        inverse[row, 0, 0], inverse[row, 1, 1] = d / determinant, a / determinant
-        inverse[row, 0, 1] = inverse[row, 1, 0] = -b / determinant
+        jacobian[row, 0, 0], jacobian[row, 0, 1] = last_x * nearness, last_y * nearness
+        jacobian[row, 1, 0] = -last_y * inverse_square
+        jacobian[row, 1, 1] = last_x * inverse_square
+        inverse[row, 0, 0], inverse[row, 1, 1] = d * scale, a * scale
+        inverse[row, 0, 1] = inverse[row, 1, 0] = -b * scale
         weighted[row, 0], weighted[row, 1] = range_weight, azimuth_weight
         square = range_error * range_weight + azimuth_error * azimuth_weight
         log_likelihood[row] = -0.5 * (square + math.log(determinant)) - math.log(2.0 * math.pi)
