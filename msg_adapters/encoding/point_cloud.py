@@ -167,10 +167,9 @@ def decode(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> dict[str,
     by_name = {field.name: field for field in cloud.fields}
     found = [by_name.get(name) for name in wanted]
     places = tuple([field and (field.offset, field.datatype, field.count) for field in found])
+    allowed = tuple([(name, tuple(types)) for name, types in wanted.items()])
     try:
-        layout = _checked_layout(
-            tuple(wanted.items()), places, cloud.is_bigendian, cloud.point_step
-        )
+        layout = _checked_layout(allowed, places, cloud.is_bigendian, cloud.point_step)
     except KeyError as missing:
         text = f"field {missing.args[0]!r} is missing; the cloud has {quote(sorted(by_name))}"
         raise RejectedMessageError("schema", text) from None
@@ -198,7 +197,7 @@ def decode(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> dict[str,
 # The clouds of a topic usually have the same layout.
 @lru_cache(maxsize=64)
 def _checked_layout(
-    wanted: tuple[tuple[str, Sequence[str]], ...],
+    wanted: tuple[tuple[str, tuple[str, ...]], ...],
     places: tuple[tuple[int, int, int] | None, ...],
     is_bigendian: bool,
     point_step: int,

@@ -90,6 +90,8 @@ def test_encode_lays_out_points_little_endian_in_one_row():
 )
 def test_decode_reads_every_legal_layout(layout):
     assert_columns(point_cloud.decode(good(**layout), WANTED))
+    as_lists = {name: list(types) for name, types in WANTED.items()}
+    assert_columns(point_cloud.decode(good(**layout), as_lists))
 
 
 @pytest.mark.parametrize("big_endian", [False, True])
