@@ -24,9 +24,9 @@ TRACKING = "phd_jdtc_ros.calibration.tuning.tracking"
 TUNING = (f"{TRACKING}.linking", f"{TRACKING}.likelihood")
 # Nearly all compiled functions, in parts that take about equally long and have few in common.
 PARTS = (
-    (f"{CORE}.gaussian.measurement.pairs",),
+    (f"{CORE}.gaussian.measurement.pair_association",),
     (f"{CORE}.gaussian.smoothing.backward_step",),
-    (f"{CORE}.gaussian.prediction", f"{CORE}.gaussian.reduction"),
+    (f"{CORE}.gaussian.new_targets", f"{CORE}.gaussian.reduction"),
     (*TUNING, f"{CORE}.sensors.of_gaussians.polar", f"{CORE}.tracks.confirmation"),
 )
 

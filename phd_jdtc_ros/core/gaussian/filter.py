@@ -14,7 +14,8 @@ from ..window.update import update_scan
 from .bounds import Bounds
 from .dynamics import Dynamics
 from .mixture import Mixture
-from .prediction import AgedMixture, births, spawn, survivors
+from .new_targets import births, spawn
+from .prediction import AgedMixture, survivors
 from .reduction import Branched, reduce_hypotheses
 from .smoothing.lineages import Link
 from .update import GaussianSteps

@@ -1,4 +1,4 @@
-"""Prediction: survivors move and switch modes, targets are spawned, targets are born."""
+"""Prediction: the targets that survive move and switch modes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,6 @@ from ..compilation import (
     inner,
 )
 from ..snapshot import MAX_STATE, floats, integers
-from ..tracks import labels
 from .algebra.blocks import (
     SIZE,
     add_mean,
@@ -35,7 +34,6 @@ from .algebra.blocks import (
     write,
 )
 from .algebra.curvature import Moved, move, new_moved_inside
-from .algebra.vectors import total_of
 from .dynamics import Dynamics
 from .mixture import Mixture
 
@@ -341,171 +339,3 @@ def _diffuse(snr: FloatArray, transition: FloatArray | None) -> FloatArray:
     if transition is None:
         return snr
     return np.ascontiguousarray((snr.swapaxes(0, 1) @ transition).swapaxes(0, 1))
-
-
-def births(terms: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: int) -> Mixture:
-    """Return the birth components at the configured places, each with a new label.
-
-    Parameters
-    ----------
-    terms : sequence of (int, float)
-        Index of each birth term, and the time since its last births, seconds.
-    """
-    first = labels.first_predicted(scan_index)
-    rows = np.array([index for index, _ in terms], dtype=np.int64)
-    expected = np.array([dt for _, dt in terms]) / dynamics.model.modes.interval_s
-    weight, mean, covariance = dynamics.births
-    weight = expected[:, None, None] * weight.take(rows, axis=0)
-    return dynamics.nothing.changed(
-        row_label=first + rows,
-        weight=weight,
-        mean=mean.take(rows, axis=0),
-        covariance=covariance.take(rows, axis=0),
-        snr=dynamics.unknown_snr(len(rows)),
-    )
-
-
-def spawn(
-    earlier: Sequence[AgedMixture], dynamics: Dynamics, scan_index: int, least: float
-) -> Mixture:
-    """Return the spawned targets, one for each parent, each with a new label.
-
-    Parameters
-    ----------
-    least : float
-        Existence probability below which a spawned target is left out.
-
-    Notes
-    -----
-    The parent's hypotheses are moment-matched by one Gaussian, which each motion mode predicts.
-    """
-    model, parts = dynamics.model, []
-    label = labels.first_predicted(scan_index) + len(model.births)
-    for mixture, dt in earlier:
-        rate = min(model.spawn.rate * dt / model.modes.interval_s, 1.0)
-        transition = dynamics.over(np.array([dt])).transition[0]
-        parents = mixture.target, mixture.existence, *mixture.gaussians
-        motion = *dynamics.spawned, transition, dynamics.turns, dt
-        spawned = _spawn(rate, least, *(*parents, *motion))
-        if count := len(spawned.weight):
-            row_label, snr = np.arange(label, label + count), dynamics.unknown_snr(count)
-            columns = spawned._asdict()
-            parts.append(dynamics.nothing.changed(row_label=row_label, snr=snr, **columns))
-            label += count
-    return Mixture.concatenate(parts) if parts else dynamics.nothing
-
-
-class _Spawned(NamedTuple):
-    """The weights, which begin as zeros, and the Gaussians of the spawned targets."""
-
-    weight: Float3
-    mean: Float3
-    covariance: Float4
-
-
-class _Matched(NamedTuple):
-    """The Gaussian matched to each parent's hypotheses, which begins as zeros; working arrays."""
-
-    mean: Float2
-    covariance: Float3
-    moved: Moved
-
-
-@in_place
-def _write_spawned(
-    rate: float,
-    target: Int1,
-    spawned_row: Int1,
-    existence: Float1,
-    weight: Float3,
-    mean: Float3,
-    covariance: Float4,
-    weight_by_parent: Float2,
-    noise: Float3,
-    transition: Float3,
-    turns: Bool1,
-    dt: float,
-    spawned: _Spawned,
-    matched: _Matched,
-) -> None:
-    """Write the spawned targets; see `Dynamics.spawned`.
-
-    `spawned_row` is the row of each parent's spawned target, (T,), or -1.
-    """
-    modes, classes = weight.shape[1:]
-    parent_mean, parent_covariance = matched.mean, matched.covariance
-    for row in range(len(target)):
-        child, parent_mass = spawned_row[target[row]], existence[target[row]]
-        for mode in range(modes if child >= 0 else 0):
-            add_mean(total_of(weight[row, mode]) / parent_mass, mean[row, mode], parent_mean[child])
-            for class_id in range(classes):
-                child_weights = weight_by_parent[mode * classes + class_id]
-                for entry in range(len(child_weights)):
-                    added = rate * weight[row, mode, class_id] * child_weights[entry]
-                    spawned.weight[child, entry // classes, entry % classes] += added
-    for row in range(len(target)):
-        child, parent_mass = spawned_row[target[row]], existence[target[row]]
-        for mode in range(modes if child >= 0 else 0):
-            share, row_mean = total_of(weight[row, mode]) / parent_mass, mean[row, mode]
-            if share > 0.0:
-                add_spread(
-                    share,
-                    row_mean,
-                    covariance[row, mode],
-                    parent_mean[child],
-                    parent_covariance[child],
-                )
-    for child in range(len(parent_mean)):
-        for mode in range(modes):
-            move(
-                parent_mean[child],
-                parent_covariance[child],
-                transition[mode],
-                turns[mode],
-                dt,
-                matched.moved,
-            )
-            for i in range(SIZE):
-                spawned.mean[child, mode, i] = matched.moved.mean[i]
-                for k in range(i + 1):
-                    total = matched.moved.covariance[i, k] + noise[mode, i, k]
-                    spawned.covariance[child, mode, i, k] = total
-                    spawned.covariance[child, mode, k, i] = total
-
-
-@compiled
-def _spawn(
-    rate: float,
-    least: float,
-    target: Int1,
-    existence: Float1,
-    weight: Float3,
-    mean: Float3,
-    covariance: Float4,
-    weight_by_parent: Float2,
-    noise: Float3,
-    transition: Float3,
-    turns: Bool1,
-    dt: float,
-) -> _Spawned:
-    """Return the spawned targets of parents that spawn one with a probability of at least `least`.
-
-    For the other parameters see `_write_spawned`.
-    """
-    (modes, classes), count = weight.shape[1:], 0
-    spawned_row = np.full(len(existence), -1)
-    for parent in range(len(existence)):
-        if existence[parent] > 0.0 and rate * existence[parent] >= least:
-            spawned_row[parent] = count
-            count += 1
-    spawned = _Spawned(
-        np.zeros((count, modes, classes)),
-        np.empty((count, modes, SIZE)),
-        np.empty((count, modes, SIZE, SIZE)),
-    )
-    mean_of, spread_of = np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE))
-    parents = rate, target, spawned_row, existence, weight, mean, covariance
-    matched = _Matched(mean_of, spread_of, new_moved_inside())
-    motion = weight_by_parent, noise, transition, turns, dt
-    _write_spawned(*(parents + motion + (spawned, matched)))
-    return spawned

@@ -27,10 +27,12 @@ from .measurement.amplitude import (
 )
 from .measurement.gating import Expected, gate_pairs
 from .measurement.iterated_update import PairUpdate, coarse_rates, iterated_update
+from .measurement.likely_pairs import select_likely
 from .measurement.missed import after_miss, missed_and_measured
 from .measurement.newborn import newborn_mixture
 from .measurement.noise import evidence_of_pairs
-from .measurement.pairs import Association, PairLikelihoods, associate, select_likely, sum_modes
+from .measurement.pair_association import Association, associate
+from .measurement.pairs import PairLikelihoods, sum_modes
 from .mixture import Mixture
 from .reacquisition import with_reacquired
 from .reduction import Branched

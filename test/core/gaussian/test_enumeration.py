@@ -20,7 +20,7 @@ from lone import (
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.algebra import kalman
-from phd_jdtc_ros.core.gaussian.measurement import pairs
+from phd_jdtc_ros.core.gaussian.measurement import likely_pairs
 
 DETECTION = 0.8
 SURVIVAL = 0.9
@@ -42,7 +42,7 @@ def clutter_density(radar):
 @pytest.fixture(autouse=True)
 def _nothing_left_out(monkeypatch):
     """Let every update take all its iterations, and look at all pairs within the gates."""
-    monkeypatch.setattr(pairs, "LEAST_SHARE", 1e-12)
+    monkeypatch.setattr(likely_pairs, "LEAST_SHARE", 1e-12)
     monkeypatch.setattr(kalman, "innovations", partial(kalman.innovations, converged=0.0))
 
 

@@ -13,7 +13,8 @@ from phd_jdtc_ros.core.attributes.uniqueness import OutOfGate
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.extraction import extract
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
-from phd_jdtc_ros.core.gaussian.prediction import AgedMixture, births, spawn, survivors
+from phd_jdtc_ros.core.gaussian.new_targets import births, spawn
+from phd_jdtc_ros.core.gaussian.prediction import AgedMixture, survivors
 from phd_jdtc_ros.core.gaussian.reacquisition import with_reacquired
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.smoothing.smoother import backward_pass

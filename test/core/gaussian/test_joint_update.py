@@ -10,7 +10,7 @@ from matchings import posterior
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.algebra import kalman
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
-from phd_jdtc_ros.core.gaussian.measurement import pairs
+from phd_jdtc_ros.core.gaussian.measurement import likely_pairs
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import GaussianSteps
@@ -46,7 +46,7 @@ SIZES = (1, 2, 3)
 @pytest.fixture(autouse=True)
 def _nothing_left_out(monkeypatch):
     """Let every update take all its iterations, and look at all pairs within the gates."""
-    monkeypatch.setattr(pairs, "LEAST_SHARE", 0.0)
+    monkeypatch.setattr(likely_pairs, "LEAST_SHARE", 0.0)
     monkeypatch.setattr(kalman, "innovations", partial(kalman.innovations, converged=0.0))
 
 

@@ -10,7 +10,7 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.arrays import contiguous, wrap_angle
 from phd_jdtc_ros.core.association.marginals import LEAST_CLUTTER
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
-from phd_jdtc_ros.core.gaussian.measurement import pairs
+from phd_jdtc_ros.core.gaussian.measurement import likely_pairs
 from phd_jdtc_ros.core.gaussian.measurement.amplitude import (
     Amplitudes,
     detection_probability,
@@ -19,6 +19,7 @@ from phd_jdtc_ros.core.gaussian.measurement.amplitude import (
 )
 from phd_jdtc_ros.core.gaussian.measurement.gating import Expected, gate_pairs
 from phd_jdtc_ros.core.gaussian.measurement.missed import after_miss
+from phd_jdtc_ros.core.gaussian.measurement.pairs import PairLikelihoods
 from phd_jdtc_ros.core.gaussian.measurement.pruning import most_probable
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.sensors import polar_radar
@@ -68,13 +69,13 @@ LIMITS = {
     ],
 )
 def test_likely_pairs_are_of_a_share_of_all_that_may_be(existence, missed, odds, kept, monkeypatch):
-    monkeypatch.setattr(pairs, "LEAST_SHARE", 0.3)
+    monkeypatch.setattr(likely_pairs, "LEAST_SHARE", 0.3)
     mixture = mixture_of(Dynamics(lone({}).model), [(existence, MEAN, STD)])
     row, column, none = np.zeros(2, dtype=int), np.arange(2), np.zeros(2)
     log_likelihood = np.log(np.array(odds) / existence)[:, None]
-    likelihoods = pairs.PairLikelihoods(row, column, log_likelihood, none, none, none[None])
+    likelihoods = PairLikelihoods(row, column, log_likelihood, none, none, none[None])
     detection_probability = np.full((1, 1, 1), 1.0 - missed / existence)
-    found, amplitude = pairs.select_likely(
+    found, amplitude = likely_pairs.select_likely(
         mixture, detection_probability, likelihoods, np.ones((2, 1, 1))
     )
     np.testing.assert_array_equal(amplitude, np.ones((len(kept), 1)))
@@ -85,7 +86,7 @@ def test_likely_pairs_are_of_a_share_of_all_that_may_be(existence, missed, odds,
 @pytest.mark.parametrize("seed", range(4))
 def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, count, monkeypatch):
     rng = np.random.default_rng(seed)
-    monkeypatch.setattr(pairs, "LEAST_SHARE", 0.3)
+    monkeypatch.setattr(likely_pairs, "LEAST_SHARE", 0.3)
     config = lone({})
     single = mixture_of(Dynamics(config.model), [(1.0, MEAN, STD)])
     row_label, rows = np.array([3, 3, 5, 9]), np.arange(4)
@@ -102,11 +103,11 @@ def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, cou
     missed = mixture.weight * (1.0 - detection_probability)
     total = np.array([0.3, 1e-12, 2.0])[:count]
     log_likelihood = np.log(weight / mixture.mass[row])
-    likelihoods = pairs.PairLikelihoods(
+    likelihoods = PairLikelihoods(
         *(row, column, log_likelihood[:, None], np.zeros(count), np.zeros(len(row))),
         np.log(total)[None],
     )
-    found, _ = pairs.select_likely(
+    found, _ = likely_pairs.select_likely(
         mixture, detection_probability, likelihoods, np.ones((count, 1, 1))
     )
 

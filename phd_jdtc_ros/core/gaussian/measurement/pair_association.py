@@ -1,0 +1,181 @@
+"""The association of pairs, and the most probable hypotheses that follow from it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...arrays import FloatArray, IntArray
+from ...association import marginals
+from ...association.claims import Claims
+from ...association.shares import posterior_shares
+from ...compilation import Float1, Float2, Float3, Int1, compiled
+from ...models.competing_sources import CompetingSources
+from ..algebra.vectors import sum_of
+from ..bounds import Bounds
+from ..mixture import Mixture
+from .pairs import (
+    PairLikelihoods,
+    no_sources,
+    write_missed_weight,
+    write_pair_weight,
+    write_sources,
+)
+from .pruning import most_probable
+
+
+class Association(NamedTuple):
+    """The association of pairs, and the hypotheses that follow from it."""
+
+    claims: Claims
+    sources: CompetingSources
+    claimed: FloatArray  # Probability that a known target is the source of each detection, (M,)
+    pair: FloatArray  # Association probability of each pair, (P,)
+    existence: FloatArray  # Existence probability of each target, (T,)
+    # Prior hypothesis of each kept one, by target and then descending probability, (K,).
+    prior_row: IntArray
+    kept_pair: IntArray  # Index of each kept one's pair with a detection, (K,); -1 for a miss
+    weight: FloatArray  # Weights of the kept hypotheses, (K, R, C)
+    approximate: int  # Number of clusters of targets too large for exact association probabilities
+
+
+@compiled
+def _weigh(
+    target_of: Int1,
+    weight: Float3,
+    detection_probability: Float3,
+    amplitude: Float2,
+    row: Int1,
+    column: Int1,
+    measurement: Float2,
+    largest: Float1,
+    evidence: Float1,
+    other: Float2,
+) -> tuple[tuple[FloatArray, ...], FloatArray, FloatArray]:
+    """Return the weights before the association.
+
+    These are the columns of `Claims` and of `CompetingSources`, the weight of each hypothesis
+    before the update, and the weights of each pair.
+    """
+    (rows, modes, classes), sources = weight.shape, no_sources(other)
+    write_sources(column, measurement, largest, evidence, other, sources)
+    mass, pair_weight = np.empty(len(row)), np.empty((len(row), modes, classes))
+    prior, detected = np.empty(rows), np.empty(rows)
+    for hypothesis in range(rows):
+        prior[hypothesis], total = sum_of(weight[hypothesis]), 0.0
+        for mode in range(modes):
+            for class_id in range(classes):
+                total += (
+                    weight[hypothesis, mode, class_id]
+                    * detection_probability[hypothesis, mode, class_id]
+                )
+        detected[hypothesis] = total / (prior[hypothesis] if prior[hypothesis] > 0.0 else 1.0)
+    for pair in range(len(row)):
+        z = column[pair]
+        factor = evidence[pair] + largest[z] - sources.scale[z]
+        mass[pair] = write_pair_weight(
+            row[pair], weight, pair, measurement, amplitude, factor, pair, pair_weight
+        )
+    known = mass, sources.total, detected, sources.scale, sources.intensity
+    return known, prior, pair_weight
+
+
+@compiled
+def _most_probable_hypotheses(
+    most: int,
+    least_share: float,
+    target_of: Int1,
+    weight: Float3,
+    detection_probability: Float3,
+    row: Int1,
+    claimed_mass: Float1,
+    prior: Float1,
+    pair_weight: Float3,
+    scaled: Float1,
+    unseen: Float1,
+    share: Float1,
+) -> tuple[FloatArray, FloatArray, IntArray, IntArray, FloatArray]:
+    """Return columns of `Association`, from `pair` to `weight`.
+
+    For the parameters see `_weigh` and `posterior_shares`.
+    """
+    rows, modes, classes = weight.shape
+    count = rows + len(row)
+    target, mass, existence = np.empty(count, np.int64), np.empty(count), np.zeros(len(unseen))
+    factor_of, missed = np.empty(count), np.empty((1, modes, classes))
+    for hypothesis in range(rows):
+        target[hypothesis] = target_of[hypothesis]
+        factor_of[hypothesis] = unseen[target_of[hypothesis]] * (
+            scaled[hypothesis] / prior[hypothesis] if prior[hypothesis] > 0.0 else 1.0
+        )
+        mass[hypothesis] = write_missed_weight(
+            hypothesis, weight, detection_probability, factor_of[hypothesis], 0, missed
+        )
+    for pair in range(len(row)):
+        target[rows + pair], factor_of[rows + pair] = target_of[row[pair]], share[pair]
+        mass[rows + pair] = claimed_mass[pair] * share[pair]
+    for index in range(count):
+        existence[target[index]] += mass[index]
+    kept, factor = most_probable(most, least_share, target, mass)
+    kept_pair, kept_weight = np.full(len(kept), -1), np.empty((len(kept), modes, classes))
+    prior_row = kept.copy()
+    for index in range(len(kept)):
+        if kept[index] >= rows:
+            pair = kept[index] - rows
+            kept_pair[index], prior_row[index] = pair, row[pair]
+            for mode in range(modes):
+                for class_id in range(classes):
+                    scaled_weight = pair_weight[pair, mode, class_id] * share[pair]
+                    kept_weight[index, mode, class_id] = factor[index] * scaled_weight
+        else:
+            row_factor = factor_of[kept[index]]
+            write_missed_weight(
+                kept[index], weight, detection_probability, row_factor, index, kept_weight
+            )
+            for mode in range(modes):
+                for class_id in range(classes):
+                    kept_weight[index, mode, class_id] *= factor[index]
+    return mass[rows:], existence, prior_row, kept_pair, kept_weight
+
+
+def associate(
+    mixture: Mixture,
+    detection_probability: FloatArray,
+    amplitude: FloatArray,
+    pairs: PairLikelihoods,
+    bounds: Bounds,
+) -> Association:
+    """Return the association of pairs, and the most probable hypotheses of each target.
+
+    Parameters
+    ----------
+    detection_probability : array of shape (H, R, C)
+        Probability of detection.
+    amplitude : array of shape (P, C)
+        See `select_likely`.
+    """
+    target_of, weight = mixture.target, mixture.weight
+    known, prior, pair_weight = _weigh(target_of, weight, detection_probability, amplitude, *pairs)
+    mass, total, detected, scale, intensity = known
+    scaled, unseen, share, claimed, approximate = posterior_shares(
+        *(marginals.MOST_WORK, len(mixture.label), target_of, prior, pairs.row, pairs.column),
+        *(mass, total, detected),
+    )
+    hypotheses = _most_probable_hypotheses(
+        bounds.hypotheses,
+        bounds.least_share,
+        target_of,
+        weight,
+        detection_probability,
+        pairs.row,
+        mass,
+        prior,
+        pair_weight,
+        scaled,
+        unseen,
+        share,
+    )
+    claims = Claims(pairs.row, pairs.column, mass, total, detected)
+    sources = CompetingSources(scale, intensity)
+    return Association(claims, sources, claimed, *hypotheses, approximate)
