@@ -165,14 +165,15 @@ def decode(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> dict[str,
     if count > MAX_POINTS:
         raise RejectedMessageError("oversize", f"{count} points, at most {MAX_POINTS} are allowed")
     by_name = {field.name: field for field in cloud.fields}
-    found = [by_name.get(name) for name in wanted]
-    places = tuple([field and (field.offset, field.datatype, field.count) for field in found])
+    for name in wanted:
+        if name not in by_name:
+            raise RejectedMessageError(
+                "schema", f"field {name!r} is missing; the cloud has {quote(sorted(by_name))}"
+            )
+    found = [by_name[name] for name in wanted]
+    places = tuple([(field.offset, field.datatype, field.count) for field in found])
     allowed = tuple([(name, tuple(types)) for name, types in wanted.items()])
-    try:
-        layout = _checked_layout(allowed, places, cloud.is_bigendian, cloud.point_step)
-    except KeyError as missing:
-        text = f"field {missing.args[0]!r} is missing; the cloud has {quote(sorted(by_name))}"
-        raise RejectedMessageError("schema", text) from None
+    layout = _checked_layout(allowed, places, cloud.is_bigendian, cloud.point_step)
     if cloud.row_step < cloud.width * cloud.point_step or len(cloud.data) != (
         cloud.row_step * cloud.height
     ):
@@ -198,19 +199,17 @@ def decode(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> dict[str,
 @lru_cache(maxsize=64)
 def _checked_layout(
     wanted: tuple[tuple[str, tuple[str, ...]], ...],
-    places: tuple[tuple[int, int, int] | None, ...],
+    places: tuple[tuple[int, int, int], ...],
     is_bigendian: bool,
     point_step: int,
 ) -> np.dtype[np.void]:
     """Return the layout of the wanted fields in a point, after checks of the types and places.
 
-    Each place is a field's offset, datatype and count, None if the field is missing: a `KeyError`.
+    Each place is a field's offset, datatype and count.
     """
     order = ">" if is_bigendian else "<"
     formats, offsets = [], []
     for (name, allowed), place in zip(wanted, places, strict=True):
-        if place is None:
-            raise KeyError(name)
         formats.append(order + _checked_code(name, place, allowed, point_step))
         offsets.append(place[0])
     return np.dtype({"names": [name for name, _ in wanted], "formats": formats, "offsets": offsets})
