@@ -1,6 +1,5 @@
 """Tables of detections to tables of tracks."""
 
-import contextlib
 import itertools
 import warnings
 
@@ -18,13 +17,6 @@ from phd_jdtc_ros.core.pipeline import RunEnded
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params, yaml_files
 
 DETECTIONS, TRUTH = crossing.detections(), crossing.truth()
-
-
-def cartesian(table):
-    """Return a table with positions in the place of ranges and azimuths."""
-    x = table["range"] * np.cos(table["azimuth"])
-    y = table["range"] * np.sin(table["azimuth"])
-    return {"time": table["time"], "x": x, "y": y}
 
 
 def with_radar(**changes):
@@ -51,109 +43,11 @@ def test_track_finds_two_targets_that_cross(tracked):
     assert set(tracked.smoothed["class"]) == {"target"}
 
 
-@pytest.fixture(scope="module")
-def fitted():
-    """Return a tracker fitted to a recording alone."""
-    return Tracker().fit(DETECTIONS)
-
-
-def test_fit_alone_is_enough_to_track(fitted):
-    scores = evaluate(TRUTH, fitted.track(DETECTIONS).smoothed, cutoff=50.0)
-    assert scores["ospa"] < 8.0
-    assert fitted.parameters["radar.range_std"] == pytest.approx(5.0, rel=0.25)
-    assert fitted.parameters["radar.azimuth_std_deg"] == pytest.approx(0.5, rel=0.25)
-    assert fitted.parameters["interval_s"] == 1.0
-
-
-def test_fit_warns_of_degrees_that_are_read_as_radians():
-    degrees = {**DETECTIONS, "azimuth": np.degrees(DETECTIONS["azimuth"])}
-    expected = r"radar: \d+ azimuths beyond 2 pi rad; probably degrees"
-    # It does not matter if targets are found in such azimuths.
-    with pytest.warns(UserWarning, match=expected), contextlib.suppress(ValueError):
-        Tracker().fit(degrees)
-
-
-def all_around(unit):
-    """Return false detections in all directions; `unit` is a turn in the unit of azimuths."""
-    rng, count = np.random.default_rng(1), 240
-    time = np.repeat(10.0 + np.arange(40.0), count // 40)
-    return {
-        "time": time,
-        "range": rng.uniform(50.0, 1.4e3, count),
-        "azimuth": unit * (rng.random(count) - 0.5),
-    }
-
-
-def test_fit_without_targets_says_that_degrees_are_read_as_radians():
-    warned = pytest.warns(UserWarning, match=r"^radar: \d+ azimuths beyond 2 pi rad")
-    with warned, pytest.raises(ValueError, match=r"distinct from clutter.*; \d+ azimuths beyond"):
-        Tracker().fit(all_around(360.0))
-
-
-def test_fit_warns_of_radians_that_are_read_as_degrees():
-    added = all_around(2.0 * np.pi)
-    both = {name: np.concatenate([DETECTIONS[name], added[name]]) for name in added}
-    with pytest.warns(UserWarning, match=r"^radar: all azimuths are within 6\.3 degrees"):
-        Tracker({"radar": {"azimuth_unit": "deg"}}).fit(both)
-
-
-def test_fit_warns_of_repeated_scans_and_leaves_them_out(fitted):
-    twice = {name: np.tile(column, 2) for name, column in DETECTIONS.items()}
-    twice["time"][len(DETECTIONS["time"]) :] += 0.05
-    with pytest.warns(UserWarning, match=r"^radar: \d+ clouds that repeat all detections"):
-        assert Tracker().fit(twice).parameters == fitted.parameters
-
-
-def test_fit_says_that_it_takes_targets_at_rest_for_clutter():
-    rng, times = np.random.default_rng(5), np.unique(DETECTIONS["time"])
-    places = np.array([[300.0, 0.5], [420.0, -2.0], [350.0, 2.0], [250.0, -1.0]])
-    at_anchor = np.tile(places, (len(times), 1))
-    at_anchor += rng.standard_normal(at_anchor.shape) * [5.0, np.radians(0.5)]
-    added = {"time": np.repeat(times, len(places)), "range": at_anchor[:, 0]}
-    added["azimuth"] = at_anchor[:, 1]
-    both = {name: np.concatenate([DETECTIONS[name], added[name]]) for name in added}
-    expected = r"^radar: \d+ % of the detections are in recurring places, which clutter_map: true"
-    with pytest.warns(UserWarning, match=expected):
-        fitted = Tracker().fit(both)
-    assert fitted.parameters["radar.clutter_map"] is True
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        Tracker({"radar": {"clutter_map": False}}).fit(both)
-
-
-def test_fit_goes_with_other_classes_and_motions():
-    given = {
-        "classes": ["boat", "ship"],
-        "motions": ["straight"],
-        "straight": {"noise_density": 0.1},
-        **{name: {"motions": ["straight"], "mode_transition": [1.0]} for name in ("boat", "ship")},
-    }
-    found = Tracker(given).fit(DETECTIONS).track(DETECTIONS).smoothed
-    assert evaluate(TRUTH, found, cutoff=50.0)["ospa"] < 8.0
-    assert set(found["class"]) <= {"boat", "ship"}
-
-
-def test_fit_adds_to_a_parameter_file(tmp_path):
-    path = tmp_path / "mine.yaml"
-    path.write_text(
-        "/**: {ros__parameters: {sensors: [only], only: {azimuth_std_deg: 0.5, fields.height: ''}}}"
-    )
-    tracker = Tracker(path).fit(DETECTIONS)
-    assert tracker.parameters["only.range_std"] == pytest.approx(5.0, rel=0.25)
-    assert tracker.parameters["only.azimuth_std_deg"] == 0.5
-
-
-def test_fit_reports_what_a_recording_lacks():
-    few = {name: column[:20] for name, column in DETECTIONS.items()}
-    with pytest.raises(ValueError, match=r"radar: .* clouds .*, must be at least 10"):
-        Tracker().fit(few)
-
-
 @pytest.mark.parametrize(
     "changes", [{}, {"position": [-300.0, 200.0], "yaw_deg": 70.0, "max_range": 3000.0}]
 )
 def test_positions_are_tracked_in_the_world_wherever_the_sensor_is(changes):
-    found = Tracker(with_radar(**changes)).track(cartesian(DETECTIONS)).smoothed
+    found = Tracker(with_radar(**changes)).track(crossing.cartesian(DETECTIONS)).smoothed
     assert evaluate(TRUTH, found, cutoff=50.0)["ospa"] < 8.0
 
 
@@ -174,20 +68,8 @@ def test_azimuths_are_read_by_the_parameters(tracked):
     np.testing.assert_allclose(found["x"], tracked.smoothed["x"])
 
 
-def test_fit_takes_the_larger_deviation_for_both_axes_of_positions():
-    noise = np.radians(3.0) * np.random.default_rng(6).standard_normal(len(DETECTIONS["time"]))
-    table = {**DETECTIONS, "azimuth": DETECTIONS["azimuth"] + noise}
-    along = Tracker().fit(table).parameters["radar.range_std"]
-    assert along == pytest.approx(5.0, rel=0.4)
-    given = cartesian(table)
-    across = Tracker().fit(given).parameters["radar.range_std"]
-    assert across == pytest.approx(np.radians(3.0) * 450.0, rel=0.4)
-    # Positions are not used beside ranges and azimuths.
-    assert Tracker().fit({**table, **given}).parameters["radar.range_std"] == along
-
-
 def test_positions_have_deviations_of_their_own():
-    table = cartesian(DETECTIONS)
+    table = crossing.cartesian(DETECTIONS)
 
     def spread(std):
         given = {**table, "position_std": np.full(len(table["x"]), std)}
@@ -211,7 +93,7 @@ def test_updates_and_flush_give_what_track_gives(tracked):
 
 def test_scans_before_the_first_detection_count():
     parameters = {"interval_s": 1.0, "radar": {"range_std": 5.0, "max_range": 1500.0}}
-    table, tracker = cartesian(DETECTIONS), Tracker(parameters)
+    table, tracker = crossing.cartesian(DETECTIONS), Tracker(parameters)
     table = {name: column[table["time"] < 25.0] for name, column in table.items()}
     tracker.update(1.0)
     tracker.flush()
@@ -405,25 +287,12 @@ def test_update_asks_which_radar_it_is_of():
         tracker.update(1.0, radar="c")
 
 
-def test_parameters_go_into_a_file_of_the_node(tmp_path, fitted):
+def test_parameters_go_into_a_file_of_the_node(tmp_path):
+    fitted = Tracker().fit(DETECTIONS)
     path = tmp_path / "mine.yaml"
     path.write_text(yaml.safe_dump({"/**": {"ros__parameters": fitted.parameters}}))
     found = Tracker(path).track(DETECTIONS)
     assert_same(found.smoothed, fitted.track(DETECTIONS).smoothed)
-
-
-def test_fit_says_why_detections_cannot_be_used():
-    levels = np.full(len(DETECTIONS["time"]), -80.0)
-    with pytest.raises(ValueError, match=r"0 detections in .*: amplitude \d+ \(amplitude_unit"):
-        Tracker().fit({**DETECTIONS, "amplitude": levels})
-
-
-def test_fit_keeps_the_recognised_columns():
-    table = {**DETECTIONS, "height": np.full(len(DETECTIONS["time"]), 30.0)}
-    tracker = Tracker({"radar": {"position": [0.0, 0.0, 30.0]}}).fit(table)
-    assert tracker.parameters["radar.fields.height"] == "height"
-    found = tracker.track(table).smoothed
-    assert found["height"] == pytest.approx(30.0, abs=5.0)
 
 
 @pytest.mark.parametrize(("factor", "wrong"), [(0.1, "larger"), (10.0, "smaller")])
@@ -482,33 +351,6 @@ def test_track_of_right_parameters_does_not_warn():
     with warnings.catch_warnings():
         warnings.simplefilter("error", UserWarning)
         Tracker(crossing.PARAMETERS).track(DETECTIONS)
-
-
-def split_plots(share, seed=3):
-    """Return detections of four targets that fly straight; a share of them are two plots."""
-    rng = np.random.default_rng(seed)
-    place = np.array([[-900.0, 300.0], [800.0, 500.0], [-300.0, -900.0], [900.0, -800.0]])
-    velocity = np.array([[14.0, 2.0], [-9.0, 8.0], [5.0, 13.0], [-12.0, -3.0]])
-    rows = []
-    for time in range(60):
-        x, y = (place + velocity * time).T
-        seen = np.stack([np.hypot(x, y), np.arctan2(y, x)], axis=1)[rng.random(4) < 0.85]
-        twice = rng.random(len(seen)) < share
-        seen = np.concatenate([seen + twice[:, None] * [4.0, 0.008], seen[twice] - [4.0, 0.008]])
-        seen += rng.standard_normal(seen.shape) * [4.0, 0.008]
-        false = np.stack([rng.uniform(50.0, 2e3, 3), rng.uniform(-np.pi, np.pi, 3)], axis=1)
-        rows += [[time, *each] for each in (*seen, *false)]
-    return dict(zip(("time", "range", "azimuth"), np.transpose(rows), strict=True))
-
-
-def test_plots_split_in_two_make_no_second_track():
-    detections = split_plots(0.3)
-    tracker = Tracker().fit(detections)
-    assert 3.0 < tracker.parameters["radar.cluster_distance"] < 5.0
-    found = tracker.track(detections).filtered
-    times, count = np.unique(found["time"], return_counts=True)
-    assert count[times >= 10.0].mean() < 4.5
-    assert "radar.cluster_distance" not in Tracker().fit(split_plots(0.0)).parameters
 
 
 def seldom_seen(seed, columns):

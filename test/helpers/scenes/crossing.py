@@ -40,3 +40,10 @@ def detections(seed=0):
         "range": np.concatenate([distance[seen], clutter[:, 0]])[order],
         "azimuth": np.concatenate([azimuth[seen], clutter[:, 1]])[order],
     }
+
+
+def cartesian(table):
+    """Return a table with positions in the place of ranges and azimuths."""
+    x = table["range"] * np.cos(table["azimuth"])
+    y = table["range"] * np.sin(table["azimuth"])
+    return {"time": table["time"], "x": x, "y": y}
