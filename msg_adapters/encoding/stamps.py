@@ -42,6 +42,18 @@ def of_header(sent: Header) -> int:
     return to_ns(sent.stamp)
 
 
+def of_input(sent: Header) -> int:
+    """Return the stamp of a measurement in nanoseconds.
+
+    Raise `RejectedMessageError`: ``stamp_zero`` if it is 0, which drivers send that have no time
+    yet; see also `of_header`.
+    """
+    stamp_ns = of_header(sent)
+    if not stamp_ns:
+        raise RejectedMessageError("stamp_zero", "its stamp is 0, must be the time of measurement")
+    return stamp_ns
+
+
 def of_cdr(data: bytes) -> int:
     """Return the stamp in nanoseconds of a serialised message that begins with a header."""
     # Byte 1 of the encapsulation gives the byte order; the header's stamp begins at byte 4.

@@ -69,7 +69,7 @@ def from_msg(cloud: PointCloud2, radar: RadarParameters) -> Report:
     message, is a report without detections.
 
     Raise `RejectedMessageError`: ``frame`` if the cloud is in another frame than the radar's;
-    otherwise see `stamps.of_header` and `point_cloud.decode`.
+    otherwise see `stamps.of_input` and `point_cloud.decode`.
     """
     require_frame(cloud.header.frame_id, radar)
     present = frozenset(point_cloud.field_names(cloud))
@@ -78,12 +78,12 @@ def from_msg(cloud: PointCloud2, radar: RadarParameters) -> Report:
     named, missing = _wanted_fields(radar.fields, radar.time_since_epoch, own)
     if not (present or cloud.width * cloud.height or len(cloud.data)):
         nothing = {what: np.zeros(0) for what in sent_columns.names_of(radar.fields)}
-        return select(stamps.of_header(cloud.header), radar, nothing)
+        return select(stamps.of_input(cloud.header), radar, nothing)
     found = point_cloud.decode(cloud, dict(named.values()))
     # Converting a signalling NaN warns. Such a value is handled like any other NaN.
     with np.errstate(invalid="ignore"):
         columns = {what: found[name].astype(np.float64) for what, (name, _) in named.items()}
-    report = select(stamps.of_header(cloud.header), radar, columns)
+    report = select(stamps.of_input(cloud.header), radar, columns)
     if not missing:
         return report
     lacking = Counter(f"{what}_missing" for what in missing)

@@ -40,7 +40,7 @@ def from_msg(message: Odometry | PoseStamped, world_frame: str) -> tuple[int, Po
         raise RejectedMessageError(
             "frame", f"frame_id {quote(frame)}, must be the world frame, {world_frame!r}"
         )
-    stamp_ns = stamps.of_header(message.header)
+    stamp_ns = stamps.of_input(message.header)
     has_twist = isinstance(message, Odometry)
     pose = message.pose.pose if has_twist else message.pose
     position = float(pose.position.x), float(pose.position.y)

@@ -63,7 +63,7 @@ def from_msg(scan: Any, radar: RadarParameters) -> Report:
 
     Raise `RejectedMessageError`: ``frame`` if the scan is in another frame than the radar's;
     ``oversize`` above `point_cloud.MAX_POINTS` returns; ``schema`` if the stamp is invalid, see
-    `stamps.of_header`.
+    `stamps.of_input`.
     """
     _require_size(len(scan.returns))
     rows = [
@@ -131,4 +131,4 @@ def _report(header: Header, rows: FloatArray, radar: RadarParameters) -> Report:
         columns["amplitude"] = rows[:, 4]
     if radar.fields.range_rate:
         columns["range_rate"] = rows[:, 3]
-    return select(stamps.of_header(header), _fixed_convention(radar), columns)
+    return select(stamps.of_input(header), _fixed_convention(radar), columns)

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from phd_jdtc_ros.core.gaussian.bounds import Bounds
 from phd_jdtc_ros.core.intake.antenna import MIN_PERIOD_S
+from phd_jdtc_ros.core.intake.clocks import Clocks
 from phd_jdtc_ros.core.intake.input_checks import ReportCheck
 from phd_jdtc_ros.core.intake.poses import Platform
 from phd_jdtc_ros.core.intake.scans import ScanGrouper
@@ -35,6 +36,8 @@ _FORMER = ({**replaced.TRACKER, **replaced.NODE}, replaced.RADAR)
 
 # A backward jump of the stamps by more intervals or turns than this starts a new run.
 RESET_THRESHOLD_SCANS = 3.0
+# Longest delay of a report whose clock is right, in the same unit; see `Clocks`.
+LONGEST_DELAY_SCANS = 2.5
 # A hypothesis with a smaller share of its target has no visible effect.
 LEAST_HYPOTHESIS = 1e-4
 # Square Mahalanobis distance within which two hypotheses are merged.
@@ -155,6 +158,10 @@ class TrackerConfig(Tracking):
         ]
         late_s = max(radar.bias.time_offset_s for radar in self.inputs)
         return max(slices_s, default=0.0) + self.reorder_s + max(late_s, 0.0)
+
+    def clocks(self) -> Clocks:
+        """Return a new comparison of the sensors' stamps."""
+        return Clocks(len(self.inputs), LONGEST_DELAY_SCANS * self._slowest_s, self.max_gap_s)
 
     def grouper(self) -> ScanGrouper:
         """Return a new grouper of the radars' reports into scans."""

@@ -91,6 +91,7 @@ def new_pipeline(
     histories = (TurnHistory(own, reprocesses and not any(platforms)) for own in config.turns())
     stages = zip(config.report_checks(), histories, platforms, strict=True)
     return Pipeline(
+        config.clocks(),
         config.grouper(),
         engine,
         begin,

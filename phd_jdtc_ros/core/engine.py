@@ -75,13 +75,16 @@ class Engine(Protocol):
         """
 
     def flush(self) -> tuple[Estimates, ...]:
-        """Return the pending smoothed estimates, oldest first, and reset."""
+        """Return the pending smoothed estimates, oldest first, and reset.
+
+        Track numbers go on: a subscriber that follows tracks by number must not mistake a new
+        target for an old one.
+        """
 
     def interrupt(self) -> tuple[Estimates, ...]:
-        """Flush without reuse of track numbers.
+        """Flush, and let known aircraft keep their numbers.
 
-        This is for a gap after which the stamps continue to increase: a subscriber that follows
-        tracks by number must not mistake a new target for an old one.
+        This is for a gap after which the stamps continue to increase.
         """
 
     def clutter_raster(self) -> ClutterRaster | None:
@@ -91,7 +94,7 @@ class Engine(Protocol):
         """Use another model of equal structure and another rule from the next scan on."""
 
     def reset(self) -> None:
-        """Return to the initial state."""
+        """Return to the initial state, except that no track number is used again."""
 
     def save_state(self) -> EngineState:
         """Return the engine's state, from which later scans can be reprocessed."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple, TypeAlias
 
 from .engine import Engine, OnFiltered, Step, ignore_filtered
+from .intake.clocks import Clocks, SentReport
 from .intake.input_checks import REPEATED, ReportCheck, ResultCheck
 from .intake.out_of_sequence import OutOfSequence
 from .intake.posed_reports import PosedReports
@@ -25,8 +26,10 @@ from .tracks.region import Everywhere, Region
 from .tracks.reporting_rule import ReportingRule, slowest_s
 from .types import Detections, Estimates, Pose, Scan
 
-# Reason for which reports of moving radars are dropped: the radar's pose is unknown.
+# Reasons for which reports are dropped after they were added: the pose of the moving radar is
+# unknown, or the stamp is far from those of other radars; see `clocks`.
 POSE_MISSING = "pose_missing"
+CLOCK = "clock"
 # Anomaly: a report, or a slice of a turn, is late, and its closed scan is reprocessed.
 REPROCESSED = "late_reworked"
 
@@ -53,10 +56,12 @@ Event: TypeAlias = "Stepped | RunEnded"
 
 
 class Drops(NamedTuple):
-    """What is dropped while it waits for poses, by reason."""
+    """What is dropped while it waits for poses or for the stamps of other radars, by reason."""
 
     reports: Counter[str]  # Numbers of reports, or of slices of a turn
     detections: Counter[str]  # Numbers of their detections
+    # How far the radar's stamps are ahead of those of others, seconds; see `Clocks.offset_s`.
+    clock_offset_s: float | None = None
 
     def add(self, reason: str, detections: int) -> None:
         """Count a report that is dropped."""
@@ -97,6 +102,7 @@ class Pipeline:
 
     def __init__(
         self,
+        clocks: Clocks,
         grouper: ScanGrouper,
         engine: Engine,
         begin: Callable[[Engine, int], None],
@@ -111,7 +117,7 @@ class Pipeline:
         self.engine = engine
         self._sensors, self._results = sensors, results
         self._turns = [sensor.history.turns for sensor in sensors]
-        self._grouper, self._out_of_sequence = grouper, out_of_sequence
+        self._clocks, self._grouper, self._out_of_sequence = clocks, grouper, out_of_sequence
         self._region, self._configured = region, configured
         self._posed = PosedReports([sensor.platform for sensor in sensors])
         self._begin, self._on_filtered = begin, on_filtered
@@ -131,15 +137,48 @@ class Pipeline:
         return self._posed.awaited
 
     def add(
-        self, radar: int, stamp_ns: int, detections: Detections, sector: int | None = None
+        self,
+        radar: int,
+        stamp_ns: int,
+        detections: Detections,
+        sector: int | None = None,
+        received_ns: int | None = None,
     ) -> Iterator[Event] | Rejection:
         """Add one report; return the events of the scans that it closes.
 
         If no part of the report is used in any scan, the reason is returned. `radar` is the index
-        in the configured order, and `sector` the sector's number, if the report contains it. A copy
-        of the radar's previous report under a later stamp is counted, and otherwise ignored: its
-        errors are the same, so that as a look of its own it would count them twice.
+        in the configured order, `sector` the sector's number, if the report contains it, and
+        `received_ns` the time of receipt, if it is known. A report whose stamp is far from those of
+        other radars is held back; see `Clocks`. A copy of the radar's previous report under a later
+        stamp is counted, and otherwise ignored: its errors are the same, so that as a look of its
+        own it would count them twice.
         """
+        sent = SentReport(radar, stamp_ns, detections, sector)
+        due = self._clocks.add(sent, received_ns)
+        self._drop_left_out()
+        return self._add(sent) if len(due) == 1 else self._add_held(due)
+
+    def _drop_left_out(self) -> None:
+        """Count the reports that are left out because of their radar's clock."""
+        for sent in self._clocks.take_left_out():
+            self._sensors[sent.sensor].drops.add(CLOCK, len(sent.detections))
+
+    def _add_held(self, due: Sequence[SentReport]) -> Iterator[Event]:
+        """Yield the events of reports that were held back."""
+        for sent in due:
+            events = self._add(sent)
+            if isinstance(events, Rejection):
+                self._sensors[sent.sensor].drops.add(events.value, len(sent.detections))
+            else:
+                yield from events
+
+    def clock_offset_s(self, radar: int) -> float | None:
+        """Return how far a radar's stamps are ahead of those of others; see `Clocks.offset_s`."""
+        return self._clocks.offset_s(radar)
+
+    def _add(self, sent: SentReport) -> Iterator[Event] | Rejection:
+        """Add a report whose stamp is right; see `add`."""
+        radar, stamp_ns, detections, sector = sent
         sensor, turns = self._sensors[radar], self._turns[radar]
         noticed = sensor.check.add(detections)
         for finding in noticed:
@@ -263,14 +302,15 @@ class Pipeline:
         fault = self._posed.add_pose(radar, stamp_ns, pose)
         return fault if fault is not None else self._events(self._group_released())
 
-    def take_drops(self, radar: int) -> Drops:
-        """Return what was dropped after `add` since the last call.
-
-        Only reports of moving radars are dropped after `add`, since they wait for their poses.
-        """
-        sensor = self._sensors[radar]
-        drops, sensor.drops = sensor.drops, Drops(Counter(), Counter())
-        return drops
+    def take_drops(self) -> list[tuple[int, Drops]]:
+        """Return what was dropped after `add` since the last call, with each radar's index."""
+        taken = []
+        for radar, sensor in enumerate(self._sensors):
+            if sensor.drops.reports:
+                offset_s = self._clocks.offset_s(radar)
+                taken.append((radar, sensor.drops._replace(clock_offset_s=offset_s)))
+                sensor.drops = Drops(Counter(), Counter())
+        return taken
 
     def _group_released(self, everything: bool = False) -> Iterator[Scan | Reset]:
         """Yield the scans closed by reports that no longer wait for poses, or by all reports.
@@ -316,6 +356,8 @@ class Pipeline:
         self._begun = False
 
     def _forget_stamps(self) -> None:
+        self._clocks.reset()
+        self._drop_left_out()
         self._grouper.reset()
         self._posed.forget()
         for sensor in self._sensors:
@@ -348,7 +390,7 @@ class Pipeline:
         return Step(filtered, smoothed, step.class_mass, step.figures)
 
     def _end(self, reset: Reset | None) -> RunEnded:
-        """End the run; after a jump ahead, track numbers are not reused."""
+        """End the run; after a jump ahead, known aircraft keep their track numbers."""
         ahead = reset is not None and reset.ahead
         due = self._out_of_sequence.finish()
         estimates = self.engine.interrupt() if ahead else self.engine.flush()

@@ -30,7 +30,7 @@ class Notices(Protocol):
         """Receive a report of which no part belongs to a scan."""
 
     def on_drops(self, radar: int, drops: Drops) -> None:
-        """Receive the numbers of reports dropped while they waited for poses, by reason."""
+        """Receive what of a radar was dropped after it had been added, at least one report."""
 
     def on_anomalies(self, radar: int, counts: Counter[str]) -> None:
         """Receive the numbers of anomalies, at least one, by kind; see `anomalies`."""
@@ -72,24 +72,33 @@ class Feed:
     ) -> None:
         self.pipeline = new_pipeline(config, begin, on_filtered)
         self._radars_by_platform = config.radars_by_platform
-        # Radars whose reports may be dropped, or found faulty, after they were added: if a radar
-        # moves, all of them, because the reports wait for poses in one queue.
+        # Radars whose reports may be found faulty after they were added: if a radar moves, all of
+        # them, because the reports wait for poses in one queue.
         self._delayed = range(len(config.inputs) if self._radars_by_platform else 0)
         self._notices, self._monitors = notices, monitors
 
-    def message(self, radar: int, read: Callable[[], Report]) -> Iterator[Event] | None:
-        """Process a message, which `read` decodes; return None if no part of it is used."""
+    def message(
+        self, radar: int, read: Callable[[], Report], received_ns: int | None = None
+    ) -> Iterator[Event] | None:
+        """Process a message, which `read` decodes; return None if no part of it is used.
+
+        `received_ns` is the time of receipt by the clock that stamps should follow, if it is known.
+        """
         try:
             report = read()
         except RejectedMessageError as error:
             self._notices.on_unreadable(radar, error)
             return None
-        return self.report(radar, report)
+        return self.report(radar, report, received_ns)
 
-    def report(self, radar: int, report: Report) -> Iterator[Event] | None:
+    def report(
+        self, radar: int, report: Report, received_ns: int | None = None
+    ) -> Iterator[Event] | None:
         """Process a report; see `message`."""
         self._notices.on_report(radar, report)
-        events = self.pipeline.add(radar, report.stamp_ns, report.detections, report.sector)
+        events = self.pipeline.add(
+            radar, report.stamp_ns, report.detections, report.sector, received_ns
+        )
         if anomalies := report.anomalies + self.pipeline.take_anomalies(radar):
             self._notices.on_anomalies(radar, anomalies)
         self._notices.on_turn_period(radar, self.pipeline.first_period_s(radar))
@@ -144,7 +153,8 @@ class Feed:
                     monitor.forget_tracks()
                 else:
                     monitor.add_scan(event.scan, event.step.filtered)
+        for radar, drops in self.pipeline.take_drops():
+            self._notices.on_drops(radar, drops)
         for radar in self._delayed:
-            self._notices.on_drops(radar, self.pipeline.take_drops(radar))
             if anomalies := self.pipeline.take_anomalies(radar):
                 self._notices.on_anomalies(radar, anomalies)

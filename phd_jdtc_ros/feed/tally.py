@@ -15,7 +15,7 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.intake.scans import Reset
-from phd_jdtc_ros.core.pipeline import POSE_MISSING, Drops, Event, RunEnded
+from phd_jdtc_ros.core.pipeline import CLOCK, POSE_MISSING, Drops, Event, RunEnded
 
 # Least share of used detections for a result that counts as a success.
 LEAST_USED = 0.5
@@ -101,6 +101,8 @@ class Tally:
         self._targets_seen, self._overdue = False, 0
         self._figures: Mapping[str, float] = {}
         self._resets: list[Reset] = []
+        # How far the stamps of sensors were ahead of those of others, seconds; see `Drops`.
+        self._clocks_off: dict[int, float | None] = {}
 
     def on_unreadable(self, radar: int, error: RejectedMessageError) -> None:
         """Count a message that is not a valid report."""
@@ -126,9 +128,12 @@ class Tally:
         self.detections.lost[reason] += len(report.detections)
 
     def on_drops(self, radar: int, drops: Drops) -> None:
-        """Count the reports that were dropped while they waited for poses."""
+        """Count the reports that were dropped while they waited."""
         self.dropped.update(drops.reports)
         self.detections.lost.update(drops.detections)
+        if CLOCK in drops.reports:
+            before_s, offset_s = self._clocks_off.get(radar), drops.clock_offset_s
+            self._clocks_off[radar] = before_s if offset_s is None else offset_s
 
     def on_anomalies(self, radar: int, counts: Counter[str]) -> None:
         """Count contradictions of the configuration."""
@@ -176,7 +181,9 @@ class Tally:
                 yield index, anomalies.turn_found(radar, self._turns_s[index])
             for text in anomalies.of(radar, self._warned[index]):
                 yield index, text
-            if self._is_apart(index):
+            if index in self._clocks_off:
+                yield index, anomalies.clock_off(self._clocks_off[index])
+            elif self._is_apart(index):
                 yield index, anomalies.apart(*self._span_ns[index])
         for index, fit in enumerate(fits):
             own = anomalies.figures_of(fit.radar, self._figures)

@@ -17,7 +17,7 @@ from phd_jdtc_ros.core.types import TRACK_STATES, Estimates
 
 HEADER = (
     *("time", "number", "x", "y", "vx", "vy", "latitude", "longitude", "height", "speed", "course"),
-    *("class", "state", "code", "address", "flight_level"),
+    *("class", "state", "code", "address", "flight_level", "run"),
 )
 # Decimal places of the numbers, from `x` to `course`.
 DIGITS = (2, 2, 2, 2, geo_json.DEGREE_DIGITS, geo_json.DEGREE_DIGITS, 1, 2, 2)
@@ -42,13 +42,14 @@ class Fix(NamedTuple):
     code: str  # Four octal digits; empty if unknown
     address: str  # Six hexadecimal digits; empty if unknown
     flight_level: str  # Hundreds of feet of the standard atmosphere; empty if unknown
+    run: int  # Number of the run, from 1: a jump of the stamps begins another one
 
 
 def fixes(
-    run: Sequence[Estimates], plane: Plane | None, class_names: Sequence[str]
+    runs: Sequence[Sequence[Estimates]], plane: Plane | None, class_names: Sequence[str]
 ) -> Iterator[Fix]:
-    """Yield every labelled estimate of a run, given by stamp, ordered by time and number."""
-    for found in run:
+    """Yield every labelled estimate of runs, each given by stamp, ordered by time and number."""
+    for run, found in ((run, each) for run, part in enumerate(runs, 1) for each in part):
         places = _nowhere(found) if plane is None else geodetic.of(found, plane)
         names = vertical.identities(found)
         on_earth = (places.latitude, places.longitude, places.height, places.speed, places.course)
@@ -59,8 +60,8 @@ def fixes(
             class_name = class_names[int(found.class_id[row])]
             state = TRACK_STATES[int(found.track_state[row])]
             level = str(geo_json.level(places.height[row]).get("flight_level", ""))
-            words = (class_name, state, *names[row], level)
-            yield Fix(found.stamp_ns, int(found.track_id[row]), *numbers[row], *words)
+            words, number = (class_name, state, *names[row], level), int(found.track_id[row])
+            yield Fix._make((found.stamp_ns, number, *numbers[row], *words, run))
 
 
 def _nowhere(found: Estimates) -> geodetic.Places:
@@ -88,18 +89,16 @@ def to_csv(rows: Sequence[Fix]) -> str:
 
 
 def to_geojson(rows: Sequence[Fix]) -> str:
-    """Return fixes as GeoJSON: a line for each track, or a point for a track of one fix.
+    """Return fixes as GeoJSON: a line for each track of a run, or a point for one of one fix.
 
-    Properties of a track are ``number``, ``name``, the most frequent ``class``, ``code`` and
-    ``address`` if known, the last ``flight_level``, and ``times``, seconds, one per fix. The two
-    positions added where a track crosses the antimeridian have no time.
+    Properties of a track are ``number``, ``run``, ``name``, the most frequent ``class``, ``code``
+    and ``address`` if known, the last ``flight_level``, and ``times``, seconds, one per fix. The
+    two positions added where a track crosses the antimeridian have no time.
     """
-    tracks: dict[int, list[Fix]] = {}
+    tracks: dict[tuple[int, int], list[Fix]] = {}
     for row in rows:
-        tracks.setdefault(row.number, []).append(row)
-    return geo_json.text(
-        geo_json.collection([_feature(tracks[number]) for number in sorted(tracks)])
-    )
+        tracks.setdefault((row.number, row.run), []).append(row)
+    return geo_json.text(geo_json.collection([_feature(tracks[key]) for key in sorted(tracks)]))
 
 
 def _feature(rows: Sequence[Fix]) -> dict[str, Any]:
@@ -114,6 +113,7 @@ def _feature(rows: Sequence[Fix]) -> dict[str, Any]:
     geometry = geo_json.line_of(way) if len(way) > 1 else {"type": "Point", "coordinates": way[0]}
     properties = {
         "number": rows[0].number,
+        "run": rows[0].run,
         "name": f"{rows[0].number}",
         "class": _usual(row.class_name for row in rows),
         "times": [row.stamp_ns / 1e9 for row in rows],

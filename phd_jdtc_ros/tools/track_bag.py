@@ -10,6 +10,7 @@ import argparse
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +67,7 @@ class OfflineTracker:
         self.damage: BagError | None = None  # Damage of the bag; its intact messages were tracked
         # Serialised, as in the new bag.
         self._estimates: dict[str, list[bytes]] = {source: [] for source in SOURCES}
+        self._runs = [0]  # Number of smoothed estimates before each run
         self._truth: list[bytes] = []
 
     def add(self, entry: BagMessage) -> None:
@@ -82,7 +84,8 @@ class OfflineTracker:
             index = self._radar_of[entry.topic]
             radar = self._config.inputs[index]
             reader = reader_of(radar)
-            return self._feed.message(index, lambda: reader.from_cdr(entry.data, radar)) or ()
+            read = partial(reader.from_cdr, entry.data, radar)
+            return self._feed.message(index, read, entry.log_time_ns) or ()
         kind = self._config.inputs[self._config.radars_by_platform[entry.topic][0]].pose.message
         frame = self._config.world_frame
         pose = partial(platform_poses.from_cdr, entry.data, kind, frame)
@@ -106,7 +109,7 @@ class OfflineTracker:
         """Return truth and estimates as in the new bag, without plots."""
         config = self._config
         found = {
-            source: [estimates.from_msg(interfaces.decode(data, names.CLOUD)) for data in clouds]
+            source: [_estimates(data) for data in clouds]
             for source, clouds in self._estimates.items()
         }
         try:
@@ -126,6 +129,11 @@ class OfflineTracker:
             least_speed=config.least_speed,
         )
 
+    def smoothed_runs(self) -> list[list[Estimates]]:
+        """Return the smoothed estimates as in the new bag, of each run in turn."""
+        clouds = self._estimates[SMOOTHED]
+        return [[_estimates(each) for each in clouds[i:j]] for i, j in pairwise(self._runs)]
+
     def warnings(self) -> Iterator[str]:
         """Yield each contradiction between the radars' reports and their configuration once."""
         return self.tally.warnings(self._innovations.fits())
@@ -135,6 +143,7 @@ class OfflineTracker:
             self.tally.note_event(event)
             if isinstance(event, RunEnded):
                 self._write_estimates(SMOOTHED, event.smoothed)
+                self._runs.append(len(self._estimates[SMOOTHED]))
                 continue
             self.scans += 1
             self._last_ns = event.scan.stamp_ns
@@ -150,6 +159,10 @@ class OfflineTracker:
             if source == FILTERED and self._config.plane is not None:
                 for fix in navsat.to_msgs(values, self._config.plane):
                     self._bag.write(names.fixes(), interfaces.encode(fix), values.stamp_ns)
+
+
+def _estimates(data: bytes) -> Estimates:
+    return estimates.from_msg(interfaces.decode(data, names.CLOUD))
 
 
 def track_bag(
@@ -212,14 +225,17 @@ def _print_outcome(tracker: OfflineTracker, source: Path, out: Path) -> int:
     return CORRUPT
 
 
-def _write_track_files(run: Record, config: TrackerConfig, files: Mapping[str, Path]) -> None:
+def _write_track_files(
+    tracker: OfflineTracker, config: TrackerConfig, files: Mapping[str, Path]
+) -> None:
     if config.plane and is_assumed_place(config.values["world_origin"]):
         print(
             "track_bag: latitudes and longitudes are wrong, because the position of the radar is "
             "unknown; set its geodetic, and world_origin",
             file=sys.stderr,
         )
-    rows = list(track_files.fixes(run.smoothed, config.plane, run.sets.class_names))
+    class_names = tuple(kind.name for kind in config.model.modes.classes)
+    rows = list(track_files.fixes(tracker.smoothed_runs(), config.plane, class_names))
     for name, path in files.items():
         output_files.write(path, WRITERS[name](rows))
 
@@ -255,7 +271,7 @@ def main(argv: Sequence[str]) -> int:
         status = _print_outcome(tracker, source, arguments.out)
         run = tracker.record()
         if files:
-            _write_track_files(run, config, files)
+            _write_track_files(tracker, config, files)
         if run.class_fault:
             print(f"track_bag: {run.class_fault}", file=sys.stderr)
         if run.truth:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import time
-from itertools import pairwise, takewhile
+from collections.abc import Sequence
+from itertools import pairwise, product, takewhile
 from operator import eq
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters.encoding import names
+from msg_adapters.outgoing import diagnostics
 
 from ..harness import scans
 from ..harness.figures import Found, measures
@@ -22,6 +25,10 @@ RATE = 100
 SHUFFLED = 40
 PERIOD_S = 0.25
 ALLOWED_S = 2.0 * PERIOD_S + 0.5
+# Wrong clocks: GPS time and TAI for UTC, and time zones, seconds; and the number of scans of each.
+OFFSETS_S = (18.0, 37.0, 3600.0, -3600.0)
+CLOCK_SCANS = 4
+DAY_NS = 86400 * 1_000_000_000
 # More than half of the intervals whose median the tracker uses.
 REGULAR = 12
 
@@ -82,6 +89,67 @@ def _shuffle(*options: str) -> tuple[int, int, int]:
     received = [stamp for stamp, _ in radars.filtered]
     expected = [scans.stamp_of_scan(index) for index in range(len(received))]
     return epoch, dropped, sum(takewhile(bool, map(eq, received, expected)))
+
+
+@measures(
+    "one clock wrong",
+    "every scan of the other radar answered, 0 resets; ERROR with the offset in 2 scans + 0.5 s",
+)
+def measure_clocks(offsets_s: Sequence[float] = OFFSETS_S) -> Found:
+    """Let either radar's stamps be wrong for a while, or one of them; count what is lost."""
+    with Rig() as rig:
+        _, radars = rig.tracking(*LIGHT)
+        sent: set[int] = set()
+        delays = []
+        for wrong, offset_s in product((0, 1), offsets_s):
+            sent |= _send(radars, len(sent), wrong, 0.0)
+            begin = time.monotonic()
+            sent |= _send(radars, len(sent), wrong, offset_s)
+            delays.append(_clock_delay(radars, begin, wrong, offset_s))
+            sent |= _send(radars, len(sent), wrong, 0.0)
+        for wrong, stamp_ns in product((0, 1), (0, scans.START_NS + DAY_NS)):
+            radars.outputs[wrong].publish(scans.cloud(0, wrong, stamp_ns))
+            sent |= _send(radars, len(sent), wrong, 0.0)
+        values = [radars.values(f"radar_{k}") for k in (1, 2)]
+        epoch = int(radars.values("step time")["epoch"])
+        lost = len(sent - radars.answered)
+    zeros = sum(int(each.get("dropped_stamp_zero", 0)) for each in values)
+    known = [delay for delay in delays if delay is not None]
+    text = (
+        f"{lost} of {len(sent)} scans not answered, {epoch} resets; offset named in {len(known)} "
+        f"of {len(delays)} cases, after at most {max(known, default=math.nan):.2f} s; {zeros} of 2 "
+        "stamps of 0 counted"
+    )
+    in_time = len(known) == len(delays) and max(known) <= ALLOWED_S
+    reached = lost == epoch == 0 and in_time and zeros == 2
+    return text, reached, {"lost": lost, "resets": epoch, "named_after_s": delays, "zeros": zeros}
+
+
+def _send(radars: Radars, index: int, wrong: int, offset_s: float) -> set[int]:
+    """Publish scans at their rate, with an offset of one radar's stamps; return the right ones.
+
+    The first scan of the right radar alone waits for two more, because both count as live.
+    """
+    stamps_ns = [scans.stamp_of_scan(each) for each in range(index, index + CLOCK_SCANS)]
+    for number, stamp_ns in enumerate(stamps_ns, index):
+        for radar, output in enumerate(radars.outputs):
+            off_ns = round(offset_s * 1e9) if radar == wrong else 0
+            output.publish(scans.cloud(number, radar, stamp_ns + off_ns))
+        radars.spin(PERIOD_S)
+    radars.wait_for({stamps_ns[-1]})
+    return set(stamps_ns)
+
+
+def _clock_delay(radars: Radars, begin: float, wrong: int, offset_s: float) -> float | None:
+    """Return the time until a radar's status was ERROR with its offset; None if it never was."""
+    for arrived, lines in radars.health:
+        line = lines[names.health(f"radar_{wrong + 1}")]
+        if arrived > begin and line.level == DiagnosticStatus.ERROR:
+            found_s = float(diagnostics.values_of(line).get("clock_offset_s", math.nan))
+            # The stamps go on faster than the time of receipt, so that a scan's interval is added.
+            exact = abs(found_s - offset_s) <= 1e-9 * scans.interval_ns()
+            return arrived - begin if exact else None
+    return None
 
 
 @measures("forward gap", "1 reset above the limit, none below; memory at most +10 MB")

@@ -40,7 +40,7 @@ RUN = (
 
 
 def rows():
-    return list(track_files.fixes(RUN, PLANE, NAMES))
+    return list(track_files.fixes([RUN], PLANE, NAMES))
 
 
 def test_fixes_are_in_the_order_of_time_and_number_and_labelled():
@@ -73,6 +73,7 @@ def test_csv_has_a_row_for_each_fix():
         "code": "",
         "address": "",
         "flight_level": "",
+        "run": "1",
     }
     assert float(found[3]["longitude"]) == pytest.approx(4.8 + 0.005865, abs=1e-5)
 
@@ -89,12 +90,20 @@ def test_geojson_has_a_line_for_each_track_and_a_point_for_a_lone_fix():
     assert not {"code", "address", "flight_level"} & seven["properties"].keys()
 
 
+def test_runs_are_told_apart_by_a_column_and_a_property():
+    given = list(track_files.fixes([RUN, RUN[:2]], PLANE, NAMES))
+    found = list(csv.DictReader(io.StringIO(track_files.to_csv(given))))
+    assert [row["run"] for row in found] == ["1"] * 4 + ["2"] * 3
+    tracks = [each["properties"] for each in json.loads(track_files.to_geojson(given))["features"]]
+    assert [(each["number"], each["run"]) for each in tracks] == [(3, 1), (3, 2), (7, 1), (7, 2)]
+
+
 def test_heights_codes_and_addresses_are_written_where_they_are_known():
     known = Attributes(
         np.array([[2000.0, 0.0]]), np.tile(np.eye(2), (1, 1, 1)), np.array([0o42]), np.array([255])
     )
     run = (replace(RUN[1], attributes=known), replace(RUN[2], attributes=known))
-    given = list(track_files.fixes(run, PLANE, NAMES))
+    given = list(track_files.fixes([run], PLANE, NAMES))
     (row, _) = csv.DictReader(io.StringIO(track_files.to_csv(given)))
     assert (row["height"], row["code"], row["address"]) == ("2005.0", "0042", "0000FF")
     assert row["flight_level"] == "66"

@@ -45,10 +45,11 @@ def test_tracker_counts_faults_of_its_input_and_keeps_its_targets(module, engine
     [
         (raw_bytes.measure, {"seconds": 1.0}),
         (stamps_and_time.measure_time_faults, {"loops": 1, "duration_s": 240.0}),
+        (stamps_and_time.measure_clocks, {"offsets_s": (37.0,)}),
         (publishers.measure, {"restarts": 1, "run_s": 4.0}),
         (turning.measure_refused, {}),
     ],
-    ids=["mutated bytes", "resets", "publishers", "refused probabilities"],
+    ids=["mutated bytes", "resets", "clocks", "publishers", "refused probabilities"],
 )
 def test_tracker_reaches_the_goal_of_a_shorter_fault(measure, bounds):
     figure = measure(**bounds)

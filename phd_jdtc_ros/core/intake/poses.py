@@ -105,12 +105,11 @@ class PoseTrack:
         elif not math.isfinite(pose.yaw):
             return PoseFault.ORIENTATION
         newest, added = self._poses[-1] if self._poses else None, _StampedPose(stamp_ns, pose, 0)
-        if newest is not None and stamp_ns < newest.stamp_ns - self.reset_threshold_s * 1e9:
-            self._poses, newest = [], None
         if newest is not None:
-            if stamp_ns <= newest.stamp_ns:
-                return PoseFault.DUPLICATE if stamp_ns == newest.stamp_ns else PoseFault.LATE
-            if not self._is_reachable(newest, added):
+            ahead_ns = stamp_ns - newest.stamp_ns
+            if -self.reset_threshold_s * 1e9 <= ahead_ns <= 0:
+                return PoseFault.LATE if ahead_ns else PoseFault.DUPLICATE
+            if ahead_ns < 0 or not self._is_reachable(newest, added):
                 return self._reject_jump(added, newest.segment + 1)
             added = added._replace(segment=newest.segment)
         self._append(added)
@@ -186,6 +185,8 @@ class PoseTrack:
 
     def _is_reachable(self, earlier: _StampedPose, later: _StampedPose) -> bool:
         since = (later.stamp_ns - earlier.stamp_ns) * 1e-9
+        if since > self.reset_threshold_s:
+            return False
         distance = math.dist(earlier.pose.position, later.pose.position)
         turn = abs(math.remainder(later.pose.yaw - earlier.pose.yaw, 2.0 * math.pi))
         return (
@@ -194,7 +195,10 @@ class PoseTrack:
         )
 
     def _reject_jump(self, added: _StampedPose, segment: int) -> PoseFault | None:
-        """Ignore a pose that cannot be reached, unless it continues from another such pose."""
+        """Ignore a pose that cannot be reached, unless it continues from another such pose.
+
+        Poses with earlier stamps than those before begin a new run.
+        """
         suspect, self._suspect = self._suspect, added
         if (
             suspect is None
@@ -202,6 +206,8 @@ class PoseTrack:
             or not self._is_reachable(suspect, added)
         ):
             return PoseFault.JUMP
+        if suspect.stamp_ns < self._poses[-1].stamp_ns:
+            self._poses.clear()
         self._append(suspect._replace(segment=segment))
         self._append(added._replace(segment=segment))
         return None

@@ -70,8 +70,6 @@ class ScanGrouper:
         self._misses = [0] * self.radars
         self._last_stamp: list[int | None] = [None] * self.radars
         self._first_stamp: int | None = None
-        # For each radar the interval of stamps before a jump back whose reports may still arrive.
-        self._before_jump: dict[int, tuple[int, int]] = {}
 
     @property
     def waiting(self) -> bool:
@@ -89,11 +87,7 @@ class ScanGrouper:
         newest = max(self._pending, default=self.closed_ns)
         if newest is not None and stamp_ns < newest - self.reset_threshold_s * 1e9:
             events = [*self.close_all(), Reset((stamp_ns - newest) * 1e-9)]
-            outstanding = self._outstanding_intervals(newest)
             self.reset()
-            self._before_jump = outstanding
-        if self._before_jump and self._is_before_jump(radar, stamp_ns):
-            return Rejection.LATE
         last = self._last_stamp[radar]
         if stamp_ns == last or radar in self._pending.get(stamp_ns, ()):
             return Rejection.DUPLICATE
@@ -127,25 +121,6 @@ class ScanGrouper:
             if stamp_ns > closed_ns:
                 self._pending.setdefault(stamp_ns, {})[radar] = detections
         self._last_stamp[radar] = reports[-1][0]
-
-    def _outstanding_intervals(self, newest: int) -> dict[int, tuple[int, int]]:
-        """Return for each radar the interval of stamps whose reports may still arrive.
-
-        Topics are not ordered relative to each other: a radar's last report may arrive after
-        another radar's stamps have jumped back.
-        """
-        earliest = newest - round(self.reset_threshold_s * 1e9)
-        since = [earliest if last is None else max(last, earliest) for last in self._last_stamp]
-        return {radar: (last, newest) for radar, last in enumerate(since) if last < newest}
-
-    def _is_before_jump(self, radar: int, stamp_ns: int) -> bool:
-        """Return whether a report belongs to the run before the jump back."""
-        after, until = self._before_jump.pop(radar, (0, 0))
-        if not after < stamp_ns <= until:
-            return False
-        if stamp_ns < until:
-            self._before_jump[radar] = stamp_ns, until
-        return True
 
     def close_all(self) -> list[Scan | Reset]:
         """Close all pending scans, oldest first, even if they are incomplete or held back."""

@@ -66,6 +66,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
     _published_ns: tuple[int, int] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        self._tracks = TrackNumbers()
         self.reset()
 
     @abstractmethod
@@ -99,9 +100,9 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         """
 
     def reset(self) -> None:
-        """Return to the initial state."""
+        """Return to the initial state, except that no track number is used again."""
         self.forward.reset()
-        self._tracks, self._states = TrackNumbers(), TrackStates(self.rule)
+        self._tracks, self._states = TrackNumbers(count=self._tracks.count), TrackStates(self.rule)
         self._window, self._filtered, self._stamps = [], {}, []
         self._published_ns = -1, -1
 
@@ -153,10 +154,10 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         return pending
 
     def interrupt(self) -> tuple[Estimates, ...]:
-        """Flush without reuse of track numbers; see `Engine.interrupt`."""
-        pending, tracks = self._smooth_pending(), self._tracks
-        self.reset()
-        self._tracks = TrackNumbers(count=tracks.count, aircraft=tracks.aircraft)
+        """Flush, and let known aircraft keep their numbers; see `Engine.interrupt`."""
+        aircraft = self._tracks.aircraft
+        pending = self.flush()
+        self._tracks.aircraft = aircraft
         return pending
 
     def save_state(self) -> EngineState:

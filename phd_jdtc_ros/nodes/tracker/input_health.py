@@ -54,6 +54,8 @@ class InputHealth:
     anomalies: Counter[str] = field(default_factory=Counter)
     # Detections or messages that were not used, by reason.
     dropped: Counter[str] = field(default_factory=Counter)
+    # How far its stamps are ahead of those of other radars, seconds; None if they agree.
+    clock_offset_s: float | None = None
     fit: Fit | None = None  # The radar's innovations compared with its noise, if known
     # The learned values of the radar, see `anomalies.figures_of`.
     learned: Mapping[str, float] = field(default_factory=dict)
@@ -133,6 +135,8 @@ class InputHealth:
         }
         if self.turn_found_s:
             values["turn_found_ms"] = round(1e3 * self.turn_found_s)
+        if self.clock_offset_s is not None:
+            values["clock_offset_s"] = self.clock_offset_s
         if self.fit is not None and self.fit.innovations:
             axes = zip(self.fit.components, self.fit.axes.tolist(), strict=True)
             values |= {f"{component}_innovation": ratio for component, ratio in axes}
@@ -170,6 +174,7 @@ class InputHealth:
             (ERROR, publishers.incompatible, incompatible),
             (ERROR, publishers.identities and publishers.hint, publishers.hint),
             (STALE, silent, silence),
+            (ERROR, self.clock_offset_s is not None, anomalies.clock_off(self.clock_offset_s)),
             (WARN, several, several),
             (WARN, warned, self._warning),
             (WARN, lost, f"{lost} messages lost in the last {WARNING_MEMORY_S:g} s: {where}"),

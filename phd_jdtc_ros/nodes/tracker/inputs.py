@@ -20,7 +20,7 @@ from msg_adapters.incoming.selection import Report
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.intake.poses import PoseFault
-from phd_jdtc_ros.core.pipeline import POSE_MISSING, Drops
+from phd_jdtc_ros.core.pipeline import CLOCK, POSE_MISSING, Drops
 
 from ..common import topics
 from ..common.health import Rhythm, ThrottledWarnings
@@ -156,7 +156,7 @@ class Inputs:
         self._drop(self.radars[radar], reason, f"scan rejected: {reason} stamp")
 
     def on_drops(self, radar: int, drops: Drops) -> None:
-        """Count the reports that were dropped while they waited for poses."""
+        """Count the reports that were dropped while they waited."""
         source = self._settings.config.inputs[radar]
         for reason, count in drops.reports.items():
             text = f"{count} scans rejected: {reason} stamp"
@@ -165,6 +165,8 @@ class Inputs:
                     f"{count} scans rejected: no pose on {source.pose.topic} within "
                     f"{source.pose_max_age_s:g} s"
                 )
+            elif reason == CLOCK:
+                text = f"{count} scans rejected: {anomalies.clock_off(drops.clock_offset_s)}"
             self._drop(self.radars[radar], reason, text, count)
 
     def on_anomalies(self, radar: int, counts: Counter[str]) -> None:

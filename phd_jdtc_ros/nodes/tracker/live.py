@@ -168,8 +168,9 @@ class LiveTracker:
         health = self.inputs.radars[index]
         health.note_message(begin_s, info.get("publication_sequence_number"), self._load.worked_s)
         radar, waiting = self._settings.config.inputs[index], self._pipeline.waiting
+        received_ns = self._node.get_clock().now().nanoseconds
         with self._step_clock:
-            events = self._feed.message(index, lambda: reader.from_msg(message, radar))
+            events = self._feed.message(index, lambda: reader.from_msg(message, radar), received_ns)
             if events is not None:
                 health.rhythm.beat(time.monotonic())
                 closed = self._handle(events)
@@ -246,9 +247,19 @@ class LiveTracker:
             self._outputs.publish(SMOOTHED, smoothed.stamp_ns, smoothed)
         self._forget_run()
 
+    def alarms(self) -> frozenset[str]:
+        """Return the silent inputs, and those with a wrong clock; see `Inputs.silent`."""
+        return self.inputs.silent() | {
+            f"clock of {health.name}"
+            for index, health in enumerate(self.inputs.radars)
+            if self._pipeline.clock_offset_s(index) is not None
+        }
+
     def statuses(self) -> list[DiagnosticStatus]:
         """Return a status for each input, step time, outputs and, if monitored, registration."""
         now_s, name = time.monotonic(), self._node.get_fully_qualified_name()
+        for index, health in enumerate(self.inputs.radars):
+            health.clock_offset_s = self._pipeline.clock_offset_s(index)
         for health, fit in zip(self.inputs.radars, self._innovations.fits(), strict=True):
             health.fit = fit
         lost, busy = self.inputs.lost_by_overload(now_s), self._load.share(now_s)

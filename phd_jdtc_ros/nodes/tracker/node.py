@@ -240,8 +240,8 @@ class Tracker(ManagedNode):
         return fault is None, fault or "written"
 
     def _state(self) -> tuple[str, frozenset[str]]:
-        """Return the phase and the silent radars, whose changes are published at once."""
-        return self.phase, self._configured.inputs.silent() if self.is_active else frozenset()
+        """Return the phase and the alarms, whose changes are published at once."""
+        return self.phase, self._configured.alarms() if self.is_active else frozenset()
 
     def _statuses(self) -> list[DiagnosticStatus]:
         if self.is_active:

@@ -107,7 +107,7 @@ def test_poses_that_stop_are_bridged_for_a_moment_and_then_reports_are_given_up(
     events, _ = fed(pipeline, in_order(reports(), poses(last_s=until_s)))
     assert len(events) == 11
     assert pipeline.take_anomalies(0) == {"poses_extrapolated": 1}
-    drops, given_up = pipeline.take_drops(0), reports()[11:]
+    ((_, drops),), given_up = pipeline.take_drops(), reports()[11:]
     assert drops.reports == {"pose_missing": len(given_up)}
     assert drops.detections == {"pose_missing": sum(len(each[1][2]) for each in given_up)}
 
@@ -116,7 +116,7 @@ def test_tracking_goes_on_when_poses_come_back():
     gap = [*poses(last_s=13.2), *poses(first_s=19.5)]
     pipeline = new_pipeline(moving.config())
     events, _ = fed(pipeline, in_order(reports(), gap))
-    assert pipeline.take_drops(0).reports == {"pose_missing": 2}
+    assert dict(pipeline.take_drops())[0].reports == {"pose_missing": 2}
     assert moving.errors(filtered(events), since=14).max() < 25.0
 
 
@@ -134,7 +134,7 @@ def test_a_report_that_comes_twice_is_counted_when_its_pose_is_known():
     pipeline = new_pipeline(moving.config())
     events, _ = fed(pipeline, steps)
     assert len(events) == moving.SCANS
-    assert pipeline.take_drops(0).reports == {"duplicate": 1}
+    assert dict(pipeline.take_drops())[0].reports == {"duplicate": 1}
 
 
 def test_a_run_that_begins_again_is_tracked_again():
@@ -267,8 +267,16 @@ def test_old_messages_are_left_out_and_jumps_back_begin_a_new_run():
     assert poses.add(S, Pose((6.0, 0.0), 0.0)) is PoseFault.DUPLICATE
     assert poses.add(S // 2, Pose((2.0, 0.0), 0.0)) is PoseFault.LATE
     poses = track((100, 900, 0, 0), (101, 905, 0, 0), reset_threshold_s=10.0)
-    assert poses.add(0, Pose((0.0, 0.0), 0.0)) is None
-    assert not poses.reaches(1)
+    # A single wrong stamp ends nothing.
+    for far in (0, 86400 * S):
+        assert poses.add(far, Pose((905.0, 0.0), 0.0)) is PoseFault.JUMP
+        assert poses.at(101 * S)[0].position == (905.0, 0.0)
+    assert poses.add(102 * S, Pose((910.0, 0.0), 0.0)) is None
+    assert poses.at(102 * S) == (Pose((910.0, 0.0), 0.0), False)
+    assert poses.add(0, Pose((0.0, 0.0), 0.0)) is PoseFault.JUMP
+    assert poses.add(S, Pose((5.0, 0.0), 0.0)) is None
+    assert poses.at(0)[0].position == (0.0, 0.0)
+    assert not poses.reaches(2 * S)
     assert poses.at(101 * S)[0] is None
 
 

@@ -42,17 +42,6 @@ STREAMS = [
         """,
     ),
     (
-        {"max_gap_s": 60.0},
-        """
-        a jump back is one reset with a limit of gaps too:
-            0@100 1@100 0@106 1@106 | 0@0: reset; 1@0: 0/01; 0@6; 1@6: 6/01
-        what a jump back overtook is late and no jump ahead:
-            0@100 1@100 0@106 | 0@0: 106/0 reset; 1@106: late; 1@0: 0/01; 0@6; 1@6: 6/01
-        a radar whose stamps go on behind the jump:
-            0@90 1@90 0@96 | 0@0: 96/0 reset; 1@96: late; 1@98: 0/0; 0@99: reset 98/1; 1@99: 99/01
-        """,
-    ),
-    (
         {"max_gap_s": 30.0},
         """
         both radars are taken in after a gap:

@@ -132,7 +132,7 @@ def test_what_is_sent_comes_back():
         code=np.array([0o7700, UNKNOWN]),
         address=np.array([UNKNOWN, 0xABCDEF]),
     )
-    cloud = adapter.to_msg(given, 0, "radar_1", LAYOUT)
+    cloud = adapter.to_msg(given, SECONDS, "radar_1", LAYOUT)
     report = adapter.from_msg(cloud, LAYOUT)
     assert_array_equal(report.detections.code, given.code)
     assert_array_equal(report.detections.address, given.address)

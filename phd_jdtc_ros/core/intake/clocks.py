@@ -1,0 +1,256 @@
+"""Tells a sensor's wrong clock from a jump of time.
+
+The stamps of all sensors follow one time. A stamp far from it means that time has jumped, because a
+recording starts again or has a gap, or that the sensor's clock is wrong. The other sensors decide:
+the report is held back until they have followed it or are silent, and it is left out if they go on
+as before. The larger number of sensors is right. A sensor that no other contradicts confirms a jump
+by its next report.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from ..types import Detections
+
+# While one sensor alone has sent no more reports than this, its time has no precedence over that of
+# another sensor.
+FEW_REPORTS = 3
+# Share of the longest delay by which a stamp may be ahead of those of other sensors.
+AHEAD = 0.5
+# A sensor is silent after this number of its intervals.
+SILENT_INTERVALS = 2
+
+
+class SentReport(NamedTuple):
+    """A report as it was sent."""
+
+    sensor: int  # Index in the configured order
+    stamp_ns: int
+    detections: Detections
+    sector: int | None = None  # Number of the sector; None if unknown
+
+
+@dataclass
+class _Clock:
+    """The stamps of one sensor."""
+
+    last_ns: int | None = None  # Its latest stamp that follows the common time
+    step_ns: int = 0  # Its latest interval
+    # How far its latest stamp was ahead of the time of receipt; None if that is unknown.
+    ahead_of_receipt_ns: int | None = None
+    # Reports far from the common time, by ascending order of arrival, with their numbers in it.
+    held: list[tuple[int, SentReport]] = field(default_factory=list)
+    # The stamp of the first of them, or of the last one before another sensor went on.
+    alone_since_ns: int = 0
+    # Whether other sensors went on without it, and it has not agreed with any since.
+    contradicted: bool = False
+
+    @property
+    def weight(self) -> int:
+        """Weight of the sensor against others."""
+        return 1 if self.contradicted else 2
+
+
+class Clocks:
+    """Holds back and leaves out the reports whose stamps are far from those of other sensors.
+
+    A stamp is far if it is behind the newest one by more than `reach_s`, which is the longest delay
+    of a report, or ahead of it by more than half as much, since the others report too. A sensor
+    without others may be ahead by `max_gap_s`.
+    """
+
+    def __init__(self, sensors: int, reach_s: float, max_gap_s: float) -> None:
+        self._reach_ns, self._gap_ns = reach_s * 1e9, max(reach_s, max_gap_s) * 1e9
+        self._clocks = [_Clock() for _ in range(sensors)]
+        self._left_out: list[SentReport] = []
+        self._arrived = 0
+        self._begin()
+
+    def _begin(self) -> None:
+        """Begin a time that no report follows yet."""
+        self._newest_ns: int | None = None
+        self._latest = 0  # The sensor that reported last of those that follow the time
+        self._followers: set[int] = set()
+        self._followed = 0  # Number of the followers' reports
+
+    def reset(self) -> None:
+        """Forget all stamps, and leave out the reports that are held back."""
+        for clock in self._clocks:
+            self._leave_out(clock)
+        self._clocks = [_Clock() for _ in self._clocks]
+        self._begin()
+
+    def take_left_out(self) -> list[SentReport]:
+        """Return the reports that were left out since the last call."""
+        taken, self._left_out = self._left_out, []
+        return taken
+
+    def offset_s(self, sensor: int) -> float | None:
+        """Return how far a sensor's stamps are ahead of those of others, seconds.
+
+        It is None unless the sensor's reports are left out for it. The times of receipt give it
+        more accurately than the stamps, if they agree with them.
+        """
+        own, other = self._clocks[sensor], self._clocks[self._latest]
+        if not own.held or not own.contradicted or self._newest_ns is None:
+            return None
+        by_stamps = own.held[-1][1].stamp_ns - self._newest_ns
+        if own.ahead_of_receipt_ns is not None and other.ahead_of_receipt_ns is not None:
+            by_receipt = own.ahead_of_receipt_ns - other.ahead_of_receipt_ns
+            if abs(by_receipt - by_stamps) <= self._reach_ns:
+                return by_receipt * 1e-9
+        return by_stamps * 1e-9
+
+    def add(self, sent: SentReport, received_ns: int | None = None) -> Sequence[SentReport]:
+        """Take in a report; return those that are due, in the order of arrival.
+
+        `received_ns` is the time of receipt, if it is known. It is used only where the stamps alone
+        cannot tell which of two sensors is right.
+        """
+        own = self._clocks[sent.sensor]
+        own.ahead_of_receipt_ns = None if received_ns is None else sent.stamp_ns - received_ns
+        if self._is_near(sent) and not self._continues_jump_back(own, sent):
+            self._leave_out(own)
+            # Time may have passed the stamps of others that were ahead of it.
+            since_ns = sent.stamp_ns if self._newest_ns is None else self._newest_ns
+            due = [*self._release(self._held_within(since_ns, sent.stamp_ns)), sent]
+            self._contradict_held()
+            self._follow(due)
+            return due
+        if own.held and not self._continues(own.held[-1][1], sent):
+            self._leave_out(own)
+        if not own.held:
+            own.alone_since_ns = sent.stamp_ns
+        self._arrived += 1
+        own.held.append((self._arrived, sent))
+        group = self._held_within(sent.stamp_ns, sent.stamp_ns)
+        others = [
+            each for each in self._clocks if each not in group and self._goes_on(each, own, sent)
+        ]
+        if self._has_jumped(own, group, others):
+            return self._jump(group, bool(others))
+        if own.contradicted:
+            self._leave_out(own, keep=1)
+        return ()
+
+    def _is_near(self, sent: SentReport) -> bool:
+        """Return whether a report follows the common time."""
+        if self._newest_ns is None:
+            return True
+        ahead_ns = sent.stamp_ns - self._newest_ns
+        alone = not any(self._is_live(each) for each in self._others(sent.sensor))
+        return -self._reach_ns <= ahead_ns <= (self._gap_ns if alone else AHEAD * self._reach_ns)
+
+    def _continues_jump_back(self, own: _Clock, sent: SentReport) -> bool:
+        """Return whether a report is behind an earlier one of its sensor, as those held back are.
+
+        A short recording that starts again comes near its end after a few reports.
+        """
+        if not own.held or own.last_ns is None:
+            return False
+        return sent.stamp_ns <= own.last_ns and self._continues(own.held[-1][1], sent)
+
+    def _others(self, sensor: int) -> list[_Clock]:
+        return [clock for index, clock in enumerate(self._clocks) if index != sensor]
+
+    def _is_live(self, clock: _Clock) -> bool:
+        """Return whether a sensor follows the common time, and is not silent."""
+        if clock.held or clock.last_ns is None or self._newest_ns is None:
+            return False
+        return self._newest_ns - clock.last_ns <= self._patience_ns(clock)
+
+    def _patience_ns(self, clock: _Clock) -> float:
+        """Return the time after which a sensor is silent."""
+        return max(self._reach_ns, SILENT_INTERVALS * clock.step_ns)
+
+    def _continues(self, before: SentReport, sent: SentReport) -> bool:
+        """Return whether a report comes after another one of the same sensor and time."""
+        step_ns = sent.stamp_ns - before.stamp_ns
+        return step_ns != 0 and -self._reach_ns <= step_ns <= self._gap_ns
+
+    def _held_within(self, since_ns: int, until_ns: int) -> list[_Clock]:
+        """Return the sensors whose reports are held back, the latest ones near an interval."""
+        return [
+            clock
+            for clock in self._clocks
+            if clock.held
+            and since_ns - self._reach_ns <= clock.held[-1][1].stamp_ns <= until_ns + self._reach_ns
+        ]
+
+    def _goes_on(self, clock: _Clock, own: _Clock, sent: SentReport) -> bool:
+        """Return whether a sensor may still go on as before, by the time that `own` waits."""
+        waited_ns = sent.stamp_ns - own.alone_since_ns
+        return self._is_live(clock) and waited_ns <= self._patience_ns(clock)
+
+    def _has_jumped(self, own: _Clock, group: list[_Clock], others: list[_Clock]) -> bool:
+        """Return whether the sensors of a group, `own` among them, are right against the others."""
+        if not others:
+            return len(group) > 1 or len(own.held) > 1
+        difference = sum(each.weight for each in group) - sum(each.weight for each in others)
+        return difference > 0 or (difference == 0 and self._is_likelier(own))
+
+    def _is_likelier(self, own: _Clock) -> bool:
+        """Return whether one of two sensors that never agreed is right, and not the first one.
+
+        It is if only its stamps are near the times of receipt. Otherwise the earlier time is right,
+        because GPS and atomic time, which are sent instead of UTC, are ahead of it.
+        """
+        if len(self._followers) > 1 or self._followed > FEW_REPORTS:
+            return False
+        ahead = (own.ahead_of_receipt_ns, self._clocks[self._latest].ahead_of_receipt_ns)
+        own_near, near = (each is not None and abs(each) <= self._reach_ns for each in ahead)
+        if own_near != near:
+            return own_near
+        return self._newest_ns is not None and own.held[-1][1].stamp_ns < self._newest_ns
+
+    def _jump(self, group: list[_Clock], against_others: bool) -> list[SentReport]:
+        """Follow the time of a group; return its reports that were held back."""
+        self._begin()
+        for clock in self._clocks:
+            clock.last_ns = None
+        # A sensor that takes over because others are silent does not become right by that.
+        if against_others:
+            for clock in group:
+                clock.contradicted = False
+        due = self._release(group)
+        self._follow(due)
+        return due
+
+    def _release(self, clocks: Collection[_Clock]) -> list[SentReport]:
+        """Hold back the reports of sensors no longer; return them."""
+        held = sorted(each for clock in clocks for each in clock.held)
+        for clock in clocks:
+            clock.held = []
+        return [sent for _, sent in held]
+
+    def _follow(self, due: Iterable[SentReport]) -> None:
+        """Note reports that follow the common time."""
+        for sent in due:
+            own, stamp_ns = self._clocks[sent.sensor], sent.stamp_ns
+            if own.contradicted and any(self._is_live(each) for each in self._others(sent.sensor)):
+                own.contradicted = False
+            if own.last_ns is not None and stamp_ns > own.last_ns:
+                own.step_ns = stamp_ns - own.last_ns
+            own.last_ns = stamp_ns if own.last_ns is None else max(own.last_ns, stamp_ns)
+            newest_ns = self._newest_ns
+            self._newest_ns = stamp_ns if newest_ns is None else max(newest_ns, stamp_ns)
+            self._latest = sent.sensor
+            self._followers.add(sent.sensor)
+            self._followed += 1
+
+    def _contradict_held(self) -> None:
+        """Note that a sensor follows the common time while others' reports are held back."""
+        for clock in self._clocks:
+            if clock.held:
+                clock.contradicted = True
+                clock.alone_since_ns = clock.held[-1][1].stamp_ns
+                self._leave_out(clock, keep=1)
+
+    def _leave_out(self, clock: _Clock, keep: int = 0) -> None:
+        """Leave out a sensor's held reports but the latest ones."""
+        first = max(len(clock.held) - keep, 0)
+        self._left_out += [sent for _, sent in clock.held[:first]]
+        del clock.held[:first]
