@@ -82,6 +82,16 @@ def test_restored_engine_goes_on_and_an_interrupted_one_uses_no_number_again():
     assert sorted(after.track_id) == [5, 6, 7, 8]
 
 
+@pytest.mark.parametrize("end", ["flush", "interrupt", "reset"])
+def test_engine_uses_no_number_again_whatever_ends_a_run(end):
+    of = engine()
+    stepped_through(of, 0, 7)
+    getattr(of, end)()
+    # As after a jump back: the same scans give targets of other numbers.
+    (*_, (after, *_)) = stepped_through(of, 0, 7)
+    assert sorted(after.track_id) == [5, 6, 7, 8]
+
+
 def test_interrupted_engine_remembers_aircraft():
     aircraft = {"number": [1], "address": [77], "stamp_ns": [0]}
     aircraft |= {"position": [[1e3, 2e3]], "speed": [90.0]}

@@ -105,6 +105,17 @@ def test_reporting_radar_is_ok_with_its_figures():
     }
 
 
+@pytest.mark.parametrize(("offset_s", "way"), [(18.0, "ahead of"), (-3600.0, "behind")])
+def test_radar_whose_clock_is_wrong_is_an_error_with_the_offset(offset_s, way):
+    health = radar(1.0)
+    health.clock_offset_s = offset_s
+    found = status(health)
+    assert found.level == ERROR
+    named = f"its stamps are {abs(offset_s)} s {way} those of the other sensors"
+    assert found.message.startswith(named)
+    assert diagnostics.values_of(found)["clock_offset_s"] == str(offset_s)
+
+
 @pytest.mark.parametrize("trouble", ["drop", "deadline"])
 def test_radar_in_trouble_is_a_warning_for_a_while(trouble):
     health = radar(60.0)

@@ -149,6 +149,25 @@ def test_track_bag_names_stamps_that_go_back(short_bag, track, tmp_path, faults,
     assert f"stamps jumped back by {first}.0 s: starting again{largest}" in faults()
 
 
+@pytest.mark.parametrize("radar", [0, 1])
+@pytest.mark.parametrize("off_s", [37, -600])
+def test_track_bag_leaves_out_a_radar_whose_clock_is_wrong(
+    short_bag, track, tmp_path, faults, radar, off_s
+):
+    def off(entry):
+        entry_off = entry[0] == RADARS[radar]
+        return [(*moved(entry, 4, off_s)[:2], entry[2]) if entry_off else entry]
+
+    rewrite(short_bag, tmp_path / "off", off)
+    _, out = track(tmp_path / "off")
+    assert [e.stamp_ns for e in recorded(out)] == [(1000 + 6 * k) * 10**9 for k in range(8)]
+    way = "ahead of" if off_s > 0 else "behind"
+    named = f"{RADARS[radar]}: its stamps are {abs(off_s)}.0 s {way} those of the other sensors"
+    found = "\n".join(faults())
+    assert named in found
+    assert "starting again" not in found
+
+
 def of_scan_3(topic, log_time):
     return (topic, log_time) == (RADARS[0], 1018 * 10**9)
 
