@@ -183,7 +183,7 @@ class Tally:
                 yield index, text
             if index in self._clocks_off:
                 yield index, anomalies.clock_off(self._clocks_off[index])
-            elif self._is_apart(index):
+            elif not self._clocks_off and self._is_apart(index):
                 yield index, anomalies.apart(*self._span_ns[index])
         for index, fit in enumerate(fits):
             own = anomalies.figures_of(fit.radar, self._figures)

@@ -15,9 +15,6 @@ from typing import NamedTuple
 
 from ..types import Detections
 
-# While one sensor alone has sent no more reports than this, its time has no precedence over that of
-# another sensor.
-FEW_REPORTS = 3
 # Share of the longest delay by which a stamp may be ahead of those of other sensors.
 AHEAD = 0.5
 # A sensor is silent after this number of its intervals.
@@ -72,9 +69,9 @@ class Clocks:
     def _begin(self) -> None:
         """Begin a time that no report follows yet."""
         self._newest_ns: int | None = None
+        self._first_ns = 0  # The first stamp of this time
         self._latest = 0  # The sensor that reported last of those that follow the time
         self._followers: set[int] = set()
-        self._followed = 0  # Number of the followers' reports
 
     def reset(self) -> None:
         """Forget all stamps, and leave out the reports that are held back."""
@@ -195,16 +192,17 @@ class Clocks:
     def _is_likelier(self, own: _Clock) -> bool:
         """Return whether one of two sensors that never agreed is right, and not the first one.
 
-        It is if only its stamps are near the times of receipt. Otherwise the earlier time is right,
-        because GPS and atomic time, which are sent instead of UTC, are ahead of it.
+        It is if only its stamps are near the times of receipt. Otherwise, at the start, the earlier
+        time is right, because GPS and atomic time, which are sent instead of UTC, are ahead of it.
         """
-        if len(self._followers) > 1 or self._followed > FEW_REPORTS:
+        if len(self._followers) > 1 or self._newest_ns is None:
             return False
         ahead = (own.ahead_of_receipt_ns, self._clocks[self._latest].ahead_of_receipt_ns)
         own_near, near = (each is not None and abs(each) <= self._reach_ns for each in ahead)
         if own_near != near:
             return own_near
-        return self._newest_ns is not None and own.held[-1][1].stamp_ns < self._newest_ns
+        is_start = self._newest_ns - self._first_ns <= self._reach_ns
+        return is_start and own.held[-1][1].stamp_ns < self._newest_ns
 
     def _jump(self, group: list[_Clock], against_others: bool) -> list[SentReport]:
         """Follow the time of a group; return its reports that were held back."""
@@ -235,11 +233,11 @@ class Clocks:
             if own.last_ns is not None and stamp_ns > own.last_ns:
                 own.step_ns = stamp_ns - own.last_ns
             own.last_ns = stamp_ns if own.last_ns is None else max(own.last_ns, stamp_ns)
-            newest_ns = self._newest_ns
-            self._newest_ns = stamp_ns if newest_ns is None else max(newest_ns, stamp_ns)
+            if self._newest_ns is None:
+                self._newest_ns = self._first_ns = stamp_ns
+            self._newest_ns = max(self._newest_ns, stamp_ns)
             self._latest = sent.sensor
             self._followers.add(sent.sensor)
-            self._followed += 1
 
     def _contradict_held(self) -> None:
         """Note that a sensor follows the common time while others' reports are held back."""
