@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import sys
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -9,6 +11,7 @@ from typing import Any
 
 from phd_jdtc_ros.configuration.schema import ConfigError, flatten, read_each
 from phd_jdtc_ros.parameter_files import sections, yaml_files
+from phd_jdtc_ros.parameter_files.sections import ParameterFile, Sections
 from phd_jdtc_ros.simulation import scenario_file
 
 _NODE = "tracker"
@@ -19,24 +22,31 @@ def load(path: Path, node: str = _NODE) -> dict[str, Any]:
 
     `node` is a name without a namespace: the node may be in any.
 
-    Raise `ConfigError` if it is not such a file, or has sections for such nodes in several
-    namespaces.
+    Raise `ConfigError` if it is not such a file, is for other nodes, or has sections for such nodes
+    in several namespaces.
     """
-    file = sections.read(path)
+    return _load([path], node)[0]
+
+
+def _load(paths: Sequence[Path], node: str) -> list[dict[str, Any]]:
+    """Return what `load` does for each file, of which some may be for other nodes."""
+    files = read_each(sections.read, paths)
+    found = read_each(partial(_sections_for, node), files)
+    for line in sections.require_one(f"{node} in any namespace", files, found):
+        print(f"{line}; it is not used", file=sys.stderr)
+    return [sections.own_values(each) for each in found]
+
+
+def _sections_for(node: str, file: ParameterFile) -> Sections:
     names = [name for name, _ in file.sections]
     nodes = {name for name in names if name.endswith(f"/{node}") and "*" not in name}
     if len(nodes) > 1:
         listed = ", ".join(sorted(nodes))
-        raise ConfigError(f"{path}: has sections of several {node}s, {listed}: must be one")
+        raise ConfigError(f"{file.path}: has sections of several {node}s, {listed}: must be one")
     if nodes:
-        return file.values(nodes.pop())
-    found: dict[str, Any] = {}
-    for name, given in file.sections:
-        if name.rpartition("/")[2] in (node, "*", "**"):
-            found |= given
-    if not found:
-        raise ConfigError(f"{path}: has no ros__parameters under {node}, /NAMESPACE/{node} or /**")
-    return found
+        return file.sections_for(nodes.pop())
+    wanted = (node, "*", "**")
+    return tuple(each for each in file.sections if each[0].rpartition("/")[2] in wanted)
 
 
 def scenario_parameters(document: Any) -> dict[str, Any]:
@@ -55,7 +65,10 @@ def scenario_parameters(document: Any) -> dict[str, Any]:
 def from_arguments(
     paths: Sequence[Path], assignments: Sequence[str], node: str = _NODE
 ) -> dict[str, Any]:
-    """Return a node's parameters from files and assignments; later values override."""
+    """Return a node's own parameters from files and assignments; later values override.
+
+    A line is printed for each file that is for other nodes; see `sections.require_one`.
+    """
 
     def assign(assignment: str) -> dict[str, Any]:
         name, separator, value = assignment.partition(":=")
@@ -64,7 +77,12 @@ def from_arguments(
             raise ConfigError(f"-p {assignment}: must be NAME:=VALUE{hint}")
         return {name: yaml_files.parse(value, f"-p {yaml_files.one_line(assignment)}")}
 
-    sources = [*(partial(load, path, node) for path in paths)]
-    sources += [partial(assign, assignment) for assignment in assignments]
-    parts = read_each(lambda source: source(), sources)
-    return {name: value for part in parts for name, value in part.items()}
+    # The faults of both are raised together.
+    sources = (partial(_load, paths, node), partial(read_each, assign, assignments))
+    parts: list[list[dict[str, Any]]] = read_each(lambda source: source(), sources)
+    return {
+        name: value
+        for part in itertools.chain(*parts)
+        for name, value in part.items()
+        if sections.is_own(name)
+    }

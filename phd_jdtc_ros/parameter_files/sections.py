@@ -1,17 +1,19 @@
 """Sections of ROS parameter files, and their match with a node's name.
 
-rclpy merges files silently: a node for which no file has a section runs with its defaults.
-Therefore the files of a node's command line are read here too.
+rclpy merges files silently: a node for which no file has a section runs with its defaults, also if
+a section for all nodes sets the clock. Therefore the files of a node's command line are read here
+too. Some of them may be for other nodes, but one must be for this node.
 """
 
 from __future__ import annotations
 
 import re
+import tempfile
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.configuration.schema import ConfigError, flatten, read_each
@@ -22,25 +24,76 @@ BAG_PARAMETERS = "parameters.yaml"
 # Regular expressions for the wildcards of a section's name, with the preceding slash.
 _WILDCARDS = {"**": "(/[^/]+)*", "*": "/[^/]+"}
 
+_KEY = "ros__parameters"
+# Parameters that rclpy gives every node: a section that has only these configures no node.
+_OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
+# Beginning of the paths of the files that launch writes.
+_OF_LAUNCH = f"{tempfile.gettempdir()}/launch_params_"
+# Full names, which may have wildcards, and parameters by dotted name, in the file's order.
+Sections: TypeAlias = "tuple[tuple[str, dict[str, Any]], ...]"
+
 
 @dataclass(frozen=True)
 class ParameterFile:
     """A parameter file."""
 
     path: Path
-    # Full name, which may have wildcards, and parameters by dotted name, in the file's order.
-    sections: tuple[tuple[str, dict[str, Any]], ...]
+    sections: Sections  # At least one
+
+    @property
+    def is_of_launch(self) -> bool:
+        """Whether it has the parameters that are values in a launch file."""
+        return str(self.path).startswith(_OF_LAUNCH)
+
+    def sections_for(self, node: str) -> Sections:
+        """Return the sections for a node, by its full name."""
+        return tuple(each for each in self.sections if is_for(each[0], node))
 
     def values(self, node: str) -> dict[str, Any]:
-        """Return the parameters of a node, by its full name; later sections override earlier ones.
+        """Return a node's own parameters, by its full name; `ConfigError` if it is for others."""
+        found = self.sections_for(node)
+        require_one(node, [self], [found])
+        return own_values(found)
 
-        Raise `ConfigError` if no section is for the node.
-        """
-        matching = [given for section, given in self.sections if is_for(section, node)]
-        if not matching:
-            names = yaml_files.one_line(", ".join(dict.fromkeys(dict(self.sections)))) or "none"
-            raise ConfigError(f"{self.path}: has no section for this node, {node}; it has {names}")
-        return {name: value for given in matching for name, value in given.items()}
+
+def own_values(sections: Sections) -> dict[str, Any]:
+    """Return the parameters in the sections for a node; later sections override earlier ones.
+
+    Those that rclpy gives every node are left out.
+    """
+    return {name: value for _, given in sections for name, value in given.items() if is_own(name)}
+
+
+def is_own(parameter: str) -> bool:
+    """Return whether a parameter is not one that rclpy gives every node."""
+    return parameter not in _OF_EVERY_NODE and not parameter.startswith("qos_overrides.")
+
+
+def require_one(node: str, files: Sequence[ParameterFile], found: Sequence[Sections]) -> list[str]:
+    """Return a line for each file that is only for other nodes than the named one.
+
+    `found` has the sections of each file that are for the node. A file is for it if one of them has
+    a parameter of its own, or the node's name and not a wildcard in its place.
+
+    Raise `ConfigError` with those lines if no file of the user is for the node.
+    """
+    is_meant = [bool(own_values(own)) or any(name[-1] != "*" for name, _ in own) for own in found]
+    others = [
+        f"{file.path}: has no section for this node, {node}; it has {_listed(file, own)}"
+        for file, own, meant in zip(files, found, is_meant, strict=True)
+        if not meant and len(own) < len(file.sections)
+    ]
+    usable = (m and not file.is_of_launch for file, m in zip(files, is_meant, strict=True))
+    if others and not any(usable):
+        raise ConfigError(*others)
+    return others
+
+
+def _listed(file: ParameterFile, own: Sections) -> str:
+    """Return the sections of a file, with the parameters of those that are for all nodes."""
+    names = dict.fromkeys(name for name, _ in file.sections)
+    only = {name: f" (only {', '.join(given)})" for name, given in own if given}
+    return yaml_files.one_line(", ".join(name + only.get(name, "") for name in names))
 
 
 def is_for(section: str, node: str) -> bool:
@@ -51,8 +104,8 @@ def is_for(section: str, node: str) -> bool:
 
 
 def read(path: Path) -> ParameterFile:
-    """Return a parameter file; `ConfigError` if it is unreadable or repeats a parameter."""
-    found, faults = [], []
+    """Return a parameter file; `ConfigError` if it has no section, or has a fault."""
+    found, faults, astray = [], [], list[str]()
     document = yaml_files.load(path)
     if isinstance(document, Mapping) and isinstance(document.get("targets"), Sequence):
         shipped = resources.find(Path("bags", path.stem, BAG_PARAMETERS))
@@ -62,6 +115,9 @@ def read(path: Path) -> ParameterFile:
             "take the scenario as --scenario"
         )
     for name, given in _sections(document):
+        if given is None:
+            astray.append(f"{path}: {name}: must be under {_KEY} of a node's name")
+            continue
         leaves = list(flatten(given))
         faults += [
             f"{path}: {name}: {leaf} is given twice"
@@ -69,22 +125,17 @@ def read(path: Path) -> ParameterFile:
             if count > 1
         ]
         found.append((name, dict(leaves)))
-    if faults:
-        raise ConfigError(*faults)
+    # The error of rclpy would give only a line number, and none for a file without sections.
+    if not found:
+        raise ConfigError(f"{path}: has no {_KEY} under a node's name")
+    if faults or astray:
+        raise ConfigError(*faults, *astray[:1])
     return ParameterFile(path, tuple(found))
 
 
 def given_in(argv: Sequence[str]) -> tuple[ParameterFile, ...]:
     """Return the parameter files among ROS arguments; `ConfigError` has the faults of all."""
-
-    def of_nodes(path: Path) -> ParameterFile:
-        file = read(path)
-        # The error of rclpy would give only a line number.
-        if not file.sections:
-            raise ConfigError(f"{path}: has no ros__parameters under a node's name")
-        return file
-
-    return tuple(read_each(of_nodes, _paths(argv)))
+    return tuple(read_each(read, _paths(argv)))
 
 
 def _paths(argv: Sequence[str]) -> Iterator[Path]:
@@ -97,12 +148,16 @@ def _paths(argv: Sequence[str]) -> Iterator[Path]:
             yield Path(path)
 
 
-def _sections(document: Any, prefix: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Yield the full name and the parameters of every section; namespaces may be nested."""
-    for key, value in document.items() if isinstance(document, Mapping) else ():
-        name = f"{prefix}/{str(key).strip('/')}"
-        given = value.get("ros__parameters") if isinstance(value, Mapping) else None
-        if isinstance(given, Mapping):
-            yield name, given
+def _sections(document: Any, name: str = "") -> Iterator[tuple[str, Mapping[str, Any] | None]]:
+    """Yield the full name and the parameters of every section; namespaces may be nested.
+
+    A value that is in no section is yielded too, with None.
+    """
+    if not isinstance(document, Mapping):
+        yield name, None
+        return
+    for key, value in document.items():
+        if key == _KEY and name and isinstance(value, Mapping):
+            yield name, value
         else:
-            yield from _sections(value, name)
+            yield from _sections(value, f"{name}/{str(key).strip('/')}")

@@ -11,14 +11,10 @@ from phd_jdtc_ros.configuration.parameters import tracker_node
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import sections
 
-# The node's own parameters, and the parameters that rclpy gives every node.
-_OF_NODE = tracker_node.NAMES.union(("use_sim_time", "start_type_description_service"))
-
 
 def config(given: Mapping[str, Any]) -> TrackerConfig:
-    """Return the configuration by a live node's parameters; `ConfigError` has every fault."""
-    ignored = {name for name in given if name in _OF_NODE or name.startswith("qos_overrides.")}
-    return resolve({k: given[k] for k in given if k not in ignored}, SystemPlane)
+    """Return the configuration by a node's own parameters; `ConfigError` has every fault."""
+    return resolve({k: given[k] for k in given if k not in tracker_node.NAMES}, SystemPlane)
 
 
 def load(path: Path, tracker: str) -> TrackerConfig:

@@ -93,9 +93,50 @@ def test_load_refuses_files_that_are_not_of_one_tracker(tmp_path):
     "text",
     ["", "- 1\n", "text", "lag: 3\n", "tracker: {lag: 3}\n", "tracker: {ros__parameters: 3}\n"],
 )
-def test_load_refuses_a_file_without_parameters_of_the_tracker(tmp_path, text):
+def test_load_refuses_a_file_without_a_section(tmp_path, text):
     (fault,) = faults_of(from_arguments.load, write(tmp_path / "p.yaml", text))
-    assert fault.startswith(f"{tmp_path / 'p.yaml'}: has no ros__parameters under tracker, ")
+    assert fault == f"{tmp_path / 'p.yaml'}: has no ros__parameters under a node's name"
+
+
+CLOCK = "/**: {ros__parameters: {use_sim_time: true, qos_overrides: {/a: {depth: 3}}}}\n"
+ONLY = "/** (only use_sim_time, qos_overrides./a.depth)"
+
+
+@pytest.mark.parametrize("node", ["tracker", "asterix_bridge"])
+def test_file_for_other_nodes_beside_a_clock_for_all_is_refused(tmp_path, node):
+    path = write(tmp_path / "p.yaml", f"{CLOCK}/north/{node}s: {{ros__parameters: {{lag: 2}}}}\n")
+    (fault,) = faults_of(from_arguments.from_arguments, [path], [], node)
+    assert fault == (
+        f"{path}: has no section for this node, {node} in any namespace; it has {ONLY}, "
+        f"/north/{node}s"
+    )
+
+
+def test_of_two_files_one_may_be_for_other_nodes(tmp_path, capsys):
+    mine = write(tmp_path / "1.yaml", f"{CLOCK}/**/tracker: {{ros__parameters: {{lag: 2}}}}\n")
+    other = write(tmp_path / "2.yaml", f"{CLOCK}planner: {{ros__parameters: {{lag: 3}}}}\n")
+    clock = write(tmp_path / "3.yaml", CLOCK)
+    assert from_arguments.from_arguments([mine, other, clock], []) == {"lag": 2}
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"{other}: has no section for this node, tracker in any namespace; ")
+    assert faults_of(from_arguments.from_arguments, [other, clock], [])
+    assert from_arguments.from_arguments([clock], ["use_sim_time:=true"]) == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "astray"),
+    [
+        ("tracker: {ros_parameters: {lag: 3, seed: 1}}\n", "/tracker/ros_parameters/lag"),
+        ("ros__parameters: {tracker: {lag: 3}}\n", "/ros__parameters/tracker/lag"),
+        ("tracker: {lag: 3, ros__parameters: {seed: 1}}\n", "/tracker/lag"),
+        ("tracker: {ros__parameters: }\n", "/tracker/ros__parameters"),
+        ("tracker:\n", "/tracker"),
+    ],
+)
+def test_parameter_outside_of_a_section_is_refused_as_ros_does(tmp_path, text, astray):
+    path = write(tmp_path / "p.yaml", CLOCK + text)
+    (fault,) = faults_of(from_arguments.load, path)
+    assert fault == f"{path}: {astray}: must be under ros__parameters of a node's name"
 
 
 @pytest.mark.parametrize(

@@ -49,10 +49,12 @@ def test_names_are_those_of_the_group_that_the_launch_file_is_in(pushed, given, 
 
 def test_load_takes_the_file_for_the_tracker_alone(tmp_path):
     path = tmp_path / "site.yaml"
-    path.write_text("/s1/tracker: {ros__parameters: {lag: 2, max_wait_s: 9.0}}\n")
+    clock = "/**: {ros__parameters: {use_sim_time: true}}\n"
+    path.write_text(f"{clock}/s1/tracker: {{ros__parameters: {{lag: 2, max_wait_s: 9.0}}}}\n")
     assert arguments.load(str(path), "/s1/tracker").lag.scans == 2
     assert faults_of(arguments.load, str(path), "/tracker") == [
-        f"{path}: has no section for this node, /tracker; it has /s1/tracker"
+        f"{path}: has no section for this node, /tracker; it has /** (only use_sim_time), "
+        "/s1/tracker"
     ]
     assert arguments.load("", "/tracker").lag.scans == 5
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import tempfile
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -13,48 +12,36 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check, read_each
-from phd_jdtc_ros.parameter_files.sections import ParameterFile
-
-# Parameters that rclpy declares for itself.
-_OWN = ("use_sim_time", "start_type_description_service")
-# Prefix of the names of launch's temporary parameter files.
-_LAUNCH_PREFIX = "launch_params_"
+from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check
+from phd_jdtc_ros.parameter_files import sections
+from phd_jdtc_ros.parameter_files.sections import ParameterFile, is_own
 
 
 def given_values(node: Node, files: Sequence[ParameterFile]) -> dict[str, Any]:
     """Return the parameters that the user set on the command line or in files, by dotted name.
 
     They are read from the arguments themselves, so that unknown names are included; rclpy would
-    drop them. Raise `ConfigError` with every file that has no section for the node.
+    drop them. A file that is only for other nodes is logged.
+
+    Raise `ConfigError` with all files if none of the user's is for the node.
     """
-    _values_in(files, node)
+    name = node.get_fully_qualified_name()
+    found = [file.sections_for(name) for file in files]
+    for line in sections.require_one(name, files, found):
+        node.get_logger().info(f"{line}; it is not used")
     return {
         # An empty list has no type, and arrives as None.
         name: [] if parameter.value is None else parameter.value
         for name, parameter in node.handle.get_parameters(RosParameter).items()
-        if is_ours(name)
+        if is_own(name)
     }
-
-
-def is_ours(name: str) -> bool:
-    """Return whether a parameter is not one that rclpy declares for itself."""
-    return name not in _OWN and not name.startswith("qos_overrides.")
 
 
 def sources(node: Node, files: Sequence[ParameterFile]) -> list[Path]:
     """Return the user's files that set parameters of the node."""
-    # Launch writes a file for parameters that are values in a launch file.
-    by_launch = f"{tempfile.gettempdir()}/{_LAUNCH_PREFIX}"
-    return [
-        file.path
-        for file, own in zip(files, _values_in(files, node), strict=True)
-        if any(map(is_ours, own)) and not str(file.path).startswith(by_launch)
-    ]
-
-
-def _values_in(files: Sequence[ParameterFile], node: Node) -> list[dict[str, Any]]:
-    return read_each(lambda file: file.values(node.get_fully_qualified_name()), files)
+    name = node.get_fully_qualified_name()
+    of_user = (file for file in files if not file.is_of_launch)
+    return [file.path for file in of_user if sections.own_values(file.sections_for(name))]
 
 
 def declare(
@@ -79,7 +66,7 @@ def redeclare(
     node: Node, table: Mapping[str, Parameter], values: Mapping[str, Any], changed: Iterable[str]
 ) -> None:
     """Replace a node's parameters, which may all change, by a table; `changed` have new values."""
-    own = {name for name in node.get_parameters_by_prefix("") if is_ours(name)}
+    own = {name for name in node.get_parameters_by_prefix("") if is_own(name)}
     # The parameter is declared again and not set, because an empty list has another type than one
     # of numbers.
     for name in own.difference(table).union(own.intersection(changed)):

@@ -97,17 +97,39 @@ def test_file_without_a_section_for_the_node_ends_it(processes, tmp_path, name):
     )
 
 
-def test_file_of_another_name_is_not_for_a_renamed_tracker(processes, tmp_path):
-    path, good = tmp_path / "north.yaml", tmp_path / "good.yaml"
-    path.write_text("/**/tracker: {ros__parameters: {lag: 2}}\n")
-    good.write_text("/**: {ros__parameters: {lag: 3}}\n")
-    status, text = processes.run(
-        "tracker", "--ros-args", "-r", "__node:=t2", "--params-file", good, "--params-file", path
-    )
+CLOCK = "/**: {ros__parameters: {use_sim_time: true}}\n"
+
+
+@pytest.mark.parametrize("renamed", ["__ns:=/north", "__node:=t2"])
+@pytest.mark.parametrize("by_launch", [False, True])
+def test_file_of_another_name_beside_a_clock_for_all_ends_the_node(
+    processes, tmp_path, renamed, by_launch
+):
+    path, name = tmp_path / "site.yaml", {"__node:=t2": "/t2"}.get(renamed, "/north/evaluator")
+    path.write_text(f"{CLOCK}/evaluator: {{ros__parameters: {{cutoff: 2.0}}}}\n")
+    with tempfile.NamedTemporaryFile("w", prefix="launch_params_") as file:
+        file.write(f"{name}: {{ros__parameters: {{order: 1.0}}}}\n")
+        file.flush()
+        words = ("--params-file", file.name) if by_launch else ()
+        status, text = processes.run(
+            "evaluator", "--ros-args", "-r", renamed, "--params-file", path, *words
+        )
     assert (status, text) == (
         2,
-        f"tracker: {path}: has no section for this node, /t2; it has /**/tracker\n",
+        f"evaluator: {path}: has no section for this node, {name}; "
+        "it has /** (only use_sim_time), /evaluator\n",
     )
+
+
+def test_file_for_other_nodes_is_logged_beside_one_for_the_node(processes, peer, tmp_path):
+    path, good = tmp_path / "north.yaml", tmp_path / "good.yaml"
+    path.write_text("/**/tracker: {ros__parameters: {lag: 2}}\n")
+    good.write_text("/**: {ros__parameters: {lag: 3, particles_per_target: 100}}\n")
+    files = ("--params-file", good, "--params-file", path)
+    tracker = processes.start("tracker", "--ros-args", "-r", "__node:=t2", *files, *FAST)
+    text = peer.said(tracker, "tracking ")
+    assert f"{path}: has no section for this node, /t2; it has /**/tracker; it is not used" in text
+    assert f"parameters from {good}\n" in text
 
 
 @pytest.mark.parametrize("section", ["/**", "/*/tracker", "/s1/tracker", "s1/tracker"])
