@@ -1,8 +1,13 @@
-"""Files of results: checked before the work begins, and written whole or not at all."""
+"""Files of results: checked before the work begins, and written whole or not at all.
+
+A node that runs for months replaces only files of its own kind. No pipe is waited for.
+"""
 
 from __future__ import annotations
 
+import errno
 import os
+import stat
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -13,6 +18,14 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 
 # Files are readable by others; a temporary file is readable by its owner only.
 MODE = 0o644
+_KINDS = {
+    stat.S_IFDIR: "a directory",
+    stat.S_IFLNK: "a symbolic link",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
 
 
 def write(path: Path, data: str | bytes) -> None:
@@ -24,7 +37,8 @@ def write(path: Path, data: str | bytes) -> None:
     """
     content = data.encode() if isinstance(data, str) else data
     if path.exists() and not path.is_file():
-        path.write_bytes(content)
+        with opened(path) as stream:
+            stream.write(content)
         return
     temporary = None
     try:
@@ -42,12 +56,40 @@ def write(path: Path, data: str | bytes) -> None:
 
 @contextmanager
 def opened(path: Path) -> Iterator[BinaryIO]:
-    """Open a file for writing in parts; an `OSError` has its path as its ``filename``."""
+    """Open a file for writing in parts; an `OSError` has its path as its ``filename``.
+
+    A pipe that no program reads is such an error.
+    """
     try:
-        with path.open("wb") as stream:
+        with open(path, "wb", opener=_open_at_once) as stream:
             yield stream
     except OSError as error:
-        raise OSError(error.errno, error.strerror, error.filename or str(path)) from error
+        unread = "no program reads this pipe" if error.errno == errno.ENXIO else error.strerror
+        raise OSError(error.errno, unread, error.filename or str(path)) from error
+
+
+def _open_at_once(path: str, flags: int) -> int:
+    """Open a path as `open` does, but without waiting for the reader of a pipe."""
+    descriptor = os.open(path, flags | os.O_NONBLOCK, 0o666)
+    os.set_blocking(descriptor, True)
+    return descriptor
+
+
+def require_replaceable(path: Path, kind: str, begin: bytes) -> None:
+    """Check that at a path is nothing, or a file of a kind, which begins with these bytes.
+
+    A link is not followed, and nothing but a file is opened. Raise `OSError` with what is there.
+    """
+    try:
+        mode = stat.S_IFMT(path.lstat().st_mode)
+    except FileNotFoundError:
+        return
+    found = _KINDS.get(mode, f"a file that is no {kind}")
+    if mode == stat.S_IFREG:
+        with open(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file:
+            if file.read(len(begin)) == begin:
+                return
+    raise FileExistsError(errno.EEXIST, f"{found} is there, only a {kind} is replaced", str(path))
 
 
 def require_new(paths: Mapping[str, Path | None], made: Path | None = None) -> None:

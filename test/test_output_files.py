@@ -46,6 +46,14 @@ def test_write_to_what_is_no_file_goes_through(tmp_path):
     os.close(reader)
 
 
+def test_write_does_not_wait_for_the_reader_of_a_pipe(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(OSError, match="no program reads this pipe") as caught:
+        output_files.write(pipe, "rows")
+    assert caught.value.filename == str(pipe)
+
+
 def test_bag_is_found_by_name_from_any_directory(tmp_path, monkeypatch):
     # The user has bags too.
     (tmp_path / "bags" / "mine").mkdir(parents=True)

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from phd_jdtc_ros import output_files
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.configuration.tables import GROUPS, schema
 
@@ -38,7 +39,7 @@ def write(path: Path, values: Mapping[str, Any], section: str = proposed_file.AN
     The values are those of a checked configuration; others are left out. The section is the
     tracker's full name, in which wildcards are allowed.
 
-    Raise `BagError` if it cannot be written.
+    Raise `BagError` if it cannot be written, or would replace a file that was not written here.
     """
     kept = {
         name: values[name]
@@ -46,6 +47,7 @@ def write(path: Path, values: Mapping[str, Any], section: str = proposed_file.AN
         if name in values and (name in GROUPS or values[name] != parameter.default)
     }
     try:
+        output_files.require_replaceable(path, "recording's parameter file", f"# {_HEAD}".encode())
         proposed_file.write(path, _HEAD, kept, section=section)
     except OSError as error:
         raise BagError(f"{path}: cannot be written: {error.strerror}") from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -145,7 +146,7 @@ def require_least(arguments: argparse.Namespace, lowest: Mapping[str, float]) ->
 
 def require_new(what: str, path: Path) -> None:
     """Raise `BagError` if a bag, or what else is to be written, exists."""
-    if path.exists():
+    if os.path.lexists(path):
         raise BagError(f"{path}: already exists, {what} is not overwritten")
 
 

@@ -178,6 +178,7 @@ class Evaluator(RunnableNode):
             )
             return
         try:
+            _require_replaceable(path)
             output_files.write(path, json.dumps(summary, indent=2) + "\n")
         except OSError as error:  # the disk may have become full since the start
             self.get_logger().error(f"report not written: {path}: {error.strerror}")
@@ -279,11 +280,17 @@ def _report_path(given: str) -> Path | None:
     path = Path(given)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        _require_replaceable(path)
     except OSError as error:
-        raise ConfigError(f"report: {given} given, {path.parent}: {error.strerror}") from error
-    if os.path.isdir(path) or not os.access(path if os.path.exists(path) else path.parent, os.W_OK):
+        raise ConfigError(f"report: {given} given, {error.filename}: {error.strerror}") from error
+    if not os.access(path if os.path.exists(path) else path.parent, os.W_OK):
         raise ConfigError(f"report: {given} given, cannot be written")
     return path
+
+
+def _require_replaceable(path: Path) -> None:
+    """Raise `OSError` with what is at a path if it is neither a report nor nothing."""
+    output_files.require_replaceable(path, "report", f'{{\n  "{SOURCES[0]}": '.encode())
 
 
 def main(argv: Sequence[str]) -> int:

@@ -25,12 +25,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from phd_jdtc_ros import output_files
 from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.snapshot import Snapshot
 
 from ..common.health import WARNING_PERIOD_S
 
-MAGIC = b"phd_jdtc_ros checkpoint 5\n"
+# Checkpoints of other versions are not read, but replaced.
+OF_ANY_VERSION = b"phd_jdtc_ros checkpoint "
+MAGIC = OF_ANY_VERSION + b"5\n"
 # Largest file; its content and its arrays are in memory together, at most 256 MB.
 MAX_BYTES = 120 << 20
 # Largest header, whose parsing needs some twenty times its size.
@@ -49,7 +52,8 @@ def write(path: Path, snapshot: Snapshot, configuration: Mapping[str, Any]) -> N
     """Store a snapshot; the previous file stays until the new one is complete on the disk.
 
     Only a tracker with the same `configuration`, parameters by name, may continue from it. The
-    directory must exist. Raise `OSError` if the file cannot be written.
+    directory must exist. Raise `OSError` if the file cannot be written, or would replace what is no
+    checkpoint.
     """
     header = {
         STAMP: snapshot.stamp_ns,
@@ -69,9 +73,15 @@ def write(path: Path, snapshot: Snapshot, configuration: Mapping[str, Any]) -> N
             file.write(MAGIC + hashlib.sha256(body).digest() + body)
             file.flush()
             os.fsync(file.fileno())
+        require_replaceable(path)
         os.replace(temporary, path)
     finally:
         Path(temporary).unlink(missing_ok=True)
+
+
+def require_replaceable(path: Path) -> None:
+    """Raise `OSError` with what is at a path if it is neither a checkpoint nor nothing."""
+    output_files.require_replaceable(path, "checkpoint", OF_ANY_VERSION)
 
 
 def read(path: Path, configuration: Mapping[str, Any]) -> Snapshot:
@@ -143,6 +153,8 @@ class Checkpoints:
     A checkpoint is written after every `every` scans, or only on request if `every` is 0. A
     restarted tracker continues from it if the first scan is at most `max_age_s` later and the
     parameters in `configuration`, those that cannot change while the tracker runs, are the same.
+
+    `fault` is the reason why the last one could not be written or deleted; empty if it was.
     """
 
     def __init__(
@@ -151,6 +163,7 @@ class Checkpoints:
         self._path, self._every, self._max_age_s = path, every, max_age_s
         self._configuration, self._log = configuration, log
         self._scans = 0
+        self.fault = ""
         self._stored: Snapshot | None = None
         with contextlib.suppress(OSError):
             for entry in path.parent.glob(f".{glob.escape(path.name)}.*.tmp"):
@@ -193,21 +206,23 @@ class Checkpoints:
         """Write a checkpoint; return None, or the reason if it could not be written."""
         if not self._scans:
             return "no scan has been processed yet"
+        self.fault = ""
         try:
             write(self._path, engine.snapshot(), self._configuration)
         except OSError as error:
-            text = f"no checkpoint: {self._path}: {error.strerror}"
-            self._log.error(text, throttle_duration_sec=WARNING_PERIOD_S)
-            return text
-        return None
+            self._fail("no checkpoint", error)
+        return self.fault or None
 
     def discard(self) -> None:
         """Delete the checkpoint, because its run has ended."""
         self._stored, self._scans = None, 0
+        self.fault = ""
         try:
+            require_replaceable(self._path)
             self._path.unlink(missing_ok=True)
         except OSError as error:
-            text = (
-                f"the checkpoint of the ended run was not deleted: {self._path}: {error.strerror}"
-            )
-            self._log.error(text, throttle_duration_sec=WARNING_PERIOD_S)
+            self._fail("the checkpoint of the ended run was not deleted", error)
+
+    def _fail(self, what: str, error: OSError) -> None:
+        self.fault = f"{what}: {self._path}: {error.strerror}"
+        self._log.error(self.fault, throttle_duration_sec=WARNING_PERIOD_S)

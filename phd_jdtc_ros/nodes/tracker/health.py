@@ -138,11 +138,17 @@ class OutputHealth:
     refused: Counter[str] = field(default_factory=Counter)
     _rises: Rises = field(default_factory=Rises)
 
-    def status(self, node: str, now_s: float) -> DiagnosticStatus:
-        """Return the status of the outputs; `node` is the full name of the tracker."""
-        condition = OK, "served"
-        if self._rises.recent("refused", self.refused.total(), now_s):
-            condition = WARN, "a subscription asks for incompatible QoS"
+    def status(self, node: str, now_s: float, unsaved: str = "") -> DiagnosticStatus:
+        """Return the status of the outputs; `node` is the full name of the tracker.
+
+        `unsaved` is the reason why the last checkpoint was not written; empty if it was.
+        """
+        refused = self._rises.recent("refused", self.refused.total(), now_s)
+        condition = first(
+            (DiagnosticStatus.ERROR, unsaved, unsaved),
+            (WARN, refused, "a subscription asks for incompatible QoS"),
+            (OK, True, "served"),
+        )
         values = {f"incompatible_qos {topic}": n for topic, n in sorted(self.refused.items())}
         return diagnostics.status(names.health("outputs", node), values, *condition, node)
 

@@ -25,7 +25,7 @@ from phd_jdtc_ros.feed.step_clock import StepClock
 
 from ..common.callbacks import steady_timer
 from ..common.health import WARNING_MEMORY_S, Rhythm
-from .checkpoint import Checkpoints
+from .checkpoint import Checkpoints, require_replaceable
 from .health import Load, OutputHealth, StepHealth, registration_status
 from .inputs import Inputs
 from .outputs import Outputs
@@ -84,8 +84,10 @@ class LiveTracker:
         path = Path(os.path.expanduser(values["checkpoint.path"]))
         if not os.path.isdir(path.parent):
             raise ConfigError(f"checkpoint.path: {path} given, {path.parent} is no directory")
-        if os.path.isdir(path):
-            raise ConfigError(f"checkpoint.path: {path} given, must be a file, is a directory")
+        try:
+            require_replaceable(path)
+        except OSError as error:
+            raise ConfigError(f"checkpoint.path: {path} given, {error.strerror}") from error
         fixed = {
             name: value
             for name, value in self._settings.config.values.items()
@@ -263,10 +265,11 @@ class LiveTracker:
         for health, fit in zip(self.inputs.radars, self._innovations.fits(), strict=True):
             health.fit = fit
         lost, busy = self.inputs.lost_by_overload(now_s), self._load.share(now_s)
+        unsaved = "" if self._checkpoints is None else self._checkpoints.fault
         residuals = [] if self._registration is None else self._registration.mean_residuals()
         return [
             *self.inputs.statuses(now_s),
             self._step_health.status(name, lost, busy),
-            self._output_health.status(name, now_s),
+            self._output_health.status(name, now_s, unsaved),
             *(registration_status(found, name) for found in residuals),
         ]

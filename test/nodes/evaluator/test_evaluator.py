@@ -1,6 +1,7 @@
 """What an evaluator publishes, writes and prints, and when it ends."""
 
 import json
+import os
 
 import numpy as np
 import pytest
@@ -103,14 +104,17 @@ def test_evaluator_ends_by_itself_where_estimates_have_own_stamps(processes, pee
     assert (evaluator.returncode, metrics["scans"], metrics["truth_scans"]) == (0, 4, None)
 
 
-@pytest.mark.parametrize("given", ["", "file/metrics.json"], ids=["directory", "below a file"])
-def test_evaluator_refuses_a_report_that_cannot_be_written(processes, tmp_path, given):
-    (tmp_path / "file").touch()
+@pytest.mark.parametrize("given", ["", "file/metrics.json", "file", "link", "pipe"])
+def test_evaluator_refuses_a_report_that_is_no_place_for_one(processes, tmp_path, given):
+    (tmp_path / "file").write_text("{}")
+    (tmp_path / "link").symlink_to(tmp_path / "file")
+    os.mkfifo(tmp_path / "pipe")
     report = tmp_path / given
     status, text = processes.run("evaluator", "--ros-args", *options(report=report))
     assert status == 2
     assert text.startswith(f"evaluator: report: {report} given, ")
     assert len(text.splitlines()) == 1
+    assert (tmp_path / "file").read_text() == "{}"
 
 
 def test_evaluator_reports_a_report_that_cannot_be_written_at_the_end(processes, peer, tmp_path):
@@ -120,19 +124,20 @@ def test_evaluator_reports_a_report_that_cannot_be_written_at_the_end(processes,
     report.mkdir()
     status, text = ended(evaluator)
     assert status == 1
-    assert f"report not written: {report}: Is a directory" in text
+    assert f"report not written: {report}: a directory is there" in text
     assert "Traceback" not in text
 
 
 def test_evaluator_never_writes_nothing_over_figures_of_before(processes, peer, tmp_path):
     report = tmp_path / "metrics.json"
-    report.write_text("good")
+    good = '{\n  "filtered": {}\n}\n'
+    report.write_text(good)
     evaluator = processes.start("evaluator", "--ros-args", *options(report=report))
     peer.said(evaluator, "waiting")
     status, text = ended(evaluator)
     assert status == 1
     assert f"{report} is still the report of an earlier run" in text
-    assert report.read_text() == "good"
+    assert report.read_text() == good
 
 
 def test_evaluator_in_a_namespace_records_its_own_scores(processes, peer, tmp_path):

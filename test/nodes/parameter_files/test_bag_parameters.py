@@ -47,6 +47,17 @@ def test_what_is_written_is_read_as_it_was(tmp_path, given):
     assert resolve(bag_parameters.read(tmp_path)).values == values
 
 
+def test_only_a_file_of_this_kind_is_replaced(tmp_path):
+    path = tmp_path / bag_parameters.NAME
+    for lag in ("3", "4"):
+        bag_parameters.write(path, resolve({"lag": lag}).values)
+        assert bag_parameters.read(tmp_path)["lag"] == lag
+    path.write_text("/**/tracker: {ros__parameters: {lag: 5}}  # mine\n")
+    with pytest.raises(BagError, match="only a recording's parameter file is replaced"):
+        bag_parameters.write(path, resolve({}).values)
+    assert path.read_text().endswith("# mine\n")
+
+
 def test_a_node_takes_the_file_as_it_is(processes, peer, tmp_path):
     path = tmp_path / "own.yaml"
     bag_parameters.write(path, resolve({"classes": ["y", "1e5"]}).values, "/t2")

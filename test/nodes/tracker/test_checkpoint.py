@@ -78,15 +78,48 @@ def test_a_checkpoint_of_another_version_is_a_cold_start_with_one_line(path):
     assert line == f"starting cold: {path}: not a checkpoint of this version"
 
 
-def test_write_follows_no_link_that_was_put_in_its_way(path):
-    victim = path.parent / "victim"
-    victim.write_text("kept")
-    for name in (f".{path.name}.{os.getpid()}.tmp", path.name):
-        (path.parent / name).unlink(missing_ok=True)
-        (path.parent / name).symlink_to(victim)
+def make(path, kind):
+    """Put what is no checkpoint at a path; return how it is called."""
+    path.unlink(missing_ok=True)
+    if kind == "file":
+        path.write_text("/tracker: {ros__parameters: {lag: 3}}\n")
+        return "a file that is no checkpoint"
+    if kind == "empty file":
+        path.touch()
+        return "a file that is no checkpoint"
+    if kind == "link":
+        path.symlink_to(path.parent / "nowhere")
+        return "a symbolic link"
+    if kind == "pipe":
+        os.mkfifo(path)
+        return "a pipe"
+    path.mkdir()
+    return "a directory"
+
+
+@pytest.mark.parametrize("kind", ["file", "empty file", "link", "pipe", "directory"])
+def test_what_is_no_checkpoint_is_neither_replaced_nor_deleted(path, kind):
+    log = Log()
+    kept = checkpoint.Checkpoints(path, 1, 60.0, CONFIGURATION, log)
+    found = make(path, kind)
+    before = path.lstat()
+    kept.note_step(Engine())
+    fault = f"{path}: {found} is there, only a checkpoint is replaced"
+    assert log.lines == [f"no checkpoint: {fault}"]
+    assert kept.fault == f"no checkpoint: {fault}"
+    kept.discard()
+    assert log.lines[1:] == [f"the checkpoint of the ended run was not deleted: {fault}"]
+    assert path.lstat() == before
+    assert [each for each in path.parent.iterdir() if each != path] == []
+    (path.rmdir if kind == "directory" else path.unlink)()
+    kept.note_step(Engine())
+    assert kept.fault == ""
+    assert checkpoint.read(path, CONFIGURATION).stamp_ns == 42
+
+
+def test_checkpoint_of_another_version_is_replaced(path):
+    path.write_bytes(path.read_bytes().replace(MAGIC, b"phd_jdtc_ros checkpoint 3\n", 1)[:-9])
     checkpoint.write(path, snapshot(), CONFIGURATION)
-    assert victim.read_text() == "kept"
-    assert not path.is_symlink()
     assert checkpoint.read(path, CONFIGURATION).stamp_ns == 42
 
 
@@ -147,14 +180,11 @@ class Log:
     error = warning
 
 
-def test_a_checkpoint_that_cannot_be_deleted_is_a_warning_and_no_failure(path):
-    log = Log()
-    kept = checkpoint.Checkpoints(path, 1, 60.0, CONFIGURATION, log)
-    path.unlink()
-    path.mkdir()
-    kept.discard()
-    assert len(log.lines) == 1
-    assert f"{path}: " in log.lines[0]
+class Engine:
+    """Has the same state in every scan."""
+
+    def snapshot(self):
+        return snapshot()
 
 
 def test_other_configurations_and_missing_files_are_cold_starts(tmp_path):

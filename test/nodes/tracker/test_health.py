@@ -325,6 +325,13 @@ def test_refused_subscription_is_a_warning_for_a_while():
     assert outputs.status("/tracker", 51.0 + WARNING_MEMORY_S).level == OK
 
 
+def test_checkpoint_that_is_not_written_is_an_error_of_the_outputs():
+    outputs = OutputHealth()
+    outputs.refused["/tracker/markers"] += 1
+    found = outputs.status("/tracker", 51.0, "no checkpoint: /x: a pipe is there")
+    assert (found.level, found.message) == (ERROR, "no checkpoint: /x: a pipe is there")
+
+
 def test_rises_are_of_recent_counts_since_they_began_again():
     rises = Rises()
     assert [rises.recent("lost", count, 100.0 + count) for count in (0, 3, 5)] == [0, 3, 5]

@@ -1,5 +1,7 @@
 """A tracker that is killed goes on where its checkpoint ends."""
 
+import os
+
 import pytest
 from altered_nodes import failing_tracker
 from live_radars import FAST, RELIABLE, Radars, connected, options, start_tracker
@@ -82,12 +84,36 @@ def test_stopped_tracker_leaves_a_checkpoint_that_others_refuse(processes, peer,
     assert "at most 12 s are allowed" in process.log.read_text()
 
 
-def test_checkpoint_path_that_is_no_file_is_a_bad_parameter(processes, tmp_path):
-    for path, fault in ((tmp_path / "none" / "x", "is no directory"), (tmp_path, "must be a file")):
+def test_checkpoint_path_of_something_else_is_a_bad_parameter(processes, tmp_path):
+    mine, pipe = tmp_path / "mine.yaml", tmp_path / "pipe"
+    mine.write_text("mine")
+    os.mkfifo(pipe)
+    for path, fault in (
+        (tmp_path / "none" / "x", f"{tmp_path / 'none'} is no directory"),
+        (tmp_path, "a directory is there, only a checkpoint is replaced"),
+        (mine, "a file that is no checkpoint is there, only a checkpoint is replaced"),
+        (pipe, "a pipe is there, only a checkpoint is replaced"),
+    ):
         process = start_tracker(processes, *storing(path))
         assert process.wait(20.0) == 2
-        assert f"checkpoint.path: {path} given, " in process.log.read_text()
-        assert fault in process.log.read_text()
+        assert f"checkpoint.path: {path} given, {fault}\n" in process.log.read_text()
+    assert mine.read_text() == "mine"
+
+
+def test_tracker_goes_on_where_something_else_took_the_place_of_its_checkpoint(
+    processes, peer, tmp_path
+):
+    path = tmp_path / "tracker.ckpt"
+    process, group, _ = tracked(peer, processes, 0, 2, *storing(path))
+    peer.meet()
+    path.unlink()
+    os.mkfifo(path)
+    assert len(group.track_all(2, 3)) == 2
+    done = group.ask("checkpoint")
+    fault = f"no checkpoint: {path}: a pipe is there, only a checkpoint is replaced"
+    assert (done.success, done.message) == (False, fault)
+    assert process.log.read_text().count(fault) == 1
+    assert path.is_fifo()
 
 
 def test_tracker_that_fails_half_way_leaves_the_checkpoint_before_it(processes, peer, tmp_path):
