@@ -18,6 +18,8 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk
 from mcap.stream_reader import breakup_chunk
 
+# Beginning of a message that rosbag2 has compressed by itself; CDR begins with a zero.
+_ZSTD = b"\x28\xb5\x2f\xfd"
 RECORD_HEAD = 9  # opcode and length
 # Upper bound of a piece, packed or unpacked, bytes; rosbag2's largest chunks have 4 MiB.
 MAX_CHUNK = 64 * 2**20
@@ -65,8 +67,7 @@ def _decompress(chunk: Chunk) -> bytes:
     if not chunk.compression:
         return bytes(chunk.data)
     if chunk.compression == "zstd":
-        with zstandard.ZstdDecompressor().stream_reader(chunk.data) as reader:
-            plain = reader.read(size + 1)
+        plain = _unzstd(chunk.data, size)
     elif chunk.compression == "lz4":
         plain = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, size + 1)
     else:
@@ -74,3 +75,27 @@ def _decompress(chunk: Chunk) -> bytes:
     if len(plain) != size:
         raise DamageError("a chunk does not have the size that it declares")
     return bytes(plain)
+
+
+def message_data(data: bytes) -> bytes:
+    """Return a message's bytes without the compression of rosbag2's `compression_mode: message`.
+
+    Raise `DamageError` if they cannot be decompressed.
+    """
+    if not data.startswith(_ZSTD):
+        return data
+    try:
+        size = zstandard.frame_content_size(data)
+        # The size may be unknown, which is -1.
+        plain = _unzstd(data, MAX_CHUNK if size < 0 else min(size, MAX_CHUNK))
+    except zstandard.ZstdError as error:
+        raise DamageError(f"a compressed message cannot be read: {error}") from error
+    if len(plain) > MAX_CHUNK or 0 <= size != len(plain):
+        raise DamageError("a compressed message does not have the size that it declares")
+    return plain
+
+
+def _unzstd(data: bytes, size: int) -> bytes:
+    """Decompress data to at most `size` bytes and one more."""
+    with zstandard.ZstdDecompressor().stream_reader(data) as reader:
+        return bytes(reader.read(size + 1))

@@ -13,6 +13,7 @@ from mcap.records import Channel, Schema
 
 CDR = "cdr"
 _SQLITE, _ZSTD, _ROS1 = b"SQLite format 3\0", b"\x28\xb5\x2f\xfd", b"#ROSBAG V"
+_GZIP = b"\x1f\x8b"
 _LONGEST = max(map(len, (_SQLITE, _ZSTD, _ROS1)))
 _NO_CONVERTER = "no command converts it; docs/offline_tools.md shows how a script does"
 # Description of encodings other than CDR, by their MCAP names.
@@ -32,9 +33,14 @@ def file_fault(path: Path) -> str:
     with path.open("rb") as stream:
         begin = stream.read(_LONGEST)
     name = shlex.quote(str(path))
-    if begin.startswith(_ZSTD):
+    if begin.startswith((_ZSTD, _GZIP)):
         unpacked = shlex.quote(str(path.with_suffix("")))
-        return f"is compressed as a file; unpack it: zstd -d {name} -o {unpacked}"
+        others = len(list(path.parent.glob(f"*{path.suffix}"))) > 1
+        return f"is compressed as a file; unpack it{', and all others like it' * others}: " + (
+            f"zstd -d {name} -o {unpacked}"
+            if begin.startswith(_ZSTD)
+            else f"gzip -dc {name} > {unpacked}"
+        )
     if begin.startswith(_ROS1):
         out = shlex.quote(str(path.with_suffix("")))
         return (

@@ -3,7 +3,8 @@
 The mcap library's reader trusts a file's summary without verifying its checksum, reads nothing from
 a file without a summary, and ignores messages outside of chunks. Here a summary is used only if it
 matches its checksum or has none. Content that the summary does not list is read record by record;
-without a usable summary the whole file is. A missing summary is not damage.
+without a usable summary the whole file is. A missing summary is not damage, nor is one without
+statistics or channels, which are optional.
 """
 
 from __future__ import annotations
@@ -53,10 +54,7 @@ def _from_summary(stream: BinaryIO, size: int) -> Index:
     start = int.from_bytes(tail[9:17], "little")
     checksum = int.from_bytes(tail[25:29], "little")
     if start == 0 and checksum in (0, zlib.crc32(tail[:25])):
-        found = Index()
-        if walk(stream, len(MAGIC), footer_at, found) != footer_at:
-            found.damage = found.damage or "its data do not end where they should"
-        return found
+        return _walked(stream, footer_at, None)
     if not len(MAGIC) <= start < footer_at:
         raise DamageError("it has no summary")
     stream.seek(start)
@@ -65,17 +63,30 @@ def _from_summary(stream: BinaryIO, size: int) -> Index:
     if checksum and zlib.crc32(summary + tail[:25]) != checksum:
         raise DamageError("its summary does not match its checksum")
     try:
-        found, parts = _read_summary(summary + tail)
+        found, parts, is_enough = _read_summary(summary + tail)
     except DamageError:
         raise
     except Exception as error:  # damaged records raise many types of exception
         raise DamageError("its summary cannot be read") from error
+    if not is_enough:
+        return _walked(stream, start, found.expected)
     _add_remainder(stream, start, parts, found)
     return found
 
 
-def _read_summary(data: bytes) -> tuple[Index, list[ChunkIndex]]:
-    """Return the index in a summary, and its list of chunks; `data` go on to the file's end."""
+def _walked(stream: BinaryIO, end: int, expected: int | None) -> Index:
+    """Return the index of records that end at `end`, without a summary of them."""
+    found = Index(expected=expected)
+    if walk(stream, len(MAGIC), end, found) != end:
+        found.damage = found.damage or "its data do not end where they should"
+    return found
+
+
+def _read_summary(data: bytes) -> tuple[Index, list[ChunkIndex], bool]:
+    """Return the index in a summary, its list of chunks, and whether it describes every message.
+
+    `data` go on to the file's end.
+    """
     found, parts, statistics = Index(), [], None
     for record in StreamReader(io.BytesIO(data), skip_magic=True, emit_chunks=True).records:
         found.define(record)
@@ -84,13 +95,16 @@ def _read_summary(data: bytes) -> tuple[Index, list[ChunkIndex]]:
         elif isinstance(record, Statistics):
             statistics = record
     if statistics is None:
-        raise DamageError("it has no statistics")
+        return found, parts, False
     found.chunks = [(c.message_start_time, c.chunk_start_offset, c.chunk_length) for c in parts]
     found.counts.update(statistics.channel_message_counts)
     found.expected = statistics.message_count
     found.start_ns = statistics.message_start_time
     found.end_ns = statistics.message_end_time
-    return found, parts
+    is_counted = found.counts.total() == found.expected
+    needed = {channel.schema_id for channel in found.channels.values()} - {0}
+    is_described = found.counts.keys() <= found.channels.keys() and needed <= found.schemas.keys()
+    return found, parts, is_counted and is_described
 
 
 def _add_remainder(stream: BinaryIO, end: int, listed: list[ChunkIndex], found: Index) -> None:

@@ -38,6 +38,8 @@ _IN_DATA = {
     Opcode.METADATA,
     Opcode.DATA_END,
 }
+# First opcode of the records that programs may add for themselves.
+_PRIVATE = 0x80
 # Pattern of a chunk's beginning: opcode, length (below 2^40), first and last time, size, checksum,
 # compression, length of its data.
 _CHUNK_HEAD = (
@@ -218,7 +220,8 @@ def _can_follow(stream: BinaryIO, position: int, end: int) -> bool:
     if position + RECORD_HEAD > end:
         return position <= end
     opcode, length = head(stream, position)
-    return opcode in _IN_DATA and (length <= MAX_CHUNK or position + length <= end)
+    is_known = opcode in _IN_DATA or opcode >= _PRIVATE
+    return is_known and (length <= MAX_CHUNK or position + length <= end)
 
 
 def _next_record(stream: BinaryIO, start: int, end: int, found: Index) -> int:

@@ -16,8 +16,8 @@ from msg_adapters.encoding import interfaces
 from phd_jdtc_ros import interruption
 
 from .errors import BagError
+from .parts import METADATA
 
-_METADATA = "metadata.yaml"
 # Small chunks limit the loss, because a damaged byte costs one chunk.
 CHUNK_SIZE = 2**14
 # rosbag2's infinite duration.
@@ -135,7 +135,7 @@ class BagWriter:
                 with self._writing():
                     self._writer.finish()
                     text = yaml.safe_dump(self._metadata(), sort_keys=False)
-                    (self._directory / _METADATA).write_text(text)
+                    (self._directory / METADATA).write_text(text)
             finally:
                 with contextlib.suppress(OSError):  # the first failure has been reported
                     self._stream.close()

@@ -12,6 +12,7 @@ from msg_adapters.encoding import names
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags.parts import is_mcap
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.types import FILTERED, SOURCES
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
@@ -35,7 +36,7 @@ def _work(arguments: argparse.Namespace) -> int:
     path = Path(arguments.source)
     if path.suffix not in ("", ".mcap") and not path.exists():
         raise BagError(f"{path}: no such recording or bag")
-    if path.is_file() and path.suffix != ".mcap":
+    if path.is_file() and not is_mcap(path):
         return _to_bag(path, arguments, settings.resolve(given))
     return _to_asterix(resources.bag(arguments.source), arguments, given)
 
