@@ -48,7 +48,7 @@ MODULES = (
     *("reports.numerics", "reports.absurd", "hostile_input.hostile", "hostile_input.flood"),
     *("hostile_input.bombs", "operation.publishers", "operation.restarts"),
     *("operation.warm_restart", "hostile_input.forgeries", "reports.stamps_and_time"),
-    *("operation.network", "operation.recordings"),
+    *("operation.network", "operation.recordings", "operation.user_files"),
 )
 PARTS = {module.rpartition(".")[2]: module for module in MODULES}
 

@@ -1,1 +1,1 @@
-"""Faults while a tracker runs: restarts, too many scans, full disks, rogue peers, a long day."""
+"""Faults while nodes run: restarts, many scans, full disks, files of users, a rogue, a long day."""

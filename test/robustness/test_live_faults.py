@@ -4,7 +4,7 @@ import pytest
 
 from robustness.harness import engines
 from robustness.hostile_input import raw_bytes
-from robustness.operation import publishers, recordings
+from robustness.operation import publishers, recordings, user_files
 from robustness.reports import bad_scans, late_sectors, moving, stamps_and_time, turning
 
 pytestmark = pytest.mark.live
@@ -48,8 +48,13 @@ def test_tracker_counts_faults_of_its_input_and_keeps_its_targets(module, engine
         (stamps_and_time.measure_clocks, {"offsets_s": (37.0,)}),
         (publishers.measure, {"restarts": 1, "run_s": 4.0}),
         (turning.measure_refused, {}),
+        (user_files.measure_written, {"kinds": ("a user's file", "a pipe")}),
+        (user_files.measure_parameters, {"nodes": ("evaluator",)}),
     ],
-    ids=["mutated bytes", "resets", "clocks", "publishers", "refused probabilities"],
+    ids=[
+        *("mutated bytes", "resets", "clocks", "publishers", "refused probabilities"),
+        *("files of users", "parameter files"),
+    ],
 )
 def test_tracker_reaches_the_goal_of_a_shorter_fault(measure, bounds):
     figure = measure(**bounds)
