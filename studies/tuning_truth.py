@@ -23,7 +23,6 @@ from phd_jdtc_ros.core.types import Truth
 from phd_jdtc_ros.exit_status import ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 from phd_jdtc_ros.tools import command, recorded_plots
-from phd_jdtc_ros.tools.tune import SECONDS
 
 from .runner import Figures, Study, table
 
@@ -31,6 +30,8 @@ COLUMNS = (
     *("recording", "radar", "turn, s", "interval, s"),
     *("range, m", "azimuth, deg", "detected", "clutter"),
 )
+# Length of the part of a recording that is read by default, seconds.
+SECONDS = 600.0
 # Gate of the association of plots with targets, in standard deviations.
 GATE = 4.0
 # The beam passes a target once a turn: no second plot within this share of a turn counts.

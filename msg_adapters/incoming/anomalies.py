@@ -10,6 +10,7 @@ from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.calibration.registration.monitor import MeanResidual
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
 from phd_jdtc_ros.core.intake.scans import Reset
 
 from .selection import NO_ANGLE
@@ -89,29 +90,22 @@ def no_targets(scans: int) -> str:
 
 
 def of_noise(fit: Fit) -> str | None:
-    """Return the warning about a radar whose innovations contradict its noise, None if they fit."""
-    if fit.noise_too_small:
-        factor, wrong = math.sqrt(fit.ratio_to_noise), "larger"
-    elif fit.noise_too_large:
-        factor, wrong = 1.0 / math.sqrt(fit.ratio_to_expected), "smaller"
-    else:
-        return None
-    parameters = [DEVIATIONS.get(each, f"{each}_std") for each in fit.components]
-    axes = zip(fit.components, fit.axes, parameters, strict=True)
+    """Return the warning about a radar whose detections contradict its noise, None if they fit."""
+    ways = (("larger", fit.too_small, fit.noise), ("smaller", fit.too_large, 1.0 / fit.noise))
+    return "; ".join(_of_noise(fit, *way) for way in ways if way[1].any()) or None
+
+
+def _of_noise(fit: Fit, wrong: str, which: BoolArray, factor: FloatArray) -> str:
+    """Return the warning about the components whose noise is wrong in one way."""
+    numbers = which.nonzero()[0].tolist()
+    names = [DEVIATIONS.get(each, f"{each}_std") for each in fit.components]
     deviations = ", ".join(
-        f"{component}s are off by {ratio:.2g} times {parameter}"
-        for component, ratio, parameter in axes
+        f"{fit.components[k]}s are off by {fit.noise[k]:.2g} times {names[k]}" for k in numbers
     )
-    noise = f"{fit.radar}.{' and '.join(parameters)}, or the fields of standard deviations"
-    if fit.noise_too_large and fit.axes.max() > WORSE_NOISE:
-        return (
-            f"innovations contradict the noise: {deviations}, and the predictions are still less "
-            f"certain; check which fields are the {' and the '.join(fit.components)} and their "
-            f"units, and {noise}"
-        )
     return (
-        f"innovations are {factor:.2g} times {wrong} than the noise predicts ({deviations}); "
-        f"check {noise}; tune finds them in a recording"
+        f"innovations are {factor[which].max():.2g} times {wrong} than the noise predicts "
+        f"({deviations}); check {fit.radar}.{' and '.join(names[k] for k in numbers)}, or the "
+        "fields of standard deviations; tune finds them in a recording"
     )
 
 

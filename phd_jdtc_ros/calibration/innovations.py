@@ -1,137 +1,181 @@
-"""Checks the configured noise by comparing innovations with their expected size.
+"""Checks the configured noise by detections alone, and by innovations where tracks break.
+
+An innovation has the errors of the prediction too, and motion models that allow for manoeuvres are
+too wide for targets that fly straight: small innovations do not show that the noise is too large,
+nor large ones that it is too small. So the noise is compared with the third differences of four
+detections of a track in succession, which a constant acceleration does not change. Medians of their
+squares are robust against turns, and against clutter beside a miss.
 
 If the configured noise is much too small, tracks break, because the gates shrink with it and the
-detections lie outside. So here a detection belongs to a track if it is by far the nearest one, at
-any distance. Some of these detections are clutter beside a miss; medians of the squares are robust
-against them.
+detections lie outside: there are few such differences. So a detection belongs to a track if it is
+by far the nearest one, at any distance, and where most tracks break the innovations are compared
+with the noise.
 """
 
 from __future__ import annotations
 
+import math
 from collections import deque
-from collections.abc import Iterator, Sequence
-from functools import lru_cache
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
+from phd_jdtc_ros.core.learned.noise_factor import MOST
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 from phd_jdtc_ros.core.sensors.sensor import Sensor
-from phd_jdtc_ros.core.targets.motion import MotionModel
 from phd_jdtc_ros.core.types import Detections, Estimates, Scan
 
-# Number of innovations of a median, and least numbers that show that the noise is too large or too
-# small. If it is too small, few tracks are left, and the effect is strong.
-MEMORY, MIN_FOR_TOO_LARGE, MIN_FOR_TOO_SMALL = 200, 30, 6
+# Number of innovations, and of differences, of a median.
+MEMORY = 400
 # Largest number of tracks that are compared with a radar's detections of a scan, drawn at random.
 # Medians of `MEMORY` innovations need no more.
 SAMPLE = 50
 # Factor by which a track's detection must be nearer than the next one, and than to other tracks.
 APART = 3.0
-# Largest age of an estimate that is compared, in scans of the slowest radar.
+# Largest age of an estimate that is compared, and time between two detections of a difference, in
+# scans of the slowest radar.
 MAX_AGE_SCANS = 2.5
-# Medians of chi-square distributions with one and with two degrees of freedom.
-ONE, TWO = 0.4549, 2.0 * np.log(2.0)
-# The configured noise is too small if the median squared innovation exceeds ABOVE_EXPECTED times
-# its expected value and ABOVE_NOISE times the noise variance, or FAR_ABOVE_NOISE times the noise
-# variance (a lost and reborn track is so uncertain that any innovation is expected). It is too
-# large below BELOW_EXPECTED times the expected value. In the shipped recordings the ratios to the
-# expected value and to the noise are 0.4 to 1.1 and 0.7 to 3.5 (at the start up to 1.8 and 8.5)
-# with the right noise. With a noise ten times too small the ratio to the noise is 60 and more; with
-# one ten times too large the ratio to the expected value is at most 0.1.
-ABOVE_EXPECTED, ABOVE_NOISE, FAR_ABOVE_NOISE, BELOW_EXPECTED = 1.2, 20.0, 1000.0, 0.2
-# A warning ends when the square has returned to this share of its threshold.
-HYSTERESIS = 0.8
+# Number of detections of a difference. The next one begins with the last two of them: the squares
+# of the two are nearly independent, with a correlation of 0.09.
+PLOTS, KEPT = 4, 2
+# Median of the chi-square distribution with one degree of freedom, and the standard deviation of
+# the logarithm of the root of such a median of n independent squares, times the root of n.
+ONE, ERROR = 0.4549, 1.17
+# The noise is wrong if its deviation is off by more than this factor, surely, by so many standard
+# deviations, and until it is not off by more than the factor.
+WRONG, SURE = 1.4, 2.0
+# Tracks break if at least so many have ended, and ends are this share of ends and differences: then
+# few live for four detections. The noise is the cause if most innovations exceed it so many times.
+LEAST_BROKEN, BROKEN, FAR = 6, 0.6, 5.0
 
 
 class Fit(NamedTuple):
-    """Comparison of a radar's innovations with the configured noise."""
+    """Comparison of a radar's configured noise with its detections of tracks."""
 
     radar: str
+    components: tuple[str, ...]  # Names of the components
     innovations: int  # Number of innovations, at most `MEMORY`
-    # Ratio of the median squared innovation to the expected one; NaN without any.
-    ratio_to_expected: float
-    ratio_to_noise: float  # Ratio of the median squared innovation to that of the noise alone
     # Ratio of the innovations of each component to the noise, as standard deviations, (2,).
     axes: FloatArray
-    components: tuple[str, ...]  # Names of the components
-    # True if the innovations show that the configured noise is too small or too large.
-    noise_too_small: bool = False
-    noise_too_large: bool = False
+    # Ratio of the noise of each component to the configured one, as standard deviations, (2,).
+    noise: FloatArray
+    # Whether the configured noise of each component is surely too small, or too large, (2,).
+    too_small: BoolArray
+    too_large: BoolArray
+
+
+class _Memory:
+    """What is remembered of a radar's detections of tracks."""
+
+    def __init__(self) -> None:
+        self.innovations: deque[FloatArray] = deque(maxlen=MEMORY)  # Squares relative to the noise
+        self.differences: deque[FloatArray] = deque(maxlen=MEMORY)  # The same of differences
+        self.ends: deque[bool] = deque(maxlen=MEMORY)  # True for an end, False for a difference
+        # By track number the detections that wait for a difference. Each has time, position and
+        # its covariance xx, xy, yy, and the measurement.
+        self.paths: dict[int, list[list[float]]] = {}
+
+    def follow(self, numbers: IntArray, rows: FloatArray) -> FloatArray:
+        """Add the detections of tracks; return those of complete differences, (Q, 4, 8)."""
+        complete = []
+        for number, row in zip(numbers.tolist(), rows.tolist(), strict=True):
+            path = self.paths.setdefault(number, [])
+            if path and row[0] <= path[-1][0]:
+                path.clear()
+            path.append(row)
+            if len(path) == PLOTS:
+                complete.append(path[:])
+                self.ends.append(False)
+                del path[:-KEPT]
+        return np.array(complete).reshape(-1, PLOTS, rows.shape[1])
+
+    def drop_ended(self, least_s: float) -> None:
+        """Drop the tracks whose last detection is older than a time."""
+        for number in [n for n, path in self.paths.items() if path[-1][0] < least_s]:
+            del self.paths[number]
+            self.ends.append(True)
+
+    @property
+    def tracks_break(self) -> bool:
+        """Whether few tracks live for a difference."""
+        return sum(self.ends) >= max(LEAST_BROKEN, BROKEN * len(self.ends))
 
 
 class InnovationMonitor:
-    """Stores the innovations of each radar's detections; it changes no estimate."""
+    """Compares the noise with each radar's detections; it changes no estimate."""
 
     def __init__(self, model: TrackerModel) -> None:
-        self._innovations: list[deque[FloatArray]] = [deque(maxlen=MEMORY) for _ in model.radars]
-        self._fits = [_fit(radar, ()) for radar in model.radars]
+        self._memories = [_Memory() for _ in model.radars]
+        unknown, no = np.full(2, np.nan), np.zeros(2, dtype=np.bool_)
+        self._fits = [
+            Fit(radar.name, radar.components, 0, unknown, unknown, no, no) for radar in model.radars
+        ]
         self._tracks: Estimates | None = None
         self._rng = np.random.default_rng(0)
         self.retune(model)
 
     def retune(self, model: TrackerModel) -> None:
         """Use another model of the same structure from the next scan on."""
-        self._model, self._motions = model, tuple(dict.fromkeys(model.modes.motions))
+        self._model = model
         turns_s = (radar.rotation_s for radar in model.radars)
         self._max_age_s = MAX_AGE_SCANS * max(model.modes.interval_s, *turns_s)
 
     def forget_tracks(self) -> None:
-        """Begin a new run; the innovations stay."""
+        """Begin a new run; the innovations and differences stay."""
         self._tracks = None
+        for memory in self._memories:
+            memory.paths.clear()
 
     def add_scan(self, scan: Scan, filtered: Sequence[Estimates]) -> None:
         """Compare a scan's detections with the tracks before it, and store the tracks after it."""
         tracks = self._tracks
         since_s = 0.0 if tracks is None else (scan.stamp_ns - tracks.stamp_ns) * 1e-9
         if tracks is not None and len(tracks) and 0.0 < since_s <= self._max_age_s:
-            for innovations, radar, found in zip(
-                self._innovations, self._model.radars, scan.detections, strict=True
+            for memory, radar, found in zip(
+                self._memories, self._model.radars, scan.detections, strict=True
             ):
                 if found is not None and len(found):
-                    innovations.extend(self._squares(radar.at(found.pose), found, tracks, since_s))
+                    self._compare(memory, radar.at(found.pose), found, tracks, since_s)
         if filtered:
             self._tracks = filtered[-1]
 
-    def _squares(
-        self, radar: Sensor, found: Detections, tracks: Estimates, since_s: float
-    ) -> Iterator[FloatArray]:
-        """Yield squared innovations relative to the expected ones, and by axis to the noise."""
+    def _compare(
+        self, memory: _Memory, radar: Sensor, found: Detections, tracks: Estimates, since_s: float
+    ) -> None:
+        """Add the squares of a report's innovations and differences to the memory."""
         position = tracks.position + since_s * tracks.velocity
-        expected, slope = radar.linearise(position)
+        expected, _ = radar.linearise(position)
         (passed,) = (radar.coverage_probability(expected, found.coverage) > 0.5).nonzero()
         if len(passed) > SAMPLE:
-            passed = self._rng.choice(passed, SAMPLE, replace=False)
-        row, column = _pairs(position, radar.to_world(found.measurement), passed)
+            # Those that are followed already come first, because a difference takes several looks.
+            followed = np.isin(tracks.track_id[passed], [*memory.paths])
+            order = np.lexsort((self._rng.random(len(passed)), ~followed))
+            passed = passed[order[:SAMPLE]]
+        world = radar.to_world(found.measurement)
+        row, column = _pairs(position, world, passed)
         if not len(row):
             return
-        expected, slope, after_s = expected[row], slope[row], np.full(len(row), since_s)
-        if found.time_s is not None:
-            after_s = np.maximum(after_s + found.time_s[column], 0.0)
-            position = tracks.position[row] + after_s[:, None] * tracks.velocity[row]
-            expected, slope = radar.linearise(position)
-        innovation = radar.wrap(found.measurement[column] - expected)
-        noise = radar.noise_covariance_of(found)[column]
-        space = tracks.space
-        axes = np.array([*space.position, *space.velocity])
-        covariance = tracks.covariance[row[:, None, None], axes[:, None], axes]
-        by_state = np.concatenate([slope, after_s[:, None, None] * slope], axis=2)
-        predicted = by_state @ covariance @ by_state.swapaxes(-1, -2)
-        # The tracks of a scan are predicted over about the same time.
-        added = _process_noise(self._motions, float(np.add.reduce(after_s)) / len(row))
-        predicted += added * (slope @ slope.swapaxes(-1, -2))
-        squares = np.empty((len(row), 3))
-        squares[:, 0] = _squared_distance(innovation, predicted + noise)
-        squares[:, 1:] = innovation**2 / noise[:, (0, 1), (0, 1)]
-        yield from squares
+        time_s = np.zeros(len(row)) if found.time_s is None else found.time_s[column]
+        after_s = np.maximum(since_s + time_s, 0.0)
+        position = tracks.position[row] + after_s[:, None] * tracks.velocity[row]
+        measured = found.measurement[column]
+        innovation = radar.wrap(measured - radar.linearise(position)[0])
+        memory.innovations.extend(innovation**2 / radar.noise_std_of(found)[column] ** 2)
+        covariance = radar.in_plane(found).covariance[column]
+        flat = covariance[:, (0, 0, 1), (0, 1, 1)]
+        now_s = tracks.stamp_ns * 1e-9 + since_s
+        rows = np.column_stack([now_s + time_s, world[column], flat, measured])
+        memory.drop_ended(now_s - self._max_age_s)
+        memory.differences.extend(_squares(radar, memory.follow(tracks.track_id[row], rows)))
 
     def fits(self) -> list[Fit]:
-        """Return the comparison of each radar's innovations with its noise."""
+        """Return the comparison of each radar's detections with its noise."""
         self._fits = [
-            _with_verdict(_fit(radar, innovations), before, radar)
-            for radar, innovations, before in zip(
-                self._model.radars, self._innovations, self._fits, strict=True
+            _fit(radar, memory, before)
+            for radar, memory, before in zip(
+                self._model.radars, self._memories, self._fits, strict=True
             )
         ]
         return self._fits
@@ -161,44 +205,52 @@ def _nearest_two(places: FloatArray, others: FloatArray) -> tuple[FloatArray, In
     return distance[:, :2], nearest
 
 
-def _squared_distance(error: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return the squared Mahalanobis distances of errors with two components, (N,)."""
-    first, second, across = covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 0, 1]
-    one, other = error[:, 0], error[:, 1]
-    square: FloatArray = one**2 * second - 2.0 * one * other * across + other**2 * first
-    return square / (first * second - across**2)
+def _squares(radar: Sensor, paths: FloatArray) -> FloatArray:
+    """Return squared third differences relative to the noise, (Q, 2); NaN for rounded components.
+
+    They are along the components of a measurement. `paths`, (Q, 4, 8), is as in `_Memory`.
+    """
+    apart = paths[:, :, None, 0] - paths[:, None, :, 0]
+    apart[:, range(PLOTS), range(PLOTS)] = 1.0
+    weight = 1.0 / apart.prod(axis=2)  # of divided differences, for any times
+    difference = (weight[:, :, None] * paths[:, :, 1:3]).sum(axis=1)
+    flat = (weight[:, :, None] ** 2 * paths[:, :, 3:6]).sum(axis=1)
+    covariance = flat[:, [[0, 1], [1, 2]]]
+    _, slope = radar.linearise(paths[:, -1, 1:3])
+    along = (slope @ difference[:, :, None])[:, :, 0]
+    variance = np.einsum("qij,qjk,qik->qi", slope, covariance, slope)
+    # A component that stays the same is rounded, and shows no noise.
+    same = np.ptp(paths[:, :, 6:], axis=1) == 0.0
+    squares: FloatArray = np.where(same, np.nan, along**2 / variance)
+    return squares
 
 
-@lru_cache(maxsize=16)  # Scans are often equally far apart
-def _process_noise(motions: tuple[MotionModel, ...], dt: float) -> float:
-    """Return the largest variance that a motion adds to positions along an axis in `dt`."""
-    axes = [motion.support.index(motion.space.position[0]) for motion in motions]
-    return max(
-        float(motion.noise_covariance(dt)[axis, axis])
-        for motion, axis in zip(motions, axes, strict=True)
-    )
+def _roots(squares: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Return the roots of the medians of squares relative to 1, (2,), and their numbers, (2,)."""
+    columns = np.array(squares).reshape(-1, 2).T
+    known = [column[~np.isnan(column)] for column in columns]
+    roots = [math.sqrt(np.median(each) / ONE) if len(each) else math.nan for each in known]
+    return np.array(roots), np.array([len(each) for each in known])
 
 
-def _fit(radar: Sensor, innovations: Sequence[FloatArray]) -> Fit:
-    if not innovations:
-        return Fit(radar.name, 0, np.nan, np.nan, np.full(2, np.nan), radar.components)
-    squares = np.array(innovations)
-    to_noise = float(np.median(squares[:, 1:].sum(axis=1))) / TWO
-    axes = np.sqrt(np.median(squares[:, 1:], axis=0) / ONE)
-    to_expected = float(np.median(squares[:, 0])) / TWO
-    return Fit(radar.name, len(squares), to_expected, to_noise, axes, radar.components)
-
-
-def _with_verdict(fit: Fit, before: Fit, radar: Sensor) -> Fit:
-    """Return a fit with its verdict, which has hysteresis."""
-    # Learned noise follows smaller innovations, and larger ones only to a limit.
-    learned = radar.noise_factor is not None and bool(radar.noise_factor.learned[:2].any())
-    share = HYSTERESIS if before.noise_too_small else 1.0
-    to_expected, to_noise = fit.ratio_to_expected, fit.ratio_to_noise
-    too_small = to_noise > share * FAR_ABOVE_NOISE
-    too_small |= to_expected > share * ABOVE_EXPECTED and to_noise > share * ABOVE_NOISE
-    too_large = to_expected < BELOW_EXPECTED / (HYSTERESIS if before.noise_too_large else 1.0)
-    return fit._replace(
-        noise_too_small=too_small and fit.innovations >= MIN_FOR_TOO_SMALL,
-        noise_too_large=too_large and not learned and fit.innovations >= MIN_FOR_TOO_LARGE,
+def _fit(radar: Sensor, memory: _Memory, before: Fit) -> Fit:
+    """Return the comparison of a radar; its verdict depends on the one before."""
+    (axes, _), (noise, count) = _roots(memory.innovations), _roots(memory.differences)
+    sure = SURE * ERROR / np.sqrt(np.maximum(count, 1))
+    learned = np.zeros(2, dtype=np.bool_)
+    if radar.noise_factor is not None:
+        learned = radar.noise_factor.learned[:2]
+    # Learned noise follows smaller differences, and larger ones up to a limit.
+    limit = math.log(WRONG) + np.where(learned, math.log(MOST), 0.0)
+    with np.errstate(divide="ignore"):
+        log_ratio = np.log(noise)
+        log_plausible = np.log(np.maximum(noise, radar.least_std / radar.noise_std))
+    too_small = log_ratio - np.where(before.too_small, 0.0, sure) > limit
+    too_large = ~learned & (log_plausible + np.where(before.too_large, 0.0, sure) < -limit)
+    if memory.tracks_break:
+        # The differences, if there are any, must not decide it.
+        far = (axes > FAR) & ~(np.abs(log_ratio - limit) > sure)
+        noise, too_small, too_large = np.where(far, axes, noise), too_small | far, too_large & ~far
+    return Fit(
+        radar.name, radar.components, len(memory.innovations), axes, noise, too_small, too_large
     )

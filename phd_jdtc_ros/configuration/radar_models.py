@@ -23,6 +23,7 @@ from phd_jdtc_ros.core.learned.noise_factor import NoiseFactor
 from phd_jdtc_ros.core.learned.outliers import Outliers
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
+from phd_jdtc_ros.core.sensors.site import LEAST_STD
 from phd_jdtc_ros.core.sensors.slant_range import HeightProjection
 from phd_jdtc_ros.core.sensors.visibility import TURN_TOLERANCE, Visibility
 from phd_jdtc_ros.core.targets import amplitude_density
@@ -69,6 +70,7 @@ def radar_model(radar: RadarParameters) -> RadarModel:
         correlation=Correlation(*detection.correlation) if detection.correlation else None,
         outliers=Outliers() if radar.range_std.outliers else None,
         multipath=Multipath() if rate.multipath else None,
+        least_std=LEAST_STD if radar.site else (0.0, 0.0),
         range_rate=RangeRateModel(rate_std.start, radar.range_rate_ambiguity, RANGE_RATE_SPAN)
         if fields.range_rate
         else None,

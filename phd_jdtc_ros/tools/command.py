@@ -116,10 +116,13 @@ def at_least(least: float, unit: str) -> Callable[[str], float]:
     return number
 
 
-def add_proposal_arguments(parser: argparse.ArgumentParser, files: str, seconds: float) -> None:
+def add_proposal_arguments(
+    parser: argparse.ArgumentParser, files: str, seconds: float | None = None
+) -> None:
     """Add the arguments of a tool that proposes parameters from a recording.
 
-    `files` is the help of the parameter file that describes the radars.
+    `files` is the help of the parameter file that describes the radars. By default `seconds` of the
+    recording are read, or all of it.
     """
     parser.add_argument("bag", help=BAG)
     parser.add_argument("--params-file", "--params", type=Path, help=files)
@@ -128,7 +131,8 @@ def add_proposal_arguments(parser: argparse.ArgumentParser, files: str, seconds:
         "--seconds",
         type=at_least(1.0, "s"),
         default=seconds,
-        help=f"how much of the recording is read, from its beginning ({seconds:g})",
+        help="how much of the recording is read, from its beginning "
+        f"({'all' if seconds is None else f'{seconds:g}'})",
     )
 
 

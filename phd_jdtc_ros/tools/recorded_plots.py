@@ -39,16 +39,18 @@ class RecordedPlots:
     dropped: dict[str, Counter[str]]  # Unused messages and points, by reason
     # Number of usable detections without copies, of which `plots` may be the first.
     offered: dict[str, int]
+    farthest: dict[str, float]  # Largest range of all of these, metres
     # Contradictions of the configuration, by radar.
     warnings: dict[str, list[str]] = field(default_factory=dict)
     damage: BagError | None = None  # Damage of the bag; all intact messages were used
 
 
 def read(
-    bag: BagReader, config: TrackerConfig, seconds: float, most: int = MOST_PLOTS
+    bag: BagReader, config: TrackerConfig, seconds: float | None = None, most: int = MOST_PLOTS
 ) -> RecordedPlots:
-    """Return the detections of the first part of a bag, at any range; `most` bounds each radar's.
+    """Return the first detections of a bag, at any range; `most` bounds each radar's.
 
+    The bag is read for some seconds, or to its end: some radars need hours for enough detections.
     Raises `BagError` if the bag lacks a topic of the configuration.
     """
     inputs = [replace(radar, max_range=math.inf) for radar in config.radars]
@@ -62,12 +64,21 @@ def read(
         noticed = {*checks[radar].add(report.detections)} & {*NOT_IN_RECORDINGS}
         found[radar].update(report.anomalies + Counter(noticed))
 
-    intact, until_ns = Intact(bag), bag.start_ns + round(seconds * 1e9)
+    kept, unread, farthest = [0 for _ in inputs], [0 for _ in inputs], [0.0 for _ in inputs]
+    intact = Intact(bag)
+    until_ns = None if seconds is None else bag.start_ns + round(seconds * 1e9)
     for report in posed_reports(intact, config, inputs, dropped, until_ns, check):
         if report.detections is None:
             dropped[report.radar]["pose_missing"] += 1
-        else:
-            reports[report.radar].append((report.stamp_ns, report.detections))
+            continue
+        radar, detections = report.radar, report.detections
+        farthest[radar] = max(farthest[radar], detections.measurement[:, 0].max(initial=0.0))
+        # Copies among the detections are left out later.
+        if kept[radar] > 2 * most:
+            unread[radar] += len(detections)
+            continue
+        kept[radar] += len(detections)
+        reports[radar].append((report.stamp_ns, detections))
     plots = [plots_of(own) if own else None for own in reports]
     return RecordedPlots(
         {
@@ -75,7 +86,11 @@ def read(
             for radar, whole in zip(inputs, plots, strict=True)
         },
         {radar.name: count for radar, count in zip(inputs, dropped, strict=True)},
-        {radar.name: len(whole or ()) for radar, whole in zip(inputs, plots, strict=True)},
+        {
+            radar.name: len(whole or ()) + more
+            for radar, whole, more in zip(inputs, plots, unread, strict=True)
+        },
+        {radar.name: far for radar, far in zip(inputs, farthest, strict=True)},
         {radar.name: [*anomalies.of(radar, own)] for radar, own in zip(inputs, found, strict=True)},
         intact.damage,
     )
@@ -97,10 +112,14 @@ def findings_of(
             continue
         note(f"{radar}, radar {number} of {count}: estimating from {len(plots)} detections")
         try:
-            found[radar] = findings(plots)
+            own = findings(plots)
         except TuningError as error:
             texts = [str(error), *recorded.warnings.get(radar, ())]
             faults.append(f"{radar}: {'; '.join(texts)}{suffix}")
+            continue
+        # A few detections show the noise, but only all of them the coverage.
+        coverage = replace(own.field, max_range=recorded.farthest[radar])
+        found[radar] = replace(own, field=coverage)
     if faults:
         raise BagError(f"{source}: {'; '.join(faults)}")
     return found

@@ -1,7 +1,7 @@
 """Proposes a configuration from a recording: rotation, noise, detection probability and clutter.
 
-It reads some minutes of a bag, links detections to tracks, and prints proposed and current values
-side by side. With --out it writes a parameter file for the tracker.
+It reads a bag, links detections to tracks, and prints proposed and current values side by side.
+With --out it writes a parameter file for the tracker.
 """
 
 from __future__ import annotations
@@ -29,9 +29,6 @@ from phd_jdtc_ros.parameter_files import tracker_params
 from . import command, recorded_plots
 from .recorded_plots import RecordedPlots
 
-# Length of the part of a recording that is read by default, seconds.
-SECONDS = 600.0
-
 
 def main(argv: Sequence[str]) -> int:
     """Run the tool."""
@@ -40,7 +37,7 @@ def main(argv: Sequence[str]) -> int:
         "parameter file that names radars, topics and fields; without one, the file beside the "
         "bag is used, or else topics and fields are recognised by their names"
     )
-    command.add_proposal_arguments(parser, files, SECONDS)
+    command.add_proposal_arguments(parser, files)
     return command.run(parser, argv, _work)
 
 

@@ -7,23 +7,17 @@ import pytest
 from estimate_sets import estimates, states
 from position_sensor import PositionSensor
 
-from phd_jdtc_ros.calibration.innovations import (
-    BELOW_EXPECTED,
-    HYSTERESIS,
-    MIN_FOR_TOO_LARGE,
-    MIN_FOR_TOO_SMALL,
-    SAMPLE,
-    TWO,
-    InnovationMonitor,
-)
+from phd_jdtc_ros.calibration.innovations import LEAST_BROKEN, SAMPLE, InnovationMonitor
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core.learned.noise_factor import NoiseFactor
 from phd_jdtc_ros.core.types import Coverage, Detections, Scan
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
 TRUE = resolve({"engine": "gaussian", "lag": 0})
 SCANS = [scan for _, scan in simulate(paper_scenario(TRUE.model.radars), 6)]
+NO, BOTH, AZIMUTH = [False, False], [True, True], [False, True]
 
 
 def configured(scale, azimuth_scale=None):
@@ -46,22 +40,26 @@ def monitored(config):
     return found
 
 
-def test_right_noise_is_never_warned_of_and_axes_show_which_is_wrong():
+def test_right_noise_is_never_warned_of():
     for fits in monitored(TRUE):
-        assert not any(fit.noise_too_small or fit.noise_too_large for fit in fits)
-    assert all(fit.innovations > MIN_FOR_TOO_LARGE for fit in fits)
-    assert all((np.abs(fit.axes - 1.0) < 0.4).all() for fit in fits)
+        assert not any((fit.too_small | fit.too_large).any() for fit in fits)
+    assert all(fit.innovations > 100 for fit in fits)
+    assert all((np.abs(np.log(fit.noise)) < 0.4).all() for fit in fits)
+
+
+def test_warning_names_the_component_whose_noise_is_wrong():
     for fit in monitored(configured(1.0, azimuth_scale=0.1))[-1]:
-        assert fit.noise_too_small
-        assert fit.axes[1] > 5.0 > 2.0 > fit.axes[0]
+        assert fit.too_small.tolist() == AZIMUTH
+        assert fit.noise[1] > 5.0
 
 
 @pytest.mark.parametrize(
-    ("scale", "verdict"), [(0.01, (True, False)), (0.1, (True, False)), (10.0, (False, True))]
+    ("scale", "small", "large"),
+    [(0.01, BOTH, NO), (0.1, BOTH, NO), (4.0, NO, BOTH), (10.0, NO, BOTH)],
 )
-def test_wrong_noise_is_noticed_of_every_radar(scale, verdict):
-    fits = monitored(configured(scale))[-1]
-    assert [(fit.noise_too_small, fit.noise_too_large) for fit in fits] == [verdict, verdict]
+def test_wrong_noise_is_noticed_of_every_radar(scale, small, large):
+    for fit in monitored(configured(scale))[-1]:
+        assert (fit.too_small.tolist(), fit.too_large.tolist()) == (small, large)
 
 
 ALONE = resolve({"sensors": ["one"], "one.range_std": 10.0, "one.azimuth_std_deg": 1.0}).model
@@ -73,13 +71,20 @@ STILL = estimates(
 )
 
 
-def looks(monitor, measurements, coverage=None, times=1):
-    """Let one track, whose place is known, be seen some times; return the radar's fit."""
-    report = Detections(np.array(measurements), None, coverage=coverage)
-    for _ in range(times):
-        monitor.add_scan(Scan(0, (None,)), (STILL,))
-        monitor.add_scan(Scan(10**8, (report,)), ())
+def looks(monitor, looks, tracks=STILL, coverage=None):
+    """Let tracks, whose places are known, be seen in each of some looks; return the radar's fit."""
+    for number, measurements in enumerate(looks):
+        report = Detections(np.array(measurements), None, coverage=coverage)
+        begin_ns = number * 10**9
+        monitor.add_scan(Scan(begin_ns, (None,)), (replace(tracks, stamp_ns=begin_ns),))
+        monitor.add_scan(Scan(begin_ns + 10**8, (report,)), ())
     return monitor.fits()[0]
+
+
+def scattered(count, share, seed=5):
+    """Return looks at one target with errors of a share of the configured noise."""
+    errors = share * np.random.default_rng(seed).normal(0.0, [10.0, np.radians(1.0)], (count, 2))
+    return (np.array([5e3, 0.0]) + errors)[:, None]
 
 
 @pytest.mark.parametrize(
@@ -93,25 +98,29 @@ def looks(monitor, measurements, coverage=None, times=1):
     ids=["alone", "two near", "one near", "elsewhere"],
 )
 def test_detection_is_a_tracks_if_it_is_beyond_doubt(measurements, coverage, seen):
-    assert looks(InnovationMonitor(ALONE), measurements, coverage).innovations == seen
+    fit = looks(InnovationMonitor(ALONE), [measurements], coverage=coverage)
+    assert fit.innovations == seen
 
 
-def test_innovations_are_compared_with_the_whole_covariance_of_the_noise():
+def test_differences_are_compared_with_the_whole_covariance_of_the_noise():
     sensor = PositionSensor(
         name="mast", position=(0.0, 0.0), yaw=0.0, threshold=3.0, clutter_rate=2.0
     )
-    found = Detections(
-        np.array([[5.1e3, 100.0]]),
-        None,
-        noise_std=np.full((1, 2), 100.0),
-        noise_correlation=np.array([0.9]),
-    )
+    root = np.linalg.cholesky([[1.0, 0.9], [0.9, 1.0]])
+    errors = 50.0 * np.random.default_rng(3).normal(size=(200, 2)) @ root.T
     monitor = InnovationMonitor(replace(ALONE, radars=(sensor,)))
-    monitor.add_scan(Scan(0, (None,)), (STILL,))
-    monitor.add_scan(Scan(10**8, (found,)), ())
+    for number, error in enumerate(errors):
+        found = Detections(
+            np.array([5e3, 0.0]) + error[None],
+            None,
+            noise_std=np.full((1, 2), 100.0),
+            noise_correlation=np.array([0.9]),
+        )
+        begin_ns = number * 10**9
+        monitor.add_scan(Scan(begin_ns, (None,)), (replace(STILL, stamp_ns=begin_ns),))
+        monitor.add_scan(Scan(begin_ns + 10**8, (found,)), ())
     (fit,) = monitor.fits()
-    assert fit.ratio_to_expected == pytest.approx(2.0 / 1.9 / TWO, rel=0.01)
-    assert fit.ratio_to_noise == pytest.approx(2.0 / TWO)
+    np.testing.assert_allclose(fit.noise, 0.5, atol=0.1)
 
 
 def test_detections_between_two_tracks_are_of_neither():
@@ -121,42 +130,65 @@ def test_detections_between_two_tracks_are_of_neither():
         track_id=np.array([1, 2]),
         track_state=np.ones(2, int),
     )
-    monitor = InnovationMonitor(ALONE)
-    monitor.add_scan(Scan(0, (None,)), (two,))
-    monitor.add_scan(Scan(10**8, (Detections(np.array([[5.25e3, 0.0]]), None),)), ())
-    assert monitor.fits()[0].innovations == 0
+    assert looks(InnovationMonitor(ALONE), [[(5.25e3, 0.0)]], two).innovations == 0
+
+
+@pytest.mark.parametrize(("share", "small", "large"), [(0.4, NO, BOTH), (1, NO, NO), (3, BOTH, NO)])
+def test_manoeuvres_and_wrong_predictions_are_no_noise(share, small, large):
+    """A target 400 m beside its track accelerates with 20 m/s^2 to and fro."""
+    acceleration = 20.0 * np.repeat([1.0, -1.0, -1.0, 1.0], 20)
+    distance = 400.0 + np.cumsum(np.cumsum(np.tile(acceleration, 5)))
+    seen = scattered(len(distance), share)
+    seen[:, 0, 0] += distance
+    fit = looks(InnovationMonitor(ALONE), seen)
+    assert fit.axes[0] > 10.0
+    assert (fit.too_small.tolist(), fit.too_large.tolist()) == (small, large)
 
 
 def test_verdict_stays_until_it_is_clearly_otherwise():
-    """Squares of 2 ln 2 times the share are that share of what is expected."""
-    monitor = InnovationMonitor(replace(ALONE, modes=ALONE.modes))
-
-    def after(share):
-        off = 10.0 * np.sqrt(share * 2.0 * np.log(2.0))
-        return looks(monitor, [(5e3 + off, 0.0)], times=200)
-
-    least = BELOW_EXPECTED
-    between = 0.5 * (least + least / HYSTERESIS)
-    assert [after(share).noise_too_large for share in (between, 0.9 * least, between, 0.5)] == [
-        False,
-        True,
-        True,
-        False,
-    ]
+    monitor, between = InnovationMonitor(ALONE), 0.65
+    assert not looks(monitor, scattered(801, between)).too_large.any()
+    assert looks(monitor, scattered(801, 0.5)).too_large.all()
+    assert looks(monitor, scattered(801, between)).too_large.all()
+    assert not looks(monitor, scattered(801, 0.9)).too_large.any()
 
 
-def test_few_innovations_reveal_too_small_a_noise_and_many_too_large_a_noise():
+def test_few_detections_show_only_a_noise_that_is_far_off():
+    assert not looks(InnovationMonitor(ALONE), scattered(12, 2.0)).too_small.any()
+    assert looks(InnovationMonitor(ALONE), scattered(12, 100.0)).too_small.all()
+
+
+def test_tracks_that_all_break_far_from_their_detections_show_too_small_a_noise():
     monitor = InnovationMonitor(ALONE)
-    far = [(5e3 + 2000.0, 0.0)]
-    assert not looks(monitor, far, times=MIN_FOR_TOO_SMALL - 1).noise_too_small
-    assert looks(monitor, far).noise_too_small
-    monitor = InnovationMonitor(ALONE)
-    near = [(5e3 + 0.1, 0.0)]
-    assert not looks(monitor, near, times=MIN_FOR_TOO_LARGE - 1).noise_too_large
-    assert looks(monitor, near).noise_too_large
+    for number in range(LEAST_BROKEN + 1):
+        assert not monitor.fits()[0].too_small.any()
+        begin_ns = number * 10**11
+        track = replace(STILL, stamp_ns=begin_ns, track_id=np.array([number + 1]))
+        monitor.add_scan(Scan(begin_ns, (None,)), (track,))
+        report = Detections(np.array([[5e3 + 2000.0, 0.0]]), None)
+        monitor.add_scan(Scan(begin_ns + 10**8, (report,)), ())
+    assert monitor.fits()[0].too_small.tolist() == [True, False]
 
 
-def test_some_tracks_of_a_crowd_are_compared_and_others_in_the_next_scan():
+def test_rounded_detections_of_a_target_at_rest_show_no_noise():
+    fit = looks(InnovationMonitor(ALONE), [[(5e3, 0.0)]] * 60)
+    assert fit.innovations == 60
+    assert not fit.too_large.any()
+
+
+def test_learned_noise_and_the_smallest_plausible_one_are_not_too_large():
+    (radar,) = ALONE.radars
+    seen = scattered(300, 0.3)
+    assert looks(InnovationMonitor(ALONE), seen).too_large.all()
+    learned = radar.changed(noise_factor=NoiseFactor(np.array([True, False, False])))
+    fit = looks(InnovationMonitor(replace(ALONE, radars=(learned,))), seen)
+    assert fit.too_large.tolist() == AZIMUTH
+    bounded = radar.changed(least_std=(10.0, 0.0))
+    fit = looks(InnovationMonitor(replace(ALONE, radars=(bounded,))), seen)
+    assert fit.too_large.tolist() == AZIMUTH
+
+
+def test_some_tracks_of_a_crowd_are_followed():
     count = 2 * SAMPLE
     crowd = estimates(
         states([[5e3 + 100.0 * number, 0.0] for number in range(count)]),
@@ -165,14 +197,9 @@ def test_some_tracks_of_a_crowd_are_compared_and_others_in_the_next_scan():
         track_id=np.arange(count),
         track_state=np.ones(count, int),
     )
-    # The ranges of one half of the detections are far off.
-    off = np.where(np.arange(count) < SAMPLE, 1.0, 20.0)
-    report = Detections(np.column_stack([crowd.position[:, 0] + off, np.zeros(count)]), None)
-    monitor, fits = InnovationMonitor(ALONE), []
-    for _ in range(3):
-        monitor.add_scan(Scan(0, (None,)), (crowd,))
-        monitor.add_scan(Scan(10**8, (report,)), ())
-        fits.append(monitor.fits()[0])
-    assert [fit.innovations for fit in fits] == [SAMPLE, 2 * SAMPLE, 3 * SAMPLE]
-    # The median is that of the half of which more have been drawn.
-    assert len({fit.axes[0] for fit in fits}) > 1
+    rng = np.random.default_rng(2)
+    seen = np.column_stack([crowd.position[:, 0], np.zeros(count)])
+    noise = [2.0, np.radians(0.1)]
+    fit = looks(InnovationMonitor(ALONE), seen + rng.normal(0.0, noise, (8, count, 2)), crowd)
+    assert 4 * SAMPLE < fit.innovations <= 8 * SAMPLE
+    assert fit.too_large.all()

@@ -12,6 +12,7 @@ import numpy as np
 from phd_jdtc_ros.configuration.parameters.forms import OUTLIERS, probability_numbers
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.schema import Value
+from phd_jdtc_ros.core.sensors.site import LEAST_STD
 
 from .findings import MOST_BESIDE, MOST_CROWDED, MOST_LAND, Findings
 
@@ -28,6 +29,8 @@ MOST_NEAR, MOST_BLIND = 0.99, 0.99
 # Clutter counts as noise if its mean level is within this factor of the noise level.
 NOISE_FACTOR = 1.25
 MOST_PROBABILITY = 0.999
+# The parameters of the noise.
+NOISE = ("range_std", "azimuth_std_deg")
 # The engine whose measurement noise may have outliers.
 GAUSSIAN = "gaussian"
 
@@ -100,11 +103,17 @@ def _rotation(found: Findings, now: Now) -> Iterator[Row]:
 
 def _noise(found: Findings, now: Now, engine: str) -> Iterator[Row]:
     noise = found.likelier_noise if engine == GAUSSIAN else found.noise
-    values = {"range_std": noise.range_std, "azimuth_std_deg": math.degrees(noise.azimuth_std)}
-    for (name, value), log_std in zip(values.items(), noise.log_std, strict=True):
-        std = value * float(log_std)
+    least = LEAST_STD if now("geodetic") else (0.0, 0.0)
+    figures = zip((noise.range_std, noise.azimuth_std), least, noise.log_std, strict=True)
+    for name, (measured, lowest, log_std) in zip(NOISE, figures, strict=True):
+        unit = 1.0 if name == "range_std" else math.degrees(1.0)
+        value, std = unit * measured, unit * measured * float(log_std)
         word = OUTLIERS if noise.outliers and name == "range_std" else ""
-        yield Row(name, round_to_std(value, std), _tracks(found), now(name), std, word=word)
+        shown, source = round_to_std(value, std), _tracks(found)
+        if lowest > measured:
+            source = f"{source} show {shown:g}; raised to the smallest plausible value"
+            shown, std = round_to_std(unit * lowest, 0.0), math.nan
+        yield Row(name, shown, source, now(name), std, word=word)
 
 
 def _clusters(found: Findings, now: Now) -> Iterator[Row]:
@@ -136,8 +145,10 @@ def _clutter(found: Findings, now: Now, max_range: Any, fov: Sequence[Row]) -> I
     yield Row("clutter_rate", value, source, given, whole * rate.std, not learned)
     step = 0.01 * _round_up(found.field.max_range)
     clutter_range = round_to_std(found.field.clutter_range, step)
-    value = min(clutter_range, max_range)
-    yield Row("clutter_max_range", value, source, now("clutter_max_range"))
+    value, given = min(clutter_range, max_range), now("clutter_max_range")
+    # A learned rate is learned within the limit that is set.
+    kept = learned and value <= (given or 0.0) <= MOST_BEYOND * value
+    yield Row("clutter_max_range", value, source, given, proposed=not kept)
     if found.land > MOST_LAND:
         source = f"{100.0 * found.land:.0f} % of plots in recurring places"
         yield Row("clutter_map", True, source, now("clutter_map"))

@@ -83,6 +83,8 @@ class Sensor(ReadOnly, ABC):
     correlation: Correlation | None = None
     # Outliers among its measurements; None without any. The Gaussian engine uses them.
     outliers: Outliers | None = None
+    # Smallest plausible noise of its components; no larger one is too large, (Z,). Zeros for any.
+    least_std: tuple[float, ...] = (0.0, 0.0)
     # False detections behind the targets of a report; None if there are none.
     multipath: Multipath | None = None
 

@@ -32,6 +32,10 @@ MAX_SLANT_RANGE = 2e6
 STEPS = 2
 # Largest distance of a site from the plane's origin, metres: there lengths are 0.15 % too long.
 MAX_SITE_DISTANCE = 500e3
+# Smallest plausible noise of plots on the round earth, in range, metres, and azimuth, radians: what
+# is measured within a recording lacks the errors of heights, and a lost track costs more than less
+# smoothing.
+LEAST_STD = (5.0, float(np.radians(0.01)))
 
 
 class Plane(Protocol):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -32,14 +32,11 @@ UNKNOWN_PLACE = (0.0, 0.0, 0.0)
 SURFACE_RANGE = 20e3
 # Factors from the farthest and the nearest plot to the largest and the smallest range.
 MAX_RANGE_FACTOR, MIN_RANGE_FACTOR = 1.1, 0.9
-# Parameters that are estimated as `tune` does it, from this length of the recording, seconds, if it
-# has enough tracks.
+# Parameters that are estimated as `tune` does it, from a recording with at least so many tracks.
 ESTIMATED = ("range_std", "azimuth_std_deg", "clutter_rate")
-ESTIMATION_S, MIN_TRACKS = 300.0, 10
+MIN_TRACKS = 10
 # Plausible detection probabilities, and their assumed decrease per metre of range.
 PROBABILITIES, PROBABILITY_SLOPE = (0.5, 0.99), 0.03 / 100e3
-# Lower bounds of standard deviations: a lost track costs more than less smoothing.
-MIN_STD = {"range_std": 5.0, "azimuth_std_deg": 0.01}
 # Clouds that are out of order by more than this, seconds, indicate a wrong clock.
 MAX_DISORDER_S = 60.0
 # Upper bound of `equipped_probability`.
@@ -106,7 +103,7 @@ def propose(states: Sequence[RadarState], disorder_s: float) -> Proposal | None:
 def measure(proposed: Proposal, states: Sequence[RadarState], bag: Path) -> None:
     """Set noise, clutter, detection and transponders from the radars' plots in a bag."""
     config = tracker_params.config(proposed.values)
-    recorded = recorded_plots.read(BagReader(bag), config, ESTIMATION_S)
+    recorded = recorded_plots.read(BagReader(bag), config)
     found: dict[str, Findings] = {}
     for radar, plots in recorded.plots.items():
         try:
@@ -115,17 +112,14 @@ def measure(proposed: Proposal, states: Sequence[RadarState], bag: Path) -> None
             own = None
         if own is None or own.tracks < MIN_TRACKS:
             proposed.hints.append(
-                f"{radar}: its noise cannot be estimated from {ESTIMATION_S:g} s of plots; that of "
-                f"the profile {PROFILE} is used"
+                f"{radar}: its noise cannot be estimated from {len(plots or ())} plots in "
+                f"{0 if own is None else own.tracks} tracks; that of the profile {PROFILE} is used"
             )
             continue
         found[radar] = own
         for row in proposal.rows(own, config.values, radar):
-            if row.name in ESTIMATED and row.proposed and isinstance(row.value, float):
-                value = max(row.value, MIN_STD.get(row.name, 0.0))
-                least = "; raised to the smallest plausible value" if value > row.value else ""
-                origin = f"measured: {row.value:g} by {row.source}{least}"
-                proposed.set(f"{radar}.{row.name}", replace(row, value=value).given, origin)
+            if row.name in ESTIMATED and row.proposed:
+                proposed.set(f"{radar}.{row.name}", row.given, f"measured: {row.source}")
         if math.isfinite(own.detection.value):
             _set_detection_probability(proposed, radar, own.detection.value)
     together = [state for state in states if state.settings.name in proposed.values["sensors"]]

@@ -274,6 +274,18 @@ def test_rows_list_proposed_and_current_values(estimated):
     assert isinstance(row.value, float)
 
 
+def test_bounds_that_the_bridge_sets_are_kept(estimated):
+    config, found = estimated
+    found = replace(found, noise=replace(found.noise, range_std=2.2, azimuth_std=1e-4))
+    bridged = {"geodetic": [50.0, 8.0, 100.0], "clutter_rate": "auto", "clutter_max_range": 9e4}
+    rows = rows_of((config, found), **bridged)
+    assert (rows["range_std"].value, rows["azimuth_std_deg"].value) == (5.0, 0.01)
+    assert "show 2.2" in rows["range_std"].source
+    assert not rows["clutter_max_range"].proposed
+    flat = rows_of((config, found))
+    assert (flat["range_std"].value, flat["clutter_max_range"].proposed) == (2.2, True)
+
+
 @pytest.mark.parametrize(("engine", "given"), [("gaussian", "55 outliers"), ("particles", 70.0)])
 def test_outliers_are_proposed_to_the_engine_that_knows_them(estimated, engine, given):
     config, found = estimated

@@ -158,26 +158,23 @@ def test_what_was_learned_is_shown_and_a_warning_if_it_is_worse_than_set():
 
 def test_noise_that_detections_contradict_is_a_warning_as_long_as_they_do():
     health = radar(60.0)
-    health.fit = Fit("north", 99, 1.5, 900.0, np.array([40.0, 1.5]), PAIR, noise_too_small=True)
+    none, first, both = np.zeros(2, bool), np.array([True, False]), np.ones(2, bool)
+    noise, innovations = np.array([30.0, 1.1]), np.array([40.0, 1.5])
+    health.fit = Fit("north", PAIR, 99, innovations, noise, first, none)
     found = status(health)
     assert found.level == WARN
     assert found.message.startswith(
-        "innovations are 30 times larger than the noise predicts (ranges"
+        "innovations are 30 times larger than the noise predicts (ranges are off by 30 times "
+        "range_std); check north.range_std, or"
     )
     values = diagnostics.values_of(found)
     assert (values["range_innovation"], values["azimuth_innovation"]) == ("40.0", "1.5")
-    health.fit = Fit("north", 99, 0.04, 0.09, np.array([0.3, 0.3]), PAIR, noise_too_large=True)
+    health.fit = health.fit._replace(noise=np.array([0.2, 0.3]), too_small=none, too_large=both)
     assert status(health).message.startswith(
-        "innovations are 5 times smaller than the noise predicts (ranges are off by 0.3 times "
+        "innovations are 5 times smaller than the noise predicts (ranges are off by 0.2 times "
         "range_std, azimuths are off by 0.3 times azimuth_std_deg)"
     )
-    health.fit = health.fit._replace(axes=np.array([0.99, 22.0]))
-    assert status(health).message.startswith(
-        "innovations contradict the noise: ranges are off by 0.99 times range_std, azimuths are "
-        "off by 22 times azimuth_std_deg, and the predictions are still less certain; check which "
-        "fields are the range and the azimuth"
-    )
-    health.fit = health.fit._replace(noise_too_large=False)
+    health.fit = health.fit._replace(too_large=none)
     assert status(health).level == OK
 
 

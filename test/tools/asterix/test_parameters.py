@@ -15,6 +15,7 @@ from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.asterix.messages import DAY, NONE, PRIMARY, SECONDARY, Plot
 from phd_jdtc_ros.asterix.writing import plots as plots_out
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.configuration.parameters import forms
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
@@ -24,11 +25,15 @@ NS = 10**9
 GEOD = pyproj.Geod(ellps="WGS84")
 
 
+def _too_few(plots):
+    raise TuningError("too few tracks")
+
+
 @pytest.fixture(scope="module", autouse=True)
 def _short_estimation():
     """Leave out the estimation of noise: it takes seconds, and there are too few tracks for it."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parameters, "ESTIMATION_S", 10.0)
+        patch.setattr(parameters, "findings", _too_few)
         yield
 
 
@@ -195,7 +200,7 @@ def test_fields_are_those_that_plots_have_and_what_was_found_has_a_comment(bare,
 
 @pytest.mark.parametrize("share", [0.5, 0.8])
 def test_clutter_does_not_count_as_aircraft_without_a_transponder(bridged, monkeypatch, share):
-    monkeypatch.setattr(parameters, "ESTIMATION_S", 300.0)
+    monkeypatch.setattr(parameters, "findings", findings)
     rng, count = np.random.default_rng(6), 30
     place, velocity = rng.uniform(-80e3, 80e3, (count, 2)), rng.normal(0.0, 150.0, (count, 2))
     plots = []
