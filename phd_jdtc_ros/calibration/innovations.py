@@ -45,7 +45,7 @@ PLOTS, KEPT = 4, 2
 ONE, ERROR = 0.4549, 1.17
 # The noise is wrong if its deviation is off by more than this factor, surely, by so many standard
 # deviations, and until it is not off by more than the factor.
-WRONG, SURE = 1.4, 2.0
+WRONG, SURE = 1.4, 2.5
 # Tracks break if at least so many have ended, and ends are this share of ends and differences: then
 # few live for four detections. The noise is the cause if most innovations exceed it so many times.
 LEAST_BROKEN, BROKEN, FAR = 6, 0.6, 5.0

@@ -228,6 +228,18 @@ def test_clutter_does_not_count_as_aircraft_without_a_transponder(bridged, monke
     assert given["equipped_probability"] == pytest.approx(share, abs=0.05)
 
 
+def test_noise_is_of_detections_whenever_they_come(bridged, monkeypatch):
+    _, quiet = sweep(400.0, 4.0, targets(1, 100e3))
+    _, _, said, given = bridged(quiet, out="quiet")
+    assert "noise cannot be estimated from 101 plots in 0 tracks; that of" in said.out
+    assert given["radar_1_2.azimuth_std_deg"] == "auto 0.08"
+    monkeypatch.setattr(parameters, "findings", findings)
+    _, busy = sweep(240.0, 4.0, targets(12, 100e3, seed=3), begin_s=1404.0)
+    _, _, said, given = bridged(quiet + busy)
+    assert "cannot be estimated" not in said.out
+    assert given["radar_1_2.azimuth_std_deg"] == pytest.approx(0.36, rel=0.1)
+
+
 def test_unknown_position_is_guessed_and_reported_and_the_bag_is_tracked(bare, tmp_path, capsys):
     bag, printed, given = bare
     assert given["world_origin"] == given["radar_1_2.geodetic"] == [0.0, 0.0, 0.0]
