@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from phd_jdtc_ros.calibration.tuning import proposal, unspecified
 from phd_jdtc_ros.calibration.tuning.findings import Findings
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
-from phd_jdtc_ros.configuration.schema import ConfigError, flatten
+from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, flatten, number
 from phd_jdtc_ros.configuration.tables import GROUPS, schema
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.parameter_files import from_arguments
+from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
-from .reports import POSITION, TIME
+from . import places, supposed_radar
+from .reports import TIME
+from .supposed_radar import POSITION, Area
+from .tables import Columns
 
 # Defaults for tables. Those of the node describe a scenario with known birth places; these describe
 # targets of one class that may appear anywhere in the radars' coverage.
@@ -54,12 +58,14 @@ class Parameters:
     for_node: bool = False
     # Values estimated from a recording; given parameters take precedence.
     found: Mapping[str, Any] = field(default_factory=dict)
+    # Area of each supposed radar whose recording has positions.
+    areas: Mapping[str, Area] = field(default_factory=dict)
 
     @staticmethod
     def of(given: Any) -> Parameters:
         """Return the given parameters, from a mapping, the path of a parameter file, or None."""
         if isinstance(given, (str, os.PathLike)):
-            return Parameters(from_arguments.load(Path(given)), for_node=True)
+            return Parameters(_for_tables(from_arguments.load(Path(given))), for_node=True)
         if given is None or isinstance(given, Mapping):
             return Parameters(dict(flatten(given or {})))
         raise ConfigError(
@@ -118,7 +124,43 @@ class Parameters:
                 values[f"{name}.time_reference"] = "epoch"
             if f"{name}.max_range" in known:
                 values[f"{name}.clutter_max_range"] = known[f"{name}.max_range"]
-        return {**values, **known}
+        return {**values, **known, **self._supposed(columns)}
+
+    def _supposed(self, columns: Collection[str]) -> dict[str, Any]:
+        """Return the parameters of the supposed radars, beside the areas of positions."""
+        areas = {**self._given_areas(columns), **self.areas}
+        rates = {name: self.given.get(f"{name}.clutter_rate") for name in areas}
+        found: dict[str, Any] = {}
+        for name, area in areas.items():
+            found |= supposed_radar.parameters(name, area, rates[name])
+        return found
+
+    def _given_areas(self, columns: Collection[str]) -> dict[str, Area]:
+        """Return the area about (0, 0) of each supposed radar with a given maximum range."""
+        reach = {
+            name: number(self.given.get(f"{name}.max_range"), SMALL)
+            for name in supposed_radar.names(self.radars, self.given, columns)
+        }
+        return {name: Area(0.0, 0.0, far, far) for name, far in reach.items() if far is not None}
+
+    def with_origin(self, columns: Columns) -> Parameters:
+        """Return a copy for a recording, with the middle of its latitudes and longitudes."""
+        origin = places.middle(columns)
+        return self if origin is None else replace(self, found={"world_origin": origin})
+
+    def in_plane(self, columns: Columns) -> Columns:
+        """Return columns with positions in the place of latitudes and longitudes."""
+        known = {**self.found, **self.given}
+        return places.in_plane(columns, known.get("world_origin", ()))
+
+    def with_areas(self, columns: Columns) -> Parameters:
+        """Return a copy for a recording, whose positions determine areas that are not given."""
+        if self.for_node:
+            return self
+        names = supposed_radar.names(self.radars, self.given, columns)
+        area = supposed_radar.area_of(columns) if names else None
+        found = {} if area is None else dict.fromkeys(names, area)
+        return replace(self, areas={**found, **self._given_areas(columns)})
 
     def _usable(self) -> dict[str, Any]:
         """Return the estimated parameters that fit the given classes and motion models."""
@@ -161,13 +203,33 @@ class Parameters:
         Detections of `timed` radars have individual times.
         """
         found = {} if self.for_node else unspecified.parameters(findings, timed)
+        found |= {k: v for k, v in self.found.items() if k == "world_origin"}
         found["interval_s"] = proposal.interval_s(findings)
         for radar, each in findings.items():
             if not self.for_node:
                 found.update(_fields(radar, columns))
-            rows = proposal.rows(each, self.given, radar)
+            known = {**self.given, **self._supposed(columns)}
+            rows = proposal.rows(each, known, radar)
             found.update({f"{radar}.{row.name}": row.given for row in rows if row.proposed})
-        return Parameters(self.given, self.for_node, found)
+        return replace(self, found=found)
+
+
+def _for_tables(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters of a live node's file as those of its tracker for tables.
+
+    Tables have absolute times, in seconds, and no poses; the warning of a moving radar is the
+    caller's caller's.
+    """
+    found = tracker_params.without_node(given)
+    for name, value in given.items():
+        radar, _, what = name.partition(".")
+        if what == "fields.time" and value == TIME:
+            found |= {f"{radar}.time_reference": "epoch", f"{radar}.time_unit": "s"}
+        elif what == "pose" and value != "fixed":
+            del found[name]
+            text = f"{name}: {value!r} is not used, because tables have no poses: {radar} rests"
+            warnings.warn(text, stacklevel=4)
+    return found
 
 
 def _fields(radar: str, columns: Collection[str]) -> dict[str, str]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -17,7 +16,9 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_geometry import MIN_RANGE
 from phd_jdtc_ros.core.sensors.sensor import Sensor
 
+from .supposed_radar import POSITION
 from .tables import (
+    MOST_METRES,
     Columns,
     numbers,
     place_of,
@@ -25,10 +26,11 @@ from .tables import (
     rows_by_stamp,
     rows_of,
     stamps_ns,
+    with_column,
 )
 
-# Columns of positions, and of their standard deviation, which replace ranges and azimuths.
-POSITION, POSITION_STD = ("x", "y"), "position_std"
+# Column of the standard deviation of positions along both axes.
+POSITION_STD = "position_std"
 TIME = "time"
 # Detections with individual times are reported in parts of a turn, as the tracker splits turns, or
 # in parts of DEFAULT_PART_S seconds if the time of a turn is unknown.
@@ -41,6 +43,7 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[tuple[int, Repor
     Raise `ValueError` if a required column is missing or has an invalid value.
     """
     time_ns = stamps_ns(columns)
+    columns = with_column(columns, TIME, time_ns / 1e9)
     found = []
     for index, rows in enumerate(_rows_of_radars(columns, config.radars)):
         if not len(rows):
@@ -135,13 +138,14 @@ def _of_positions(columns: Columns, radar: RadarParameters, model: Sensor) -> se
             f"{radar.name}, because it has geodetic"
         )
     x, y = (
-        numbers(columns, name) - zero for name, zero in zip(POSITION, model.position, strict=True)
+        np.clip(numbers(columns, name), -2.0 * MOST_METRES, 2.0 * MOST_METRES) - zero
+        for name, zero in zip(POSITION, model.position, strict=True)
     )
     distance = np.hypot(x, y)
     std = np.full(len(x), float(model.noise_std[0]))
     if POSITION_STD in columns:
         std = numbers(columns, POSITION_STD)
-    across = np.minimum(std / np.maximum(distance, MIN_RANGE), np.pi)
+    across = np.clip(std / np.maximum(distance, MIN_RANGE), *selection.AZIMUTH_STDS)
     return {
         "range": distance,
         "azimuth": sent_columns.azimuth(np.arctan2(y, x) - model.yaw, radar),
@@ -159,7 +163,13 @@ def _report(
     return selection.select(stamp_ns, radar, own)
 
 
-def without_max_range(config: TrackerConfig) -> TrackerConfig:
-    """Return a configuration that also reads detections beyond the radars' maximum ranges."""
-    inputs = tuple(replace(radar, max_range=math.inf) for radar in config.radars)
+def without_max_range(config: TrackerConfig, supposed: Collection[str]) -> TrackerConfig:
+    """Return a configuration that also reads detections beyond the radars' maximum ranges.
+
+    Those of `supposed` radars are bounds of the positions.
+    """
+    inputs = tuple(
+        radar if radar.name in supposed else replace(radar, max_range=MOST_METRES)
+        for radar in config.radars
+    )
     return replace(config, inputs=inputs)

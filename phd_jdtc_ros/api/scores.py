@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from phd_jdtc_ros.core.arrays import IntArray
 from phd_jdtc_ros.core.types import COASTING, TRACK_STATES
 from phd_jdtc_ros.evaluation.comparison import ALL, PairedScan, PointSet
 from phd_jdtc_ros.evaluation.run_scores import RunScores
@@ -17,6 +16,7 @@ from phd_jdtc_ros.evaluation.true_tracks import TrueTracks
 from phd_jdtc_ros.quoting import short
 
 from .tables import (
+    MOST_METRES,
     Columns,
     Table,
     columns_of,
@@ -25,6 +25,7 @@ from .tables import (
     require_column,
     rows_by_stamp,
     stamps_ns,
+    with_column,
 )
 
 # Largest order p of OSPA and GOSPA.
@@ -44,10 +45,11 @@ def evaluate(
     Parameters
     ----------
     truth : table
-        The targets: ``time``, ``label`` (numbers or names; 0, None or NaN without one), ``x`` and
+        The targets: ``time``, ``label`` (numbers or names; None or NaN without one), ``x`` and
         ``y`` (metres); optionally ``vx`` and ``vy`` (metres per second), ``class`` and ``height``.
     tracks : table
-        From `Tracker.track`, or from another tracker with the columns of `truth`.
+        From `Tracker.track`, or from another tracker with the columns of `truth`. A label of 0 is
+        none here; in the truth only if several targets of one time have it.
     cutoff : float
         c of OSPA and GOSPA, metres: the distance at which an estimate no longer belongs to a
         target, a multiple of the standard deviation of a position.
@@ -75,6 +77,8 @@ def evaluate(
     true, found = columns_of(truth), columns_of(tracks)
     for table, columns in (("truth", true), ("tracks", found)):
         _require_finite(table, columns)
+    true = _with_numbers(true, zero_is_label=not _zero_is_shared(true))
+    found = _with_numbers(found, zero_is_label=False)
     names = _class_names(true, found)
     samples, estimates = _by_stamp(true, names), _by_stamp(found, names)
     known = TrueTracks()
@@ -105,14 +109,14 @@ def _is_number(value: Any) -> bool:
 
 
 def _require_finite(table: str, columns: Columns) -> None:
-    """Raise `ValueError` if a position is unknown."""
+    """Raise `ValueError` if a position is unknown or absurd."""
     for name in ("x", "y"):
-        unknown = ~np.isfinite(numbers(columns, name))
+        unknown = ~(np.abs(numbers(columns, name)) <= MOST_METRES)
         if unknown.any():
             row = int(np.argmax(unknown))
             raise ValueError(
                 f"{table}: {name} is {short(str(columns[name][row]))!r} in "
-                f"{place_of(columns, row)}, must be finite"
+                f"{place_of(columns, row)}, must be finite, at most {MOST_METRES:g} m"
             )
 
 
@@ -142,7 +146,7 @@ def _points(table: Columns, class_names: list[str]) -> PointSet:
     return PointSet(
         np.stack([x, y], axis=1),
         class_id,
-        _labels(table),
+        table.get("label"),
         velocity,
         table["covariance"][:, :2, :2] if "covariance" in table else None,
         numbers(table, "height") if "height" in table else None,
@@ -150,13 +154,23 @@ def _points(table: Columns, class_names: list[str]) -> PointSet:
     )
 
 
-def _labels(table: Columns) -> IntArray | None:
-    """Return labels as numbers from 1; None if there are none."""
+def _zero_is_shared(truth: Columns) -> bool:
+    """Return whether several targets of one time have the label 0, which is none then."""
+    zero = np.isin(truth["label"].astype(np.str_), ("0", "0.0")) if "label" in truth else ()
+    times = require_column(truth, "time")[np.flatnonzero(zero)]
+    return len(np.unique(times)) < len(times)
+
+
+def _with_numbers(table: Columns, *, zero_is_label: bool) -> Columns:
+    """Return a table whose labels, if it has any, are numbers from 1; 0 for a row without one."""
     if "label" not in table:
-        return None
-    label = table["label"]
+        return table
+    label, zero = table["label"], "0"  # a CSV file has texts
     if label.dtype.kind == "O":  # a data frame with names, and nothing where a row has none
-        label = np.array(["0" if each is None or each != each else str(each) for each in label])
+        label = np.array(["" if each is None or each != each else str(each) for each in label])
+    none = label == ""
+    if label.dtype.kind not in "US":
+        none, zero = label != label, 0
     _, number = np.unique(label, return_inverse=True)
-    none = label == ("0" if label.dtype.kind == "U" else 0)  # a CSV file has texts
-    return np.where(none | (label != label), 0, number.reshape(-1) + 1)
+    unlabelled = none if zero_is_label else none | (label == zero)
+    return with_column(table, "label", np.where(unlabelled, 0, number.reshape(-1) + 1))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import os
 import re
+import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime, timezone
@@ -25,6 +26,25 @@ Table: TypeAlias = Any
 
 # Latest time that 64 bits of nanoseconds can count, seconds.
 LATEST_S = 9.2e9
+# Seconds, or milliseconds, after which times of a clock begin again.
+CLOCKS = {
+    86_400.0: "seconds of the day",
+    604_800.0: "seconds of the GPS week",
+    86_400e3: "milliseconds of the day",
+    604_800e3: "milliseconds of the GPS week",
+}
+# The clock began again only if the step back is a whole turn of it within this share, and all times
+# together are less than half a turn.
+SAME_TURN = 1.0 / 24.0
+# Times are refused if their resolution is more than half of the usual step, and of the second one
+# of these; steps longer than the first one are no scans.
+LONGEST_STEP_S, SHORTEST_STEP_S = 2.0, 0.06
+# Doubles that are all of single precision, from 5e8 s on, have been of that type before.
+SURELY_COARSE_S = 32.0
+UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
+EARLIEST_S = 3e8  # In times since 1970 of which the unit is sought
+# No coordinate or range of a target is larger, metres.
+MOST_METRES = 1e9
 # A date and a time, and its offset from UTC in hours and minutes.
 _OFFSET = re.compile(r"(.*:.*)([+-])(\d\d):?(\d\d)?")
 
@@ -44,6 +64,14 @@ def rows_of(columns: Columns, rows: IntArray) -> Columns:
     if isinstance(columns, Located):
         return Located(own, columns.places[rows], columns.path)
     return Located(own, rows + 1)
+
+
+def with_column(columns: Columns, name: str, column: Column) -> Columns:
+    """Return columns with another one of a name."""
+    changed = {**columns, name: column}
+    if isinstance(columns, Located):
+        return Located(changed, columns.places, columns.path)
+    return changed
 
 
 def place_of(columns: Columns, row: int) -> str:
@@ -79,6 +107,8 @@ def columns_of(table: Table) -> Columns:
 def _column_of(values: Any) -> Column:
     """Return a column; texts that a data frame stores as objects become an array of texts."""
     column = np.atleast_1d(np.asarray(values))
+    if isinstance(values, np.ma.MaskedArray) and column.dtype.kind in "biuf":
+        column = np.where(np.ma.getmaskarray(values), np.nan, column)
     are_texts = column.dtype.kind == "O" and all(isinstance(each, str) for each in column.flat)
     return column.astype(np.str_) if are_texts else column
 
@@ -125,6 +155,8 @@ def numbers(columns: Columns, name: str, column: Column | None = None) -> FloatA
         raise ValueError(f"{name}: shape {column.shape}, must be one number per row")
     if column.dtype.kind in "US":
         column = np.where(column == "", "nan", column)
+    if column.dtype.kind in "mMcV":
+        raise ValueError(f"{name}: {column.dtype} given, must be one number per row")
     try:
         return column.astype(np.float64)
     except (TypeError, ValueError):
@@ -154,20 +186,72 @@ def stamps_ns(columns: Columns, name: str = "time") -> IntArray:
         column = np.array([_since_1970(value) for value in column.tolist()], dtype=object)
     elif column.dtype.kind == "m":
         column = column / np.timedelta64(1, "s")
+    unit = ""
     if column.dtype.kind == "M":
         micros = column.astype("datetime64[us]").astype(np.int64)
         bad = (micros < 0) | (micros > LATEST_S * 1e6)
     else:
         seconds = numbers(columns, name, column)
         bad = ~((seconds >= 0.0) & (seconds <= LATEST_S))
+        if len(seconds) and not bad.any():
+            _require_fine(name, column, seconds)
+            seconds = _unrolled(name, columns, seconds)
+        unit = _unit(float(seconds[np.argmax(bad)])) if bad.any() else ""
         micros = np.rint(np.where(bad, 0.0, seconds) * 1e6).astype(np.int64)
     if bad.any():
         row = int(np.argmax(bad))
         raise ValueError(
             f"{name}: {str(column[row])!r} in {place_of(columns, row)}, must be a time from 0 s "
-            f"on, at most {LATEST_S:.0f} s: seconds or a date since 1970"
+            f"on, at most {LATEST_S:.0f} s: seconds or a date since 1970{unit}"
         )
     return 1000 * micros
+
+
+def _unit(time: float) -> str:
+    """Return the words for the unit in which a number is a time since 1970; empty if in none."""
+    for factor, unit in UNITS.items():
+        if EARLIEST_S < time / factor < LATEST_S:
+            return f"; probably these are {unit}: divide them by {factor:.0f}"
+    return ""
+
+
+def _require_fine(name: str, column: Column, seconds: FloatArray) -> None:
+    """Raise `ValueError` if a column's type rounds its times as coarsely as they follow."""
+    latest, steps = seconds.max(), np.diff(np.unique(seconds))
+    usual = float(np.median(steps)) if len(steps) else LONGEST_STEP_S
+    usual = min(max(usual, SHORTEST_STEP_S), LONGEST_STEP_S)
+    single = float(np.spacing(np.float32(latest)))
+    if column.dtype.kind == "f" and column.dtype.itemsize < 8:
+        resolution, given = float(np.spacing(column.max())), str(column.dtype)
+    elif len(seconds) > 1 and single > SURELY_COARSE_S and (np.float32(seconds) == seconds).all():
+        resolution, given = single, "float32, whatever the column's type is now"
+    else:
+        return
+    if resolution > 0.5 * usual:
+        raise ValueError(
+            f"{name}: rounded to {resolution:g} s, because {latest:.0f} s is of type {given}: must "
+            "be of type float64 from the start, dates, or seconds from a time nearby"
+        )
+
+
+def _unrolled(name: str, columns: Columns, seconds: FloatArray) -> FloatArray:
+    """Return times that go on where a clock began again, with a warning."""
+    steps = np.diff(seconds)
+    for turn, what in CLOCKS.items():
+        large = steps[np.abs(steps) > 0.5 * turn]
+        if not (large < 0.0).any() or seconds.max() > turn + 1.0:  # a leap second
+            continue
+        found = np.unwrap(seconds, period=turn)
+        whole = (np.abs(np.abs(large) - turn) < SAME_TURN * turn).all()
+        if whole and found.min() >= 0.0 and np.ptp(found) < 0.5 * turn:
+            row = int(np.argmin(steps)) + 1
+            warnings.warn(
+                f"{name}: steps back by {-steps[row - 1]:g} in {place_of(columns, row)}; taken for "
+                f"{what}, so that times go on after {turn:.0f}, to {found.max():.0f}",
+                stacklevel=5,
+            )
+            return found
+    return seconds
 
 
 def rows_by_stamp(stamps: IntArray) -> list[IntArray]:

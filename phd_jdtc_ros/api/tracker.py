@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from os import PathLike
 from typing import Any, NamedTuple
 
@@ -20,8 +21,8 @@ from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Detections, Estimates
 from phd_jdtc_ros.feed.feed import Feed
 from phd_jdtc_ros.feed.tally import DetectionCounts, Tally
-from phd_jdtc_ros.quoting import counts_text
 
+from . import places, supposed_radar
 from .parameters import Parameters
 from .reports import TIME, report_of, reports_of, without_max_range
 from .tables import Column, Table, columns_of, stamps_ns, table_of
@@ -132,10 +133,15 @@ class Tracker:
         Warns
         -----
         UserWarning
-            If detections contradict the parameters, or slow targets are taken for clutter.
+            If detections are not used or contradict the parameters, or slow targets are taken for
+            clutter.
         """
         columns = columns_of(detections)
-        config = without_max_range(self._parameters.config(columns, incomplete=True))
+        parameters = self._parameters.with_origin(columns)
+        columns = parameters.in_plane(columns)
+        parameters = parameters.with_areas(columns)
+        config = parameters.config(columns, incomplete=True)
+        config = without_max_range(config, parameters.areas)
         tally = Tally(config)
         reports: dict[int, list[tuple[int, Detections]]] = {}
         counts = [DetectionCounts() for _ in config.inputs]
@@ -146,15 +152,24 @@ class Tracker:
             noticed = set(checks[index].add(report.detections)) & {*NOT_IN_RECORDINGS}
             tally.on_anomalies(index, report.anomalies + Counter(noticed))
         about: dict[int, list[str]] = {}
+        if text := places.seem_degrees(columns):
+            about = {index: [text] for index in range(len(config.inputs))}
+            warnings.warn(text, stacklevel=2)
         for index, text in tally.about_radars():
             about.setdefault(index, []).append(text)
             warnings.warn(f"{config.inputs[index].name}: {text}", stacklevel=2)
+        for each, read in zip(config.inputs, counts, strict=True):
+            if read.lost:
+                warnings.warn(f"{each.name}: {read.unused()}", stacklevel=2)
         found, timed, faults = {}, {}, []
         for index, name in enumerate(each.name for each in config.inputs):
             try:
                 if index not in reports:
                     raise TuningError("no detections")
-                plots = limit_plots(plots_of(reports[index]))
+                field = polar_radars(config.model.radars)[index].visibility
+                plots = plots_of(reports[index])
+                plots = replace(plots, fov=field.fov.width, min_range=field.min_range)
+                plots = limit_plots(plots)
                 each = findings(plots)
                 polar = config.radars[index].fields.range in columns
                 found[name] = each if polar else each.isotropic()
@@ -162,12 +177,14 @@ class Tracker:
             except TuningError as error:
                 reason = counts[index].fault()
                 reasons = [str(error), *([reason] if reason else ()), *about.get(index, ())]
+                if name in parameters.areas:
+                    reasons.append(supposed_radar.words(parameters.areas[name]))
                 faults.append(f"{name}: {'; '.join(reasons)}")
         if faults:
             raise TuningError("; ".join(faults))
-        for text in self._parameters.hidden(found):
+        for text in parameters.hidden(found):
             warnings.warn(text, stacklevel=2)
-        self._parameters = self._parameters.with_findings(found, timed, columns)
+        self._parameters = parameters.with_findings(found, timed, columns)
         return self
 
     def track(self, detections: Table) -> Tracks:
@@ -188,7 +205,7 @@ class Tracker:
         UserWarning
             If detections are not used or contradict the parameters.
         """
-        columns = columns_of(detections)
+        columns = self._parameters.in_plane(columns_of(detections))
         config = self._parameters.config(columns)
         run = _Run(config)
         for radar, report in reports_of(columns, config):
@@ -219,6 +236,7 @@ class Tracker:
             one.
         """
         columns = {} if detections is None else columns_of(detections)
+        columns = self._parameters.in_plane(columns)
         stamp_ns = int(stamps_ns(columns_of({TIME: [time]}))[0])
         run = self._run
         if run is None and columns:
@@ -304,8 +322,7 @@ class _Run:
         """Yield each warning once."""
         counts = self.tally.detections
         if counts.lost:
-            reasons = counts_text(self.tally.dropped)
-            yield f"{counts.lost.total()} of {counts.offered} detections were not used: {reasons}"
+            yield counts.unused(self.tally.dropped)
         yield from (f"{each.name}: silent, without a row" for each in self.tally.silent())
         for radar, text in self.tally.about_radars(
             self._innovations.fits(), self._registration.mean_residuals()

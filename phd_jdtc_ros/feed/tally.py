@@ -16,6 +16,7 @@ from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.intake.scans import Reset
 from phd_jdtc_ros.core.pipeline import CLOCK, POSE_MISSING, Drops, Event, RunEnded
+from phd_jdtc_ros.quoting import counts_text
 
 # Least share of used detections for a result that counts as a success.
 LEAST_USED = 0.5
@@ -63,6 +64,11 @@ class DetectionCounts:
         for reason, count in dropped.items():
             self.offered += count
             self.lost[reason] += count
+
+    def unused(self, reasons: Mapping[str, int] | None = None) -> str:
+        """Return the sentence about unused detections, with other counts if these are given."""
+        listed = counts_text(self.lost if reasons is None else reasons)
+        return f"{self.lost.total()} of {self.offered} detections were not used: {listed}"
 
     def fault(self) -> str | None:
         """Return an error message if too few detections were used, else None."""

@@ -13,8 +13,17 @@ from phd_jdtc_ros.parameter_files import sections
 
 
 def config(given: Mapping[str, Any]) -> TrackerConfig:
-    """Return the configuration by a node's own parameters; `ConfigError` has every fault."""
-    return resolve({k: given[k] for k in given if k not in tracker_node.NAMES}, SystemPlane)
+    """Return the configuration by a live node's parameters; `ConfigError` has every fault."""
+    return resolve(without_node(given), SystemPlane)
+
+
+def without_node(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a live node's parameters without those that only a live node uses."""
+    return {
+        name: value
+        for name, value in given.items()
+        if name not in tracker_node.NAMES and sections.is_own(name)
+    }
 
 
 def load(path: Path, tracker: str) -> TrackerConfig:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros import Tracker, evaluate
+from phd_jdtc_ros.earth import SystemPlane
 
 DETECTIONS, TRUTH = crossing.detections(), crossing.truth()
 
@@ -111,15 +112,66 @@ def test_fit_reports_what_a_recording_lacks():
 
 
 def test_fit_takes_the_larger_deviation_for_both_axes_of_positions():
-    noise = np.radians(3.0) * np.random.default_rng(6).standard_normal(len(DETECTIONS["time"]))
-    table = {**DETECTIONS, "azimuth": DETECTIONS["azimuth"] + noise}
-    along = Tracker().fit(table).parameters["radar.range_std"]
-    assert along == pytest.approx(5.0, rel=0.4)
-    given = crossing.cartesian(table)
-    across = Tracker().fit(given).parameters["radar.range_std"]
-    assert across == pytest.approx(np.radians(3.0) * 450.0, rel=0.4)
+    noise = 20.0 * np.random.default_rng(6).standard_normal(len(DETECTIONS["time"]))
+    given = crossing.cartesian(DETECTIONS)
+    for axis in "xy":
+        table = {**given, axis: given[axis] + noise}
+        found = Tracker().fit(table).parameters["radar.range_std"]
+        assert found == pytest.approx(20.0, rel=0.4)
     # Positions are not used beside ranges and azimuths.
-    assert Tracker().fit({**table, **given}).parameters["radar.range_std"] == along
+    found = Tracker().fit({**DETECTIONS, **table}).parameters["radar.range_std"]
+    assert found == pytest.approx(5.0, rel=0.25)
+
+
+def through_zero(x=0.0, y=0.0, seed=11):
+    """Return positions of a person who walks through (x, y), amid false ones, and the truth."""
+    rng, times = np.random.default_rng(seed), 0.1 * np.arange(150)
+    true = x + 1.2 * (times - 7.5), np.full(150, y)
+    seen = np.array([times, *true]).T[rng.random(150) < 0.95]
+    seen[:, 1:] += 0.08 * rng.standard_normal((len(seen), 2))
+    false = [rng.choice(times, 150), x + rng.uniform(-15, 15, 150), y + rng.uniform(-15, 15, 150)]
+    rows = np.concatenate([seen, np.transpose(false)]).T
+    truth = {"time": times, "label": np.ones(150), "x": true[0], "y": true[1]}
+    return dict(zip(("time", "x", "y"), rows, strict=True)), truth
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.0), (500e3, 5.4e6)], ids=["zero", "far UTM"])
+def test_who_walks_through_a_place_of_a_table_of_positions_is_kept(place):
+    detections, truth = through_zero(*place)
+    found = Tracker().fit(detections).track(detections).smoothed
+    scores = evaluate(truth, found, cutoff=1.0, times=np.unique(detections["time"]))
+    assert len(set(found["label"].tolist())) == 1
+    assert scores["missed"] < 0.02
+    assert scores["position_rms"] < 0.06
+
+
+def test_fit_counts_absurd_positions_and_tracks_as_without_them():
+    table = crossing.cartesian(DETECTIONS)
+    usual = Tracker().fit(table).track(table).smoothed
+    more = {name: np.append(column, [12.0, 13.0]) for name, column in table.items()}
+    more["x"][-2:], more["y"][-2:] = [1e160, 50.0], [70.0, 1e20]
+    tracker = Tracker()
+    with pytest.warns(UserWarning, match="2 of .* detections were not used: range 2"):
+        tracker.fit(more)
+    with pytest.warns(UserWarning, match="2 of .* detections were not used: range 2"):
+        assert len(tracker.track(more).smoothed) == len(usual)
+
+
+def test_fit_tracks_latitudes_and_longitudes_in_the_plane_about_their_middle():
+    table, about = crossing.cartesian(DETECTIONS), SystemPlane((47.37, 8.54, 0.0))
+    lat, lon = about.to_geodetic(table["x"], table["y"])
+    tracker = Tracker().fit({"time": table["time"], "lat": lat, "lon": lon})
+    found = tracker.track({"time": table["time"], "lat": lat, "lon": lon}).smoothed
+    plane = SystemPlane(tracker.parameters["world_origin"])
+    x, y = plane.to_plane(*about.to_geodetic(TRUTH["x"], TRUTH["y"]))
+    assert evaluate({**TRUTH, "x": x, "y": y}, found, cutoff=50.0)["ospa"] < 8.0
+    with (
+        pytest.warns(UserWarning, match="if they are degrees, name them lon and lat"),
+        pytest.raises(ValueError, match="distinct from clutter"),
+    ):
+        Tracker().fit({"time": table["time"], "x": lon, "y": lat})
+    with pytest.raises(ValueError, match="lat: 97.*in row 1, must be from -90 to 90 degrees"):
+        Tracker().fit({"time": table["time"], "lat": lat + 50.0, "lon": lon})
 
 
 def test_fit_says_why_detections_cannot_be_used():

@@ -295,6 +295,24 @@ def test_parameters_go_into_a_file_of_the_node(tmp_path):
     assert_same(found.smoothed, fitted.track(DETECTIONS).smoothed)
 
 
+def test_files_of_a_live_node_and_shipped_profiles_are_parameters(request, tmp_path):
+    path = tmp_path / "live.yaml"
+    of_node = {"autostart": False, "checkpoint": {"path": "/tmp/state"}, "use_sim_time": True}
+    of_node |= {"outputs": ["markers"], "qos_overrides": {"/tf": {"publisher": {"depth": 3}}}}
+    document = {"/radar/tracker": {"ros__parameters": {**of_node, "sensors": ["mast"]}}}
+    path.write_text(yaml.safe_dump(document))
+    assert Tracker(path).parameters == {"sensors": ["mast"]}
+    profiles = sorted((request.config.rootpath / "config").glob("*.yaml"))
+    assert len(profiles) > 5
+    for profile in profiles:
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            Tracker(profile)
+        assert [str(each.message)[:11] for each in said] == (
+            ["radar.pose:"] if profile.stem == "autoferry" else []
+        )
+
+
 @pytest.mark.parametrize(("factor", "wrong"), [(0.1, "larger"), (10.0, "smaller")])
 def test_track_warns_of_innovations_that_contradict_the_noise(factor, wrong):
     usual = crossing.PARAMETERS["radar"]

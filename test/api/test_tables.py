@@ -183,6 +183,57 @@ def test_stamps_name_what_is_no_time(time):
         stamps_ns(columns_of({"time": [1.0 if isinstance(time, float) else "2026-01-01", time]}))
 
 
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_times_that_were_of_single_precision_are_refused(kind):
+    time = (1.7e9 + np.arange(300.0)).astype(np.float32).astype(kind)
+    with pytest.raises(ValueError, match="time: rounded to 128 s, .* must be of type float64"):
+        stamps_ns({"time": time})
+
+
+@pytest.mark.parametrize(
+    ("turn", "what"), [(86400.0, "seconds of the day"), (604800.0, "seconds of the GPS week")]
+)
+def test_times_of_a_clock_that_begins_again_go_on(turn, what):
+    seconds = turn - 30.0 + np.arange(60.0)
+    with pytest.warns(UserWarning, match=f"steps back by {turn - 1.0:.0f} in row 31; taken for {what}"):
+        found = stamps_ns({"time": seconds % turn})
+    assert (found == 1e9 * seconds).all()
+
+
+def test_times_that_step_back_by_less_are_as_they_were(recwarn):
+    seconds = np.concatenate([np.arange(50e3, 50.1e3), np.arange(1e3, 1.1e3)])
+    assert (stamps_ns({"time": seconds}) == 1e9 * seconds).all()
+    assert not recwarn
+
+
+def test_times_in_another_unit_since_1970_are_named():
+    for factor, unit in ((1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")):
+        time = (factor * (1.7e9 + np.arange(3.0))).astype(np.int64)
+        with pytest.raises(ValueError, match=f"probably these are {unit}: divide them by"):
+            stamps_ns({"time": time})
+
+
+def test_columns_of_takes_masked_values_for_unknown_ones():
+    masked = np.ma.masked_array([1.0, 1e20, 3.0], mask=[False, True, False])
+    np.testing.assert_array_equal(columns_of({"x": masked})["x"], [1.0, np.nan, 3.0])
+
+
+def test_numbers_refuses_dates():
+    with pytest.raises(ValueError, match=r"x: datetime64\[s\] given, must be one number per row"):
+        numbers(columns_of({"x": np.array([1, 2], dtype="datetime64[s]")}), "x")
+
+
+def test_label_zero_of_the_truth_is_a_label():
+    late = TRUTH["time"] >= 30.0
+    swapped = {**TRUTH, "label": np.where(late, 3 - TRUTH["label"], TRUTH["label"])}
+    for label in (TRUTH["label"] - 1, (TRUTH["label"] - 1).astype(int).astype(np.str_)):
+        found = evaluate({**TRUTH, "label": label}, swapped, cutoff=50.0)
+        assert found["identity_switches"] == 2
+    # Labels that several targets of one time share are none.
+    none = {**TRUTH, "label": np.zeros(len(late))}
+    assert evaluate(none, swapped, cutoff=50.0)["identity_switches"] is None
+
+
 def test_evaluate_of_the_truth_finds_no_error_and_of_no_tracks_the_cutoff():
     found = evaluate(TRUTH, TRUTH, cutoff=100.0)
     assert found["scans"] == crossing.LAST

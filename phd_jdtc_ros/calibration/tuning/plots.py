@@ -10,12 +10,12 @@ import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.intake.input_checks import COPIED_DETECTIONS, is_copy
-from phd_jdtc_ros.core.types import Detections
+from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
 from . import kinematics
 
-# More plots take longer and hardly sharpen the estimates.
-MOST_PLOTS = 15_000
+# More plots take longer and hardly sharpen the estimates, but targets are only found in many clouds.
+MOST_PLOTS, LEAST_CLOUDS = 15_000, 10
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,9 @@ class Plots:
     # not move.
     pose: FloatArray
     timed: bool  # True if the detections of a cloud have times of their own
+    # Configured bounds of the field of view: width, radians, and least range, metres.
+    fov: float = FULL_TURN
+    min_range: float = 0.0
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -66,10 +69,11 @@ class Plots:
 
 
 def limit_plots(plots: Plots, most: int = MOST_PLOTS) -> Plots:
-    """Return the plots of the first clouds, about `most` of them."""
+    """Return the plots of the first clouds: about `most` of them, or those of `LEAST_CLOUDS`."""
     if len(plots) <= most:
         return plots
-    return plots.until(float(plots.cloud_s[plots.cloud[most]]))
+    last = max(int(plots.cloud[most]), min(LEAST_CLOUDS, len(plots.cloud_s)) - 1)
+    return plots.until(float(plots.cloud_s[last]))
 
 
 def plots_of(reports: Sequence[tuple[int, Detections]]) -> Plots:

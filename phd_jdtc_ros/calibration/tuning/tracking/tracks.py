@@ -85,7 +85,8 @@ def link_plots(plots: Plots, timing: Timing, model: LinkModel, log_ratio: FloatA
 
     misses = np.log(IMPROBABLE) / np.log(max(1.0 - model.detection_probability, 1e-3))
     farthest = float(plots.measurement[:, 0].max(initial=1.0))
-    log_clutter = np.log(max(model.clutter_rate, 0.1) / (2.0 * np.pi * farthest))
+    field_size = plots.fov * max(farthest - plots.min_range, 1e-3 * farthest)
+    log_clutter = np.log(max(model.clutter_rate, 0.1) / field_size)
     numbers = Numbers(
         timing.rotation_s,
         float(np.clip(np.ceil(misses), LEAST_MISSES, MOST_MISSES)),
