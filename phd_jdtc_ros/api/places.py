@@ -19,7 +19,7 @@ SPAN, AWAY = 1.5, 30.0
 
 
 def names(columns: Collection[str]) -> tuple[str, str] | None:
-    """Return the columns of latitudes and longitudes; None if there are none, or other positions."""
+    """Return the columns of latitudes and longitudes; None without them, or beside others."""
     if {"range", *POSITION} & {*columns}:
         return None
     return next((pair for pair in NAMES if {*pair} <= {*columns}), None)
@@ -56,7 +56,9 @@ def in_plane(columns: Columns, origin: Sequence[float]) -> Columns:
                 f"{most:g} degrees"
             )
     unknown = np.isnan(degrees).any(axis=0)
-    plane = SystemPlane(origin).to_plane(*np.where(unknown, np.asarray(origin[:2])[:, None], degrees))
+    plane = SystemPlane(origin).to_plane(
+        *np.where(unknown, np.asarray(origin[:2])[:, None], degrees)
+    )
     for name, column in zip(POSITION, plane, strict=True):
         columns = with_column(columns, name, np.where(unknown, np.nan, column))
     return columns
@@ -67,7 +69,9 @@ def seem_degrees(columns: Columns) -> str:
     if not {*POSITION} <= {*columns}:
         return ""
     x, y = (numbers(columns, name) for name in POSITION)
-    low, mid, high = np.nanquantile([x, y], [0.05, 0.5, 0.95], axis=1) if len(x) else np.zeros((3, 2))
+    low, mid, high = (
+        np.nanquantile([x, y], [0.05, 0.5, 0.95], axis=1) if len(x) else np.zeros((3, 2))
+    )
     span = float((high - low).max())
     degrees = abs(mid[0]) <= 180.0 and abs(mid[1]) <= 90.0
     if not (degrees and 0.0 < span < SPAN and np.hypot(*mid) > AWAY * span):

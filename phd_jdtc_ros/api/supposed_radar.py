@@ -1,12 +1,11 @@
 """The radar that is supposed to stand beside a table of positions, which names no sensor.
 
 Both engines measure ranges and azimuths. Near a radar an error in x and y is normal in neither, and
-a target that walks through the radar is lost; so the radar stands outside the area of the positions.
-There a position's error is the same along both axes at every place, because each detection has an
-azimuth error of its own (`reports`), and clutter that is uniform in the area is nearly uniform in
-range and azimuth.
+a target that walks through the radar is lost; so it stands outside the area of the positions. There
+a position's error is the same along both axes, because each detection has an azimuth error of its
+own (`reports`), and clutter that is uniform in the area is nearly so in range and azimuth.
 
-A radar that the user places is none of these: it is where its parameters say.
+A radar that the user places is where its parameters say.
 """
 
 from __future__ import annotations

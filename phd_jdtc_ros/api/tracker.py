@@ -69,7 +69,8 @@ class Tracker:
     radars), and either ``range`` and ``azimuth`` (metres; radians counter-clockwise from the
     radar's x axis, or as ``azimuth_unit`` and ``azimuth_convention`` define) or ``x`` and ``y``
     (metres, in the world frame, with the standard deviation ``position_std`` or else
-    ``range_std``). Further columns are named by ``fields``. Columns with the names of its
+    ``range_std``) or ``lat`` and ``lon`` (degrees; they become x and y about ``world_origin``).
+    Further columns are named by ``fields``. Columns with the names of its
     parameters (``amplitude``, ``height``, ``code``, ``range_rate`` and so on) are used if present;
     others are ignored.
 

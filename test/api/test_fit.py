@@ -170,7 +170,7 @@ def test_fit_tracks_latitudes_and_longitudes_in_the_plane_about_their_middle():
         pytest.raises(ValueError, match="distinct from clutter"),
     ):
         Tracker().fit({"time": table["time"], "x": lon, "y": lat})
-    with pytest.raises(ValueError, match="lat: 97.*in row 1, must be from -90 to 90 degrees"):
+    with pytest.raises(ValueError, match=r"lat: 97.*in row 1, must be from -90 to 90 degrees"):
         Tracker().fit({"time": table["time"], "lat": lat + 50.0, "lon": lon})
 
 

@@ -186,7 +186,7 @@ def test_stamps_name_what_is_no_time(time):
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
 def test_times_that_were_of_single_precision_are_refused(kind):
     time = (1.7e9 + np.arange(300.0)).astype(np.float32).astype(kind)
-    with pytest.raises(ValueError, match="time: rounded to 128 s, .* must be of type float64"):
+    with pytest.raises(ValueError, match=r"time: rounded to 128 s, .* must be of type float64"):
         stamps_ns({"time": time})
 
 
@@ -195,7 +195,9 @@ def test_times_that_were_of_single_precision_are_refused(kind):
 )
 def test_times_of_a_clock_that_begins_again_go_on(turn, what):
     seconds = turn - 30.0 + np.arange(60.0)
-    with pytest.warns(UserWarning, match=f"steps back by {turn - 1.0:.0f} in row 31; taken for {what}"):
+    with pytest.warns(
+        UserWarning, match=f"steps back by {turn - 1.0:.0f} in row 31; taken for {what}"
+    ):
         found = stamps_ns({"time": seconds % turn})
     assert (found == 1e9 * seconds).all()
 

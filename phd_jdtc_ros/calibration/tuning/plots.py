@@ -14,7 +14,7 @@ from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
 from . import kinematics
 
-# More plots take longer and hardly sharpen the estimates, but targets are only found in many clouds.
+# More plots take longer and hardly sharpen the estimates, but targets are found in several clouds.
 MOST_PLOTS, LEAST_CLOUDS = 15_000, 10
 
 

@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 from phd_jdtc_ros.calibration.tuning import kinematics
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.calibration.tuning.levels import log_ratio
-from phd_jdtc_ros.calibration.tuning.plots import Plots, limit_plots, plots_of
+from phd_jdtc_ros.calibration.tuning.plots import LEAST_CLOUDS, Plots, limit_plots, plots_of
 from phd_jdtc_ros.calibration.tuning.rates import clutter_rate, detection_probability, ends
 from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns, Timing, timing_of
 from phd_jdtc_ros.calibration.tuning.tracking import linking, noise
@@ -33,6 +33,7 @@ def test_plots_are_bounded_in_number_and_time():
     assert limit_plots(plots) is plots
     part = limit_plots(plots, 100)
     assert (len(part.cloud_s), len(part)) == (21, 105)
+    assert len(limit_plots(plots, 15).cloud_s) == LEAST_CLOUDS
     plots = one_target(count=20)
     part = plots.until(10.0)
     assert isinstance(part, Plots)
