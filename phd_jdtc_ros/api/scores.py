@@ -165,12 +165,12 @@ def _with_numbers(table: Columns, *, zero_is_label: bool) -> Columns:
     """Return a table whose labels, if it has any, are numbers from 1; 0 for a row without one."""
     if "label" not in table:
         return table
-    label, zero = table["label"], "0"  # a CSV file has texts
+    label = table["label"]
     if label.dtype.kind == "O":  # a data frame with names, and nothing where a row has none
         label = np.array(["" if each is None or each != each else str(each) for each in label])
-    none = label == ""
-    if label.dtype.kind not in "US":
-        none, zero = label != label, 0
+    texts = label.dtype.kind == "U"  # a CSV file has texts
+    none = label == "" if texts else label != label
+    if not zero_is_label:
+        none |= label == ("0" if texts else 0)
     _, number = np.unique(label, return_inverse=True)
-    unlabelled = none if zero_is_label else none | (label == zero)
-    return with_column(table, "label", np.where(unlabelled, 0, number.reshape(-1) + 1))
+    return with_column(table, "label", np.where(none, 0, number.reshape(-1) + 1))

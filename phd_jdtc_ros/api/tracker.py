@@ -159,9 +159,9 @@ class Tracker:
         for index, text in tally.about_radars():
             about.setdefault(index, []).append(text)
             warnings.warn(f"{config.inputs[index].name}: {text}", stacklevel=2)
-        for each, read in zip(config.inputs, counts, strict=True):
+        for sensor, read in zip(config.inputs, counts, strict=True):
             if read.lost:
-                warnings.warn(f"{each.name}: {read.unused()}", stacklevel=2)
+                warnings.warn(f"{sensor.name}: {read.unused()}", stacklevel=2)
         found, timed, faults = {}, {}, []
         for index, name in enumerate(each.name for each in config.inputs):
             try:
