@@ -9,12 +9,10 @@ from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from msg_adapters.encoding import names
-from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
 from phd_jdtc_ros.quoting import counts_text
 
-from ..common.health import Rises, first
+from ..common.health import Rises, first, status_of
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 # A radar without messages for this time is silent, seconds.
@@ -70,7 +68,7 @@ def of_input(at: Moment, stream: PlotStream, lost: int, inputs: Sequence[str]) -
     )
     trailers = sum(stream.blocks.known_trailers().values())
     values = {"datagrams": stream.datagrams, "lost": lost, "trailers": trailers, **counts}
-    return diagnostics.status(names.health("input", at.node), values, *condition, at.node)
+    return status_of(at.node, "input", condition, values)
 
 
 def of_radar(at: Moment, number: int, state: RadarState) -> DiagnosticStatus:
@@ -85,7 +83,7 @@ def of_radar(at: Moment, number: int, state: RadarState) -> DiagnosticStatus:
         "clock_shift_s": shift_s,
         **+state.counts,
     }
-    name = names.health(state.settings.name, at.node)
+    name = state.settings.name
     messages, late = state.plots + state.services, state.counts["late_plots"]
     quiet_s = at.quiet_s(f"{name} messages", messages)
     quiet = f"silent for {quiet_s:.0f} s" if messages else "no messages yet"
@@ -100,7 +98,7 @@ def of_radar(at: Moment, number: int, state: RadarState) -> DiagnosticStatus:
         (WARN, arriving_late, f"{late} plots came after their cloud was sent"),
         (OK, True, f"{state.plots} plots in {state.reports} clouds"),
     )
-    return diagnostics.status(name, values, *condition, f"{number >> 8}/{number & 255}")
+    return status_of(at.node, name, condition, values, f"{number >> 8}/{number & 255}")
 
 
 def of_output(
@@ -122,6 +120,4 @@ def of_output(
         (WARN, quiet_s > SILENT_S, quiet),
         (OK, True, f"{sent['tracks']} tracks sent to {output}"),
     )
-    return diagnostics.status(
-        names.health("output", at.node), {**sent, **counts}, *condition, at.node
-    )
+    return status_of(at.node, "output", condition, {**sent, **counts})

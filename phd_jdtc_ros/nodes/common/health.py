@@ -9,9 +9,10 @@ import math
 import re
 import time
 from collections import deque
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from statistics import median
+from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.impl.rcutils_logger import RcutilsLogger
@@ -20,7 +21,7 @@ from rclpy.node import Node
 from msg_adapters.encoding import names
 from msg_adapters.outgoing import diagnostics
 
-from .callbacks import steady_timer
+from .callbacks import serve, steady_timer
 from .topics import reliable
 
 # A cause is logged only after this time, so that a start or a single lost scan is not logged.
@@ -37,6 +38,8 @@ PERIOD_S = 1.0
 # Interval between checks of a node's state, whose change is published at once, seconds.
 CHECK_PERIOD_S = 0.1
 DEPTH = 10
+# The line of the worst of all statuses, the service that tells it, and its text without a fault.
+SUMMARY, SERVICE, ALL_WELL = "summary", "health", "all is well"
 
 
 @dataclass
@@ -90,13 +93,51 @@ class StatusLog:
             self._logger.info(f"{text} again")
 
 
-# Level and message of a status.
-Condition = tuple[bytes, str]
+class Condition(NamedTuple):
+    """What a status says."""
+
+    level: bytes
+    message: str
 
 
 def first(*conditions: tuple[bytes, object, str]) -> Condition:
     """Return level and message of the first condition whose second member is true."""
-    return next((level, text) for level, holds, text in conditions if holds)
+    return next(Condition(level, text) for level, holds, text in conditions if holds)
+
+
+def status_of(
+    node: str,
+    line: str,
+    condition: Condition,
+    values: Mapping[str, object] | None = None,
+    hardware_id: str = "",
+) -> DiagnosticStatus:
+    """Return a status of a node with this full name, which is the hardware unless another is."""
+    name = names.health(line, node)
+    return diagnostics.status(name, values or {}, *condition, hardware_id or node)
+
+
+# Levels from the best to the worst: what is silent may be more than a warning, and is no error.
+SEVERITY = (
+    DiagnosticStatus.OK,
+    DiagnosticStatus.WARN,
+    DiagnosticStatus.STALE,
+    DiagnosticStatus.ERROR,
+)
+
+
+def summary(node: str, statuses: Sequence[DiagnosticStatus]) -> DiagnosticStatus:
+    """Return the worst of a node's statuses: its lines, its message, and the other wrong lines."""
+    worst = max(statuses, key=lambda each: SEVERITY.index(each.level))
+    if worst.level == DiagnosticStatus.OK:
+        return status_of(node, SUMMARY, Condition(worst.level, ALL_WELL))
+    wrong = [each for each in statuses if each.level != DiagnosticStatus.OK]
+    lines = [(each.message, each.name.removeprefix(names.health("", node))) for each in wrong]
+    alike = [line for message, line in lines if message == worst.message]
+    others = [line for message, line in lines if message != worst.message]
+    rest = f"; not OK either: {', '.join(others)}" if others else ""
+    text = f"{', '.join(alike)}: {worst.message}{rest}"
+    return status_of(node, SUMMARY, Condition(worst.level, text))
 
 
 class Rhythm:
@@ -174,6 +215,7 @@ class ThrottledWarnings:
 class HealthReports:
     """Publishes a node's statuses on ``/diagnostics`` each second, and logs causes of warnings.
 
+    The first is the `summary` of the others, which the service ``~/health`` tells too.
     `active` returns whether the node works, so that its warnings are logged, and `state` a value
     whose change is published at once.
     """
@@ -191,6 +233,15 @@ class HealthReports:
         self._published: tuple[Hashable, float] = (None, -math.inf)
         self._output = node.create_publisher(DiagnosticArray, names.DIAGNOSTICS, reliable(DEPTH))
         steady_timer(node, CHECK_PERIOD_S, self._check)
+        serve(node, SERVICE, self._answer)
+
+    def _summary(self, statuses: Sequence[DiagnosticStatus]) -> DiagnosticStatus:
+        return summary(self._node.get_fully_qualified_name(), statuses)
+
+    def _answer(self) -> tuple[bool, str]:
+        """Return whether all is well, and the summary."""
+        found = self._summary(self._statuses())
+        return found.level == DiagnosticStatus.OK, found.message
 
     def _check(self) -> None:
         now_s, state = time.monotonic(), self._state()
@@ -204,4 +255,4 @@ class HealthReports:
         else:
             self._log.clear()
         stamp_ns = self._node.get_clock().now().nanoseconds
-        self._output.publish(diagnostics.array(stamp_ns, statuses))
+        self._output.publish(diagnostics.array(stamp_ns, [self._summary(statuses), *statuses]))

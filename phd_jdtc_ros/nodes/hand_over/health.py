@@ -8,13 +8,11 @@ from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from msg_adapters.encoding import names
-from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.core.types import FILTERED
 from phd_jdtc_ros.handover.picture import LATEST_STAMPS, JointPicture
 from phd_jdtc_ros.quoting import counts_text
 
-from ..common.health import Rhythm, Rises, first
+from ..common.health import Rhythm, Rises, first, status_of
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 # First guess of the interval between clouds: no surveillance radar turns more slowly, seconds.
@@ -57,13 +55,20 @@ class TrackerHealth:
         return self.quiet_s(now_s) > self.limit_s + self._rhythm.interval_s
 
     def status(
-        self, name: str, node: str, behind_s: float, silent: bool, now_s: float, hint: str = ""
+        self,
+        node: str,
+        line: str,
+        tracker: str,
+        behind_s: float,
+        silent: bool,
+        now_s: float,
+        hint: str = "",
     ) -> DiagnosticStatus:
-        """Return the status of the tracker's estimates.
+        """Return the status of the tracker's estimates, as a line of the node.
 
-        `name` is the status's, and `node` the tracker's full name. Its estimates are `behind_s`
-        older than the newest of all, and the picture is without it if it is `silent`. `hint` is the
-        fault of a topic without estimates, empty if they are published.
+        `tracker` is the tracker's full name. Its estimates are `behind_s` older than the newest of
+        all, and the picture is without it if it is `silent`. `hint` is the fault of a topic without
+        estimates, empty if they are published.
         """
         quiet_s = self.quiet_s(now_s)
         values = {
@@ -82,7 +87,7 @@ class TrackerHealth:
             (WARN, silent, f"silent: its estimates are {behind_s:.1f} s behind{without}"),
             (OK, True, f"{self.clouds[FILTERED]} stamps"),
         )
-        return diagnostics.status(name, values, *condition, node)
+        return status_of(node, line, condition, values, tracker)
 
 
 def of_picture(
@@ -112,4 +117,4 @@ def of_picture(
         (WARN, uncommon_stamps > LATEST_STAMPS // 2, uncommon),
         (OK, True, f"{tracks} tracks, {picture.handed_over} changes from one tracker to another"),
     )
-    return diagnostics.status(names.health("picture", node), values, *condition, node)
+    return status_of(node, "picture", condition, values)

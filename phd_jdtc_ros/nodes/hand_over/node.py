@@ -10,7 +10,6 @@ from functools import partial
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters.encoding import names
 from msg_adapters.encoding.errors import RejectedMessageError, quote
 from msg_adapters.targets import estimates
 from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates
@@ -191,8 +190,8 @@ class HandOver(RunnableNode):
             zip(self._settings.names, self._trackers, strict=True)
         ):
             silent, behind_s = tracker in picture.silent, picture.behind_s(tracker)
-            line, full = names.health(name, node), self._settings.nodes[tracker]
-            found.append(own.status(line, full, behind_s, silent, now_s, self._hint(tracker)))
+            full, hint = self._settings.nodes[tracker], self._hint(tracker)
+            found.append(own.status(node, name, full, behind_s, silent, now_s, hint))
             if not (silent or own.is_quiet(now_s)):
                 alive.append(name)
         return [*found, health.of_picture(node, picture, self._published, self._tracks, alive)]

@@ -20,7 +20,7 @@ from msg_adapters.encoding import names
 from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.core import compilation
 
-from ..common.health import DEPTH, PERIOD_S
+from ..common.health import DEPTH, PERIOD_S, Condition, status_of, summary
 from ..common.topics import reliable
 
 TEXT = "the tracker is compiling, once for each installation"
@@ -53,12 +53,12 @@ def _report(argv: list[str], ended: threading.Event) -> None:
     try:
         node = Node("tracker", context=context, enable_rosout=False, start_parameter_services=False)
         name = node.get_fully_qualified_name()
-        health = names.health("step time", name)
-        line = diagnostics.status(health, {}, DiagnosticStatus.STALE, TEXT, name)
+        line = status_of(name, "step time", Condition(DiagnosticStatus.STALE, TEXT))
+        lines = [summary(name, [line]), line]
         output = node.create_publisher(DiagnosticArray, names.DIAGNOSTICS, reliable(DEPTH))
         is_ended = False
         while not is_ended:
-            output.publish(diagnostics.array(node.get_clock().now().nanoseconds, [line]))
+            output.publish(diagnostics.array(node.get_clock().now().nanoseconds, lines))
             is_ended = ended.wait(PERIOD_S)
         node.destroy_node()
     finally:

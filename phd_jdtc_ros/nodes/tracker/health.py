@@ -12,10 +12,9 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters.encoding import names
 from msg_adapters.incoming import anomalies
-from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.calibration.registration.monitor import LEAST, MeanResidual
 
-from ..common.health import WARNING_MEMORY_S, Rhythm, Rises, first
+from ..common.health import WARNING_MEMORY_S, Condition, Rhythm, Rises, first, status_of
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 # The tracker is at its limit if it works for more than BUSY_SHARE of the time while scans are
@@ -128,7 +127,7 @@ class StepHealth:
         }
         if self.scans_without_targets:
             values["scans_without_targets"] = self.scans_without_targets
-        return diagnostics.status(names.health("step time", node), values, *condition, node)
+        return status_of(node, "step time", condition, values)
 
 
 @dataclass
@@ -150,7 +149,7 @@ class OutputHealth:
             (OK, True, "served"),
         )
         values = {f"incompatible_qos {topic}": n for topic, n in sorted(self.refused.items())}
-        return diagnostics.status(names.health("outputs", node), values, *condition, node)
+        return status_of(node, "outputs", condition, values)
 
 
 def registration_status(found: MeanResidual, node: str) -> DiagnosticStatus:
@@ -170,5 +169,5 @@ def registration_status(found: MeanResidual, node: str) -> DiagnosticStatus:
         (OK, found.residuals < LEAST, few),
         (OK, True, "agrees with the other radars"),
     )
-    line = names.health(f"registration of {found.radar}", node)
-    return diagnostics.status(line, values, *condition, names.hardware(found.radar, node))
+    line, hardware_id = f"registration of {found.radar}", names.hardware(found.radar, node)
+    return status_of(node, line, condition, values, hardware_id)

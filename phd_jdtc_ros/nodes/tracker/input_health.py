@@ -10,10 +10,9 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters.encoding import names
 from msg_adapters.incoming import anomalies
-from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.calibration.innovations import Fit
 
-from ..common.health import WARNING_MEMORY_S, Condition, Rhythm, Rises, first
+from ..common.health import WARNING_MEMORY_S, Condition, Rhythm, Rises, first, status_of
 from ..common.sequence_numbers import SequenceNumbers
 
 ERROR, STALE, WARN = DiagnosticStatus.ERROR, DiagnosticStatus.STALE, DiagnosticStatus.WARN
@@ -142,9 +141,7 @@ class InputHealth:
             values |= {f"{component}_innovation": ratio for component, ratio in axes}
         values |= self.learned
         condition = self._condition(now_s, self.silent(checked_s), publishers)
-        return diagnostics.status(
-            names.health(self.name, node), values, *condition, names.hardware(self.name, node)
-        )
+        return status_of(node, self.name, condition, values, names.hardware(self.name, node))
 
     def _condition(self, now_s: float, silent: bool, publishers: Publishers) -> Condition:
         """Return the worst condition; silence is STALE and no ERROR, because tracking goes on."""

@@ -17,14 +17,13 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
 from msg_adapters.encoding import names
-from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import USAGE
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
 from ..common import arguments, parameters, runtime
 from ..common.callbacks import serve
-from ..common.health import HealthReports
+from ..common.health import Condition, HealthReports, status_of
 from ..common.managed import ManagedNode
 from . import compiling, manager_bond, settings
 from .live import LiveTracker
@@ -246,12 +245,11 @@ class Tracker(ManagedNode):
     def _statuses(self) -> list[DiagnosticStatus]:
         if self.is_active:
             return self._configured.statuses()
-        name, text = self.get_fully_qualified_name(), f"the tracker is {self.phase}"
+        name = self.get_fully_qualified_name()
+        condition = Condition(DiagnosticStatus.STALE, f"the tracker is {self.phase}")
         lines = {r.name: names.hardware(r.name, name) for r in self._settings.config.inputs}
         return [
-            diagnostics.status(
-                names.health(line, name), {}, DiagnosticStatus.STALE, text, hardware_id
-            )
+            status_of(name, line, condition, hardware_id=hardware_id)
             for line, hardware_id in {**lines, "step time": name, "outputs": name}.items()
         ]
 

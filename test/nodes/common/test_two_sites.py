@@ -15,7 +15,7 @@ from live_radars import FAST
 ROOT = Path(__file__).parents[3]
 ANALYZERS = ROOT / "config" / "diagnostics"
 SITES = ("/site_a", "/site_b")
-LINES = ("radar_1", "radar_2", "step time", "outputs")
+LINES = ("summary", "radar_1", "radar_2", "step time", "outputs")
 
 
 class Aggregator:
@@ -69,6 +69,7 @@ def test_diagnostics_of_two_sites_have_different_names(statuses):
             "radar_2": f"{site}/tracker/radar_2",
             "step time": f"{site}/tracker",
             "outputs": f"{site}/tracker",
+            "summary": f"{site}/tracker",
         }
 
 

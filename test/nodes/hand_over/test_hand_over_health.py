@@ -23,7 +23,7 @@ def history_at(*times):
 
 
 def status(heard, now_s, silent=False, behind_s=0.0):
-    return heard.status("/hand_over: west", "/west/tracker", behind_s, silent, now_s)
+    return heard.status("/hand_over", "west", "/west/tracker", behind_s, silent, now_s)
 
 
 def test_a_tracker_is_silent_after_its_usual_turn_and_not_after_one_pause():

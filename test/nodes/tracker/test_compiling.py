@@ -22,9 +22,10 @@ def test_reported_says_that_the_tracker_compiles_under_its_own_name(peer):
     with compiling.report_compilation(ARGUMENTS):
         compilation._announce()
         assert peer.spin_until(lambda: found)
-    (line,) = found[0].status
-    assert line.name.startswith("/coast/tracker")
+    summary, line = found[0].status
+    assert [summary.name, line.name] == ["/coast/tracker: summary", "/coast/tracker: step time"]
     assert (line.level, line.message) == (DiagnosticStatus.STALE, compiling.TEXT)
+    assert (summary.level, summary.message) == (line.level, f"step time: {compiling.TEXT}")
     assert peer.spin_until(lambda: not peer.node.count_publishers("/diagnostics"))
 
 

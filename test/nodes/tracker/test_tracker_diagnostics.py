@@ -20,6 +20,7 @@ from rclpy.duration import Duration
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 from msg_adapters.outgoing import diagnostics
 
@@ -49,7 +50,10 @@ def test_silent_radar_is_noticed_while_the_other_is_tracked(radars, peer):
         "radar_2": "/tracker/radar_2",
         "step time": "/tracker",
         "outputs": "/tracker",
+        "summary": "/tracker",
     }
+    assert radars.health.fresh("summary").message == "all is well"
+    assert radars.ask("health") == Trigger.Response(success=True, message="all is well")
     for index in range(1, 8):
         radars.track(index)
         peer.pace(0.2)
@@ -63,8 +67,11 @@ def test_silent_radar_is_noticed_while_the_other_is_tracked(radars, peer):
         radars.send(index, radars=(0,))
         if peer.spin_until(stale, 0.2):
             break
-    assert {status.name for status in stale()} == {"/tracker: radar_2"}
-    values = diagnostics.values_of(stale()[0])
+    assert {status.name for status in stale()} == {"/tracker: summary", "/tracker: radar_2"}
+    told = radars.ask("health")
+    assert not told.success
+    assert told.message.startswith("radar_2: silent for ")
+    values = diagnostics.values_of(stale()[1])
     assert float(values["age_s"]) > 2.0 * float(values["interval_s"])
     # Tracking goes on. The radar's return is noticed, though no scan waited for it.
     assert peer.spin_until(lambda: len(radars.filtered) > 8)
