@@ -20,6 +20,18 @@ from .selection import NO_ANGLE
 WORSE_DETECTION, WORSE_NOISE, SURE = 0.75, 1.5, 3.0
 # The warning ends beyond these bounds, so that it does not come and go with chance.
 RECOVERED_DETECTION, RECOVERED_NOISE = 0.85, 1.3
+# Anomalies of single detections, and of single clouds, of which a few are normal.
+OF_DETECTIONS = frozenset(
+    {
+        *("azimuths_beyond_a_turn", "azimuths_no_angles", "ranges_negative", "detections_repeated"),
+        *("heights_unknown", "deviations_unusable", "identities_unusable", "range_rates_unusable"),
+        *("range_rates_beyond_ambiguity", "times_disagree", "detections_late"),
+    }
+)
+OF_CLOUDS = frozenset({"slices_late", "late_reworked", "poses_extrapolated"})
+# Largest share of them that is normal, if it is not MANY: heights come with the replies of
+# transponders, so that primary plots and false ones have none.
+MANY, NORMAL = 0.05, {"heights_unknown": 0.5}
 # Parameters of the noise of components, if their names are not COMPONENT_std.
 DEVIATIONS = {"azimuth": "azimuth_std_deg"}
 
@@ -36,6 +48,16 @@ def of(sensor: SensorParameters, counts: Mapping[str, int]) -> Iterator[str]:
             yield _missing(sensor, what.removesuffix("_missing"), _MISSING[what])
         else:
             yield f"{count} {_words(what)}"
+
+
+def is_answered(sensor: SensorParameters, what: str) -> bool:
+    """Return whether the configuration has what the warning about an anomaly asks for."""
+    return (
+        what == "heights_unknown"
+        and isinstance(sensor, RadarParameters)
+        and sensor.site is not None
+        and sensor.assumed_height is not None
+    )
 
 
 def no_amplitude(radar: SensorParameters) -> str:

@@ -173,11 +173,12 @@ class _Count:
 class Rises:
     """Rises of counts that are read regularly; a fall means that a count restarted at zero."""
 
-    def __init__(self) -> None:
+    def __init__(self, memory_s: float = WARNING_MEMORY_S) -> None:
+        self._memory_s = memory_s
         self._counts: dict[str, _Count] = {}
 
     def recent(self, name: str, value: int, now_s: float) -> int:
-        """Return by how much a count has risen within the last `WARNING_MEMORY_S`."""
+        """Return by how much a count has risen within the last `memory_s`."""
         return sum(rise for _, rise in self._read(name, value, now_s).rises)
 
     def unchanged_s(self, name: str, value: int, now_s: float) -> float:
@@ -191,7 +192,7 @@ class Rises:
         if value > count.value:
             count.rises.append((now_s, value - count.value))
             count.value, count.last_rise_s = value, now_s
-        while count.rises and now_s - count.rises[0][0] >= WARNING_MEMORY_S:
+        while count.rises and now_s - count.rises[0][0] >= self._memory_s:
             count.rises.popleft()
         return count
 

@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from msg_adapters.encoding import names
 from msg_adapters.incoming import anomalies
 from phd_jdtc_ros.calibration.innovations import Fit
+from phd_jdtc_ros.quoting import counts_text
 
 from ..common.health import WARNING_MEMORY_S, Condition, Rhythm, Rises, first, status_of
 from ..common.sequence_numbers import SequenceNumbers
@@ -26,6 +27,10 @@ LEASE_S = 30.0
 # If more than this share of the time since a radar's previous message was spent on work, a loss is
 # the tracker's own: its queue overflows meanwhile. A loss in transit is equally likely at any time.
 WORKING_SHARE = 0.5
+# Faults of single detections, or clouds, are a warning if they are more than a normal share of all
+# of the last minute, and until they are less than this part of it. Of fewer than LEAST one fault is
+# no share.
+RECOVERED, LEAST, MINUTE_S = 0.4, 40, 60.0
 
 
 @dataclass(frozen=True)
@@ -46,6 +51,7 @@ class InputHealth:
     topic: str  # Its full name, after remapping
     rhythm: Rhythm  # Intervals between its usable messages, by the wall clock
     received: int = 0
+    detections: int = 0  # Of its reports, dropped ones included
     deadlines_missed: int = 0
     incompatible_qos: int = 0
     # Estimated time of a turn that is not configured, seconds; 0 if there is none.
@@ -64,6 +70,13 @@ class InputHealth:
     _lost_by_overload: int = 0
     _numbering: SequenceNumbers = field(default_factory=SequenceNumbers)
     _listed_since_s: dict[Hashable, float] = field(default_factory=dict)
+    # Faults of single detections and clouds by kind, the latest text of each, and the share of the
+    # kinds that are many.
+    _single: Counter[str] = field(default_factory=Counter)
+    _texts: dict[str, str] = field(default_factory=dict)
+    _many: dict[str, float] = field(default_factory=dict)
+    _minute: Rises = field(default_factory=lambda: Rises(MINUTE_S))
+    _dropped_detections: Counter[str] = field(default_factory=Counter)
     _warnings: int = 0
     _warning: str = ""
     _was_worse: bool = False
@@ -93,10 +106,38 @@ class InputHealth:
         """Number of lost messages, as far as messages are numbered."""
         return self._numbering.lost
 
-    def warn(self, counts: Counter[str], text: str) -> None:
-        """Count input that is used but contradicts its configuration, as the text describes."""
-        self.anomalies += counts
+    def warn(self, text: str) -> None:
+        """Warn for a while of input that is used but contradicts its configuration."""
         self._warnings, self._warning = self._warnings + 1, text
+
+    def note_single(self, what: str, count: int, text: str, now_s: float) -> bool:
+        """Count faults of single detections, or clouds; return whether such faults are many.
+
+        The text begins with the count.
+        """
+        self._single[what] += count
+        self._texts[what] = text.partition(" ")[2]
+        return what in self._shares(now_s)
+
+    def note_dropped(self, reason: str, count: int, text: str, now_s: float) -> bool:
+        """Count detections that are not used; see `note_single`."""
+        self.dropped[reason] += count
+        self._dropped_detections[reason] += count
+        return self.note_single(f"dropped_{reason}", count, text, now_s)
+
+    def _shares(self, now_s: float) -> Mapping[str, float]:
+        """Return the kinds of single faults that are many, each with its recent share."""
+        clouds = self._minute.recent("clouds", self.received, now_s)
+        detections = self._minute.recent("detections", self.detections, now_s)
+        many = {}
+        for what, total in self._single.items():
+            offered = max(clouds if what in anomalies.OF_CLOUDS else detections, LEAST)
+            share = self._minute.recent(what, total, now_s) / offered
+            normal = anomalies.NORMAL.get(what, anomalies.MANY)
+            if share > (RECOVERED * normal if what in self._many else normal):
+                many[what] = share
+        self._many = many
+        return self._many
 
     def lost_by_overload(self, now_s: float) -> int:
         """Return the number of messages lost recently because the tracker is too slow."""
@@ -158,7 +199,13 @@ class InputHealth:
         incompatible = f"incompatible QoS on {self.topic}: {'; '.join(publishers.incompatible)}"
         shared = self._has_several_publishers(now_s, silent)
         warned = self._rises.recent("warnings", self._warnings, now_s)
-        dropped = self._rises.recent("dropped", self.dropped.total() + self.deadlines_missed, now_s)
+        rejected = self.dropped - self._dropped_detections
+        dropped = self._rises.recent("dropped", rejected.total(), now_s)
+        late = self._rises.recent("deadlines", self.deadlines_missed, now_s)
+        single = [
+            f"{100.0 * share:.0f} % in the last minute: {self._texts[what]}"
+            for what, share in self._shares(now_s).items()
+        ]
         lost, where = self._rises.recent("lost", self._lost, now_s), "on the way to the tracker"
         if self.lost_by_overload(now_s):
             where = "the tracker is too slow, see its step time"
@@ -174,8 +221,10 @@ class InputHealth:
             (ERROR, self.clock_offset_s is not None, anomalies.clock_off(self.clock_offset_s)),
             (WARN, several, several),
             (WARN, warned, self._warning),
+            (WARN, single, "; ".join(single)),
             (WARN, lost, f"{lost} messages lost in the last {WARNING_MEMORY_S:g} s: {where}"),
-            (WARN, dropped, "input was dropped or missed its deadline"),
+            (WARN, dropped, f"messages dropped: {counts_text(rejected)}"),
+            (WARN, late, "a deadline was missed"),
             (WARN, noise, noise or ""),
             (WARN, changed, changed or ""),
             (WARN, worse, worse or ""),

@@ -141,8 +141,12 @@ class Inputs:
 
     def on_report(self, radar: int, report: Report) -> None:
         """Count the dropped points; warn once if amplitudes that would classify are missing."""
+        health, now_s = self.radars[radar], time.monotonic()
+        health.detections += len(report.detections) + report.dropped.total()
         for reason, count in report.dropped.items():
-            self._drop(self.radars[radar], reason, f"{count} points dropped: {reason}", count)
+            text = f"{count} points dropped: {reason}"
+            if health.note_dropped(reason, count, text, now_s):
+                self._warnings.warn((health.name, reason), f"{health.name}: {text}")
         config = self._settings.config
         source = config.inputs[radar]
         missing = source.measures_amplitude and report.detections.amplitude is None
@@ -170,11 +174,16 @@ class Inputs:
             self._drop(self.radars[radar], reason, text, count)
 
     def on_anomalies(self, radar: int, counts: Counter[str]) -> None:
-        """Count input that contradicts its configuration, and warn of it."""
-        source = self._settings.config.inputs[radar]
-        texts = list(anomalies.of(source, counts))
-        self.radars[radar].warn(counts, texts[0])
-        for what, text in zip(counts, texts, strict=True):
+        """Count input that contradicts its configuration; warn of it, of single faults if many."""
+        source, health = self._settings.config.inputs[radar], self.radars[radar]
+        health.anomalies += counts
+        for what, text in zip(counts, anomalies.of(source, counts), strict=True):
+            if what not in anomalies.OF_DETECTIONS | anomalies.OF_CLOUDS:
+                health.warn(text)
+            elif anomalies.is_answered(source, what) or not health.note_single(
+                what, counts[what], text, time.monotonic()
+            ):
+                continue
             self._warnings.warn((source.name, what), f"{source.topic}: {text}")
 
     def on_turn_period(self, radar: int, turn_s: float) -> None:
@@ -182,7 +191,7 @@ class Inputs:
         health, source = self.radars[radar], self._settings.config.inputs[radar]
         if turn_s and turn_s != health.turn_found_s:
             text = anomalies.turn_found(source, turn_s)
-            health.warn(Counter(), text)
+            health.warn(text)
             self._warnings.warn((source.name, "turn_found"), f"{source.topic}: {text}")
         health.turn_found_s = turn_s
 

@@ -125,19 +125,67 @@ def test_radar_in_trouble_is_a_warning_for_a_while(trouble):
         health.deadlines_missed += 3
     values = diagnostics.values_of(status(health))
     assert "3" in (values["deadlines_missed"], values.get("dropped_schema"))
-    assert status(health, 100.0 + 0.9 * WARNING_MEMORY_S).level == WARN
+    found = status(health, 100.0 + 0.9 * WARNING_MEMORY_S)
+    said = "messages dropped: schema 3" if trouble == "drop" else "a deadline was missed"
+    assert (found.level, found.message) == (WARN, said)
     assert status(health, 100.0 + 1.1 * WARNING_MEMORY_S).level == OK
 
 
 def test_anomalies_are_counted_and_a_warning_for_a_while():
     health = radar(60.0)
-    health.warn(Counter(azimuths_beyond_a_turn=3), "3 azimuths, probably degrees")
-    health.warn(Counter(azimuths_beyond_a_turn=4, time_missing=1), "4 azimuths")
+    health.anomalies += Counter(time_missing=2)
+    health.warn("no times")
     found = status(health)
-    assert (found.level, found.message) == (WARN, "4 azimuths")
-    values = diagnostics.values_of(found)
-    assert (values["azimuths_beyond_a_turn"], values["time_missing"]) == ("7", "1")
+    assert (found.level, found.message) == (WARN, "no times")
+    assert diagnostics.values_of(found)["time_missing"] == "2"
     assert status(health, 100.0 + 1.1 * WARNING_MEMORY_S).level == OK
+
+
+def warned_of(faults, seconds, per_s=50, note=InputHealth.note_single):
+    """Return in which seconds a radar is in WARN; `faults` of its detections have a fault each."""
+    health, levels = radar(60.0), []
+    for second in range(seconds):
+        health.note_message(100.0 + second, None, 0.0)
+        health.detections += per_s
+        if count := faults(second):
+            note(health, "height", count, f"{count} without a height", 100.0 + second)
+        found = status(health, 100.0 + second)
+        levels.append(found.level)
+        assert found.level == OK or "without a height" in found.message
+    return [second for second, level in enumerate(levels) if level == WARN]
+
+
+@pytest.mark.parametrize("note", [InputHealth.note_single, InputHealth.note_dropped])
+def test_single_faults_among_hundreds_of_detections_are_no_warning(note):
+    assert not warned_of(lambda second: second % 8 == 0, 120, note=note)
+    # Not in the first of few detections either.
+    assert not warned_of(lambda second: second == 0, 20, per_s=2, note=note)
+
+
+@pytest.mark.parametrize("note", [InputHealth.note_single, InputHealth.note_dropped])
+def test_single_faults_warn_while_they_are_many_and_not_now_and_then(note):
+    # From 8 % to 3 % and to none, each for two minutes.
+    share = {0: 4, 1: 1.5, 2: 0}
+    found = warned_of(lambda second: int(share[second // 120] * (1 + second % 2)), 360, note=note)
+    assert found == list(range(found[-1] + 1))
+    assert 240 <= found[-1] < 300
+    assert not warned_of(lambda second: int(1.5 * (1 + second % 2)), 240, note=note)
+
+
+def test_primary_plots_among_replies_are_no_warning_and_a_radar_without_any_height_is():
+    health = radar(1.0)
+    health.detections = 100
+    assert not health.note_single("heights_unknown", 40, "40 detections without a height", 100.0)
+    assert health.note_single("heights_unknown", 20, "20 detections without a height", 100.0)
+    assert status(health).message == "60 % in the last minute: detections without a height"
+
+
+def test_late_clouds_are_judged_by_their_share_of_the_clouds():
+    health = radar(1.0, scans=80)
+    assert not health.note_single("late_reworked", 2, "2 clouds reprocessed", 100.0)
+    assert status(health).level == OK
+    assert health.note_single("late_reworked", 3, "3 clouds reprocessed", 100.0)
+    assert status(health).message == "6 % in the last minute: clouds reprocessed"
 
 
 def test_what_was_learned_is_shown_and_a_warning_if_it_is_worse_than_set():
