@@ -62,7 +62,7 @@ def flight_level(height: float) -> int | None:
 
 def _level(height: float) -> str:
     level = flight_level(height)
-    return "" if level is None else f"FL{level:03d}"
+    return "" if level is None else f"FL{'-' * (level < 0)}{abs(level):03d}"
 
 
 def identities(estimates: Estimates) -> list[tuple[str, str]]:

@@ -21,6 +21,15 @@ def read(data: bytes, at: int) -> int:
     return found if parts <= _VALID and parts != {_SPACE} else NONE
 
 
+def text(call_sign: int) -> str:
+    """Return a call sign's letters and digits; empty for `NONE`."""
+    if call_sign == NONE:
+        return ""
+    places = range(CHARACTERS * BITS - BITS, -1, -BITS)
+    letters = (call_sign >> place & 63 for place in places)
+    return "".join(chr(each + 64 * (each <= 26)) for each in letters).strip()
+
+
 class CallSigns:
     """The latest call sign of each address."""
 

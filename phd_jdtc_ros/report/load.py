@@ -12,10 +12,12 @@ import numpy as np
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.incoming import platform_poses
+from msg_adapters.incoming.call_signs import learn_from_cdr
 from msg_adapters.incoming.readers import reader_of
 from msg_adapters.incoming.selection import Report
 from msg_adapters.outgoing import clutter_maps, diagnostics
 from msg_adapters.targets import estimates, truth
+from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
@@ -23,7 +25,7 @@ from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.intake.posed_reports import PosedReport, PosedReports
 from phd_jdtc_ros.core.sensors.sensor import Sensor
-from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, UNKNOWN
 
 from .record import RadarPlots, RadarSite, Record, learned_values, sensor_changes
 
@@ -68,6 +70,12 @@ def record(path: Path, config: TrackerConfig) -> Record:
             parts["plots"] += _plots(report, radars[report.radar])
     except RejectedMessageError as error:
         raise BagError(f"{path}: {error}") from error
+    call_signs = CallSigns()
+    addresses = (each.known_attributes.address for source in SOURCES for each in parts[source])
+    if any((address != UNKNOWN).any() for address in addresses):
+        for entry in intact.messages([radar.topic for radar in config.inputs]):
+            if bag.types[entry.topic] == names.CLOUD:
+                learn_from_cdr(entry.data, call_signs)
     numbers = {name: float(value) for name, value in latest.items() if "." in name}
     return Record(
         truth=by_stamp(parts["truth"]),
@@ -88,6 +96,7 @@ def record(path: Path, config: TrackerConfig) -> Record:
         least_speed=config.least_speed,
         learned=tuple(learned_values(config.inputs, numbers)),
         changes=sensor_changes(config.inputs, numbers),
+        call_signs=call_signs,
     )
 
 

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from msg_adapters.incoming import anomalies
+from phd_jdtc_ros.asterix.call_signs import CallSigns, text
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
@@ -124,6 +125,8 @@ class Record:
     learned: tuple[LearnedValue, ...] = ()  # The sensors' learned values at the end of the run
     # How each sensor had changed at the end of the run, by name.
     changes: Mapping[str, str] = field(default_factory=dict)
+    call_signs: CallSigns = field(default_factory=CallSigns)  # By address
+    position_assumed: bool = False  # True if the position of `plane` on the earth is not known
 
     @cached_property
     def sets(self) -> Sets:
@@ -141,6 +144,10 @@ class Record:
     def of_source(self, source: str) -> tuple[Estimates, ...]:
         """Return the ``filtered`` or the ``smoothed`` estimates."""
         return {FILTERED: self.filtered, SMOOTHED: self.smoothed}[source]
+
+    def call_sign_of(self, address: str) -> str:
+        """Return the call sign of an address, hexadecimal; empty if unknown."""
+        return text(self.call_signs.of(int(address, 16))) if address else ""
 
     @property
     def class_fault(self) -> str | None:

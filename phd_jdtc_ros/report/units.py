@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from datetime import datetime, timezone
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ from phd_jdtc_ros.core.arrays import FloatArray
 
 from .record import Record, concatenate_rows
 
+# Stamps from this one on, of 2001, count from 1970, and earlier ones from the start of something.
+SINCE_1970_NS = 10**18
 # Maps with a smaller extent than this are in metres.
 SHORT_M = 2000.0
 
@@ -36,6 +39,14 @@ class Clock:
         if not stamps:
             return Clock(0, 0.0)
         return Clock(min(stamps), (max(stamps) - min(stamps)) * 1e-9)
+
+    @property
+    def begin(self) -> str:
+        """Date and time of the first stamp, UTC; empty if stamps do not count from 1970."""
+        if self.origin_ns < SINCE_1970_NS:
+            return ""
+        begin = datetime.fromtimestamp(self.origin_ns // 10**9, timezone.utc)
+        return f"{begin:%Y-%m-%d %H:%M:%S} UTC"
 
     @property
     def unit(self) -> str:

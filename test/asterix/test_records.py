@@ -217,6 +217,7 @@ KLM12 = packed(11, 12, 13, 49, 50, 32, 32, 32)
 )
 def test_read_takes_names_and_nothing_else(data, expected):
     assert call_signs.read(b"\xff" + data, 1) == expected
+    assert call_signs.text(expected) == ("" if expected == NONE else "KLM12")
 
 
 def test_call_signs_are_the_last_of_their_addresses_and_bounded():

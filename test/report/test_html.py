@@ -247,7 +247,7 @@ def lines_of(plane, corner, far):
     found = columns_of(columns.text(), columns.index)
     places = np.stack([found["graticule.x"], found["graticule.y"]])
     lines = np.split(places, range(drawn["points"], places.shape[1], drawn["points"]), axis=1)
-    return lines, [text for _, _, text in drawn["labels"]]
+    return lines, drawn["labels"]
 
 
 @pytest.mark.parametrize("origin", ORIGINS)

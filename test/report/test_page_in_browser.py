@@ -169,6 +169,32 @@ SCRIPTS = {
         "const found = left(); shown.checked = true; return found;"
     ),
     "all": f"{LEFT} return left();",
+    "sorted": (
+        f'{LEFT} const heads = document.querySelectorAll(".list th button");'
+        "const sorted = (column) => { heads[column].click(); return left(); };"
+        'return [sorted(1), sorted(1), sorted(0), sorted(0)].join(" ");'
+    ),
+    "found": (
+        f'{LEFT} const input = document.getElementById("search"); input.value = " 3c65 ";'
+        'const found = [left(), document.getElementById("count").textContent].join(": ");'
+        'input.value = ""; return found;'
+    ),
+    "levels": 'return [-1, -12, 7, 380].map(flightLevel).join(" ");',
+    "time": "return shown.textContent;",
+    # Every text of the picture as its box, at several scales.
+    "texts": (
+        "const found = [], { brush, scale } = picture;"
+        "for (const factor of [1, 1.5, 4, 40]) {"
+        "  const boxes = []; picture.scale = scale * factor;"
+        "  brush.fillText = (text, x, y) => {"
+        "    boxes.push([x, y - 9, x + brush.measureText(text).width, y, text]); };"
+        "  picture.draw(); delete brush.fillText;"
+        "  const apart = boxes.every((one, k) => boxes.slice(k + 1).every((other) =>"
+        "    !meet(one, other)));"
+        "  found.push([apart, boxes.every((box) => picture.inside(box)), boxes.length > 2,"
+        "    boxes.find((box) => /^[125]0* k?m$/.test(box[4]))[4]].join());"
+        '} picture.scale = scale; return found.join(";");'
+    ),
     "selected": (
         'document.querySelectorAll("#tracks button")[1].click(); picture.draw();'
         'const pressed = document.querySelector("[aria-pressed=true]").textContent;'
@@ -205,6 +231,26 @@ def test_picture_shows_tracks_with_gaps_trails_and_keys(results):
     # Scans 6 s apart, with the shown one.
     assert results["trails"] == f"1,6,{SCANS}"
     assert results["keys"] == "true,true,true"
+
+
+def test_tracks_are_sorted_by_each_column_and_found_by_their_names(results):
+    assert results["sorted"] == "7,9 9,7 9,7 7,9"
+    assert results["found"] == "9: 1 of 2 tracks"
+
+
+def test_levels_below_zero_have_their_sign_first(results):
+    assert results["levels"] == "FL-001 FL-012 FL007 FL380"
+
+
+def test_time_of_day_stands_beside_the_time_from_the_first_scan(results):
+    assert results["time"] == f"22:14:26 UTC, 66.0 s, scan {SCANS} of {SCANS}"
+
+
+def test_texts_of_the_picture_are_apart_and_whole_and_the_scale_follows_the_zoom(results):
+    found = [each.split(",") for each in results["texts"].split(";")]
+    assert [each[:3] for each in found] == [["true"] * 3] * 4
+    metres = [each[3] for each in found]
+    assert len({*metres}) >= 3
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from records import SCANS, estimates_of, record_of, shrunk, stamp_ns, truth_of, 
 from unfolded import columns_of, rows_of
 
 from msg_adapters.targets.palette import class_colour
+from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes
 from phd_jdtc_ros.earth import SystemPlane
@@ -124,7 +125,7 @@ def test_levels_and_ground_traffic_are_of_aircraft():
     assert 100 < ground["level"] < 120
     aircraft = picture_words.section(picture_of(record_of(2, filtered=(flying(),))).header)
     others = picture_words.section(picture_of(record_of(2)).header)
-    for offered in ("Flight level from", "ground traffic", '<th scope="col">level</th>'):
+    for offered in ("Flight level from", "ground traffic", ">level</button></th>"):
         assert (offered in aircraft, offered in others) == (True, False)
 
 
@@ -133,7 +134,15 @@ def test_identities_are_codes_and_addresses_of_the_time():
     picture = picture_of(record_of(2, filtered=(unknown, flying(2)), smoothed=()))
     rows = rows_of(picture, "filtered")
     identities = [picture.header["identities"][k] for k in rows["identity"]]
-    assert identities == [["", ""], ["7700", ""], ["", ""], ["", "000ABC"]]
+    assert identities == [["", "", ""], ["7700", "", ""], ["", "", ""], ["", "000ABC", ""]]
+
+
+def test_identities_have_the_call_sign_of_the_address():
+    signs = CallSigns()
+    signs.take(0xABC, 0x2CC371CA0820)
+    record = record_of(2, filtered=(flying(2),), smoothed=(), call_signs=signs)
+    identities = picture_of(record).header["identities"]
+    assert identities == [["7700", "", ""], ["", "000ABC", "KLM12"]]
 
 
 def test_truth_is_where_it_was_at_the_frames():

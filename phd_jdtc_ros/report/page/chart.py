@@ -76,7 +76,9 @@ def rows_over_time(record: Record, names: Sequence[str], label: str) -> Figure:
     span = max(clock.span_s, 1.0) / clock.unit_s
     figure.update_xaxes(range=[-0.01 * span, 1.01 * span])
     figure.update_xaxes(
-        title={"text": f"time from the first scan ({clock.unit})"}, row=len(names), col=1
+        title={"text": f"time from {clock.begin or 'the first scan'} ({clock.unit})"},
+        row=len(names),
+        col=1,
     )
     return figure
 

@@ -31,6 +31,7 @@ from .picture import Picture, picture_of
 
 # Scripts of the page in the order of their dependencies; the first line makes all strict.
 SCRIPTS = ("drawing.js", "picture.js", "page.js")
+NO_TRUTH = "<h2>Scores</h2>\n<p>There is no truth in this bag, so nothing can be scored.</p>"
 # Content security policy: the page loads nothing, even if a library tries to.
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
@@ -62,9 +63,8 @@ def notes_of(record: Record, evaluation: Evaluation) -> list[str]:
         )
     elif absent:
         notes.append(f"There are no {absent[0]} estimates in this bag.")
-    if not record.truth:
-        notes.append("There is no truth in this bag, so nothing can be scored.")
-    elif len(absent) < len(SOURCES) and not any(evaluation.scores[s] for s in SOURCES):
+    scored = any(evaluation.scores[source] for source in SOURCES)
+    if record.truth and len(absent) < len(SOURCES) and not scored:
         notes.append("No estimate has the stamp of a true state, so nothing can be scored.")
     if not record.plots:
         notes.append("There are no detections of the configured radars in this bag.")
@@ -90,10 +90,10 @@ def write_report(
         policy=POLICY,
         title=escape(title),
         style=_part("page.css"),
-        lead=score_words.lead(summary),
+        lead=score_words.lead(summary) or picture_words.lead(record),
         notes="\n".join(f'<p class="note">{escape(note)}</p>' for note in notes),
         tiles=score_words.tiles(summary),
-        tables=score_words.tables(summary),
+        tables=score_words.tables(summary) if record.truth else NO_TRUTH,
         sensors=score_words.sensors(record.learned, record.changes),
         picture="" if picture is None else picture_words.section(picture.header),
         charts="\n".join(_chart(chart) for chart in charts),
@@ -117,6 +117,7 @@ def _run_json(record: Record, charts: Sequence[Chart], picture: Picture | None) 
     document = {
         "times": [] if picture is None else times(clock, picture.frames.stamp_ns.tolist()),
         "unit": clock.unit,
+        "utc_s": clock.origin_ns * 1e-9 if clock.begin else None,
         "amplitude_scales": AMPLITUDE_SCALES,
         "picture": None if picture is None else picture.header,
         "charts": [{"name": c.name, "figure": c.figure.to_plotly_json()} for c in charts],

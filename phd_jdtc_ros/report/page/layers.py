@@ -80,12 +80,12 @@ NODES, DEGREE = 65, 1e-5
 def graticule(
     plane: Plane, corner: FloatArray, far: FloatArray, columns: Columns
 ) -> dict[str, Any]:
-    """Add the lines of latitude and longitude as columns, metres; return their labels.
+    """Add the lines of latitude and longitude as columns, metres; return their texts.
 
     The first view is from `corner` to `far`, x and y in metres, (2,).
     """
     lines: list[FloatArray] = []
-    labels: list[tuple[float, float, str]] = []
+    labels: list[str] = []
     beyond = BEYOND * (far - corner)
     extents = _extent(plane, corner - beyond, far + beyond)
     for along, across, name in ((0, 1, "NS"), (1, 0, "EW")):
@@ -94,11 +94,8 @@ def graticule(
         for value in np.arange(first, last + 1.0) * step:
             pair = [np.full(POINTS, value)] * 2
             pair[across] = np.linspace(extents[across][0], extents[across][1], POINTS)
-            place = np.stack(plane.to_plane(*pair))
-            lines.append(place)
-            # Parallels have their label at the left edge, meridians at the bottom.
-            nearest = int(np.argmin(np.abs(place[along] - corner[along])))
-            labels.append((*np.rint(place[:, nearest]).tolist(), degrees(value, step, name)))
+            lines.append(np.stack(plane.to_plane(*pair)))
+            labels.append(degrees(value, step, name))
     drawn = np.concatenate([np.zeros((2, 0)), *lines], axis=1)
     for axis, values in zip("xy", drawn, strict=True):
         columns.add(f"graticule.{axis}", np.rint(values))

@@ -80,10 +80,13 @@ def picture_of(record: Record) -> Picture | None:
         "known": {"truth": bool(record.truth), "plots": bool(record.plots)},
         "rings": rings(record.radars, corner, far),
         "identities": [],
+        "assumed": record.position_assumed,
     }
     for source in header["sources"]:
         known = header["identities"]
         header["hold"][source] = add_estimates(grid, record, frames, source, known, aircraft)
+    for identity in header["identities"]:
+        identity.append(record.call_sign_of(identity[1]))
     _add_truth(record, frames, grid)
     header["amplitudes"] = _add_plots(record, frames, grid)
     _add_carriers(record, frames, grid)

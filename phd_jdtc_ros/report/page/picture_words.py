@@ -6,6 +6,11 @@ from collections.abc import Iterable, Mapping
 from html import escape
 from typing import Any
 
+from phd_jdtc_ros.core.types import SOURCES
+
+from ..record import Record
+from ..units import Clock
+
 CONTROLS = """<div class="controls">
 <button id="back" aria-label="one scan back">&lsaquo;</button>
 <button id="play">Play</button>
@@ -27,8 +32,11 @@ KEYS = (
 
 def section(head: Mapping[str, Any]) -> str:
     """Return the page's section for a picture with this header."""
-    names = ("track", "level" if head["levels"] or head["ground"] else "", "speed", "course")
-    heads = "".join(f'<th scope="col">{name}</th>' for name in names)
+    level = ["level"] if head["levels"] or head["ground"] else []
+    heads = "".join(
+        f'<th scope="col"><button type="button">{name}</button></th>'
+        for name in ("track", *level, "speed", "course")
+    )
     return f"""<figure id="picture">
 <figcaption><h2>Traffic</h2>
 <p>{escape(_caption(head))}</p></figcaption>
@@ -42,7 +50,8 @@ def section(head: Mapping[str, Any]) -> str:
 <aside>
 {_options(head)}
 <p id="details" class="details" aria-live="polite"></p>
-<p id="count" class="pointer"></p>
+<p class="find"><input id="search" type="search" placeholder="find a track"
+ aria-label="find a track by call sign, code, address or number"> <output id="count"></output></p>
 <div class="list" tabindex="0" role="region" aria-label="tracks">
 <table><thead><tr>{heads}</tr></thead><tbody id="tracks"></tbody></table>
 </div>
@@ -50,6 +59,21 @@ def section(head: Mapping[str, Any]) -> str:
 </div>
 <p id="keys" class="pointer">{KEYS}</p>
 </figure>"""
+
+
+def lead(record: Record) -> str:
+    """Return how many tracks there are, and when, in one sentence; empty without estimates."""
+    found = max((record.of_source(source) for source in SOURCES), key=len)
+    if not found:
+        return ""
+    clock, most = Clock.of(record), max(map(len, found))
+    numbers = {label for each in found for label in each.track_id.tolist() if label}
+    tracks = f"{len(numbers)} tracks" if numbers else "Targets"
+    begin = f" from {clock.begin}" if clock.begin else ""
+    return (
+        f'<p class="lead">{tracks} in {clock.text(clock.span_s)}{begin}, at most {most} at a time.'
+        "</p>"
+    )
 
 
 def _caption(head: Mapping[str, Any]) -> str:
@@ -73,6 +97,8 @@ def _caption(head: Mapping[str, Any]) -> str:
         parts.append(f"small marks are detections{scale}")
     if "clutter" in head:
         parts.append("brown squares are the clutter map learned by the end of the run")
+    if head["assumed"]:
+        parts.append("the position on the earth is assumed: distances are right, places are not")
     text = "; ".join(parts)
     return f"{text[:1].upper()}{text[1:]}."
 

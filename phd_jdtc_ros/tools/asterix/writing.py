@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import heapq
 import math
 from collections import Counter
@@ -16,13 +15,14 @@ import numpy as np
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.incoming import ground_ranges
+from msg_adapters.incoming.call_signs import learn_from_cdr
 from msg_adapters.incoming.readers import reader_of
 from msg_adapters.incoming.sent_columns import fill
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.messages import COMBINED, DAY, NONE, PRIMARY, Plot
 from phd_jdtc_ros.asterix.writing import plots as plots_out
-from phd_jdtc_ros.asterix_bridge import clouds, settings
+from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.asterix_bridge.settings import Bridge
 from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
 from phd_jdtc_ros.bags.reader import BagReader
@@ -91,9 +91,7 @@ def write_tracks(
         periodic = _PeriodicOutput(output, stream, period_ns, done)
         for entry in bag.messages([topic, *recorded]):
             if entry.topic != topic:
-                # An unreadable cloud has no call signs; its fault is reported where it is tracked.
-                with contextlib.suppress(RejectedMessageError):
-                    clouds.learn_call_signs(interfaces.decode(entry.data, names.CLOUD), call_signs)
+                learn_from_cdr(entry.data, call_signs)
                 continue
             periodic.write_before(entry.stamp_ns)
             try:

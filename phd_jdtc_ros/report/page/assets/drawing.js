@@ -1,7 +1,17 @@
 "use strict";
 // Draws the picture of the traffic, whose rows and view its subclass Picture has.
 
+const ASSUMED = "position assumed";
 const NEW_LABEL = [[1, -1], [1, 1], [-1, 1], [-1, -1]]; // where labels are tried, in this order
+
+function meet(box, other) {
+  return box[0] < other[2] && box[2] > other[0] && box[1] < other[3] && box[3] > other[1];
+}
+
+// A length in its unit.
+function length(metres) {
+  return metres >= 1000 ? `${+(metres / 1000).toPrecision(6)} km` : `${+metres.toPrecision(6)} m`;
+}
 
 class Drawing {
   draw() {
@@ -13,7 +23,8 @@ class Drawing {
     this.ink = colour("--ink");
     this.soft = colour("--soft");
     this.rule = colour("--rule");
-    this.written = []; // boxes of the texts of rings and radars
+    this.written = []; // boxes of all texts but the tracks' labels, and of the radars' symbols
+    this.drawScale();
     if (this.clutter && this.option("clutter")) this.drawClutter();
     if (this.option("lines")) this.drawLines();
     const trails = this.since(this.option("trails"));
@@ -64,7 +75,7 @@ class Drawing {
       xs.forEach((x, k) => (k % points ? brush.lineTo(this.px(x), this.py(ys[k]))
         : brush.moveTo(this.px(x), this.py(ys[k]))));
       brush.stroke();
-      for (const [x, y, text] of labels) brush.fillText(text, this.px(x) + 3, this.py(y) - 3);
+      labels.forEach((text, k) => this.writeAtEdge(text, xs, ys, k * points, (k + 1) * points));
     } else this.drawGrid();
     brush.setLineDash([2, 4]);
     brush.strokeStyle = this.soft;
@@ -79,17 +90,61 @@ class Drawing {
     brush.setLineDash([]);
   }
 
-  // Writes a text at the first place where no other one is; nowhere if there is none.
+  // Writes the label of a line where the line, from one row to before another, meets the edge of the
+  // picture: a parallel's at the left, a meridian's at the bottom.
+  writeAtEdge(text, xs, ys, from, to) {
+    const parallel = /[NS]$/.test(text);
+    const edge = parallel ? 0 : this.height;
+    const along = (k) => (parallel ? this.px(xs[k]) : this.py(ys[k])) - edge;
+    for (let k = from + 1; k < to; k++) {
+      const [before, after] = [along(k - 1), along(k)];
+      if (before * after > 0 || before === after) continue;
+      const part = before / (before - after);
+      const at = (values) => values[k - 1] + part * (values[k] - values[k - 1]);
+      if (parallel) this.writeApart(text, [[3, this.py(at(ys)) - 3]]);
+      else {
+        const [px, width] = [this.px(at(xs)), this.brush.measureText(text).width];
+        this.writeApart(text, [[px + 3, this.height - 4], [px - 3 - width, this.height - 4]]);
+      }
+      return;
+    }
+  }
+
+  // Writes a text at the first place in the picture where no other one is; nowhere if there is none.
   writeApart(text, places) {
     const width = this.brush.measureText(text).width;
     for (const [px, py] of places) {
-      const box = [px - 6, py - 10, px + width + 6, py + 3];
-      if (this.written.some((other) => box[0] < other[2] && box[2] > other[0]
-        && box[1] < other[3] && box[3] > other[1])) continue;
+      const box = [px - 3, py - 10, px + width + 3, py + 3];
+      if (!this.inside(box) || this.written.some((other) => meet(box, other))) continue;
       this.written.push(box);
       this.brush.fillText(text, px, py);
       return;
     }
+  }
+
+  inside(box) {
+    return box[0] >= 0 && box[1] >= 0 && box[2] <= this.width && box[3] <= this.height;
+  }
+
+  // A bar of a round length, at the bottom right.
+  drawScale() {
+    const { brush } = this;
+    const power = 10 ** Math.floor(Math.log10(120 / this.scale));
+    const metres = [5, 2, 1].map((m) => m * power).find((m) => m * this.scale <= 120);
+    const [left, right, py] = [this.width - 12 - metres * this.scale, this.width - 12, this.height - 24];
+    brush.strokeStyle = brush.fillStyle = this.ink;
+    brush.lineWidth = 1.5;
+    brush.beginPath();
+    brush.moveTo(left, py - 5);
+    brush.lineTo(left, py);
+    brush.lineTo(right, py);
+    brush.lineTo(right, py - 5);
+    brush.stroke();
+    const text = length(metres);
+    const width = brush.measureText(text).width;
+    brush.fillText(text, (left + right - width) / 2, py - 4);
+    this.written.push([Math.min(left, (left + right - width) / 2) - 4, py - 16, right + 4, py + 4]);
+    if (this.head.assumed) this.writeApart(ASSUMED, [[6, 16]]);
   }
 
   drawGrid() {
@@ -99,18 +154,20 @@ class Drawing {
     const step = [1, 2, 5, 10].map((m) => m * power).find((m) => m >= least);
     const [[left, top], [right, bottom]] = [this.at(0, 0), this.at(this.width, this.height)];
     const text = (value) => (this.km ? `${+(value / 1000).toPrecision(6)} km` : `${+value.toPrecision(6)} m`);
+    const marks = [];
     brush.beginPath();
     for (let x = Math.ceil(left / step) * step; x < right; x += step) {
       brush.moveTo(this.px(x), 0);
       brush.lineTo(this.px(x), this.height);
-      brush.fillText(text(x), this.px(x) + 3, this.height - 4);
+      marks.push([text(x), this.px(x) + 3, this.height - 4]);
     }
     for (let y = Math.ceil(bottom / step) * step; y < top; y += step) {
       brush.moveTo(0, this.py(y));
       brush.lineTo(this.width, this.py(y));
-      if (this.py(y) < this.height - 30) brush.fillText(text(y), 3, this.py(y) - 4);
+      marks.push([text(y), 3, this.py(y) - 4]);
     }
     brush.stroke();
+    for (const [mark, px, py] of marks) this.writeApart(mark, [[px, py]]);
   }
 
   // Traces a track's rows from a frame on up to one, with a gap where it was not there.
@@ -196,6 +253,7 @@ class Drawing {
       const [px, py] = [this.px(x), this.py(y)];
       this.outline(1, px, py, 6);
       this.brush.fill();
+      this.written.push([px - 6, py - 7, px + 6, py + 6]);
       const left = px - 9 - this.brush.measureText(name).width;
       this.writeApart(name, [[px + 9, py + 14], [left, py + 14], [px + 9, py - 6], [left, py - 6]]);
     }
@@ -250,22 +308,31 @@ class Drawing {
         brush.strokeStyle = this.ink;
         brush.lineWidth = 1;
         brush.beginPath();
+        const [vx, vy] = [rows.vx[row] * ahead, -rows.vy[row] * ahead];
         brush.moveTo(px, py);
-        brush.lineTo(px + rows.vx[row] * ahead, py - rows.vy[row] * ahead);
+        brush.lineTo(px + vx, py + vy);
         brush.stroke();
-        if (number) labelled.push([number, row, px, py]);
+        if (number) labelled.push([number, row, px, py, vx, vy]);
       }
       brush.globalAlpha = 1;
     }
     if (name === this.main && this.option("labels")) this.drawLabels(name, labelled);
   }
 
-  // Labels beside their tracks, where no other label is; the chosen track's comes first.
+  // Labels beside their tracks, where no other text is and, if there is such a place, no velocity;
+  // the chosen track's comes first.
   drawLabels(name, labelled) {
     const { brush } = this;
-    const taken = labelled.map(([, , px, py]) => [px - 5, py - 5, px + 5, py + 5]);
-    const free = (box, own) => taken.every((other, k) => k === own || box[0] > other[2]
-      || box[2] < other[0] || box[1] > other[3] || box[3] < other[1]);
+    const taken = labelled.map(([, , px, py]) => [px - 5, py - 5, px + 5, py + 5]).concat(this.written);
+    const free = (box, own) => this.inside(box)
+      && taken.every((other, k) => k === own || !meet(box, other));
+    // Points of the velocities, a third of a label's height apart.
+    const points = labelled.flatMap(([, , px, py, vx, vy]) => {
+      const steps = Math.ceil(Math.hypot(vx, vy) / 9);
+      return Array.from({ length: steps }, (_, k) => [px + vx * (k + 1) / steps, py + vy * (k + 1) / steps]);
+    });
+    const clear = (box) => points.every(([px, py]) => px < box[0] - 1 || px > box[2] + 1
+      || py < box[1] - 1 || py > box[3] + 1);
     const order = labelled.map((_, k) => k)
       .sort((a, b) => (labelled[b][0] === this.selected) - (labelled[a][0] === this.selected));
     for (const k of order) {
@@ -279,7 +346,8 @@ class Drawing {
         const y = py + down * apart - 14;
         return [x, y, x + width, y + 28];
       }));
-      const box = boxes.find((one) => free(one, k)) || (number === this.selected && boxes[0]);
+      const places = boxes.filter((one) => free(one, k));
+      const box = places.find(clear) || places[0] || (number === this.selected && boxes[0]);
       if (!box) continue;
       taken.push(box);
       brush.strokeStyle = this.soft;

@@ -66,7 +66,10 @@ function cursor(scan) {
 
 // What the slider's position is.
 function position(scan) {
-  return `${run.times[scan].toFixed(1)} ${run.unit}, scan ${scan + 1} of ${run.times.length}`;
+  const time = `${run.times[scan].toFixed(1)} ${run.unit}, scan ${scan + 1} of ${run.times.length}`;
+  if (run.utc_s === null) return time;
+  const seconds = run.utc_s + run.times[scan] * (run.unit === "min" ? 60 : 1);
+  return `${new Date(1000 * seconds).toISOString().slice(11, 19)} UTC, ${time}`;
 }
 
 function show(scan) {

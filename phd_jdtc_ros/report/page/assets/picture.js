@@ -47,6 +47,16 @@ function above(values, value, low, high) {
   return low;
 }
 
+function flightLevel(level) {
+  return `FL${level < 0 ? "-" : ""}${String(Math.abs(level)).padStart(3, "0")}`;
+}
+
+// The order of two numbers, or of two names with numbers in them.
+function compare(a, b) {
+  return typeof a === "number" && typeof b === "number" ? a - b
+    : String(a).localeCompare(String(b), "en", { numeric: true });
+}
+
 class Picture extends Drawing {
   constructor(head, columns, times, unit_s) {
     super();
@@ -59,6 +69,8 @@ class Picture extends Drawing {
     this.frame = head.first;
     this.selected = 0;
     this.rows = new Map(); // of the list, by track
+    // The list's column that it is sorted by, by track number at first, and 1 up or -1 down.
+    this.order = [null, 1];
     this.km = Math.max(...head.extent) >= 2000;
     this.ahead = this.secondsAhead();
     this.clutter = this.clutterImage();
@@ -133,15 +145,15 @@ class Picture extends Drawing {
   // The texts of a row: who it is, level with an arrow if it climbs or sinks, and speed.
   words(name, number, row) {
     const { level, climb, identity, course } = this.groups[name];
-    const [code, address] = this.head.identities[identity[row]];
+    const [code, address, sign] = this.head.identities[identity[row]];
     const height = level[row];
     const rate = climb[row] > 15 ? "\u2191" : climb[row] < -15 ? "\u2193" : "";
     const metres = this.speed(name, row);
     return {
-      who: code || address || String(number),
-      code, address,
+      who: sign || code || address || String(number),
+      sign, code, address,
       level: this.grounded(name, row) ? "ground" : !this.head.levels || height === this.head.no_level ? ""
-        : (this.head.levels === "FL" ? `FL${String(height).padStart(3, "0")}` : `${height} m`) + rate,
+        : (this.head.levels === "FL" ? flightLevel(height) : `${height} m`) + rate,
       speed: this.head.ground ? `${Math.round(metres / KNOT)} kt` : `${metres.toFixed(1)} m/s`,
       course: `${String(course[row]).padStart(3, "0")}\u00b0`,
     };
@@ -149,7 +161,7 @@ class Picture extends Drawing {
 
   // Latitude and longitude, or x and y, of a place.
   place(x, y) {
-    const { earth } = this.head;
+    const { earth, assumed } = this.head;
     const [scale, digits, unit] = this.km ? [1000, 2, "km"] : [1, 1, "m"];
     const plain = `${(x / scale).toFixed(digits)}, ${(y / scale).toFixed(digits)} ${unit}`;
     if (!earth) return plain;
@@ -164,7 +176,7 @@ class Picture extends Drawing {
     };
     const [north, east] = [read("latitude"), ((read("longitude") + 540) % 360) - 180];
     return `${Math.abs(north).toFixed(4)}\u00b0 ${north < 0 ? "S" : "N"}, `
-      + `${Math.abs(east).toFixed(4)}\u00b0 ${east < 0 ? "W" : "E"}`;
+      + `${Math.abs(east).toFixed(4)}\u00b0 ${east < 0 ? "W" : "E"}${assumed ? ` (${ASSUMED})` : ""}`;
   }
 
   // --- the view -----------------------------------------------------------------------------------
@@ -252,7 +264,16 @@ class Picture extends Drawing {
       event.preventDefault();
       keys[event.key]();
     });
-    document.getElementById("options").addEventListener("input", () => this.ask());
+    for (const name of ["options", "search"]) {
+      document.getElementById(name).addEventListener("input", () => this.ask());
+    }
+    document.querySelectorAll(".list th button").forEach((button, column) => {
+      button.addEventListener("click", () => {
+        const [before, way] = this.order;
+        this.order = [column, before === column ? -way : 1];
+        this.ask();
+      });
+    });
     addEventListener("resize", () => { this.size(); this.ask(); });
   }
 
@@ -284,31 +305,57 @@ class Picture extends Drawing {
 
   list() {
     const body = document.getElementById("tracks");
-    const seen = new Set();
-    let before = null;
+    const wanted = document.getElementById("search").value.trim().toLowerCase();
+    const [lines, keys] = [[], new Map()];
+    let count = 0;
     document.getElementById("details").textContent = this.selected
       ? `Track ${this.selected} is not there now.` : "No track is selected.";
     for (const { number, row } of this.newest(this.main)) {
       if (!number || !this.passes(this.main, row)) continue;
-      seen.add(number);
+      count += 1;
       const words = this.words(this.main, number, row);
+      if (number === this.selected) this.tell(number, row, words);
+      const names = [words.sign, words.code, words.address, String(number)].filter(Boolean);
+      if (!names.some((name) => name.toLowerCase().includes(wanted))) continue;
       if (!this.rows.has(number)) this.rows.set(number, this.newRow(number));
       const line = this.rows.get(number);
-      const [who, level, speed, course] = line.cells;
-      who.firstChild.textContent = words.who === String(number) ? number : `${words.who} (${number})`;
-      who.firstChild.setAttribute("aria-pressed", number === this.selected);
-      [level.textContent, speed.textContent, course.textContent] = [words.level, words.speed, words.course];
-      if ((before ? before.nextSibling : body.firstChild) !== line) body.insertBefore(line, before ? before.nextSibling : body.firstChild);
-      before = line;
-      if (number === this.selected) this.tell(number, row, words);
+      const texts = [words.who === String(number) ? words.who : `${words.who} (${number})`,
+        ...(this.head.levels || this.head.ground ? [words.level] : []), words.speed, words.course];
+      line.cells[0].firstChild.setAttribute("aria-pressed", number === this.selected);
+      texts.forEach((text, k) => { (line.cells[k].firstChild || line.cells[k]).textContent = text; });
+      keys.set(line, [words.who === String(number) ? number : words.who, ...this.amounts(row), number]);
+      lines.push(line);
     }
-    for (const [number, line] of this.rows) if (!seen.has(number)) line.remove();
-    document.getElementById("count").textContent = `${seen.size} tracks`;
+    this.sort(lines, keys);
+    // Lines that are in their place stay, so that the focus does.
+    lines.forEach((line, k) => { if (body.children[k] !== line) body.insertBefore(line, body.children[k] || null); });
+    while (body.children.length > lines.length) body.lastChild.remove();
+    const found = lines.length === count ? "" : `${lines.length} of `;
+    document.getElementById("count").textContent = `${found}${count} tracks`;
+  }
+
+  // The numbers of a row by which the columns after the first are sorted.
+  amounts(row) {
+    const { level, course } = this.groups[this.main];
+    const low = this.grounded(this.main, row) || level[row] === this.head.no_level;
+    return [...(this.head.levels || this.head.ground ? [low ? this.head.no_level : level[row]] : []),
+      this.speed(this.main, row), course[row]];
+  }
+
+  sort(lines, keys) {
+    const [column, way] = this.order;
+    lines.sort((a, b) => {
+      const [first, second] = [keys.get(a), keys.get(b)];
+      return way * compare(first[column], second[column]) || compare(first.at(-1), second.at(-1));
+    });
+    document.querySelectorAll(".list th").forEach((head, k) => head.setAttribute(
+      "aria-sort", k !== column ? "none" : way > 0 ? "ascending" : "descending"));
   }
 
   newRow(number) {
     const line = document.createElement("tr");
-    line.innerHTML = "<td><button type=button></button></td><td></td><td></td><td></td>";
+    const columns = document.querySelectorAll(".list th").length;
+    line.innerHTML = `<td><button type=button></button></td>${"<td></td>".repeat(columns - 1)}`;
     line.addEventListener("click", () => this.select(number));
     return line;
   }
@@ -317,7 +364,7 @@ class Picture extends Drawing {
     const { x, y, class: kind, share, weight, state } = this.groups[this.main];
     document.getElementById("details").textContent = [
       `Track ${number}`,
-      words.code && `code ${words.code}`, words.address && `address ${words.address}`,
+      words.sign && `call sign ${words.sign}`, words.code && `code ${words.code}`, words.address && `address ${words.address}`,
       `${this.head.classes[kind[row]].title} (${share[row]} %)`,
       words.level, words.speed, `course ${words.course}`, this.place(x[row], y[row]),
       `exists with ${weight[row]} %`, state[row] === 2 && "coasting",
