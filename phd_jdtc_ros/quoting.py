@@ -1,4 +1,4 @@
-"""Texts in messages: quotations of input of any length, and lists of counts."""
+"""Texts in messages: quotations of input of any length and content, and lists of counts."""
 
 from __future__ import annotations
 
@@ -12,13 +12,21 @@ LONGEST = 4000
 # Number of characters that are left at each end of a word.
 _END = 60
 
+# Control characters but the line feed and the tab, and those that turn the direction of a text: a
+# terminal would obey them.
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 _LONG_WORD = re.compile(rf"\S{{{LONGEST_WORD + 1},}}")
 
 
 def short(text: str, longest: int = LONGEST) -> str:
-    """Return a text without the middle of words that are too long, and then of the whole."""
+    """Return a `printable` text without the middle of words that are too long, and of the whole."""
     words = _LONG_WORD.sub(lambda word: _ends(word[0], _END), text)
-    return words if len(words) <= longest else _ends(words, longest // 2)
+    return printable(words if len(words) <= longest else _ends(words, longest // 2))
+
+
+def printable(text: str) -> str:
+    """Return a text with escapes in the place of control characters, as Python writes them."""
+    return _CONTROL.sub(lambda found: ascii(found[0])[1:-1], text)
 
 
 def counts_text(counts: Mapping[str, int]) -> str:

@@ -2,7 +2,7 @@ import pytest
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.quoting import LONGEST, LONGEST_WORD, counts_text, short
+from phd_jdtc_ros.quoting import LONGEST, LONGEST_WORD, counts_text, printable, short
 
 
 def test_counts_text_lists_reasons_in_order_without_zeros():
@@ -18,6 +18,11 @@ def test_short_leaves_words_and_keeps_both_ends_of_long_ones():
     found = short("a " * 100_000 + "z")
     assert len(found) <= LONGEST + len(" ... ")
     assert found.endswith("a z")
+
+
+@pytest.mark.parametrize("quoted", [short, printable])
+def test_quotations_have_no_control_characters(quoted):
+    assert quoted("/\x1b[2J\r\x9b\u202eé\n\tx") == "/\\x1b[2J\\r\\x9b\\u202eé\n\tx"
 
 
 @pytest.mark.parametrize(

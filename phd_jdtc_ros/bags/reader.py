@@ -13,6 +13,7 @@ from typing import Any
 from mcap.records import Channel, Schema
 
 from msg_adapters.encoding import stamps
+from phd_jdtc_ros.quoting import printable
 
 from . import foreign, parts
 from .errors import BagError
@@ -66,10 +67,12 @@ class BagReader:
         self.counts: Counter[str] = Counter()
         self.foreign: dict[str, str] = {}
         for channel, schema, count in self._channels():
+            # Names are printed in many places, and a hostile one could command a terminal.
+            channel.topic = printable(channel.topic)
             if fault := foreign.topic_fault(channel, schema):
                 self.foreign[channel.topic] = fault
             elif schema is not None:
-                self.types[channel.topic] = schema.name
+                self.types[channel.topic] = printable(schema.name)
                 self.counts[channel.topic] += count
         damaged = [part for part in self._parts if part.index.damage]
         if damaged and not self.types and not self.foreign:

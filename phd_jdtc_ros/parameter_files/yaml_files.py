@@ -59,7 +59,7 @@ class _Loader(yaml.SafeLoader):
         None: yaml.SafeLoader.yaml_constructors[None],
         **{
             _PREFIX + kind: yaml.SafeLoader.yaml_constructors[_PREFIX + kind]
-            for kind in ("null", "str", "seq", "map")
+            for kind in ("null", "seq", "map")
         },
         # Launch files write lists like this, and rcl does not look at the tag.
         _PREFIX + "python/tuple": yaml.SafeLoader.yaml_constructors[_PREFIX + "seq"],
@@ -105,6 +105,12 @@ class _Loader(yaml.SafeLoader):
             first[key.value] = key.start_mark.line + 1
         return node
 
+    def construct_text(self, node: yaml.ScalarNode) -> str:
+        text = str(node.value)
+        if quoting.printable(text) != text:
+            raise _RefusedError(node.start_mark, f"{text!r} has control characters")
+        return text
+
     def construct_boolean(self, node: yaml.ScalarNode) -> bool:
         if node.value not in _BOOLEANS:
             raise _RefusedError(node.start_mark, f"{node.value!r} is not true or false")
@@ -133,6 +139,7 @@ class _Loader(yaml.SafeLoader):
 _Loader.yaml_implicit_resolvers = {}
 
 
+_Loader.add_constructor(_PREFIX + "str", _Loader.construct_text)
 # The order is the order of precedence.
 for _kind, _pattern, _construct in (
     ("bool", re.compile(f"(?:{'|'.join(_BOOLEANS)})$"), _Loader.construct_boolean),

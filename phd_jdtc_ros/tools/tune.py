@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from phd_jdtc_ros import output_files, resources
@@ -60,6 +61,7 @@ def _work(arguments: argparse.Namespace) -> int:
                 f"{radar}: the first {len(plots)} of {recorded.offered[radar]} detections are "
                 "used, because more hardly sharpen the estimates",
                 soft_wrap=True,
+                markup=False,
                 highlight=False,
             )
     found = recorded_plots.findings_of(source, recorded, _note)
@@ -73,7 +75,7 @@ def _work(arguments: argparse.Namespace) -> int:
         console.print(_table(radar, topic, each, rows[radar], recorded))
         hidden = proposal.hidden(each, now, radar)
         for text in (*recorded.warnings[radar], *([hidden] if hidden else ())):
-            console.print(f"{radar}: {text}", soft_wrap=True, highlight=False)
+            console.print(f"{radar}: {text}", soft_wrap=True, markup=False, highlight=False)
     proposed = _proposal(given, found, rows, recorded, where is not None)
     tracker_params.config(proposed)
     status = OK if recorded.damage is None else fail("tune", recorded.damage)
@@ -93,8 +95,8 @@ def _table(
     timing = found.timing
     turns = "turns" if timing.rotation_s else "looks"
     table = Table(
-        title=f"{radar}, {topic}: {found.plots} detections, {found.looks:.0f} {turns} in "
-        f"{found.duration_s:.0f} s, a cloud every {timing.cloud_interval_s:.4g} s",
+        title=f"{escape(radar)}, {escape(topic)}: {found.plots} detections, {found.looks:.0f} "
+        f"{turns} in {found.duration_s:.0f} s, a cloud every {timing.cloud_interval_s:.4g} s",
         title_justify="left",
         caption="in brackets: observed, but not proposed",
         caption_justify="left",

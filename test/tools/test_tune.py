@@ -105,6 +105,23 @@ def test_tune_warns_of_clouds_that_come_twice_and_leaves_the_copies_out(tmp_path
     assert "detections are used" not in said
 
 
+@pytest.mark.parametrize(
+    "name", ["/n\x1b]0;owned\x07\x1b[2J/detections", "/n[/bold][red]/detections"]
+)
+def test_tune_prints_the_name_of_a_hostile_topic_and_does_not_obey_it(tmp_path, capsys, name):
+    hostile = rewrite(
+        SHIPPED,
+        tmp_path / "hostile",
+        lambda entry: [(name, *entry[1:])],
+        drop=["/ground_truth/targets"],
+        add=[(name, names.CLOUD, [])],
+    )
+    assert tune(hostile) == 0
+    said = "".join(capsys.readouterr())
+    assert not re.search(r"[\x00-\x09\x0b-\x1f]", said)
+    assert ascii(name)[1:-1] in "".join(said.split("\n"))
+
+
 def test_tune_reports_what_a_recording_lacks(short_bag, tmp_path, capsys):
     assert tune(short_bag) == 2
     said = capsys.readouterr().err
