@@ -12,14 +12,17 @@ from typing import Any
 
 from rich.console import Console
 
+from phd_jdtc_ros.exit_status import FAILED, OK
+
 from .engine import growth, late, peers, smoothing, step_growth, steps
 from .results import goals, machine, plots, report
-from .transport import asterix_rates, live, messages, turning
+from .transport import asterix_rates, live, messages, replay_clock, turning
 
 # The live parts come first, when the machine is coolest and this process smallest.
 PARTS: Mapping[str, Callable[[bool], dict[str, Any]]] = {
     "live": live.measure,
     "turning": turning.measure,
+    "replay_clock": replay_clock.measure,
     "messages": messages.measure,
     "late": late.measure,
     "asterix": asterix_rates.measure,
@@ -56,7 +59,7 @@ def write(summary: Mapping[str, Any], directory: Path) -> list[Path]:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run the benchmark."""
+    """Run the benchmark; fail if a figure that was to be measured is missing."""
     parser = argparse.ArgumentParser("python -m benchmarks", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="small sizes, under a minute")
     parser.add_argument("--out", type=Path, default=Path("out/bench"), help="%(default)s")
@@ -75,4 +78,7 @@ def main(argv: Sequence[str]) -> int:
         "NumPy {numpy}".format(**summary, **summary["machine"]),
         highlight=False,
     )
-    return 0
+    missing = [each for each in summary["figures"] if goals.is_missing(each)]
+    for each in missing:
+        console.print(f"missing: {each['name']}: {each['reason']}", style="red", markup=False)
+    return FAILED if missing else OK

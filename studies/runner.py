@@ -230,6 +230,9 @@ def cell(figures: Figures, path: Sequence[str], form: str, unit: str = "") -> st
 def goals_table(goals: Sequence[Goal]) -> Table:
     """Return the table of goals; a goal without a value may have a ``reason`` for that."""
     found = table("goals", ("name", "value", "goal", "reached"))
+    # In a narrow terminal names and reasons are wrapped, so that the other columns stay.
+    for column, wraps in zip(found.columns, (True, True, False, False), strict=True):
+        column.no_wrap = not wraps
     for each in goals:
         value = each.get("reason", "-") if each["value"] is None else f"{each['value']:.4g}"
         bound = f"{'at most' if each['at_most'] else 'at least'} {each['goal']:.4g}"

@@ -16,6 +16,9 @@ from ..transport.turning import AT_EVERY_SECTOR, BY_SECTORS, ONE_CLOUD
 # Duration of one of the 16 sectors of a turn of 4 s: a plot waits for the end of its sector.
 SECTOR_S = 0.25
 
+# How the reason begins for which a value is not measured on purpose.
+LEFT_OUT = "left out"
+
 # Takes a value from the summary; raises `LookupError`, `TypeError` or `ValueError` without it.
 Value: TypeAlias = "Callable[[Mapping[str, Any]], float]"
 
@@ -60,11 +63,16 @@ def _judge(own: Goal, summary: Mapping[str, Any]) -> dict[str, Any]:
     try:
         value, bound = own.value(summary), own.bound + own.allowance(summary)
     except (LookupError, TypeError, ValueError):
-        reason = "left out of this run"
+        reason = f"{LEFT_OUT} of this run"
         if own.source in summary:
-            reason = next(_reasons(summary[own.source]), "left out of the quick run")
+            reason = next(_reasons(summary[own.source]), f"{LEFT_OUT} of the quick run")
         return {**goal(own.name, None, own.bound, own.at_most), "reason": reason}
     return goal(own.name, value, bound, own.at_most)
+
+
+def is_missing(figure: Mapping[str, Any]) -> bool:
+    """Return whether a figure of `judge` should have a value and has none."""
+    return figure["value"] is None and not figure["reason"].startswith(LEFT_OUT)
 
 
 def _reasons(entry: Any) -> Iterator[str]:
@@ -245,6 +253,7 @@ GOALS: tuple[Goal, ...] = (
         at("turning", "latency", PARTICLES, "latency_s", "p99"),
         _step_s,
     ),
+    _least("replay_clock", "clock of the replay, Hz", 70.0, at("replay_clock", "rate_hz")),
     _most("turning", "turn of 50 aircraft, ms", 150.0, _turn(ONE_CLOUD)),
     _most(
         "turning",

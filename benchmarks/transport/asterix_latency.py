@@ -34,6 +34,8 @@ from . import live, messages
 
 AIRCRAFT = 100
 TURNS, QUICK_TURNS = 10, 2
+# A datagram that is lost on a busy machine, where UDP does not repeat it, costs one attempt.
+ATTEMPTS = 3
 RADAR, NUMBER = "approach", 0x0102
 LOOPBACK = "127.0.0.1"
 # The bridge's clouds have azimuths from east, and a field with the sector's number.
@@ -57,18 +59,40 @@ def measure(quick: bool) -> dict[str, Any]:
     new_engine(config)  # compiles what no earlier run has stored, which takes longer than a start
     scene = traffic.scene(traffic.SETTLING + turns, config, 0, AIRCRAFT)
     reports = simulate_reports(scene, config.radars, seed=0)
+    found: dict[str, Any] = {}
+    for _ in range(ATTEMPTS):
+        found = _attempt(reports, config.radars[0].rotation_s)
+        if "latency_s" in found:
+            break
+    return found
+
+
+def _attempt(reports: Sequence[SimulatedReport], rotation_s: float) -> dict[str, Any]:
+    """Return the figures of one run of both nodes, or the reason why there are none."""
     settling = traffic.SETTLING * traffic.SECTORS
     with tempfile.TemporaryDirectory() as name, contextlib.ExitStack() as stack:
         directory = Path(name)
-        site = stack.enter_context(contextlib.closing(_Site(reports, config.radars[0].rotation_s)))
+        site = stack.enter_context(contextlib.closing(_Site(reports, rotation_s)))
         log = directory / "bridge.log"
         stack.enter_context(live.node("tracker", directory / "tracker.log", *_tracker(directory)))
         stack.enter_context(live.node("asterix_bridge", log, *_bridge(site)))
+        if not _says(log, live.START_S, f"receiving {site.radar}", f"{RADAR}: 1 subscribers"):
+            return {"value": None, "reason": f"the nodes do not meet: {log.read_text()[-500:]}"}
         for report in reports[:settling]:
             if not site.answered(report, live.START_S):
                 said = log.read_text()[-500:]
                 return {"value": None, "reason": f"no tracks of the first turns: {said}"}
         return site.in_real_time(reports[settling:])
+
+
+def _says(log: Path, timeout_s: float, *texts: str) -> bool:
+    """Wait until a log has all texts; return whether it has."""
+    end_s = time.monotonic() + timeout_s
+    while not all(text in log.read_text() for text in texts):
+        if time.monotonic() > end_s:
+            return False
+        time.sleep(0.1)
+    return True
 
 
 def _tracker(directory: Path) -> list[str]:

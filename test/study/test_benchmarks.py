@@ -24,6 +24,7 @@ from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.simulation.scenario import truth_at
 from phd_jdtc_ros.simulation.simulate import simulate
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport
+from studies.runner import goal, goals_table
 
 LAG = 3
 WITHOUT_ROS = ("peers", "steps", "step_growth", "growth", "smoother", "paper_smoother")
@@ -215,7 +216,7 @@ def summary():
 
 def test_summary_holds_every_figure(summary):
     names = [figure["name"] for figure in summary["figures"]]
-    assert len(names) == len(set(names)) == 40
+    assert len(names) == len(set(names)) == 41
     for figure in summary["figures"]:
         keys = {"name", "value", "goal", "at_most", "reached"}
         if figure["value"] is None:
@@ -319,3 +320,28 @@ def test_main_of_the_gate_has_help(capsys):
 
 def test_seconds_times_the_public_names():
     assert 0.0 < gate.seconds(gate.ROOT, "gaussian") < 60.0
+
+
+def test_goals_have_all_columns_in_a_narrow_terminal():
+    figures = [goal("a long name " * 6, 1.2345, 2.0), goal("short", None, 0.5, at_most=False)]
+    figures[1]["reason"] = "no tracks of the first turns: " + "said " * 20
+    console = Console(file=io.StringIO(), width=80)
+    console.print(goals_table(figures))
+    text = console.file.getvalue()
+    assert max(map(len, text.splitlines())) <= 80
+    for shown in ("1.234", "at most 2", "at least 0.5", "yes", "reached"):
+        assert shown in text
+
+
+def test_benchmark_fails_if_a_figure_that_was_measured_is_missing(tmp_path, monkeypatch, capsys):
+    def ended(found):
+        monkeypatch.setattr(command, "PARTS", {"asterix": lambda quick: found})
+        return command.main(["--out", str(tmp_path), "--part", "asterix"])
+
+    whole = {"plots_per_s": {asterix_rates.CLOUDS: 1e5}, "tracks_ms": 1.0}
+    assert ended({**whole, "live": {"value": None, "reason": "no tracks of the first turns"}}) == 1
+    missing = [line for line in capsys.readouterr().out.splitlines() if "missing: " in line]
+    assert len(missing) == 1
+    assert "ASTERIX in to ASTERIX out" in missing[0]
+    latency = {"aircraft": 1, "sectors": 1, "latency_s": {"p50": 0.1, "p99": 0.2, "most": 0.2}}
+    assert ended({**whole, "live": latency}) == 0

@@ -8,7 +8,7 @@ from mcap_files import write
 from msg_adapters.encoding import names
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.nodes.replay.playback import TOGETHER_NS, Playback
+from phd_jdtc_ros.nodes.replay.playback import TOGETHER_NS, BagClock, Playback
 
 TYPES = {
     "/a/detections": "sensor_msgs/msg/PointCloud2",
@@ -131,3 +131,19 @@ def test_a_duration_beyond_all_numbers_is_the_rest(tmp_path):
     a, _ = SCANS
     messages = [scan(a, k, k * S) for k in range(1, 5)]
     assert len(groups(playback(tmp_path, messages, 1.0, 1e300))) == 3
+
+
+@pytest.mark.parametrize("rate", [0.5, 60.0])
+def test_bag_clock_runs_at_its_rate_and_never_beyond_what_is_due(monkeypatch, rate):
+    now_s = 1000.0
+    monkeypatch.setattr("time.monotonic", lambda: now_s)
+    clock = BagClock(rate, 5 * S)
+    due_ns = 5 * S + round(2.0 * rate * S)
+    for elapsed_s in (0.0, 0.01, 1.0, 1.99):
+        now_s = 1000.0 + elapsed_s
+        assert not clock.is_due(due_ns)
+        assert clock.now_ns == pytest.approx(5 * S + elapsed_s * rate * S, abs=1e3)
+    now_s = 1002.5
+    assert clock.is_due(due_ns)
+    # The scan that is due sets the clock, and not the wall.
+    assert clock.now_ns < due_ns
