@@ -240,6 +240,16 @@ def test_write_report_lets_no_name_end_or_swallow_the_script(tmp_path, name):
     assert run_of(text)["picture"]["radars"] == [name]
 
 
+def test_page_without_truth_begins_with_its_tracks_and_names_the_lack_after_them(tmp_path):
+    numbered = tuple(replace(each, track_id=np.array([3, 4])) for each in record_of().smoothed)
+    record = record_of(truth=(), smoothed=numbered, filtered=())
+    notes = html.notes_of(record, record.evaluate(1000.0, 2.0))
+    shown = page(tmp_path, nothing_known(), record=record, notes=notes)
+    begin = "2 tracks in 66 s from 2023-11-14 22:13:20 UTC, at most 2 at a time."
+    places = [shown.index(each) for each in (begin, 'id="picture"', "no truth in this bag")]
+    assert places == sorted(places)
+
+
 def lines_of(plane, corner, far):
     """Return the lines, arrays of shape (2, N) in metres, and their labels' texts."""
     columns = Columns()

@@ -182,7 +182,7 @@ def test_words_are_flight_level_and_identity():
     assert vertical.words(known(3048.0, 0o7700, 0x3C6444))[:2] == ["FL100 7700", ""]
     assert vertical.words(known(3048.0, UNKNOWN, 0x3C6444))[0] == "FL100 3C6444"
     assert vertical.words(known(3048.0, UNKNOWN, UNKNOWN), 304.8)[0] == "FL110"
-    assert vertical.words(known(-304.8, 0, UNKNOWN))[0] == "FL-10 0000"
+    assert vertical.words(known(-304.8, 0, UNKNOWN))[0] == "FL-010 0000"
     assert vertical.words(known(np.nan, 0o0021, UNKNOWN))[0] == "0021"
     assert vertical.words(estimates(2)) == [""] * len(estimates(2))
     found = known(3048.0, 0o7700, UNKNOWN)

@@ -18,6 +18,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.types import SOURCES, Detections
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
+from phd_jdtc_ros.report import load
 
 
 @pytest.mark.parametrize("what", ["plots", "tracks"])
@@ -97,6 +98,12 @@ def test_call_signs_of_plots_are_those_of_the_tracks(tmp_path):
         assert record["I245"]["TId"]["val"].strip() == "KLM1023"
         assert record["I380"]["ID"]["ACID"]["val"].strip() == "KLM1023"
         assert int(record["I380"]["ADR"]["ADR"]["val"], 16) == 0x484C3A
+    run_of_tracker = load.record(tracked, tracker_params.config(bag_parameters.read(tracked)))
+    assert [run_of_tracker.call_sign_of(each) for each in ("484C3A", "484C3B", "")] == [
+        "KLM1023",
+        "",
+        "",
+    ]
 
 
 # Position and velocity of two aircraft at 1000 s.
