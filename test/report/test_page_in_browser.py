@@ -347,7 +347,8 @@ def test_the_shown_scan_is_summarised_in_one_line(opened, tmp_path, width):
         "return shown.textContent + ', ' + Math.round(shown.offsetHeight / line) + ' lines'; }"
     )
     dom, console = framed(opened, tmp_path, record, width, said)
-    assert f"<title>{width} px, 105.9 min, scan 1060 of 1075, 1 lines</title>" in dom
+    shown = "23:59:14 UTC, 105.9 min, scan 1060 of 1075, 1 lines"
+    assert f"<title>{width} px, {shown}</title>" in dom
     assert console == []
 
 
