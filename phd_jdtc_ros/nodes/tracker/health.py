@@ -14,7 +14,7 @@ from msg_adapters.encoding import names
 from msg_adapters.incoming import anomalies
 from phd_jdtc_ros.calibration.registration.monitor import LEAST, MeanResidual
 
-from ..common.health import WARNING_MEMORY_S, Condition, Rhythm, Rises, first, status_of
+from ..common.health import WARNING_MEMORY_S, Rhythm, Rises, first, status_of
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 # The tracker is at its limit if it works for more than BUSY_SHARE of the time while scans are
