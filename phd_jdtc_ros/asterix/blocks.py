@@ -13,18 +13,19 @@ from collections.abc import Iterator
 from . import records
 from .item_rules import MalformedError
 from .messages import Message
-from .specification import layouts
-from .transport.framing import BLOCK_HEADER, CATEGORIES
+from .transport.raw_blocks import BLOCK_HEADER, LARGEST_BLOCK
 
 # Some recorders and networks append a trailer to every datagram. A rest of at most LONGEST_TRAILER
 # bytes counts as a trailer once its length has occurred TRAILERS times.
 LONGEST_TRAILER, TRAILERS = 16, 3
-# Upper bound of a plausible data block, bytes: radars send a block in one Ethernet packet.
-LARGEST_BLOCK = 2048
+# Reasons for which a record is not to be used; any other is a fault of the record.
+INTENDED = frozenset(("no_detection", "field_monitor", "test_target", ""))
 
 
 class BlockReader:
     """Reads the datagrams of a stream; `categories` counts the records of all categories.
+
+    `faulty` counts those of supported categories that should have been used and could not.
 
     `counts` gains the skipped data by reason: ``block_truncated`` or ``block_length`` if the rest
     of a datagram is not a data block; ``other_category`` for data blocks of unsupported categories;
@@ -36,6 +37,7 @@ class BlockReader:
     def __init__(self, counts: Counter[str]) -> None:
         self.counts = counts
         self.categories: Counter[int] = Counter()
+        self.faulty: Counter[int] = Counter()
         self.trailers: Counter[int] = Counter()
         self._faults: dict[int, Counter[str]] = {}
 
@@ -49,17 +51,22 @@ class BlockReader:
             reads = records.reader(category)
             if reads is None:
                 self.counts["other_category"] += 1
-                self.categories[category] += _count(category, data, begin, end)
+                self.categories[category] += max(records.count(category, data, begin, end), 1)
                 continue
             at = begin
             try:
                 while at < end:
-                    message, at = reads.read(data, at, end, self.counts)
+                    found, at = reads.read(data, at, end)
                     self.categories[category] += 1
-                    if message is not None:
-                        yield message
+                    if not isinstance(found, str):
+                        yield found
+                        continue
+                    self.faulty[category] += found not in INTENDED
+                    if found:
+                        self.counts[found] += 1
             except MalformedError as error:
                 self.categories[category] += 1
+                self.faulty[category] += 1
                 self.counts[error.reason] += 1
 
     def _blocks(self, data: bytes) -> Iterator[tuple[int, int, int]]:
@@ -71,7 +78,8 @@ class BlockReader:
             if not BLOCK_HEADER < length <= left:
                 fault = "block_truncated" if length > left else "block_length"
                 # The header of a cut block still gives its whole length.
-                cut = data[at] in CATEGORIES and left < length <= LARGEST_BLOCK
+                supported = records.reader(data[at]) is not None
+                cut = supported and left < length <= LARGEST_BLOCK
                 self._rest(fault, left, at > 0 and not cut)
                 return
             yield data[at], at + BLOCK_HEADER, at + length
@@ -89,16 +97,3 @@ class BlockReader:
             self._faults.setdefault(size, Counter())[fault] += 1
             if self.trailers[size] >= TRAILERS:
                 self.counts -= self._faults.pop(size)  # those rests were trailers
-
-
-def _count(category: int, data: bytes, at: int, end: int) -> int:
-    """Return the number of records in a data block of an unsupported category, at least 1."""
-    try:
-        layout = next(iter(layouts(category).values()))
-        found = 0
-        while at < end:
-            _, at = layout.walk(data, at, end)
-            found += 1
-    except (LookupError, MalformedError):
-        return 1
-    return max(found, 1)

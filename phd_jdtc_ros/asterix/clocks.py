@@ -45,8 +45,9 @@ class RadarClock:
     """Dates the messages of one radar.
 
     `counts` has ``no_time``, messages with no time or an impossible one, which get the time of
-    their receipt or of the previous message; ``clock_off``, how often the shift has changed; and
-    ``time_impossible``, messages whose time fits no stamp.
+    their receipt or of the previous message; ``time_unknown``, those of them without either;
+    ``clock_off``, how often the shift has changed; and ``time_impossible``, messages whose time
+    fits no stamp.
     """
 
     stream: StreamClock
@@ -91,14 +92,16 @@ class RadarClock:
             self.counts["clock_off"] += 1
 
     def time_ns(self, message: Message, received_ns: int | None, check_clock: bool) -> int | None:
-        """Return the time of a message, nanoseconds since the epoch; None if it fits no stamp.
+        """Return the time of a message, nanoseconds since the epoch.
+
+        It is None if it is unknown or fits no stamp.
 
         `check_clock` says whether the message is evidence of the radar's clock error.
         """
         if not _has_time(message):
-            self.counts["no_time"] += 1
             near_ns = self._near_ns(received_ns)
-            return self.stream.midnight_ns if near_ns is None else near_ns
+            self.counts["time_unknown" if near_ns is None else "no_time"] += 1
+            return near_ns
         time_ns, shift_ns = self._nearest(message, received_ns), 0
         if received_ns is not None:
             if check_clock:

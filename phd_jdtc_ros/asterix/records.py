@@ -8,13 +8,13 @@ a test target or a field monitor.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable
 from functools import cache
 from operator import itemgetter
 from typing import NamedTuple, TypeAlias
 
 from . import call_signs
+from .item_rules import MalformedError
 from .messages import (
     AZIMUTH_UNIT,
     COMBINED,
@@ -60,26 +60,29 @@ class RecordReader:
             for name, layout in layouts(number).items()
         }
 
-    def read(
-        self, data: bytes, at: int, limit: int, counts: Counter[str]
-    ) -> tuple[Message | None, int]:
-        """Return the message of the record at `at`, None if it is skipped, and the record's end."""
-        layout, items = self._kinds[""] if "" in self._kinds else self._kind(data, at, limit)
+    def read(self, data: bytes, at: int, limit: int) -> tuple[Message | str, int]:
+        """Return the message of the record at `at`, and the record's end.
+
+        In place of the message it may be the reason why the record is skipped, see `Category`.
+        """
+        layout, items = self._kind(data, at, limit)
         begins, end = layout.walk(data, at, limit)
-        found = self._decode(data, items(begins))
-        if not isinstance(found, str):
-            return found, end
-        if found:
-            counts[found] += 1
-        return None, end
+        return self._decode(data, items(begins)), end
+
+    def end(self, data: bytes, at: int, limit: int) -> int:
+        """Return the end of the record at `at`."""
+        return self._kind(data, at, limit)[0].walk(data, at, limit)[1]
 
     def _kind(
         self, data: bytes, at: int, limit: int
     ) -> tuple[Layout, Callable[[list[int]], Items]]:
-        """Return the layout of a record of CAT001, and the function that selects its items.
+        """Return the layout of a record, and the function that selects its items.
 
-        The first bit of item 020 determines the layout; both have this item at the same place.
+        There are two for CAT001: the first bit of item 020, which both have at the same place,
+        determines the layout.
         """
+        if "" in self._kinds:
+            return self._kinds[""]
         layout, _ = self._kinds["plot"]
         descriptor = layout.first(data, at, limit, "020")
         is_track = descriptor >= 0 and data[descriptor] & 0x80
@@ -299,8 +302,26 @@ _CATEGORIES = {
 }
 
 
+# Categories of plots; the others are of service messages.
+PLOTS = (1, 10, 48)
+
+
 @cache
 def reader(category: int) -> RecordReader | None:
     """Return the decoder of a category, None if the category is not supported."""
     known = _CATEGORIES.get(category)
     return RecordReader(category, known) if known else None
+
+
+def count(category: int, data: bytes, at: int, end: int) -> int:
+    """Return the number of records in a data block, 0 if they cannot be decoded."""
+    found = 0
+    try:
+        reads = reader(category)
+        layout = next(iter(layouts(category).values()))
+        while at < end:
+            at = reads.end(data, at, end) if reads else layout.walk(data, at, end)[1]
+            found += 1
+    except (LookupError, MalformedError):
+        return 0
+    return found

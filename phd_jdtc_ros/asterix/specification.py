@@ -52,8 +52,8 @@ class Layout:
 
         Raise `MalformedError` if the record does not conform to the specification.
         """
-        end = at
-        while end < limit and data[end] & 1:
+        end, last = at, min(limit, at + len(self.rules))
+        while end < last and data[end] & 1:
             end += 1
         key = data[at : end + 1]
         plan = self._plans.get(key)
@@ -108,6 +108,13 @@ class Layout:
             self._plans.clear()
         self._plans[key] = segments
         return segments
+
+
+def known_categories() -> list[int]:
+    """Return the numbers of the categories that libasterix knows."""
+    from asterix import generated
+
+    return sorted(generated.manifest["CATS"])
 
 
 @cache

@@ -1,20 +1,26 @@
 """Reads datagrams from recordings of ASTERIX.
 
-The first bytes identify the format: plain consecutive data blocks, data blocks in envelopes of the
-IOSS "final" format, or a network capture (`pcap`).
+The first bytes identify the format: plain consecutive data blocks (`raw_blocks`), data blocks in
+envelopes of the IOSS "final" format, or a network capture (`pcap`); each may be packed by gzip.
 """
 
 from __future__ import annotations
 
+import gzip
 import mmap
+import tempfile
+import zlib
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 from ..clocks import NS_PER_DAY
 from . import pcap
 from .datagram import Datagram, RecordingError
+from .entries import Entry, follow
+from .raw_blocks import RawBlocks
 
 # The header of an envelope has its length with header and footer (2 bytes), the numbers of board
 # and line, the day of the recording, and the time in 10 ms since midnight (3 bytes). The footer is
@@ -22,20 +28,46 @@ from .datagram import Datagram, RecordingError
 # The numbers of board, line and day are often 0 and are ignored.
 FINAL_HEADER, FINAL_FOOTER = 8, b"\xa5\xa5\xa5\xa5"
 RAW, FINAL, CAPTURE = "data blocks", "final", "capture"
-# Categories that occur in recordings; they identify the next block after damaged data.
-CATEGORIES = frozenset((1, 2, 8, 10, 11, 19, 20, 21, 23, 34, 48, 62, 63, 65, 247))
-BLOCK_HEADER = 3
+# A recording may begin within a data block; the first whole one must begin in these bytes.
+BEGIN = 2**17
+_GZIP = b"\x1f\x8b\x08"
+# Upper bound of an unpacked recording, bytes, so that a small file does not fill the disk.
+LARGEST_UNPACKED, CHUNK = 2**35, 2**20
 
 
 @contextmanager
-def open_recording(path: Path) -> Iterator[bytes | mmap.mmap]:
-    """Open a file as bytes that are read from the disk on demand; raise `OSError` if unreadable."""
-    with path.open("rb") as stream:
-        if not path.stat().st_size:
+def open_recording(path: Path, counts: Counter[str]) -> Iterator[bytes | mmap.mmap]:
+    """Open a file as bytes that are read from the disk on demand; raise `OSError` if unreadable.
+
+    A file that gzip has packed is unpacked to a temporary file. If it is damaged, `counts` gains
+    ``unpacking_ended``, and the bytes before the damage are used. Raise `RecordingError` if it is
+    larger than `LARGEST_UNPACKED`.
+    """
+    with path.open("rb") as stream, tempfile.TemporaryFile() as unpacked:
+        source: IO[bytes] = stream
+        if stream.read(len(_GZIP)) == _GZIP:
+            stream.seek(0)
+            _unpack(stream, unpacked, counts)
+            source = unpacked
+        if not source.seek(0, 2):
             yield b""
             return
-        with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        with mmap.mmap(source.fileno(), 0, access=mmap.ACCESS_READ) as data:
             yield data
+
+
+def _unpack(packed: IO[bytes], unpacked: IO[bytes], counts: Counter[str]) -> None:
+    try:
+        with gzip.GzipFile(fileobj=packed) as stream:
+            while part := stream.read1(CHUNK):
+                if unpacked.tell() + len(part) > LARGEST_UNPACKED:
+                    raise RecordingError(
+                        f"is larger than {LARGEST_UNPACKED >> 30} GiB when gzip has unpacked it"
+                    )
+                unpacked.write(part)
+    except (EOFError, gzip.BadGzipFile, zlib.error):
+        counts["unpacking_ended"] += 1
+    unpacked.flush()
 
 
 def kind_of(data: bytes | mmap.mmap) -> str:
@@ -44,7 +76,7 @@ def kind_of(data: bytes | mmap.mmap) -> str:
         return CAPTURE
     if _envelope(data, 0):
         return FINAL
-    if len(data) >= BLOCK_HEADER and data[0] in CATEGORIES and _block_end(data, 0) > 0:
+    if RawBlocks(data, Counter()).begins_within(BEGIN):
         return RAW
     raise RecordingError(
         "is not a recording of ASTERIX: it must begin with a data block, with an envelope of the "
@@ -60,8 +92,8 @@ def datagrams(
     `midnight_ns` is the beginning of the day of the first datagram. Captures have dates, and are
     moved by whole days; other formats are dated 1970 without it.
 
-    `counts` gains the skipped data: ``bytes_skipped`` and ``resynchronised`` for damaged data,
-    ``recording_cut`` if the end is missing, and the reasons of `pcap.packets`.
+    `counts` gains the skipped data: ``bytes_skipped``, ``resynchronised`` and ``recording_cut`` as
+    in `follow`, ``padding_bytes`` as in `raw_blocks`, and the reasons of `pcap.packets`.
     """
     kind = kind_of(data)
     if kind == CAPTURE:
@@ -69,7 +101,10 @@ def datagrams(
     elif kind == FINAL:
         yield from _final(data, midnight_ns or 0, counts)
     else:
-        yield from _raw(data, counts)
+        blocks = RawBlocks(data, counts)
+        for begin, end, _ in follow(len(data), blocks.read, blocks.resume, counts):
+            if end > begin:
+                yield Datagram(data[begin:end])
 
 
 def _on_day(found: Iterator[Datagram], midnight_ns: int | None) -> Iterator[Datagram]:
@@ -84,41 +119,6 @@ def _on_day(found: Iterator[Datagram], midnight_ns: int | None) -> Iterator[Data
         yield each._replace(received_ns=each.received_ns + shift_ns)
 
 
-def _block_end(data: bytes | mmap.mmap, at: int) -> int:
-    """Return the end of the block at `at`, -1 if there is no plausible block."""
-    if len(data) - at < BLOCK_HEADER:
-        return -1
-    length = data[at + 1] << 8 | data[at + 2]
-    return at + length if length > BLOCK_HEADER and at + length <= len(data) else -1
-
-
-def _raw(data: bytes | mmap.mmap, counts: Counter[str]) -> Iterator[Datagram]:
-    """Yield data blocks; after damaged data, continue with two consecutive plausible blocks."""
-    at = 0
-    while at < len(data):
-        end = _block_end(data, at)
-        if end > 0 and data[at] in CATEGORIES:
-            yield Datagram(data[at:end])
-            at = end
-            continue
-        begin = at
-        at += 1
-        while at < len(data) and not _plausible(data, at):
-            at += 1
-        counts["bytes_skipped"] += at - begin
-        counts["resynchronised" if at < len(data) else "recording_cut"] += 1
-
-
-def _plausible(data: bytes | mmap.mmap, at: int) -> bool:
-    """Return whether a plausible block is here, followed by another one or the end."""
-    if data[at] not in CATEGORIES:
-        return False
-    end = _block_end(data, at)
-    if end < 0:
-        return False
-    return end == len(data) or (data[end] in CATEGORIES and _block_end(data, end) > 0)
-
-
 def _envelope(data: bytes | mmap.mmap, at: int) -> int:
     """Return the length of the envelope at `at`, 0 if there is none."""
     if len(data) - at < FINAL_HEADER + len(FINAL_FOOTER):
@@ -131,22 +131,27 @@ def _envelope(data: bytes | mmap.mmap, at: int) -> int:
 
 def _final(data: bytes | mmap.mmap, midnight_ns: int, counts: Counter[str]) -> Iterator[Datagram]:
     """Yield the contents of envelopes; the day advances when the time falls by half a day."""
-    at, last_ns = 0, 0
-    while at < len(data):
+    last_ns = 0
+
+    def read(at: int) -> Entry | None:
         length = _envelope(data, at)
-        if not length:
-            # Footers are the only marks for resynchronisation.
-            found = data.find(FINAL_FOOTER, at)
-            end = len(data) if found < 0 else found + len(FINAL_FOOTER)
-            counts["bytes_skipped"] += end - at
-            counts["recording_cut" if end == len(data) else "resynchronised"] += 1
+        return Entry(at, at + length) if length else None
+
+    def resume(at: int) -> int:
+        """Return the next envelope; each footer shows where one ends."""
+        while (footer := data.find(FINAL_FOOTER, at)) >= 0:
+            end = footer + len(FINAL_FOOTER)
+            begin = next((k for k in range(at, footer) if k + _envelope(data, k) == end), None)
+            if begin is not None:
+                return begin
             at = end
-            continue
-        time_ns = int.from_bytes(data[at + 5 : at + 8], "big") * 10_000_000
+        return len(data)
+
+    for begin, end, _ in follow(len(data), read, resume, counts):
+        time_ns = int.from_bytes(data[begin + 5 : begin + 8], "big") * 10_000_000
         if time_ns < last_ns - NS_PER_DAY // 2:
             midnight_ns += NS_PER_DAY
         last_ns = time_ns
-        body = data[at + FINAL_HEADER : at + length - len(FINAL_FOOTER)]
-        line = f"board {data[at + 2]} line {data[at + 3]}"
+        body = data[begin + FINAL_HEADER : end - len(FINAL_FOOTER)]
+        line = f"board {data[begin + 2]} line {data[begin + 3]}"
         yield Datagram(body, midnight_ns + time_ns, line)
-        at += length

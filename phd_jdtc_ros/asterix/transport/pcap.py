@@ -1,43 +1,48 @@
-"""Reads the UDP payloads of pcap and pcapng captures.
+"""Reads the packets of pcap and pcapng captures, and the UDP datagrams in them (`network`).
 
 The parser is our own: of the maintained libraries, scapy needs 20 MB and 0.1 ms per packet, and no
-other reads both formats without dissecting unneeded layers. It reads the blocks of two file
-formats, four link layers, IPv4 and UDP.
+other reads both formats without dissecting unneeded layers.
+
+Captures that were joined, of either format, are sections of one. After damage, reading goes on at
+the next plausible packet or section.
 """
 
 from __future__ import annotations
 
 import mmap
+import re
 import struct
-from collections import Counter
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections import Counter, deque
+from collections.abc import Iterator, Mapping
+from typing import Literal, Protocol
 
 from .datagram import Datagram
+from .entries import Entry, follow
+from .network import Packet, datagram_of
 
-# The first four bytes of a pcap file: byte order, and nanoseconds per unit of the times.
+# The first four bytes of a pcap file: byte order, and units of the times per second.
 _MAGICS = {
-    b"\xd4\xc3\xb2\xa1": ("<", 1000),
-    b"\xa1\xb2\xc3\xd4": (">", 1000),
-    b"\x4d\x3c\xb2\xa1": ("<", 1),
-    b"\xa1\xb2\x3c\x4d": (">", 1),
+    b"\xd4\xc3\xb2\xa1": ("<", 10**6),
+    b"\xa1\xb2\xc3\xd4": (">", 10**6),
+    b"\x4d\x3c\xb2\xa1": ("<", 10**9),
+    b"\xa1\xb2\x3c\x4d": (">", 10**9),
 }
 _PCAPNG = b"\x0a\x0d\x0d\x0a"
-_ORDER_MAGIC = b"\x1a\x2b\x3c\x4d"
+_ENDIAN: Mapping[str, Literal["little", "big"]] = {"<": "little", ">": "big"}
+_ORDER_MAGICS = {b"\x4d\x3c\x2b\x1a": "<", b"\x1a\x2b\x3c\x4d": ">"}
+_ANY_MAGIC = re.compile(b"|".join(map(re.escape, (*_MAGICS, _PCAPNG))))
+_FILE_HEADER = 24
+# Upper bound of a captured packet, bytes; that of libpcap.
+_LARGEST_PACKET = 2**18
 _SECTION, _INTERFACE, _SIMPLE, _ENHANCED = 0x0A0D0D0A, 1, 3, 6
-_RESOLUTION = 9
-# Link layers by their number: loopback, Ethernet, IP without one, Linux "cooked" 1 and 2.
-_NULL, _ETHERNET, _RAW, _COOKED, _RAW4, _COOKED2 = 0, 1, 101, 113, 228, 276
-_IP, _VLANS = 0x0800, (0x8100, 0x88A8, 0x9100)
-_UDP = 17
-
-
-class Packet(NamedTuple):
-    """A captured packet."""
-
-    data: bytes  # Bytes from the link layer on
-    time_ns: int | None  # Time of capture since the epoch; None if unknown
-    link: int  # Number of the link layer
+_RESOLUTION, _OFFSET = 9, 14
+# Upper bound of a block's length that is sought, bytes.
+_LARGEST_BLOCK = 2**20
+# The begin of such a block of a usual kind, by byte order.
+_BLOCK = {
+    "<": re.compile(rb"[\x01-\x06]\x00\x00\x00..[\x00-\x0f]\x00", re.DOTALL),
+    ">": re.compile(rb"\x00\x00\x00[\x01-\x06]\x00[\x00-\x0f]..", re.DOTALL),
+}
 
 
 def is_capture(begin: bytes) -> bool:
@@ -48,128 +53,242 @@ def is_capture(begin: bytes) -> bool:
 def packets(data: bytes | mmap.mmap, counts: Counter[str]) -> Iterator[Datagram]:
     """Yield the UDP payloads of a capture.
 
-    `counts` gains ``not_udp``, ``fragment``, ``packet_cut`` (captured incompletely), ``link``
-    (unknown link layer), and ``recording_cut`` if the rest of the file is damaged.
+    `counts` gains the counts of `follow`, and the reasons of `datagram_of` for other packets.
     """
-    found = _classic(data, counts) if data[:4] in _MAGICS else _next_generation(data, counts)
-    for packet in found:
-        datagram = _datagram(packet, counts)
-        if datagram is not None:
-            yield datagram
+    capture = _Capture(data)
+    for entry in follow(len(data), capture.read, capture.resume, counts):
+        if entry.content is None:
+            continue
+        found = datagram_of(entry.content)
+        if isinstance(found, str):
+            counts[found] += 1
+        else:
+            yield found
 
 
-def _classic(data: bytes | mmap.mmap, counts: Counter[str]) -> Iterator[Packet]:
-    order, unit_ns = _MAGICS[data[:4]]
-    if len(data) < 24:
-        counts["recording_cut"] += 1
-        return
-    (link,) = struct.unpack(order + "I", data[20:24])
-    at, header = 24, struct.Struct(order + "IIII")
-    while at < len(data):
-        if len(data) - at < header.size:
-            counts["recording_cut"] += 1
-            return
-        seconds, fraction, length, _ = header.unpack(data[at : at + header.size])
-        at += header.size
-        if at + length > len(data):
-            counts["recording_cut"] += 1
-            return
+class _Section(Protocol):
+    """A part of a capture with one byte order."""
+
+    def read(self, at: int) -> Entry | None:
+        """See `follow`; the content is a packet, or None for a header."""
+
+    def resume(self, at: int, limit: int) -> int:
+        """Return the next plausible place from `at` on and below `limit`, which it is without."""
+
+
+class _Capture:
+    """The sections of a capture."""
+
+    def __init__(self, data: bytes | mmap.mmap) -> None:
+        self._data = data
+        self._section: _Section | None = None
+
+    def read(self, at: int) -> Entry | None:
+        """Return the header or packet at a place, see `follow`."""
+        self._section = _section_at(self._data, at) or self._section
+        return self._section.read(at) if self._section else None
+
+    def resume(self, at: int) -> int:
+        """Return the next packet or section, see `follow`."""
+        limit = len(self._data)
+        while found := _ANY_MAGIC.search(self._data, at):
+            if _section_at(self._data, found.start()):
+                limit = found.start()
+                break
+            at = found.start() + 1
+        return self._section.resume(at, limit) if self._section else limit
+
+
+def _section_at(data: bytes | mmap.mmap, at: int) -> _Section | None:
+    """Return the section that begins at a place, None if none does."""
+    magic = data[at : at + 4]
+    if magic in _MAGICS and at + _FILE_HEADER <= len(data):
+        return _Classic(data, at)
+    if magic == _PCAPNG and data[at + 8 : at + 12] in _ORDER_MAGICS:
+        return _NextGeneration(data, at)
+    return None
+
+
+class _Classic:
+    """A pcap file: its header and packets."""
+
+    def __init__(self, data: bytes | mmap.mmap, begin: int) -> None:
+        self._data, self._begin = data, begin
+        self._order, self._units_per_s = _MAGICS[data[begin : begin + 4]]
         # The upper bits give the length of checksums.
-        yield Packet(data[at : at + length], seconds * 10**9 + fraction * unit_ns, link & 0xFFFF)
-        at += length
+        self._link = struct.unpack(self._order + "I", data[begin + 20 : begin + 24])[0] & 0xFFFF
+        self._header = struct.Struct(self._order + "IIII")
+        # The first and the latest times of packets, seconds, in units of 2^16 s. There are several,
+        # because one may be of a damaged header.
+        self._first: int | None = None
+        self._latest: deque[int] = deque(maxlen=3)
+
+    def read(self, at: int) -> Entry | None:
+        """See `_Section.read`."""
+        if at == self._begin:
+            return Entry(at, at + _FILE_HEADER)
+        end = self._end(at)
+        if not end:
+            return None
+        seconds, fraction, _, _ = self._header.unpack(self._data[at : at + 16])
+        if not self._is_near(seconds) and not self._goes_on(end):
+            return None
+        self._latest.append(seconds >> 16)
+        self._first = self._latest[0] if self._first is None else self._first
+        time_ns = seconds * 10**9 + fraction * (10**9 // self._units_per_s)
+        return Entry(at, end, Packet(self._data[at + 16 : end], time_ns, self._link))
+
+    def resume(self, at: int, limit: int) -> int:
+        """See `_Section.resume`; the time must be within a day of the others."""
+        near = {time + more for time in self._times() for more in (-1, 0, 1)}
+        header, shift = _packet_header(self._order, self._units_per_s, frozenset(near))
+        while found := header.search(self._data, at + shift, limit):
+            at = found.start() - shift
+            end = self._end(at)
+            if end and self._goes_on(end):
+                return at
+            at += 1
+        return limit
+
+    def _times(self) -> set[int]:
+        if self._first is None:
+            # The first packet's length is wrong, and its time is probably right.
+            at = self._begin + _FILE_HEADER
+            first = int.from_bytes(self._data[at : at + 4], _ENDIAN[self._order])
+            return {first >> 16}
+        return {self._first, *self._latest}
+
+    def _is_near(self, seconds: int) -> bool:
+        return self._first is None or any(abs(t - (seconds >> 16)) <= 1 for t in self._times())
+
+    def _goes_on(self, at: int) -> bool:
+        """Return whether a packet or a section follows, or the end of the file."""
+        if len(self._data) - at < 16 or _section_at(self._data, at):
+            return True
+        return self._is_packet(*self._header.unpack(self._data[at : at + 16]))
+
+    def _end(self, at: int) -> int:
+        """Return the end of a packet by its header, 0 if there is no plausible header."""
+        header = self._data[at : at + 16]
+        if len(header) < 16:
+            return 0
+        fields = self._header.unpack(header)
+        end: int = at + 16 + fields[2]
+        return end if end <= len(self._data) and self._is_packet(*fields) else 0
+
+    def _is_packet(self, seconds: int, fraction: int, captured: int, _: int) -> bool:
+        """Return whether a header is plausible; a packet without bytes must have a usual time."""
+        sized = captured <= _LARGEST_PACKET and (captured > 0 or self._is_near(seconds))
+        return sized and fraction < self._units_per_s
 
 
-def _next_generation(data: bytes | mmap.mmap, counts: Counter[str]) -> Iterator[Packet]:
-    order, at = "<", 0
-    interfaces: list[tuple[int, int]] = []  # link layer and units per second
-    while at < len(data):
-        if data[at : at + 4] == _PCAPNG:
-            order = ">" if data[at + 8 : at + 12] == _ORDER_MAGIC else "<"
-            interfaces = []
-        if len(data) - at < 12:
-            counts["recording_cut"] += 1
-            return
-        kind, length = struct.unpack(order + "II", data[at : at + 8])
-        if length < 12 or length % 4 or at + length > len(data):
-            counts["recording_cut"] += 1
-            return
-        body = data[at + 8 : at + length - 4]
-        at += length
+def _packet_header(
+    order: str, units_per_s: int, near: frozenset[int]
+) -> tuple[re.Pattern[bytes], int]:
+    """Return a pattern of packet headers with usual times, and how far behind their begin it is.
+
+    `near` are times in units of 2^16 s.
+    """
+
+    def number(most: int) -> bytes:
+        """Return the pattern of a number of four bytes."""
+        upper = b"[\\x00-" + re.escape(bytes([most >> 16 & 0xFF])) + b"]"
+        if most >> 24:
+            upper, top = b".", b"[\\x00-" + re.escape(bytes([most >> 24])) + b"]"
+        else:
+            top = b"\\x00"
+        return b".." + upper + top if order == "<" else top + upper + b".."
+
+    halves = (half.to_bytes(2, _ENDIAN[order]) for half in near if 0 <= half < 2**16)
+    begin = b"(?:" + b"|".join(map(re.escape, sorted(halves))) + b")"
+    rest = number(units_per_s) + 2 * number(_LARGEST_PACKET)
+    pattern = begin + (b"" if order == "<" else b"..") + rest
+    return re.compile(pattern, re.DOTALL), 2 if order == "<" else 0
+
+
+class _NextGeneration:
+    """A section of a pcapng file: its blocks."""
+
+    def __init__(self, data: bytes | mmap.mmap, begin: int) -> None:
+        self._data = data
+        self._order = _ORDER_MAGICS[data[begin + 8 : begin + 12]]
+        # Link layer, units of the times per second, and the times' offset, seconds.
+        self._interfaces: list[tuple[int, int, int]] = []
+        self._block = _BLOCK[self._order]
+
+    def read(self, at: int) -> Entry | None:
+        """See `_Section.read`."""
+        end = self._end(at) or self._end_by_trailer(at)
+        if not end:
+            return None
+        (kind,) = struct.unpack(self._order + "I", self._data[at : at + 4])
+        return Entry(at, end, self._packet(kind, self._data[at + 8 : end - 4]))
+
+    def resume(self, at: int, limit: int) -> int:
+        """See `_Section.resume`."""
+        while found := self._block.search(self._data, at, limit):
+            at = found.start()
+            if self._is_whole(at):
+                return at
+            at += 1
+        return limit
+
+    def _number(self, at: int) -> int:
+        return int.from_bytes(self._data[at : at + 4], _ENDIAN[self._order])
+
+    def _is_whole(self, at: int) -> bool:
+        """Return whether there is a block with the same length at its begin and its end."""
+        length = self._number(at + 4)
+        return self._fits(at, length) and self._number(at + length - 4) == length
+
+    def _fits(self, at: int, length: int) -> bool:
+        return length >= 12 and length % 4 == 0 and at + length <= len(self._data)
+
+    def _end(self, at: int) -> int:
+        """Return the end of a block, 0 if it has none; one of its two lengths may be wrong."""
+        end = at + self._number(at + 4)
+        if not self._fits(at, end - at):
+            return 0
+        follows = end == len(self._data) or self._is_whole(end)
+        return end if self._is_whole(at) or follows else 0
+
+    def _end_by_trailer(self, at: int) -> int:
+        """Return the end of a block by the length at its end, 0 if that does not fit either."""
+        limit = min(at + _LARGEST_BLOCK, len(self._data))
+        end = self.resume(at + 12, limit)
+        return end if self._fits(at, end - at) and self._number(end - 4) == end - at else 0
+
+    def _packet(self, kind: int, body: bytes) -> Packet | None:
+        """Return the packet of a block, None if it has none; note interfaces."""
+        order, interfaces = self._order, self._interfaces
         if kind == _INTERFACE and len(body) >= 8:
             (link,) = struct.unpack(order + "H", body[:2])
-            interfaces.append((link, _units_per_s(body[8:], order)))
+            interfaces.append((link, *_times_of(body[8:], order)))
         elif kind == _ENHANCED and len(body) >= 20:
             number, high, low, captured, _ = struct.unpack(order + "IIIII", body[:20])
             if number >= len(interfaces) or captured > len(body) - 20:
-                counts["packet_cut"] += 1
-                continue
-            link, units = interfaces[number]
-            time_ns = (high << 32 | low) * 10**9 // units
-            yield Packet(body[20 : 20 + captured], time_ns, link)
+                return Packet(b"", None, None)
+            link, units, offset_s = interfaces[number]
+            time_ns = (high << 32 | low) * 10**9 // units + offset_s * 10**9
+            return Packet(body[20 : 20 + captured], time_ns, link)
         elif kind == _SIMPLE and len(body) >= 4 and interfaces:
-            yield Packet(body[4:], None, interfaces[0][0])
+            return Packet(body[4:], None, interfaces[0][0])
+        return None
 
 
-def _units_per_s(options: bytes, order: str) -> int:
-    """Return the units per second of an interface's times; microseconds by default."""
-    at = 0
+def _times_of(options: bytes, order: str) -> tuple[int, int]:
+    """Return the units per second of an interface's times, microseconds by default, and offset."""
+    units, offset_s, at = 10**6, 0, 0
     while at + 4 <= len(options):
         code, length = struct.unpack(order + "HH", options[at : at + 4])
-        if code == _RESOLUTION and length >= 1 and at + 4 < len(options):
-            power = options[at + 4]
+        value = options[at + 4 : at + 4 + length]
+        if code == _RESOLUTION and value:
             # Finer resolutions are implausible.
-            base, most = (2, 64) if power & 0x80 else (10, 18)
-            return int(base ** min(power & 0x7F, most))
+            base, most = (2, 64) if value[0] & 0x80 else (10, 18)
+            units = base ** min(value[0] & 0x7F, most)
+        elif code == _OFFSET and len(value) == 8:
+            (offset_s,) = struct.unpack(order + "q", value)
         if not code:
             break
         at += 4 + (length + 3) // 4 * 4
-    return 10**6
-
-
-def _datagram(packet: Packet, counts: Counter[str]) -> Datagram | None:
-    """Return the UDP payload of a packet, None if there is none."""
-    at = _ip_begin(packet)
-    if at is None:
-        counts["link"] += 1
-        return None
-    data = packet.data
-    if at < 0 or len(data) < at + 20 or data[at] >> 4 != 4 or data[at + 9] != _UDP:
-        counts["not_udp"] += 1
-        return None
-    if (data[at + 6] << 8 | data[at + 7]) & 0x3FFF:
-        counts["fragment"] += 1
-        return None
-    udp = at + 4 * (data[at] & 15)
-    if len(data) < udp + 8:
-        counts["packet_cut"] += 1
-        return None
-    port, length = struct.unpack(">HH", data[udp + 2 : udp + 6])
-    payload = data[udp + 8 : udp + length]
-    if len(payload) < length - 8:
-        counts["packet_cut"] += 1
-        return None
-    sender, receiver = (".".join(map(str, data[k : k + 4])) for k in (at + 12, at + 16))
-    return Datagram(payload, packet.time_ns, f"{sender} to {receiver}:{port}")
-
-
-def _ip_begin(packet: Packet) -> int | None:
-    """Return the beginning of the IP header, -1 if absent, None for an unknown link layer."""
-    data, link = packet.data, packet.link
-    if link in (_RAW, _RAW4):
-        return 0
-    if link == _NULL:
-        return 4
-    if link in (_COOKED, _COOKED2):
-        kind_at, at = (14, 16) if link == _COOKED else (0, 20)
-        return at if _kind(data, kind_at) == _IP else -1
-    if link != _ETHERNET:
-        return None
-    at = 12
-    while _kind(data, at) in _VLANS:
-        at += 4
-    return at + 2 if _kind(data, at) == _IP else -1
-
-
-def _kind(data: bytes, at: int) -> int:
-    """Return the protocol number of the next layer, 0 if it is cut off."""
-    return int.from_bytes(data[at : at + 2], "big")
+    return units, offset_s

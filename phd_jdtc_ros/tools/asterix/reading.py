@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from phd_jdtc_ros.quoting import counts_text
 from . import parameters
 
 DEPTH = 50
-# Smallest share of a recording that must be used; otherwise the tool fails.
+# Smallest share of a recording's plots that must be used; otherwise the tool fails.
 LEAST_USED = 0.5
 # Largest number of ports, or of unknown radars, in a message.
 MAX_LISTED = 8
@@ -38,14 +38,6 @@ PLACES = (
 )
 OTHERS = {11: TRACKS, 30: TRACKS, 62: TRACKS, 20: PLACES, 21: PLACES}
 STATUS = "no target reports"
-# Radars that are not selected, redundant lines, and messages without a target.
-LEFT_OUT_ON_PURPOSE = (
-    "unknown_radar",
-    "second_source",
-    "no_detection",
-    "field_monitor",
-    "test_target",
-)
 
 
 @dataclass
@@ -65,7 +57,7 @@ class Conversion:
 
     def lines(self) -> Iterator[str]:
         """Yield the counts of each radar, and the reasons for messages that are not used."""
-        for state in self.stream.radars.values():
+        for state in self.radars():
             name, turn_s = state.settings.name, state.assembler.turn_s
             turn = f", a turn of {turn_s:.4f} s" if turn_s else ""
             listed = counts_text(state.counts)
@@ -86,9 +78,30 @@ class Conversion:
             yield f"{count} datagrams have a trailer of {size} bytes, which is skipped"
         if self._silent_ports() and not self._reads_nothing():
             yield self._silence()
-        left_out = +(self.recording + self.stream.counts)
-        yield f"left out: {counts_text(left_out) or 'none'}"
+        others = {n: count for n, count in self._held() if records.reader(n) is None}
+        if others:
+            yield f"records of other categories, which are skipped: {_categories(others)}"
+        yield f"left out: {counts_text(self._left_out()) or 'none'}"
+        for state in self._lone():
+            yield (
+                f"{state.settings.name}: a single message, which is left out because a damaged "
+                "byte may have made it"
+            )
         yield from self.hints
+
+    def radars(self) -> list[RadarState]:
+        """Return the radars of the recording without those of a single message beside others."""
+        lone = self._lone()
+        return [state for state in self.stream.radars.values() if state not in lone]
+
+    def _lone(self) -> list[RadarState]:
+        states = [*self.stream.radars.values()]
+        lone = [s for s in states if s.plots + s.services + len(s.waiting) == 1]
+        return lone if len(lone) < len(states) else []
+
+    def _held(self) -> list[tuple[int, int]]:
+        """Return all categories with the numbers of their records, the most frequent first."""
+        return self.stream.blocks.categories.most_common()
 
     def _silent_ports(self) -> list[int]:
         """Return the ports without datagrams; recordings without ports are read as a whole."""
@@ -110,33 +123,62 @@ class Conversion:
         if damaged:
             yield (
                 f"is damaged in {damaged} places: {self.recording['bytes_skipped']} bytes are "
-                "left out, and all others were used"
+                "left out"
             )
-        categories, states = self.stream.blocks.categories, [*self.stream.radars.values()]
-        left_out = sum((state.counts for state in states), +self.stream.counts)
-        intended = categories.total() - sum(left_out[reason] for reason in LEFT_OUT_ON_PURPOSE)
-        used = self.plots + sum(state.services for state in states) if self.clouds else 0
-        if self.clouds and used >= LEAST_USED * intended:
+        if self.recording["unpacking_ended"]:
+            yield "gzip cannot unpack it to its end: what is behind the damage is missing"
+        lost = self._lost_plots()
+        if self.plots and self.plots >= LEAST_USED * (self.plots + lost):
             return
-        if not categories:
-            yield "has no data blocks of ASTERIX"
+        held, reasons = self._held(), self._reasons()
+        if not held:
+            yield "has no data blocks of ASTERIX" + (f"; left out: {reasons}" if reasons else "")
             return
-        held = ", ".join(f"CAT{number:03} {n}" for number, n in categories.most_common())
-        reasons = counts_text(left_out)
         others = "".join(
             f"; CAT{number:03} is {OTHERS.get(number, STATUS)}"
-            for number in sorted(categories)
+            for number, _ in sorted(held)
             if records.reader(number) is None
         )
         yield (
-            f"{used} of {intended} records could be used; all records: {held or 'none'}{others}"
+            f"{self._used(lost)}; all records: {_categories(dict(held))}{others}"
             + (f"; left out: {reasons}" if reasons else "")
             + (f"; SAC/SIC of unknown radars: {self._unknown()}" if self.stream.unknown else "")
         )
 
+    def _lost_plots(self) -> int:
+        """Return the number of plots that should be used and cannot be."""
+        states = self.stream.radars.values()
+        reasons = ("time_unknown", "time_impossible", "overflow")
+        dropped = sum(state.counts[reason] for state in states for reason in reasons)
+        return dropped + sum(self.stream.blocks.faulty[number] for number in records.PLOTS)
+
+    def _used(self, lost: int) -> str:
+        """Return in words how many plots are used, and why none is, if that is known."""
+        if not lost and not self.plots:
+            used = sum(state.services for state in self.radars())
+            records_held = self.stream.blocks.categories.total()
+            return f"has no plots; {used} of {records_held} records could be used"
+        used = f"{self.plots} of {self.plots + lost} plots could be used"
+        timeless = sum(state.counts["time_unknown"] for state in self.stream.radars.values())
+        if timeless and not self.plots:
+            used += ": no message has a time, its own or that of its receipt"
+        return used
+
+    def _reasons(self) -> str:
+        states = self.stream.radars.values()
+        return counts_text(sum((state.counts for state in states), self._left_out()))
+
+    def _left_out(self) -> Counter[str]:
+        return +(self.recording + self.stream.counts)
+
     def _unknown(self) -> str:
         radars = self.stream.unknown.items()
         return _most(Counter({f"{radar >> 8}/{radar & 255}": count for radar, count in radars}))
+
+
+def _categories(held: Mapping[int, int]) -> str:
+    """Return categories with the numbers of their records, in words."""
+    return ", ".join(f"CAT{number:03} {count}" for number, count in held.items())
 
 
 def _most(counts: Counter[Any]) -> str:
@@ -156,7 +198,7 @@ def convert(
     clock = StreamClock(midnight_ns or 0, bridge.values["max_clock_offset_s"])
     done = Conversion(bridge.stream(clock), frozenset(ports))
     try:
-        with framing.open_recording(path) as data:
+        with framing.open_recording(path, done.recording) as data:
             if not len(data):
                 raise BagError(f"{path}: is empty, nothing was recorded", corrupt=True)
             framing.kind_of(data)
@@ -165,7 +207,7 @@ def convert(
                     _write(bag, done, bridge, state, report)
     except RecordingError as error:
         raise BagError(f"{path}: {error}") from error
-    states = [*done.stream.radars.values()]
+    states = done.radars()
     found = parameters.propose(states, done.disorder_ns * 1e-9)
     if found is not None:
         parameters.measure(found, states, out)
@@ -191,7 +233,8 @@ def _reports(
                 done.recording["other_port"] += 1
                 continue
         yield from done.stream.feed(*received)
-    yield from done.stream.finish()
+    kept = done.radars()
+    yield from (found for found in done.stream.finish() if found[0] in kept)
     for state in done.stream.radars.values():
         if isinstance(state.assembler.finder, PlotTurns):
             state.assembler.finder.find()

@@ -76,7 +76,7 @@ class Recording(BagReader):
         stream = self._bridge.stream(StreamClock())
         waiting: list[bytes] = []
         try:
-            with framing.open_recording(self._recording) as data:
+            with framing.open_recording(self._recording, Counter()) as data:
                 for received in framing.datagrams(data, None, Counter()):
                     waiting.append(received.data)
                     for state, report in stream.feed(received.data):

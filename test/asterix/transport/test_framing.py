@@ -86,21 +86,51 @@ def test_capture_has_nanoseconds_and_may_be_moved_to_a_day(blocks):
 def test_capture_counts_what_has_no_asterix(blocks):
     good = made.packet(blocks[0])
     arp = good[:12] + b"\x08\x06" + bytes(28)
-    tcp = good[:23] + b"\x06" + good[24:]
+    tcp, other = (good[:23] + protocol + good[24:] for protocol in (b"\x06", b"\x59"))
+    mpls, unknown = (good[:12] + kind + good[14:] for kind in (b"\x88\x47", b"\x88\xcc"))
+    logical = good[:12] + (len(good) - 14).to_bytes(2, "big") + good[14:]
     fragment = good[:20] + b"\x20\x00" + good[22:]
-    short = good[:-3]
-    data = made.pcap([(0, each) for each in (arp, tcp, fragment, short, good, b"", good[:20])])
-    found, counts = read(data)
+    cut = good[:-3], b"", good[:20]
+    others = arp, tcp, other, mpls, unknown, logical, fragment
+    found, counts = read(made.pcap([(0, each) for each in (*others, *cut, good)]))
     assert [each.data for each in found] == [blocks[0]]
-    assert counts == {"not_udp": 4, "fragment": 1, "packet_cut": 1}
+    named = ("arp", "tcp", "not_udp", "mpls", "not_ip", "ieee_802_2", "fragment")
+    assert counts == {**dict.fromkeys(named, 1), "packet_cut": 3}
+
+
+@pytest.mark.parametrize(
+    ("headers", "fragment"),
+    [
+        ([], False),
+        ([(0, b"\x00" + bytes(6)), (60, b"\x01" + bytes(14)), (43, b"\x00" + bytes(6))], False),
+        ([(44, bytes(7)), (51, b"\x01" + bytes(10))], False),
+        ([(44, b"\x00\x00\x01" + bytes(4))], True),
+        ([(60, b"\x00" + bytes(6)), (44, b"\x00\x05\x28" + bytes(4))], True),
+    ],
+)
+def test_capture_of_ipv6_is_read_behind_its_extension_headers(blocks, headers, fragment):
+    udp = struct.pack(">HHHH", 40000, 8600, len(blocks[0]) + 8, 0) + blocks[0]
+    protocol = 17
+    for kind, body in reversed(headers):
+        udp, protocol = bytes([protocol]) + body + udp, kind
+    ip = struct.pack(">IHBB", 6 << 28, len(udp), protocol, 64)
+    ip += bytes.fromhex("fe80" + 13 * "00" + "07" + "ff02" + 12 * "00" + "0101") + udp
+    frame = b"\x33\x33" + bytes(10) + b"\x86\xdd" + ip
+    found, counts = read(made.pcap([(5 * NS, frame), (6 * NS, frame[:60])]))
+    if fragment:
+        assert (found, counts["fragment"]) == ([], 1)
+    else:
+        assert found == [Datagram(blocks[0], 5 * NS, "fe80::7 to [ff02::101]:8600")]
+    assert counts["packet_cut"] == 1
 
 
 def test_capture_that_was_cut_is_read_to_its_end(blocks):
     for kind in (made.pcap, made.pcapng):
-        data = kind([(0, made.packet(block)) for block in blocks])
+        sent = [(0, made.packet(block)) for block in blocks]
+        data = kind(sent)
         found, counts = read(data[:-5])
         assert [each.data for each in found] == blocks[:-1]
-        assert counts == {"recording_cut": 1}
+        assert counts == {"recording_cut": 1, "bytes_skipped": len(data) - 5 - len(kind(sent[:-1]))}
 
 
 def test_capture_of_linux_cooked_and_raw_packets(blocks):

@@ -1,3 +1,5 @@
+import gzip
+
 import asterix_records as made
 import numpy as np
 import pytest
@@ -10,6 +12,8 @@ from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 
 TOPIC = "/radar_1_2/detections"
 DAY_NS = 20_779 * 86_400 * 10**9
+# A plot with an impossible length of the field SP.
+BROKEN = b"\x30\x00\x0a\x81\x01\x01\x02\x01\x02\x00"
 SEEN = [(10.0, 20.0), (100.0, 30.0), (190.0, 40.0), (350.0, 50.0)]
 
 
@@ -108,7 +112,9 @@ def test_framings_of_one_recording_give_the_same_bag(bridge, kind):
 def test_radars_are_named_and_turned_by_the_parameters(bridge):
     data = b"".join(
         part
-        for pair in zip(made.turns(2, sic=1), made.turns(2, sic=9), strict=True)
+        for pair in zip(
+            made.turns(2, sic=1, seen=SEEN), made.turns(2, sic=9, seen=SEEN), strict=True
+        )
         for part in pair
     )
     given = ["-p", "radars:=[a, b]", "-p", "a.source:=[1, 1]", "-p", "b.source:=[1, 9]"]
@@ -116,7 +122,7 @@ def test_radars_are_named_and_turned_by_the_parameters(bridge):
     given += ["-p", "b.geodetic:=[50.5, 8.5, 120.0]"]
     status, out, said = bridge(data, *given)
     assert status == 0
-    assert "a: 0 plots, 65 service messages, 64 clouds" in said.out
+    assert "a: 8 plots, 65 service messages, 64 clouds" in said.out
     assert BagReader(out).counts == {"/a/detections": 64, "/b/detections": 32}
     config = tracker_params.config(bag_parameters.read(out))
     assert [radar.sectors for radar in config.inputs] == [32, 16]
@@ -125,12 +131,12 @@ def test_radars_are_named_and_turned_by_the_parameters(bridge):
 
 
 def test_only_a_port_of_a_capture_is_read_where_asked(bridge):
-    blocks = [*made.turns(1)]
+    blocks = [*made.turns(1, seen=[(100.0, 30.0)])]
     packets = [(k * 10**8, made.packet(block)) for k, block in enumerate(blocks)]
     packets += [(k * 10**8, made.packet(block, port=9)) for k, block in enumerate(blocks)]
     # Recordings without ports are read whatever is asked.
     final = b"".join(made.final(block, 1000.0 + k / 8.0) for k, block in enumerate(blocks))
-    for data, left_out in ((made.pcap(sorted(packets)), "other_port 33"), (final, "none")):
+    for data, left_out in ((made.pcap(sorted(packets)), "other_port 34"), (final, "none")):
         given = ("--port", "8600", "-p", "sectors:=8")
         status, out, said = bridge(data, *given, out=left_out[:4])
         assert status == 0
@@ -140,10 +146,11 @@ def test_only_a_port_of_a_capture_is_read_where_asked(bridge):
 
 @pytest.mark.parametrize(("ports", "expected"), [([9], 3), ([9, 8600], 0)])
 def test_port_without_datagrams_is_named_with_those_that_have_some(bridge, ports, expected):
-    packets = [(k * 10**8, made.packet(block)) for k, block in enumerate(made.turns(1))]
+    blocks = made.turns(1, seen=SEEN)
+    packets = [(k * 10**8, made.packet(block)) for k, block in enumerate(blocks)]
     words = [word for port in ports for word in ("--port", str(port))]
     status, _, said = bridge(made.pcap(packets), *words)
-    silence = "no datagram is to port 9; ports with their datagrams: 8600 (33)"
+    silence = "no datagram is to port 9; ports with their datagrams: 8600 (37)"
     assert status == expected
     assert (said.err if expected else said.out).count(silence) == 1
     assert said.err.count("\n") == (1 if expected else 0)
@@ -170,10 +177,10 @@ def test_impossible_port_is_refused(bridge, given, capsys):
 
 
 def test_wrong_clock_and_second_source_are_reported(bridge):
-    blocks = [*made.turns(1, start_s=1000.0)]
+    blocks = [*made.turns(1, start_s=1000.0, seen=[(359.0, 30.0)])]
     packets = []
     for k, block in enumerate(blocks):
-        time_ns = round((2000.0 + k / 8.0) * 1e9)
+        time_ns = round((2000.0 + min(k, 32) / 8.0) * 1e9)
         packets.append((time_ns, made.packet(block)))
         packets.append((time_ns, made.packet(block, sender="10.0.0.2")))
     status, _, said = bridge(made.pcap(packets))
@@ -196,16 +203,85 @@ def test_recording_of_tracks_alone_fails_with_its_contents(bridge):
     assert "0 of 20 records could be used; all records: CAT062 20; CAT062 is tracks" in said.err
 
 
-@pytest.mark.parametrize(("count", "expected"), [(40, 0), (60, 3)])
-def test_recording_of_which_less_than_half_can_be_used_fails(bridge, count, expected):
-    # The recording has 16 plots and 33 service messages besides the tracks.
+@pytest.mark.parametrize(("broken", "expected"), [(14, 0), (18, 3)])
+def test_recording_of_which_less_than_half_of_the_plots_can_be_used_fails(bridge, broken, expected):
+    # The recording has 16 plots, and ten times as many tracks of another tracker, which do not
+    # count.
     seen = [(azimuth, 20.0) for azimuth in range(5, 360, 23)]
-    data = b"".join([*made.turns(1, seen=seen), *tracks(count)])
+    data = b"".join([*made.turns(1, seen=seen), *[BROKEN] * broken, *tracks(160)])
     status, out, said = bridge(data)
     assert status == expected
-    assert ("49 of 109 records could be used" in said.err) == bool(expected)
+    assert (f"16 of {16 + broken} plots could be used" in said.err) == bool(expected)
+    assert "records of other categories, which are skipped: CAT062 160" in said.out
     # The usable records are there.
     assert BagReader(out).counts == {TOPIC: 32}
+
+
+def without_times(data):
+    """Return plots without the time I048/140."""
+    return made.plots({k: v for k, v in made.plot(10.0, 5.0).items() if k != "140"}) * data
+
+
+@pytest.mark.parametrize(
+    ("data", "expected"),
+    [
+        (b"".join(made.turns(1)), "has no plots; 33 of 33 records could be used"),
+        (
+            b"".join([*made.turns(1), BROKEN * 9]),
+            "0 of 9 plots could be used; all records: CAT034 33, CAT048 9; left out: "
+            "explicit_length 9",
+        ),
+        (
+            without_times(7),
+            "0 of 7 plots could be used: no message has a time, its own or that of its receipt",
+        ),
+    ],
+    ids=["service messages only", "malformed plots", "no times"],
+)
+def test_recording_of_which_no_plot_can_be_used_fails_with_the_reason(bridge, data, expected):
+    status, _, said = bridge(data)
+    assert status == 3
+    assert f"recording.ast: {expected}" in said.err
+    assert " 0 plots" in said.out
+
+
+def test_foreign_categories_are_counted_and_skipped_by_their_length(bridge):
+    parts = [*made.turns(2, seen=SEEN)]
+    _, plain, _ = bridge(b"".join(parts), out="plain")
+    foreign = [bytes([category, 0, 9]) + bytes(6) for category in (4, 16, 30, 129, 240, 253)]
+    data = b"".join(part + foreign[k % 6] for k, part in enumerate(parts))
+    status, out, said = bridge(data, out="plain_of_other_files")
+    assert status == 0
+    assert said.err == ""
+    assert "skipped: CAT004 13, CAT016 12, CAT030 12, CAT129 12, CAT240 12, CAT253 12\n" in said.out
+    one, other = (
+        [(entry.topic, entry.log_time_ns, entry.data) for entry in BagReader(bag).messages()]
+        for bag in (plain, out)
+    )
+    assert one == other
+
+
+@pytest.mark.parametrize("kept", [slice(None), slice(None, -20)], ids=["whole", "cut"])
+def test_packed_recording_is_unpacked(bridge, kept):
+    packed = gzip.compress(b"".join(made.turns(2, seen=SEEN)))[kept]
+    status, out, said = bridge(packed)
+    assert "left out: none" in said.out or status
+    assert BagReader(out).counts[TOPIC] > 20
+    assert (status, "gzip cannot unpack it to its end" in said.err) == (
+        (0, False) if kept.stop is None else (3, True)
+    )
+
+
+def test_radar_of_a_single_message_beside_others_is_left_out(bridge):
+    parts = [*made.turns(2, seen=SEEN)]
+    stray = made.plots(made.plot(20.0, 1002.0, sic=77))
+    status, out, said = bridge(b"".join([*parts[:20], stray, *parts[20:]]))
+    assert status == 0
+    assert "radar_1_77: a single message, which is left out" in said.out
+    assert [*BagReader(out).counts] == [TOPIC]
+    # Without others it is all there is.
+    status, out, said = bridge(stray, out="alone")
+    assert BagReader(out).counts == {"/radar_1_77/detections": 1}
 
 
 def test_recording_whose_end_is_missing_is_used_and_fails(bridge):
