@@ -76,6 +76,7 @@ class RadarState:
     # Position of the radar, from its configuration or else from I034/120; None if unknown.
     site: tuple[float, float, float] | None
     plots: int = 0  # Number of accepted plots
+    undated: int = 0  # Number of plots without a time that fits a stamp
     services: int = 0  # Number of accepted service messages
     reports: int = 0  # Number of reports made from them
     # Sources of the radar's plots (`Plot`) and service messages (`ServiceMessage`), which may
@@ -201,6 +202,7 @@ class PlotStream:
         is_plot = isinstance(message, Plot)
         time_ns = state.clock.time_ns(message, received_ns, not (is_plot and state.services))
         if time_ns is None:
+            state.undated += is_plot
             return []
         state.time_ns = time_ns
         off_ns = 0 if received_ns is None else abs(received_ns - time_ns)

@@ -7,7 +7,7 @@ import random
 import struct
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -38,7 +38,7 @@ def measure(examples: int = EXAMPLES) -> Found:
     rng = random.Random(4)
     outcomes: Counter[str] = Counter()
     worst_s = 0.0
-    good = _blocks(rng)
+    good = radar_datagrams(rng)
     stream = PlotStream({})
     for index in range(examples):
         data = KINDS[index % len(KINDS)](good, rng)[:LARGEST]
@@ -111,9 +111,17 @@ def _fault(sectors: int, report: Any) -> bool:
     return not all(np.isfinite(found[name]).all() for name in ("range", "azimuth", "time"))
 
 
-def _blocks(rng: random.Random) -> list[bytes]:
+def radar_datagrams(rng: random.Random) -> list[bytes]:
     """Return the datagrams of a turn of three radars."""
-    found = []
+    return [b"".join(blocks) for blocks in _by_sector(rng)]
+
+
+def radar_blocks(rng: random.Random) -> list[bytes]:
+    """Return the data blocks of a turn of three radars."""
+    return [block for blocks in _by_sector(rng) for block in blocks]
+
+
+def _by_sector(rng: random.Random) -> Iterator[list[bytes]]:
     for sector in range(SECTORS):
         for radar in (0x0101, 0x0102, 0x1907):
             time_ns = round((sector + 1) / SECTORS * ROTATION_S * NS)
@@ -123,8 +131,7 @@ def _blocks(rng: random.Random) -> list[bytes]:
                 for _ in range(rng.randrange(4))
             ]
             crossing = plots_out.service_block(radar, time_ns, azimuth, ROTATION_S)
-            found.append(b"".join([*plots_out.plot_blocks(plots), crossing]))
-    return found
+            yield [*plots_out.plot_blocks(plots), crossing]
 
 
 def _plot(radar: int, azimuth: float, rng: random.Random) -> Plot:

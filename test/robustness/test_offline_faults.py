@@ -15,6 +15,7 @@ from robustness import command
 from robustness.harness import engines, figures, scans
 from robustness.hostile_input import (
     asterix_bytes,
+    asterix_recordings,
     bags,
     decoders,
     forgeries,
@@ -40,6 +41,8 @@ every_engine = pytest.mark.parametrize("engine", engines.ALL)
         (hostile.measure_names, ()),
         (hostile.measure_forged_times, ()),
         (asterix_bytes.measure, (300,)),
+        (asterix_recordings.measure_blocks, (60,)),
+        (asterix_recordings.measure_captures, ()),
         (decoders.measure, (200,)),
         (decoders.measure_bags, (60,)),
         (random_trackers.measure, (12,)),
@@ -52,7 +55,8 @@ every_engine = pytest.mark.parametrize("engine", engines.ALL)
             "long lists of names",
             "forged times of a capture",
         ),
-        *("hostile ASTERIX", "random clouds", "damaged bags", "random trackers"),
+        *("hostile ASTERIX", "damaged blocks", "damaged captures"),
+        *("random clouds", "damaged bags", "random trackers"),
     ],
 )
 def test_fault_outside_an_engine_reaches_its_goal(measure, bounds):

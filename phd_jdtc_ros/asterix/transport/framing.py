@@ -138,12 +138,15 @@ def _final(data: bytes | mmap.mmap, midnight_ns: int, counts: Counter[str]) -> I
         return Entry(at, at + length) if length else None
 
     def resume(at: int) -> int:
-        """Return the next envelope; each footer shows where one ends."""
+        """Return the next envelope; each footer shows where one ends.
+
+        Of several lengths that fit the shortest is the likeliest, because chance gives long ones.
+        """
         while (footer := data.find(FINAL_FOOTER, at)) >= 0:
             end = footer + len(FINAL_FOOTER)
-            begin = next((k for k in range(at, footer) if k + _envelope(data, k) == end), None)
-            if begin is not None:
-                return begin
+            for begin in range(footer, max(at, end - 2**16) - 1, -1):
+                if begin + _envelope(data, begin) == end:
+                    return begin
             at = end
         return len(data)
 

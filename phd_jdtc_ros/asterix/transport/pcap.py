@@ -31,9 +31,11 @@ _PCAPNG = b"\x0a\x0d\x0d\x0a"
 _ENDIAN: Mapping[str, Literal["little", "big"]] = {"<": "little", ">": "big"}
 _ORDER_MAGICS = {b"\x4d\x3c\x2b\x1a": "<", b"\x1a\x2b\x3c\x4d": ">"}
 _ANY_MAGIC = re.compile(b"|".join(map(re.escape, (*_MAGICS, _PCAPNG))))
-_FILE_HEADER = 24
+_FILE_HEADER, _PART = 24, 2**20
 # Upper bound of a captured packet, bytes; that of libpcap.
 _LARGEST_PACKET = 2**18
+# In 2001, seconds since the epoch.
+_RECENT_S = 10**9
 _SECTION, _INTERFACE, _SIMPLE, _ENHANCED = 0x0A0D0D0A, 1, 3, 6
 _RESOLUTION, _OFFSET = 9, 14
 # Upper bound of a block's length that is sought, bytes.
@@ -90,13 +92,23 @@ class _Capture:
 
     def resume(self, at: int) -> int:
         """Return the next packet or section, see `follow`."""
-        limit = len(self._data)
-        while found := _ANY_MAGIC.search(self._data, at):
-            if _section_at(self._data, found.start()):
-                limit = found.start()
-                break
-            at = found.start() + 1
-        return self._section.resume(at, limit) if self._section else limit
+        size = len(self._data)
+        while True:
+            # Parts of the file are searched one after the other, for packets and sections.
+            end = min(at + _PART, size)
+            section = self._next_section(at, end)
+            found = self._section.resume(at, section) if self._section else section
+            if found < end or end == size:
+                return found
+            at = end - _FILE_HEADER
+
+    def _next_section(self, at: int, end: int) -> int:
+        while found := _ANY_MAGIC.search(self._data, at, end):
+            at = found.start()
+            if _section_at(self._data, at):
+                return at
+            at += 1
+        return end
 
 
 def _section_at(data: bytes | mmap.mmap, at: int) -> _Section | None:
@@ -131,7 +143,8 @@ class _Classic:
         if not end:
             return None
         seconds, fraction, _, _ = self._header.unpack(self._data[at : at + 16])
-        if not self._is_near(seconds) and not self._goes_on(end):
+        # A place four bytes behind a header looks like one, with a fraction for the seconds.
+        if not (self._is_near(seconds) or (seconds >= _RECENT_S and self._goes_on(end))):
             return None
         self._latest.append(seconds >> 16)
         self._first = self._latest[0] if self._first is None else self._first
@@ -139,9 +152,9 @@ class _Classic:
         return Entry(at, end, Packet(self._data[at + 16 : end], time_ns, self._link))
 
     def resume(self, at: int, limit: int) -> int:
-        """See `_Section.resume`; the time must be within a day of the others."""
-        near = {time + more for time in self._times() for more in (-1, 0, 1)}
-        header, shift = _packet_header(self._order, self._units_per_s, frozenset(near))
+        """See `_Section.resume`; the time must be within a day of the others, if they are known."""
+        near = frozenset(time + more for time in self._times for more in (-1, 0, 1))
+        header, shift = _packet_header(self._order, self._units_per_s, near)
         while found := header.search(self._data, at + shift, limit):
             at = found.start() - shift
             end = self._end(at)
@@ -150,16 +163,12 @@ class _Classic:
             at += 1
         return limit
 
-    def _times(self) -> set[int]:
-        if self._first is None:
-            # The first packet's length is wrong, and its time is probably right.
-            at = self._begin + _FILE_HEADER
-            first = int.from_bytes(self._data[at : at + 4], _ENDIAN[self._order])
-            return {first >> 16}
-        return {self._first, *self._latest}
+    @property
+    def _times(self) -> list[int]:
+        return [] if self._first is None else [self._first, *self._latest]
 
     def _is_near(self, seconds: int) -> bool:
-        return self._first is None or any(abs(t - (seconds >> 16)) <= 1 for t in self._times())
+        return not self._times or any(abs(t - (seconds >> 16)) <= 1 for t in self._times)
 
     def _goes_on(self, at: int) -> bool:
         """Return whether a packet or a section follows, or the end of the file."""
@@ -187,7 +196,7 @@ def _packet_header(
 ) -> tuple[re.Pattern[bytes], int]:
     """Return a pattern of packet headers with usual times, and how far behind their begin it is.
 
-    `near` are times in units of 2^16 s.
+    `near` are times in units of 2^16 s; if they are unknown, any time since 2001 is usual.
     """
 
     def number(most: int) -> bytes:
@@ -200,7 +209,8 @@ def _packet_header(
         return b".." + upper + top if order == "<" else top + upper + b".."
 
     halves = (half.to_bytes(2, _ENDIAN[order]) for half in near if 0 <= half < 2**16)
-    begin = b"(?:" + b"|".join(map(re.escape, sorted(halves))) + b")"
+    recent = b".[\\x3b-\\xff]" if order == "<" else b"[\\x3b-\\xff]."
+    begin = b"(?:" + (b"|".join(map(re.escape, halves)) or recent) + b")"
     rest = number(units_per_s) + 2 * number(_LARGEST_PACKET)
     pattern = begin + (b"" if order == "<" else b"..") + rest
     return re.compile(pattern, re.DOTALL), 2 if order == "<" else 0
@@ -218,7 +228,7 @@ class _NextGeneration:
 
     def read(self, at: int) -> Entry | None:
         """See `_Section.read`."""
-        end = self._end(at) or self._end_by_trailer(at)
+        end = self._end(at)
         if not end:
             return None
         (kind,) = struct.unpack(self._order + "I", self._data[at : at + 4])
@@ -247,16 +257,14 @@ class _NextGeneration:
     def _end(self, at: int) -> int:
         """Return the end of a block, 0 if it has none; one of its two lengths may be wrong."""
         end = at + self._number(at + 4)
-        if not self._fits(at, end - at):
-            return 0
-        follows = end == len(self._data) or self._is_whole(end)
-        return end if self._is_whole(at) or follows else 0
-
-    def _end_by_trailer(self, at: int) -> int:
-        """Return the end of a block by the length at its end, 0 if that does not fit either."""
-        limit = min(at + _LARGEST_BLOCK, len(self._data))
-        end = self.resume(at + 12, limit)
-        return end if self._fits(at, end - at) and self._number(end - 4) == end - at else 0
+        if self._is_whole(at):
+            return end
+        follower = self.resume(at + 12, min(at + _LARGEST_BLOCK, len(self._data)))
+        length = follower - at
+        if self._fits(at, length) and self._number(follower - 4) == length:
+            return follower
+        goes_on = end == len(self._data) or self._is_whole(end)
+        return end if self._fits(at, end - at) and goes_on else 0
 
     def _packet(self, kind: int, body: bytes) -> Packet | None:
         """Return the packet of a block, None if it has none; note interfaces."""

@@ -148,16 +148,15 @@ class Conversion:
     def _lost_plots(self) -> int:
         """Return the number of plots that should be used and cannot be."""
         states = self.stream.radars.values()
-        reasons = ("time_unknown", "time_impossible", "overflow")
-        dropped = sum(state.counts[reason] for state in states for reason in reasons)
+        dropped = sum(state.undated + state.counts["overflow"] for state in states)
         return dropped + sum(self.stream.blocks.faulty[number] for number in records.PLOTS)
 
     def _used(self, lost: int) -> str:
         """Return in words how many plots are used, and why none is, if that is known."""
         if not lost and not self.plots:
-            used = sum(state.services for state in self.radars())
-            records_held = self.stream.blocks.categories.total()
-            return f"has no plots; {used} of {records_held} records could be used"
+            services = sum(state.services for state in self.radars())
+            every = self.stream.blocks.categories.total()
+            return f"has no plots; {services} of {every} records could be used"
         used = f"{self.plots} of {self.plots + lost} plots could be used"
         timeless = sum(state.counts["time_unknown"] for state in self.stream.radars.values())
         if timeless and not self.plots:

@@ -63,6 +63,18 @@ def test_final_envelopes_go_on_after_midnight_and_behind_damage(blocks):
     assert counts["recording_cut"] == 1
 
 
+def test_wrong_byte_in_final_envelopes_loses_one_of_them_at_most(blocks):
+    sent = blocks[:5]
+    data = b"".join(made.final(block, 5.0) for block in sent)
+    for at in range(len(made.final(sent[0], 5.0)), len(data)):
+        for part in (b"", bytes([data[at] ^ 0x40]), bytes([7, data[at]])):
+            found, counts = read(data[:at] + part + data[at + 1 :])
+            assert len([block for block in sent if block not in [d.data for d in found]]) <= 1
+            assert sum(len(each.data) + 12 for each in found) + counts["bytes_skipped"] == len(
+                data
+            ) - 1 + len(part)
+
+
 @pytest.mark.parametrize("kind", [made.pcap, made.pcapng])
 @pytest.mark.parametrize("order", "<>")
 def test_capture_has_payloads_times_and_sources(blocks, kind, order):

@@ -66,7 +66,9 @@ def test_one_wrong_byte_loses_at_most_its_own_block(blocks, damage, with_others)
     rng = random.Random(damage)
     parts = blocks
     if with_others:
-        others = [foreign(rng.choice([9, 16, 253]), rng.randbytes(rng.randrange(1, 90))) for _ in blocks]
+        others = [
+            foreign(rng.choice([9, 16, 253]), rng.randbytes(rng.randrange(1, 90))) for _ in blocks
+        ]
         parts = [part for pair in zip(blocks, others, strict=True) for part in pair]
     whole = b"".join(parts)
     for _ in range(60):
@@ -91,7 +93,9 @@ def test_garbage_between_blocks_is_counted_and_takes_none_of_them(blocks):
         assert lost(found, blocks) == []
 
 
-@pytest.mark.parametrize("header", [b"\x00\x00\x09", b"\x30\x00\x00", b"\x30\x00\x02", b"\xfd\xff\xff"])
+@pytest.mark.parametrize(
+    "header", [b"\x00\x00\x09", b"\x30\x00\x00", b"\x30\x00\x02", b"\xfd\xff\xff"]
+)
 def test_impossible_headers_are_skipped(blocks, header):
     data = [*blocks[:9], header + bytes(6), *blocks[9:]]
     found, counts = read(b"".join(data))
@@ -126,7 +130,9 @@ def test_malformed_records_do_not_damage_a_recording(blocks):
 @pytest.mark.parametrize("filling", [b"\0", b"\xff", b"\x30\0", b"0123456789\n", None])
 def test_a_long_damage_is_passed_in_one_sweep(blocks, filling):
     size = 300_000
-    garbage = random.Random(0).randbytes(size) if filling is None else filling * (size // len(filling))
+    garbage = (
+        random.Random(0).randbytes(size) if filling is None else filling * (size // len(filling))
+    )
     found, _ = read(b"".join([*blocks, garbage, *blocks]))
     assert len([each for each in found if each in {*blocks}]) >= 2 * len(blocks)
 
