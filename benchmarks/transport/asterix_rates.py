@@ -100,10 +100,10 @@ def _to_clouds(datagrams: list[bytes]) -> int:
     stream, amplitudes, count = PlotStream({}), Amplitudes("any", -100.0), 0
     for data in datagrams:
         for state, report in stream.feed(data):
-            cloud = clouds.cloud(report, state.settings, amplitudes)
+            cloud = clouds.cloud(report, state, amplitudes)
             count += cloud.width
     for state, report in stream.finish():
-        cloud = clouds.cloud(report, state.settings, amplitudes)
+        cloud = clouds.cloud(report, state, amplitudes)
         count += cloud.width
     return count
 

@@ -221,6 +221,8 @@ def _sector(column: FloatArray | None, radar: RadarParameters) -> tuple[int | No
     if column is None or not len(column):
         return None, 0
     number = float(column[0])
+    if (column >= identities.NONE).all():
+        return None, 0
     if (column != number).any() or not number.is_integer() or not 0 <= number < radar.sectors:
         return None, 1
     return int(number), 0

@@ -75,6 +75,11 @@ class Assembler:
         return FULL_TURN / self.sectors
 
     @property
+    def has_sectors(self) -> bool:
+        """Whether reports have been sectors, or will be."""
+        return self.by_sector > 0 or self._begin is not None
+
+    @property
     def turn_s(self) -> float:
         """Rotation period, s, by crossings, else plots, else the configuration; 0 if unknown."""
         if self._measured_turn_s:
@@ -242,7 +247,9 @@ class Assembler:
         # Whole turns are added only if crossings have measured the rotation period. A configured or
         # estimated period that is too short would add turns and so confirm itself.
         if not (turn_s := self._measured_turn_s):
-            return step if step < FULL_TURN - TOLERANCE else 0.0
+            # A message that is overtaken by a later one would add nearly a turn.
+            late = time_ns < self._phase_ns
+            return step if step < FULL_TURN - TOLERANCE and not late else 0.0
         expected = (time_ns - self._phase_ns) * 1e-9 / turn_s * FULL_TURN
         return step + round((expected - step) / FULL_TURN) * FULL_TURN
 

@@ -150,6 +150,18 @@ def test_turn_is_the_reported_one_until_crossings_have_shown_half_of_one():
     assert assembler.turn_s == 4.1
 
 
+def test_crossing_that_is_overtaken_by_a_north_mark_adds_no_turn():
+    # The north mark is 0.4 s of a turn of 4.9 s ahead of the crossings that follow it.
+    assembler = Assembler()
+    events = [(crossing(315.0), 0.0), (crossing(326.25), 0.15)]
+    events += [(crossing(0.0, NORTH, rotation_s=4.9), 0.61)]
+    events += [(crossing(337.5), 0.31), (crossing(348.75), 0.46), (crossing(11.25), 0.77)]
+    for message, time_s in events:
+        assembler.add_service(message, round(time_s * NS))
+    assert assembler.turn_s == 4.9
+    assert assembler.counts["sectors_bridged"] < 4
+
+
 def test_hold_is_as_many_sectors_as_plots_are_late():
     assembler = Assembler(32, hold=LEARNED)
     events = crossings(0.0, 36_000.0)

@@ -205,7 +205,7 @@ class AsterixBridge(ManagedNode):
         name = state.settings.name
         if name not in self._outputs:
             self._add_output(name)
-        cloud = clouds.cloud(report, state.settings, self._bridge.amplitudes(name))
+        cloud = clouds.cloud(report, state, self._bridge.amplitudes(name))
         self._outputs[name].publish(cloud)
 
     def _add_output(self, name: str) -> None:

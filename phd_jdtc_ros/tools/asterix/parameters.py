@@ -110,6 +110,13 @@ def measure(proposed: Proposal, states: Sequence[RadarState], bag: Path) -> None
             own = None if plots is None else findings(plots)
         except TuningError:
             own = None
+        farthest = next(s.statistics.farthest for s in states if s.settings.name == radar)
+        if farthest <= SURFACE_RANGE:
+            proposed.hints.append(
+                f"{radar} sees {farthest / 1e3:.1f} km: noise, detections, clutter and motions of "
+                f"the profile {PROFILE} are for a long-range radar and may not fit"
+                + ("" if own is None else "; tune proposes others")
+            )
         if own is None or own.tracks < MIN_TRACKS:
             proposed.hints.append(
                 f"{radar}: its noise cannot be estimated from {len(plots or ())} plots in "
@@ -201,12 +208,6 @@ def _set_ranges(proposed: Proposal, state: RadarState, own: dict[str, Any]) -> N
     proposed.set(
         f"{radar}.min_range", least, f"{origin}its nearest plot is at {seen.nearest:.0f} m"
     )
-    if seen.farthest <= SURFACE_RANGE:
-        proposed.hints.append(
-            f"{radar} sees {seen.farthest / 1e3:.1f} km: noise, detections, clutter and motions of "
-            f"the profile {PROFILE} are for a long-range radar and may not fit; tune proposes "
-            "others"
-        )
 
 
 def _place_radars(proposed: Proposal, active: Sequence[RadarState]) -> list[RadarState]:

@@ -247,7 +247,7 @@ def _write(
     if topic not in done.topics:
         bag.add_topic(Topic(topic, names.CLOUD, DEPTH))
         done.topics.add(topic)
-    message = clouds.cloud(report, state.settings, bridge.amplitudes(name))
+    message = clouds.cloud(report, state, bridge.amplitudes(name))
     bag.write(topic, interfaces.encode(message), report.stamp_ns)
     done.disorder_ns = max(done.disorder_ns, done.newest_ns - report.stamp_ns)
     done.newest_ns = max(done.newest_ns, report.stamp_ns)

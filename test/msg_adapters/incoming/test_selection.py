@@ -80,6 +80,14 @@ def test_a_time_beyond_the_turn_drops_its_detection(bad):
     assert report.detections.measurement[:, 0].tolist() == [1000.0, 1002.0]
 
 
+@pytest.mark.parametrize("unknown", [2**32 - 1, 2**32])
+def test_an_unknown_sector_is_no_anomaly(unknown):
+    points = [(1000.0, 0.5, unknown), (1001.0, 0.5, unknown)]
+    report = read(["s"], points, **LAYOUTS["sectors"])
+    assert report.sector is None
+    assert not report.anomalies
+
+
 @pytest.mark.parametrize(
     ("parameter", "anomaly"),
     [

@@ -72,6 +72,19 @@ def test_recording_becomes_a_bag_that_a_tracker_reads(bridge):
     np.testing.assert_allclose(times, true, atol=1 / 128)
 
 
+def test_slices_between_sectors_have_the_field_of_the_sectors(bridge):
+    parts = [
+        *made.turns(2, seen=SEEN),
+        *map(made.plots, [made.plot(90.0, 1030.0 + k) for k in range(9)]),
+    ]
+    status, out, _ = bridge(b"".join(parts))
+    assert status == 0
+    found = reports(out)
+    assert sum(report.sector is None and len(report.detections) > 0 for report in found) > 3
+    assert not any(report.anomalies["sector_missing"] for report in found)
+    assert not any(report.anomalies["sectors_unusable"] for report in found)
+
+
 def test_identities_heights_and_kinds_are_in_the_clouds(bridge):
     known = made.plot(5.0, 1000.06, i070=(0, 0, 0, 0, 0o7700), i090=(0, 0, -40), i220=0xABCDEF)
     bare = made.plot(6.0, 1000.07)
