@@ -111,7 +111,7 @@ def measure(proposed: Proposal, states: Sequence[RadarState], bag: Path) -> None
         except TuningError:
             own = None
         farthest = next(s.statistics.farthest for s in states if s.settings.name == radar)
-        if farthest <= SURFACE_RANGE:
+        if 0.0 < farthest <= SURFACE_RANGE:
             proposed.hints.append(
                 f"{radar} sees {farthest / 1e3:.1f} km: noise, detections, clutter and motions of "
                 f"the profile {PROFILE} are for a long-range radar and may not fit"

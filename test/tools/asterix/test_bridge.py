@@ -256,6 +256,7 @@ def test_recording_of_which_no_plot_can_be_used_fails_with_the_reason(bridge, da
     assert status == 3
     assert f"recording.ast: {expected}" in said.err
     assert " 0 plots" in said.out
+    assert "sees 0.0 km" not in said.out
 
 
 def test_foreign_categories_are_counted_and_skipped_by_their_length(bridge):
