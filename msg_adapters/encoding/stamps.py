@@ -54,8 +54,11 @@ def of_input(sent: Header) -> int:
     return stamp_ns
 
 
-def of_cdr(data: bytes) -> int:
-    """Return the stamp in nanoseconds of a serialised message that begins with a header."""
-    # Byte 1 of the encapsulation gives the byte order; the header's stamp begins at byte 4.
-    sec, nanosec = struct.unpack_from("<iI" if data[1] & 1 else ">iI", data, 4)
+def of_cdr(data: bytes, at: int = 4) -> int:
+    """Return the stamp in nanoseconds of a serialised message's header, which begins at a byte.
+
+    By default the message begins with the header.
+    """
+    # Byte 1 of the encapsulation gives the byte order.
+    sec, nanosec = struct.unpack_from("<iI" if data[1] & 1 else ">iI", data, at)
     return int(sec) * NS_PER_S + int(nanosec)

@@ -65,6 +65,12 @@ def no_amplitude(radar: SensorParameters) -> str:
     return f"no field {radar.fields.amplitude!r}; classification does not use its amplitudes"
 
 
+def reparented(count: int = 1) -> str:
+    """Return the warning that transforms gave a frame of a radar's chain another parent."""
+    often = f", {count} times" if count > 1 else ""
+    return f"a frame of a radar's chain of transforms got another parent{often}; the latest counts"
+
+
 def started_again(reset: Reset, jumps: int = 1) -> str:
     """Return the warning about a jump of the stamps, which is the largest of several `jumps`."""
     limit = ", more than max_gap_scans" if reset.ahead else ""

@@ -13,6 +13,7 @@ from typing import Any
 from mcap.records import Channel, Schema
 
 from msg_adapters.encoding import stamps
+from phd_jdtc_ros.configuration.parameters.place_forms import TRANSFORM_TOPICS
 from phd_jdtc_ros.quoting import printable
 
 from . import foreign, parts
@@ -36,9 +37,12 @@ class BagMessage:
 
     @property
     def stamp_ns(self) -> int:
-        """Stamp of the message's header; the log time if the stamp cannot be read."""
+        """Stamp of the message's header; the log time if the stamp cannot be read.
+
+        Of transforms it is that of the first one.
+        """
         try:
-            stamp_ns = stamps.of_cdr(self.data)
+            stamp_ns = stamps.of_cdr(self.data, 8 if self.topic in TRANSFORM_TOPICS else 4)
         except (IndexError, struct.error):
             return self.log_time_ns
         return stamp_ns if stamp_ns >= 0 else self.log_time_ns

@@ -185,11 +185,11 @@ class TrackerConfig(Tracking):
 
     @property
     def radars_by_platform(self) -> dict[str, list[int]]:
-        """Indices of the moving radars, by the topic of their platform's poses."""
+        """Indices of the moving radars, by the topics of their platform's poses."""
         radars: dict[str, list[int]] = {}
         for index, radar in enumerate(self.inputs):
-            if radar.pose.topic:
-                radars.setdefault(radar.pose.topic, []).append(index)
+            for topic in radar.pose.topics:
+                radars.setdefault(topic, []).append(index)
         return radars
 
     @property

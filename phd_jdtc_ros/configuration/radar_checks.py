@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from phd_jdtc_ros.core.sensors import wgs84
 from phd_jdtc_ros.core.sensors.site import MAX_SITE_DISTANCE
 
-from .parameters.place_forms import FIXED
+from .parameters.place_forms import FIXED, TF
 from .parameters.radar import QUANTITIES, RadarParameters
 from .parameters.tracker import LABELLED, REFERENCE, Parts
 
@@ -97,6 +97,11 @@ def _pose(radar: RadarParameters, parts: Parts) -> Iterator[str]:
         yield f"{key}: {topic!r} given, {detections[topic]} has its detections there"
     elif topic and message != first.pose.message:
         yield f"{key}: {message} given, must be {first.pose.message} as that of {first.name}"
+    if message == TF and (any(radar.position[:2]) or radar.yaw_deg):
+        yield (
+            f"{radar.name}.position: {[*radar.position[:2]]} with yaw_deg {radar.yaw_deg:g} given, "
+            f"must be 0 with pose {TF}, which places the radar"
+        )
 
 
 def _place(radar: RadarParameters, parts: Parts) -> Iterator[str]:

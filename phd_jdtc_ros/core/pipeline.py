@@ -294,8 +294,10 @@ class Pipeline:
         """Return the detections of a radar within the region."""
         return self._region.select_detections(detections, self._configured[0].radars[radar])
 
-    def add_pose(self, radar: int, stamp_ns: int, pose: Pose) -> Iterator[Event] | PoseFault:
+    def add_pose(self, radar: int, stamp_ns: int | None, pose: Pose) -> Iterator[Event] | PoseFault:
         """Add a pose of the platform of a moving radar, given its index in the configured order.
+
+        With the stamp None it holds at all times.
 
         Return the events of the scans that waited for the pose, or why it is rejected.
         """

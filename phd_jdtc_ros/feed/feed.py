@@ -11,10 +11,11 @@ from msg_adapters.incoming.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.engine import Engine, OnFiltered, ignore_filtered
+from phd_jdtc_ros.core.intake.posed_reports import RadarPose
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.intake.scans import Rejection
-from phd_jdtc_ros.core.pipeline import Drops, Event, RunEnded, start_cold
-from phd_jdtc_ros.core.types import Estimates, Pose, Scan
+from phd_jdtc_ros.core.pipeline import POSE_MISSING, Drops, Event, RunEnded, start_cold
+from phd_jdtc_ros.core.types import Estimates, Scan
 
 
 class Notices(Protocol):
@@ -29,8 +30,11 @@ class Notices(Protocol):
     def on_rejection(self, radar: int, reason: str, report: Report) -> None:
         """Receive a report of which no part belongs to a scan."""
 
-    def on_drops(self, radar: int, drops: Drops) -> None:
-        """Receive what of a radar was dropped after it had been added, at least one report."""
+    def on_drops(self, radar: int, drops: Drops, why: str = "") -> None:
+        """Receive what of a radar was dropped after it had been added, at least one report.
+
+        `why` is the reason for a missing pose in words; empty if none is missing.
+        """
 
     def on_anomalies(self, radar: int, counts: Counter[str]) -> None:
         """Receive the numbers of anomalies, at least one, by kind; see `anomalies`."""
@@ -59,7 +63,8 @@ class Feed:
     """A tracker's pipeline with its input.
 
     Its methods return iterators of events, as the pipeline's do: every one must be exhausted
-    before the next call. See `Pipeline` for `begin` and `on_filtered`.
+    before the next call. See `Pipeline` for `begin` and `on_filtered`. `why_missing` says in words
+    why a radar has no pose.
     """
 
     def __init__(
@@ -69,13 +74,14 @@ class Feed:
         monitors: Sequence[Monitor] = (),
         begin: Callable[[Engine, int], None] = start_cold,
         on_filtered: OnFiltered = ignore_filtered,
+        why_missing: Callable[[int], str] = lambda radar: "",
     ) -> None:
         self.pipeline = new_pipeline(config, begin, on_filtered)
-        self._radars_by_platform = config.radars_by_platform
         # Radars whose reports may be found faulty after they were added: if a radar moves, all of
         # them, because the reports wait for poses in one queue.
-        self._delayed = range(len(config.inputs) if self._radars_by_platform else 0)
+        self._delayed = range(len(config.inputs) if config.radars_by_platform else 0)
         self._notices, self._monitors = notices, monitors
+        self._why_missing = why_missing
 
     def message(
         self, radar: int, read: Callable[[], Report], received_ns: int | None = None
@@ -107,28 +113,34 @@ class Feed:
             return None
         return self._monitor(events)
 
-    def pose(self, topic: str, read: Callable[[], tuple[int, Pose]]) -> Iterator[Event] | None:
-        """Process a platform's pose, which `read` decodes; return None if it is unreadable.
+    def pose(
+        self, topic: str, read: Callable[[], tuple[Sequence[RadarPose], Sequence[PoseFault]]]
+    ) -> Iterator[Event] | None:
+        """Process a message about platforms, which `read` decodes to poses and harmless faults.
 
-        The events are those of the reports that waited for it.
+        Return None if it is unreadable. The events are those of the reports that waited for it.
         """
         try:
-            stamp_ns, pose = read()
+            found, faults = read()
         except RejectedMessageError as error:
             self._notices.on_unreadable_pose(topic, error)
             return None
-        return self._add_pose(topic, stamp_ns, pose)
+        return self.add_poses(topic, found, faults)
 
-    def _add_pose(self, topic: str, stamp_ns: int, pose: Pose) -> Iterator[Event]:
-        """Give a pose to the radars of a platform, one after the other, each with its events."""
-        faults = []
-        for radar in self._radars_by_platform[topic]:
+    def add_poses(
+        self, topic: str, poses: Iterable[RadarPose], faults: Iterable[PoseFault] = ()
+    ) -> Iterator[Event]:
+        """Give poses to their radars, one after the other, each with its events."""
+        found, used = [*faults], False
+        for radar, stamp_ns, pose in poses:
             events = self.pipeline.add_pose(radar, stamp_ns, pose)
             if isinstance(events, PoseFault):
-                faults.append(events)
+                found.append(events)
             else:
+                used = True
                 yield from self._monitor(events)
-        self._notices.on_pose(topic, faults)
+        if used or found:
+            self._notices.on_pose(topic, found)
 
     def close_scans(self) -> Iterator[Event]:
         """Close all scans, complete or not."""
@@ -154,7 +166,8 @@ class Feed:
                 else:
                     monitor.add_scan(event.scan, event.step.filtered)
         for radar, drops in self.pipeline.take_drops():
-            self._notices.on_drops(radar, drops)
+            why = self._why_missing(radar) if POSE_MISSING in drops.reports else ""
+            self._notices.on_drops(radar, drops, why)
         for radar in self._delayed:
             if anomalies := self.pipeline.take_anomalies(radar):
                 self._notices.on_anomalies(radar, anomalies)

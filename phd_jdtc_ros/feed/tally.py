@@ -109,6 +109,7 @@ class Tally:
         self._resets: list[Reset] = []
         # How far the stamps of sensors were ahead of those of others, seconds; see `Drops`.
         self._clocks_off: dict[int, float | None] = {}
+        self._reparented = 0  # Number of messages after which a frame had another parent
 
     def on_unreadable(self, radar: int, error: RejectedMessageError) -> None:
         """Count a message that is not a valid report."""
@@ -133,9 +134,11 @@ class Tally:
         self.dropped[reason] += 1
         self.detections.lost[reason] += len(report.detections)
 
-    def on_drops(self, radar: int, drops: Drops) -> None:
+    def on_drops(self, radar: int, drops: Drops, why: str = "") -> None:
         """Count the reports that were dropped while they waited."""
         self.dropped.update(drops.reports)
+        if why:
+            self.detections.explain(POSE_MISSING, why)
         self.detections.lost.update(drops.detections)
         if CLOCK in drops.reports:
             before_s, offset_s = self._clocks_off.get(radar), drops.clock_offset_s
@@ -155,8 +158,10 @@ class Tally:
         self.detections.explain(POSE_MISSING, f"{topic}: {error}")
 
     def on_pose(self, topic: str, faults: Sequence[PoseFault]) -> None:
-        """Count a pose that is not used, once for each cause."""
-        self.dropped.update({f"pose_{fault.value}" for fault in faults})
+        """Count a pose that is not used, once for each cause; and changes of a frame's parent."""
+        self._reparented += PoseFault.PARENT in faults
+        unused = {fault.value for fault in faults} - {PoseFault.PARENT.value}
+        self.dropped.update({f"pose_{reason}" for reason in unused})
 
     def note_event(self, event: Event) -> None:
         """Record whether targets were found, or that the stamps jumped."""
@@ -219,10 +224,12 @@ class Tally:
         return self.detections.fault()
 
     def about_run(self) -> Iterator[str]:
-        """Yield the warnings that the stamps jumped, and that no target was ever reported.
+        """Yield the warnings that stamps jumped, parents changed, and no target was ever reported.
 
-        The latter needs enough scans.
+        The last needs enough scans.
         """
+        if self._reparented:
+            yield anomalies.reparented(self._reparented)
         if self._resets:
             largest = max(self._resets, key=lambda reset: abs(reset.jump_s))
             yield anomalies.started_again(largest, len(self._resets))

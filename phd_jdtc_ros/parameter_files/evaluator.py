@@ -29,8 +29,8 @@ class Evaluator:
     record: str = parameter("", "Directory of a bag of everything published; empty for none.")
     record_topics: list[str] = parameter(
         [names.detections("radar_1"), names.detections("radar_2")],
-        "Further topics to record: clouds of detections, or platforms' poses with odometry or "
-        "pose_stamped after the topic.",
+        "Further topics to record: clouds of detections, or platforms' poses with odometry, "
+        "pose_stamped or tf after the topic.",
         element=str,
     )
     exit_after_scans: int = parameter(

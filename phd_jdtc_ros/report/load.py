@@ -11,8 +11,9 @@ import numpy as np
 
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.encoding.errors import RejectedMessageError
-from msg_adapters.incoming import platform_poses
+from msg_adapters.incoming import moving_radars
 from msg_adapters.incoming.call_signs import learn_from_cdr
+from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import reader_of
 from msg_adapters.incoming.selection import Report
 from msg_adapters.outgoing import clutter_maps, diagnostics
@@ -21,6 +22,7 @@ from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.parameters.place_forms import TRANSFORM_TOPICS
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.intake.posed_reports import PosedReport, PosedReports
@@ -120,12 +122,16 @@ class Intact:
             self.damage = error
 
 
-def input_types(config: TrackerConfig) -> dict[str, str]:
-    """Return the message types of the topics of the radars, and of their platforms' poses."""
+def input_types(config: TrackerConfig, bag: BagReader) -> dict[str, str]:
+    """Return the message types of the topics of the radars, and of their platforms' poses.
+
+    If the bag has one of the two topics of transforms, the other one is left out.
+    """
     types = {radar.topic: reader_of(radar).type_name for radar in config.inputs}
-    for topic, carried in config.radars_by_platform.items():
-        types[topic] = platform_poses.TYPES[config.inputs[carried[0]].pose.message]
-    return types
+    types |= moving_radars.types_of(config)
+    present = bag.types.keys() | bag.foreign.keys()
+    absent = {*TRANSFORM_TOPICS} - present
+    return {t: kind for t, kind in types.items() if len(absent) != 1 or t not in absent}
 
 
 def posed_reports(
@@ -135,22 +141,22 @@ def posed_reports(
     dropped: Sequence[Counter[str]],
     until_ns: int | None = None,
     on_report: Callable[[int, Report], None] = lambda radar, report: None,
+    moving: MovingRadars | None = None,
 ) -> Iterator[PosedReport]:
     """Yield the reports of all radars, of moving ones with poses, ordered by log time.
 
     `inputs` are the layouts of the radars' messages. `dropped` gains, by radar, the counts of
     rejected messages and points. The bag is read up to `until_ns`. `on_report` gets each radar's
-    reports as they are read.
+    reports as they are read. `moving` is a new reader of poses, which knows why one is missing.
     """
     pending, carried = PosedReports(config.platforms()), config.radars_by_platform
+    moving = moving or MovingRadars(config)
     radar_of = {radar.topic: index for index, radar in enumerate(inputs)}
     for entry in intact.messages([*radar_of, *carried], until_ns):
         try:
             if entry.topic in carried:
-                kind = inputs[carried[entry.topic][0]].pose.message
-                stamp_ns, pose = platform_poses.from_cdr(entry.data, kind, config.world_frame)
-                for index in carried[entry.topic]:
-                    pending.add_pose(index, stamp_ns, pose)
+                for known in moving.read(entry.topic, entry.data)[0]:
+                    pending.add_pose(*known)
             else:
                 index = radar_of[entry.topic]
                 report = reader_of(inputs[index]).from_cdr(entry.data, inputs[index])

@@ -17,6 +17,7 @@ import numpy as np
 from msg_adapters.incoming.selection import Report as Received
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.intake.posed_reports import RadarPose
 from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.types import COASTING, FILTERED, SMOOTHED, SOURCES, Estimates, Truth
 from phd_jdtc_ros.evaluation.comparison import PointSet
@@ -124,8 +125,8 @@ def _events(
     for report in reports:
         while posed_ns < report.stamp_ns and (known := next(poses, None)) is not None:
             posed_ns = known[0]
-            for topic in config.radars_by_platform:
-                yield from feed.pose(topic, lambda: known) or ()
+            for topic, carried in config.radars_by_platform.items():
+                yield from feed.add_poses(topic, [RadarPose(own, *known) for own in carried])
         bias = config.radars[report.radar].bias
         stamp_ns, detections = bias.remove_from(report.stamp_ns, report.detections)
         yield from feed.report(report.radar, Received(stamp_ns, detections, Counter())) or ()

@@ -13,6 +13,7 @@ from typing import Any
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.incoming import anomalies, recognised
+from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import READERS
 from msg_adapters.incoming.selection import Report
 from phd_jdtc_ros.bags.errors import BagError
@@ -54,7 +55,7 @@ def read(
     Raises `BagError` if the bag lacks a topic of the configuration.
     """
     inputs = [replace(radar, max_range=math.inf) for radar in config.radars]
-    bag.require(input_types(config))
+    bag.require(input_types(config, bag))
     reports: list[list[tuple[int, Detections]]] = [[] for _ in inputs]
     dropped: list[Counter[str]] = [Counter() for _ in inputs]
     found: list[Counter[str]] = [Counter() for _ in inputs]
@@ -65,11 +66,13 @@ def read(
         found[radar].update(report.anomalies + Counter(noticed))
 
     kept, unread, farthest = [0 for _ in inputs], [0 for _ in inputs], [0.0 for _ in inputs]
-    intact = Intact(bag)
+    intact, moving = Intact(bag), MovingRadars(config)
+    without: dict[int, str] = {}  # Why a radar has no pose where it first has none
     until_ns = None if seconds is None else bag.start_ns + round(seconds * 1e9)
-    for report in posed_reports(intact, config, inputs, dropped, until_ns, check):
+    for report in posed_reports(intact, config, inputs, dropped, until_ns, check, moving):
         if report.detections is None:
             dropped[report.radar]["pose_missing"] += 1
+            without.setdefault(report.radar, moving.missing(report.radar))
             continue
         radar, detections = report.radar, report.detections
         farthest[radar] = max(farthest[radar], detections.measurement[:, 0].max(initial=0.0))
@@ -91,7 +94,10 @@ def read(
             for radar, whole, more in zip(inputs, plots, unread, strict=True)
         },
         {radar.name: far for radar, far in zip(inputs, farthest, strict=True)},
-        {radar.name: [*anomalies.of(radar, own)] for radar, own in zip(inputs, found, strict=True)},
+        {
+            radar.name: [*anomalies.of(radar, own), *filter(None, [without.get(index)])]
+            for index, (radar, own) in enumerate(zip(inputs, found, strict=True))
+        },
         intact.damage,
     )
 
@@ -108,7 +114,8 @@ def findings_of(
         dropped = counts_text(recorded.dropped[radar])
         suffix = f" (dropped: {dropped})" if dropped else ""
         if plots is None:
-            faults.append(f"{radar}: none of its messages can be used{suffix}")
+            texts = ["none of its messages can be used", *recorded.warnings.get(radar, ())]
+            faults.append(f"{radar}: {'; '.join(texts)}{suffix}")
             continue
         note(f"{radar}, radar {number} of {count}: estimating from {len(plots)} detections")
         try:

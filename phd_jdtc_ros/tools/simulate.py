@@ -15,6 +15,7 @@ from msg_adapters.targets import truth
 from phd_jdtc_ros import output_files, resources
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.parameters.place_forms import TF
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Truth
@@ -58,6 +59,8 @@ def check_platform(run: Scenario, config: TrackerConfig) -> None:
         carried = run.carrier(index) is not None
         if carried and not radar.pose.topic:
             faults.append(f"{radar.name}.pose: fixed given, must be a topic, with a platform")
+        elif carried and radar.pose.message == TF:
+            faults.append(f"{radar.name}.pose: {TF} given, must be a topic: a bag of poses is made")
         if radar.pose.topic and not carried:
             faults.append(f"platform: must carry {radar.name}, whose pose is {radar.pose.topic}")
         if carried and not radar.pose.yaw:

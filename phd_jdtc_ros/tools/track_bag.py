@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -19,7 +20,7 @@ from rich.progress import track
 
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.encoding.errors import RejectedMessageError
-from msg_adapters.incoming import platform_poses
+from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import reader_of
 from msg_adapters.outgoing import clutter_maps, diagnostics
 from msg_adapters.targets import estimates, navsat, truth
@@ -29,6 +30,7 @@ from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.parameters.place_forms import STATIC_TRANSFORMS
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates
@@ -58,7 +60,9 @@ class OfflineTracker:
         self._bag = bag
         self._innovations = InnovationMonitor(config.model)
         self.tally = Tally(config)
-        self._feed = Feed(config, self.tally, [self._innovations])
+        self._moving = MovingRadars(config)
+        why = self._moving.missing
+        self._feed = Feed(config, self.tally, [self._innovations], why_missing=why)
         self._radar_of = {radar.topic: index for index, radar in enumerate(config.inputs)}
         self.scans = 0
         self._last_ns = 0
@@ -86,10 +90,8 @@ class OfflineTracker:
             reader = reader_of(radar)
             read = partial(reader.from_cdr, entry.data, radar)
             return self._feed.message(index, read, entry.log_time_ns) or ()
-        kind = self._config.inputs[self._config.radars_by_platform[entry.topic][0]].pose.message
-        frame = self._config.world_frame
-        pose = partial(platform_poses.from_cdr, entry.data, kind, frame)
-        return self._feed.pose(entry.topic, pose) or ()
+        poses = partial(self._moving.read, entry.topic, entry.data)
+        return self._feed.pose(entry.topic, poses) or ()
 
     def finish(self) -> None:
         """Close all scans, and write what was learned and the pending estimates."""
@@ -173,7 +175,7 @@ def track_bag(
     `doing` is the caption of the progress bar. `BagError` is raised if the bag lacks a radar's
     topic, or the new one cannot be written.
     """
-    types = input_types(config)
+    types = input_types(config, source)
     given = [each.name for each in config.inputs if each.topic == names.TRUTH]
     if given:
         text = f"topic: {names.TRUTH} given, which is that of the truth"
@@ -182,7 +184,8 @@ def track_bag(
     source.require({topic: types.get(topic, names.CLOUD) for topic in copied})
     with BagWriter(out) as bag:
         for topic in copied:
-            bag.add_topic(source.topic(topic, depth=50))
+            latched = topic == STATIC_TRANSFORMS
+            bag.add_topic(replace(source.topic(topic, depth=50), transient_local=latched))
         for kind in (FILTERED, SMOOTHED):
             bag.add_topic(Topic(names.estimates(kind), names.CLOUD))
         if config.plane is not None:
@@ -195,9 +198,10 @@ def track_bag(
         total = sum(source.counts[topic] for topic in copied)
         console = Console(stderr=True)
         try:
-            for entry in track(source.messages(copied), doing, total, console=console):
+            messages = _stamped(source.messages(copied))
+            for entry, stamp_ns in track(messages, doing, total, console=console):
                 with interruption.step():
-                    bag.write(entry.topic, entry.data, entry.stamp_ns)
+                    bag.write(entry.topic, entry.data, stamp_ns)
                     tracker.add(entry)
         except BagError as error:
             if not error.corrupt:
@@ -208,6 +212,22 @@ def track_bag(
                 tracker.finish()
                 bag_parameters.write(out / bag_parameters.NAME, config.values)
     return tracker
+
+
+def _stamped(messages: Iterable[BagMessage]) -> Iterator[tuple[BagMessage, int]]:
+    """Yield each message with its stamp, a static transform with that of the next other one.
+
+    The own stamps of static transforms may be days before the recording.
+    """
+    static: list[BagMessage] = []
+    stamp_ns = 0
+    for entry in messages:
+        static.append(entry)
+        if entry.topic != STATIC_TRANSFORMS:
+            stamp_ns = entry.stamp_ns
+            yield from ((each, stamp_ns) for each in static)
+            static = []
+    yield from ((each, stamp_ns or each.stamp_ns) for each in static)
 
 
 def _print_outcome(tracker: OfflineTracker, source: Path, out: Path) -> int:

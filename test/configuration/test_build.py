@@ -288,11 +288,17 @@ def test_answers_of_turning_radars_are_older_than_their_reports(given, expected)
     [
         (
             {"radar_1.pose": "tf"},
-            "radar_1.pose: 'tf' given, must be fixed or the topic of the platform's poses in the "
-            "world frame (transforms are not read)",
+            "radar_1.position: [1000.0, 0.0] with yaw_deg 0 given, must be 0 with pose tf, which "
+            "places the radar",
         ),
-        ({"radar_1.pose": ""}, "radar_1.pose: '' given, must be fixed or the topic"),
-        ({"radar_1.pose": "Fixed"}, "radar_1.pose: 'Fixed' given, must be fixed or the topic"),
+        (
+            {"radar_1.pose": "tf odometry"},
+            "radar_1.pose: 'tf odometry' given, must be fixed, tf, or the topic of the platform's "
+            "poses in the world frame",
+        ),
+        ({"radar_1.pose": ""}, "radar_1.pose: '' given, must be fixed, tf, or the topic"),
+        ({"radar_1.pose": "Fixed"}, "radar_1.pose: 'Fixed' given, must be fixed, tf, or the topic"),
+        ({"radar_1.pose": "/tf"}, "radar_1.pose: '/tf' given, must be fixed, tf, or the topic"),
         (
             {"radar_1.pose": "/radar_2/detections"},
             "radar_1.pose: '/radar_2/detections' given, radar_2 has its detections there",

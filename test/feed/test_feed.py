@@ -7,6 +7,7 @@ import pytest
 from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.incoming.selection import Report
 from phd_jdtc_ros.configuration import build
+from phd_jdtc_ros.core.intake.posed_reports import RadarPose
 from phd_jdtc_ros.core.pipeline import Drops
 from phd_jdtc_ros.core.types import Detections, Pose
 from phd_jdtc_ros.feed.feed import Feed
@@ -32,7 +33,8 @@ def test_feed_counts_a_pose_that_comes_twice_once_for_all_its_radars():
     tally = Tally(config)
     feed = Feed(config, tally)
     for _ in range(2):
-        list(feed.pose("/ship", lambda: (10**9, Pose((0.0, 0.0), 0.0))) or ())
+        poses = [RadarPose(radar, 10**9, Pose((0.0, 0.0), 0.0)) for radar in (0, 1)]
+        list(feed.add_poses("/ship", poses))
     assert tally.dropped.total() == 1
 
 

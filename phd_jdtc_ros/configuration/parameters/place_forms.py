@@ -16,14 +16,23 @@ FIXED = "fixed"
 # nav_msgs/Odometry and geometry_msgs/PoseStamped.
 POSE_MESSAGES = ("odometry", "pose_stamped")
 STABILISED = "stabilised"
+# The value of `pose`, and `PoseSource.message`, of a radar whose frame the transforms place; and
+# the topics of the transforms.
+TF = "tf"
+TRANSFORMS, STATIC_TRANSFORMS = TRANSFORM_TOPICS = ("/tf", "/tf_static")
 
 
 class PoseSource(NamedTuple):
     """The topic of the poses of a radar's platform, and their use."""
 
     topic: str  # Empty for a radar that does not move
-    message: str  # One of `POSE_MESSAGES`
+    message: str  # One of `POSE_MESSAGES`, or `TF`
     yaw: bool  # True if the platform's orientation turns the radar
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """All topics from which the poses follow."""
+        return TRANSFORM_TOPICS if self.message == TF else (self.topic,) if self.topic else ()
 
 
 NO_POSE = PoseSource("", POSE_MESSAGES[0], True)
@@ -33,17 +42,19 @@ def _pose(given: Any) -> tuple[str, PoseSource] | None:
     if given == FIXED:
         return FIXED, NO_POSE
     topic, *words = given.split() or [""] if isinstance(given, str) else [""]
+    if topic == TF and set(words) <= {STABILISED}:
+        return given, PoseSource(TRANSFORMS, TF, not words)
     known = set(words) <= {*POSE_MESSAGES, STABILISED} and len(words) <= 2
-    if topic.lower() in ("", "tf", FIXED) or not known:
+    if topic.lower() in ("", TF, FIXED) or topic in TRANSFORM_TOPICS or not known:
         return None
     message = next((word for word in words if word in POSE_MESSAGES), POSE_MESSAGES[0])
     return given, PoseSource(topic, message, STABILISED not in words)
 
 
 POSE = Form.parsed(
-    f"{FIXED} or the topic of the platform's poses in the world frame (transforms are not read), "
-    f"with {POSE_MESSAGES[1]} after it for geometry_msgs/PoseStamped and {STABILISED} for azimuths "
-    "that the platform does not turn",
+    f"{FIXED}, {TF}, or the topic of the platform's poses in the world frame, with "
+    f"{POSE_MESSAGES[1]} after it for geometry_msgs/PoseStamped; and {STABILISED} after these for "
+    "azimuths that the platform does not turn",
     _pose,
 )
 

@@ -83,8 +83,9 @@ class RadarParameters(SensorParameters):
     pose: place_forms.PoseSource = parameter(
         place_forms.FIXED,
         "Topic of the poses of a moving radar's platform in the world frame; position and yaw_deg "
-        "are then in the platform's frame. Add stabilised if azimuths do not turn with the "
-        "platform.",
+        "are then in the platform's frame. With tf the transforms on /tf and /tf_static place the "
+        "radar's frame in world_frame, and position and yaw_deg are 0. Add stabilised if azimuths "
+        "do not turn with the platform.",
         form=place_forms.POSE,
     )
     pose_max_age_s: float = parameter(

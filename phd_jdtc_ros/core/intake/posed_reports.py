@@ -25,6 +25,14 @@ class _Waiting(NamedTuple):
     latest_ns: int  # Latest stamp of the report's slices
 
 
+class RadarPose(NamedTuple):
+    """A pose of the platform that carries a radar, or of the radar itself if that is known."""
+
+    radar: int  # Index in the configured order
+    stamp_ns: int | None  # None for a pose that holds at all times
+    pose: Pose
+
+
 class PosedReport(NamedTuple):
     """A report with its pose."""
 
@@ -62,8 +70,8 @@ class PosedReports:
         latest_ns = max(stamp_ns for stamp_ns, _ in slices)
         self._queue += [_Waiting(radar, *each, latest_ns) for each in slices]
 
-    def add_pose(self, radar: int, stamp_ns: int, pose: Pose) -> PoseFault | None:
-        """Add a pose of a radar's platform; return why it was rejected, or None."""
+    def add_pose(self, radar: int, stamp_ns: int | None, pose: Pose) -> PoseFault | None:
+        """Add a pose of a radar's platform, see `PoseTrack.add`."""
         platform = self._platforms[radar]
         if platform is None:
             raise ValueError(f"radar: {radar} given, must be one that moves")

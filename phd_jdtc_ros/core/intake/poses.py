@@ -45,6 +45,7 @@ class PoseFault(Enum):
     LATE = "late"
     JUMP = "jump"
     ORIENTATION = "orientation"
+    PARENT = "parent"  # The frame had another parent before; the pose is used
 
 
 @dataclass(frozen=True)
@@ -97,13 +98,20 @@ class PoseTrack:
     reset_threshold_s: float = math.inf
     _poses: list[_StampedPose] = field(init=False, default_factory=list)
     _suspect: _StampedPose | None = field(init=False, default=None)
+    _fixed: Pose | None = field(init=False, default=None)  # Its pose while it does not move
 
-    def add(self, stamp_ns: int, pose: Pose) -> PoseFault | None:
-        """Add a pose; return why it was rejected, or None."""
+    def add(self, stamp_ns: int | None, pose: Pose) -> PoseFault | None:
+        """Add a pose, with the stamp None one that holds at all times until the next is added.
+
+        Return why it was rejected, or None.
+        """
         if not self.yaw_applies:
             pose = replace(pose, yaw=0.0, twist=_in_the_world(pose))
         elif not math.isfinite(pose.yaw):
             return PoseFault.ORIENTATION
+        self._fixed = pose if stamp_ns is None else None
+        if stamp_ns is None:
+            return None
         newest, added = self._poses[-1] if self._poses else None, _StampedPose(stamp_ns, pose, 0)
         if newest is not None:
             ahead_ns = stamp_ns - newest.stamp_ns
@@ -135,6 +143,8 @@ class PoseTrack:
         It is interpolated between the poses before and after the stamp, and is that of the nearest
         one without both of them.
         """
+        if self._fixed is not None:
+            return 0.0, 0.0, 0.0
         following = self._index(stamp_ns)
         nearest = self._poses[max(following - 1, 0) : following + 1]
         first, last = nearest[0], nearest[-1]
@@ -149,10 +159,12 @@ class PoseTrack:
 
     def reaches(self, stamp_ns: int) -> bool:
         """Return whether there is a pose at a stamp or after it."""
-        return self._index(stamp_ns) < len(self._poses)
+        return self._fixed is not None or self._index(stamp_ns) < len(self._poses)
 
     def at(self, stamp_ns: int) -> tuple[Pose | None, bool]:
         """Return the pose at a stamp, None if unknown; and whether it is extrapolated."""
+        if self._fixed is not None:
+            return self._fixed, False
         last = self._index(stamp_ns + 1) - 1
         if last < 0:
             return None, False

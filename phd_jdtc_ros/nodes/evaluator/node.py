@@ -19,9 +19,9 @@ from rich.console import Console
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64
 
-from msg_adapters.encoding import names
+from msg_adapters.encoding import interfaces, names
 from msg_adapters.encoding.errors import RejectedMessageError, quote
-from msg_adapters.incoming import platform_poses
+from msg_adapters.incoming.moving_radars import TYPES
 from msg_adapters.outgoing import diagnostics, outputs, plots
 from msg_adapters.targets import estimates, truth
 from phd_jdtc_ros import output_files
@@ -267,10 +267,14 @@ def _recorded_topic(entry: str) -> tuple[str, str]:
     topic, *message = entry.split()
     if not message:
         return topic, names.CLOUD
-    if len(message) > 1 or message[0] not in platform_poses.TYPES:
-        suffix = f"with {' or '.join(platform_poses.TYPES)} after it for poses"
+    if len(message) > 1 or message[0] not in TYPES:
+        suffix = f"with {' or '.join(TYPES)} after it for poses"
         raise ConfigError(f"record_topics: {entry!r} given, must be a topic, {suffix}")
-    return topic, platform_poses.TYPES[message[0]]
+    kind = TYPES[message[0]]
+    if interfaces.installed_class(kind) is None:
+        package = kind.split("/")[0]
+        raise ConfigError(f"record_topics: {entry!r} given, but {package} is not installed")
+    return topic, kind
 
 
 def _report_path(given: str) -> Path | None:

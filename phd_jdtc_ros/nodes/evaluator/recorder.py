@@ -15,7 +15,7 @@ from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from msg_adapters.encoding import interfaces, names
-from msg_adapters.incoming import platform_poses
+from msg_adapters.incoming import moving_radars
 from msg_adapters.incoming.readers import READERS
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
@@ -31,7 +31,7 @@ CHECK_PERIOD_S = 0.5
 # Types of the tracker's inputs, and what the tracker has of them.
 KINDS = {
     **{reader.type_name: "a radar's detections" for reader in READERS.values()},
-    **dict.fromkeys(platform_poses.TYPES.values(), "the poses of a radar that moves"),
+    **dict.fromkeys(moving_radars.TYPES.values(), "the poses of a radar that moves"),
 }
 
 

@@ -9,6 +9,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode
 from rclpy.qos import (
+    DurabilityPolicy,
     QoSCompatibility,
     QoSPolicyKind,
     QoSProfile,
@@ -75,7 +76,8 @@ class Listener:
     subscribes again when such a publisher appears, and when all publishers are reliable again.
 
     In addition to the usual policies, the deadline can be overridden. The callback receives each
-    message and its information.
+    message, or with `raw` its bytes, and its information. A `latched` one also receives the last
+    messages from before.
     """
 
     def __init__(
@@ -86,16 +88,26 @@ class Listener:
         callback: Callable[..., None],
         health: InputHealth,
         depth: int = INPUT_DEPTH,
+        *,
+        raw: bool = False,
+        latched: bool = False,
     ) -> None:
         self._node, self._health = node, health
         self._asked = message_type, topic, callback
-        self._depth = depth
+        self._depth, self._raw = depth, raw
+        self._durability = (
+            DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+        )
         self.subscription = self._subscribe()
 
     def _subscribe(self) -> Subscription:
         usual = QoSOverridingOptions.with_default_policies().policy_kinds
         # A new profile is made each time, because rclpy writes overrides into the given one.
-        qos = QoSProfile(depth=self._depth, reliability=ReliabilityPolicy.BEST_AVAILABLE)
+        qos = QoSProfile(
+            depth=self._depth,
+            reliability=ReliabilityPolicy.BEST_AVAILABLE,
+            durability=self._durability,
+        )
         with topics.qos_of(self._health.topic):
             return self._node.create_subscription(
                 *self._asked,
@@ -106,6 +118,7 @@ class Listener:
                 qos_overriding_options=QoSOverridingOptions(
                     [*usual, QoSPolicyKind.DEADLINE], callback=_check_deadline
                 ),
+                raw=self._raw,
             )
 
     def _renew(self) -> None:

@@ -50,6 +50,9 @@ class InputHealth:
     name: str
     topic: str  # Its full name, after remapping
     rhythm: Rhythm  # Intervals between its usable messages, by the wall clock
+    shared: bool = False  # Whether several publishers are usual, as with transforms
+    broken: str = ""  # Where the chain of transforms is broken; empty if it is not
+    holds: bool = False  # Whether its last message holds until the next, however late that is
     received: int = 0
     detections: int = 0  # Of its reports, dropped ones included
     deadlines_missed: int = 0
@@ -86,7 +89,7 @@ class InputHealth:
         """Count a message and those lost before it, by its publisher's number for it."""
         # The tracker has worked for `worked_s` up to `now_s`.
         self.received += 1
-        if sequence is not None:
+        if sequence is not None and not self.shared:
             before = self.gaps
             self._numbering.add(sequence)
             if self.gaps > before and self._last_s is not None:
@@ -149,8 +152,8 @@ class InputHealth:
         All messages that had arrived by `checked_s` have been received. Messages that wait in the
         queue of a slow tracker must not count as silence.
         """
-        if self._last_s is None:
-            return True
+        if self.holds or self._last_s is None:
+            return not self.holds
         limit_s = SILENT_AFTER_SCANS * self.rhythm.interval_s + SILENCE_SLACK_S
         return checked_s - self._last_s > limit_s
 
@@ -187,7 +190,7 @@ class InputHealth:
     def _condition(self, now_s: float, silent: bool, publishers: Publishers) -> Condition:
         """Return the worst condition; silence is STALE and no ERROR, because tracking goes on."""
         listed, several = len(publishers.identities), ""
-        if listed > 1:
+        if listed > 1 and not self.shared:
             several = (
                 f"{listed} publishers listed on {self.topic}, must be one; a killed one disappears "
                 "by itself"
@@ -217,6 +220,7 @@ class InputHealth:
             (ERROR, shared, f"several publishers on {self.topic}, must be one"),
             (ERROR, publishers.incompatible, incompatible),
             (ERROR, publishers.identities and publishers.hint, publishers.hint),
+            (ERROR, self.broken, self.broken),
             (STALE, silent, silence),
             (ERROR, self.clock_offset_s is not None, anomalies.clock_off(self.clock_offset_s)),
             (WARN, several, several),
@@ -233,6 +237,8 @@ class InputHealth:
 
     def _has_several_publishers(self, now_s: float, silent: bool) -> bool:
         """Return whether several publishers are alive, by their numbers or by the graph."""
+        if self.shared:
+            return False
         if self._numbering.several and not silent:
             return True
         return sum(now_s - since_s > LEASE_S for since_s in self._listed_since_s.values()) > 1

@@ -14,9 +14,11 @@ from rclpy.lifecycle import LifecycleNode
 
 from msg_adapters.encoding import interfaces
 from msg_adapters.encoding.errors import RejectedMessageError
-from msg_adapters.incoming import anomalies, platform_poses
+from msg_adapters.incoming import anomalies, moving_radars
+from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import Reader, reader_of
 from msg_adapters.incoming.selection import Report
+from phd_jdtc_ros.configuration.parameters.place_forms import STATIC_TRANSFORMS, TRANSFORM_TOPICS
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.intake.poses import PoseFault
@@ -33,10 +35,12 @@ POSE_FAULTS = {
     PoseFault.DUPLICATE: "duplicate stamp",
     PoseFault.LATE: "older than the previous pose",
     PoseFault.JUMP: "a jump from the previous pose; accepted once later poses continue from it",
-    PoseFault.ORIENTATION: "its orientation is not a quaternion; pose may be stabilised",
+    PoseFault.ORIENTATION: "its orientation is not a quaternion, or upside down; pose may be "
+    "stabilised",
 }
-# Poses come much more often than scans, and wait while one is stepped.
-POSE_DEPTH = 200
+# Poses come much more often than scans, and wait while one is stepped; and transforms of a whole
+# fleet may come on one topic.
+POSE_DEPTH, TRANSFORM_DEPTH = 200, 1000
 
 
 class Inputs:
@@ -60,9 +64,11 @@ class Inputs:
         ]
         self.platforms = {
             topic: InputHealth(
-                f"pose of {', '.join(config.inputs[index].name for index in carried)}",
+                f"{'static frames' if topic == STATIC_TRANSFORMS else 'pose'} of "
+                f"{', '.join(config.inputs[index].name for index in carried)}",
                 topics.full_name(node, topic, f"{config.inputs[carried[0]].name}.pose"),
                 Rhythm(nominal_s),
+                shared=topic in TRANSFORM_TOPICS,
             )
             for topic, carried in config.radars_by_platform.items()
         }
@@ -80,25 +86,37 @@ class Inputs:
     def subscribe(
         self,
         on_message: Callable[[int, Reader, Any, Mapping[str, int]], None],
-        on_pose: Callable[[str, Any, Mapping[str, int]], None],
+        on_pose: Callable[[str, bytes, Mapping[str, int]], None],
     ) -> None:
         """Subscribe to all inputs.
 
         `on_message` receives a radar's index and reader, the message, and its information;
-        `on_pose` a platform's topic, the message, and its information. Raise `ConfigError` if a
-        message's package is not installed, or a topic's QoS override is not valid.
+        `on_pose` a platform's topic, the serialised message, and its information. Raise
+        `ConfigError` if a message's package is not installed, or a topic's QoS override is not
+        valid.
         """
         config = self._settings.config
         for index, (radar, health) in enumerate(zip(config.inputs, self.radars, strict=True)):
             reader = reader_of(radar)
-            kind, take = _message_class(radar, reader), partial(on_message, index, reader)
+            kind = _message_class(f"{radar.name}.message: {radar.message}", reader.type_name)
+            take = partial(on_message, index, reader)
             depth = queue_depth(radar)
             self._listeners.append(Listener(self._node, kind, radar.topic, take, health, depth))
+        types = moving_radars.types_of(config)
         for topic, health in self.platforms.items():
-            message = config.inputs[config.radars_by_platform[topic][0]].pose.message
-            kind = interfaces.message_class(platform_poses.TYPES[message])
-            take = partial(on_pose, topic)
-            self._listeners.append(Listener(self._node, kind, topic, take, health, POSE_DEPTH))
+            first = config.inputs[config.radars_by_platform[topic][0]]
+            kind = _message_class(f"{first.name}.pose: {first.pose.message}", types[topic])
+            listener = Listener(
+                self._node,
+                kind,
+                topic,
+                partial(on_pose, topic),
+                health,
+                TRANSFORM_DEPTH if health.shared else POSE_DEPTH,
+                raw=True,
+                latched=topic == STATIC_TRANSFORMS,
+            )
+            self._listeners.append(listener)
 
     def take_poses(self, awaited: Callable[[], int | None]) -> None:
         """Process poses from the queue while a cloud waits for one.
@@ -159,18 +177,11 @@ class Inputs:
         """Count a report of which no part belongs to a scan."""
         self._drop(self.radars[radar], reason, f"scan rejected: {reason} stamp")
 
-    def on_drops(self, radar: int, drops: Drops) -> None:
+    def on_drops(self, radar: int, drops: Drops, why: str = "") -> None:
         """Count the reports that were dropped while they waited."""
-        source = self._settings.config.inputs[radar]
+        words = {POSE_MISSING: why, CLOCK: anomalies.clock_off(drops.clock_offset_s)}
         for reason, count in drops.reports.items():
-            text = f"{count} scans rejected: {reason} stamp"
-            if reason == POSE_MISSING:
-                text = (
-                    f"{count} scans rejected: no pose on {source.pose.topic} within "
-                    f"{source.pose_max_age_s:g} s"
-                )
-            elif reason == CLOCK:
-                text = f"{count} scans rejected: {anomalies.clock_off(drops.clock_offset_s)}"
+            text = f"{count} scans rejected: {words.get(reason, f'{reason} stamp')}"
             self._drop(self.radars[radar], reason, text, count)
 
     def on_anomalies(self, radar: int, counts: Counter[str]) -> None:
@@ -199,11 +210,22 @@ class Inputs:
         """Count a message that is not a valid pose."""
         self._drop(self.platforms[topic], error.reason, f"pose rejected: {error}")
 
+    def note_transforms(self, topic: str, moving: MovingRadars) -> None:
+        """Note after a message whether the transforms reach from the radars to the world."""
+        for each in TRANSFORM_TOPICS if topic in TRANSFORM_TOPICS else ():
+            health = self.platforms[each]
+            health.broken, health.holds = moving.broken, moving.holds(each)
+
     def on_pose(self, topic: str, faults: Sequence[PoseFault]) -> None:
         """Count a pose that some of its radars do not use, once for each cause."""
         health = self.platforms[topic]
         for fault in dict.fromkeys(faults):
-            self._drop(health, fault.value, f"pose rejected: {POSE_FAULTS[fault]}")
+            if fault is PoseFault.PARENT:
+                health.anomalies["reparented"] += 1
+                health.warn(anomalies.reparented())
+                self._warnings.warn((topic, fault), f"{topic}: {anomalies.reparented()}")
+            else:
+                self._drop(health, fault.value, f"pose rejected: {POSE_FAULTS[fault]}")
         if not faults:
             health.rhythm.beat(time.monotonic())
 
@@ -259,11 +281,10 @@ def queue_depth(radar: SensorParameters) -> int:
     return max(math.ceil(clouds), endpoints.INPUT_DEPTH)
 
 
-def _message_class(radar: SensorParameters, reader: Reader) -> Any:
-    message_class = interfaces.installed_class(reader.type_name)
+def _message_class(parameter: str, type_name: str) -> Any:
+    """Return a message's class; `parameter` is the name and the value that it follows from."""
+    message_class = interfaces.installed_class(type_name)
     if message_class is None:
-        package = reader.type_name.split("/")[0]
-        raise ConfigError(
-            f"{radar.name}.message: {radar.message} given, but {package} is not installed"
-        )
+        package = type_name.split("/")[0]
+        raise ConfigError(f"{parameter} given, but {package} is not installed")
     return message_class

@@ -5,13 +5,15 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.lifecycle import LifecycleNode
 
-from msg_adapters.incoming import anomalies, platform_poses
+from msg_adapters.incoming import anomalies
+from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import Reader
 from msg_adapters.outgoing.outputs import SCAN, STEP, StepResult
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
@@ -70,7 +72,9 @@ class LiveTracker:
                 monitors.append(self._registration)
             # The first scan of a run continues from the checkpoint, if there is one.
             begin = start_cold if self._checkpoints is None else self._checkpoints.resume
-            self._feed = Feed(config, self.inputs, monitors, begin, self._publish_filtered)
+            self._moving = MovingRadars(config)
+            show, why = self._publish_filtered, self._moving.missing
+            self._feed = Feed(config, self.inputs, monitors, begin, show, why)
             self._pipeline = self._feed.pipeline
         except Exception:
             self.destroy()
@@ -179,16 +183,19 @@ class LiveTracker:
                 self._update_max_wait_timer(new_scan=bool(closed) or not waiting)
         self._load.add(begin_s, time.monotonic())
 
-    def _on_pose(self, topic: str, message: Any, info: Mapping[str, int]) -> None:
-        """Take in a pose of a platform, and process the scans that waited for it."""
-        if not self._active:
+    def _on_pose(self, topic: str, data: bytes, info: Mapping[str, int]) -> None:
+        """Take in poses of platforms, and process the scans that waited for them.
+
+        Transforms are taken in before the start too, because static ones come only once.
+        """
+        begin_s, health = time.monotonic(), self.inputs.platforms[topic]
+        if not (self._active or health.shared):
             return
-        begin_s, frame = time.monotonic(), self._settings.config.world_frame
-        health = self.inputs.platforms[topic]
         health.note_message(begin_s, info.get("publication_sequence_number"), self._load.worked_s)
         with self._step_clock:
-            events = self._feed.pose(topic, lambda: platform_poses.from_msg(message, frame))
+            events = self._feed.pose(topic, partial(self._moving.read, topic, data))
             self._update_max_wait_timer(new_scan=bool(self._handle(events or ())))
+        self.inputs.note_transforms(topic, self._moving)
         self._load.add(begin_s, time.monotonic())
 
     def _update_max_wait_timer(self, new_scan: bool) -> None:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack
+from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseFault, PoseTrack
 from phd_jdtc_ros.core.types import Pose
 
 SPEED, TURN_RATE = 14.0, 0.1
@@ -72,3 +72,16 @@ def test_exact_positions_are_differenced_over_the_shortest_interval():
     platform = vehicle(np.arange(0.0, 5.0, INTERVAL_S))
     found = platform.velocity(round(4.95e9))
     assert_allclose(found, velocity_at(4.95 - 0.05), atol=1e-3)
+
+
+def test_a_pose_without_a_stamp_holds_at_all_times_until_one_has_a_stamp():
+    platform, still = Platform(PoseTrack(), Mount((0.0, 0.0), 0.0)), Pose((3.0, 4.0), 0.5)
+    assert platform.track.add(None, still) is None
+    for stamp_ns in (0, 10**18):
+        assert platform.track.reaches(stamp_ns)
+        assert platform.track.at(stamp_ns) == (still, False)
+        assert platform.velocity(stamp_ns) == (0.0, 0.0)
+    assert platform.track.add(10**9, Pose((5.0, 4.0), 0.5)) is None
+    assert platform.track.at(10**9)[0] == Pose((5.0, 4.0), 0.5)
+    assert not platform.track.reaches(2 * 10**9)
+    assert platform.track.add(None, Pose((0.0, 0.0), np.nan)) is PoseFault.ORIENTATION

@@ -7,7 +7,17 @@ from sensor_msgs.msg import PointCloud2
 from msg_adapters.targets import estimates
 
 
-def started(processes, peer, directory, given, types, node="/tracker", source="filtered", ros=()):
+def started(
+    processes,
+    peer,
+    directory,
+    given,
+    types,
+    node="/tracker",
+    source="filtered",
+    ros=(),
+    **environment,
+):
     """Start a tracker with parameters and reliable inputs, and wait until all are connected.
 
     `types` has the message type of each input by its topic, and `ros` further ROS arguments.
@@ -19,7 +29,7 @@ def started(processes, peer, directory, given, types, node="/tracker", source="f
     outputs = {topic: peer.publisher(kind, topic, 50) for topic, kind in types.items()}
     estimates_topic = f"{node}/{source}/estimates"
     found = peer.collect(PointCloud2, estimates_topic, 1000)
-    process = processes.start("tracker", "--ros-args", "--params-file", file, *ros)
+    process = processes.start("tracker", "--ros-args", "--params-file", file, *ros, **environment)
     assert peer.spin_until(
         lambda: (
             all(output.get_subscription_count() for output in outputs.values())
