@@ -38,6 +38,8 @@ _FORMER = ({**replaced.TRACKER, **replaced.NODE}, replaced.RADAR)
 RESET_THRESHOLD_SCANS = 3.0
 # Longest delay of a report whose clock is right, in the same unit; see `Clocks`.
 LONGEST_DELAY_SCANS = 2.5
+# Number of values of a known ``world_origin``; an unknown place has its height alone.
+KNOWN_PLACE = 3
 # A hypothesis with a smaller share of its target has no visible effect.
 LEAST_HYPOTHESIS = 1e-4
 # Square Mahalanobis distance within which two hypotheses are merged.
@@ -100,6 +102,11 @@ class TrackerConfig(Tracking):
     rule: ReportingRule  # Confirmation and deletion of tracks
     # The map projection of the world frame; None for a world without a place on the earth.
     plane: Plane | None = None
+
+    @property
+    def known_plane(self) -> Plane | None:
+        """The map projection if its place on the earth is known; for latitudes and longitudes."""
+        return self.plane if len(self.values["world_origin"]) == KNOWN_PLACE else None
 
     @property
     def radars(self) -> tuple[RadarParameters, ...]:

@@ -95,6 +95,7 @@ def record(path: Path, config: TrackerConfig) -> Record:
         clutter=next(iter(parts["clutter"]), None),
         class_names=tuple(kind.name for kind in config.model.modes.classes),
         plane=config.plane,
+        place_known=config.known_plane is not None,
         least_speed=config.least_speed,
         learned=tuple(learned_values(config.inputs, numbers)),
         changes=sensor_changes(config.inputs, numbers),

@@ -118,15 +118,16 @@ class Record:
     class_names: tuple[str, ...] = ()  # Configured names; empty if unknown
     # Clutter map learned by the end of the run; None if not recorded.
     clutter: ClutterRaster | None = None
-    # The world frame's map projection; None if its position on the earth is unknown.
+    # The world frame's map projection, None over a plane; and whether its place on the earth is
+    # known, so that there are latitudes and longitudes.
     plane: Plane | None = None
+    place_known: bool = True
     # Least speed of the targets that the tracker had to report, metres per second.
     least_speed: float = 0.0
     learned: tuple[LearnedValue, ...] = ()  # The sensors' learned values at the end of the run
     # How each sensor had changed at the end of the run, by name.
     changes: Mapping[str, str] = field(default_factory=dict)
     call_signs: CallSigns = field(default_factory=CallSigns)  # By address
-    position_assumed: bool = False  # True if the position of `plane` on the earth is not known
 
     @cached_property
     def sets(self) -> Sets:

@@ -46,7 +46,6 @@ from phd_jdtc_ros.report.record import Record
 from phd_jdtc_ros.report.table import score_tables
 
 from . import command
-from .asterix.parameters import is_assumed_place
 
 # Formats of track files, by option.
 WRITERS = {"geojson": track_files.to_geojson, "csv": track_files.to_csv}
@@ -128,6 +127,7 @@ class OfflineTracker:
             step_ms=np.array(self.step_ms),
             class_names=class_names,
             plane=config.plane,
+            place_known=config.known_plane is not None,
             least_speed=config.least_speed,
         )
 
@@ -158,8 +158,8 @@ class OfflineTracker:
             data = estimates.to_cdr(values, self._config.world_frame)
             self._estimates[source].append(data)
             self._bag.write(names.estimates(source), data, values.stamp_ns)
-            if source == FILTERED and self._config.plane is not None:
-                for fix in navsat.to_msgs(values, self._config.plane):
+            if source == FILTERED and self._config.known_plane is not None:
+                for fix in navsat.to_msgs(values, self._config.known_plane):
                     self._bag.write(names.fixes(), interfaces.encode(fix), values.stamp_ns)
 
 
@@ -188,7 +188,7 @@ def track_bag(
             bag.add_topic(replace(source.topic(topic, depth=50), transient_local=latched))
         for kind in (FILTERED, SMOOTHED):
             bag.add_topic(Topic(names.estimates(kind), names.CLOUD))
-        if config.plane is not None:
+        if config.known_plane is not None:
             bag.add_topic(Topic(names.fixes(), names.FIX))
         if any(radar.clutter_map is not None for radar in config.model.radars):
             bag.add_topic(Topic(names.clutter_map(), names.GRID, depth=1, transient_local=True))
@@ -248,14 +248,14 @@ def _print_outcome(tracker: OfflineTracker, source: Path, out: Path) -> int:
 def _write_track_files(
     tracker: OfflineTracker, config: TrackerConfig, files: Mapping[str, Path]
 ) -> None:
-    if config.plane and is_assumed_place(config.values["world_origin"]):
+    if config.plane and config.known_plane is None:
         print(
-            "track_bag: latitudes and longitudes are wrong, because the position of the radar is "
-            "unknown; set its geodetic, and world_origin",
+            "track_bag: latitudes and longitudes are left out, because the position of the radar "
+            "is unknown; set its geodetic, and world_origin",
             file=sys.stderr,
         )
     class_names = tuple(kind.name for kind in config.model.modes.classes)
-    rows = list(track_files.fixes(tracker.smoothed_runs(), config.plane, class_names))
+    rows = list(track_files.fixes(tracker.smoothed_runs(), config.known_plane, class_names))
     for name, path in files.items():
         output_files.write(path, WRITERS[name](rows))
 
@@ -281,7 +281,7 @@ def main(argv: Sequence[str]) -> int:
         source = resources.bag(arguments.bag)
         config = command.tracker_config(arguments, source)
         files = {name: getattr(arguments, name) for name in WRITERS if getattr(arguments, name)}
-        if "geojson" in files and config.plane is None:
+        if "geojson" in files and config.known_plane is None:
             raise ConfigError(
                 "--geojson: given without world_origin, which it needs: the latitude and "
                 "longitude of the world frame's origin"

@@ -95,6 +95,12 @@ PLACE = _list_form(
     "in metres",
     lambda given: not given or (len(given) == 3 and abs(given[0]) <= 90 and abs(given[1]) <= 360),
 )
+# A place whose latitude and longitude may be unknown: any will do for the curvature of the earth.
+PLACE_OR_HEIGHT = _list_form(
+    f"{PLACE.allowed}, or the height alone if the place is unknown",
+    lambda given: (len(given) == 1) or PLACE.read([*given]) is not None,
+    lambda given: [0.0, 0.0, *given] if len(given) == 1 else given,
+)
 HEIGHT = _list_form(
     "empty or one height from -10000 to 100000",
     lambda given: not given or (len(given) == 1 and -1e4 <= given[0] <= 1e5),

@@ -71,8 +71,8 @@ class RadarParameters(SensorParameters):
         [],
         "Latitude and longitude of the radar (WGS84, degrees) and height of its antenna (m), "
         "instead of position. Set it, with world_origin, for slant ranges over the round earth and "
-        "azimuths from true north.",
-        form=place_forms.PLACE,
+        "azimuths from true north. The height alone if the place is unknown, as in world_origin.",
+        form=place_forms.PLACE_OR_HEIGHT,
     )
     yaw_deg: float = parameter(
         0.0,

@@ -42,9 +42,10 @@ class Tracking:
     world_origin: list[float] = parameter(
         [],
         "Latitude and longitude of the world frame's origin (WGS84, degrees) and height of its "
-        "zero (m): x and y are then in the stereographic plane about it. Empty for a world frame "
-        "without a position on the earth.",
-        form=place_forms.PLACE,
+        "zero (m): x and y are then in the stereographic plane about it. The height alone if the "
+        "place is unknown: the earth is round, and no output has latitudes and longitudes. Empty "
+        "for a world frame over a plane.",
+        form=place_forms.PLACE_OR_HEIGHT,
     )
     sensors: list[str] = parameter(
         ["radar_1", "radar_2"],

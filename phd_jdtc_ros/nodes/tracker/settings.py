@@ -55,9 +55,10 @@ def resolve(given: Mapping[str, Any]) -> Settings:
         tracker = build.resolve(of_tracker, SystemPlane)
     except ConfigError as error:
         raise ConfigError(*faults, *error.faults) from error
-    if tracker.plane is None and node["outputs"]:
+    if tracker.known_plane is None and node["outputs"]:
         wanted = [name for name in outputs.ON_THE_EARTH if name in node["outputs"]]
-        faults += [f"outputs: {name} given, needs world_origin" for name in wanted]
+        place = ", whose latitude and longitude are unknown" if tracker.plane else ""
+        faults += [f"outputs: {name} given, needs world_origin{place}" for name in wanted]
     if "registration" in node["outputs"]:
         others = [each.name for each in tracker.inputs if not isinstance(each, RadarParameters)]
         faults += [f"outputs: registration given, {name} is not a radar" for name in others]

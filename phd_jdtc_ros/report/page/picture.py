@@ -80,7 +80,7 @@ def picture_of(record: Record) -> Picture | None:
         "known": {"truth": bool(record.truth), "plots": bool(record.plots)},
         "rings": rings(record.radars, corner, far),
         "identities": [],
-        "assumed": record.position_assumed,
+        "place_unknown": record.plane is not None and not record.place_known,
     }
     for source in header["sources"]:
         known = header["identities"]
@@ -92,7 +92,7 @@ def picture_of(record: Record) -> Picture | None:
     _add_carriers(record, frames, grid)
     if record.clutter is not None:
         header["clutter"] = clutter_levels(record.clutter, columns)
-    if record.plane is not None:
+    if record.plane is not None and record.place_known:
         header["earth"] = earth_grid(record.plane, corner, far, columns)
         header["graticule"] = graticule(record.plane, corner, far, columns)
     return Picture({**header, "columns": columns.index}, columns, frames)

@@ -97,8 +97,8 @@ def _caption(head: Mapping[str, Any]) -> str:
         parts.append(f"small marks are detections{scale}")
     if "clutter" in head:
         parts.append("brown squares are the clutter map learned by the end of the run")
-    if head["assumed"]:
-        parts.append("the position on the earth is assumed: distances are right, places are not")
+    if head["place_unknown"]:
+        parts.append("the radar's position is unknown, and so are latitudes and longitudes")
     text = "; ".join(parts)
     return f"{text[:1].upper()}{text[1:]}."
 

@@ -20,7 +20,7 @@ from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker
 from phd_jdtc_ros.quoting import counts_text, short
 
 from .. import command
-from . import parameters, reading, writing
+from . import reading, writing
 
 NAME = "asterix_bridge"
 
@@ -61,9 +61,9 @@ def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, obje
         done = writing.write_plots(bag, arguments.out, config, bridge)
     else:
         # The map's place on the earth is taken from the tracker's parameters.
-        origin = {name: recorded[name] for name in ("world_origin",) if name in recorded}
-        if parameters.is_assumed_place(origin.get("world_origin", [])):
-            origin = {}
+        known = config.known_plane is not None and "world_origin" in recorded
+        origin = {"world_origin": recorded["world_origin"]} if known else {}
+        if config.plane is not None and not known:
             print("the position of the radar is unknown: tracks have no latitudes and longitudes")
         bridge = settings.resolve({**origin, **given})
         topic = names.estimates(arguments.estimates)

@@ -26,8 +26,8 @@ from .. import recorded_plots
 
 # The profile that is adapted, and the prefix of the radar's parameters in it.
 PROFILE, PROFILE_RADAR = "air_traffic", "approach."
-# Assumed place of a radar without a known one: latitude, longitude, height.
-UNKNOWN_PLACE = (0.0, 0.0, 0.0)
+# Place of a radar without a known one: the height alone, above an earth of the right curvature.
+UNKNOWN_PLACE = (0.0,)
 # Largest range of a surface movement radar, metres, within which the earth is taken to be flat.
 SURFACE_RANGE = 20e3
 # Factors from the farthest and the nearest plot to the largest and the smallest range.
@@ -56,11 +56,6 @@ class Proposal:
     def set(self, name: str, value: Any, comment: str) -> None:
         """Set a value and its comment."""
         self.values[name], self.comments[name] = value, comment
-
-
-def is_assumed_place(origin: Sequence[float]) -> bool:
-    """Return whether a ``world_origin`` is the assumed place of a radar without a known one."""
-    return tuple(origin) == UNKNOWN_PLACE
 
 
 def propose(states: Sequence[RadarState], disorder_s: float) -> Proposal | None:
@@ -214,7 +209,7 @@ def _place_radars(proposed: Proposal, active: Sequence[RadarState]) -> list[Rada
     """Set the radars' places on the earth; return the radars that can be tracked together."""
     sites = [(state, state.site) for state in active if state.site]
     if not sites:
-        _assume_place(proposed, active[0])
+        _leave_place_open(proposed, active[0])
         together = [active[0]]
     else:
         first, (latitude, longitude, _) = sites[0]
@@ -237,20 +232,18 @@ def _place_radars(proposed: Proposal, active: Sequence[RadarState]) -> list[Rada
     return together
 
 
-def _assume_place(proposed: Proposal, state: RadarState) -> None:
-    """Assume a place for a radar without a known one."""
+def _leave_place_open(proposed: Proposal, state: RadarState) -> None:
+    """Set the place of a radar without a known one."""
     radar = state.settings.name
     if state.statistics.farthest <= SURFACE_RANGE:
         proposed.comments[radar] = "its position is unknown; within its range the earth is flat"
         return
-    origin = "assumed: its position is unknown"
-    proposed.set(
-        "world_origin", list(UNKNOWN_PLACE), f"{origin}; latitudes and longitudes are wrong"
-    )
+    origin = "a height alone: its position is unknown"
+    proposed.set("world_origin", list(UNKNOWN_PLACE), f"{origin}; no latitudes and longitudes")
     proposed.set(f"{radar}.geodetic", list(UNKNOWN_PLACE), origin)
     proposed.hints.append(
         f"the position of {radar} is unknown: shapes and distances are right on the round earth, "
-        f"but latitudes and longitudes are wrong; set {radar}.geodetic and world_origin"
+        f"but there are no latitudes and longitudes; set {radar}.geodetic and world_origin"
     )
 
 

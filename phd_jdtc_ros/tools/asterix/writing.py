@@ -68,7 +68,7 @@ def bridge_parameters(config: TrackerConfig) -> dict[str, Any]:
         # `--plots` writes the plots of a sector before its crossing.
         values[f"{radar.name}.hold_sectors"] = 0
     values["output_period_s"] = 0.0
-    if config.values["world_origin"]:
+    if config.known_plane is not None:
         values["world_origin"] = list(config.values["world_origin"])
     return values
 

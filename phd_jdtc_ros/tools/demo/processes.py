@@ -163,7 +163,7 @@ def run(
         f"qos_overrides.{topic}.subscription.reliability": "reliable"
         for topic in [*(radar.topic for radar in config.inputs), *config.radars_by_platform]
     }
-    if config.plane is not None:  # for viewers with a map of the earth
+    if config.known_plane is not None:  # for viewers with a map of the earth
         given["outputs"] = f"[{', '.join([*tracker_node.Node().outputs, 'navsat'])}]"
     with Processes(logs) as nodes:
         parameters = logs / PARAMETERS

@@ -69,6 +69,8 @@ def test_outputs_by_latitude_and_longitude_need_an_origin():
         "outputs: navsat given, needs world_origin",
         "outputs: geojson given, needs world_origin",
     ]
+    (fault,) = faults_of(resolve, {"outputs": ["navsat"], "world_origin": [120.0]})
+    assert fault.endswith("needs world_origin, whose latitude and longitude are unknown")
 
 
 def test_edited_checks_every_value_and_not_yet_the_whole():

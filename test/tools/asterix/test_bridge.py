@@ -52,7 +52,7 @@ def test_recording_becomes_a_bag_that_a_tracker_reads(bridge):
         "radar_1_2: 12 plots, 97 service messages, 96 clouds, a turn of 4.0000 s",
         "left out: none",
         "the position of radar_1_2 is unknown: shapes and distances are right on the round earth, "
-        "but latitudes and longitudes are wrong; set radar_1_2.geodetic and world_origin",
+        "but there are no latitudes and longitudes; set radar_1_2.geodetic and world_origin",
         "radar_1_2: its noise cannot be estimated from 300 s of plots; that of the profile "
         "air_traffic is used",
     ]

@@ -178,7 +178,9 @@ def test_estimates_become_tracks_that_another_decoder_reads(with_estimates, tmp_
         assert value(record, "I500", "ATV", "ATV_X") == 2.0
 
 
-@pytest.mark.parametrize(("origin", "known"), [([0.0, 0.0, 0.0], False), ([52.0, 4.5, 0.0], True)])
+@pytest.mark.parametrize(
+    ("origin", "known"), [([0.0], False), ([0.0, 0.0, 0.0], True), ([52.0, 4.5, 0.0], True)]
+)
 def test_tracks_about_a_guessed_place_have_no_latitudes(with_estimates, tmp_path, origin, known):
     bag, out = tmp_path / "bag", tmp_path / "tracks.ast"
     shutil.copytree(with_estimates, bag)

@@ -19,6 +19,9 @@ from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.configuration.parameters import forms
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
+from phd_jdtc_ros.report import load
+from phd_jdtc_ros.report.page import picture_words
+from phd_jdtc_ros.report.page.picture import picture_of
 from phd_jdtc_ros.tools.asterix import parameters
 
 NS = 10**9
@@ -242,11 +245,24 @@ def test_noise_is_of_detections_whenever_they_come(bridged, monkeypatch):
 
 def test_unknown_position_is_guessed_and_reported_and_the_bag_is_tracked(bare, tmp_path, capsys):
     bag, printed, given = bare
-    assert given["world_origin"] == given["radar_1_2.geodetic"] == [0.0, 0.0, 0.0]
+    assert given["world_origin"] == given["radar_1_2.geodetic"] == [0.0]
     assert "the position of radar_1_2 is unknown" in printed
     tracked, csv = tmp_path / "tracked", tmp_path / "tracks.csv"
     assert run("track_bag", [str(bag), "--out", str(tracked), "--csv", str(csv)]) == 0
-    assert "latitudes and longitudes are wrong" in capsys.readouterr().err
+    assert "latitudes and longitudes are left out" in capsys.readouterr().err
+    rows = csv.read_text().splitlines()
+    columns = rows[0].split(",")
+    assert len(rows) > 1
+    for name, is_known in {"x": True, "latitude": False, "longitude": False}.items():
+        assert all(bool(row.split(",")[columns.index(name)]) == is_known for row in rows[1:])
+    assert names.fixes() not in BagReader(tracked).types
+    arguments = [str(bag), "--out", str(tmp_path / "other"), "--geojson", str(tmp_path / "g")]
+    assert run("track_bag", arguments) == 2
+    assert "--geojson: given without world_origin" in capsys.readouterr().err
+    record = load.record(tracked, tracker_params.config(given))
+    page = picture_of(record)
+    assert "earth" not in page.header
+    assert "position is unknown" in picture_words.section(page.header)
 
 
 def test_given_or_reported_position_is_used(bridged):

@@ -1,7 +1,7 @@
 "use strict";
 // Draws the picture of the traffic, whose rows and view its subclass Picture has.
 
-const ASSUMED = "position assumed";
+const UNKNOWN_PLACE = "position on the earth unknown";
 const NEW_LABEL = [[1, -1], [1, 1], [-1, 1], [-1, -1]]; // where labels are tried, in this order
 
 function meet(box, other) {
@@ -144,7 +144,7 @@ class Drawing {
     const width = brush.measureText(text).width;
     brush.fillText(text, (left + right - width) / 2, py - 4);
     this.written.push([Math.min(left, (left + right - width) / 2) - 4, py - 16, right + 4, py + 4]);
-    if (this.head.assumed) this.writeApart(ASSUMED, [[6, 16]]);
+    if (this.head.place_unknown) this.writeApart(UNKNOWN_PLACE, [[6, 16]]);
   }
 
   drawGrid() {

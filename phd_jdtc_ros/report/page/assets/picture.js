@@ -161,7 +161,7 @@ class Picture extends Drawing {
 
   // Latitude and longitude, or x and y, of a place.
   place(x, y) {
-    const { earth, assumed } = this.head;
+    const { earth } = this.head;
     const [scale, digits, unit] = this.km ? [1000, 2, "km"] : [1, 1, "m"];
     const plain = `${(x / scale).toFixed(digits)}, ${(y / scale).toFixed(digits)} ${unit}`;
     if (!earth) return plain;
@@ -176,7 +176,7 @@ class Picture extends Drawing {
     };
     const [north, east] = [read("latitude"), ((read("longitude") + 540) % 360) - 180];
     return `${Math.abs(north).toFixed(4)}\u00b0 ${north < 0 ? "S" : "N"}, `
-      + `${Math.abs(east).toFixed(4)}\u00b0 ${east < 0 ? "W" : "E"}${assumed ? ` (${ASSUMED})` : ""}`;
+      + `${Math.abs(east).toFixed(4)}\u00b0 ${east < 0 ? "W" : "E"}`;
   }
 
   // --- the view -----------------------------------------------------------------------------------
