@@ -5,7 +5,7 @@ The path of the data, with the package of each step::
     reports (radar, stamp, Detections)         types
       |  check for anomalies                   intake.input_checks
       |  cut turns into slices, coverage       intake.turns, antenna, report_timing, sectors
-      |  attach poses of moving radars         intake.posed_reports, poses
+      |  attach poses of moving radars         intake.posed_reports, poses, transforms
       |  group by stamp, gaps, resets          intake.scans
     Scan                                       pipeline: turns -> posed_reports -> scans -> engine
       |  reprocess out-of-sequence reports     intake.out_of_sequence, turn_history
