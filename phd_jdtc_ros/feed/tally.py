@@ -221,6 +221,8 @@ class Tally:
         if len(self._silent) == len(self._config.inputs):
             topics = " or ".join(each.topic for each in self._config.inputs)
             return f"nothing to track, without a message on {topics}"
+        if not self.detections.offered:
+            return "nothing to track: no cloud has a detection"
         return self.detections.fault()
 
     def about_run(self) -> Iterator[str]:

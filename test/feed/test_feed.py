@@ -67,6 +67,14 @@ def test_messages_that_cannot_be_read_are_reported_as_such_with_the_first_ones_f
     )
 
 
+def test_recording_without_any_detection_is_a_fault():
+    tally = Tally(build.resolve({"sensors": ["mast"]}))
+    tally.on_report(0, Report(10**9, Detections(np.zeros((0, 2)), None), Counter()))
+    assert tally.fault() == "nothing to track: no cloud has a detection"
+    tally.on_report(0, Report(2 * 10**9, Detections(np.ones((1, 2)), None), Counter()))
+    assert tally.fault() is None
+
+
 @pytest.mark.parametrize(
     ("later_s", "apart"), [(0, []), (19, []), (20, [0, 1]), (3600, [0, 1]), (-3600, [0, 1])]
 )
