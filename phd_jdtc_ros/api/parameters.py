@@ -185,11 +185,10 @@ class Parameters:
             if name not in values
         ]
 
-    def hidden(self, findings: Mapping[str, Findings]) -> Iterator[str]:
-        """Yield what the clutter maps hide that the findings propose and that are not given."""
+    def remarks(self, findings: Mapping[str, Findings]) -> Iterator[str]:
+        """Yield the remarks on what the findings propose and the user has not given."""
         for radar, each in findings.items():
-            text = proposal.hidden(each, self.given, radar)
-            if text and f"{radar}.clutter_map" not in self.given:
+            for text in proposal.remarks(each, self.given, radar):
                 yield f"{radar}: {text}"
 
     def with_findings(

@@ -134,7 +134,7 @@ class Tracker:
         Warns
         -----
         UserWarning
-            If detections are not used or contradict the parameters, or slow targets are taken for
+            If detections are not used or contradict the parameters, or about targets at rest and
             clutter.
         """
         columns = columns_of(detections)
@@ -183,7 +183,7 @@ class Tracker:
                 faults.append(f"{name}: {'; '.join(reasons)}")
         if faults:
             raise TuningError("; ".join(faults))
-        for text in parameters.hidden(found):
+        for text in parameters.remarks(found):
             warnings.warn(text, stacklevel=2)
         self._parameters = parameters.with_findings(found, timed, columns)
         return self

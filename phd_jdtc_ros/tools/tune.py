@@ -73,8 +73,7 @@ def _work(arguments: argparse.Namespace) -> int:
     for radar, each in found.items():
         topic = next(entry.topic for entry in config.inputs if entry.name == radar)
         console.print(_table(radar, topic, each, rows[radar], recorded))
-        hidden = proposal.hidden(each, now, radar)
-        for text in (*recorded.warnings[radar], *([hidden] if hidden else ())):
+        for text in (*recorded.warnings[radar], *proposal.remarks(each, given, radar)):
             console.print(f"{radar}: {text}", soft_wrap=True, markup=False, highlight=False)
     proposed = _proposal(given, found, rows, recorded, where is not None)
     tracker_params.config(proposed)

@@ -25,6 +25,7 @@ from .rates import (
     looks_of,
     outside_land,
 )
+from .resting import moving, slow_speed
 from .rotation import Timing, timing_of
 from .start import first_guess
 from .tracking.noise import Noise, find_outliers, fit_noise
@@ -34,8 +35,8 @@ from .tracking.tracks import LinkModel, Tracks, link_plots
 ROUNDS, CONVERGED = 8, 0.02
 # A recording needs at least these numbers of clouds, of tracks and of plots in tracks.
 LEAST_CLOUDS, LEAST_TRACKS, LEAST_PLOTS = 10, 1, 30
-# If land clutter makes up more than this share of the plots it is left out, because tracks would
-# jump between its plots.
+# If plots in recurring places are more than this share of all, and clearly land clutter, they are
+# left out, because tracks would jump between them.
 MOST_LAND = 0.2
 # The same of areas of dense clutter.
 MOST_CROWDED = 0.1
@@ -78,14 +79,17 @@ class Findings:
     plots: int  # Number of plots, with clutter
     looks: float  # Number of turns or clouds
     duration_s: float  # Length of the evaluated part of the recording, seconds
-    land: float  # Share of the plots that are land clutter
+    resting: float  # Share of the plots in recurring places
+    # Speed of slow targets, metres per second, if these plots are many and clearly land clutter; 0
+    # if they may be of targets at rest.
+    slow_speed: float
     crowded: float  # Share of the plots in areas of dense clutter, land excepted
     beside: float  # Share of the tracks' plots with a further plot of the same target
 
     @property
     def false_share(self) -> float:
         """The share of the plots that belong to no track."""
-        land = self.land if self.land > MOST_LAND else 0.0  # which the clutter rate leaves out
+        land = self.resting if self.slow_speed else 0.0  # which the clutter rate leaves out
         return land + self.clutter.count / self.plots
 
     @property
@@ -131,8 +135,11 @@ def findings(plots: Plots) -> Findings:
     except TuningError as error:
         raise TuningError(f"{error}; {_units(plots)}") from None
     rows = outside_land(plots, looks_of(plots, timing), noise.range_std, noise.azimuth_std)
-    land = 1.0 - len(rows) / len(plots)
-    kept = rows if land > MOST_LAND else np.arange(len(plots))
+    resting, slow = 1.0 - len(rows) / len(plots), 0.0
+    if resting > MOST_LAND:
+        fixed = np.setdiff1d(np.arange(len(plots)), rows)
+        slow = slow_speed(plots, timing, tracks, noise, fixed)
+    kept = rows if slow else np.arange(len(plots))
     dense = np.intersect1d(crowded(plots, np.setdiff1d(rows, tracks.claimed)), rows)
     share = len(dense) / len(plots)
     if share > MOST_CROWDED:
@@ -141,8 +148,11 @@ def findings(plots: Plots) -> Findings:
         tracks, noise = _without_clutter(plots, kept, timing, tracks, noise)
     # With much land clutter the rate counts only the other cells, because the tracker's clutter map
     # covers the land. A map of dense areas is learned slowly, and the rate includes them.
-    clutter = clutter_rate(plots, timing, tracks, rows if land > MOST_LAND else None)
-    speed_std, ratio = _speed_std(plots, tracks), log_ratio(plots, plots, tracks)
+    clutter = clutter_rate(plots, timing, tracks, rows if slow else None)
+    # A new target may move as fast as those that do, whatever else is at rest.
+    movers, _ = moving(plots, tracks, noise)
+    speed_std = _speed_std(plots, movers if movers.plots else tracks)
+    ratio = log_ratio(plots, plots, tracks)
     return Findings(
         timing,
         noise,
@@ -158,7 +168,8 @@ def findings(plots: Plots) -> Findings:
         len(plots),
         looks_of(plots, timing),
         plots.duration_s,
-        land,
+        resting,
+        slow,
         share,
         beside(plots, timing, tracks, noise.range_std, noise.azimuth_std),
     )

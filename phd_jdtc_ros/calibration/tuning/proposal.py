@@ -26,11 +26,15 @@ ALARMS = (1e-12, 0.5)
 MOST_BEYOND = 1.5
 # Upper bounds of the shares of the clutter that are nearer than the minimum range, and obstructed.
 MOST_NEAR, MOST_BLIND = 0.99, 0.99
+# Upper bound of a clutter map's speed, as a share of the speed of slow targets.
+SLOWER = 0.5
 # Clutter counts as noise if its mean level is within this factor of the noise level.
 NOISE_FACTOR = 1.25
 MOST_PROBABILITY = 0.999
 # The parameters of the noise.
 NOISE = ("range_std", "azimuth_std_deg")
+# The motion model of a class of things at rest.
+STATIONARY = "stationary"
 # The engine whose measurement noise may have outliers.
 GAUSSIAN = "gaussian"
 
@@ -71,6 +75,7 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
         _detection(found, now, by_band),
         max_range,
         *_clutter(found, now, max_range.value if max_range.proposed else max_range.now, fov),
+        *_clutter_map(found, now, _knows_rest(values)),
         *fov,
         *_amplitudes(found, now),
         *_motion(found),
@@ -149,9 +154,15 @@ def _clutter(found: Findings, now: Now, max_range: Any, fov: Sequence[Row]) -> I
     # A learned rate is learned within the limit that is set.
     kept = learned and value <= (given or 0.0) <= MOST_BEYOND * value
     yield Row("clutter_max_range", value, source, given, proposed=not kept)
-    if found.land > MOST_LAND:
-        source = f"{100.0 * found.land:.0f} % of plots in recurring places"
+
+
+def _clutter_map(found: Findings, now: Now, knows_rest: bool) -> Iterator[Row]:
+    if found.slow_speed and not knows_rest:
+        source = f"{100.0 * found.resting:.0f} % of plots in recurring places"
         yield Row("clutter_map", True, source, now("clutter_map"))
+        speed, own = _map_speed(found, now), f"slow targets move at {found.slow_speed:.2g} m/s"
+        if speed != _given_speed(now):
+            yield Row("clutter_map_speed", speed, own, now("clutter_map_speed"))
     elif found.crowded > MOST_CROWDED:
         source = f"{100.0 * found.crowded:.0f} % of plots in areas of dense clutter"
         yield Row("clutter_map", True, source, now("clutter_map"))
@@ -160,19 +171,49 @@ def _clutter(found: Findings, now: Now, max_range: Any, fov: Sequence[Row]) -> I
             yield Row("clutter_map_speed", 0.0, source, now("clutter_map_speed"))
 
 
-def hidden(found: Findings, values: Mapping[str, Any], radar: str) -> str:
-    """Return a sentence about targets that a proposed clutter map hides; empty if there are none.
+def remarks(found: Findings, values: Mapping[str, Any], radar: str) -> Iterator[str]:
+    """Yield a sentence about each decision that a user may want to change.
 
-    For the arguments see `rows`.
+    `values` has the parameters that the user has given; see `rows`.
     """
-    speed = values.get(f"{radar}.clutter_map_speed", RadarParameters().clutter_map_speed)
-    if values.get(f"{radar}.clutter_map") or found.land <= MOST_LAND or speed == 0.0:
-        return ""
-    return (
-        f"{100.0 * found.land:.0f} % of the detections are in recurring places, which "
-        f"clutter_map: true takes for clutter: targets slower than {speed:g} m/s are not reported; "
-        f"set {radar}.clutter_map_speed to 0 if they are ships at anchor"
+
+    def now(name: str) -> Any:
+        return values.get(f"{radar}.{name}")
+
+    if found.resting <= MOST_LAND or now("clutter_map") is not None or _knows_rest(values):
+        return
+    begin = f"{100.0 * found.resting:.0f} % of the detections are in recurring places"
+    if not found.slow_speed:
+        yield (
+            f"{begin}, and may be of targets at rest, which are tracked; set {radar}.clutter_map "
+            "to true if they are clutter"
+        )
+    elif speed := _map_speed(found, now):
+        yield (
+            f"{begin}, which clutter_map: true takes for clutter: targets slower than {speed:g} "
+            f"m/s are not reported; set {radar}.clutter_map_speed to 0 if they are ships at anchor"
+        )
+
+
+def _knows_rest(values: Mapping[str, Any]) -> bool:
+    """Return whether a class of a configuration is only stationary, which then decides."""
+    motions = [values.get(f"{name}.motions") or () for name in values.get("classes", ())]
+    return any(
+        own and all(values.get(f"{motion}.model") == STATIONARY for motion in own)
+        for own in motions
     )
+
+
+def _given_speed(now: Now) -> float:
+    """Return the given speed below which a map hides targets, m/s, or else the default one."""
+    given = now("clutter_map_speed")
+    return RadarParameters().clutter_map_speed if given is None else float(given)
+
+
+def _map_speed(found: Findings, now: Now) -> float:
+    """Return a speed below which a map hides no moving target, m/s."""
+    slow = SLOWER * found.slow_speed
+    return min(_given_speed(now), round_to_std(slow, 0.5 * slow))
 
 
 def _clear_share(fov: Sequence[float], blind: Sequence[float]) -> float:

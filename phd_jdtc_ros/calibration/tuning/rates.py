@@ -131,14 +131,17 @@ def outside_land(plots: Plots, looks: float, range_std: float, azimuth_std: floa
         return np.arange(len(plots))
     row = np.floor(plots.measurement[:, 0] / (CELL_SIGMA * range_std))
     column = np.floor((plots.measurement[:, 1] + np.pi) / (CELL_SIGMA * azimuth_std))
-    cell = row * np.ceil(FULL_TURN / (CELL_SIGMA * azimuth_std) + 1.0) + column
-    _, place, count = np.unique(cell, return_inverse=True, return_counts=True)
+    columns = np.ceil(FULL_TURN / (CELL_SIGMA * azimuth_std) + 1.0)
+    cell = row * columns + column
+    cells, place, count = np.unique(cell, return_inverse=True, return_counts=True)
     place = place.ravel()
     first, second = (np.bincount(place, plots.time_s**power) / count for power in (1, 2))
     spread = np.sqrt(np.maximum(second - first**2, 0.0))
     lasting = spread >= LEAST_SPREAD * plots.duration_s / np.sqrt(12.0)
     land = lasting & (count >= max(LAND_SHARE * looks, LEAST_LAND_PLOTS))
-    kept: IntArray = np.flatnonzero(~land[place])
+    # The plots at the edge of the noise are in the cells around it.
+    around = np.add.outer(np.arange(-1, 2) * columns, np.arange(-1, 2)).ravel()
+    kept: IntArray = np.flatnonzero(~np.isin(cell, np.add.outer(cells[land], around)))
     return kept
 
 

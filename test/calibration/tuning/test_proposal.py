@@ -199,18 +199,61 @@ def test_areas_of_dense_clutter_are_mapped_and_spoil_no_noise(standing):
     assert not len(crowded(moving, np.arange(len(plots))))
 
 
-def test_land_is_mapped(estimated):
-    config, found = estimated
-    assert not {"clutter_map", "clutter_map_speed"} & {*rows_of(estimated)}
-    land = replace(found, land=0.5)
-    assert rows_of((config, land))["clutter_map"].value is True
-    said = proposal.hidden(land, {}, "radar")
-    assert "50 % of the detections" in said
-    assert "slower than 2.5 m/s" in said
-    assert "set radar.clutter_map_speed to 0" in said
-    assert not proposal.hidden(found, {}, "radar")
-    for name, value in (("clutter_map", True), ("clutter_map_speed", 0.0)):
-        assert not proposal.hidden(land, {f"radar.{name}": value}, "radar")
+def scene_at_rest(count, probability, seed, speed=6.0):
+    """Return four ships that move at least so fast, and things at rest that are seen so often."""
+    rng, clouds = np.random.default_rng(seed), []
+    places = rng.uniform([500.0, -3.0], [6e3, 3.0], (count, 2))
+    start, course = rng.uniform(-2e3, 2e3, (4, 2)), rng.uniform(-3.0, 3.0, 4)
+    velocity = speed * rng.uniform(1.0, 1.5, (4, 1)) * np.stack([np.cos(course), np.sin(course)], 1)
+    for cloud in range(60):
+        x, y = (start + 3.0 * cloud * velocity).T
+        ships = np.stack([np.hypot(x, y), np.arctan2(y, x)], axis=1)[rng.random(4) < 0.9]
+        seen = np.concatenate([ships, places[rng.random(count) < probability]])
+        clouds.append(seen + rng.standard_normal(seen.shape) * [10.0, 0.004])
+    return recorded(clouds, 3.0)
+
+
+def rows_and_remarks(plots, given):
+    found = findings(plots)
+    rows = {row.name: row.value for row in proposal.rows(found, given, "mast") if row.proposed}
+    return found, rows, [*proposal.remarks(found, given, "mast")]
+
+
+def test_many_echoes_at_rest_that_are_often_missed_are_mapped():
+    found, rows, said = rows_and_remarks(scene_at_rest(60, 0.6, 1), {})
+    assert rows["clutter_map"] is True
+    assert "clutter_map_speed" not in rows  # the ships are much faster than the default
+    assert found.clutter.value < 3.0
+    assert len(said) == 1
+    assert "targets slower than 2.5 m/s are not reported" in said[0]
+    assert "set mast.clutter_map_speed to 0" in said[0]
+    for given in ({"mast.clutter_map": True}, {"mast.clutter_map_speed": 0.0}):
+        assert not [*proposal.remarks(found, given, "mast")]
+
+
+def test_a_map_hides_no_target_that_moves():
+    _, rows, said = rows_and_remarks(scene_at_rest(60, 0.6, 2, speed=2.0), {})
+    assert 0.5 < rows["clutter_map_speed"] < 1.6
+    assert f"slower than {rows['clutter_map_speed']:g} m/s" in said[0]
+
+
+@pytest.mark.parametrize(("count", "probability"), [(3, 0.9), (8, 0.6), (30, 0.9)])
+def test_what_may_be_targets_at_rest_is_not_mapped(count, probability):
+    found, rows, said = rows_and_remarks(scene_at_rest(count, probability, 3), {})
+    assert not {"clutter_map", "clutter_map_speed"} & {*rows}
+    assert found.tracks >= 4 + count - 1
+    assert found.speed_std > 3.0  # of the ships that move
+    assert len(said) == 1
+    assert "may be of targets at rest, which are tracked" in said[0]
+    assert "set mast.clutter_map to true" in said[0]
+
+
+def test_a_class_at_rest_decides_instead_of_the_map():
+    given = {"classes": ["ship", "fixed"], "ship.motions": ["cv"], "fixed.motions": ["rest"]}
+    given |= {"cv.model": "constant_velocity", "rest.model": "stationary"}
+    _, rows, said = rows_and_remarks(scene_at_rest(60, 0.6, 1), given)
+    assert "clutter_map" not in rows
+    assert not said
 
 
 def test_insufficient_recordings_name_what_is_missing():
