@@ -259,6 +259,10 @@ _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
         f"{count} detections that repeat another one of their report in every field; each is used "
         "once. Does the driver send its buffer twice?"
     ),
+    "detections_twinned": lambda radar, count: (
+        f"{count} detections with another one of their scan within their noise, so that targets "
+        f"have two tracks; is every plot recorded twice? {radar.name}.cluster_distance merges them"
+    ),
     "reports_repeated": lambda radar, count: (
         f"{count} clouds that repeat all detections of the cloud before under another stamp; they "
         "are not used. Does the driver send its buffer twice?"

@@ -21,6 +21,7 @@ from .intake.poses import Platform, PoseFault
 from .intake.scans import Rejection, Reset, ScanGrouper
 from .intake.slices import Slice
 from .intake.turn_history import Recut, TurnHistory
+from .intake.twins import TWINS, TwinCheck
 from .models.tracker_model import TrackerModel
 from .tracks.region import Everywhere, Region
 from .tracks.reporting_rule import ReportingRule, slowest_s
@@ -78,6 +79,7 @@ class SensorStages:
     # of its turn, which is then cut again.
     history: TurnHistory
     platform: Platform | None  # None for a fixed sensor
+    twins: TwinCheck = field(default_factory=TwinCheck)
     drops: Drops = field(default_factory=lambda: Drops(Counter(), Counter()))
 
 
@@ -188,6 +190,7 @@ class Pipeline:
         if REPEATED in noticed and not turns.is_behind(stamp_ns):
             self._grouper.note_live(radar)
             return self._events([])
+        turns.anomalies[TWINS] += sensor.twins.add(detections, self._configured[0].radars[radar])
         nominal_s = turns.nominal_period_s
         can_recut = sensor.history.kept and self._out_of_sequence.since_ns() is not None
         if can_recut and nominal_s and turns.is_behind(stamp_ns):

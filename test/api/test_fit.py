@@ -210,11 +210,43 @@ def split_plots(share, seed=3):
     return dict(zip(("time", "range", "azimuth"), np.transpose(rows), strict=True))
 
 
-def test_plots_split_in_two_make_no_second_track():
-    detections = split_plots(0.3)
-    tracker = Tracker().fit(detections)
-    assert 3.0 < tracker.parameters["radar.cluster_distance"] < 5.0
+def twice(detections, apart, share=1.0, seed=9):
+    """Return a table with a share of its rows repeated, that far apart in metres."""
+    rng, count = np.random.default_rng(seed), len(detections["time"])
+    again = np.flatnonzero(rng.random(count) < share)
+    table = {name: np.concatenate([column, column[again]]) for name, column in detections.items()}
+    table["range"] = table["range"] + apart * rng.standard_normal(len(table["range"]))
+    return table
+
+
+@pytest.mark.parametrize(("apart", "share"), [(0.02, 1.0), (1.0, 1.0), (0.02, 0.5)])
+def test_plots_recorded_twice_make_no_second_track(apart, share):
+    detections = twice(split_plots(0.0), apart, share)
+    with pytest.warns(UserWarning, match=r"^radar: \d+ % .*is every plot recorded twice\?") as said:
+        tracker = Tracker().fit(detections)
+    assert len(said) == 1
+    assert tracker.parameters["radar.clutter_rate"] == pytest.approx(3.0, rel=0.3)
+    assert tracker.parameters["radar.range_std"] == pytest.approx(4.0, rel=0.3)
     found = tracker.track(detections).filtered
     times, count = np.unique(found["time"], return_counts=True)
-    assert count[times >= 10.0].mean() < 4.5
+    assert 3.5 < count[times >= 10.0].mean() < 4.5
+
+
+def test_track_warns_of_plots_recorded_twice():
+    tracker = Tracker().fit(split_plots(0.0))
+    with pytest.warns(UserWarning, match=r"^radar: \d+ detections with another .* recorded twice"):
+        tracker.track(twice(split_plots(0.0, seed=4), 0.02))
+
+
+def test_plots_split_in_two_make_no_second_track():
+    counts = []
+    for seed in (3, 4, 5):
+        detections = split_plots(0.3, seed)
+        with pytest.warns(UserWarning, match="another one within their noise"):
+            tracker = Tracker().fit(detections)
+        assert 3.0 < tracker.parameters["radar.cluster_distance"] < 5.0
+        found = tracker.track(detections).filtered
+        times, count = np.unique(found["time"], return_counts=True)
+        counts.append(count[times >= 10.0].mean())
+    assert np.mean(counts) < 4.5
     assert "radar.cluster_distance" not in Tracker().fit(split_plots(0.0)).parameters

@@ -24,6 +24,7 @@ from .rates import (
     field_of,
     looks_of,
     outside_land,
+    without_neighbours,
 )
 from .resting import moving, slow_speed
 from .rotation import Timing, timing_of
@@ -114,10 +115,24 @@ class Findings:
 def findings(plots: Plots) -> Findings:
     """Return the estimates of one radar from a recording.
 
-    Raise `TuningError` if the recording is too short, or has no detections or no targets distinct
-    from clutter, or if a turn has too many clouds.
+    Where targets have several plots in a look, one of them counts. Raise `TuningError` if the
+    recording is too short, or has no detections or no targets distinct from clutter, or if a turn
+    has too many clouds.
     """
     _require_some(plots)
+    found = _findings(plots)
+    if found.beside <= MOST_BESIDE:
+        return found
+    noise = found.noise.range_std, found.noise.azimuth_std
+    try:
+        alone = _findings(plots.only(without_neighbours(plots, found.timing, *noise)))
+    except TuningError:
+        return found
+    return replace(alone, beside=found.beside)
+
+
+def _findings(plots: Plots) -> Findings:
+    """Return the estimates of a recording whose targets have one plot in a look; see `findings`."""
     timing = timing_of(plots)
     if timing.cloud_interval_s <= 0.0:
         raise TuningError("all clouds have the same stamp; stamps must increase")
@@ -171,7 +186,7 @@ def findings(plots: Plots) -> Findings:
         resting,
         slow,
         share,
-        beside(plots, timing, tracks, noise.range_std, noise.azimuth_std),
+        beside(plots, timing, tracks, noise.range_std, noise.azimuth_std, kept),
     )
 
 

@@ -125,7 +125,9 @@ def _clusters(found: Findings, now: Now) -> Iterator[Row]:
     """Yield the distance that merges the plots of a target that lie within their noise."""
     given = now("cluster_distance")
     if found.beside > MOST_BESIDE and not given:
-        source = f"{100.0 * found.beside:.0f} % of tracked plots have another one beside them"
+        source = (
+            f"{100.0 * min(found.beside, 1.0):.0f} % of tracked plots have another one beside them"
+        )
         value = round_to_std(found.noise.range_std, 0.1 * found.noise.range_std)
         yield Row("cluster_distance", value, source, given)
 
@@ -180,6 +182,12 @@ def remarks(found: Findings, values: Mapping[str, Any], radar: str) -> Iterator[
     def now(name: str) -> Any:
         return values.get(f"{radar}.{name}")
 
+    if found.beside > MOST_BESIDE and now("cluster_distance") is None:
+        yield (
+            f"{100.0 * min(found.beside, 1.0):.0f} % of the tracked detections have another one "
+            f"within their noise in the same scan, which {radar}.cluster_distance now merges, so "
+            "that no target has two tracks; is every plot recorded twice?"
+        )
     if found.resting <= MOST_LAND or now("clutter_map") is not None or _knows_rest(values):
         return
     begin = f"{100.0 * found.resting:.0f} % of the detections are in recurring places"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from phd_jdtc_ros.core.arrays import IntArray
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.intake.sectors import smallest_arc
 from phd_jdtc_ros.core.types import FULL_TURN
 
@@ -32,6 +32,9 @@ CELLS, CROWD, LEAST_CROWD = (32, 64), 10.0, 10
 # plots, in range and in azimuth, and half a look apart at most. Others up to twice as far away show
 # how many are there by chance.
 BESIDE_SIGMA, BESIDE_LOOKS = 3.0, 0.5
+# Plots of two tracks of one target are mostly nearer than this many such standard deviations, and
+# those of targets side by side are not.
+SAME_SIGMA = 1.0
 # The number of plots beside tracks must differ by this many standard deviations from chance.
 SURE_SIGMA = 4.0
 
@@ -169,29 +172,54 @@ def crowded(plots: Plots, free: IntArray) -> IntArray:
 
 
 def beside(
-    plots: Plots, timing: Timing, tracks: Tracks, range_std: float, azimuth_std: float
+    plots: Plots,
+    timing: Timing,
+    tracks: Tracks,
+    range_std: float,
+    azimuth_std: float,
+    rows: IntArray,
 ) -> float:
     """Return the share of the tracks' plots with a further plot of the same target beside them.
 
-    It is 0 if chance explains the plots beside tracks. The standard deviations are those of a
-    plot, metres and radians.
+    It is 0 if chance explains the plots beside tracks. Only the untracked ones of the plots `rows`
+    count, and plots of other tracks that are so near that both tracks are of one target. The
+    standard deviations are those of a plot, metres and radians.
     """
-    free = np.setdiff1d(np.arange(len(plots)), tracks.claimed)
-    if not len(free):
-        return 0.0
-    sigma = BESIDE_SIGMA * np.sqrt(2.0)
-    near, around = (
-        _neighbours(
-            plots, free, tracks.claimed, (far * range_std, far * azimuth_std), timing.look_s
+    free, claimed = np.setdiff1d(rows, tracks.claimed), tracks.claimed
+    share, sigma = 0.0, np.sqrt(2.0)
+    for others, reach in ((free, BESIDE_SIGMA), (claimed, SAME_SIGMA)):
+        if not len(others):
+            continue
+        near, around = (
+            _neighbours(
+                plots,
+                others,
+                claimed,
+                (far * sigma * range_std, far * sigma * azimuth_std),
+                timing.look_s,
+            )
+            for far in (reach, 2.0 * reach)
         )
-        for far in (sigma, 2.0 * sigma)
-    )
-    # The area from one to two times the reach is three times as large as the inner one.
-    by_chance = (around - near) / 3.0
-    further = near - by_chance
-    if further < SURE_SIGMA * np.sqrt(near + by_chance / 3.0):
-        return 0.0
-    return float(further / len(tracks.claimed))
+        itself = len(claimed) if others is claimed else 0
+        near, around = near - itself, around - itself
+        # The area from one to two times the reach is three times as large as the inner one.
+        by_chance = (around - near) / 3.0
+        further = near - by_chance
+        if further > SURE_SIGMA * np.sqrt(near + by_chance / 3.0):
+            share += float(further / len(claimed))
+    return share
+
+
+def without_neighbours(
+    plots: Plots, timing: Timing, range_std: float, azimuth_std: float
+) -> IntArray:
+    """Return the plots without those of the same look beside an earlier one; see `beside`."""
+    sigma = BESIDE_SIGMA * np.sqrt(2.0)
+    reach = sigma * range_std, sigma * azimuth_std
+    tree = cKDTree(_scaled(plots, reach, timing.look_s))
+    pairs = tree.query_pairs(1.0, p=np.inf, output_type="ndarray")
+    kept: IntArray = np.setdiff1d(np.arange(len(plots)), pairs.max(axis=1))
+    return kept
 
 
 def _neighbours(
@@ -201,10 +229,16 @@ def _neighbours(
 
     The reach is in range and azimuth, metres and radians.
     """
-    measured = np.column_stack([plots.measurement, plots.time_s])
-    scaled = measured / [*reach, BESIDE_LOOKS * look_s]
+    scaled = _scaled(plots, reach, look_s)
     tree, others = (cKDTree(scaled[own]) for own in (rows, places))
     return int(tree.count_neighbors(others, 1.0, p=np.inf))
+
+
+def _scaled(plots: Plots, reach: tuple[float, float], look_s: float) -> FloatArray:
+    """Return ranges, azimuths and times in units of a reach and of a look's part, (N, 3)."""
+    measured = np.column_stack([plots.measurement, plots.time_s])
+    scaled: FloatArray = measured / [*reach, BESIDE_LOOKS * look_s]
+    return scaled
 
 
 def field_of(plots: Plots, claimed: IntArray) -> Field:
