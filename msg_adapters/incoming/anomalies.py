@@ -267,6 +267,10 @@ _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
         f"{count} clouds that repeat all detections of the cloud before under another stamp; they "
         "are not used. Does the driver send its buffer twice?"
     ),
+    "reports_nearly_repeated": lambda radar, count: (
+        f"{count} clouds that repeat the detections of the cloud before under another stamp, a "
+        "little apart; targets may have several tracks. Is every cloud recorded twice?"
+    ),
     "heights_unknown": lambda radar, count: (
         f"{count} detections without a height; {_without_height(radar)}"
     ),

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.intake.input_checks import COPIED_DETECTIONS, is_copy
+from phd_jdtc_ros.core.intake.input_checks import COPIED_DETECTIONS, NearCopies, is_copy
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
 from . import kinematics
@@ -119,6 +119,10 @@ def plots_of(reports: Sequence[tuple[int, Detections]]) -> Plots:
 
 def _without_copies(reports: list[tuple[int, Detections]]) -> list[tuple[int, Detections]]:
     """Return reports without those that repeat the one before, if chance does not explain these."""
+    check = NearCopies()
+    near = [check.add(found) for _, found in reports]
+    if check.sure:
+        return [report for report, is_near in zip(reports, near, strict=True) if not is_near]
     copies = {
         number
         for number, ((first_ns, before), (ns, found)) in enumerate(pairwise(reports), 1)

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..arrays import BoolArray, FloatArray, IntArray, zeros_field
 from ..engine import Step
+from ..sensors.polar_geometry import to_plane
 from ..types import FULL_TURN, Detections, Scan
 from .sectors import smallest_arc
 
@@ -38,8 +39,14 @@ EXTENT_REPORTS = 20
 COPIED_DETECTIONS = 5
 # Finding: a report is a copy of the one before, and no new look.
 REPEATED = "reports_repeated"
+# Finding: a report is nearly a copy of the one before, with other rounding or a little noise.
+NEARLY_REPEATED = "reports_nearly_repeated"
+# No detection of a near copy is farther from those of the report before than this share of what it
+# was in one of the two reports before. At least this share of the reports are near copies, of at
+# least so many that can be compared, which have at most so many detections.
+NEAR, COPIES, LEAST_COMPARED, MOST_COMPARED = 0.1, 0.3, 20, 256
 # The findings that contradict what no recording shows; the others contradict what it does.
-NOT_IN_RECORDINGS = ("azimuths_in_radians", REPEATED)
+NOT_IN_RECORDINGS = ("azimuths_in_radians", REPEATED, NEARLY_REPEATED)
 # A turn in radians, if it is taken for degrees.
 RADIANS_AS_DEGREES = math.radians(FULL_TURN)
 # A radar with a longer rotation period, seconds, and a longer range, metres, is for aircraft, whose
@@ -48,6 +55,36 @@ SLOW_TURN = 3.0
 FAR = 40e3
 # Number of scans with detections, and of nominal intervals, within which targets are expected.
 PATIENCE = 30
+
+
+@dataclass
+class NearCopies:
+    """Finds the reports whose detections are all near those of the report before."""
+
+    compared: int = field(init=False, default=0)
+    copies: int = field(init=False, default=0)
+    _before: FloatArray = zeros_field(0, 2)  # Positions of the previous report, metres
+    _distances: tuple[float, float] = field(init=False, default=(0.0, 0.0))
+
+    def add(self, found: Detections) -> bool:
+        """Return whether a report is nearly a copy of the one before."""
+        before, place = self._before, to_plane(found.measurement, (0.0, 0.0), 0.0)
+        self._before = place
+        if not 0 < len(place) <= MOST_COMPARED or not 0 < len(before) <= MOST_COMPARED:
+            return False
+        apart = np.linalg.norm(place[:, None] - before, axis=2)
+        farthest = float(apart.min(axis=1).max())
+        # Coarse measurements of targets at rest are often equal.
+        near = len(place) == len(before) and 0.0 < farthest < NEAR * max(self._distances)
+        self._distances = self._distances[1], farthest
+        self.compared += 1
+        self.copies += near
+        return near
+
+    @property
+    def sure(self) -> bool:
+        """Whether chance does not explain the near copies."""
+        return self.compared >= LEAST_COMPARED and self.copies >= COPIES * self.compared
 
 
 @dataclass
@@ -71,17 +108,20 @@ class ReportCheck:
     _first: list[FloatArray] | None = field(init=False, default_factory=list)
     _before: Detections | None = field(init=False, default=None)  # The previous report
     _copied: bool = field(init=False, default=False)  # True once a report is clearly a copy
+    _near_copies: NearCopies = field(init=False, default_factory=NearCopies)
 
     def add(self, detections: Detections) -> list[str]:
         """Return the names of the findings in a report.
 
-        They are `REPEATED`, ``sectors_not_configured``, and once ``fov_not_configured``,
-        ``slant_ranges``, ``azimuths_in_radians`` and ``ranges_near``.
+        They are `REPEATED`, `NEARLY_REPEATED`, ``sectors_not_configured``, and once
+        ``fov_not_configured``, ``slant_ranges``, ``azimuths_in_radians`` and ``ranges_near``.
         """
         noticed, measurement = [], detections.measurement
         if self._before is not None and is_copy(detections, self._before):
             self._copied |= len(measurement) >= COPIED_DETECTIONS
             noticed += [REPEATED] if self._copied else []
+        elif self._near_copies.add(detections) and self._near_copies.sure:
+            noticed.append(NEARLY_REPEATED)
         self._before = detections
         if self.lacks_ground_ranges and len(detections):
             self.lacks_ground_ranges = False

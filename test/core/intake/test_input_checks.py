@@ -51,6 +51,39 @@ def test_clutter_all_around_is_not_taken_for_sectors(size):
     assert not noticed(check_of(), uniform(500, size))
 
 
+def of_targets(times, seed, copied=0.0, velocity=0.0, false=0):
+    """Return reports of three targets with 5 m of noise; those at odd places may be copies."""
+    rng, reports = np.random.default_rng(seed), []
+    for number, time in enumerate(times):
+        if copied and number % 2:
+            again = reports[-1].measurement
+            noise = rng.normal(0.0, [copied, 1e-3 * copied], again.shape)
+            reports.append(Detections(again + noise, None))
+            continue
+        place = np.array([[900.0, 0.1], [2e3, 1.0], [3e3, -2.0]])
+        place[:, 0] += velocity * time
+        place += rng.normal(0.0, [5.0, 5e-3], (3, 2))
+        clutter = rng.uniform([0.0, -3.0], [5e3, 3.0], (rng.poisson(false), 2))
+        reports.append(Detections(np.concatenate([place, clutter]), None))
+    return reports
+
+
+@pytest.mark.parametrize("false", [0, 4])
+@pytest.mark.parametrize("apart_s", [0.05, 0.5])
+def test_reports_that_nearly_repeat_the_one_before_are_noticed(false, apart_s):
+    times = [second + half for second in range(60) for half in (0.0, apart_s)]
+    found = noticed(check_of(), of_targets(times, 1, 0.02, 10.0, false))
+    assert found.keys() == {"reports_nearly_repeated"}
+    assert found["reports_nearly_repeated"] > 40
+
+
+@pytest.mark.parametrize("velocity", [0.0, 10.0, 40.0])
+def test_looks_in_quick_succession_at_near_targets_are_no_copies(velocity):
+    times = [second + half for second in range(60) for half in (0.0, 0.05)]
+    assert not noticed(check_of(), of_targets(times, 2, 0.0, velocity, 0))
+    assert not noticed(check_of(), of_targets(range(100), 3, 0.0, velocity, 3))
+
+
 def test_a_report_that_repeats_the_one_before_is_noticed():
     reports = uniform(20, 5)
     twice = [report for each in reports for report in (each, at(each.measurement[:, 1]))]
