@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from ..arrays import BoolArray, FloatArray, IntArray, zeros_field
 from ..engine import Step
@@ -43,8 +44,10 @@ REPEATED = "reports_repeated"
 NEARLY_REPEATED = "reports_nearly_repeated"
 # No detection of a near copy is farther from those of the report before than this share of what it
 # was in one of the two reports before. At least this share of the reports are near copies, of at
-# least so many that can be compared, which have at most so many detections.
-NEAR, COPIES, LEAST_COMPARED, MOST_COMPARED = 0.1, 0.3, 20, 256
+# least so many that can be compared.
+NEAR, COPIES, LEAST_COMPARED = 0.1, 0.3, 20
+# Number of reports that are compared, and of those from which they are the first: it takes time.
+COMPARED, COMPARED_OF = 100, 1000
 # The findings that contradict what no recording shows; the others contradict what it does.
 NOT_IN_RECORDINGS = ("azimuths_in_radians", REPEATED, NEARLY_REPEATED)
 # A turn in radians, if it is taken for degrees.
@@ -70,10 +73,9 @@ class NearCopies:
         """Return whether a report is nearly a copy of the one before."""
         before, place = self._before, to_plane(found.measurement, (0.0, 0.0), 0.0)
         self._before = place
-        if not 0 < len(place) <= MOST_COMPARED or not 0 < len(before) <= MOST_COMPARED:
+        if not len(place) or not len(before):
             return False
-        apart = np.linalg.norm(place[:, None] - before, axis=2)
-        farthest = float(apart.min(axis=1).max())
+        farthest = float(cKDTree(before).query(place)[0].max())
         # Coarse measurements of targets at rest are often equal.
         near = len(place) == len(before) and 0.0 < farthest < NEAR * max(self._distances)
         self._distances = self._distances[1], farthest
@@ -109,6 +111,7 @@ class ReportCheck:
     _before: Detections | None = field(init=False, default=None)  # The previous report
     _copied: bool = field(init=False, default=False)  # True once a report is clearly a copy
     _near_copies: NearCopies = field(init=False, default_factory=NearCopies)
+    _added: int = field(init=False, default=0)  # Number of reports
 
     def add(self, detections: Detections) -> list[str]:
         """Return the names of the findings in a report.
@@ -120,9 +123,10 @@ class ReportCheck:
         if self._before is not None and is_copy(detections, self._before):
             self._copied |= len(measurement) >= COPIED_DETECTIONS
             noticed += [REPEATED] if self._copied else []
-        elif self._near_copies.add(detections) and self._near_copies.sure:
+        elif self._is_compared() and self._near_copies.add(detections) and self._near_copies.sure:
             noticed.append(NEARLY_REPEATED)
         self._before = detections
+        self._added += 1
         if self.lacks_ground_ranges and len(detections):
             self.lacks_ground_ranges = False
             noticed.append("slant_ranges")
@@ -138,6 +142,10 @@ class ReportCheck:
         if self.near and self._first is not None:
             noticed += self._wrong_units(self._first, measurement)
         return noticed
+
+    def _is_compared(self) -> bool:
+        """Return whether the next report is compared with the one before for near copies."""
+        return self._near_copies.sure or self._added % COMPARED_OF < COMPARED
 
     def _wrong_units(self, first: list[FloatArray], measurement: FloatArray) -> list[str]:
         """Return the findings about the extent of the first reports, polar; at most once."""
