@@ -32,6 +32,8 @@ POSE_MAX_SPEED = 100.0
 AMPLITUDE_JITTER = 0.1
 # Transponders reply almost always, and one reply in a hundred is garbled.
 REPLY_PROBABILITY, GARBLED_PROBABILITY = 0.95, 0.01
+# Probability that a reply's address is garbled: its parity excludes most of these.
+ADDRESS_GARBLED_PROBABILITY = 1e-4
 # Mean time for which an aircraft keeps its code, s: it gets another one at a border of control.
 CODE_KEPT_S = 1800.0
 # Mean time for which a track keeps its address, s: an address belongs to one aircraft, but a track
@@ -87,17 +89,24 @@ def _attributes(parts: Parts) -> AttributeModel | None:
     reported = any(own.code or own.address or own.height or own.kind for own in fields_of)
     if not reported or top.engine not in LABELLED:
         return None
-    transponder = top.equipped_probability, REPLY_PROBABILITY, GARBLED_PROBABILITY
+    transponder = top.equipped_probability, REPLY_PROBABILITY
     shared = tuple(int(code, 8) for code in top.shared_codes)
     return AttributeModel(
         code=IdentityModel(
             CODES,
             *transponder,
+            GARBLED_PROBABILITY,
             kept_s=CODE_KEPT_S,
             shared=shared,
             shared_probability=SHARED_CODE_PROBABILITY if shared else 0.0,
         ),
-        address=IdentityModel(ADDRESSES, *transponder, kept_s=ADDRESS_KEPT_S, unique=True),
+        address=IdentityModel(
+            ADDRESSES,
+            *transponder,
+            ADDRESS_GARBLED_PROBABILITY,
+            kept_s=ADDRESS_KEPT_S,
+            unique=True,
+        ),
         height=HeightModel(
             std=top.height_std,
             noise_density=HEIGHT_NOISE_DENSITY,

@@ -144,12 +144,19 @@ def log_clutter_factor(detections: Detections, model: AttributeModel) -> FloatAr
 
     Clutter with a reply shows identities as unknown targets do.
     """
-    replies = [reply for reply in (detections.code, detections.address) if reply is not None]
-    if not replies:
+    if detections.code is None and detections.address is None:
         return np.zeros(len(detections))
-    has_reply = np.stack([reply != UNKNOWN for reply in replies]).any(axis=0)
-    factor: FloatArray = np.log(model.reply_odds)[has_reply.astype(np.int64)]
+    factor: FloatArray = np.log(model.reply_odds)[replies_of(detections).astype(np.int64)]
     return factor
+
+
+def replies_of(detections: Detections) -> BoolArray:
+    """Return which detections show a code or an address, (M,)."""
+    found = np.zeros(len(detections), dtype=np.bool_)
+    for reply in (detections.code, detections.address):
+        if reply is not None:
+            found |= reply != UNKNOWN
+    return found
 
 
 def addresses_of(detections: Detections) -> IntArray | None:

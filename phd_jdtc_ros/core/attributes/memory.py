@@ -12,8 +12,8 @@ from ..arrays import FloatArray, IntArray, matches
 from ..sensors.report import Report
 from ..snapshot import ROUNDING, Snapshot, from_snapshot, to_snapshot
 from ..types import SENSORS, UNKNOWN, Attributes, Detections, Estimates
-from . import detection_times, reprojection, uniqueness
-from .evidence import Evidence, addresses_of, compare, edges_of, log_clutter_factor
+from . import detection_times, reflections, reprojection, uniqueness
+from .evidence import Evidence, addresses_of, compare, edges_of, log_clutter_factor, replies_of
 from .history import History
 from .identity import CANDIDATES, Belief
 from .records import AttributeModel, AttributeRecords, Beliefs
@@ -127,6 +127,16 @@ class AttributeMemory:
         return memory
 
 
+class Known(NamedTuple):
+    """An engine's T targets before a report."""
+
+    label: IntArray  # (T,)
+    place: FloatArray  # Expected positions, world frame, metres, (T, 2)
+    existence: FloatArray  # Existence probabilities, (T,)
+    # Existence probabilities, given that the report does not detect the target, (T,).
+    undetected: FloatArray
+
+
 class AttributesAt(NamedTuple):
     """The attribute memory at the stamp of a scan, as an engine's update uses it.
 
@@ -163,40 +173,46 @@ class AttributesAt(NamedTuple):
 
     def evidence(
         self,
-        label: IntArray,
+        known: Known,
         target: IntArray,
         column: IntArray,
-        detections: Detections,
-        undetected: FloatArray,
+        report: Report,
     ) -> Evidence | None:
         """Return the likelihoods of the identities and heights of one report.
 
-        `undetected` has the existence probability of each target, given that it was not detected,
-        (T,). The result is None if the radar reports neither identities, heights nor sensor types,
-        and the model has no `ages`.
+        The result is None if the radar reports neither identities, heights nor sensor types, and
+        the model has no `ages`.
         """
-        model, size = self.memory.model, len(detections)
+        model, size, detections = self.memory.model, len(report), report.detections
         reported = detections.code, detections.address, detections.height, detections.sensor_type
         if all(values is None for values in reported) and not model.ages:
             return None
-        engine_target, column, edge_of_pair = edges_of(target, column, len(label), size)
+        engine_target, column, edge_of_pair = edges_of(target, column, len(known.label), size)
         distinct, target_index = np.unique(engine_target, return_inverse=True)
         target_index = target_index.ravel()
-        prior = self.memory.predict(label[distinct], self.stamp_ns)
+        prior = self.memory.predict(known.label[distinct], self.stamp_ns)
         address = addresses_of(detections)
         conflicts = uniqueness.identity_conflicts(
             belief=prior.beliefs.address,
             target=target_index,
             column=column,
             reply=np.full(size, UNKNOWN) if address is None else address,
-            undetected=undetected[distinct],
+            undetected=known.undetected[distinct],
             model=model.address,
         )
         edges = target_index, column, detections, model, conflicts.by_another
         update = compare(prior.beliefs, *edges)
+        log_factor = update.log_factor(len(target_index))
+        log_clutter = log_clutter_factor(detections, model)
+        replied = np.flatnonzero(replies_of(detections)[column])
+        if len(replied):
+            source, shown_by = engine_target[replied], column[replied]
+            of_sources = known.place[source], known.existence[source]
+            ratio = reflections.log_reflections(*of_sources, shown_by, report)
+            np.logaddexp.at(log_clutter, shown_by, ratio + log_factor[replied])
         return Evidence(
-            log_factor=update.log_factor(len(target_index))[edge_of_pair],
-            log_clutter=log_clutter_factor(detections, model),
+            log_factor=log_factor[edge_of_pair],
+            log_clutter=log_clutter,
             log_unknown=conflicts.log_unknown,
             edge_of_pair=edge_of_pair,
             target=target_index,

@@ -23,7 +23,9 @@ def with_reacquired(predicted: Branched, lost: OutOfGate, model: TrackerModel) -
     target, lost_row = np.unique(lost.target, return_index=True)
     order = np.lexsort((-mixture.mass, mixture.target))
     row = order[np.searchsorted(mixture.target[order], target)]
-    spread = _manoeuvre_covariance(lost.since_s[lost_row], mixture.mean.shape[2], model)
+    mean = mixture.mean[row][:, :, list(model.modes.space.velocity)]
+    speed = np.hypot(mean[..., 0], mean[..., 1]).max(axis=1)
+    spread = _manoeuvre_covariance(lost.since_s[lost_row], speed, mixture.mean.shape[2], model)
     used = mixture.covariance[row][:, :, np.arange(len(spread[0])), np.arange(len(spread[0]))] > 0.0
     weight = mixture.weight.copy()
     weight[np.isin(mixture.target, target)] *= 1.0 - PROBABILITY
@@ -41,10 +43,12 @@ def with_reacquired(predicted: Branched, lost: OutOfGate, model: TrackerModel) -
     )
 
 
-def _manoeuvre_covariance(since_s: FloatArray, size: int, model: TrackerModel) -> FloatArray:
+def _manoeuvre_covariance(
+    since_s: FloatArray, speed: FloatArray, size: int, model: TrackerModel
+) -> FloatArray:
     """Return the covariance of each manoeuvre in the state space, shape (L, D, D)."""
     space: StateSpace = model.modes.space
-    moments = manoeuvre(since_s, model)
+    moments = manoeuvre(since_s, speed, model)
     spread = np.zeros((len(since_s), size, size))
     for position, velocity in zip(space.position, space.velocity, strict=True):
         spread[:, position, position] = moments.position

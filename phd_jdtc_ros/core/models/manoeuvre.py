@@ -1,7 +1,7 @@
-"""Covariance of deviations from the motion models, and of measurement errors beyond the noise.
+"""Covariance of deviations from the motion models.
 
-A detection with a target's unique identity is the target's, however improbable its position is
-under the configured motion models and standard deviations.
+A detection with a target's unique identity outside its gates is of a target that has manoeuvred, or
+a reflection: see `attributes.reflections`.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from .tracker_model import TrackerModel
 # Probability that a target without a detection in its gate has deviated from its motion models.
 PROBABILITY = 1e-3
 # Standard deviation of its acceleration since its last detection, along each axis, m/s^2: one g.
-ACCELERATION = 10.0
-# Standard deviation of a radar's additional error along each axis, metres.
-OFFSET = 50.0
+# A slow target turns no faster than it can, rad/s, and gains speed, m/s^2: one that is parked does
+# not leave its place by an error of the radar.
+ACCELERATION, TURN_RATE, SPEEDING = 10.0, 0.1, 1.0
 
 
 class Manoeuvre(NamedTuple):
@@ -33,18 +33,19 @@ class Manoeuvre(NamedTuple):
     turn_rate: float  # Variance of the turn rate, rad^2/s^2
 
 
-def manoeuvre(since_s: FloatArray, model: TrackerModel) -> Manoeuvre:
+def manoeuvre(since_s: FloatArray, speed: FloatArray, model: TrackerModel) -> Manoeuvre:
     """Return the covariance of deviations `since_s` seconds after the last detection, shape (L,).
 
-    The acceleration a is constant: the velocity changes by a t and the position by a t^2 / 2. The
-    standard deviation of the velocity is at most that of a new target.
+    `speed` are the targets' speeds, metres per second, (L,). The acceleration is white noise: of
+    the variance s^2 that the velocity gets in t, the position gets s^2 t^2 / 3. The standard
+    deviation of the velocity is at most that of a new target.
     """
     births = model.detection_births
-    velocity_std = np.minimum(ACCELERATION * since_s, births.velocity_std)
-    position_std = 0.5 * since_s * velocity_std
+    acceleration = np.minimum(TURN_RATE * speed + SPEEDING, ACCELERATION)
+    velocity = np.minimum(acceleration * since_s, births.velocity_std) ** 2
     return Manoeuvre(
-        position_std**2 + OFFSET**2,
-        velocity_std**2,
-        position_std * velocity_std,
+        velocity * since_s**2 / 3.0,
+        velocity,
+        0.5 * velocity * since_s,
         births.turn_rate_std**2,
     )

@@ -39,8 +39,8 @@ def with_reacquired(
     plots = report_in_plane(report).take(column)
     space = model.modes.space
     position_axes, velocity_axes = list(space.position), list(space.velocity)
-    moments = manoeuvre(since_s, model)
     prior_state = particles.state[row]
+    moments = manoeuvre(since_s, np.hypot(*prior_state[:, velocity_axes].T), model)
     expected = prior_state[:, position_axes] + plots.time_s[:, None] * prior_state[:, velocity_axes]
     position, log_density = _draw_positions(plots, rng)
     displacement = position - expected

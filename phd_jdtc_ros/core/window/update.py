@@ -13,7 +13,7 @@ import numpy as np
 
 from ..association.claims import undetected
 from ..attributes.evidence import Evidence
-from ..attributes.memory import AttributeMemory, AttributesAt
+from ..attributes.memory import AttributeMemory, AttributesAt, Known
 from ..attributes.reprojection import Paired, pair_as_reported
 from ..attributes.uniqueness import OutOfGate
 from ..learned.detection_chains import Look
@@ -138,7 +138,9 @@ def _evidence_of(
     """Return the identities and heights of the detections as evidence for pairs."""
     target = prior.target.take(pairs.row)
     unseen = undetected(prior.existence, prior.missed)
-    return attributes.evidence(prior.label, target, pairs.column, report.detections, unseen)
+    place = report.sensor.to_world(prior.measured_by_target)
+    known = Known(prior.label, place, prior.existence, unseen)
+    return attributes.evidence(known, target, pairs.column, report)
 
 
 def update_scan(

@@ -14,6 +14,7 @@ from phd_jdtc_ros.core.attributes import identity, uniqueness
 from phd_jdtc_ros.core.attributes.height import HeightModel, Heights
 from phd_jdtc_ros.core.attributes.identity import Belief, IdentityModel
 from phd_jdtc_ros.core.attributes.records import AttributeModel, AttributeRecords, Beliefs
+from phd_jdtc_ros.core.attributes.reflections import FARTHEST, NEAREST, RATE
 from phd_jdtc_ros.core.types import UNKNOWN
 
 # Few codes, so that all can be summed over; code 0 is one that many share.
@@ -210,6 +211,13 @@ def test_joint_association_and_identities_are_those_of_the_sum_over_all(shown):
     reply = MODEL.unknown_target_likelihood(np.arange(SIZE)).sum()
     odds = [0.9 / (1.0 - reply) if c == UNKNOWN else 0.1 / reply for c in shown]
     clutter = rate / (2.0 * np.pi * 2e4) * MODEL.unknown_target_likelihood(np.array(shown)) * odds
+    # Each target's reflections reply as the target itself.
+    for j, place in enumerate(radar.to_world(measurement)):
+        if shown[j] != UNKNOWN:
+            said = full(moved) @ [shows(shown[j], own) for own in STATES]
+            apart = np.hypot(*(place - [m[[0, 2]] + seconds * m[[1, 3]] for m in means]).T)
+            area = 2.0 * np.pi * apart**2 * np.log(FARTHEST / NEAREST)
+            clutter[j] += measurement[j, 0] * RATE * (existence / area) @ said
     weight, nothing = enumerated(full(moved), existence, kinematic, shown, 1 - detection, clutter)
 
     stored = engine.forward.unswept[-1].entry.stored

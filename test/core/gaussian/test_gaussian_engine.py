@@ -18,7 +18,7 @@ from phd_jdtc_ros.core.gaussian.prediction import AgedMixture, survivors
 from phd_jdtc_ros.core.gaussian.reacquisition import with_reacquired
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.smoothing.smoother import backward_pass
-from phd_jdtc_ros.core.models.manoeuvre import ACCELERATION, OFFSET, PROBABILITY
+from phd_jdtc_ros.core.models.manoeuvre import ACCELERATION, PROBABILITY, SPEEDING, TURN_RATE
 from phd_jdtc_ros.core.tracks import labels
 from phd_jdtc_ros.simulation.simulate import simulate
 
@@ -247,13 +247,14 @@ def test_reacquired_hypothesis_is_one_of_the_most_probable_one():
     assert after.mixture.row_label.tolist() == [4, 4, 6, 4]
 
 
-def test_stray_has_the_covariance_of_a_constant_acceleration():
+def test_stray_has_the_covariance_of_an_acceleration_by_its_speed():
     model, before = predicted()
     after = with_reacquired(before, lost([0], [0], [SINCE_S]), model)
     added = after.mixture.covariance[3] - before.mixture.covariance[1]
-    lever = np.array([0.5 * SINCE_S**2, SINCE_S])
-    expected = ACCELERATION**2 * np.outer(lever, lever)
-    expected[0, 0] += OFFSET**2
+    speed = np.hypot(*before.mixture.mean[1, 0, [1, 3]])
+    acceleration = min(ACCELERATION, SPEEDING + TURN_RATE * speed)
+    shape = np.array([[SINCE_S**2 / 3.0, SINCE_S / 2.0], [SINCE_S / 2.0, 1.0]])
+    expected = (acceleration * SINCE_S) ** 2 * shape
     for axes in ([0, 1], [2, 3]):
         np.testing.assert_allclose(added[:, axes][:, :, axes], [expected, expected], rtol=1e-9)
     np.testing.assert_array_equal(added[:, :2, 2:4], 0.0)
@@ -268,4 +269,4 @@ def test_stray_that_was_long_unseen_is_no_faster_than_new_targets():
     added = after.mixture.covariance[3] - before.mixture.covariance[2]
     speed = model.detection_births.velocity_std
     np.testing.assert_allclose(added[0, 1, 1], speed**2, rtol=1e-9)
-    np.testing.assert_allclose(added[0, 0, 0], (300.0 * speed) ** 2 + OFFSET**2, rtol=1e-9)
+    np.testing.assert_allclose(added[0, 0, 0], (600.0 * speed) ** 2 / 3.0, rtol=1e-9)

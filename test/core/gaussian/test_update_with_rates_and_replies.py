@@ -64,11 +64,11 @@ class Register:
     def out_of_gate(self, label, target, column, detections):
         return None
 
-    def evidence(self, label, target, column, detections, undetected):
-        assert len(self.log_clutter) == len(detections)
-        assert undetected.shape == label.shape
-        factor = self.log_factor[label[target], column]
-        return Reply(factor, self.log_clutter, np.zeros(len(detections)), column)
+    def evidence(self, known, target, column, report):
+        assert len(self.log_clutter) == len(report)
+        assert known.undetected.shape == known.existence.shape == known.label.shape
+        factor = self.log_factor[known.label[target], column]
+        return Reply(factor, self.log_clutter, np.zeros(len(report)), column)
 
     def learn(self, evidence, mass, existence):
         self.learned.append((evidence.column, mass, existence))

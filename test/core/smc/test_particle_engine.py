@@ -34,6 +34,7 @@ THREE_CLASSES = {
     **{f"start_{n}.rates": [0.005, 0.003, 0.002] for n in range(1, 5)},
 }
 SINCE_S, TIME_S, EXISTENCE = 4.0, -0.5, 0.8
+SPEED = np.hypot(*MEAN[[1, 3]])
 
 
 def run(engine, scans=SCANS):
@@ -212,7 +213,7 @@ def strayed(seed=3):
         label=np.zeros(0, dtype=np.int64),
         log_snr=np.zeros(count),
     )
-    place = radar.measure(MEAN[None] + [150.0, 0.0, -120.0, 0.0, 0.0])
+    place = radar.measure(MEAN[None] + [75.0, 0.0, -60.0, 0.0, 0.0])
     report = Report(radar, Detections(place, None, time_s=np.array([TIME_S])))
     lost = OutOfGate(np.array([0]), np.array([0]), np.array([SINCE_S]))
     rng = np.random.default_rng(seed)
@@ -228,7 +229,8 @@ def test_strays_have_the_evidence_of_the_manoeuvre_that_leads_to_the_detection()
     likelihood = multivariate_normal(seen.position[0], seen.covariance[0]).pdf(at)
     found = float(after.weight[new] @ likelihood)
     expected = MEAN[[0, 2]] + TIME_S * MEAN[[1, 3]]
-    spread = seen.covariance[0] + manoeuvre(np.array([SINCE_S]), model).position[0] * np.eye(2)
+    done = manoeuvre(np.array([SINCE_S]), SPEED, model)
+    spread = seen.covariance[0] + done.position[0] * np.eye(2)
     evidence = multivariate_normal(expected, spread).pdf(seen.position[0])
     # The deviation of the mean of 4096 draws is some per cent.
     assert found == pytest.approx(PROBABILITY * EXISTENCE * evidence, rel=0.1)
@@ -237,7 +239,7 @@ def test_strays_have_the_evidence_of_the_manoeuvre_that_leads_to_the_detection()
 def test_strays_have_the_velocities_of_the_manoeuvre():
     before, after, _, model = strayed()
     new = np.arange(len(before), len(after))
-    done = manoeuvre(np.array([SINCE_S]), model)
+    done = manoeuvre(np.array([SINCE_S]), SPEED, model)
     at = after.state[new][:, [0, 2]] + TIME_S * after.state[new][:, [1, 3]]
     moved = at - (MEAN[[0, 2]] + TIME_S * MEAN[[1, 3]])
     change = after.state[new][:, [1, 3]] - MEAN[[1, 3]]
