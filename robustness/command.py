@@ -45,7 +45,8 @@ ELSEWHERE = (
 MODULES = (
     *("reports.bad_scans", "reports.turning", "reports.late_sectors", "reports.moving"),
     *("hostile_input.bags", "operation.overload", "reports.clutter", "reports.crowd"),
-    *("reports.numerics", "reports.absurd", "hostile_input.hostile", "hostile_input.flood"),
+    *("reports.numerics", "reports.absurd", "reports.reflected", "hostile_input.hostile"),
+    "hostile_input.flood",
     *("hostile_input.bombs", "operation.publishers", "operation.restarts"),
     *("operation.warm_restart", "hostile_input.forgeries", "reports.stamps_and_time"),
     *("operation.network", "operation.recordings", "operation.user_files"),

@@ -23,7 +23,7 @@ from robustness.hostile_input import (
     random_trackers,
     raw_bytes,
 )
-from robustness.reports import absurd, crowd, numerics
+from robustness.reports import absurd, crowd, numerics, reflected
 
 # Fewer particles than a user has: what is tested is their numbers' range.
 FEW = {"particles_per_target": 200, "particles_per_birth": 256}
@@ -73,8 +73,9 @@ def test_fault_outside_an_engine_reaches_its_goal(measure, bounds):
         (absurd.measure_radar, {"every": 3, **FEW}),
         (hostile.measure_repeated, {}),
         (forgeries.measure, FEW),
+        (reflected.measure, {"cases": ["parked, once by 320 m", "in the air, once by 1 km"]}),
     ],
-    ids=["crowd", "absurd numbers", "a repeated buffer", "forged checkpoints"],
+    ids=["crowd", "absurd numbers", "a repeated buffer", "forged checkpoints", "a reflected reply"],
 )
 def test_fault_in_an_engine_reaches_its_goal(measure, bounds, engine):
     with engines.using(engine):

@@ -7,6 +7,7 @@
     pairs of rows and detections
       |  likelihood of the identity and the height                  identity, height
       |  unique identities: of another target, or outside its gate  uniqueness
+      |  replies of the targets, reflected to other places          reflections
     log factor of each pair, of clutter and of new targets          evidence
       |  (the engine associates)
     probability of each pair

@@ -1,0 +1,113 @@
+"""Replies that are measured far from their aircraft, beside a second aircraft."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.types import Detections, Estimates, Scan
+from phd_jdtc_ros.parameter_files import tracker_params
+
+from ..harness import engines
+from ..harness.figures import Found, measures, such_as
+
+NS, START_NS, TURN_S, TURNS = 10**9, 10**15, 4.0, 36
+ADDRESSES = np.array([0x345678, 0x342FFF])
+CODES = np.array([0o4463, 0o5545])
+# A and B 830 m apart, metres east and north of the radar; nothing detects B in these turns.
+PLACES = np.array([[-1950.0, -868.0], [-2740.0, -1110.0]])
+HIDDEN = range(14, 20)
+# The turn of the first reflection, and the one from which both aircraft must be right again. A new
+# track of B needs three plots.
+REFLECTED, RIGHT_FROM = 19, 23
+NEAR = 100.0
+NOISE = np.array([5.0, np.radians(0.01)])
+PARAMETERS = {
+    "sensors": ["radar"],
+    "classes": ["aircraft"],
+    "motions": ["cv"],
+    "aircraft.motions": ["cv"],
+    "aircraft.mode_transition": [1.0],
+    "aircraft.survival_probability": 0.999,
+    "interval_s": TURN_S,
+    "amplitude": "none",
+    "births": [],
+    "detection_births.rates": [0.2],
+    "detection_births.velocity_std": 100.0,
+    "confirm_probability": 0.97,
+    "delete_probability": 0.8,
+    "cv.noise_density": 1.0,
+    "radar.range_std": float(NOISE[0]),
+    "radar.azimuth_std_deg": float(np.degrees(NOISE[1])),
+    "radar.detection_probability": 0.99,
+    "radar.clutter_rate": 1.0,
+    "radar.min_range": 500.0,
+    "radar.max_range": 1.1e5,
+    "radar.clutter_max_range": 1.1e5,
+    "radar.fields.amplitude": "",
+    "radar.fields.code": "code",
+    "radar.fields.address": "address",
+}
+# Velocity of both aircraft, m/s, and how far east the plots of A are of it, by turn.
+CASES: Mapping[str, tuple[tuple[float, float], Mapping[int, float]]] = {
+    "parked, once by 100 m": ((0.0, 0.0), {19: 100.0}),
+    "parked, once by 320 m": ((0.0, 0.0), {19: -320.0}),
+    "parked, once by 1 km": ((0.0, 0.0), {19: -1e3}),
+    "parked, once by 10 km": ((0.0, 0.0), {19: 1e4}),
+    "parked, twice at different places": ((0.0, 0.0), {19: -320.0, 20: 400.0}),
+    "in the air, once by 320 m": ((-120.0, 90.0), {19: -320.0}),
+    "in the air, once by 1 km": ((-120.0, 90.0), {19: 1e3}),
+}
+
+
+@measures(
+    "far reply of one identity beside a second aircraft",
+    "0 turns wrong after the reflection, and no number of both",
+    of_engines=True,
+)
+def measure(cases: Sequence[str] = tuple(CASES)) -> Found:
+    """Track two aircraft of which one is measured elsewhere for a turn or two."""
+    wrong = {case: count for case in cases if (count := _wrong_turns(*CASES[case]))}
+    counted = len(cases) * (TURNS - RIGHT_FROM)
+    text = f"{sum(wrong.values())} of {counted} turns wrong{such_as(wrong)}"
+    return text, not wrong, {"cases": list(cases), "wrong": wrong}
+
+
+def _wrong_turns(velocity: tuple[float, float], shifted: Mapping[int, float]) -> int:
+    """Return the number of turns after the reflection in which an aircraft is not right."""
+    config = tracker_params.config({**PARAMETERS, "engine": engines.current()})
+    tracker, rng, wrong = new_engine(config), np.random.default_rng(14), 0
+    numbers: list[set[int]] = [set(), set()]
+    for turn in range(TURNS):
+        place = PLACES + TURN_S * turn * np.array(velocity)
+        seen = [0] if turn in HIDDEN else [0, 1]
+        plots = place + [[shifted.get(turn, 0.0), 0.0], [0.0, 0.0]]
+        found = Detections(
+            _measured(plots[seen], rng), None, code=CODES[seen], address=ADDRESSES[seen]
+        )
+        stamp_ns = START_NS + round(turn * TURN_S * NS)
+        (estimates,) = tracker.step(Scan(stamp_ns, (found,))).filtered
+        own = [_number_near(estimates, index, place[index]) for index in range(2)]
+        for known, number in zip(numbers, own, strict=True):
+            known |= {number} - {0}
+        wrong += turn >= RIGHT_FROM and 0 in own
+    return wrong + len(set.intersection(*numbers))
+
+
+def _measured(position: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Return ranges and azimuths of positions, with noise, (M, 2)."""
+    east, north = position.T
+    exact = np.stack([np.hypot(east, north), np.arctan2(north, east)], axis=1)
+    return exact + NOISE * rng.standard_normal(exact.shape)
+
+
+def _number_near(estimates: Estimates, index: int, place: FloatArray) -> int:
+    """Return the number of the track of an aircraft with its address near it; 0 without any."""
+    near = np.hypot(*(estimates.position - place).T) < NEAR
+    if estimates.attributes is None:
+        return 0
+    own = np.flatnonzero(near & (estimates.attributes.address == ADDRESSES[index]))
+    return int(estimates.track_id[own[0]]) if len(own) else 0
