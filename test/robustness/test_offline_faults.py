@@ -73,7 +73,7 @@ def test_fault_outside_an_engine_reaches_its_goal(measure, bounds):
         (absurd.measure_radar, {"every": 3, **FEW}),
         (hostile.measure_repeated, {}),
         (forgeries.measure, FEW),
-        (reflected.measure, {"cases": ["parked, once by 320 m", "in the air, once by 1 km"]}),
+        (reflected.measure, {"cases": ["parked, once by 1 km", "in the air, once by 1 km"]}),
     ],
     ids=["crowd", "absurd numbers", "a repeated buffer", "forged checkpoints", "a reflected reply"],
 )
