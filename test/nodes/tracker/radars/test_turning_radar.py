@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from live_and_offline import answered, assert_alike, started
+from live_radars import Health
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.incoming import detections
@@ -121,14 +122,15 @@ def test_a_radar_that_sends_whole_turns_is_tracked_live_as_offline(tracker, peer
 
 
 def test_a_late_sector_is_worked_in_live_as_offline(tracker, peer):
-    config, output, found, log = tracker(late_reports="rework", engine="gaussian")
+    health = Health(peer)
+    config, output, found, _ = tracker(late_reports="rework", engine="gaussian")
     sent = clouds(config, 16)[: 5 * 16]
     late = sent.pop(50)
     expected = offline(config, [*sent[:53], late, *sent[53:]])
     answered(peer, output, found, sent[:53])
     output.publish(late)
     answered(peer, output, found, sent[53:])
-    assert peer.spin_until(lambda: "arrived after their scans were closed" in log.read_text())
+    health.until("tower", lambda _, values: values.get("late_reworked") == "1")
     assert peer.spin_until(lambda: len(found) >= len(expected))
     assert_true(assert_alike(found, expected))
 
