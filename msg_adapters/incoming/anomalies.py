@@ -86,16 +86,16 @@ def apart(first_ns: int, last_ns: int) -> str:
     )
 
 
-def clock_off(offset_s: float | None) -> str:
+def clock_off(offset_s: float | None, others: str = "sensors", what: str = "reports") -> str:
     """Return the warning about a sensor whose stamps are ahead of those of others, seconds.
 
     `offset_s` is None if only single stamps were.
     """
     if offset_s is None:
-        return "single stamps are far from those before and after them; their reports are left out"
+        return f"single stamps are far from those before and after them; their {what} are left out"
     way = "ahead of" if offset_s > 0.0 else "behind"
     return (
-        f"its stamps are {abs(offset_s):.1f} s {way} those of the other sensors: its reports are "
+        f"its stamps are {abs(offset_s):.1f} s {way} those of the other {others}: its {what} are "
         "left out until its clock is right"
     )
 

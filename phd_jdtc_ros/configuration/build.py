@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from phd_jdtc_ros.core.gaussian.bounds import Bounds
 from phd_jdtc_ros.core.intake.antenna import MIN_PERIOD_S
-from phd_jdtc_ros.core.intake.clocks import Clocks
+from phd_jdtc_ros.core.intake.clocks import Clocks, SentReport
 from phd_jdtc_ros.core.intake.input_checks import ReportCheck
 from phd_jdtc_ros.core.intake.poses import Platform
 from phd_jdtc_ros.core.intake.scans import ScanGrouper
@@ -166,7 +166,7 @@ class TrackerConfig(Tracking):
         late_s = max(radar.bias.time_offset_s for radar in self.inputs)
         return max(slices_s, default=0.0) + self.reorder_s + max(late_s, 0.0)
 
-    def clocks(self) -> Clocks:
+    def clocks(self) -> Clocks[SentReport]:
         """Return a new comparison of the sensors' stamps."""
         return Clocks(len(self.inputs), LONGEST_DELAY_SCANS * self._slowest_s, self.max_gap_s)
 

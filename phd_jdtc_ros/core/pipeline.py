@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple, TypeAlias
 
 from .engine import Engine, OnFiltered, Step, ignore_filtered
-from .intake.clocks import Clocks, SentReport
+from .intake.clocks import CLOCK, Clocks, SentReport
 from .intake.input_checks import REPEATED, ReportCheck, ResultCheck
 from .intake.out_of_sequence import OutOfSequence
 from .intake.posed_reports import PosedReports
@@ -27,10 +27,8 @@ from .tracks.region import Everywhere, Region
 from .tracks.reporting_rule import ReportingRule, slowest_s
 from .types import Detections, Estimates, Pose, Scan
 
-# Reasons for which reports are dropped after they were added: the pose of the moving radar is
-# unknown, or the stamp is far from those of other radars; see `clocks`.
+# Reason for which reports of moving radars are dropped: the radar's pose is unknown.
 POSE_MISSING = "pose_missing"
-CLOCK = "clock"
 # Anomaly: a report, or a slice of a turn, is late, and its closed scan is reprocessed.
 REPROCESSED = "late_reworked"
 
@@ -104,7 +102,7 @@ class Pipeline:
 
     def __init__(
         self,
-        clocks: Clocks,
+        clocks: Clocks[SentReport],
         grouper: ScanGrouper,
         engine: Engine,
         begin: Callable[[Engine, int], None],

@@ -13,9 +13,10 @@ from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.calibration.registration.monitor import MeanResidual
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
+from phd_jdtc_ros.core.intake.clocks import CLOCK
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.intake.scans import Reset
-from phd_jdtc_ros.core.pipeline import CLOCK, POSE_MISSING, Drops, Event, RunEnded
+from phd_jdtc_ros.core.pipeline import POSE_MISSING, Drops, Event, RunEnded
 from phd_jdtc_ros.quoting import counts_text
 
 # Least share of used detections for a result that counts as a success.

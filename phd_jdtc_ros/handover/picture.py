@@ -106,11 +106,6 @@ class JointPicture:
         """Return the age of a tracker's filtered estimates relative to the newest, seconds."""
         return self._run.gatherings[FILTERED].behind_s(tracker)
 
-    def ahead_of(self, stamp_ns: int) -> frozenset[int]:
-        """Return the trackers whose filtered stamps are ahead by more than the longest delay."""
-        longest_ns, latest = self._longest_delay_s * 1e9, self._run.gatherings[FILTERED].latest_ns
-        return frozenset(k for k in self._trackers if (latest(k) or 0) - stamp_ns > longest_ns)
-
     def jumps_back(self, tracker: int, source: str, stamp_ns: int) -> bool:
         """Return whether `add` of such estimates would begin a new run."""
         return (
@@ -147,13 +142,6 @@ class JointPicture:
         done = self._begin(filtered.expected_ns(filtered.newest_ns))
         self._previous.smoothed += self._previous.gatherings[SMOOTHED].close_all()
         return done + self._join_smoothed(self._previous)
-
-    def begin_again(self) -> list[Joint]:
-        """Return all pending estimates, and begin a new run with the next ones at any stamp.
-
-        It serves to recover from wrong stamps.
-        """
-        return self._begin({}) + self._close_previous()
 
     def _begin(self, until_ns: Mapping[int, float]) -> list[Joint]:
         """Begin a new run; the current one accepts no more filtered estimates."""

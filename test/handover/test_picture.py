@@ -189,22 +189,6 @@ def test_what_only_the_smoother_has_after_a_start_gets_no_earlier_targets_number
     assert add(picture, SMOOTHED, 108, {1: -90e3}, {5: 30e3}, lag=6) == [(SMOOTHED, 108, [2])]
 
 
-def test_a_stamp_that_was_wrong_is_forgotten_with_a_new_run():
-    picture = JointPicture(REGIONS, 2e3, 8.0, 5.0)
-    add(picture, FILTERED, 100, {7: -30e3}, {5: 30e3})
-    for stamp in (104, 10**6):
-        picture.add(WEST, FILTERED, estimates(stamp, {7: -30e3}))
-    late = estimates(108, {5: 30e3})
-    assert picture.add(EAST, FILTERED, late) is Refusal.LATE
-    assert picture.ahead_of(late.stamp_ns) == {WEST}
-    picture.begin_again()
-    assert picture.add(EAST, FILTERED, late) == []
-    # It waits for the western one, as from the start on.
-    assert picture.add(EAST, FILTERED, estimates(112, {5: 30e3})) == []
-    done = picture.add(EAST, FILTERED, estimates(116, {5: 30e3}))
-    assert numbered(done) == [(FILTERED, 108, [3]), (FILTERED, 112, [3]), (FILTERED, 116, [3])]
-
-
 def test_targets_of_a_tracker_that_misses_a_stamp_keep_their_numbers():
     picture = JointPicture(REGIONS, 2e3, 8.0, 5.0)
     tracks = {7: -30e3, 8: -1e3}, {5: 30e3, 6: -1e3}
@@ -246,5 +230,5 @@ def test_stamps_that_went_out_early_are_counted_over_runs():
     for stamp in range(1, 11):
         picture.add(WEST, FILTERED, estimates(stamp, {}))
     assert picture.overflow == 7
-    picture.begin_again()
+    picture.close_all()
     assert picture.overflow == 7

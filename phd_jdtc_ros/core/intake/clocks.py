@@ -1,37 +1,54 @@
 """Tells a sensor's wrong clock from a jump of time.
 
-The stamps of all sensors follow one time. A stamp far from it means that time has jumped, because a
-recording starts again or has a gap, or that the sensor's clock is wrong. The other sensors decide:
-the report is held back until they have followed it or are silent, and it is left out if they go on
-as before. The larger number of sensors is right. A sensor that no other contradicts confirms a jump
-by its next report.
+The sensors are those of a tracker, or the trackers of a joint picture. Their stamps follow one
+time. A stamp far from it means that time has jumped, because a recording starts again or has a gap,
+or that the sensor's clock is wrong. The other sensors decide: the report is held back until they
+have followed it or are silent, and it is left out if they go on as before. The larger number of
+sensors is right. A sensor that no other contradicts confirms a jump by its next report.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from ..types import Detections
 
+# Reason for which what is sent is left out: its stamp is far from those of other sensors.
+CLOCK = "clock"
 # Share of the longest delay by which a stamp may be ahead of those of other sensors.
 AHEAD = 0.5
 # A sensor is silent after this number of its intervals.
 SILENT_INTERVALS = 2
 
 
+class Stamped(Protocol):
+    """What a sensor sends."""
+
+    @property
+    def sensor(self) -> int:
+        """The sensor's index in the configured order."""
+
+    @property
+    def stamp_ns(self) -> int:
+        """Its stamp, nanoseconds."""
+
+
+SentT = TypeVar("SentT", bound=Stamped)
+
+
 class SentReport(NamedTuple):
     """A report as it was sent."""
 
-    sensor: int  # Index in the configured order
+    sensor: int
     stamp_ns: int
     detections: Detections
     sector: int | None = None  # Number of the sector; None if unknown
 
 
 @dataclass
-class _Clock:
+class _Clock(Generic[SentT]):
     """The stamps of one sensor."""
 
     last_ns: int | None = None  # Its latest stamp that follows the common time
@@ -39,7 +56,7 @@ class _Clock:
     # How far its latest stamp was ahead of the time of receipt; None if that is unknown.
     ahead_of_receipt_ns: int | None = None
     # Reports far from the common time, by ascending order of arrival, with their numbers in it.
-    held: list[tuple[int, SentReport]] = field(default_factory=list)
+    held: list[tuple[int, SentT]] = field(default_factory=list)
     # The stamp of the first of them, or of the last one before another sensor went on.
     alone_since_ns: int = 0
     # Whether other sensors went on without it, and it has not agreed with any since.
@@ -51,7 +68,7 @@ class _Clock:
         return 1 if self.contradicted else 2
 
 
-class Clocks:
+class Clocks(Generic[SentT]):
     """Holds back and leaves out the reports whose stamps are far from those of other sensors.
 
     A stamp is far if it is behind the newest one by more than `reach_s`, which is the longest delay
@@ -61,8 +78,8 @@ class Clocks:
 
     def __init__(self, sensors: int, reach_s: float, max_gap_s: float) -> None:
         self._reach_ns, self._gap_ns = reach_s * 1e9, max(reach_s, max_gap_s) * 1e9
-        self._clocks = [_Clock() for _ in range(sensors)]
-        self._left_out: list[SentReport] = []
+        self._clocks: list[_Clock[SentT]] = [_Clock() for _ in range(sensors)]
+        self._left_out: list[SentT] = []
         self._arrived = 0
         self._begin()
 
@@ -80,7 +97,7 @@ class Clocks:
         self._clocks = [_Clock() for _ in self._clocks]
         self._begin()
 
-    def take_left_out(self) -> list[SentReport]:
+    def take_left_out(self) -> list[SentT]:
         """Return the reports that were left out since the last call."""
         taken, self._left_out = self._left_out, []
         return taken
@@ -101,7 +118,7 @@ class Clocks:
                 return by_receipt * 1e-9
         return by_stamps * 1e-9
 
-    def add(self, sent: SentReport, received_ns: int | None = None) -> Sequence[SentReport]:
+    def add(self, sent: SentT, received_ns: int | None = None) -> Sequence[SentT]:
         """Take in a report; return those that are due, in the order of arrival.
 
         `received_ns` is the time of receipt, if it is known. It is used only where the stamps alone
@@ -133,7 +150,7 @@ class Clocks:
             self._leave_out(own, keep=1)
         return ()
 
-    def _is_near(self, sent: SentReport) -> bool:
+    def _is_near(self, sent: SentT) -> bool:
         """Return whether a report follows the common time."""
         if self._newest_ns is None:
             return True
@@ -141,7 +158,7 @@ class Clocks:
         alone = not any(self._is_live(each) for each in self._others(sent.sensor))
         return -self._reach_ns <= ahead_ns <= (self._gap_ns if alone else AHEAD * self._reach_ns)
 
-    def _continues_jump_back(self, own: _Clock, sent: SentReport) -> bool:
+    def _continues_jump_back(self, own: _Clock[SentT], sent: SentT) -> bool:
         """Return whether a report is behind an earlier one of its sensor, as those held back are.
 
         A short recording that starts again comes near its end after a few reports.
@@ -150,25 +167,25 @@ class Clocks:
             return False
         return sent.stamp_ns <= own.last_ns and self._continues(own.held[-1][1], sent)
 
-    def _others(self, sensor: int) -> list[_Clock]:
+    def _others(self, sensor: int) -> list[_Clock[SentT]]:
         return [clock for index, clock in enumerate(self._clocks) if index != sensor]
 
-    def _is_live(self, clock: _Clock) -> bool:
+    def _is_live(self, clock: _Clock[SentT]) -> bool:
         """Return whether a sensor follows the common time, and is not silent."""
         if clock.held or clock.last_ns is None or self._newest_ns is None:
             return False
         return self._newest_ns - clock.last_ns <= self._patience_ns(clock)
 
-    def _patience_ns(self, clock: _Clock) -> float:
+    def _patience_ns(self, clock: _Clock[SentT]) -> float:
         """Return the time after which a sensor is silent."""
         return max(self._reach_ns, SILENT_INTERVALS * clock.step_ns)
 
-    def _continues(self, before: SentReport, sent: SentReport) -> bool:
+    def _continues(self, before: SentT, sent: SentT) -> bool:
         """Return whether a report comes after another one of the same sensor and time."""
         step_ns = sent.stamp_ns - before.stamp_ns
         return step_ns != 0 and -self._reach_ns <= step_ns <= self._gap_ns
 
-    def _held_within(self, since_ns: int, until_ns: int) -> list[_Clock]:
+    def _held_within(self, since_ns: int, until_ns: int) -> list[_Clock[SentT]]:
         """Return the sensors whose reports are held back, the latest ones near an interval."""
         return [
             clock
@@ -177,19 +194,21 @@ class Clocks:
             and since_ns - self._reach_ns <= clock.held[-1][1].stamp_ns <= until_ns + self._reach_ns
         ]
 
-    def _goes_on(self, clock: _Clock, own: _Clock, sent: SentReport) -> bool:
+    def _goes_on(self, clock: _Clock[SentT], own: _Clock[SentT], sent: SentT) -> bool:
         """Return whether a sensor may still go on as before, by the time that `own` waits."""
         waited_ns = sent.stamp_ns - own.alone_since_ns
         return self._is_live(clock) and waited_ns <= self._patience_ns(clock)
 
-    def _has_jumped(self, own: _Clock, group: list[_Clock], others: list[_Clock]) -> bool:
+    def _has_jumped(
+        self, own: _Clock[SentT], group: list[_Clock[SentT]], others: list[_Clock[SentT]]
+    ) -> bool:
         """Return whether the sensors of a group, `own` among them, are right against the others."""
         if not others:
             return len(group) > 1 or len(own.held) > 1
         difference = sum(each.weight for each in group) - sum(each.weight for each in others)
         return difference > 0 or (difference == 0 and self._is_likelier(own))
 
-    def _is_likelier(self, own: _Clock) -> bool:
+    def _is_likelier(self, own: _Clock[SentT]) -> bool:
         """Return whether one of two sensors that never agreed is right, and not the first one.
 
         It is if only its stamps are near the times of receipt. Otherwise, at the start, the earlier
@@ -204,7 +223,7 @@ class Clocks:
         is_start = self._newest_ns - self._first_ns <= self._reach_ns
         return is_start and own.held[-1][1].stamp_ns < self._newest_ns
 
-    def _jump(self, group: list[_Clock], against_others: bool) -> list[SentReport]:
+    def _jump(self, group: list[_Clock[SentT]], against_others: bool) -> list[SentT]:
         """Follow the time of a group; return its reports that were held back."""
         self._begin()
         for clock in self._clocks:
@@ -217,14 +236,14 @@ class Clocks:
         self._follow(due)
         return due
 
-    def _release(self, clocks: Collection[_Clock]) -> list[SentReport]:
+    def _release(self, clocks: Collection[_Clock[SentT]]) -> list[SentT]:
         """Hold back the reports of sensors no longer; return them."""
         held = sorted(each for clock in clocks for each in clock.held)
         for clock in clocks:
             clock.held = []
         return [sent for _, sent in held]
 
-    def _follow(self, due: Iterable[SentReport]) -> None:
+    def _follow(self, due: Iterable[SentT]) -> None:
         """Note reports that follow the common time."""
         for sent in due:
             own, stamp_ns = self._clocks[sent.sensor], sent.stamp_ns
@@ -247,7 +266,7 @@ class Clocks:
                 clock.alone_since_ns = clock.held[-1][1].stamp_ns
                 self._leave_out(clock, keep=1)
 
-    def _leave_out(self, clock: _Clock, keep: int = 0) -> None:
+    def _leave_out(self, clock: _Clock[SentT], keep: int = 0) -> None:
         """Leave out a sensor's held reports but the latest ones."""
         first = max(len(clock.held) - keep, 0)
         self._left_out += [sent for _, sent in clock.held[:first]]

@@ -8,13 +8,14 @@ from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
+from msg_adapters.incoming import anomalies
 from phd_jdtc_ros.core.types import FILTERED
 from phd_jdtc_ros.handover.picture import LATEST_STAMPS, JointPicture
 from phd_jdtc_ros.quoting import counts_text
 
 from ..common.health import Rhythm, Rises, first, status_of
 
-OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 # First guess of the interval between clouds: no surveillance radar turns more slowly, seconds.
 LONGEST_TURN_S = 12.0
 
@@ -28,6 +29,8 @@ class TrackerHealth:
     clouds: Counter[str] = field(default_factory=Counter)  # By source
     # Clouds that are not in the picture, by reason.
     refused: Counter[str] = field(default_factory=Counter)
+    # How far its stamps are ahead of those of other trackers, seconds; None if they agree.
+    clock_offset_s: float | None = None
     left_out: bool = False  # True if the latest cloud is not in the picture
     last_s: float | None = None  # Time of the last cloud by the steady clock
     _rhythm: Rhythm = field(default_factory=lambda: Rhythm(LONGEST_TURN_S))
@@ -77,12 +80,16 @@ class TrackerHealth:
             "quiet_s": quiet_s,
             **{f"refused_{reason}": count for reason, count in sorted(self.refused.items())},
         }
+        if self.clock_offset_s is not None:
+            values["clock_offset_s"] = self.clock_offset_s
+        clock_off = anomalies.clock_off(self.clock_offset_s, "trackers", "estimates")
         without = "; the picture is without it" if silent else ""
         refused = self._rises.recent("refused", self.refused.total(), now_s)
         left_out = refused or (silent and self.left_out)
         condition = first(
             (WARN, self.last_s is None, "; ".join(filter(None, ("no estimates yet", hint)))),
             (WARN, self.is_quiet(now_s), f"silent for {quiet_s:.1f} s{without}"),
+            (ERROR, self.clock_offset_s is not None, clock_off),
             (WARN, left_out, f"left out: {counts_text(self.refused)}{without}"),
             (WARN, silent, f"silent: its estimates are {behind_s:.1f} s behind{without}"),
             (OK, True, f"{self.clouds[FILTERED]} stamps"),

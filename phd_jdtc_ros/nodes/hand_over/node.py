@@ -6,12 +6,14 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from functools import partial
+from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.encoding.errors import RejectedMessageError, quote
 from msg_adapters.targets import estimates
+from phd_jdtc_ros.core.intake.clocks import CLOCK, Clocks
 from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates
 from phd_jdtc_ros.handover import checks, settings
 from phd_jdtc_ros.handover.picture import Joint, JointPicture
@@ -29,6 +31,17 @@ from .health import TrackerHealth
 INPUT_DEPTH, OUTPUT_DEPTH = 50, 10
 # Stamps that may wait for another tracker: ten minutes, the longest delay, at two a second.
 MAX_WAITING = 1200
+# Longest delay of a tracker whose clock is right: in delays that stamps wait, and at least so many
+# seconds; and the longest gap in the estimates of a single one.
+LONGEST_DELAY, LEAST_DELAY_S, LONGEST_GAP_S = 4.0, 30.0, 3600.0
+
+
+class SentEstimates(NamedTuple):
+    """The filtered estimates of a tracker."""
+
+    sensor: int
+    stamp_ns: int
+    found: Estimates
 
 
 class HandOver(RunnableNode):
@@ -49,6 +62,8 @@ class HandOver(RunnableNode):
             MAX_WAITING,
         )
         self._trackers = [TrackerHealth(limit_s) for _ in self._settings.names]
+        reach_s = max(LONGEST_DELAY * limit_s, LEAST_DELAY_S)
+        self._clocks: Clocks[SentEstimates] = Clocks(len(self._trackers), reach_s, LONGEST_GAP_S)
         self._silent: frozenset[int] = frozenset()
         self._classes: int | None = None
         self._frame: str | None = None
@@ -92,39 +107,32 @@ class HandOver(RunnableNode):
             topic = self._settings.topic(tracker, source)
             self._warnings.warn(topic, f"{topic}: {error}")
             return
+        if source == FILTERED:
+            sent = SentEstimates(tracker, found.stamp_ns, found)
+            for each in self._clocks.add(sent, self.get_clock().now().nanoseconds):
+                self._join(each.sensor, source, each.found)
+            for each in self._clocks.take_left_out():
+                self._trackers[each.sensor].refuse(CLOCK)
+        elif self._clocks.offset_s(tracker) is not None:
+            own.refuse(CLOCK)
+        else:
+            self._join(tracker, source, found)
+        self._log_silent()
+
+    def _join(self, tracker: int, source: str, found: Estimates) -> None:
+        """Add a tracker's estimates to the picture, and publish the stamps that they complete."""
         if self._picture.jumps_back(tracker, source, found.stamp_ns):
             name = self._settings.names[tracker]
             self.get_logger().warning(f"{name}: its stamps went back; a new run begins")
         done = self._picture.add(tracker, source, found)
-        if (
-            done is Refusal.LATE
-            and source == FILTERED
-            and self._only_quiet_are_ahead(found.stamp_ns)
-        ):
-            self._publish(self._picture.begin_again())
-            done = self._picture.add(tracker, source, found)
         if isinstance(done, Refusal):
-            own.refuse(done.value)
+            self._trackers[tracker].refuse(done.value)
         else:
             self._publish(done)
         if self._picture.overflow > self._overflow:
             self._overflow = self._picture.overflow
             text = "stamps went out without all trackers, because too many waited for them"
             self._warnings.warn("overflow", f"{self._overflow} {text}")
-        self._log_silent()
-
-    def _only_quiet_are_ahead(self, stamp_ns: int) -> bool:
-        """Return whether only trackers that are quiet now are far ahead of a late stamp."""
-        # One wrong stamp of a tracker that then dies would make all later clouds late.
-        now_s = time.monotonic()
-        ahead = self._picture.ahead_of(stamp_ns)
-        if not ahead or not all(self._trackers[tracker].is_quiet(now_s) for tracker in ahead):
-            return False
-        listed = ", ".join(self._settings.names[tracker] for tracker in sorted(ahead))
-        self.get_logger().warning(
-            f"{listed}: silent, and its stamps were far ahead of the others'; a new run begins"
-        )
-        return True
 
     def _read(self, cloud: PointCloud2) -> Estimates:
         """Return a cloud's estimates, or raise `RejectedMessageError`; the first sets the frame."""
@@ -191,6 +199,7 @@ class HandOver(RunnableNode):
         ):
             silent, behind_s = tracker in picture.silent, picture.behind_s(tracker)
             full, hint = self._settings.nodes[tracker], self._hint(tracker)
+            own.clock_offset_s = self._clocks.offset_s(tracker)
             found.append(own.status(node, name, full, behind_s, silent, now_s, hint))
             if not (silent or own.is_quiet(now_s)):
                 alive.append(name)

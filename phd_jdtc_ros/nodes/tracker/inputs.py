@@ -21,8 +21,9 @@ from msg_adapters.incoming.selection import Report
 from phd_jdtc_ros.configuration.parameters.place_forms import STATIC_TRANSFORMS, TRANSFORM_TOPICS
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.intake.clocks import CLOCK
 from phd_jdtc_ros.core.intake.poses import PoseFault
-from phd_jdtc_ros.core.pipeline import CLOCK, POSE_MISSING, Drops
+from phd_jdtc_ros.core.pipeline import POSE_MISSING, Drops
 
 from ..common import topics
 from ..common.health import Rhythm, ThrottledWarnings
