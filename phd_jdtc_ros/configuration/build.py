@@ -36,8 +36,6 @@ _FORMER = ({**replaced.TRACKER, **replaced.NODE}, replaced.RADAR)
 
 # A backward jump of the stamps by more intervals or turns than this starts a new run.
 RESET_THRESHOLD_SCANS = 3.0
-# Longest delay of a report whose clock is right, in the same unit; see `Clocks`.
-LONGEST_DELAY_SCANS = 2.5
 # Number of values of a known ``world_origin``; an unknown place has its height alone.
 KNOWN_PLACE = 3
 # A hypothesis with a smaller share of its target has no visible effect.
@@ -168,7 +166,7 @@ class TrackerConfig(Tracking):
 
     def clocks(self) -> Clocks[SentReport]:
         """Return a new comparison of the sensors' stamps."""
-        return Clocks(len(self.inputs), LONGEST_DELAY_SCANS * self._slowest_s, self.max_gap_s)
+        return Clocks(len(self.inputs), self.reset_threshold_s, self.max_gap_s)
 
     def grouper(self) -> ScanGrouper:
         """Return a new grouper of the radars' reports into scans."""

@@ -75,7 +75,7 @@ class Engine(Protocol):
         """
 
     def flush(self) -> tuple[Estimates, ...]:
-        """Return the pending smoothed estimates, oldest first, and reset.
+        """Return the pending smoothed estimates, oldest first, and begin again.
 
         Track numbers go on: a subscriber that follows tracks by number must not mistake a new
         target for an old one.
@@ -94,7 +94,7 @@ class Engine(Protocol):
         """Use another model of equal structure and another rule from the next scan on."""
 
     def reset(self) -> None:
-        """Return to the initial state, except that no track number is used again."""
+        """Return to the initial state."""
 
     def save_state(self) -> EngineState:
         """Return the engine's state, from which later scans can be reprocessed."""

@@ -14,14 +14,13 @@ from typing import NamedTuple, TypeAlias
 
 from .engine import Engine, OnFiltered, Step, ignore_filtered
 from .intake.clocks import CLOCK, Clocks, SentReport
-from .intake.input_checks import REPEATED, ReportCheck, ResultCheck
+from .intake.input_checks import REPEATED, TWINS, ReportCheck, ResultCheck, TwinCheck
 from .intake.out_of_sequence import OutOfSequence
 from .intake.posed_reports import PosedReports
 from .intake.poses import Platform, PoseFault
 from .intake.scans import Rejection, Reset, ScanGrouper
 from .intake.slices import Slice
 from .intake.turn_history import Recut, TurnHistory
-from .intake.twins import TWINS, TwinCheck
 from .models.tracker_model import TrackerModel
 from .tracks.region import Everywhere, Region
 from .tracks.reporting_rule import ReportingRule, slowest_s
@@ -352,10 +351,10 @@ class Pipeline:
         yield self._end(None)
 
     def reset(self) -> None:
-        """Discard all scans and return the engine to its initial state."""
+        """Discard all scans, and return the engine to its initial state but for track numbers."""
         self._forget_stamps()
         self._out_of_sequence.forget()
-        self.engine.reset()
+        self.engine.flush()
         self._begun = False
 
     def _forget_stamps(self) -> None:

@@ -85,7 +85,7 @@ def _fill(
         np.concatenate([given.measurement, measurement])[:count],
         np.concatenate([given.amplitude, amplitude])[:count],
     )
-    return from_msg(to_msg(joined, 0, ""), OWN_LAYOUT).detections
+    return from_msg(to_msg(joined, 1, ""), OWN_LAYOUT).detections
 
 
 def _run(

@@ -160,7 +160,7 @@ def test_parameters_in_the_table_of_the_page_on_csv_are_some():
     page = (ROOT / "docs" / "csv.md").read_text()
     given = [ast.literal_eval(text) for text in re.findall(r"`(?:Tracker\()?(\{.*?\})\)?`", page)]
 
-    assert len(given) == 5
+    assert len(given) == 4
     for parameters in given:
         assert Tracker(parameters).parameters
 

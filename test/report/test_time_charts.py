@@ -143,7 +143,7 @@ def test_of_record_draws_what_there_is(parts, expected):
     ("parts", "notes"),
     [
         ({}, []),
-        ({"truth": ()}, ["no truth"]),
+        ({"truth": ()}, []),
         ({"smoothed": ()}, ["no smoothed estimates"]),
         ({"filtered": ()}, ["no filtered estimates"]),
         ({"filtered": (), "smoothed": ()}, ["no estimates in this bag"]),

@@ -47,7 +47,7 @@ class SentReport(NamedTuple):
     sector: int | None = None  # Number of the sector; None if unknown
 
 
-@dataclass
+@dataclass(eq=False)
 class _Clock(Generic[SentT]):
     """The stamps of one sensor."""
 
@@ -59,6 +59,7 @@ class _Clock(Generic[SentT]):
     held: list[tuple[int, SentT]] = field(default_factory=list)
     # The stamp of the first of them, or of the last one before another sensor went on.
     alone_since_ns: int = 0
+    early: bool = False  # Whether its stamps are later than their receipt, unlike those of others
     # Whether other sensors went on without it, and it has not agreed with any since.
     contradicted: bool = False
 
@@ -67,13 +68,23 @@ class _Clock(Generic[SentT]):
         """Weight of the sensor against others."""
         return 1 if self.contradicted else 2
 
+    def is_early(self, most_ns: float, others: Iterable[_Clock[SentT]]) -> bool:
+        """Return whether its latest stamp is later than its receipt, and another's is not.
+
+        `most_ns` is the largest difference that counts as none.
+        """
+        received = [each.ahead_of_receipt_ns for each in (self, *others)]
+        known = [ahead_ns > most_ns for ahead_ns in received if ahead_ns is not None]
+        return received[0] is not None and known[0] and not all(known)
+
 
 class Clocks(Generic[SentT]):
     """Holds back and leaves out the reports whose stamps are far from those of other sensors.
 
     A stamp is far if it is behind the newest one by more than `reach_s`, which is the longest delay
-    of a report, or ahead of it by more than half as much, since the others report too. A sensor
-    without others may be ahead by `max_gap_s`.
+    of a report, or ahead of it by more than half as much, since the others report too; and if it is
+    later than its receipt by so much, while others' stamps are not. A sensor without others may be
+    ahead by `max_gap_s`.
     """
 
     def __init__(self, sensors: int, reach_s: float, max_gap_s: float) -> None:
@@ -127,10 +138,10 @@ class Clocks(Generic[SentT]):
         own = self._clocks[sent.sensor]
         own.ahead_of_receipt_ns = None if received_ns is None else sent.stamp_ns - received_ns
         if self._is_near(sent) and not self._continues_jump_back(own, sent):
-            self._leave_out(own)
-            # Time may have passed the stamps of others that were ahead of it.
+            # Time may have passed the stamps that were ahead of it.
             since_ns = sent.stamp_ns if self._newest_ns is None else self._newest_ns
             due = [*self._release(self._held_within(since_ns, sent.stamp_ns)), sent]
+            self._leave_out(own)
             self._contradict_held()
             self._follow(due)
             return due
@@ -144,7 +155,7 @@ class Clocks(Generic[SentT]):
         others = [
             each for each in self._clocks if each not in group and self._goes_on(each, own, sent)
         ]
-        if self._has_jumped(own, group, others):
+        if not own.early and self._has_jumped(own, group, others):
             return self._jump(group, bool(others))
         if own.contradicted:
             self._leave_out(own, keep=1)
@@ -154,9 +165,13 @@ class Clocks(Generic[SentT]):
         """Return whether a report follows the common time."""
         if self._newest_ns is None:
             return True
-        ahead_ns = sent.stamp_ns - self._newest_ns
-        alone = not any(self._is_live(each) for each in self._others(sent.sensor))
-        return -self._reach_ns <= ahead_ns <= (self._gap_ns if alone else AHEAD * self._reach_ns)
+        ahead_ns, own = sent.stamp_ns - self._newest_ns, self._clocks[sent.sensor]
+        others = [each for each in self._others(sent.sensor) if self._is_live(each)]
+        # Nobody can be ahead by more than an interval while all report.
+        most_ns = AHEAD * max(self._reach_ns, SILENT_INTERVALS * own.step_ns)
+        own.early = own.is_early(most_ns, others)
+        most_ns = most_ns if others else self._gap_ns
+        return -self._reach_ns <= ahead_ns <= most_ns and not own.early
 
     def _continues_jump_back(self, own: _Clock[SentT], sent: SentT) -> bool:
         """Return whether a report is behind an earlier one of its sensor, as those held back are.
@@ -191,6 +206,7 @@ class Clocks(Generic[SentT]):
             clock
             for clock in self._clocks
             if clock.held
+            and not clock.early
             and since_ns - self._reach_ns <= clock.held[-1][1].stamp_ns <= until_ns + self._reach_ns
         ]
 
@@ -225,6 +241,7 @@ class Clocks(Generic[SentT]):
 
     def _jump(self, group: list[_Clock[SentT]], against_others: bool) -> list[SentT]:
         """Follow the time of a group; return its reports that were held back."""
+        since_ns = self._newest_ns
         self._begin()
         for clock in self._clocks:
             clock.last_ns = None
@@ -232,6 +249,10 @@ class Clocks(Generic[SentT]):
         if against_others:
             for clock in group:
                 clock.contradicted = False
+        newest_ns = max(clock.held[-1][1].stamp_ns for clock in group)
+        if since_ns is not None and since_ns < newest_ns:
+            # What is between was right too.
+            group = [*group, *(c for c in self._held_within(since_ns, newest_ns) if c not in group)]
         due = self._release(group)
         self._follow(due)
         return due

@@ -66,7 +66,6 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
     _published_ns: tuple[int, int] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        self._tracks = TrackNumbers()
         self.reset()
 
     @abstractmethod
@@ -100,9 +99,9 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         """
 
     def reset(self) -> None:
-        """Return to the initial state, except that no track number is used again."""
+        """Return to the initial state."""
         self.forward.reset()
-        self._tracks, self._states = TrackNumbers(count=self._tracks.count), TrackStates(self.rule)
+        self._tracks, self._states = TrackNumbers(), TrackStates(self.rule)
         self._window, self._filtered, self._stamps = [], {}, []
         self._published_ns = -1, -1
 
@@ -148,9 +147,10 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         self.rule = self._states.rule = rule
 
     def flush(self) -> tuple[Estimates, ...]:
-        """Return the pending estimates, smoothed with the scans of the window, and reset."""
-        pending = self._smooth_pending()
+        """Return the pending estimates, smoothed with the scans of the window, and begin again."""
+        pending, count = self._smooth_pending(), self._tracks.count
         self.reset()
+        self._tracks.count = count
         return pending
 
     def interrupt(self) -> tuple[Estimates, ...]:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from runs import ENGINES, equal, learned, stored_and_read
+from runs import ENGINES, alike, learned, stored_and_read
 from scenes import small
 from sweep import configuration
 
@@ -97,7 +97,7 @@ def test_a_run_that_is_reset_learns_again(engine):
     tracker.flush()
     assert learned(tracker, "clutter_law") == {}
     for (_, scan), before in zip(run, first, strict=True):
-        assert equal(tracker.step(scan).filtered[0], before.filtered[0])
+        assert alike(tracker.step(scan).filtered[0], before.filtered[0])
 
 
 def stored(engine):

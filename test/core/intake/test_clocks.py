@@ -10,7 +10,7 @@ from phd_jdtc_ros.core.types import Detections
 
 S = 1_000_000_000
 START = 1_770_000_000 * S
-REACH_S, MAX_GAP_S = 2.5, 15.0
+REACH_S, MAX_GAP_S = 3.0, 15.0
 NOTHING = Detections(np.zeros((0, 2)), None)
 SCANS, JUMP_SCAN = 30, 11
 OFFSETS_S = (18.0, -18.0, 37.0, 3600.0, -3600.0)
@@ -140,6 +140,15 @@ def test_add_follows_one_sensor_once_the_others_are_silent():
     due, _ = fed(compared, (0, 13), (1, 113), (0, 14))
     assert due == [(0, 13), (0, 14)]
     assert compared.offset_s(1) == 99.0
+
+
+def test_add_leaves_out_a_sensor_whose_stamps_are_in_the_future_from_the_start():
+    # An offset of less than the longest delay is seen by the receipt alone.
+    for order in ((0, 1), (1, 0)):
+        run = TwoOrThree(2, 1, 2.0, 0, order, receipt=True)
+        assert run.of(0) == [*map(float, range(SCANS))]
+        assert len(run.of(1)) <= 2
+        np.testing.assert_allclose(run.offsets[3:], 2.0, atol=1e-6)
 
 
 def test_reset_leaves_out_what_is_held_back():

@@ -157,12 +157,14 @@ def test_a_late_report_may_wait_for_its_pose_with_later_ones():
     shuffled = [*REPORTS[:12], *(REPORTS[index] for index in (15, 12, 14, 13)), *REPORTS[16:]]
     for order in (REPORTS, shuffled):
         run = Run(settings)
+        since_ns = SCANS[0].stamp_ns
         for last_ns, reports in ((SCANS[5].stamp_ns, order[:12]), (SCANS[-1].stamp_ns, order[12:])):
             run.feed(reports)
             for radar, pose_ns in itertools.product(
-                range(2), range(SCANS[0].stamp_ns, last_ns + 1, 500_000_000)
+                range(2), range(since_ns, last_ns + 1, 500_000_000)
             ):
                 run.take(run.pipeline.add_pose(radar, pose_ns, Pose((0.0, 0.0), 0.0)))
+            since_ns = last_ns + 500_000_000
         runs.append(run.finished())
     assert (runs[1].refused, runs[1].reprocessed) == ([], 1)
     assert_as_if_in_time(runs[1], runs[0], SCANS[8].stamp_ns, SCANS[5].stamp_ns)

@@ -140,7 +140,9 @@ def test_a_report_that_comes_twice_is_counted_when_its_pose_is_known():
 def test_a_run_that_begins_again_is_tracked_again():
     steps = in_order(reports(), poses())
     pipeline = new_pipeline(moving.config())
-    events = [event for method, args in steps + steps for event in getattr(pipeline, method)(*args)]
+    found = (getattr(pipeline, method)(*args) for method, args in steps + steps)
+    # The first pose behind the jump back waits for the second.
+    events = [event for each in found if each is not PoseFault.JUMP for event in each]
     events += pipeline.flush()
     stepped = [event for event in events if not isinstance(event, RunEnded)]
     assert len(stepped) >= 2 * moving.SCANS - 1

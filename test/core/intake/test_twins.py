@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scenes import small
 
-from phd_jdtc_ros.core.intake.twins import TwinCheck
+from phd_jdtc_ros.core.intake.input_checks import TwinCheck
 from phd_jdtc_ros.core.types import Detections
 
 STD = np.array([50.0, 0.005])

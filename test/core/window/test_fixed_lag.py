@@ -82,7 +82,7 @@ def test_restored_engine_goes_on_and_an_interrupted_one_uses_no_number_again():
     assert sorted(after.track_id) == [5, 6, 7, 8]
 
 
-@pytest.mark.parametrize("end", ["flush", "interrupt", "reset"])
+@pytest.mark.parametrize("end", ["flush", "interrupt"])
 def test_engine_uses_no_number_again_whatever_ends_a_run(end):
     of = engine()
     stepped_through(of, 0, 7)

@@ -10,6 +10,13 @@ ENGINES = ("gaussian", "particles")
 NAMES = ("state", "covariance", "weight", "class_probability", "class_id", "track_id")
 
 
+def alike(a, b):
+    """Return whether estimates, or sequences of them, are the same but for the track numbers."""
+    if isinstance(a, (list, tuple)):
+        return len(a) == len(b) and all(map(alike, a, b))
+    return equal(a, b.changed(track_id=a.track_id)) if len(a) == len(b) else False
+
+
 def equal(a, b):
     """Return whether estimates, or sequences of them, are the same bit by bit."""
     if isinstance(a, (list, tuple)):

@@ -53,7 +53,7 @@ def test_recording_becomes_a_bag_that_a_tracker_reads(bridge):
         "left out: none",
         "the position of radar_1_2 is unknown: shapes and distances are right on the round earth, "
         "but there are no latitudes and longitudes; set radar_1_2.geodetic and world_origin",
-        "radar_1_2: its noise cannot be estimated from 300 s of plots; that of the profile "
+        "radar_1_2: its noise cannot be estimated from 12 plots in 0 tracks; that of the profile "
         "air_traffic is used",
     ]
     found = reports(out)
