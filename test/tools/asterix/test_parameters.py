@@ -287,8 +287,9 @@ def test_radars_of_unknown_places_are_not_tracked_together(bridged, tmp_path):
 
 
 @pytest.mark.parametrize(("seconds", "tuned"), [(8.0, False), (120.0, True)])
-def test_surface_radar_is_over_a_flat_earth_and_hinted_at(bridged, seconds, tuned):
+def test_surface_radar_is_over_a_flat_earth_and_hinted_at(bridged, monkeypatch, seconds, tuned):
     # A turn takes 1 s and has about 5 plots; the tool `tune` is named if it can use them.
+    monkeypatch.setattr(parameters, "findings", findings)
     _, data = sweep(seconds, 1.008, targets(5, 3000.0))
     _, bag, said, given = bridged(data)
     assert given["radar_1_2.max_range"] < 5000.0
