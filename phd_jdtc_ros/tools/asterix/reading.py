@@ -121,10 +121,8 @@ class Conversion:
             return
         damaged = self.recording["resynchronised"] + self.recording["recording_cut"]
         if damaged:
-            yield (
-                f"is damaged in {damaged} places: {self.recording['bytes_skipped']} bytes are "
-                "left out"
-            )
+            places = f"{damaged} place{'s' * (damaged > 1)}"
+            yield (f"is damaged in {places}: {self.recording['bytes_skipped']} bytes are left out")
         if self.recording["unpacking_ended"]:
             yield "gzip cannot unpack it to its end: what is behind the damage is missing"
         lost = self._lost_plots()

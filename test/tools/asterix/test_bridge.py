@@ -301,7 +301,7 @@ def test_radar_of_a_single_message_beside_others_is_left_out(bridge):
 def test_recording_whose_end_is_missing_is_used_and_fails(bridge):
     status, out, said = bridge(b"".join(made.turns(1, seen=SEEN))[:-3])
     assert status == 3
-    assert "is damaged in 1 places" in said.err
+    assert "is damaged in 1 place: " in said.err
     assert BagReader(out).counts[TOPIC] > 0
 
 
