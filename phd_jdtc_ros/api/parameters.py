@@ -216,8 +216,7 @@ class Parameters:
 def _for_tables(given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters of a live node's file as those of its tracker for tables.
 
-    Tables have absolute times, in seconds, and no poses; the warning of a moving radar is the
-    caller's caller's.
+    Tables have absolute times, in seconds, and no poses: a radar that moves gives a warning.
     """
     found = tracker_params.without_node(given)
     for name, value in given.items():

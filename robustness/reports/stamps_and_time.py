@@ -146,7 +146,8 @@ def _clock_delay(radars: Radars, begin: float, wrong: int, offset_s: float) -> f
         line = lines[names.health(f"radar_{wrong + 1}")]
         if arrived > begin and line.level == DiagnosticStatus.ERROR:
             found_s = float(diagnostics.values_of(line).get("clock_offset_s", math.nan))
-            # The stamps go on faster than the time of receipt, so that a scan's interval is added.
+            # The stamps go on faster than the time of receipt, so that the offset may be off by an
+            # interval.
             exact = abs(found_s - offset_s) <= 1e-9 * scans.interval_ns()
             return arrived - begin if exact else None
     return None
