@@ -132,8 +132,8 @@ class Clocks(Generic[SentT]):
     def add(self, sent: SentT, received_ns: int | None = None) -> Sequence[SentT]:
         """Take in a report; return those that are due, in the order of arrival.
 
-        `received_ns` is the time of receipt, if it is known. It shows which stamps are in the future,
-        and which of two sensors is right where their stamps alone cannot tell.
+        `received_ns` is the time of receipt, if it is known. It shows which stamps are in the
+        future, and which of two sensors is right where their stamps alone cannot tell.
         """
         own = self._clocks[sent.sensor]
         own.ahead_of_receipt_ns = None if received_ns is None else sent.stamp_ns - received_ns
