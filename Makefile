@@ -45,7 +45,7 @@ help:
 	@echo "make mutants  mutation tests of the association, the correctors and the smoothers, into"
 	@echo "             out/mutants: nine parts in some ten minutes; a part alone with"
 	@echo "             PARTS=association, or PARTS='\"gaussian update\" window'"
-	@echo "make check   linters and types"
+	@echo "make check   linters, types, and gauges of the structure with their limits"
 	@echo "make format  format the code"
 	@echo "make bags    write the shipped bags again; they come out byte for byte the same"
 	@echo "make parameters  write the reference pages and lists of topics from the code"
@@ -148,6 +148,7 @@ check: $(VENV)/.ready-test
 	$(RUN) -m ruff format --check
 	$(RUN) -m mypy
 	$(VENV)/bin/lint-imports --no-logo
+	$(RUN) -m benchmarks.gauges
 
 format: $(VENV)/.ready-test
 	$(RUN) -m ruff check --fix
