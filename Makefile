@@ -27,23 +27,19 @@ help:
 	@echo "             BAG=three_classes for another of bags/, into out/demo_three_classes;"
 	@echo "             PROFILE=air_traffic from two radars' ASTERIX to tracks as ASTERIX;"
 	@echo "             PROFILE=marine, automotive, phd, surveillance: other radars, other filters;"
-	@echo "             ENGINE=gaussian for the other engine, into out/demo_gaussian"
+	@echo "             ENGINE=phd for the paper's filter, into out/demo_phd"
 	@echo "make study   the Monte Carlo study, RUNS=50 (RUNS=12 for a quick one), into out/study"
 	@echo "make bench   measure speed and scale, BENCH=--quick for a short run, into out/bench"
-	@echo "make faults  the fault matrix on live nodes, into out/faults: all with particles, and with"
-	@echo "             the other engine what depends on it; ENGINE=gaussian for all with that one only,"
-	@echo "             PARTS='restarts overload' for some"
-	@echo "make soak    a day of scans at full speed, SCANS=1000 for a short run, ENGINE=gaussian for"
-	@echo "             the other engine, into out/soak"
-	@echo "make fuzz    random input for decoders, bags and the live tracker, into out/fuzz;"
-	@echo "             ENGINE=gaussian for the other engine"
+	@echo "make faults  the fault matrix on live nodes, into out/faults; PARTS='restarts overload' for some"
+	@echo "make soak    a day of scans at full speed, SCANS=1000 for a short run, into out/soak"
+	@echo "make fuzz    random input for decoders, bags and the live tracker, into out/fuzz"
 	@echo "make docs    the documentation as a site, into out/docs"
 	@echo "make pictures  the documentation's tables and pictures again, of the demo, out/study and out/bench"
 	@echo "make test    run the tests"
 	@echo "make coverage  the same, with the lines that they run: 90 % of all, 95 % of core and adapters"
 	@echo "make compiled  tests of compiled functions, with bounds checks and then interpreted"
-	@echo "make mutants  mutation tests of the association, the correctors and the smoothers, into"
-	@echo "             out/mutants: nine parts in some ten minutes; a part alone with"
+	@echo "make mutants  mutation tests of the association, the update and the smoother, into"
+	@echo "             out/mutants: eight parts in some ten minutes; a part alone with"
 	@echo "             PARTS=association, or PARTS='\"gaussian update\" window'"
 	@echo "make check   linters, types, and gauges of the structure with their limits"
 	@echo "make format  format the code"
@@ -98,16 +94,15 @@ bench: $(VENV)/.ready-bench
 	@$(RUN) -m benchmarks $(BENCH)
 
 faults: $(VENV)/.ready-test
-	@$(RUN) -m robustness faults $(if $(ENGINE),--engine $(ENGINE) --only) \
-		$(foreach part,$(PARTS),--part $(part))
+	@$(RUN) -m robustness faults $(foreach part,$(PARTS),--part $(part))
 
 SCANS ?= 14400
 
 soak: $(VENV)/.ready-test
-	@$(RUN) -m robustness soak --scans $(SCANS) $(if $(ENGINE),--engine $(ENGINE))
+	@$(RUN) -m robustness soak --scans $(SCANS)
 
 fuzz: $(VENV)/.ready-test
-	@$(RUN) -m robustness fuzz $(if $(ENGINE),--engine $(ENGINE))
+	@$(RUN) -m robustness fuzz
 
 # The theme's notice of its successor is no fault of a page.
 docs: $(VENV)/.ready-study

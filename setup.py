@@ -73,8 +73,8 @@ setup(
     maintainer_email="maintainers@users.noreply.h-seed-a9b9ba5d.example",
     description=(
         "Live multi-sensor joint detection, tracking and classification with labelled "
-        "multi-Bernoulli filters of particles or Gaussians, soft association and fixed-lag "
-        "smoothers, for radars that publish polar detections with amplitudes."
+        "multi-Bernoulli filter of Gaussian mixtures, soft association and a fixed-lag "
+        "smoother, for radars that publish polar detections with amplitudes."
     ),
     license="Apache-2.0",
     entry_points={

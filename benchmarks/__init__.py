@@ -6,7 +6,7 @@ Not part of the installed package. The data's path::
     traffic     the same for aircraft and a radar that turns
     timing      interleaved rounds, medians, memory
       |
-    engine      a step, divided into its parts, and the smoother, against baselines
+    engine      a step, divided into its parts, its growth, and other trackers
     transport   messages, DDS and ASTERIX, end to end
       |
     results     goals -> tables, pictures, out/bench/summary.json

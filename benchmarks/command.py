@@ -6,7 +6,6 @@ import argparse
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from rich.console import Console
 
 from phd_jdtc_ros.exit_status import FAILED, OK
 
-from .engine import growth, late, peers, smoothing, step_growth, steps
+from .engine import late, peers, step_growth, steps
 from .results import goals, machine, plots, report
 from .transport import asterix_rates, live, messages, replay_clock, turning
 
@@ -29,9 +28,6 @@ PARTS: Mapping[str, Callable[[bool], dict[str, Any]]] = {
     "peers": peers.measure,
     "steps": steps.measure,
     "step_growth": step_growth.measure,
-    "growth": growth.measure,
-    "smoother": smoothing.measure,
-    "paper_smoother": partial(smoothing.measure, engine="phd"),
 }
 
 

@@ -34,28 +34,28 @@ WORLD = (
     "phd_jdtc_ros.core.factors",
     "phd_jdtc_ros.core.clutter",
     "phd_jdtc_ros.core.learned",
-    "phd_jdtc_ros.core.attributes",
+    "phd_jdtc_ros.core.factors.transponder",
     "phd_jdtc_ros.core.models.sensor_memory",
     "phd_jdtc_ros.core.models.learned_sensor",
-    "phd_jdtc_ros.core.models.recent_looks",
+    "phd_jdtc_ros.core.factors.recent_looks",
     "phd_jdtc_ros.core.models.amplitude_model",
 )
 MANY = 9  # Number of parameters from which a function has too many
 WARM_SCANS = 12  # Scans before the traced one
 
 LIMITS: Mapping[str, float] = {
-    "lines of the product": 64_771,
-    "files of the product": 507,
-    "declared parameters": 135,
-    "constants of modules per 1,000 lines": 17.3,
-    f"functions with {MANY} parameters or more": 32,
-    "calls like f(*(a, b), c)": 46,
-    "imports of models of the world": 87,
-    "public members of Sensor": 69,
-    "circles of imports": 1,
-    "files that a scan enters": 89,
-    "Python calls in a scan": 1_066,
-    "returns in a scan": 1_073,
+    "lines of the product": 63_400,
+    "files of the product": 485,
+    "declared parameters": 128,
+    "constants of modules per 1,000 lines": 17.2,
+    f"functions with {MANY} parameters or more": 1,
+    "calls like f(*(a, b), c)": 0,
+    "imports of models of the world": 19,
+    "public members of Sensor": 38,
+    "circles of imports": 0,
+    "files that a scan enters": 83,
+    "Python calls in a scan": 1_060,
+    "returns in a scan": 1_070,
 }
 
 

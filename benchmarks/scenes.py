@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy import sparse
 
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
-from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 from phd_jdtc_ros.core.types import Truth
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario, truth_at
@@ -24,19 +22,15 @@ FIELD_RADIUS = 13e3
 DENSEST = 200
 SPEED = 57.0
 SNR_DB = (45.0, 25.0)
-# Standard deviations of a tracking filter's particles about a target: m, m/s, rad/s.
+# Standard deviations of a tracking filter's density of a target: m, m/s, rad/s.
 POSITION_STD, VELOCITY_STD, TURN_RATE_STD = 100.0, 8.0, 1e-3
 GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 
 
 def configuration(
-    targets: int,
-    per_target: int,
-    engine: str = "particles",
-    accuracy: str = "normal",
-    clutter: float | None = None,
+    targets: int, accuracy: str = "normal", clutter: float | None = None
 ) -> TrackerConfig:
-    """Return the reference configuration with `per_target` particles and matching radars.
+    """Return the reference configuration with matching radars.
 
     Without `clutter`, the expected false detections per radar and scan, they are half as many as
     targets: 200 targets then give 300 detections per radar. In a larger field the radars' ranges
@@ -54,18 +48,7 @@ def configuration(
             "azimuth_std_deg": float(usual.values[f"{radar.name}.azimuth_std_deg"]) / scale,
         }.items()
     }
-    config = resolve(
-        {"engine": engine, "accuracy": accuracy, "particles_per_target": per_target, **radars}
-    )
-    # No target has fewer particles because there are many of them.
-    most = max(config.budget.most, 2 * targets * per_target)
-    least = max(per_target // 5, 1)
-    births = replace(config.model.detection_births, most=most)
-    return replace(
-        config,
-        budget=replace(config.budget, least=least, most=most),
-        model=replace(config.model, detection_births=births),
-    )
+    return resolve({"accuracy": accuracy, **radars})
 
 
 def _scale(targets: int) -> float:
@@ -102,40 +85,11 @@ def crowd(targets: int, scans: int, config: TrackerConfig, seed: int) -> Scenari
     return replace(scene, scans=scans, targets=scripts)
 
 
-def clouds(scene: Scenario, config: TrackerConfig, rng: np.random.Generator) -> ParticleSet:
+def mixture(scene: Scenario, config: TrackerConfig) -> Mixture:
     """Return the set of a filter that tracks all targets, one interval before the scene begins.
 
-    Every target has its own row_label, and ``particles_per_target`` rows with a total mass of one,
-    about half of them in each motion of its class.
+    Every target exists and has one hypothesis.
     """
-    before: Truth = truth_at(scene, 0)
-    count = config.values["particles_per_target"]
-    modes = config.model.modes
-    target = np.repeat(np.arange(len(before.state)), count)
-    state = _earlier(before, scene, config)[target]
-    space = modes.space
-    position, velocity, turn_rate = list(space.position), list(space.velocity), space.turn_rate
-    state[:, position] += POSITION_STD * rng.standard_normal((len(target), 2))
-    state[:, velocity] += VELOCITY_STD * rng.standard_normal((len(target), 2))
-    mode = _modes_of(before, config, target, rng)
-    turning = np.array([turn_rate in motion.support for motion in modes.motions])[mode]
-    state[:, turn_rate] = np.where(turning, TURN_RATE_STD * rng.standard_normal(len(target)), 0.0)
-    return ParticleSet(
-        state=state,
-        mode=mode,
-        # Below those of births, which are counted from 0.
-        row_label=-1 - target,
-        parent=np.full(len(target), -1),
-        multiplicity=np.ones(len(target), dtype=np.int64),
-        poisson=np.full(len(target), 1.0 / count),
-        components=sparse.csr_array((len(target), 0)),
-        label=np.zeros(0, dtype=np.int64),
-        log_snr=config.model.amplitudes.draw(mode, modes, rng),
-    )
-
-
-def mixture(scene: Scenario, config: TrackerConfig) -> Mixture:
-    """Return what `clouds` returns as one hypothesis per target, for the Gaussian engine."""
     before, dynamics = truth_at(scene, 0), Dynamics(config.model)
     space = config.model.modes.space
     std = np.zeros(len(space))
@@ -159,13 +113,3 @@ def _earlier(truth: Truth, scene: Scenario, config: TrackerConfig) -> FloatArray
     state: FloatArray = truth.state.copy()
     state[:, list(space.position)] -= scene.interval_s * state[:, list(space.velocity)]
     return state
-
-
-def _modes_of(
-    truth: Truth, config: TrackerConfig, target: IntArray, rng: np.random.Generator
-) -> IntArray:
-    """Return a flat mode of each row's class, drawn uniformly."""
-    class_of = config.model.modes.class_of
-    first = np.searchsorted(class_of, truth.class_id[target])
-    motions = np.bincount(class_of)[truth.class_id[target]]
-    return first + rng.integers(0, motions)

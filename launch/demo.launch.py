@@ -107,7 +107,7 @@ def _nodes(context: LaunchContext, share: str) -> list[Action]:
             {
                 "tracker": tracker_name,
                 "classes": [kind.name for kind in config.model.modes.classes],
-                "record_topics": recorded_topics(config),
+                **recorded_topics(config),
                 # Without truth there is nothing to report.
                 "report": f"{out}/metrics.json" if scans else "",
                 "exit_after_scans": scans,

@@ -4,7 +4,7 @@ Not part of the installed package. The data's path::
 
     harness         nodes under test as processes in a ROS domain, a peer that publishes scans to
       |             them and receives the tracker's output, and figures with their goals
-    reports, hostile_input, operation        faults, on live nodes or in the engines alone
+    reports, hostile_input, operation        faults, on live nodes or in the engine alone
       |
     command         table of faults -> out/<command>/summary.json
 

@@ -15,7 +15,6 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from .harness import engines
 from .harness.figures import Figure, all_reached
 from .hostile_input import asterix_bytes, decoders, random_trackers, raw_bytes
 from .operation import soak
@@ -58,7 +57,7 @@ PARTS = {module.rpartition(".")[2]: module for module in MODULES}
 def figures_of(part: str) -> list[Measure]:
     """Return the measurements of a module, in its order."""
     module = importlib.import_module(f".{PARTS[part]}", __package__)
-    made = [found for found in vars(module).values() if hasattr(found, "of_engines")]
+    made = [found for found in vars(module).values() if hasattr(found, "is_measurement")]
     return [found for found in made if found.__module__ == module.__name__]
 
 
@@ -66,15 +65,9 @@ FAULTS = tuple(measure for part in PARTS for measure in figures_of(part))
 
 
 def faults(arguments: argparse.Namespace) -> Iterator[Measure]:
-    """Yield all measurements with one engine, and those that depend on the engine with others."""
-    asked = [each for part in arguments.part or PARTS for each in figures_of(part)]
-    for measure in asked:
-        yield engines.of(arguments.engine, measure)
-    others = [engine for engine in engines.ALL if engine != arguments.engine]
-    for engine in [] if arguments.only else others:
-        for measure in asked:
-            if vars(measure)["of_engines"]:
-                yield engines.of(engine, measure)
+    """Yield the measurements of all parts, or of those that are asked for."""
+    for part in arguments.part or PARTS:
+        yield from figures_of(part)
     for figure in () if arguments.part else ELSEWHERE:
         yield partial(_unchanged, figure)
 
@@ -85,7 +78,7 @@ def _unchanged(figure: Figure) -> Figure:
 
 def soaking(arguments: argparse.Namespace) -> Iterator[Measure]:
     """Yield the soak's measurement."""
-    yield engines.of(arguments.engine, lambda: soak.measure(arguments.scans))
+    yield lambda: soak.measure(arguments.scans)
 
 
 def fuzzing(arguments: argparse.Namespace) -> Iterator[Measure]:
@@ -94,7 +87,7 @@ def fuzzing(arguments: argparse.Namespace) -> Iterator[Measure]:
     yield lambda: decoders.measure_bags(max(1, arguments.examples // 10))
     yield lambda: asterix_bytes.measure(arguments.examples)
     yield lambda: random_trackers.measure(max(1, arguments.examples // 25))
-    yield engines.of(arguments.engine, lambda: raw_bytes.measure(arguments.seconds))
+    yield lambda: raw_bytes.measure(arguments.seconds)
 
 
 COMMANDS = {"faults": faults, "soak": soaking, "fuzz": fuzzing}
@@ -154,11 +147,7 @@ def main(argv: Sequence[str]) -> int:
     commands = parser.add_subparsers(dest="command", required=True)
     added = {name: commands.add_parser(name) for name in COMMANDS}
     for name, sub in added.items():
-        sub.add_argument("--engine", choices=engines.ALL, default=engines.PARTICLES)
         sub.add_argument("--out", type=Path, default=Path("out") / name, help="%(default)s")
-    added["faults"].add_argument(
-        "--only", action="store_true", help="nothing with another engine than this one"
-    )
     added["faults"].add_argument(
         "--part", action="append", choices=PARTS, help="only these faults; may be repeated"
     )

@@ -20,7 +20,7 @@ from phd_jdtc_ros.core.types import Detections, Scan
 from phd_jdtc_ros.simulation.simulate import simulate
 
 from .misspecified import LEARNED, RADARS, of_radars, scenario_of, truth_of
-from .runner import Figures, Goal, Study, add_engine_argument, goal, table
+from .runner import Figures, Goal, Study, goal, table
 
 # The first scan after the change.
 CHANGE = 40
@@ -47,15 +47,13 @@ RIGHT: Mapping[str, tuple[str, ...]] = {
 MOST_SCANS = 20
 
 
-def measure(arguments: argparse.Namespace, seed: int) -> Figures:
+def measure(_: argparse.Namespace, seed: int) -> Figures:
     """Return the first scan with each alarm of the changed radar, by case."""
-    return {"cases": {case: _first(arguments.engine, seed, *CASES[case]) for case in CASES}}
+    return {"cases": {case: _first(seed, *CASES[case]) for case in CASES}}
 
 
-def _first(
-    engine: str, seed: int, before: Mapping[str, float], after: Mapping[str, float]
-) -> dict[str, int]:
-    tracker = new_engine(resolve({"engine": engine, **of_radars(LEARNED)}))
+def _first(seed: int, before: Mapping[str, float], after: Mapping[str, float]) -> dict[str, int]:
+    tracker = new_engine(resolve(of_radars(LEARNED)))
     first: dict[str, int] = {}
     for index, scan in enumerate(_scans(seed, before, after)):
         for name in tracker.step(scan).figures:
@@ -142,5 +140,4 @@ STUDY = Study(
     runs=12,
     in_summary="changed_radars",
     combined=_combined,
-    add_arguments=add_engine_argument,
 )

@@ -129,7 +129,7 @@ def run(parameters: Mapping[str, Any], seed: int) -> tuple[dict[str, Scores], di
     The parameters are those of a tracker of two radars, whose detections have no amplitudes.
     """
     # Only filtered estimates are scored.
-    given = {**parameters, "seed": seed, "lag": 0}
+    given = {**parameters, "seed": seed, "lag": 0, "lag_s": 0.0}
     whole = resolve(given)
     scenario = scene(whole, seed)
     found, spent_s = estimates_of(scenario, whole, seed)
@@ -199,7 +199,7 @@ def _near(position: Any) -> Any:
 def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
     """Return the scores by arrangement of trackers, and the CPU time of each tracker."""
     parameters = from_arguments.scenario_parameters(yaml_files.load(resources.find(SCENARIO)))
-    parameters |= {"engine": "gaussian", "accuracy": "fast"}
+    parameters["accuracy"] = "fast"
     parameters |= from_arguments.from_arguments(arguments.params_file, arguments.assignments)
     found, spent_s = run(parameters, seed)
     return {"scores": {name: asdict(own) for name, own in found.items()}, "cpu_s": spent_s}

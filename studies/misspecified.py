@@ -31,13 +31,12 @@ from phd_jdtc_ros.study import tracker, turning
 from phd_jdtc_ros.study.monte_carlo.definition import CUTOFF, ORDER
 from phd_jdtc_ros.study.runs import (
     TAXIING,
-    ExtractionVariant,
     IgnoredTargets,
     SimulatedRun,
     simulated_run,
 )
 
-from .runner import Figures, Goal, Study, add_engine_argument, cell, goal, table
+from .runner import Figures, Goal, Study, cell, goal, table
 
 RADARS = ("radar_1", "radar_2")
 # The nominal values, and those from which a tracker learns.
@@ -47,11 +46,9 @@ NOMINAL: Mapping[str, float] = {
     "detection_probability": 0.9,
     "clutter_rate": 20.0,
 }
-LEARNED: Mapping[str, str] = {
-    "range_std": "auto 300 outliers",
-    "azimuth_std_deg": "auto 1",
-    "detection_probability": "auto 0.9",
-    "clutter_rate": "auto",
+LEARNED: Mapping[str, Any] = {
+    **NOMINAL,
+    "learn": ["noise", "outliers", "detection", "clutter"],
 }
 # Factors of the truth.
 CASES: Mapping[str, Mapping[str, float]] = {
@@ -99,44 +96,37 @@ PROFILES = {
 LAGS = {"filtered": 0, "smoothed": 5}
 # Scans that do not count.
 BEFORE = 20
-EXTRACTION = ExtractionVariant("misspecified", "bernoulli", "components")
 # Largest ratios to the errors of a tracker with the true values, where these are not the nominal
 # ones and where they are.
 MOST_WRONG, MOST_RIGHT = 1.1, 1.01
 
 
-def measure(arguments: argparse.Namespace, seed: int) -> Figures:
+def measure(_: argparse.Namespace, seed: int) -> Figures:
     """Return the mean OSPA distances of a seed in metres, by case, tracker and source."""
     found: Figures = {}
     for case, factors in CASES.items():
         truth = truth_of(factors)
         run = simulated_run(scenario_of(truth), seed)
         trackers = {"true values": truth, "nominal values": NOMINAL, "learned": LEARNED}
-        found[case] = {
-            name: _distances(run, {"engine": arguments.engine, **of_radars(given)})
-            for name, given in trackers.items()
-        }
-    found[HEAVY_TAILS] = _of_heavy_tails(arguments.engine, seed)
+        found[case] = {name: _distances(run, of_radars(given)) for name, given in trackers.items()}
+    found[HEAVY_TAILS] = _of_heavy_tails(seed)
     profiles = {
-        f"{profile}, {case}": _of_profile(arguments.engine, profile, factors, seed)
+        f"{profile}, {case}": _of_profile(profile, factors, seed)
         for profile in PROFILES
         for case, factors in PROFILE_CASES.items()
     }
     return {"cases": found, "profiles": profiles}
 
 
-def _of_heavy_tails(engine: str, seed: int) -> Figures:
+def _of_heavy_tails(seed: int) -> Figures:
     """Return the distances with heavy-tailed noise, of trackers with outliers and without."""
     run = heavy_tailed_run(seed)
     trackers: dict[str, Mapping[str, Any]] = {
-        "true values": {**NOMINAL, "range_std": f"{NOMINAL['range_std']} outliers"},
+        "true values": {**NOMINAL, "learn": ["outliers"]},
         "nominal values": NOMINAL,
         "learned": LEARNED,
     }
-    return {
-        name: _distances(run, {"engine": engine, **of_radars(given)})
-        for name, given in trackers.items()
-    }
+    return {name: _distances(run, of_radars(given)) for name, given in trackers.items()}
 
 
 def heavy_tailed_run(seed: int) -> SimulatedRun:
@@ -163,14 +153,11 @@ def heavy_tailed(rng: np.random.Generator, count: int) -> FloatArray:
     return found
 
 
-def _of_profile(engine: str, profile: str, factors: Mapping[str, float], seed: int) -> Figures:
+def _of_profile(profile: str, factors: Mapping[str, float], seed: int) -> Figures:
     """Return the distances of a profile with its radars' true values, and as it is shipped."""
     scene = PROFILES[profile]
     document = yaml_files.load(resources.find(Path("config/scenarios", f"{scene.scenario}.yaml")))
-    shipped = {
-        **sections.read(resources.find(Path("config", f"{profile}.yaml"))).values("/tracker"),
-        "engine": engine,
-    }
+    shipped = sections.read(resources.find(Path("config", f"{profile}.yaml"))).values("/tracker")
     given = from_arguments.scenario_parameters(document)
     truth = {
         f"{radar}.{name}": scaled(given.get(f"{radar}.{name}", NOMINAL.get(name)), factor)
@@ -218,7 +205,7 @@ def _distances(
     """Return the mean OSPA distances of a tracker with these parameters, by source, metres."""
     lags = tuple(LAGS.values())
     if run.scans:
-        tracks = tracker.track(run, resolve(parameters), [EXTRACTION], lags)[EXTRACTION.label]
+        tracks = tracker.track(run, resolve(parameters), lags)
     else:
         tracks = turning.track(run, parameters, lags).tracks
     return {source: _mean(run, tracks[lag], cutoff) for source, lag in LAGS.items()}
@@ -274,5 +261,4 @@ STUDY = Study(
     seed=61000,
     runs=12,
     in_summary="misspecified",
-    add_arguments=add_engine_argument,
 )

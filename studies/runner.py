@@ -82,11 +82,6 @@ def run(study: Study, argv: Sequence[str]) -> int:
     return command.run(_parser(study), argv, partial(_work, study))
 
 
-def add_engine_argument(parser: ArgumentParser) -> None:
-    """Add the argument that selects an engine with labels."""
-    parser.add_argument("--engine", choices=("gaussian", "particles"), default="gaussian")
-
-
 def _parser(study: Study) -> ArgumentParser:
     parser = ArgumentParser(f"studies {study.name}", description=study.purpose)
     study.add_arguments(parser)

@@ -36,9 +36,9 @@ def imported_modules(path):
 
 def test_imported_modules_resolve_relative_names():
     # Guards the other tests: a parser that saw nothing would let everything pass.
-    names = imported_modules(PACKAGE / "core" / "smc" / "filter.py")
+    names = imported_modules(PACKAGE / "core" / "window" / "forward_filter.py")
     core = "phd_jdtc_ros.core"
-    assert {"numpy", f"{core}.types.Scan", f"{core}.smc.prediction.predict"} <= names
+    assert {"numpy", f"{core}.types.Scan", f"{core}.gaussian.prediction.survivors"} <= names
 
 
 def test_core_imports_only_numpy_scipy_and_itself():

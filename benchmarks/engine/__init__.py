@@ -1,1 +1,1 @@
-"""The cost of an engine: its steps and their parts, its smoother, growth, and other trackers."""
+"""The cost of an engine: its steps and their parts, growth, late reports, and other trackers."""

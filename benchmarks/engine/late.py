@@ -18,9 +18,7 @@ from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
 from ..timing import peak_bytes, spread
-from .recursion import GAUSSIAN, PARTICLES
 
-ENGINES = (PARTICLES, GAUSSIAN)
 NOT_READY, READY = "late reports are dropped", "late reports are reprocessed, none is late"
 # Number of later scans that are closed before the late report comes.
 LATE_BY = {"one is a scan late": 1, "one is three scans late": 3}
@@ -32,14 +30,9 @@ Report = tuple[int, int, Detections]
 
 
 def measure(quick: bool) -> dict[str, Any]:
-    """Return the cost of a step by engine and delay, and the memory of a run."""
+    """Return the cost of a step by delay, and the memory of a run."""
     count = QUICK if quick else SCANS
-    return {engine: _of_engine(engine, count) for engine in ENGINES}
-
-
-def _of_engine(engine: str, count: int) -> dict[str, Any]:
-    dropping = resolve({"engine": engine})
-    working = resolve({"engine": engine, "late_reports": "rework"})
+    dropping, working = resolve({}), resolve({"late_reports": "rework"})
     scene = replace(paper_scenario(polar_radars(dropping.model.radars)), scans=count)
     reports = [
         (radar, scan.stamp_ns, found)
@@ -99,8 +92,8 @@ def _median(steps: Sequence[tuple[float, bool]], settling: int) -> dict[str, flo
     return spread(worked or [taken for taken, _ in steps[settling:]])
 
 
-def ratio(found: Mapping[str, Any], engine: str, name: str) -> float:
+def ratio(found: Mapping[str, Any], name: str) -> float:
     """Return the step with late reports as a multiple of that where they are dropped."""
-    steps = found[engine]["steps"]
+    steps = found["steps"]
     value: float = steps[name]["median_ms"] / steps[NOT_READY]["median_ms"]
     return value

@@ -1,7 +1,7 @@
 """Stone Soup's trackers on the reference scenario's scans, compared with the tracker's step.
 
-All but the SMC-PHD filter are the study's: tuned, gated, and with known birth places. They only
-filter, while the tracker's step also classifies and smooths.
+They are the study's: tuned, gated, and with known birth places. They only filter, while the
+tracker's step also classifies and smooths.
 """
 
 from __future__ import annotations
@@ -13,30 +13,27 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.study.runs import SimulatedRun, simulated_run
 from studies import peers
 
-from . import stone_soup_smc
-from .recursion import PARTICLES, PARTS
-
-# Few scans for the SMC-PHD filter, which is slow.
-SMC_SCANS, SMC_TARGETS = 5, 3
+from .recursion import GAUSSIAN
 
 
 def measure(quick: bool) -> dict[str, Any]:
     """Return the mean CPU milliseconds per scan of each tracker, by run."""
-    config = resolve({"engine": PARTICLES})
-    scene = paper_scenario(polar_radars(config.model.radars))
+    scene = paper_scenario(polar_radars(resolve({}).model.radars))
     if quick:
         scene = replace(scene, scans=15)
     trackers: dict[str, Callable[[SimulatedRun], object]] = {
-        engine: _tracker(resolve({"engine": engine})) for engine in PARTS
+        GAUSSIAN: _own,
+        "GM-PHD": peers.gm_phd,
+        "GNN": peers.gnn,
+        "JPDA": peers.jpda,
     }
-    trackers |= {"GM-PHD": peers.gm_phd, "GNN": peers.gnn, "JPDA": peers.jpda}
     cost: dict[str, list[float]] = {name: [] for name in trackers}
     for seed in range(1 if quick else 3):
         run = simulated_run(scene, seed)
@@ -44,25 +41,12 @@ def measure(quick: bool) -> dict[str, Any]:
             begin = time.process_time()
             track(run)
             cost[name].append(1e3 * (time.process_time() - begin) / len(run.scans))
-    found: dict[str, Any] = {
+    return {
         name: {"median_ms": float(np.median(each)), "runs_ms": each} for name, each in cost.items()
     }
-    found["SMC-PHD"] = _smc(config, quick)
-    return found
 
 
-def _tracker(config: TrackerConfig) -> Callable[[SimulatedRun], object]:
-    def track(run: SimulatedRun) -> None:
-        engine = new_engine(config)
-        for scan in run.scans:
-            engine.step(scan)
-
-    return track
-
-
-def _smc(config: TrackerConfig, quick: bool) -> dict[str, Any]:
-    if quick:
-        return {"value": None, "reason": "left out of the quick run"}
-    scene = replace(paper_scenario(polar_radars(config.model.radars)), scans=SMC_SCANS)
-    each = stone_soup_smc.step_times_ms(simulated_run(scene, 0), config, SMC_TARGETS)
-    return {"median_ms": float(np.median(each)), "scans_ms": each}
+def _own(run: SimulatedRun) -> None:
+    engine = new_engine(resolve({}))
+    for scan in run.scans:
+        engine.step(scan)

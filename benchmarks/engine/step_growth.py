@@ -16,13 +16,9 @@ from phd_jdtc_ros.simulation.simulate import simulate
 
 from .. import scenes
 from ..timing import exponent, peak_bytes, spread
-from .recursion import FAST, FORMS, GAUSSIAN, PARTICLES, SETTLING, tracking
-from .smoothing import PER_TARGET
+from .recursion import FORMS, SETTLING, tracking
 
-# A thousand targets have half a million particles, which take a second per step.
-GAUSSIAN_LADDER = (200, 500, 1000, 2000, 5000)
-LADDER = {GAUSSIAN: GAUSSIAN_LADDER, FAST: GAUSSIAN_LADDER, PARTICLES: (200, 500, 1000)}
-QUICK_LADDER = {GAUSSIAN: (10, 20, 40), FAST: (10, 20, 40), PARTICLES: (10, 20)}
+LADDER, QUICK_LADDER = (200, 500, 1000, 2000, 5000), (10, 20, 40)
 STEPS = 6
 MEMORY_TARGETS, QUICK_MEMORY_TARGETS = 1000, 20
 
@@ -30,12 +26,11 @@ MEMORY_TARGETS, QUICK_MEMORY_TARGETS = 1000, 20
 def measure(quick: bool) -> dict[str, Any]:
     """Return the cost of a step by form and size, and the memory of each form."""
     ladder = QUICK_LADDER if quick else LADDER
-    forms = {form: _growth(form, sizes) for form, sizes in ladder.items()}
+    forms = {form: _growth(form, ladder) for form in FORMS}
     targets = QUICK_MEMORY_TARGETS if quick else MEMORY_TARGETS
-    memory = {form: memory_of(form, targets) / 1e6 for form in ladder}
+    memory = {form: memory_of(form, targets) / 1e6 for form in FORMS}
     return {
         "forms": forms,
-        "particles_per_target": PER_TARGET,
         "memory": {"targets": targets, "MB": memory},
     }
 
@@ -47,7 +42,7 @@ def _growth(form: str, sizes: Sequence[int]) -> dict[str, Any]:
 
 
 def _scene(form: str, targets: int) -> tuple[TrackerConfig, Scenario, list[Scan]]:
-    config = scenes.configuration(targets, PER_TARGET, *FORMS[form])
+    config = scenes.configuration(targets, FORMS[form])
     scene = scenes.crowd(targets, SETTLING + config.lag.scans + STEPS, config, seed=3)
     return config, scene, [scan for _, scan in simulate(scene, seed=3)]
 
@@ -55,7 +50,7 @@ def _scene(form: str, targets: int) -> tuple[TrackerConfig, Scenario, list[Scan]
 def step_times_ms(form: str, targets: int) -> list[float]:
     """Return the CPU milliseconds of each measured step."""
     config, scene, scans = _scene(form, targets)
-    run = tracking(config, scene, seed=3)
+    run = tracking(config, scene)
     times = []
     for scan in scans:
         begin = time.process_time()
@@ -69,7 +64,7 @@ def memory_of(form: str, targets: int) -> int:
     config, scene, scans = _scene(form, targets)
 
     def run() -> None:
-        tracker = tracking(config, scene, seed=3)
+        tracker = tracking(config, scene)
         for scan in scans:
             tracker.step(scan)
 

@@ -1,4 +1,4 @@
-"""The cost of a step and its parts, of both engines: the reference scenario and crowds."""
+"""The cost of a step and its parts: the reference scenario and crowds."""
 
 from __future__ import annotations
 
@@ -18,26 +18,23 @@ from phd_jdtc_ros.simulation.simulate import simulate
 
 from .. import scenes
 from ..timing import peak_bytes, spread
-from .recursion import FAST, FORMS, GAUSSIAN, PARTICLES, SETTLING, TimedEngine, tracking
-from .smoothing import PER_TARGET
+from .recursion import FAST, FORMS, GAUSSIAN, SETTLING, TimedEngine, tracking
 
 PAPER = "4 targets"
-BOTH = (PARTICLES, GAUSSIAN)
 
 
 class Crowd(NamedTuple):
     """A scene."""
 
     targets: int
-    forms: tuple[str, ...] = BOTH
+    forms: tuple[str, ...]
     clutter: float | None = None  # See `scenes.configuration`
 
 
 CROWDS = {
-    "20 targets": Crowd(20),
-    "200 targets": Crowd(200, (*BOTH, FAST)),
-    # The clutter completes a radar's report to 1000 detections. Half a million particles take a
-    # second per step, and are left to `step_growth`.
+    "20 targets": Crowd(20, (GAUSSIAN,)),
+    "200 targets": Crowd(200, (GAUSSIAN, FAST)),
+    # The clutter completes a radar's report to 1000 detections.
     "1000 targets": Crowd(1000, (GAUSSIAN, FAST), 11.0),
 }
 # Number of measured steps.
@@ -55,24 +52,22 @@ def measure(quick: bool) -> dict[str, Any]:
 
 def _reference(count: int | None) -> dict[str, Any]:
     """Return the figures of the reference scenario, or of its first `count` scans."""
-    configs = {engine: resolve({"engine": engine}) for engine in BOTH}
-    config = configs[PARTICLES]
+    config = resolve({})
     scene = paper_scenario(polar_radars(config.model.radars))
     scans = [scan for _, scan in simulate(replace(scene, scans=count or scene.scans), seed=0)]
-    runs = {engine: TimedEngine(configs[engine]) for engine in BOTH}
-    return _measure(runs, scans, config.lag.scans)
+    return _measure({GAUSSIAN: TimedEngine(config)}, scans, config.lag.scans)
 
 
 def _crowd(crowd: Crowd) -> dict[str, Any]:
     configs = {
-        form: scenes.configuration(crowd.targets, PER_TARGET, *FORMS[form], clutter=crowd.clutter)
+        form: scenes.configuration(crowd.targets, FORMS[form], crowd.clutter)
         for form in crowd.forms
     }
     config = configs[crowd.forms[0]]
     settling = SETTLING + config.lag.scans
     scene = scenes.crowd(crowd.targets, settling + STEPS, config, seed=2)
     scans = [scan for _, scan in simulate(scene, seed=0)]
-    runs = {form: tracking(configs[form], scene, seed=2) for form in crowd.forms}
+    runs = {form: tracking(configs[form], scene) for form in crowd.forms}
     return _measure(runs, scans, settling)
 
 
@@ -86,10 +81,10 @@ def _measure(
         for form, run in runs.items():
             costs[form].append(_timed_step(run, scan))
     sizes = [len(found) for scan in scans for found in scan.detections if found is not None]
-    found: dict[str, Any] = {"detections_a_radar": float(np.mean(sizes)), "engines": {}}
+    found: dict[str, Any] = {"detections_a_radar": float(np.mean(sizes)), "forms": {}}
     for form, run in runs.items():
         measured = costs[form][settling:]
-        found["engines"][form] = {
+        found["forms"][form] = {
             "counts": _counts(measured),
             "times": {
                 part: spread([cost[part] for cost in measured]) for part in ("step", *run.parts_ms)
@@ -103,16 +98,15 @@ def _timed_step(run: TimedEngine, scan: Scan) -> dict[str, float]:
     begin = time.process_time()
     step = run.step(scan)
     whole = 1e3 * (time.process_time() - begin)
-    counts = {"expected targets": float(step.class_mass.sum()), "rows": float(len(run.stored))}
-    if hasattr(run.stored, "multiplicity"):
-        counts["particles"] = float(run.stored.multiplicity.sum())
-    counts["approximate clusters"] = float(step.figures.get("approximate_clusters", 0))
+    counts = {
+        "expected targets": float(step.class_mass.sum()),
+        "hypotheses": float(run.hypotheses),
+        "approximate clusters": float(step.figures["approximate_clusters"]),
+    }
     return {"step": whole, **run.parts_ms, **counts}
 
 
 def _counts(steps: Sequence[dict[str, float]]) -> dict[str, float]:
     """Return the medians of the counts."""
-    names = ("expected targets", "particles", "rows", "approximate clusters")
-    return {
-        name: float(np.median([step[name] for step in steps])) for name in names if name in steps[0]
-    }
+    names = ("expected targets", "hypotheses", "approximate clusters")
+    return {name: float(np.median([step[name] for step in steps])) for name in names}

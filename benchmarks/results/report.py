@@ -12,29 +12,13 @@ from phd_jdtc_ros.report.table import simple_table
 from studies.runner import goals_table
 
 from ..engine import late
-from ..engine.recursion import FORMS, GAUSSIAN, PARTICLES, PARTS
+from ..engine.recursion import FORMS, GAUSSIAN, PARTS
 from ..engine.steps import PAPER
 from ..transport.turning import ONE_CLOUD
-
-# Counts in the table of a step, by engine.
-COUNTS = {
-    PARTICLES: {"particles": "particles"},
-    GAUSSIAN: {"rows": "hypotheses", "approximate clusters": "approximate clusters"},
-}
-STEPS_CAPTIONS = {
-    PARTICLES: "4 targets: the reference scenario, 1500 particles per target; others: about 500",
-    GAUSSIAN: "4 targets: the reference scenario",
-}
 
 
 def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
     """Yield a table for every part that was measured, the goals last."""
-    if "smoother" in summary:
-        yield _smoother("the smoother per scan: one kernel and five lags", summary["smoother"])
-    if "paper_smoother" in summary:
-        yield _smoother("the same with the paper's kernel", summary["paper_smoother"])
-    if "growth" in summary:
-        yield _growth(summary["growth"])
     if "steps" in summary:
         yield from _steps(summary["steps"])
     if "step_growth" in summary:
@@ -43,9 +27,8 @@ def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
         yield _peers(summary["peers"])
     if "parts" in summary.get("messages", {}):
         yield _messages(summary["messages"])
-    for engine, found in summary.get("live", {}).items():
-        if "estimate_ms" in found:
-            yield _live(engine, found)
+    if "estimate_ms" in summary.get("live", {}):
+        yield _live(summary["live"])
     if "turning" in summary:
         yield from _turning(summary["turning"])
     if "late" in summary:
@@ -80,62 +63,23 @@ def _number(value: float) -> str:
     return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"
 
 
-def _smoother(title: str, sizes: Mapping[str, Any]) -> Table:
-    """Return each form's time, also as a multiple of the fastest."""
-    forms = list(dict.fromkeys(name for size in sizes.values() for name in size["times"]))
-    whole = [name for name in forms if not name.startswith(("build", "backward"))]
-    kinds = ["dense,", "dense ", "k-d tr", "smooth"]
-
-    def cell(name: str, found: Mapping[str, Any]) -> str:
-        times, memory = found["times"], found["memory"]
-        if name not in times:
-            return "-"
-        median = times[name]["median_ms"]
-        best = min(times[each]["median_ms"] for each in whole if each in times)
-        megabytes = memory.get(f"{name.replace('smoother', 'build')}, MB")
-        extra = f", {megabytes:.0f} MB" if megabytes else ""
-        return f"{_ms(median)} ({_number(median / best)}x{extra})"
-
-    return simple_table(
-        title,
-        ["form", *(f"N = {size}" for size in sizes)],
-        (
-            [name, *(cell(name, found) for found in sizes.values())]
-            for name in sorted(whole, key=lambda name: kinds.index(name[:6]))
-        ),
-        "CPU medians; in brackets, as a multiple of the fastest; peak memory of a kernel",
-    )
-
-
-def _growth(growth: Mapping[str, Any]) -> Table:
-    ladders = [growth["particles_per_target"]["forms"], growth["targets"]["forms"]]
-
-    def row(name: str) -> list[str]:
-        slopes = [ladder.get(name, {}).get("exponent") for ladder in ladders]
-        return [name, *("-" if slope is None else f"{slope:.2f}" for slope in slopes)]
-
-    headings = ("form", "in particles per target", "in targets")
-    return simple_table("growth: exponents", headings, map(row, ladders[0]))
-
-
 def _steps(scenes: Mapping[str, Any]) -> Iterator[Table]:
     """Yield a table of the parts of a step for each form."""
-    for form, (engine, _) in FORMS.items():
+    for form in FORMS:
         columns = {
-            scene: (found["detections_a_radar"], found["engines"][form])
+            scene: (found["detections_a_radar"], found["forms"][form])
             for scene, found in scenes.items()
-            if form in found["engines"]
+            if form in found["forms"]
         }
-        title = f"the whole step, engine {form}, CPU medians in ms"
-        caption = STEPS_CAPTIONS[engine] if PAPER in columns else ""
+        title = f"the whole step, {form}, CPU medians in ms"
+        caption = "4 targets: the reference scenario" if PAPER in columns else ""
         table = simple_table(title, ["part", *columns], caption=caption)
-        for part in ("step", *PARTS[engine]):
+        for part in ("step", *PARTS):
             cells = [f"{of['times'][part]['median_ms']:.1f}" for _, of in columns.values()]
             table.add_row(part, *cells, end_section=part == "step")
         table.add_section()
-        for count, label in COUNTS[engine].items():
-            cells = [f"{of['counts'][count]:.0f}" for _, of in columns.values()]
-            table.add_row(label, *cells)
+        for count in ("hypotheses", "approximate clusters"):
+            table.add_row(count, *(f"{of['counts'][count]:.0f}" for _, of in columns.values()))
         table.add_row("detections", *(f"{number:.0f}" for number, _ in columns.values()))
         yield table
 
@@ -152,23 +96,21 @@ def _step_growth(growth: Mapping[str, Any]) -> Table:
 
     return simple_table(
         "the whole step against targets, CPU medians",
-        ["engine", *map(str, sizes), "exponent"],
+        ["form", *map(str, sizes), "exponent"],
         (row(name, form) for name, form in growth["forms"].items()),
         f"peak memory with {growth['memory']['targets']} targets and a lag of 5: {memory}",
     )
 
 
 def _peers(peers: Mapping[str, Any]) -> Table:
-    own = peers[PARTICLES]["median_ms"]
+    own = peers[GAUSSIAN]["median_ms"]
 
     def row(name: str, found: Mapping[str, Any]) -> list[str]:
-        median = found.get("median_ms")
-        cells = [found["reason"], "-"] if median is None else [_ms(median), _number(median / own)]
-        return [name, *cells]
+        return [name, _ms(found["median_ms"]), _number(found["median_ms"] / own)]
 
     title = "a scan of the reference scenario, both radars"
     rows = (row(name, found) for name, found in peers.items())
-    return simple_table(title, ("tracker", "CPU", "times particles"), rows)
+    return simple_table(title, ("tracker", "CPU", "times gaussian"), rows)
 
 
 def _messages(messages: Mapping[str, Any]) -> Table:
@@ -181,7 +123,7 @@ def _messages(messages: Mapping[str, Any]) -> Table:
 PERCENTILES = ("p50", "p99", "most")
 
 
-def _live(engine: str, live: Mapping[str, Any]) -> Table:
+def _live(live: Mapping[str, Any]) -> Table:
     rate = live["highest_rate_hz"]
     caption = (
         f"highest rate without a gap: {rate['value']:.1f} Hz"
@@ -194,7 +136,7 @@ def _live(engine: str, live: Mapping[str, Any]) -> Table:
         "beyond_step_ms": "to the last message, less the step",
     }
     return simple_table(
-        f"engine {engine} over DDS, {live['scans']} scans, wall time",
+        f"the tracker over DDS, {live['scans']} scans, wall time",
         ("from last detection", *PERCENTILES),
         ([label, *(_ms(live[key][each]) for each in PERCENTILES)] for key, label in labels.items()),
         caption,
@@ -202,53 +144,40 @@ def _live(engine: str, live: Mapping[str, Any]) -> Table:
 
 
 def _turning(found: Mapping[str, Any]) -> Iterator[Table]:
-    for engine, latency in found["latency"].items():
-        if "latency_s" in latency:
-            yield _sector_latency(engine, latency)
-    cost = found["cost"]
-
-    def row(form: str) -> Iterator[str]:
-        yield form
-        for of_forms in cost.values():
-            median = of_forms[form]["median_ms"]
-            yield f"{_ms(median)} ({_number(median / of_forms[ONE_CLOUD]['median_ms'])}x)"
-
+    if "latency_s" in found["latency"]:
+        yield _sector_latency(found["latency"])
+    medians = {form: of_form["median_ms"] for form, of_form in found["cost"].items()}
     yield simple_table(
         "a turn of 50 aircraft, CPU medians",
-        ("reports", *cost),
-        (list(row(form)) for form in next(iter(cost.values()))),
+        ("reports", "CPU"),
+        (
+            (form, f"{_ms(median)} ({_number(median / medians[ONE_CLOUD])}x)")
+            for form, median in medians.items()
+        ),
         "estimates once a turn, except in the row with estimates at each sector; "
         "in brackets, as a multiple of one cloud",
     )
 
 
 def _late(found: Mapping[str, Any]) -> Table:
-    memory = ", ".join(
-        f"{engine} {_number(of_engine['peak_MB'][late.NOT_READY])} and "
-        f"{_number(of_engine['peak_MB'][late.READY])} MB"
-        for engine, of_engine in found.items()
-    )
-
-    def cell(engine: str, name: str) -> str:
-        median = found[engine]["steps"][name]["median_ms"]
-        return f"{_ms(median)} ({_number(late.ratio(found, engine, name))}x)"
-
+    dropped, reprocessed = (found["peak_MB"][name] for name in (late.NOT_READY, late.READY))
     return simple_table(
         "a scan of the reference scenario, CPU medians",
-        ("late reports", *found),
+        ("late reports", "CPU"),
         (
-            [name, *(cell(engine, name) for engine in found)]
-            for name in next(iter(found.values()))["steps"]
+            (name, f"{_ms(step['median_ms'])} ({_number(late.ratio(found, name))}x)")
+            for name, step in found["steps"].items()
         ),
         "steps that reprocess a report, or all steps if none is late; in brackets, as a "
-        f"multiple of where they are dropped. Most memory of both: {memory}",
+        f"multiple of where they are dropped. Most memory of these two: {_number(dropped)} and "
+        f"{_number(reprocessed)} MB",
     )
 
 
-def _sector_latency(engine: str, found: Mapping[str, Any]) -> Table:
+def _sector_latency(found: Mapping[str, Any]) -> Table:
     latency, step = found["latency_s"], found["step_ms"]
     return simple_table(
-        f"a turning radar over DDS, engine {engine}, {found['sectors']} sectors in real time",
+        f"a turning radar over DDS, {found['sectors']} sectors in real time",
         ("of a detection", *PERCENTILES),
         (
             ["to the estimates of its sector", *(f"{latency[p]:.3f} s" for p in PERCENTILES)],

@@ -95,15 +95,14 @@ def _to_plots(datagrams: list[bytes]) -> int:
 
 def _to_clouds(datagrams: list[bytes]) -> int:
     from phd_jdtc_ros.asterix_bridge import clouds
-    from phd_jdtc_ros.asterix_bridge.settings import Amplitudes
 
-    stream, amplitudes, count = PlotStream({}), Amplitudes("any", -100.0), 0
+    stream, count = PlotStream({}), 0
     for data in datagrams:
         for state, report in stream.feed(data):
-            cloud = clouds.cloud(report, state, amplitudes)
+            cloud = clouds.cloud(report, state)
             count += cloud.width
     for state, report in stream.finish():
-        cloud = clouds.cloud(report, state, amplitudes)
+        cloud = clouds.cloud(report, state)
         count += cloud.width
     return count
 

@@ -21,7 +21,6 @@ from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 from robustness.harness.rig import Node
 
-from ..engine.recursion import PARTS
 from ..timing import percentiles
 from . import messages
 from .radars import Radars
@@ -37,12 +36,6 @@ SEARCH_S = 80.0
 
 
 def measure(quick: bool) -> dict[str, Any]:
-    """Return latencies and the highest rate of each engine; see `of_engine`."""
-    messages.environment()
-    return {engine: of_engine(engine, quick) for engine in PARTS}
-
-
-def of_engine(engine: str, quick: bool) -> dict[str, Any]:
     """Return latencies and the highest rate, in milliseconds and hertz.
 
     ``estimate`` is the time from the publication of a scan's last detections to the receipt of its
@@ -50,10 +43,11 @@ def of_engine(engine: str, quick: bool) -> dict[str, Any]:
     the step's CPU time as reported by the tracker, from decoding to publishing. The rest is spent
     on transport, waiting and the operating system.
     """
+    messages.environment()
     scans = _scans(20 if quick else 60)
     with tempfile.TemporaryDirectory() as directory, contextlib.ExitStack() as stack:
         log = Path(directory) / "tracker.log"
-        stack.enter_context(node("tracker", log, "--ros-args", "-p", f"engine:={engine}"))
+        stack.enter_context(node("tracker", log))
         radars = stack.enter_context(contextlib.closing(Radars(resolve({}).radars)))
         if not radars.connected(START_S):
             return {"value": None, "reason": f"no tracker was found: {log.read_text()[-500:]}"}
@@ -149,5 +143,5 @@ def _at_rate(radars: Radars, scans: list[Scan], rate_hz: float) -> tuple[int, fl
     replies = [radars.replies.get(scan.stamp_ns) for scan in scans]
     late = [r.estimate_s - s for r, s in zip(replies, sent, strict=True) if r and r.whole]
     lost = len(scans) - len(late)
-    # The first scans after a reset have fewer particles, so the tenth's delay is taken as usual.
+    # The first scans after a reset have fewer targets, so the tenth's delay is taken as usual.
     return lost, (late[-1] - late[min(10, len(late) - 1)]) * rate_hz if late else 0.0

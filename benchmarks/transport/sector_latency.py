@@ -31,14 +31,14 @@ from .radars import Radars, Reply
 PAUSE_S = 0.5
 
 
-def measure(turns: int, engine: str) -> dict[str, Any]:
+def measure(turns: int) -> dict[str, Any]:
     """Return the latency of detections in seconds, and the step's CPU time in milliseconds.
 
     The latency is from the time at which the antenna passed the detection to the receipt of the
     filtered estimates of its sector.
     """
     messages.environment()
-    config = traffic.configuration({**traffic.AT_EVERY_SECTOR, "engine": engine})
+    config = traffic.configuration(traffic.AT_EVERY_SECTOR)
     new_engine(config)  # compiles what no earlier run has stored, which takes longer than a start
     scene = traffic.scene(traffic.SETTLING + turns, config, seed=0)
     reports = simulate_reports(scene, config.radars, seed=0)
@@ -46,7 +46,7 @@ def measure(turns: int, engine: str) -> dict[str, Any]:
     sector_ns = round(1e9 * config.radars[0].rotation_s / traffic.SECTORS)
     with tempfile.TemporaryDirectory() as directory, contextlib.ExitStack() as stack:
         log = Path(directory) / "tracker.log"
-        stack.enter_context(live.node("tracker", log, *_arguments(engine)))
+        stack.enter_context(live.node("tracker", log, *_arguments()))
         radars = stack.enter_context(contextlib.closing(Radars(config.radars)))
         if not radars.connected(live.START_S):
             return {"value": None, "reason": f"no tracker was found: {log.read_text()[-500:]}"}
@@ -55,10 +55,9 @@ def measure(turns: int, engine: str) -> dict[str, Any]:
         return _in_real_time(radars, reports[settling:], sector_ns)
 
 
-def _arguments(engine: str) -> list[str]:
+def _arguments() -> list[str]:
     """Return the tracker's arguments for the profile by sectors."""
-    values = {**traffic.AT_EVERY_SECTOR, "engine": engine}
-    changes = [("-p", f"{name}:={value}") for name, value in values.items()]
+    changes = [("-p", f"{name}:={value}") for name, value in traffic.AT_EVERY_SECTOR.items()]
     file = str(resources.find(traffic.PROFILE))
     return ["--ros-args", "--params-file", file, *(word for pair in changes for word in pair)]
 

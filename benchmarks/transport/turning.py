@@ -14,11 +14,9 @@ from phd_jdtc_ros.core.pipeline import Pipeline, RunEnded
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_reports
 
 from .. import traffic
-from ..engine.recursion import GAUSSIAN, PARTICLES
 from ..timing import spread
 from . import sector_latency
 
-ENGINES = (PARTICLES, GAUSSIAN)
 ONE_CLOUD = "one cloud"
 BY_SECTORS = f"{traffic.SECTORS} sectors"
 AT_EVERY_SECTOR = f"{traffic.SECTORS} sectors, estimates at each"
@@ -34,36 +32,25 @@ TURNS, LIVE_TURNS, QUICK_LIVE_TURNS = 20, 10, 3
 def measure(quick: bool) -> dict[str, Any]:
     """Return the latency of detections, and the cost of a turn by the form of its reports."""
     turns = QUICK_LIVE_TURNS if quick else LIVE_TURNS
-    latency = {engine: sector_latency.measure(turns, engine) for engine in ENGINES}
-    return {"latency": latency, "cost": cost(2 if quick else TURNS)}
+    return {"latency": sector_latency.measure(turns), "cost": cost(2 if quick else TURNS)}
 
 
 def cost(turns: int, settling: int = traffic.SETTLING) -> dict[str, Any]:
-    """Return the CPU time of a turn, by engine and form, after the first `settling`.
+    """Return the CPU time of a turn by form, after the first `settling`.
 
     All of them get the same plots and take turns, turn by turn.
     """
-    configs = {
-        (engine, form): traffic.configuration({**changes, "engine": engine})
-        for engine in ENGINES
-        for form, changes in FORMS.items()
-    }
-    pipelines = {case: new_pipeline(config) for case, config in configs.items()}
-    sent = {form: list(_by_turn(configs[PARTICLES, form], settling + turns)) for form in FORMS}
-    spent: dict[tuple[str, str], list[float]] = {case: [] for case in pipelines}
-    targets = dict.fromkeys(pipelines, 0.0)
+    configs = {form: traffic.configuration(changes) for form, changes in FORMS.items()}
+    pipelines = {form: new_pipeline(config) for form, config in configs.items()}
+    sent = {form: list(_by_turn(configs[form], settling + turns)) for form in FORMS}
+    spent: dict[str, list[float]] = {form: [] for form in FORMS}
+    targets = dict.fromkeys(FORMS, 0.0)
     for turn in range(settling + turns):
-        for case, pipeline in pipelines.items():
+        for form, pipeline in pipelines.items():
             begin = time.process_time()
-            targets[case] = _take(pipeline, sent[case[1]][turn])
-            spent[case].append(1e3 * (time.process_time() - begin))
-    return {
-        engine: {
-            form: {**spread(spent[engine, form][settling:]), "targets": targets[engine, form]}
-            for form in FORMS
-        }
-        for engine in ENGINES
-    }
+            targets[form] = _take(pipeline, sent[form][turn])
+            spent[form].append(1e3 * (time.process_time() - begin))
+    return {form: {**spread(spent[form][settling:]), "targets": targets[form]} for form in FORMS}
 
 
 def _by_turn(config: TrackerConfig, turns: int) -> Iterator[Sequence[SimulatedReport]]:

@@ -22,13 +22,12 @@ LINES = (COLOURS[1], COLOURS[2], COLOURS[0], INK)
 CORRECTIONS = {
     "as printed": "paper, as printed",
     "PHD, corrected death term": "PHD filter, corrected",
-    "particles, motion of the paper": "labelled filter",
+    "gaussian, motion of the paper": "this tracker",
     "reference": "association known",
 }
 STEPS = {
-    "particles": "particles",
-    "gaussian": "Gaussians",
-    "gaussian, accuracy fast": "with accuracy: fast",
+    "gaussian": "accuracy: normal",
+    "gaussian, accuracy fast": "accuracy: fast",
 }
 # Between the labels of lines that end near each other, points.
 APART = 13.0

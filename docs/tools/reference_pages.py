@@ -33,6 +33,10 @@ of `sensor_replay`. Whole numbers are accepted for all numbers. All faults of a 
 listed at once, and the node then ends with status 2.
 """
 
+# Parameters of the bridge that each radar may have too, and those that it alone has.
+_OF_ALL = ", ".join(f"`{p.name}`" for p in bridge.RADAR if p in bridge.TABLE)
+_OF_RADARS = tuple(p for p in bridge.RADAR if p not in bridge.TABLE)
+
 _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
     (
         "tracker",
@@ -65,9 +69,8 @@ _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
     ),
     (
         "asterix_bridge, for every name in `radars`",
-        "A parameter that is not set for a radar has the value of the parameter of the same name "
-        "above.",
-        bridge.RADAR,
+        f"{_OF_ALL} can be set for a radar too; without, those above count.",
+        _OF_RADARS,
     ),
     ("hand_over", "The offline tool has options for those that it needs.", hand_over.TABLE),
     ("hand_over, for every name in `trackers`", "", hand_over.TRACKER),
@@ -88,13 +91,8 @@ def parameters() -> str:
 
 
 def declared() -> int:
-    """Return the number of declared parameters.
-
-    A bridge parameter that can also be set for each radar counts once.
-    """
-    bridge_only = {p.name for p in bridge.RADAR} - {p.name for p in bridge.TABLE}
-    tables = [table for _, _, table in _SECTIONS if table is not bridge.RADAR]
-    return sum(map(len, tables)) + len(bridge_only)
+    """Return the number of declared parameters."""
+    return sum(len(table) for _, _, table in _SECTIONS)
 
 
 def _default_text(parameter: Parameter) -> str:
@@ -115,8 +113,8 @@ from 0 to 1. A figure that has no meaning, such as the RMS of no pairs, is null.
 The evaluator publishes on `~/ospa`, for every scan and set: {}. On a topic each, for
 [plots](visualisation.md#plots), it publishes {} too.
 
-c, the cutoff, and p, the order, are the evaluator's parameters `cutoff` and `order`; `track_bag`,
-`report` and `monte_carlo` have the option `--cutoff`. A target and an estimate are a pair where the
+c, the cutoff, is the evaluator's parameter `cutoff`, and an option `--cutoff` of `track_bag`,
+`report` and `monte_carlo`; p, the order, is 2. A target and an estimate are a pair where the
 best assignment by position alone pairs them closer than c.
 `confusion` of all targets counts, over the scans, targets by true class (rows) and by the class of
 their paired estimate (columns). The last column counts missed targets, the last row false
@@ -210,8 +208,14 @@ def policies(document: str) -> str:
 
 _BEGIN, _END = "<!-- begin: make parameters -->", "<!-- end -->"
 _REPLACED = (
-    ("tracker", replaced.TRACKER),
+    (
+        "tracker",
+        {
+            **replaced.TRACKER,
+        },
+    ),
     ("tracker, of each sensor", replaced.RADAR),
+    ("tracker, of each birth term", replaced.BIRTH),
     ("tracker, as a node", replaced.NODE),
     ("sensor_replay", replaced.REPLAY),
     ("evaluator", replaced.EVALUATOR),
@@ -226,7 +230,10 @@ def upgrade(page: str) -> str:
     """Return the upgrade page with its tables of renamed parameters rewritten."""
     head, _, rest = page.partition(_BEGIN)
     _, _, tail = rest.partition(_END)
-    tables = [_section(title, "", ("before", "now"), _joined(names)) for title, names in _REPLACED]
+    tables = [
+        _section(title, "", ("before", "now"), [*_joined(names), *_rewritten(title)])
+        for title, names in _REPLACED
+    ]
     return "\n".join([f"{head}{_BEGIN}", *(f"#{table}" for table in tables), f"{_END}{tail}"])
 
 
@@ -246,6 +253,18 @@ def _joined(names: Mapping[str, str]) -> list[tuple[str, str]]:
             name, now = f"{name} (`{output[1]}`)", "use outputs, a list of such words"
         rows.setdefault(now, []).append(name)
     return [(", ".join(old), now) for now, old in rows.items()]
+
+
+def _rewritten(title: str) -> list[tuple[str, str]]:
+    """Return a row for each value in a former notation of a part, and the lines that replace it."""
+    return [
+        (
+            f"`{name}: {proposed_file.scalar(value)}`",
+            ", ".join(f"`{line}`" for line in lines(name, value)),
+        )
+        for name, lines, values in replaced.NOTATIONS.get(title, ())
+        for value in values
+    ]
 
 
 _DEFAULTS = """\

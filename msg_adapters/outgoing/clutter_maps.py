@@ -10,7 +10,7 @@ import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 
-from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
+from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
 
 from ..encoding import stamps
 from ..encoding.errors import RejectedMessageError

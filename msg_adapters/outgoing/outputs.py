@@ -54,6 +54,7 @@ class View:
     radars: Sequence[Sensor]  # In the configured order
     plane: Plane | None  # Placement of the world frame on the earth
     trails: Trails
+    has_clutter_map: bool = False
     run: uuid.UUID = field(default_factory=uuid.uuid4)  # Identifies the tracker's run
 
     def begin_run(self) -> None:
@@ -133,7 +134,7 @@ def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
             encode=_clutter_map,
             usual=False,
             latched=True,
-            needs=lambda view: any(radar.clutter_map is not None for radar in view.radars),
+            needs=lambda view: view.has_clutter_map,
             period_s=CLUTTER_PERIOD_S,
         ),
         Output(
@@ -150,7 +151,11 @@ def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
         ),
         *(
             Output(
-                *(topic, kind, FILTERED, encode, switch),
+                topic,
+                kind,
+                FILTERED,
+                encode,
+                switch,
                 usual=False,
                 remembers=encode in (_paths, _geojson),
                 on_earth=encode in (_fixes, _geojson),

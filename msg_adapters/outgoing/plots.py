@@ -18,7 +18,11 @@ if TYPE_CHECKING:
 
 
 # Plotted figures of each engine.
-FIGURES = {"particles": ("particles", "effective_share"), "gaussian": ("hypotheses", "origins")}
+FIGURES = {
+    "gaussian": ("hypotheses", "origins"),
+    **dict.fromkeys(("phd", "phd_as_printed"), ("particles", "effective_sample_size")),
+    "phd_gaussian": ("gaussians",),
+}
 
 
 def of_tracker(classes: int, engine: str | None = "gaussian") -> tuple[str, ...]:

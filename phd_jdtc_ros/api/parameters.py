@@ -38,7 +38,6 @@ BIRTHS = 0.2
 RADAR_DEFAULTS: Mapping[str, Any] = {
     "fields.amplitude": "",
     "detection_probability": 0.9,
-    "clutter_rate": "auto",
 }
 # Parameters without a default; the user or a recording must provide them.
 REQUIRED, REQUIRED_OF_RADARS = ("interval_s",), ("range_std", "azimuth_std_deg", "max_range")
@@ -119,6 +118,8 @@ class Parameters:
             values["detection_births.rates"] = [BIRTHS / max(len(classes), 1)] * len(classes)
         for name in self.radars:
             values.update({f"{name}.{what}": value for what, value in RADAR_DEFAULTS.items()})
+            # A given rate stays.
+            values[f"{name}.learn"] = [] if f"{name}.clutter_rate" in known else ["clutter"]
             values.update(_fields(name, columns))
             if known.get(f"{name}.fields.time") == TIME:
                 values[f"{name}.time_reference"] = "epoch"
@@ -209,7 +210,7 @@ class Parameters:
                 found.update(_fields(radar, columns))
             known = {**self.given, **self._supposed(columns)}
             rows = proposal.rows(each, known, radar)
-            found.update({f"{radar}.{row.name}": row.given for row in rows if row.proposed})
+            found.update({f"{radar}.{row.name}": row.value for row in rows if row.proposed})
         return replace(self, found=found)
 
 

@@ -1,6 +1,6 @@
 """The radar that is supposed to stand beside a table of positions, which names no sensor.
 
-Both engines measure ranges and azimuths. Near a radar an error in x and y is normal in neither, and
+The engine measures ranges and azimuths. Near a radar an error in x and y is normal in neither, and
 a target that walks through the radar is lost; so it stands outside the area of the positions. There
 a position's error is the same along both axes, because each detection has an azimuth error of its
 own (`reports`), and clutter that is uniform in the area is nearly so in range and azimuth.

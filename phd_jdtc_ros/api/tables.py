@@ -314,13 +314,20 @@ def table_of(found: Sequence[Estimates], class_names: Sequence[str]) -> Column:
 
     The docstring of `Tracker` describes the columns.
     """
-    widest = max(map(len, class_names))
     dtype = [
-        *(("time", np.float64), ("label", np.int64), ("class", f"U{widest}")),
-        *((name, np.float64) for name in ("class_probability", "probability")),
+        ("time", np.float64),
+        ("label", np.int64),
+        ("class", f"U{max(map(len, class_names))}"),
+        ("class_probability", np.float64),
+        ("probability", np.float64),
         ("state", f"U{max(map(len, TRACK_STATES))}"),
-        *((name, np.float64) for name in ("x", "y", "vx", "vy", "height")),
-        *((name, np.int64) for name in ("code", "address")),
+        ("x", np.float64),
+        ("y", np.float64),
+        ("vx", np.float64),
+        ("vy", np.float64),
+        ("height", np.float64),
+        ("code", np.int64),
+        ("address", np.int64),
         ("covariance", np.float64, (4, 4)),
     ]
     return structured_array(dtype, [(len(each), _columns(each, class_names)) for each in found])

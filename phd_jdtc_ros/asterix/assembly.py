@@ -43,7 +43,7 @@ class Assembler:
     """
 
     sectors: int = 32  # Number of sectors per turn, for radars with sector crossings
-    # Configured rotation period, seconds; 0 if unknown. Service messages and plots override it.
+    # Rotation period, seconds; 0 until service messages or plots show it.
     rotation_s: float = 0.0
     # Number of sectors for which a report is held back after its sector has ended, because plots
     # may arrive after the sector crossing; `LEARNED` to estimate it.
@@ -81,7 +81,7 @@ class Assembler:
 
     @property
     def turn_s(self) -> float:
-        """Rotation period, s, by crossings, else plots, else the configuration; 0 if unknown."""
+        """Rotation period, s, by crossings, else plots, else the messages; 0 if unknown."""
         if self._measured_turn_s:
             return self._measured_turn_s
         found_s = self.finder.turn_s

@@ -11,21 +11,19 @@ import numpy.typing as npt
 from .messages import NONE, Plot
 from .slices import SectorReport
 
-# Amplitude of a plot: the echo's or else the replies', the echo's only, or the replies' only.
-AMPLITUDES = ("any", "primary", "secondary")
+# Level of a receiver's noise that amplitudes are converted with, dBm. The tracker's parameter
+# `amplitude_offset_db` corrects it for a radar.
+NOISE_DBM = -100.0
 # Marks an unknown code or address in a cloud.
 UNKNOWN = 2**32 - 1
 
 
-def columns(
-    report: SectorReport, sectors: int, noise_dbm: float, amplitude: str
-) -> dict[str, npt.NDArray[Any]]:
+def columns(report: SectorReport, sectors: int) -> dict[str, npt.NDArray[Any]]:
     """Return the columns of a cloud in their order, arrays of shape (M,).
 
-    `sectors` is the number of sectors per turn, a multiple of 4, and `amplitude` one of
-    `AMPLITUDES`. With the receiver's noise level `noise_dbm`, an amplitude of s dBm becomes an
-    envelope of ``sqrt(2 * 10^((s - noise_dbm) / 10))`` in units of the noise's standard deviation
-    per quadrature component.
+    `sectors` is the number of sectors per turn, a multiple of 4. An amplitude of s dBm, of the echo
+    or else of the replies, becomes an envelope of ``sqrt(2 * 10^((s - NOISE_DBM) / 10))`` in units
+    of the noise's standard deviation per quadrature component.
 
     The columns are ``x y z`` in the frame of the radar, whose x axis is east; ``range`` (slant, m),
     ``azimuth`` (rad counter-clockwise from the x axis), ``elevation`` (0), ``amplitude`` (NaN if
@@ -53,7 +51,7 @@ def columns(
         "range": distance,
         "azimuth": azimuth,
         "elevation": zero,
-        "amplitude": _amplitude(echoes, replies, noise_dbm, amplitude),
+        "amplitude": _amplitude(np.where(np.isnan(echoes), replies, echoes)),
         "time": times * 1e-9,
         "height": column("height"),
         "code": _identity(column("code")),
@@ -71,15 +69,8 @@ def columns(
     return found
 
 
-def _amplitude(
-    primary: npt.NDArray[np.float64],
-    secondary: npt.NDArray[np.float64],
-    noise_dbm: float,
-    choice: str,
-) -> npt.NDArray[np.float64]:
-    any_of_both = np.where(np.isnan(primary), secondary, primary)
-    level = {"primary": primary, "secondary": secondary, "any": any_of_both}[choice]
-    envelope: npt.NDArray[np.float64] = np.sqrt(2.0 * 10.0 ** ((level - noise_dbm) / 10.0))
+def _amplitude(level_dbm: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    envelope: npt.NDArray[np.float64] = np.sqrt(2.0 * 10.0 ** ((level_dbm - NOISE_DBM) / 10.0))
     return envelope
 
 

@@ -28,7 +28,6 @@ class RadarSettings:
 
     name: str
     sectors: int = 32  # Number of sectors per turn; a multiple of 4
-    rotation_s: float = 0.0  # Rotation period, seconds; 0 if unknown
     hold_sectors: int = LEARNED  # See `Assembler`
     # Latitude and longitude, degrees, and height of the antenna, metres; None if unknown.
     site: tuple[float, float, float] | None = None
@@ -236,7 +235,10 @@ class PlotStream:
     def _state(self, settings: RadarSettings) -> RadarState:
         counts: Counter[str] = Counter()
         assembler = Assembler(
-            settings.sectors, settings.rotation_s, settings.hold_sectors, counts, self._finders()
+            settings.sectors,
+            hold=settings.hold_sectors,
+            counts=counts,
+            finder=self._finders(),
         )
         clock = RadarClock(self.clock, counts)
         return RadarState(settings, counts, assembler, clock, settings.site)

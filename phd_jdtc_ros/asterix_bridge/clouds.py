@@ -10,10 +10,8 @@ from phd_jdtc_ros.asterix.columns import UNKNOWN, columns
 from phd_jdtc_ros.asterix.plot_stream import RadarState
 from phd_jdtc_ros.asterix.slices import SectorReport
 
-from .settings import Amplitudes
 
-
-def cloud(report: SectorReport, radar: RadarState, amplitudes: Amplitudes) -> PointCloud2:
+def cloud(report: SectorReport, radar: RadarState) -> PointCloud2:
     """Return the cloud of a sector or a slice, in the frame with the radar's name.
 
     The fields are those of `columns`. All are FLOAT32, except for ``code address call_sign_high
@@ -21,7 +19,7 @@ def cloud(report: SectorReport, radar: RadarState, amplitudes: Amplitudes) -> Po
     that field; in a slice it is `UNKNOWN`.
     """
     settings = radar.settings
-    found = columns(report, settings.sectors, amplitudes.noise_dbm, amplitudes.choice)
+    found = columns(report, settings.sectors)
     if radar.assembler.has_sectors and report.sector is None:
         found["sector"] = np.full(len(report.plots), UNKNOWN, dtype=np.uint32)
     return point_cloud.encode(report.stamp_ns, settings.name, found)

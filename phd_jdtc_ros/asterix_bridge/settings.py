@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 from phd_jdtc_ros.asterix.assembly import LEARNED
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.clocks import StreamClock
-from phd_jdtc_ros.asterix.columns import AMPLITUDES
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettings
 from phd_jdtc_ros.asterix.transport import udp
 from phd_jdtc_ros.asterix.writing.tracks import Source
 from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns
-from phd_jdtc_ros.configuration.parameters import forms, replaced
+from phd_jdtc_ros.configuration.parameters import replaced
 from phd_jdtc_ros.configuration.parameters.place_forms import PLACE
 from phd_jdtc_ros.configuration.schema import (
     ConfigError,
@@ -33,7 +32,6 @@ MOST_INPUTS = 64
 # Longest prediction of estimates, seconds: some turns of a radar. Tracks without newer estimates
 # end after it.
 MAX_PREDICTION_S = 10.0
-TURN = forms.turn(60.0)
 
 
 @dataclass(frozen=True)
@@ -42,15 +40,10 @@ class RadarDefaults:
 
     sectors: int = parameter(
         32,
-        "Number of clouds per turn, a multiple of 4, for a radar with sector crossings. For "
-        "clouds at even intervals set at most the radar's own number of sectors.",
+        "Number of clouds per turn, a multiple of 4, for a radar with sector crossings; without, a "
+        "cloud covers an eighth of a turn. For clouds at even intervals set at most the radar's "
+        "own number of sectors.",
         (4, 256),
-    )
-    rotation_s: float = parameter(
-        0.0,
-        "Approximate time of a turn of the antenna, s; auto, or 0, estimates it. Without sector "
-        "crossings a cloud covers an eighth of a turn.",
-        form=TURN,
     )
     hold_sectors: int = parameter(
         LEARNED,
@@ -58,18 +51,6 @@ class RadarDefaults:
         "sector crossings; -1 to learn it. Set 0 for a radar that sends its plots before the "
         "crossing.",
         (LEARNED, 32),
-    )
-    amplitude: str = parameter(
-        "any",
-        "Source of amplitudes: primary (PAM of I048/130), secondary (SAM), or any (PAM if there "
-        "is one, else SAM).",
-        choices=AMPLITUDES,
-    )
-    amplitude_offset_db: float = parameter(
-        100.0,
-        "Offset from an amplitude in dBm to an SNR in dB: the receiver's noise level with the "
-        "opposite sign.",
-        (-200.0, 300.0),
     )
 
 
@@ -173,13 +154,6 @@ OF_FILES = (*table(InputParameters), *table(OutputParameters))
 TABLE = (*OF_FILES, *table(NodeParameters))
 
 
-class Amplitudes(NamedTuple):
-    """The conversion of a radar's amplitudes; see `RadarDefaults`."""
-
-    choice: str
-    noise_dbm: float
-
-
 @dataclass(frozen=True)
 class Bridge:
     """The configuration of a bridge."""
@@ -188,11 +162,6 @@ class Bridge:
     table: dict[str, Parameter]
     radars: dict[int, RadarSettings]  # Configured radars by SAC and SIC
     others: RadarSettings  # Settings of all other radars
-
-    def amplitudes(self, radar: str) -> Amplitudes:
-        """Return the conversion of a radar's amplitudes."""
-        own = f"{radar}." if f"{radar}.source" in self.table else ""
-        return Amplitudes(self.values[f"{own}amplitude"], -self.values[f"{own}amplitude_offset_db"])
 
     def stream(self, clock: StreamClock) -> PlotStream:
         """Return the stream that processes the radars' datagrams."""
@@ -268,7 +237,6 @@ def _radar(values: Mapping[str, Any], name: str) -> RadarSettings:
     return RadarSettings(
         name,
         values[f"{own}sectors"],
-        TURN.value(values[f"{own}rotation_s"]),
         values[f"{own}hold_sectors"],
         tuple(values[f"{own}geodetic"]) if name and values[f"{own}geodetic"] else None,
     )

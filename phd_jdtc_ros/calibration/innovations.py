@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
-from phd_jdtc_ros.core.learned.noise_factor import MOST
+from phd_jdtc_ros.core.factors.noise import MOST, Noise
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.types import Detections, Estimates, Scan
@@ -125,6 +125,12 @@ class InnovationMonitor:
         turns_s = (radar.rotation_s for radar in model.radars)
         self._max_age_s = MAX_AGE_SCANS * max(model.modes.interval_s, *turns_s)
 
+    def _learned(self, radar: Sensor) -> BoolArray:
+        """Return which components of a radar's position have a learned noise, (2,)."""
+        factors = self._model.factors.get(radar.name, ())
+        found = [factor.learned[:2] for factor in factors if isinstance(factor, Noise)]
+        return found[0] if found else np.zeros(2, dtype=np.bool_)
+
     def forget_tracks(self) -> None:
         """Begin a new run; the innovations and differences stay."""
         self._tracks = None
@@ -176,7 +182,7 @@ class InnovationMonitor:
     def fits(self) -> list[Fit]:
         """Return the comparison of each radar's detections with its noise."""
         self._fits = [
-            _fit(radar, memory, before)
+            _fit(radar, memory, before, self._learned(radar))
             for radar, memory, before in zip(
                 self._model.radars, self._memories, self._fits, strict=True
             )
@@ -236,13 +242,10 @@ def _roots(squares: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
     return np.array(roots), np.array([len(each) for each in known])
 
 
-def _fit(radar: Sensor, memory: _Memory, before: Fit) -> Fit:
+def _fit(radar: Sensor, memory: _Memory, before: Fit, learned: BoolArray) -> Fit:
     """Return the comparison of a radar; its verdict depends on the one before."""
     (axes, _), (noise, count) = _roots(memory.innovations), _roots(memory.differences)
     sure = SURE * ERROR / np.sqrt(np.maximum(count, 1))
-    learned = np.zeros(2, dtype=np.bool_)
-    if radar.noise_factor is not None:
-        learned = radar.noise_factor.learned[:2]
     # Learned noise follows smaller differences, and larger ones up to a limit.
     limit = math.log(WRONG) + np.where(learned, math.log(MOST), 0.0)
     with np.errstate(divide="ignore"):

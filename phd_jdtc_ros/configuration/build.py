@@ -16,8 +16,8 @@ from phd_jdtc_ros.core.intake.poses import Platform
 from phd_jdtc_ros.core.intake.scans import ScanGrouper
 from phd_jdtc_ros.core.intake.turns import Turns
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
+from phd_jdtc_ros.core.phd.resampling import ParticleBudget
 from phd_jdtc_ros.core.sensors.site import Plane
-from phd_jdtc_ros.core.smc.resampling import ParticleBudget
 from phd_jdtc_ros.core.tracks.reporting_rule import ReportingRule, rule_of
 
 from . import checks
@@ -25,14 +25,14 @@ from .models import platform_of, tracker_model
 from .parameters import replaced
 from .parameters.radar import RadarParameters
 from .parameters.sensor import SensorParameters
-from .parameters.tracker import ENGINE_OF, LABELLED, Parts, Tracking
+from .parameters.tracker import LABELLED, Parts, Tracking
 from .schema import ConfigError, Parameter, build, check
 from .schema import name_faults as schema_faults
 from .sensor_kinds import KINDS
 from .tables import GROUPS, entries, parts_of, schema, unlisted
 
-# Former parameters with their replacements: without a prefix, and of each sensor.
-_FORMER = ({**replaced.TRACKER, **replaced.NODE}, replaced.RADAR)
+# Former parameters with their replacements: without a prefix, and of each part.
+_FORMER = ({**replaced.TRACKER, **replaced.NODE}, {**replaced.RADAR, **replaced.BIRTH})
 
 # A backward jump of the stamps by more intervals or turns than this starts a new run.
 RESET_THRESHOLD_SCANS = 3.0
@@ -55,48 +55,28 @@ class Accuracy(NamedTuple):
     # Share of a hypothesis above which a motion mode becomes a hypothesis of its own; with 1 motion
     # modes are mixed.
     least_mode: float
-    # Numbers of particles.
+    # Numbers of a PHD filter's particles per target and birth term.
     per_target: int
     per_birth: int
-    per_detection: int
 
 
 ACCURACY = {
-    "fast": Accuracy(8, 1.0, 1500, 2048, 256),
-    "normal": Accuracy(8, 0.05, 1500, 2048, 1024),
-    "high": Accuracy(16, 0.02, 3000, 4096, 2048),
-}
-
-
-class Recursion(NamedTuple):
-    """The parts in which the filters of the particle engine differ, by their names there."""
-
-    corrector: str = "bernoulli"
-    death_term: str = "bernoulli"
-    extraction: str = "components"
-
-
-# Filters without labels, by the value of ``engine``.
-RECURSIONS = {
-    "phd": Recursion("poisson"),
-    "phd_as_printed": Recursion("poisson", "paper", "clusters"),
+    "fast": Accuracy(8, 1.0, 1500, 2048),
+    "normal": Accuracy(8, 0.05, 1500, 2048),
+    "high": Accuracy(16, 0.02, 3000, 4096),
 }
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrackerConfig(Tracking):
-    """A checked configuration: the tracker's parameters, and the models built from all of them.
-
-    `engine` is one of `engines.ENGINES`; the parameter's value is in `values`.
-    """
+    """A checked configuration: the tracker's parameters, and the models built from all of them."""
 
     # Value of every parameter, given or default, by dotted name in the order of the table.
     values: dict[str, Any]
     inputs: tuple[SensorParameters, ...]  # In the configured order
     model: TrackerModel
-    recursion: Recursion  # Filter of the particle engine
     bounds: Bounds  # Bounds of the Gaussian engine's mixtures
-    budget: ParticleBudget  # Numbers of particles of the particle engine
+    budget: ParticleBudget  # Numbers of particles of the engines with particles
     rule: ReportingRule  # Confirmation and deletion of tracks
     # The map projection of the world frame; None for a world without a place on the earth.
     plane: Plane | None = None
@@ -146,8 +126,7 @@ class TrackerConfig(Tracking):
 
         Slower targets are in the clutter maps of all radars.
         """
-        radars = self.model.radars
-        return min(0.0 if r.clutter_map is None else r.clutter_map_speed for r in radars)
+        return min(each.clutter_map_speed if each.clutter_map else 0.0 for each in self.inputs)
 
     @property
     def answer_delay_s(self) -> float:
@@ -179,7 +158,7 @@ class TrackerConfig(Tracking):
                 configured_period_s=radar.rotation_s,
                 sectors=radar.sectors,
                 compass=radar.compass,
-                fine=bool(radar.pose.topic) or self.engine == "particles",
+                fine=bool(radar.pose.topic),
                 reset_threshold_s=self.reset_threshold_s,
                 azimuth_bias=radar.bias.azimuth,
                 # Filters without labels update all targets at once, so that turns are not cut.
@@ -265,20 +244,15 @@ def _config(values: dict[str, Any], parts: Parts, plane: Plane | None) -> Tracke
     inputs = tuple(
         sensor if plane is None else sensor.on_earth(plane) for sensor in parts.sensors.values()
     )
-    level = ACCURACY[top.accuracy]
-    per_detection = top.particles_per_birth or level.per_detection
-    model = tracker_model(parts, inputs, per_detection, MOST_PARTICLES)
-    per_target = top.particles_per_target or level.per_target
-    labelled = top.engine in LABELLED
+    level, model = ACCURACY[top.accuracy], tracker_model(parts, inputs)
+    labelled, per_target = top.engine in LABELLED, top.particles_per_target or level.per_target
     thresholds = (top.confirm_probability, top.delete_probability, top.coasting_scans)
     return build(
         TrackerConfig,
         values,
         values=values,
-        engine=ENGINE_OF[top.engine],
         inputs=inputs,
         model=model,
-        recursion=RECURSIONS.get(top.engine, Recursion()),
         bounds=Bounds(
             hypotheses=level.hypotheses,
             least_share=LEAST_HYPOTHESIS,

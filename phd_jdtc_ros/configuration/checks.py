@@ -11,7 +11,7 @@ import numpy as np
 
 from phd_jdtc_ros.core.targets import amplitude_density
 
-from .parameters.tracker import LABELLED, Parts
+from .parameters.tracker import LABELLED, PHD, Parts, Tracking
 from .sensor_kinds import KINDS
 from .tables import GROUPS, TOP
 
@@ -68,9 +68,24 @@ def _tracking(parts: Parts) -> Faults:
             f"delete_probability: {delete} given, must be at most confirm_probability, {confirm}, "
             "or 0"
         )
+    if top.engine in PHD:
+        yield from _beyond_the_paper(top)
     for code in top.shared_codes:
         if len(code) != 4 or set(code) - set("01234567"):
             yield f"shared_codes: {code[:10]!r} given, must be four octal digits"
+
+
+def _beyond_the_paper(top: Tracking) -> Faults:
+    """Yield a fault for each setting that the paper's PHD filters do not have."""
+    for name, given, allowed in (
+        ("late_reports", top.late_reports, ("drop",)),
+        ("estimates_period_s", top.estimates_period_s, (0.0,)),
+        ("detection_births.rates", top.birth_rates, ([],)),
+        ("amplitude", top.amplitude, ("auto", "band", "none")),
+    ):
+        if given not in allowed:
+            words = " or ".join(map(str, allowed))
+            yield f"{name}: {given} given, must be {words} with engine {top.engine}"
 
 
 def _births(parts: Parts) -> Faults:

@@ -6,9 +6,8 @@ compiled code, and compiles new code.
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from phd_jdtc_ros.core.engine import Engine, OnFiltered, ignore_filtered
 from phd_jdtc_ros.core.intake.input_checks import ResultCheck
@@ -18,11 +17,11 @@ from phd_jdtc_ros.core.pipeline import Pipeline, SensorStages, start_cold
 from phd_jdtc_ros.core.tracks.region import Everywhere
 
 from .build import TrackerConfig
+from .parameters.tracker import PHD
 
 if TYPE_CHECKING:
-    from phd_jdtc_ros.core.gaussian.engine import GaussianEngine
-    from phd_jdtc_ros.core.smc.engine import ParticleEngine
-    from phd_jdtc_ros.core.smc.filter import ParticleFilter
+    from phd_jdtc_ros.core.phd.engine import PhdEngine, Recursion
+    from phd_jdtc_ros.core.window.fixed_lag import GaussianEngine
 
 
 def new_engine(config: TrackerConfig) -> Engine:
@@ -30,53 +29,48 @@ def new_engine(config: TrackerConfig) -> Engine:
     return ENGINES[config.engine](config)
 
 
-def particle_engine(config: TrackerConfig) -> ParticleEngine:
-    """Return a new particle engine."""
-    from phd_jdtc_ros.core.smc.engine import ParticleEngine
-    from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
-    from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS
-    from phd_jdtc_ros.core.tracks.common_stamp import Schedule
-
-    return ParticleEngine(
-        forward=particle_filter(config),
-        lag=config.lag,
-        schedule=Schedule(round(config.estimates_period_s * 1e9)),
-        death_term=DEATH_TERMS[config.recursion.death_term],
-        extraction=EXTRACTIONS[config.recursion.extraction],
-        rule=config.rule,
-    )
-
-
-def particle_filter(config: TrackerConfig) -> ParticleFilter:
-    """Return a new forward filter of the particle engine."""
-    from phd_jdtc_ros.core.smc.correction import CORRECTORS
-    from phd_jdtc_ros.core.smc.filter import ParticleFilter
-
-    corrector = CORRECTORS[config.recursion.corrector]
-    # Compiled functions are loaded now and not during the first scan.
-    importlib.import_module("phd_jdtc_ros.core.association.marginals")
-    return ParticleFilter(config.model, corrector, config.budget, config.seed)
-
-
 def gaussian_engine(config: TrackerConfig) -> GaussianEngine:
     """Return a new engine of Gaussian mixtures."""
-    from phd_jdtc_ros.core.gaussian.engine import GaussianEngine
-    from phd_jdtc_ros.core.gaussian.filter import GaussianFilter
     from phd_jdtc_ros.core.tracks.common_stamp import Schedule
+    from phd_jdtc_ros.core.window.fixed_lag import GaussianEngine
+    from phd_jdtc_ros.core.window.forward_filter import ForwardFilter
 
     # Compiled functions are loaded now and not during the first scan.
     _ = [sensor.of_gaussians for sensor in config.model.radars]
     return GaussianEngine(
-        forward=GaussianFilter(config.model, config.bounds),
+        forward=ForwardFilter(config.model, config.bounds),
         lag=config.lag,
         schedule=Schedule(round(config.estimates_period_s * 1e9)),
         rule=config.rule,
     )
 
 
+def phd_engine(config: TrackerConfig) -> PhdEngine[Any, Any]:
+    """Return a new engine of the paper's PHD filter."""
+    from phd_jdtc_ros.core.phd.engine import PhdEngine
+
+    return PhdEngine(phd_recursion(config), config.lag, config.rule)
+
+
+def phd_recursion(config: TrackerConfig) -> Recursion[Any, Any]:
+    """Return the recursion of the paper's PHD filter that the engine's name says."""
+    from phd_jdtc_ros.core.phd import extraction, smoothing
+    from phd_jdtc_ros.core.phd.gaussian_filter import GaussianFilter
+    from phd_jdtc_ros.core.phd.particle_filter import ParticleFilter
+
+    if config.engine == "phd_gaussian":
+        # Compiled functions are loaded now and not during the first scan.
+        _ = [sensor.of_gaussians for sensor in config.model.radars]
+        return GaussianFilter(config.model)
+    death_term, extract = smoothing.bernoulli_death_term, extraction.components
+    if config.engine == "phd_as_printed":
+        death_term, extract = smoothing.printed_death_term, extraction.clusters
+    return ParticleFilter(config.model, config.budget, config.seed, death_term, extract)
+
+
 ENGINES: dict[str, Callable[[TrackerConfig], Engine]] = {
-    "particles": particle_engine,
     "gaussian": gaussian_engine,
+    **dict.fromkeys(PHD, phd_engine),
 }
 
 

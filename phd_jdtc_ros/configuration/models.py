@@ -7,9 +7,13 @@ from dataclasses import fields
 
 import numpy as np
 
-from phd_jdtc_ros.core.attributes.height import HeightModel
-from phd_jdtc_ros.core.attributes.identity import ADDRESSES, CODES, IdentityModel
-from phd_jdtc_ros.core.attributes.records import AttributeModel
+from phd_jdtc_ros.core.factors.transponder import (
+    ADDRESSES,
+    CODES,
+    AttributeModel,
+    HeightModel,
+    IdentityModel,
+)
 from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack
 from phd_jdtc_ros.core.models.amplitude_model import AmplitudeModel, Band, Ignored, Memory
 from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel
@@ -43,24 +47,23 @@ ADDRESS_KEPT_S = 1e6
 SHARED_CODE_PROBABILITY = 0.2
 # Probability of a reply in a false detection: replies to other interrogators.
 CLUTTER_REPLY_PROBABILITY = 0.05
+# Standard deviation of reported heights, m: they are in steps of 100 ft.
+HEIGHT_STD = 7.6
 # Vertical motion of air traffic: levelling off within some ten seconds, m^2/s^3, and climbs of some
 # 2000 ft/min, m/s.
 HEIGHT_NOISE_DENSITY, HEIGHT_CLIMB_STD = 1.0, 10.0
 # Standard deviations of a spawned target about its parent: m, m/s and rad/s.
 SPAWN_STD = (10.0, 1.0, 1e-4)
 SPAWN_PARTICLES = 100
+# Particles of a target born at a detection, and of all such targets.
+NEWBORN_PARTICLES, MOST_NEWBORN_PARTICLES = 1024, 200_000
 # Probability that a spawned target has its parent's motion, and that it has another one, if its
 # class has both.
 SPAWN_SAME_MOTION, SPAWN_OTHER_MOTION = 0.9, 0.1
 
 
-def tracker_model(
-    parts: Parts, inputs: Sequence[SensorParameters], per_detection: int, most: int
-) -> TrackerModel:
-    """Return the models of targets and sensors.
-
-    `per_detection` are the particles per target born at a detection, and `most` all together.
-    """
+def tracker_model(parts: Parts, inputs: Sequence[SensorParameters]) -> TrackerModel:
+    """Return the models of targets and sensors."""
     top = parts.tracking
     motions = {name: _motion(own) for name, own in parts.motions.items()}
     classes = tuple(_class(name, own, motions) for name, own in parts.classes.items())
@@ -72,13 +75,12 @@ def tracker_model(
             rate=np.array(top.birth_rates or [0.0] * len(classes)),
             velocity_std=top.birth_velocity_std,
             turn_rate_std=top.birth_turn_rate_std,
-            particles=per_detection,
-            most=most,
             least_mass=top.birth_least_probability,
         ),
         spawn=_spawn(top.spawn_rate, modes),
         amplitudes=_amplitudes(parts, inputs),
         radars=tuple(KINDS[sensor.kind].model(sensor) for sensor in inputs),
+        factors={sensor.name: KINDS[sensor.kind].factors(sensor) for sensor in inputs},
         attributes=_attributes(parts),
     )
 
@@ -108,7 +110,7 @@ def _attributes(parts: Parts) -> AttributeModel | None:
             unique=True,
         ),
         height=HeightModel(
-            std=top.height_std,
+            std=HEIGHT_STD,
             noise_density=HEIGHT_NOISE_DENSITY,
             climb_std=HEIGHT_CLIMB_STD,
             garbled=GARBLED_PROBABILITY,
@@ -122,7 +124,7 @@ def _attributes(parts: Parts) -> AttributeModel | None:
 def _amplitudes(parts: Parts, inputs: Sequence[SensorParameters]) -> AmplitudeModel:
     use = parts.tracking.amplitude
     if use == "auto":
-        # Particles are too few for an SNR of each, and without amplitudes nothing shows the SNR.
+        # Without amplitudes nothing shows the SNR, and a PHD filter keeps none of a target.
         shown = any(own.fields.amplitude for own in inputs) and len(parts.classes) > 1
         use = "memory" if shown and parts.tracking.engine == "gaussian" else "band"
     if use == "memory":
@@ -152,7 +154,7 @@ def _birth(name: str, own: Birth, modes: ModeSpace) -> BirthTerm:
     return BirthTerm(
         name=name,
         mean=modes.space.state(own.position, own.velocity, 0.0),
-        std=modes.space.state(own.position_std, own.velocity_std, own.turn_rate_std),
+        std=modes.space.state(*own.std),
         rate=np.array(own.rates)[modes.class_of] * modes.motion_share,
     )
 

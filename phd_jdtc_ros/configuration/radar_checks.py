@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 
 from phd_jdtc_ros.core.sensors import wgs84
 from phd_jdtc_ros.core.sensors.site import MAX_SITE_DISTANCE
 
 from .parameters.place_forms import FIXED, TF
 from .parameters.radar import QUANTITIES, RadarParameters
-from .parameters.tracker import LABELLED, REFERENCE, Parts
+from .parameters.tracker import PHD, REFERENCE, Parts
 
 # Smallest ambiguity interval of range rates, in standard deviations: within a smaller interval all
 # range rates are equally likely.
 LEAST_INTERVAL = 4.0
+LEARNED = "learned"  # The law of the clutter's amplitudes that is estimated
+# The quantities of a detection in the paper, with their own noise.
+PAPER_QUANTITIES = ("range", "azimuth", "amplitude", "range_std", "azimuth_std")
 
 
 def _visibility(radar: RadarParameters, parts: Parts) -> Iterator[str]:
@@ -33,37 +37,53 @@ def _visibility(radar: RadarParameters, parts: Parts) -> Iterator[str]:
         )
 
 
+def _detection(radar: RadarParameters, parts: Parts) -> Iterator[str]:
+    key, ranges = f"{radar.name}.detection_probability_range", radar.detection_probability_range
+    given = radar.detection_probability
+    if not all(near < far for near, far in pairwise(ranges)):
+        yield f"{key}: {ranges} given, must be ascending"
+    elif isinstance(given, list) and len(ranges) != len(given):
+        yield f"{key}: {ranges} given, must be a range for each of {len(given)} probabilities"
+
+
 def _clutter(radar: RadarParameters, parts: Parts) -> Iterator[str]:
-    if parts.tracking.region is not None and radar.clutter_rate.learned:
+    if parts.tracking.region is not None and "clutter" in radar.learn:
         yield (
-            f"{radar.name}.clutter_rate: auto given with a region, must be a number: the rate is "
-            "that of the radar's whole field, of which a part is used"
+            f"{radar.name}.learn: clutter given, must be left out with a region: the rate is that "
+            "of the radar's whole field, of which a part is used"
         )
 
 
 def _turns(radar: RadarParameters, parts: Parts) -> Iterator[str]:
-    name, engine = radar.name, parts.tracking.engine
+    name = radar.name
     if radar.sectors and not radar.rotation_s:
         yield f"{name}.rotation_s: 0 given, must be above 0 with sectors"
     if radar.fields.sector and not radar.sectors:
         yield f"{name}.sectors: 0 given, must be above 0 with fields.sector"
-    if (radar.sectors or (radar.rotation_s and radar.fields.time)) and engine not in LABELLED:
-        yield (
-            f"engine: {engine} given, must be {' or '.join(LABELLED)} for turns in sectors, as "
-            f"those of {name}"
-        )
 
 
-def _engine(radar: RadarParameters, parts: Parts) -> Iterator[str]:
-    """Yield a fault for each setting that needs the Gaussian engine, without that engine."""
+def _beyond_the_paper(radar: RadarParameters, parts: Parts) -> Iterator[str]:
+    """Yield a fault for each setting that the paper's PHD filters do not have."""
     engine = parts.tracking.engine
-    if engine == "gaussian":
+    if engine not in PHD:
         return
-    if radar.clutter_map and radar.pose.topic:
-        yield (
-            f"{radar.name}.clutter_map: true given, must be false for a moving radar with engine "
-            f"{engine}"
-        )
+    given = (
+        (radar.learn, "learn", "[]"),
+        (radar.sectors, "sectors", "0"),
+        (radar.rotation_s, "rotation_s", "0"),
+        (radar.clutter_map and "true", "clutter_map", "false"),
+        (radar.clutter_amplitude == LEARNED and LEARNED, "clutter_amplitude", "rayleigh"),
+        (radar.detection_correlation, "detection_correlation", "0"),
+        *(
+            (field and repr(field), f"fields.{quantity}", "''")
+            for quantity in QUANTITIES
+            if quantity not in PAPER_QUANTITIES
+            for field in (getattr(radar.fields, quantity),)
+        ),
+    )
+    for value, name, allowed in given:
+        if value:
+            yield f"{radar.name}.{name}: {value} given, must be {allowed} with engine {engine}"
 
 
 def _fields(radar: RadarParameters, parts: Parts) -> Iterator[str]:
@@ -78,7 +98,7 @@ def _fields(radar: RadarParameters, parts: Parts) -> Iterator[str]:
 
 
 def _range_rates(radar: RadarParameters, parts: Parts) -> Iterator[str]:
-    interval, std = radar.range_rate_ambiguity, radar.range_rate_std.start
+    interval, std = radar.range_rate_ambiguity, radar.range_rate_std
     field = radar.fields.range_rate
     if field and 0.0 < interval < LEAST_INTERVAL * std:
         yield (
@@ -129,4 +149,14 @@ def _place(radar: RadarParameters, parts: Parts) -> Iterator[str]:
         )
 
 
-CHECKS = (_clutter, _visibility, _turns, _engine, _fields, _range_rates, _pose, _place)
+CHECKS = (
+    _detection,
+    _clutter,
+    _visibility,
+    _turns,
+    _beyond_the_paper,
+    _fields,
+    _range_rates,
+    _pose,
+    _place,
+)

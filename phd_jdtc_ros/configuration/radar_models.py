@@ -6,21 +6,28 @@ import math
 
 import numpy as np
 
-from phd_jdtc_ros.core.clutter.amplitude_law import ClutterAmplitude, Learned, LogNormal, Rayleigh
-from phd_jdtc_ros.core.clutter.grid import GroundGrid, PolarGrid
-from phd_jdtc_ros.core.clutter.map import ClutterMap
-from phd_jdtc_ros.core.clutter.multipath import Multipath
-from phd_jdtc_ros.core.clutter.rate import ClutterCount
+from phd_jdtc_ros.core.factors import (
+    Bursts,
+    ClutterMap,
+    ClutterRate,
+    CorrelatedMisses,
+    Detection,
+    Factor,
+    GroundGrid,
+    Learned,
+    Limit,
+    Multipath,
+    Noise,
+    Outliers,
+    PolarGrid,
+    Sectors,
+)
 from phd_jdtc_ros.core.intake.input_checks import (
     FAR,
     RADIANS_AS_DEGREES,
     SLOW_TURN,
     ReportCheck,
 )
-from phd_jdtc_ros.core.learned.correlation import Correlation
-from phd_jdtc_ros.core.learned.detection_factor import DetectionFactor
-from phd_jdtc_ros.core.learned.noise_factor import NoiseFactor
-from phd_jdtc_ros.core.learned.outliers import Outliers
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
 from phd_jdtc_ros.core.sensors.site import LEAST_STD
@@ -31,8 +38,6 @@ from phd_jdtc_ros.core.types import FULL_TURN, Coverage
 
 from .parameters.radar import RadarParameters
 
-# Standard deviation of the level of log-normal clutter, dB: sea and land at low grazing angles.
-CLUTTER_STD_DB = 6.0
 # Width of the interval about zero that contains false range rates, m/s, for radars that measure
 # range rates without ambiguity: road traffic with some margin.
 RANGE_RATE_SPAN = 200.0
@@ -43,12 +48,11 @@ NEAR = 0.002
 def radar_model(radar: RadarParameters) -> RadarModel:
     """Return the model of a radar's detections and measurements."""
     threshold = amplitude_density.threshold_for(radar.false_alarm_probability)
-    range_std, azimuth_std = radar.range_std.start, math.radians(radar.azimuth_std_deg.start)
-    rate, detection, fields = radar.clutter_rate, radar.detection_probability, radar.fields
-    rate_std = radar.range_rate_std
-    # In the order of `Sensor.noise_components`.
-    of_rates = rate_std.learned and bool(fields.range_rate)
-    learned = radar.range_std.learned, radar.azimuth_std_deg.learned, of_rates
+    range_std, azimuth_std, fields = (
+        radar.range_std,
+        math.radians(radar.azimuth_std_deg),
+        radar.fields,
+    )
     return RadarModel(
         name=radar.name,
         position=radar.site.position if radar.site else (radar.position[0], radar.position[1]),
@@ -56,22 +60,12 @@ def radar_model(radar: RadarParameters) -> RadarModel:
         range_std=range_std,
         azimuth_std=azimuth_std,
         visibility=_visibility(radar),
-        clutter_rate=rate.start,
-        clutter_count=ClutterCount() if rate.learned else None,
+        clutter_rate=radar.clutter_rate,
         clutter_max_range=radar.clutter_max_range,
         threshold=threshold,
-        range_growth=radar.range_std_growth,
         rotation_s=radar.rotation_s,
-        clutter_amplitude=_clutter_amplitude(radar, threshold),
-        clutter_map=_clutter_map(radar, range_std, azimuth_std) if radar.clutter_map else None,
-        clutter_map_speed=radar.clutter_map_speed,
-        detection_factor=DetectionFactor(radar.max_range) if detection.learned else None,
-        noise_factor=NoiseFactor(np.array(learned)) if any(learned) else None,
-        correlation=Correlation(*detection.correlation) if detection.correlation else None,
-        outliers=Outliers() if radar.range_std.outliers else None,
-        multipath=Multipath() if rate.multipath else None,
         least_std=LEAST_STD if radar.site else (0.0, 0.0),
-        range_rate=RangeRateModel(rate_std.start, radar.range_rate_ambiguity, RANGE_RATE_SPAN)
+        range_rate=RangeRateModel(radar.range_rate_std, radar.range_rate_ambiguity, RANGE_RATE_SPAN)
         if fields.range_rate
         else None,
         cluster_distance=radar.cluster_distance,
@@ -83,23 +77,46 @@ def radar_model(radar: RadarParameters) -> RadarModel:
     )
 
 
-def _clutter_map(radar: RadarParameters, range_std: float, azimuth_std: float) -> ClutterMap:
-    if not radar.pose.topic:
-        return ClutterMap(PolarGrid.of_noise(range_std, azimuth_std))
-    return ClutterMap(GroundGrid.of_noise(range_std, azimuth_std, radar.max_range))
+def radar_factors(radar: RadarParameters) -> tuple[Factor, ...]:
+    """Return what else is assumed of a radar's detections, in the order in which it applies."""
+    learn = set(radar.learn)
+    threshold = amplitude_density.threshold_for(radar.false_alarm_probability)
+    # The components of a measurement, and the range rate.
+    noise = np.array([True, True, bool(radar.fields.range_rate)])
+    correlation = CorrelatedMisses(radar.detection_correlation, "correlation" in learn)
+    speed = radar.clutter_map_speed if radar.clutter_map else 0.0
+    found = (
+        Sectors(),
+        "detection" in learn and Detection(radar.max_range, speed),
+        "noise" in learn and Noise(noise),
+        "outliers" in learn and Outliers(),
+        (correlation.learned or correlation.start) and correlation,
+        "clutter" in learn and ClutterRate.beginning_with(radar.clutter_rate),
+        radar.clutter_map and _clutter_map(radar),
+        radar.clutter_amplitude == "learned" and Learned(threshold),
+        Limit(),
+        Bursts(),
+        "multipath" in learn and Multipath(),
+    )
+    return tuple(factor for factor in found if isinstance(factor, Factor))
 
 
-def _clutter_amplitude(radar: RadarParameters, threshold: float) -> ClutterAmplitude:
-    law, level_db = radar.clutter_amplitude
-    if law == "learned":
-        return Learned(threshold)
-    if law == "log_normal":
-        return LogNormal(level_db, CLUTTER_STD_DB)
-    return Rayleigh(amplitude_density.snr_from_db(level_db))
+def _clutter_map(radar: RadarParameters) -> ClutterMap:
+    std = radar.range_std, math.radians(radar.azimuth_std_deg)
+    moves, speed = bool(radar.pose.topic), radar.clutter_map_speed
+    grid = GroundGrid.of_noise(*std, radar.max_range) if moves else PolarGrid.of_noise(*std)
+    return ClutterMap(grid, speed=speed)
 
 
 def _visibility(radar: RadarParameters) -> Visibility:
-    edges, table = radar.blind_sectors_deg, radar.detection_probability.start
+    edges, ranges, table = (
+        radar.blind_sectors_deg,
+        radar.detection_probability_range,
+        radar.detection_probability,
+    )
+    if not isinstance(table, list):
+        # A probability of 0 is that of the SNR bands.
+        ranges, table = ([0.0], [table]) if table else ([], [])
     return Visibility(
         max_range=radar.max_range,
         min_range=radar.min_range,
@@ -108,8 +125,8 @@ def _visibility(radar: RadarParameters) -> Visibility:
             _sector(begin, end, radar.compass)
             for begin, end in zip(edges[::2], edges[1::2], strict=True)
         ),
-        ranges=tuple(distance for distance, _ in table),
-        probabilities=tuple(probability for _, probability in table),
+        ranges=tuple(ranges),
+        probabilities=tuple(table),
     )
 
 

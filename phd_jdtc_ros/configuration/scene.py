@@ -9,23 +9,25 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from .parameters.forms import AUTO
+from .parameters.radar import LEARNED
 from .tables import GROUPS, topic_or_frame
 
 # Scene parameters of the whole tracker, and the parameters that place a radar.
 OF_ALL = ("world_origin",)
-PLACE = ("position", "geodetic", "yaw_deg", "pose")
+PLACE = ("position", "geodetic", "yaw_deg", "pose", "pose_message", "pose_yaw")
 # The entries of a sensor's mappings, with their usual values.
 _ENTRIES = {
     f"{each.name}.{key}": getattr(each.default, key)
     for each in GROUPS["sensors"]
     for key in each.keys
 }
-# The lists that name the scene's parts, and the scene parameters of each part. The biases of a
-# radar are estimated from a recording and are not part of its scene.
+# What a tracker finds out about a radar is not part of the scene: what it learns, and the biases,
+# which are estimated from a recording.
+NOT_SCENE = ("learn", "biases")
+# The lists that name the scene's parts, and the scene parameters of each part.
 PARTS: dict[str, tuple[str, ...]] = {
     "sensors": (
-        *(each.name for each in GROUPS["sensors"] if not each.keys and each.name != "biases"),
+        *(each.name for each in GROUPS["sensors"] if not each.keys and each.name not in NOT_SCENE),
         *_ENTRIES,
     ),
     "classes": ("snr_band_db",),
@@ -50,12 +52,14 @@ def differences(recorded: Mapping[str, Any], given: Mapping[str, Any]) -> list[s
             pairs += [
                 (f"{name}.{own}", _value(recorded, name, own), _value(given, name, own))
                 for own in members
-                if _has_value(given, name, own) and _has_value(recorded, name, own)
+                if own not in _learned(given, name)
+                and _has_value(given, name, own)
+                and _has_value(recorded, name, own)
             ]
     return [
         f"{name}: {_text(before)} recorded, {_text(now)} given"
         for name, before, now in pairs
-        if before != now and not _is_learned(now)
+        if before != now
     ]
 
 
@@ -80,8 +84,9 @@ def _value(values: Mapping[str, Any], part: str, member: str) -> Any:
     return values.get(f"{part}.{member}", _ENTRIES.get(member, ""))
 
 
-def _is_learned(value: Any) -> bool:
-    return isinstance(value, str) and value.split()[:1] == [AUTO]
+def _learned(values: Mapping[str, Any], sensor: str) -> set[str]:
+    """Return the parameters whose values a sensor's tracker learns."""
+    return {own for word in values.get(f"{sensor}.learn", ()) for own in LEARNED.get(word, ())}
 
 
 def _text(value: Any) -> str:

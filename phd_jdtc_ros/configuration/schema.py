@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
 from types import MappingProxyType
@@ -63,15 +63,6 @@ class Form:
     # Returns the value of the dataclass's field that the canonical notation stands for.
     value: Callable[[Any], Any] = lambda notation: notation
 
-    @staticmethod
-    def parsed(allowed: str, parse: Callable[[Any], tuple[Any, Any] | None]) -> Form:
-        """Return a form whose canonical notations and values are found together by `parse`."""
-
-        def part(index: int) -> Callable[[Any], Any]:
-            return lambda given: (parse(given) or (None, None))[index]
-
-        return Form(allowed, part(0), part(1))
-
 
 @dataclass(frozen=True)
 class Parameter:
@@ -96,6 +87,11 @@ class Parameter:
     keys: tuple[str, ...] = ()
     # True if a value must be given; the default then only fixes the type.
     required: bool = False
+    # True if a list of words may have a word twice.
+    repeats: bool = False
+    # Returns the lines of a parameter file that replace a value in a former notation, given the
+    # name without a prefix and the value; none for any other value.
+    former: Callable[[str, Any], Sequence[str]] = lambda name, value: ()
 
     @property
     def allowed(self) -> str:
@@ -147,7 +143,9 @@ class Parameter:
 
     def fault(self, value: Any) -> str:
         """Return the fault of a value that is not allowed."""
-        return f"{self.name}: {value!r} given, must be {self.allowed}"
+        lines = self.former(self.name.rpartition(".")[2], value)
+        instead = f"write {' and '.join(lines)}" if lines else f"must be {self.allowed}"
+        return f"{self.name}: {value!r} given, {instead}"
 
     def _names(self, value: Any) -> list[str] | None:
         if isinstance(value, (str, bytes)) or not hasattr(value, "__len__"):
@@ -157,7 +155,7 @@ class Parameter:
         names = list(value)
         if not all(isinstance(name, str) and name for name in names):
             return None
-        distinct = len(set(names)) == len(names)
+        distinct = self.repeats or len(set(names)) == len(names)
         return names if distinct and set(names) <= set(self.choices or names) else None
 
 

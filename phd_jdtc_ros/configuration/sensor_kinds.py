@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
+from phd_jdtc_ros.core.factors import Factor
 from phd_jdtc_ros.core.intake.input_checks import ReportCheck
 from phd_jdtc_ros.core.sensors.sensor import Sensor
 
@@ -17,7 +18,7 @@ from . import radar_checks
 from .parameters.radar import RadarParameters
 from .parameters.sensor import SensorParameters
 from .parameters.tracker import Parts
-from .radar_models import radar_model, report_check
+from .radar_models import radar_factors, radar_model, report_check
 from .schema import Parameter, table
 
 S = TypeVar("S", bound=SensorParameters)
@@ -29,6 +30,8 @@ class SensorKind(Generic[S]):
 
     parameters: type[S]
     model: Callable[[S], Sensor]
+    # Returns what else is assumed of its detections; see `core.factors`.
+    factors: Callable[[S], tuple[Factor, ...]]
     # Checks of its parameters, each with a line per fault.
     checks: tuple[Callable[[S, Parts], Iterator[str]], ...] = ()
     # Returns the checks of its reports against its configuration.
@@ -37,7 +40,9 @@ class SensorKind(Generic[S]):
 
 # By the value of ``kind``. The first one is the default.
 KINDS: Mapping[str, SensorKind[Any]] = {
-    "radar": SensorKind(RadarParameters, radar_model, radar_checks.CHECKS, report_check),
+    "radar": SensorKind(
+        RadarParameters, radar_model, radar_factors, radar_checks.CHECKS, report_check
+    ),
 }
 
 

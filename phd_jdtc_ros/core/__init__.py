@@ -3,44 +3,51 @@
 The path of the data, with the package of each step::
 
     reports (radar, stamp, Detections)         types
-      |  check for anomalies                   intake.input_checks
+      |  check for anomalies                   intake.input_checks, intake.clocks
       |  cut turns into slices, coverage       intake.turns, antenna, report_timing, sectors
       |  attach poses of moving radars         intake.posed_reports, poses, transforms
       |  group by stamp, gaps, resets          intake.scans
     Scan                                       pipeline: turns -> posed_reports -> scans -> engine
       |  reprocess out-of-sequence reports     intake.out_of_sequence, turn_history
-      |  predict                               an engine: gaussian, smc (particles)
-      |  update, report by report              window.update, with the engine's steps
-      |    motions, births, spawning             targets
-      |    measurements, coverage, gates         sensors: Report and Sensor
-      |    false detections                      clutter
-      |    learned detection and noise           learned
-      |    near pairs                            pair_search
-      |    association probabilities             association
-      |    identities and heights                attributes
+      |  predict                               window.forward_filter: gaussian, targets
+      |  update, report by report              window.update
+      |  reduce                                gaussian.reduction
       |------------- extract ---------------> Estimates (filtered): tracks with confirmation,
       |                                        numbers and a common stamp
-      |  backward over the lag window          window, and the engine
+      |  backward over the lag window          window.fixed_lag, gaussian.smoothing
       |------------- extract ---------------> Estimates (smoothed)
 
-`models` combines targets, sensors and clutter into the model that both engines share.
-`window` depends on neither particles nor Gaussians, only on rows with the label of their target.
-`engine` is the interface of both engines. `snapshot` stores values as named arrays and checks them
-against bounds that are declared with their fields. `compilation` compiles functions of arrays, and
-`bisection` searches ascending arrays in compiled functions.
+The weight of an association is p_D times the likelihood over the density of false detections, times
+one factor for each further thing that is known. The update with one report is (`window.update`)::
+
+    expected  = factors.expect(report)           noise, p_D, clutter of this report: a View
+    prior     = of(rows, expected)               expected measurements, p_D of each hypothesis
+    view      = factors.given(expected, prior)   clutter that the targets cause; limit, bursts
+    pairs     = factors.gate(prior, view)        at the height of each target, by its address
+    evidence  = factors.evidence(pairs)          identities and heights
+    others    = clutter and undetected targets   models.competing_sources, detection_birth
+    posterior = prior.posterior(pairs, evidence, others)   association, gaussian.measurement
+    rows      = posterior and the newborn targets
+    factors   = factors.after(look)              each factor learns from the association
+
+`sensors` is physics: place, measurement, noise, coverage, and the `View` of a report. `factors` has
+one file for each assumption about the world, with one interface; `models` puts targets, sensors and
+factors together. `phd` is the paper's room: its filter and smoother, of particles and in closed
+form, with a window of its own. `engine` is the interface of both. `snapshot` stores values as named
+arrays and checks them against bounds that are declared with their fields. `compilation` compiles
+functions of arrays, and `bisection` searches ascending arrays in compiled functions.
 
 The packages import downwards only; contracts in ``pyproject.toml`` enforce this::
 
     pipeline
-    gaussian, smc
-    window
+    window, phd
+    gaussian
     intake
     engine
     tracks
     models
-    attributes
+    factors
     sensors
-    clutter, learned
     association, pair_search, targets
     types
     bisection, snapshot, state_space
@@ -51,9 +58,8 @@ Around the core, `configuration` turns parameters into models, `simulation` make
 truth, `evaluation` compares estimates with the truth, `calibration` estimates parameters and
 systematic errors from recordings, and `handover` joins the estimates of several trackers.
 
-By default both engines are labelled multi-Bernoulli filters with soft association as in JPDA:
-every label is at most one target, and no hard assignment is made. With ``engine: phd`` the particle
-engine is the PHD filter of the paper.
+The tracker is a labelled multi-Bernoulli filter with marginal association, as in JIPDA: every label
+is at most one target, and no hard assignment is made.
 
 The method is based on Y. Qin, "Joint Target Detection, Tracking and Classification with
 Forward-Backward PHD Smoothing". Sections cited in the docstrings are the paper's. A docstring

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import field, fields
 from functools import cache, cached_property
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Annotated, Any, TypeVar, get_args, get_type_hints
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,14 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
+# Arrays with this number of axes, as compiled functions declare them.
+Float1 = Annotated[FloatArray, 1]
+Float2 = Annotated[FloatArray, 2]
+Float3 = Annotated[FloatArray, 3]
+Float4 = Annotated[FloatArray, 4]
+Int1 = Annotated[IntArray, 1]
+Int2 = Annotated[IntArray, 2]
+Bool1 = Annotated[BoolArray, 1]
 # scipy ships no type information.
 SparseArray = Any
 # Smallest positive normal number: a lower bound of divisors, and of arguments of logarithms.
@@ -37,6 +45,18 @@ def read_only(array: npt.ArrayLike, dtype: npt.DTypeLike = np.float64) -> Any:
     view: Any = np.ascontiguousarray(array, dtype).view()
     view.setflags(False)
     return view
+
+
+ColumnsT = TypeVar("ColumnsT", bound=tuple[Any, ...])
+
+
+def frozen(columns: ColumnsT) -> ColumnsT:
+    """Make the arrays of a named tuple read-only, as compiled functions take them; return it."""
+    for column in columns:
+        if isinstance(column, np.ndarray):
+            setflags: Any = column.setflags
+            setflags(False)  # See `read_only`.
+    return columns
 
 
 # The dtype of each array type; dtype objects, because NumPy looks up other types at each call.

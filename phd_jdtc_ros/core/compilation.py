@@ -5,9 +5,13 @@ results, about twenty times slower. Arrays that come from Python are contiguous,
 the signature give their number of axes, so that functions are compiled at import and not during a
 scan.
 
+A function takes the values that its caller has as named tuples of arrays. Their arrays are
+read-only, as the types that numba compares exactly: `arrays.frozen` makes them so, once, when a
+tuple is made. Tuples that a function writes into are declared `Writeable`.
+
 numba stores compiled code beside the source, by the function's name and file. It does not notice
-that a called function of another file has changed; the name therefore includes a digest of that
-file.
+that a called function or a named tuple of another file has changed; the name therefore includes a
+digest of those files.
 """
 
 from __future__ import annotations
@@ -15,17 +19,25 @@ from __future__ import annotations
 import gc
 import hashlib
 import importlib
+import inspect
 import logging
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from types import FrameType, FunctionType
 from typing import Annotated, Any, TypeVar, get_args, get_type_hints
 
+from .arrays import Bool1 as Bool1
 from .arrays import BoolArray, FloatArray, IntArray
+from .arrays import Float1 as Float1
+from .arrays import Float2 as Float2
+from .arrays import Float3 as Float3
+from .arrays import Float4 as Float4
+from .arrays import Int1 as Int1
+from .arrays import Int2 as Int2
 
 
 def _numba() -> Any:
@@ -45,15 +57,9 @@ NOT_STORED: list[str] = []
 # Functions that are called once, when the first function is compiled whose code was not stored.
 ON_COMPILATION: list[Callable[[], None]] = []
 
-# Arrays with this number of axes: a compiled function only reads those that are parameters, and may
-# write into those of a named tuple.
-Float1 = Annotated[FloatArray, 1]
-Float2 = Annotated[FloatArray, 2]
-Float3 = Annotated[FloatArray, 3]
-Float4 = Annotated[FloatArray, 4]
-Int1 = Annotated[IntArray, 1]
-Int2 = Annotated[IntArray, 2]
-Bool1 = Annotated[BoolArray, 1]
+T = TypeVar("T")
+# A named tuple whose arrays are not read-only, since compiled code has made them or writes them.
+Writeable = Annotated[T, "writeable"]
 
 FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 _ELEMENTS = {FloatArray: "float64", IntArray: "int64", BoolArray: "boolean"}
@@ -70,9 +76,9 @@ def compiled(function: FunctionT, *, counted: bool = True) -> FunctionT:
     # With NUMBA_DISABLE_JIT, as debuggers and mutation tests set it, numba compiles nothing.
     if numba is None or numba.config.DISABLE_JIT:
         return function
-    function.__qualname__ += "." + _digest(function)
     hints = get_type_hints(function, include_extras=True)
     hints.pop("return", None)
+    function.__qualname__ += "." + _digest(function, hints.values())
     signature = tuple(_type_of(hint) for hint in hints.values())
     # Compiled functions are never called from C.
     options = {**_OPTIONS, "no_cfunc_wrapper": True, "_nrt": counted}
@@ -159,27 +165,41 @@ def inner(function: FunctionT) -> FunctionT:
 
 
 def _type_of(hint: Any, readonly: bool = True) -> Any:
-    """Return numba's type of a parameter; the arrays of a named tuple must be writeable."""
+    """Return numba's type of a parameter."""
     if hint in _NUMBERS:
         return getattr(numba.types, _NUMBERS[hint])
-    if hasattr(hint, "_fields"):
+    if isinstance(hint, type):  # a named tuple
         fields = get_type_hints(hint, include_extras=True).values()
-        return numba.types.BaseTuple.from_types([_type_of(field, False) for field in fields], hint)
-    element, axes = get_args(hint)
-    name = next(name for element_type, name in _ELEMENTS.items() if element_type == element)
+        types = [_type_of(field, readonly) for field in fields]
+        return numba.types.BaseTuple.from_types(types, hint)
+    declared, note = get_args(hint)
+    if note == "writeable":
+        return _type_of(declared, False)
+    # The shape of a stored value has a letter for each axis; see `snapshot`.
+    axes = note if isinstance(note, int) else len(note.shape)
+    name = next(name for element_type, name in _ELEMENTS.items() if element_type == declared)
     return numba.types.Array(getattr(numba.types, name), axes, "C", readonly=readonly)
 
 
-def _digest(function: Any) -> str:
-    """Return a digest of the files with the functions that a function calls, and its own."""
-    text = b"".join(Path(name).read_bytes() for name in sorted(_files(function)))
+def _digest(function: Any, hints: Iterable[Any]) -> str:
+    """Return a digest of a function's file, and of those of what it calls, takes and makes."""
+    files = _files(function)
+    for hint in hints:
+        files |= _file_of_tuple(get_args(hint)[0] if get_args(hint) else hint)
+    text = b"".join(Path(name).read_bytes() for name in sorted(files))
     return hashlib.sha256(text).hexdigest()[:8]
 
 
 def _files(function: FunctionType) -> set[str]:
     found = {function.__code__.co_filename}
     for name in function.__code__.co_names:
-        called = getattr(function.__globals__.get(name), "py_func", None)
-        if called is not None:
-            found |= _files(called)
+        value = function.__globals__.get(name)
+        called = getattr(value, "py_func", None)
+        found |= _file_of_tuple(value) if called is None else _files(called)
     return found
+
+
+def _file_of_tuple(value: Any) -> set[str]:
+    """Return the file of a named tuple's class; no other value has one."""
+    named = isinstance(value, type) and hasattr(value, "_fields")
+    return {inspect.getfile(value)} if named else set()

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeAlias
 
 from .arrays import FloatArray
-from .models.clutter_raster import ClutterRaster
 from .models.tracker_model import TrackerModel
 from .snapshot import Snapshot
 from .tracks.reporting_rule import ReportingRule
 from .types import Estimates, Scan
+from .types.clutter_raster import ClutterRaster
 
 # An observer that gets the filtered estimates that are due, before the step is complete.
 OnFiltered: TypeAlias = "Callable[[tuple[Estimates, ...]], None]"

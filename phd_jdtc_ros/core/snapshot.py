@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cache
 from typing import Any, ClassVar, Protocol, TypeAlias, TypeVar, cast, get_args, get_type_hints
 
@@ -124,7 +124,22 @@ class _Sparse:
         return matrix
 
 
-_Stored: TypeAlias = "_Array | _Sparse"
+@dataclass(frozen=True)
+class _Nested:
+    """A value with declared fields of its own."""
+
+    cls: Any
+    sizes: tuple[tuple[str, int], ...]
+    key: str = ""
+
+    def put(self, snapshot: Snapshot, name: str, value: Any) -> None:
+        to_snapshot(value, snapshot, name)
+
+    def get(self, snapshot: Snapshot, name: str, sizes: dict[str, int]) -> Any:
+        return from_snapshot(self.cls, snapshot, name, dict(self.sizes))
+
+
+_Stored: TypeAlias = "_Array | _Sparse | _Nested"
 
 
 class Stateful(Protocol):
@@ -189,6 +204,11 @@ def covariances(shape: str, std: float) -> _Stored:
     return _Array("f", shape, -(std**2), std**2, covariances=True)
 
 
+def nested(cls: type[Any], **sizes: int) -> _Stored:
+    """Declare a value with declared fields of its own, with sizes of its axes by letter."""
+    return _Nested(cls, tuple(sizes.items()))
+
+
 def sparse_rows(shape: str, high: float) -> _Stored:
     """Declare a sparse matrix in rows, with numbers of at least 0."""
     return _Sparse(sparse.csr_array, shape, high)
@@ -207,6 +227,20 @@ def _fields(cls: type[Any]) -> dict[str, tuple[_Stored, bool]]:
         for stored in getattr(hint, "__metadata__", ()):
             declared[name] = stored, type(None) in get_args(get_args(hint)[0])
     return declared
+
+
+def restored(value: T, snapshot: Snapshot, name: str, sizes: Mapping[str, int]) -> T:
+    """Return a value of a dataclass with its declared fields as stored, and its other fields."""
+    declared, cls = _fields(cast(Any, type(value))), cast(Any, type(value))
+    others = {part.name: getattr(value, part.name) for part in fields(cast(Any, value))}
+    others = {part: given for part, given in others.items() if part not in declared}
+    restored_value: T = from_snapshot(cls, snapshot, name, sizes, **others)
+    return restored_value
+
+
+def stored_fields(value: Any) -> dict[str, Any]:
+    """Return the declared fields of a value, by name."""
+    return {name: getattr(value, name) for name in _fields(cast(Any, type(value)))}
 
 
 def to_snapshot(value: Any, snapshot: Snapshot, name: str) -> None:
@@ -229,7 +263,7 @@ def from_snapshot(
     known_sizes, values = dict(sizes), others
     for part, (stored, optional) in _fields(cast(Any, cls)).items():
         full = f"{name}.{stored.key or part}"
-        absent = optional and full not in snapshot.arrays
+        absent = optional and full not in snapshot.arrays and not snapshot.names_below(full)
         values[part] = None if absent else stored.get(snapshot, full, known_sizes)
     return cls(**values)
 

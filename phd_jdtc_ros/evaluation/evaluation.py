@@ -20,6 +20,8 @@ from .true_tracks import TrueTracks, without_slow
 # A repeated stamp of the truth begins a new pass if more than JUMP_SCANS known stamps are later;
 # otherwise it is ignored as a duplicate. RESET_THRESHOLD_SCANS is the tracker's counterpart.
 JUMP_SCANS = 3
+# Order p of OSPA and GOSPA.
+ORDER = 2.0
 Key = TypeVar("Key")
 Value = TypeVar("Value")
 # Source, filtered or smoothed, and stamp.

@@ -11,7 +11,6 @@ from msg_adapters.encoding import names
 from phd_jdtc_ros.configuration.parameters import replaced
 from phd_jdtc_ros.configuration.parameters.place_forms import is_region
 from phd_jdtc_ros.configuration.schema import (
-    NOT_NEGATIVE,
     ConfigError,
     Parameter,
     check,
@@ -21,7 +20,7 @@ from phd_jdtc_ros.configuration.schema import (
 )
 from phd_jdtc_ros.core.tracks.region import Region
 
-# Default distance beyond a seam at which a target is handed over, as a share of the smallest
+# Distance beyond a seam at which a target is handed over, as a share of the smallest
 # margin.
 HYSTERESIS = 0.2
 # A smoothed estimate waits until the filtered picture is SMOOTHED_WAIT_S seconds ahead of it,
@@ -53,12 +52,6 @@ class HandOverParameters:
         "Names of the trackers that share the area, two or more, each with its region.",
         element=str,
         most=MOST_TRACKERS,
-    )
-    hysteresis: float = parameter(
-        0.0,
-        "Distance beyond a seam at which a target is handed over, m; at most the smallest "
-        "margin; 0 for a fifth of it.",
-        NOT_NEGATIVE,
     )
     max_delay_s: float = parameter(
         5.0,
@@ -114,21 +107,13 @@ def resolve(given: Mapping[str, Any]) -> Settings:
         trackers,
         tuple(_node(values, name) for name in trackers),
         regions,
-        hysteresis(regions, values["hysteresis"] or None),
+        hysteresis(regions),
     )
 
 
-def hysteresis(regions: Sequence[Region], given: float | None, name: str = "hysteresis") -> float:
-    """Return the distance beyond a seam at which a target is handed over, metres.
-
-    It is `HYSTERESIS` of the smallest margin unless it is given. More than this margin is a
-    `ConfigError` with the name of the parameter or the option.
-    """
-    margin = min(region.margin for region in regions)
-    found = HYSTERESIS * margin if given is None else given
-    if not 0.0 <= found <= margin:
-        raise ConfigError(f"{name}: {found} given, must be from 0 to the margin, {margin:g}")
-    return found
+def hysteresis(regions: Sequence[Region]) -> float:
+    """Return the distance beyond a seam at which a target is handed over, metres."""
+    return HYSTERESIS * min(region.margin for region in regions)
 
 
 def region_faults(owners: Sequence[str], regions: Sequence[Region]) -> list[str]:

@@ -15,10 +15,10 @@ from phd_jdtc_ros.asterix.call_signs import CallSigns, text
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
-from phd_jdtc_ros.core.learned.outliers import Outliers
-from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
+from phd_jdtc_ros.core.factors.outliers import Outliers
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates, Truth
+from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 
@@ -58,7 +58,7 @@ def learned_values(
         for component, (quantity, unit) in radar.noise_parameters.items():
             name = f"{radar.name}.{component}_noise_ratio"
             if name in figures:
-                given = getattr(radar, quantity).start
+                given = getattr(radar, quantity)
                 found, std = given * figures[name], given * figures[f"{name}_std"]
                 yield LearnedValue(radar.name, quantity, given, found, std, unit)
         if (name := f"{radar.name}.outlier_share") in figures:

@@ -27,9 +27,7 @@ class Observation(NamedTuple):
 
 def with_noise(exact: FloatArray, radar: RadarModel, rng: np.random.Generator) -> FloatArray:
     """Return true ranges and azimuths with the radar's noise, metres and radians; shape (N, 2)."""
-    std = np.tile(radar.noise_std, (len(exact), 1))
-    std[:, 0] = np.hypot(std[:, 0], radar.range_growth * exact[:, 0])
-    return polar(exact + rng.standard_normal(exact.shape) * std)
+    return polar(exact + rng.standard_normal(exact.shape) * radar.noise_std)
 
 
 def polar(measurement: FloatArray) -> FloatArray:

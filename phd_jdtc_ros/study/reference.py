@@ -18,6 +18,7 @@ import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.gaussian.algebra import kalman
+from phd_jdtc_ros.core.sensors.of_gaussians.linearised import Measured, WeightedGaussians
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.targets.motion import ConstantVelocity, MotionModel
 from phd_jdtc_ros.evaluation.comparison import PointSet
@@ -107,10 +108,9 @@ def update(
     """
     state = prior.mean[None], prior.covariance[None]
     found = kalman.innovations(
-        *state,
+        WeightedGaussians.of(*state),
         radar,
-        measurement[None],
-        radar.noise_std[None],
+        Measured(measurement[None], radar.noise_std[None]),
         iterations=iterations,
         converged=CONVERGED,
     )

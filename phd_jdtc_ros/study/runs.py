@@ -14,14 +14,6 @@ from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.simulate import simulate_with_sources
 
 
-class ExtractionVariant(NamedTuple):
-    """A variant of extraction: death term and extraction method."""
-
-    label: str
-    death_term: str  # One of `DEATH_TERMS`
-    extraction: str  # One of `EXTRACTIONS`
-
-
 class IgnoredTargets(NamedTuple):
     """Criteria of the targets of turning radars that are not scored, with their estimates."""
 

@@ -86,7 +86,8 @@ def track(run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence[int])
     tracks: dict[int, list[PointSet]] = {}
     scenario, rotation_s, spent_s = run.scenario, _rotation_s(run.scenario), 0.0
     for lag in sorted(lag for lag in {*lags, 0} if lag or not any(lags)):
-        given = {**parameters, "seed": run.seed, "lag": f"{lag * rotation_s} s" if lag else 0}
+        own = {"lag": 0, "lag_s": lag * rotation_s}
+        given = {**parameters, "seed": run.seed, **own}
         found, spent_s = estimates_of(scenario, resolve(given), run.seed)
         for source, of_lag in ((FILTERED, 0), (SMOOTHED, lag)):
             if of_lag in lags:

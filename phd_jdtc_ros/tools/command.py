@@ -25,8 +25,8 @@ from phd_jdtc_ros.parameter_files import (
 )
 from phd_jdtc_ros.quoting import short
 
-# Default cut-off c (metres) and order p of OSPA.
-CUTOFF, ORDER = 1000.0, 2.0
+# Default cut-off c of OSPA, metres.
+CUTOFF = 1000.0
 # Help of `--scenario` for tools that read a bag.
 SCENARIO = (
     "scenario file, whose parameters are used; without one and without --params-file those beside "

@@ -12,7 +12,7 @@ import time
 from collections.abc import Iterator, Sequence
 
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.configuration.engines import ENGINES, new_engine
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core import compilation
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 
@@ -61,7 +61,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _compile(_: argparse.Namespace) -> int:
-    """Compile the functions of both engines and of `tune`, and store them beside the source."""
+    """Compile the functions of the engines and of `tune`, and store them beside the source."""
     if compilation.numba is None:
         print("compile_engines: numba is not installed: pip install numba", file=sys.stderr)
         return FAILED
@@ -71,7 +71,7 @@ def _compile(_: argparse.Namespace) -> int:
     with _compiling(others):
         for name in own:
             importlib.import_module(name)
-    for name in ENGINES:
+    for name in ("gaussian", "phd"):
         new_engine(resolve({"engine": name}))
         print(f"{name}: ready after {time.perf_counter() - begin:.1f} s")
     for name in TUNING:

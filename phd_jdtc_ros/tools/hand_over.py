@@ -122,12 +122,6 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("bags", nargs="+", metavar="BAG", help=f"{command.BAG}; one per tracker")
     parser.add_argument("--out", type=Path, required=True, help="directory of the new bag")
     parser.add_argument(
-        "--hysteresis",
-        type=float,
-        metavar="METRES",
-        help="how far beyond a seam a target is handed over; a fifth of the smallest margin",
-    )
-    parser.add_argument(
         "--smoothed-wait",
         type=float,
         default=settings.SMOOTHED_WAIT_S,
@@ -144,10 +138,9 @@ def main(argv: Sequence[str]) -> int:
             bounds = f"must be from 0 to {settings.LONGEST_S:g}"
             raise ConfigError(f"--smoothed-wait: {arguments.smoothed_wait} given, {bounds}")
         _require_common(paths, configs, regions)
-        hysteresis = settings.hysteresis(regions, arguments.hysteresis, "--hysteresis")
         command.require_new("a bag", arguments.out)
         runs = [_run(path, config) for path, config in zip(paths, configs, strict=True)]
-        found = join(runs, regions, hysteresis, arguments.smoothed_wait)
+        found = join(runs, regions, settings.hysteresis(regions), arguments.smoothed_wait)
         _write(arguments.out, found, configs[0], paths[0])
         tracks = {n for own in found[FILTERED] for n in own.track_id.tolist()}
         print(

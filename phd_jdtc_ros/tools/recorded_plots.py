@@ -19,7 +19,13 @@ from msg_adapters.incoming.selection import Report
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, findings
-from phd_jdtc_ros.calibration.tuning.plots import MOST_PLOTS, Plots, limit_plots, plots_of
+from phd_jdtc_ros.calibration.tuning.plots import (
+    DENSE_CLOUDS,
+    MOST_PLOTS,
+    Plots,
+    limit_plots,
+    plots_of,
+)
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.intake.input_checks import NOT_IN_RECORDINGS
 from phd_jdtc_ros.core.types import Detections
@@ -77,7 +83,7 @@ def read(
         radar, detections = report.radar, report.detections
         farthest[radar] = max(farthest[radar], detections.measurement[:, 0].max(initial=0.0))
         # Copies among the detections are left out later.
-        if kept[radar] > 2 * most:
+        if kept[radar] > 2 * most and len(reports[radar]) >= 2 * DENSE_CLOUDS:
             unread[radar] += len(detections)
             continue
         kept[radar] += len(detections)

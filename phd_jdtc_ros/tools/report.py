@@ -14,7 +14,7 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
-from phd_jdtc_ros.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.evaluation.evaluation import ORDER, Evaluation
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser, fail
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 from phd_jdtc_ros.report import load
@@ -46,7 +46,7 @@ def write(
     if run.class_fault:
         print(f"report: {run.class_fault}", file=sys.stderr)
     out.mkdir(parents=True, exist_ok=True)
-    evaluation = run.evaluate(cutoff, command.ORDER)
+    evaluation = run.evaluate(cutoff, ORDER)
     if summary is None:
         recorded = bag_parameters.read(bag)
         engine = None if recorded is None else tracker_params.config(recorded).engine

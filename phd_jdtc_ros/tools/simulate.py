@@ -64,7 +64,7 @@ def check_platform(run: Scenario, config: TrackerConfig) -> None:
         if radar.pose.topic and not carried:
             faults.append(f"platform: must carry {radar.name}, whose pose is {radar.pose.topic}")
         if carried and not radar.pose.yaw:
-            faults.append(f"{radar.name}.pose: stabilised given, must not be: a platform turns it")
+            faults.append(f"{radar.name}.pose_yaw: false given, must be true: a platform turns it")
     if faults:
         raise ConfigError(*faults)
 

@@ -34,6 +34,7 @@ from phd_jdtc_ros.configuration.parameters.place_forms import STATIC_TRANSFORMS
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates
+from phd_jdtc_ros.evaluation.evaluation import ORDER
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser, fail
 from phd_jdtc_ros.feed.feed import Feed
 from phd_jdtc_ros.feed.step_clock import StepClock
@@ -190,9 +191,9 @@ def track_bag(
             bag.add_topic(Topic(names.estimates(kind), names.CLOUD))
         if config.known_plane is not None:
             bag.add_topic(Topic(names.fixes(), names.FIX))
-        if any(radar.clutter_map is not None for radar in config.model.radars):
+        if config.model.has_clutter_map:
             bag.add_topic(Topic(names.clutter_map(), names.GRID, depth=1, transient_local=True))
-        if any(sensor.learns_figures for sensor in config.model.radars):
+        if config.model.learns_figures:
             bag.add_topic(Topic(names.cardinality(), names.FIGURES))
         tracker = OfflineTracker(config, bag)
         total = sum(source.counts[topic] for topic in copied)
@@ -295,7 +296,7 @@ def main(argv: Sequence[str]) -> int:
         if run.class_fault:
             print(f"track_bag: {run.class_fault}", file=sys.stderr)
         if run.truth:
-            summary = run.evaluate(arguments.cutoff, command.ORDER).summary()
+            summary = run.evaluate(arguments.cutoff, ORDER).summary()
             Console().print(score_tables(summary))
         return status
 

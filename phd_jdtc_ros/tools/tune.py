@@ -105,7 +105,7 @@ def _table(
     for row in rows:
         table.add_row(
             row.name,
-            _text(row.given) if row.proposed else f"({_text(row.given)})",
+            _text(row.value) if row.proposed else f"({_text(row.value)})",
             f"{row.std:.2g}" if math.isfinite(row.std) else "",
             row.source,
             "" if row.now is None else _text(row.now),
@@ -116,7 +116,9 @@ def _table(
 
 
 def _text(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value).strip("[]")
+    if isinstance(value, list):
+        return ", ".join(map(str, value)) or "none"
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _proposal(
@@ -133,7 +135,7 @@ def _proposal(
         values.update(unspecified.parameters(found, timed))
     values["interval_s"] = proposal.interval_s(found)
     for radar, own in rows.items():
-        values.update({f"{radar}.{row.name}": row.given for row in own if row.proposed})
+        values.update({f"{radar}.{row.name}": row.value for row in own if row.proposed})
         # Antennas turn clockwise. One that seems to turn counter-clockwise has azimuths that count
         # clockwise. The default is written too, because a wrong convention mirrors the picture.
         convention = f"{radar}.azimuth_convention"
@@ -163,6 +165,6 @@ def _comments(rows: Mapping[str, Sequence[Row]], unknown_place: bool) -> dict[st
             if not row.proposed:
                 continue
             std = f", +-{row.std:.2g}" if math.isfinite(row.std) else ""
-            now = "" if row.now is None or row.now == row.given else f"; was {_text(row.now)}"
+            now = "" if row.now is None or row.now == row.value else f"; was {_text(row.now)}"
             comments[f"{radar}.{row.name}"] = f"{row.source}{std}{now}"
     return comments

@@ -67,14 +67,13 @@ def such_as(wrong: Mapping[str, Any]) -> str:
 
 
 def measures(
-    name: str, goal: str | Callable[..., str], of_engines: bool = False
+    name: str, goal: str | Callable[..., str]
 ) -> Callable[[Callable[P, Found]], Callable[P, Figure]]:
     """Make a figure of what a function finds.
 
     If the measurement fails, the goal is missed, and the other figures are still measured.
 
-    The goal is in words, or a function of the same arguments that returns it. `of_engines` is
-    whether the figure depends on the engine of the trackers.
+    The goal is in words, or a function of the same arguments that returns it.
     """
 
     def decorated(measure: Callable[P, Found]) -> Callable[P, Figure]:
@@ -89,7 +88,7 @@ def measures(
                 return Figure(name, words, f"failed: {type(error).__name__}: {error}", False)
             return Figure(name, words, text, reached, details=details)
 
-        measured.__dict__["of_engines"] = of_engines
+        measured.__dict__["is_measurement"] = True
         return measured
 
     return decorated

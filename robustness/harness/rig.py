@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from . import engines
 from .domains import Domain
 
 if TYPE_CHECKING:
@@ -40,7 +39,7 @@ RELIABLE = options(
     }
 )
 # A tracker with very short steps, for measurements that do not concern them.
-LIGHT = options({"particles_per_target": 200, "particles_per_birth": 256, "lag": 2})
+LIGHT = options({"accuracy": "fast", "lag": 2})
 
 
 def launch(
@@ -146,12 +145,8 @@ class Rig:
     def start(
         self, name: str, *arguments: object, prefix: Sequence[str] = (), **environment: str
     ) -> Node:
-        """Start an executable, with a prefix such as ``ip netns exec NAME`` if one is given.
-
-        A tracker has the engine that `engines.current` names.
-        """
-        engine = engines.arguments() if name == "tracker" else ()
-        module = ("-m", "phd_jdtc_ros", name, *map(str, arguments), *engine)
+        """Start an executable, with a prefix such as ``ip netns exec NAME`` if one is given."""
+        module = ("-m", "phd_jdtc_ros", name, *map(str, arguments))
         command = [*prefix, sys.executable, *module]
         log = self.directory / f"{len(self._nodes)}_{name}.log"
         node = Node(command, log, self.domain, environment)

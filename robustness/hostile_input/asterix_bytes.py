@@ -107,7 +107,7 @@ def _fault_counts(stream: PlotStream) -> tuple[int, int]:
 
 def _fault(sectors: int, report: Any) -> bool:
     """Return whether a mandatory number is not finite."""
-    found = columns(report, sectors, -100.0, "any")
+    found = columns(report, sectors)
     return not all(np.isfinite(found[name]).all() for name in ("range", "azimuth", "time"))
 
 

@@ -22,7 +22,7 @@ from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.nodes.tracker import checkpoint
 
-from ..harness import engines, scans
+from ..harness import scans
 from ..harness.figures import Found, in_own_process, measures
 
 SCANS = 6
@@ -31,7 +31,7 @@ VALUES: Mapping[str, Any] = {"seed": 0}
 LEARNING = {
     "radar_1.clutter_amplitude": "learned",
     "radar_1.clutter_map": True,
-    "radar_1.clutter_rate": "auto",
+    "radar_1.learn": ["clutter"],
 }
 Change = Callable[[Snapshot], object]
 OLDEST, NEXT, STAMPS = "stored.0", "stored.1", "window.stamps_ns"
@@ -53,11 +53,10 @@ class _Log:
 @measures(
     "forged checkpoints",
     "cold start with a reason each, 0 errors, 0 estimates that are not finite, at most 256 MB",
-    of_engines=True,
 )
 def measure(**given: Any) -> Found:
     """Start from every forgery and track on, with some parameters."""
-    found = in_own_process(outcomes, {"engine": engines.current(), **LEARNING, **given})
+    found = in_own_process(outcomes, {**LEARNING, **given})
     wrong = {name: what for name, what in found["outcomes"].items() if what != "cold"}
     text = f"{len(found['outcomes'])} kinds: {len(wrong)} wrong, {found['memory_mb']:.0f} MB"
     return text, not wrong and found["memory_mb"] <= 256.0, {**found, "wrong": wrong}
@@ -80,42 +79,27 @@ def _put(name: str, value: Any, kind: Any = None) -> Change:
 
 
 NAN, INF = float("nan"), float("inf")
-# The first value of each array of the oldest set, by engine.
-ARRAYS: Mapping[str, Mapping[str, tuple[float, ...]]] = {
-    engines.PARTICLES: {
-        "state": (NAN, INF, 1e300),
-        "log_snr": (NAN, 1e9),
-        "mode": (250, -1),
-        "origin": (-5, 2**62),
-        "parent": (-7,),
-        "multiplicity": (0, -1, 10**12),
-        "components.data": (NAN, -1.0, 1e300),
-        "components.indices": (10**6,),
-        "components.indptr": (5,),
-        "label": (-9,),
-    },
-    engines.GAUSSIAN: {
-        "origin": (-5, 2**62),
-        "weight": (NAN, INF, -1.0, 1e4, 1e300),
-        "mean": (NAN, INF, 1e300),
-        "covariance": (NAN, INF, -1.0, 1e300),
-    },
+# The first value of each array of the oldest set.
+ARRAYS: Mapping[str, tuple[float, ...]] = {
+    "origin": (-5, 2**62),
+    "weight": (NAN, INF, -1.0, 1e4, 1e300),
+    "mean": (NAN, INF, 1e300),
+    "covariance": (NAN, INF, -1.0, 1e300),
 }
 
 
-def contents(engine: str, honest: Snapshot) -> dict[str, Change]:
-    """Return changes of the values of an engine's snapshot, by name; `honest` is one."""
+def contents(honest: Snapshot) -> dict[str, Change]:
+    """Return changes of the values of a snapshot, by name; `honest` is one."""
     arrays = {
         f"{part} {value}": _put(f"{OLDEST}.{part}", value)
-        for part, values in ARRAYS[engine].items()
+        for part, values in ARRAYS.items()
         for value in values
     }
-    of_engine = _of_particles() if engine == engines.PARTICLES else _of_mixtures(honest)
-    return {**arrays, **_common(), **of_engine}
+    return {**arrays, **_around_mixtures(), **_of_mixtures(honest)}
 
 
-def _common() -> dict[str, Change]:
-    """Return changes that apply to the snapshots of both engines."""
+def _around_mixtures() -> dict[str, Change]:
+    """Return changes of what is stored beside the mixtures."""
     values = {
         "a scan index as a float": ("filter.scan_index", 1e9),
         "a huge scan index": ("filter.scan_index", 1 << 62),
@@ -153,20 +137,6 @@ def _of_another(part: str) -> Change:
             snapshot.arrays[name.replace("radar_1", "mast")] = snapshot.arrays.pop(name)
 
     return change
-
-
-def _of_particles() -> dict[str, Change]:
-    return {
-        "a random state of huge numbers": lambda s: s.json_values["filter.rng"]["state"].update(
-            state=10**60
-        ),
-        "no random state": lambda s: s.json_values.pop("filter.rng"),
-        "states of other axes": _edit(f"{OLDEST}.state", _three),
-        "states as text": _edit(f"{OLDEST}.state", _whole),
-        "survival above one": _put(f"{NEXT}.link.survival", 1.5),
-        "a kernel that is not finite": _put(f"{NEXT}.link.ratio.data", NAN),
-        "a kernel that explodes": _put(f"{NEXT}.link.ratio.data", 1e250),
-    }
 
 
 def _of_mixtures(honest: Snapshot) -> dict[str, Change]:
@@ -265,7 +235,7 @@ def _forgeries(given: Mapping[str, Any]) -> Iterator[tuple[str, bytes]]:
             checkpoint.write(path, snapshot, VALUES)
             return path.read_bytes()
 
-        for name, change in contents(given["engine"], engine.snapshot()).items():
+        for name, change in contents(engine.snapshot()).items():
             snapshot = engine.snapshot()
             change(snapshot)
             yield name, written(snapshot)

@@ -30,7 +30,7 @@ from phd_jdtc_ros.handover.ownership import Handover
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 from phd_jdtc_ros.tools.asterix import reading
 
-from ..harness import engines, scans
+from ..harness import scans
 from ..harness.figures import Found, in_own_process, measures, peak_mb, such_as
 
 NS = scans.SECOND_NS
@@ -94,14 +94,12 @@ def _tracks(stamp: int, place: np.ndarray[Any, Any]) -> Estimates:
 @measures(
     "identical detections",
     f"{len(COPIED)} scans of {COPIES} copies: 1 target, never lost, every copy counted",
-    of_engines=True,
 )
 def measure_repeated() -> Found:
     """Track a target of a radar whose driver repeats its buffer many times in some scans."""
     given = from_arguments.load(scans.PROFILE)
     of_one = {name: value for name, value in given.items() if not name.startswith("radar_2.")}
-    engine = engines.current()
-    config = tracker_params.config({**of_one, "sensors": ["radar_1"], "engine": engine})
+    config = tracker_params.config({**of_one, "sensors": ["radar_1"]})
     pipeline, targets, counted = new_pipeline(config), [], 0
     for scan in range(SCANS):
         copies = COPIES if scan in COPIED else 1

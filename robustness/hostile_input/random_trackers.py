@@ -13,6 +13,7 @@ import numpy as np
 
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.engines import new_pipeline
+from phd_jdtc_ros.configuration.parameters.radar import LEARNED
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.intake.poses import PoseFault
@@ -32,7 +33,8 @@ TRACKER: Mapping[str, Sequence[Any]] = {
     "interval_s": (0.1, 1.0, 4.0, 10.0),
     "max_gap_scans": (2.0, 15.0),
     "reorder_s": (0.0, 0.0, 0.5, 4.0),
-    "lag": (0, 1, 5, "20 s"),
+    "lag": (0, 1, 5, 5, 5),
+    "lag_s": (0.0, 0.0, 20.0),
     "accuracy": ("fast", "normal", "high"),
     "estimates_period_s": (0.0, 0.0, 2.0),
     "late_reports": ("drop", "rework"),
@@ -52,15 +54,18 @@ CLASS: Mapping[str, Sequence[Any]] = {
 RADAR: Mapping[str, Sequence[Any]] = {
     "max_range": (15e3, 2e4),
     "min_range": (0.0, 500.0),
-    "range_std": (30.0, "auto", "auto 50", "auto 50 outliers", "50 outliers"),
-    "azimuth_std_deg": (0.3, 1.0, "auto 0.5"),
-    "detection_probability": (0.9, "auto", "auto 0.7 correlated", [2e3, 0.95, 15e3, 0.4]),
-    "clutter_rate": (0.1, 5.0, "auto", "auto multipath"),
+    "learn": ([], ["noise"], ["outliers"], ["detection", "clutter"], [*LEARNED]),
+    "range_std": (30.0, 50.0),
+    "azimuth_std_deg": (0.3, 1.0),
+    "detection_probability": (0.0, 0.9, [0.95, 0.4]),
+    "detection_probability_range": ([2e3, 15e3],),
+    "detection_correlation": (0.0, 0.5),
+    "clutter_rate": (0.1, 5.0),
     "clutter_map": (False, False, True),
-    "clutter_amplitude": ("rayleigh", "log_normal 10", "learned"),
-    "rotation_s": (0.0, 4.0, "auto"),
+    "clutter_amplitude": ("rayleigh", "learned"),
+    "rotation_s": (0.0, 4.0),
     "sectors": (0, 0, 4, 16),
-    "range_rate_std": (0.5, "auto"),
+    "range_rate_std": (0.1, 0.5),
     "range_rate_ambiguity": (0.0, 25.0),
     "cluster_distance": (0.0, 0.0, 5.0),
     "fov_deg": ([0.0, 360.0], [-60.0, 60.0]),
@@ -90,13 +95,11 @@ def _drawn(
     return {f"{prefix}{name}": _any_of(rng, values) for name, values in table.items()}
 
 
-def configuration(rng: np.random.Generator, engine: str) -> TrackerConfig:
+def configuration(rng: np.random.Generator) -> TrackerConfig:
     """Return a random configuration; those that are refused are drawn again."""
     while True:
-        given: dict[str, Any] = {"engine": engine, "motions": ["line", "turn", "rest"]}
+        given: dict[str, Any] = {"motions": ["line", "turn", "rest"]}
         given |= {**MOTIONS, **_drawn(rng, TRACKER)}
-        if engine != "gaussian":
-            given |= {"particles_per_target": 64, "particles_per_birth": 64}
         count = len(given["classes"])
         given["detection_births.rates"] = rng.choice([0.0, 0.01, 1.0], count).tolist()
         given |= {"gate.rates": [0.01] * count} if given["births"] else {}
@@ -195,10 +198,10 @@ def _pose(rng: np.random.Generator, pipeline: Pipeline, sensor: int, stamp_ns: i
     return 0 if isinstance(events, PoseFault) else _take(events)
 
 
-def track(seed: int, engine: str) -> int:
+def track(seed: int) -> int:
     """Run a random tracker; return the number of its steps."""
     rng = np.random.default_rng(seed)
-    config = configuration(rng, engine)
+    config = configuration(rng)
     pipeline, steps = new_pipeline(config), 0
     arriving = sorted(reports(rng, config), key=lambda report: report.arrival_ns)
     for _, sensor, stamp_ns, detections, sector in arriving:
@@ -214,11 +217,11 @@ def track(seed: int, engine: str) -> int:
 
 @measures("random configurations and reports", "0 exceptions, 0 values not finite")
 def measure(trackers: int = TRACKERS) -> Found:
-    """Run random trackers of Gaussians, and of particles one in eight."""
+    """Run random trackers."""
     steps, wrong, kinds = 0, {}, Counter[str]()
     for seed in range(trackers):
         try:
-            steps += track(seed, "particles" if seed % 8 == 0 else "gaussian")
+            steps += track(seed)
         except Exception as error:
             wrong[f"tracker {seed}"] = f"{type(error).__name__}: {error}"[:120]
             kinds[type(error).__name__] += 1

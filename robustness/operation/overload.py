@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from ..harness import engines, scans
+from ..harness import scans
 from ..harness.figures import Found, measures
 from ..harness.radars import Radars
 from ..harness.rig import Node, Rig
@@ -21,17 +21,13 @@ SAID_SCANS = 10_000
 ADVICE = "turn down"
 
 
-# Parameters with which an engine's steps are slow enough.
-SLOW = {
-    engines.PARTICLES: ("-p", "particles_per_target:=3000"),
-    engines.GAUSSIAN: ("-p", "lag:=60"),
-}
+# A parameter with which steps are slow enough.
+SLOW = ("-p", "lag:=60")
 
 
 @measures(
     "overload in diagnostics",
     "a level above OK that says what to turn down; no radar is called silent",
-    of_engines=True,
 )
 def measure_said(count: int = SAID_SCANS) -> Found:
     """Send scans at ten times the sustainable rate, and read the diagnostics."""
@@ -56,13 +52,13 @@ def measure_said(count: int = SAID_SCANS) -> Found:
 
 def _slow_tracker(rig: Rig) -> Node:
     """Start a tracker with a user's QoS, best effort and ten deep, but with steps slow enough."""
-    tracker = rig.start("tracker", "--ros-args", *SLOW[engines.current()])
+    tracker = rig.start("tracker", "--ros-args", *SLOW)
     tracker.said("tracking")
     rig.radars.connected()
     return tracker
 
 
-@measures("loss accounting", "10x overload: exact; memory at most +10 MB", of_engines=True)
+@measures("loss accounting", "10x overload: exact; memory at most +10 MB")
 def measure(count: int = SCANS) -> Found:
     """Send scans at ten times the sustainable rate."""
     usual = FACTOR * WARM_UP

@@ -20,9 +20,7 @@ SETTLING, COUNTED = 2, 8
 EVERY = 5
 
 
-@measures(
-    "warm restart", "OSPA within 10 % of an uninterrupted run's after 2 scans", of_engines=True
-)
+@measures("warm restart", "OSPA within 10 % of an uninterrupted run's after 2 scans")
 def measure(last_before: tuple[int, ...] = LAST_BEFORE, compare_cold: bool = True) -> Found:
     """Kill a tracker several times in a run; restart it with a checkpoint and, if asked, without.
 

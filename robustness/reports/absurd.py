@@ -36,7 +36,7 @@ from phd_jdtc_ros.handover import checks
 from phd_jdtc_ros.handover.picture import JointPicture
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
-from ..harness import engines, scans
+from ..harness import scans
 from ..harness.figures import Found, measures, such_as
 
 NS, START_NS = scans.SECOND_NS, scans.START_NS
@@ -59,7 +59,7 @@ GOAL = "in every numeric field: 0 errors, 0 NaN"
 Case = tuple[str, Callable[[], None]]
 
 
-@measures("absurd finite numbers in a radar's clouds", GOAL, of_engines=True)
+@measures("absurd finite numbers in a radar's clouds", GOAL)
 def measure_radar(every: int = 1, **given: Any) -> Found:
     """Process every spoilt cloud of a radar, or some, as a tracker with some parameters does."""
     return _outcomes(_of_radars(every, given))
@@ -179,8 +179,7 @@ def _of_radars(every: int, given: Mapping[str, Any]) -> Iterator[Case]:
     values |= {f"approach.fields.{name}": name for name in FIELDS}
     values |= {
         "approach.range_rate_std": 2.0,
-        "engine": engines.current(),
-        "lag": f"{INTERVAL_S} s",
+        "lag_s": INTERVAL_S,
         **given,
     }
     config = tracker_params.config(values)

@@ -174,7 +174,7 @@ def cases() -> list[BadScan]:
     ]
 
 
-@measures("exits or NaN on bad scans", "0, every reject counted", of_engines=True)
+@measures("exits or NaN on bad scans", "0, every reject counted")
 def measure(chosen: list[BadScan] | None = None) -> Found:
     """Send every case between valid scans; count exits, lost valid scans and rejects."""
     chosen = cases() if chosen is None else chosen

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -18,24 +17,16 @@ FIRST, SCANS = 24, 8
 SETTLING, COUNTED = 3, 10
 BORN_ANYWHERE = ("-p", "detection_births.rates:=[0.01, 0.01]")
 PATIENCE_S = 60.0
-# Several seeds of the tracker, because OSPA over ten scans of one run of particles has an error of
-# some 10 %.
-SEEDS = (0, 1, 2)
 
 
 @measures(
     "burst of false detections",
     "every scan answered within its interval; OSPA within 10 % of a quiet run's after 3 scans",
-    of_engines=True,
 )
-def measure(
-    false_detections: int = FALSE_DETECTIONS, count: int = SCANS, seeds: Sequence[int] = SEEDS
-) -> Found:
-    """Track through a burst, and the same scans without one, with several seeds of the tracker."""
-    quiet = float(np.mean([_run(seed, 0, count)[0] for seed in seeds]))
-    runs = [_run(seed, false_detections, count) for seed in seeds]
-    after = float(np.mean([ospa for ospa, _, _ in runs]))
-    slowest, growth = (max(column) for column in list(zip(*runs, strict=True))[1:])
+def measure(false_detections: int = FALSE_DETECTIONS, count: int = SCANS) -> Found:
+    """Track through a burst, and the same scans without one."""
+    quiet, _, _ = _run(0, count)
+    after, slowest, growth = _run(false_detections, count)
     ratio, interval_s = after / quiet, scans.interval_ns() * 1e-9
     text = (
         f"{false_detections} per radar in {count} scans: at most {slowest:.2f} s of "
@@ -46,12 +37,12 @@ def measure(
     return text, ratio <= MOST_RATIO and slowest <= interval_s, details
 
 
-def _run(seed: int, false_detections: int, count: int) -> tuple[float, float, int]:
+def _run(false_detections: int, count: int) -> tuple[float, float, int]:
     """Return the mean OSPA afterwards (m), the longest delay (s) and the memory growth (KiB)."""
     burst = range(FIRST, FIRST + count if false_detections else FIRST)
     counted = range(FIRST + count + SETTLING, FIRST + count + SETTLING + COUNTED)
     with Rig() as rig:
-        tracker, radars = rig.tracking("-p", f"seed:={seed}", *BORN_ANYWHERE)
+        tracker, radars = rig.tracking(*BORN_ANYWHERE)
         slowest = 0.0
         for index in range(counted.stop):
             if index == FIRST:

@@ -6,6 +6,7 @@ Every case runs in its own process, so that the measured memory is the tracker's
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -17,28 +18,16 @@ from phd_jdtc_ros.core.types import Detections, Scan
 from phd_jdtc_ros.evaluation.metrics import ospa
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
-from ..harness import engines, scans
+from ..harness import scans
 from ..harness.figures import Found, in_own_process, measures, peak_mb
 
 DETECTIONS = 100_000
-# The profile has motions for Gaussians; particles have the default ones.
-BORN_ANYWHERE = {"births": [], "detection_births.rates": [0.05, 0.05]}
 CROWDED, CROWDS, LAST = 16, 2, 28
 CUTOFF, ORDER = 1000.0, 2.0
 # Several seeds, because the mean distance over the few scans afterwards varies by a tenth.
 SEEDS = 3
-# A jammed radar reports noise; equal high amplitudes look like targets. The Gaussian engine has one
-# filter only.
-CASES = {
-    engines.PARTICLES: (
-        ("noise", "particles"),
-        ("noise", "phd"),
-        ("equal", "particles"),
-        ("equal", "phd"),
-        ("none", "particles"),
-    ),
-    engines.GAUSSIAN: (("noise", "gaussian"), ("equal", "gaussian"), ("none", "gaussian")),
-}
+# A jammed radar reports noise; equal high amplitudes look like targets.
+AMPLITUDES = ("noise", "equal", "none")
 HIGH = 30.0
 
 
@@ -46,20 +35,17 @@ HIGH = 30.0
     "scans of very many detections",
     "2 scans of 100,000: at most 5 s of CPU and 1 GB each; OSPA of the scans from the second after "
     "them within 10 %",
-    of_engines=True,
 )
-def measure(detections: int = DETECTIONS, seeds: int = SEEDS, every: int = 1) -> Found:
+def measure(
+    detections: int = DETECTIONS, seeds: int = SEEDS, kinds: Sequence[str] = AMPLITUDES
+) -> Found:
     """Track the reference scenario with two crowded scans of both radars in its middle."""
-    engine = engines.current()
-    cases = CASES[engine][::every]
-    found = {
-        " ".join(case): in_own_process(of_case, engine, detections, *case, seeds) for case in cases
-    }
+    found = {kind: in_own_process(of_case, detections, kind, seeds) for kind in kinds}
     step_s, peak, ratio = (
         max(run[key] for run in found.values()) for key in ("step_s", "peak_mb", "ratio")
     )
     text = (
-        f"{detections:,} of both radars in {CROWDS} scans, the worst of {len(cases)} kinds: "
+        f"{detections:,} of both radars in {CROWDS} scans, the worst of {len(kinds)} kinds: "
         f"{step_s:.1f} s of CPU, {peak:.0f} MB; OSPA afterwards {ratio:.3f} times that without"
     )
     return text, step_s <= 5.0 and peak <= 1000.0 and ratio <= 1.1, found
@@ -88,15 +74,10 @@ def _fill(
     return from_msg(to_msg(joined, 1, ""), OWN_LAYOUT).detections
 
 
-def _run(
-    engine: str, detections: int, amplitudes: str, choice: str, seed: int
-) -> tuple[float, float]:
+def _run(detections: int, amplitudes: str, seed: int) -> tuple[float, float]:
     """Return the most CPU time of a crowded scan, and the mean OSPA of the scans after them."""
     amplitude = "none" if amplitudes == "none" else "band"
-    given = from_arguments.load(scans.PROFILE) if engine == engines.GAUSSIAN else BORN_ANYWHERE
-    config = tracker_params.config(
-        {**given, "engine": choice, "amplitude": amplitude, "seed": seed}
-    )
+    config = tracker_params.config({**from_arguments.load(scans.PROFILE), "amplitude": amplitude})
     tracker, rng = new_engine(config), np.random.default_rng(seed)
     radars = polar_radars(config.model.radars)
     step_s, scores = 0.0, []
@@ -119,12 +100,12 @@ def _run(
     return step_s, float(np.mean(scores))
 
 
-def of_case(engine: str, count: int, amplitudes: str, choice: str, seeds: int) -> dict[str, float]:
+def of_case(count: int, amplitudes: str, seeds: int) -> dict[str, float]:
     """Return the figures of runs with the crowded scans and of ones without them."""
     every = range(seeds)
-    crowded = [_run(engine, count, amplitudes, choice, seed) for seed in every]
+    crowded = [_run(count, amplitudes, seed) for seed in every]
     peak = peak_mb()
-    without = [_run(engine, 0, amplitudes, choice, seed)[1] for seed in every]
+    without = [_run(0, amplitudes, seed)[1] for seed in every]
     step_s, after = (np.array(column) for column in zip(*crowded, strict=True))
     ratio = float(after.mean() / np.mean(without))
     return {"step_s": float(step_s.max()), "peak_mb": peak, "ratio": ratio}

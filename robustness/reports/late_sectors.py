@@ -33,11 +33,10 @@ ANSWER_S = 5.0
 @measures(
     "late sectors: 5 sectors late, lost, in a burst",
     "0 exits, 0 NaN; every one worked in and counted, a burst bounded; the target tracked",
-    of_engines=True,
 )
 def measure() -> Found:
     """Send sectors late, leave one out, send a burst of late ones, and count what happens."""
-    given = {**PARAMETERS, "late_reports": "rework", "lag": f"{2.0 * ROTATION_S:g} s"}
+    given = {**PARAMETERS, "late_reports": "rework", "lag_s": 2.0 * ROTATION_S}
     with Rig() as rig:
         tracker, radars = rig.tracking(*options(given), radars=1)
         antenna = Antenna(np.random.default_rng(2))

@@ -39,7 +39,6 @@ PARAMETERS = {
     "births": "[]",
     "detection_births.rates": "[0.1]",
     "detection_births.velocity_std": 8.0,
-    "particles_per_birth": 256,
     "spawn.rate": 0.0,
     "boat.motions": "[cv]",
     "boat.mode_transition": "[1.0]",
@@ -131,7 +130,6 @@ def _cloud(time_s: float, rng: np.random.Generator) -> PointCloud2:
 @measures(
     "faults of a moving radar's poses",
     "0 exits, 0 NaN, every one counted, no good scan lost, the target tracked all the time",
-    of_engines=True,
 )
 def measure() -> Found:
     """Send every fault between valid poses, and leave some poses out."""

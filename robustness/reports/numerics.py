@@ -22,13 +22,13 @@ from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
-from ..harness import engines, scans
+from ..harness import scans
 from ..harness.figures import Found, measures, such_as
 
 HOUR_S = 3600.0
 USUAL_S = 6.0
-# Smallest variance of a position or a velocity; it is 0 for a target with a single particle.
-LEAST_VARIANCE = {engines.PARTICLES: 0.0, engines.GAUSSIAN: 1e-12}
+# Smallest variance of a position or a velocity.
+LEAST_VARIANCE = 1e-12
 # Rounding error of the eigenvalues of a correlation matrix.
 ROUNDING = 1e-9
 LONG_GAPS = {"max_gap_scans": 1e5}
@@ -112,15 +112,14 @@ CASES: Mapping[str, Case] = {
 @measures(
     "numbers at their edges",
     "0 errors, 0 NaN, 0 estimates without a covariance, every snapshot restorable",
-    of_engines=True,
 )
 def measure(cases: Mapping[str, Case] = CASES) -> Found:
-    """Track every case with the chosen engine."""
+    """Track every case."""
     wrong: dict[str, str] = {}
     seconds = {}
     for name, case in cases.items():
         begin = time.process_time()
-        fault = outcome(case, engines.current())
+        fault = outcome(case)
         seconds[name] = time.process_time() - begin
         if fault:
             wrong[name] = fault
@@ -128,23 +127,22 @@ def measure(cases: Mapping[str, Case] = CASES) -> Found:
     return text, not wrong, {"wrong": wrong, "seconds": seconds}
 
 
-def outcome(case: Case, engine: str) -> str:
+def outcome(case: Case) -> str:
     """Return the fault in an engine's estimates of a case; empty without one."""
-    values = {**from_arguments.load(scans.PROFILE), **case.values, "engine": engine}
-    config = tracker_params.config(values)
+    config = tracker_params.config({**from_arguments.load(scans.PROFILE), **case.values})
     tracker, restored = new_engine(config), new_engine(config)
     try:
         for index, scan in enumerate(case.scans(config)):
             step = tracker.step(scan)
             for estimates in (*step.filtered, *step.smoothed):
-                fault = fault_of(estimates, LEAST_VARIANCE[engine])
+                fault = fault_of(estimates, LEAST_VARIANCE)
                 if fault:
                     return f"scan {index}, lag {estimates.lag}: {fault}"
             if not np.isfinite([*step.class_mass, *step.figures.values()]).all():
                 return f"scan {index}: figures that are not finite"
         restored.restore(tracker.snapshot())
         rest = chain(tracker.flush(), restored.flush())
-        faults = (fault_of(estimates, LEAST_VARIANCE[engine]) for estimates in rest)
+        faults = (fault_of(estimates, LEAST_VARIANCE) for estimates in rest)
         return next(filter(None, faults), "")
     except Exception as error:  # any of them would end the node
         return f"{type(error).__name__}: {error}"[:200]

@@ -11,7 +11,6 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import Detections, Estimates, Scan
 from phd_jdtc_ros.parameter_files import tracker_params
 
-from ..harness import engines
 from ..harness.figures import Found, measures, such_as
 
 NS, START_NS, TURN_S, TURNS = 10**9, 10**15, 4.0, 36
@@ -71,7 +70,6 @@ CASES: Mapping[str, tuple[tuple[float, float], Mapping[int, float]]] = {
 @measures(
     "far reply of one identity beside a second aircraft",
     "0 turns wrong, and no number of both",
-    of_engines=True,
 )
 def measure(cases: Sequence[str] = tuple(CASES)) -> Found:
     """Track two aircraft of which one is measured elsewhere for a turn or two."""
@@ -83,7 +81,7 @@ def measure(cases: Sequence[str] = tuple(CASES)) -> Found:
 
 def _wrong_turns(velocity: tuple[float, float], shifted: Mapping[int, float]) -> int:
     """Return the number of turns in which an aircraft is not right, and of numbers of both."""
-    config = tracker_params.config({**PARAMETERS, "engine": engines.current()})
+    config = tracker_params.config({**PARAMETERS})
     tracker, rng, wrong = new_engine(config), np.random.default_rng(14), 0
     numbers: list[set[int]] = [set(), set()]
     for turn in range(TURNS):

@@ -31,13 +31,11 @@ PARAMETERS = {
     "sensors": "[radar_1]",
     "interval_s": ROTATION_S,
     "lag": 2,
-    "particles_per_target": 300,
     "classes": "[aircraft]",
     "motions": "[cv]",
     "births": "[]",
     "detection_births.rates": "[0.1]",
     "detection_births.velocity_std": 100.0,
-    "particles_per_birth": 256,
     "spawn.rate": 0.0,
     "aircraft.motions": "[cv]",
     "aircraft.mode_transition": "[1.0]",
@@ -183,7 +181,6 @@ class Antenna:
 @measures(
     "faults of a turning radar",
     "0 exits, 0 NaN, every one counted, the target tracked all the time",
-    of_engines=True,
 )
 def measure() -> Found:
     """Send every fault in a sector of its own between valid ones."""

@@ -34,7 +34,8 @@ DEPTH = 50
 # Additional parameters of a tracker that also uses the lidar.
 LIDAR: Mapping[str, Any] = {
     "sensors": list(SENSORS),
-    "lag": "5 s",
+    "lag": 5,
+    "lag_s": 5.0,
     "lidar.pose": f"/{OWN_SHIP}/odometry",
     "lidar.fields.amplitude": "",
     # A vessel returns several detections, and the radar and the lidar see different parts of it.
@@ -44,7 +45,9 @@ LIDAR: Mapping[str, Any] = {
     "lidar.min_range": 5.0,
     "lidar.max_range": 150.0,
     # A vessel beyond about 80 m reflects too little, whatever the water does. Misses go together.
-    "lidar.detection_probability": "0 0.7 50 0.6 100 0.2 150 0.05 correlated 0.4",
+    "lidar.detection_probability": [0.7, 0.6, 0.2, 0.05],
+    "lidar.detection_probability_range": [0.0, 50.0, 100.0, 150.0],
+    "lidar.detection_correlation": 0.4,
     "lidar.clutter_rate": 2.0,
     "lidar.clutter_max_range": 150.0,
 }

@@ -27,8 +27,8 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
-from phd_jdtc_ros.configuration.engines import ENGINES, new_engine
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
@@ -48,7 +48,7 @@ CUTOFF, ORDER = 50.0, 2.0
 # Goals: ratio of the mean GOSPA over all scenarios to the better peer's.
 GOALS = {FILTERED: 0.85, SMOOTHED: 0.8}
 PEERS = ("GNN", "JPDA")
-WITH_LIDAR, PARTICLES = "with lidar", "particles"
+GAUSSIAN, WITH_LIDAR = "gaussian", "with lidar"
 PEER_SETTINGS = TrackSettings(
     gate=2.5, points=8, tentative_looks=1, looks=3, birth_gate=None, min_speed=0.7
 )
@@ -94,22 +94,20 @@ def scores_of(
     parameters: Mapping[str, Any],
     with_lidar: Mapping[str, Any] | None = None,
     changes: Mapping[str, Any] | None = None,
-    seed: int = 0,
 ) -> list[Score]:
-    """Return the scores of both engines and both peers, filtered and smoothed.
+    """Return the scores of the tracker and both peers, filtered and smoothed.
 
     The parameters are those of a tracker with the radar alone, and `with_lidar` of one with both
     sensors, which None leaves out. `changes` replace parameters of our trackers; the lidar's
-    concern the second one only. The seed is that of the particles; nothing else is random. Raise
-    `ImportError` without Stone Soup.
+    concern the second one only. Raise `ImportError` without Stone Soup.
     """
     scans = scans_of(recording)
     truth = [recording.truth(scan.stamp_ns) for scan in scans]
     found: dict[tuple[str, str], Sequence[PointSet]] = {}
     changes = changes or {}
-    for name in ENGINES:
-        config = _with_radar(parameters, changes, name, seed)
-        found |= _of_sources(name, tracked(new_engine(config), scans), truth)
+    of_radar = {name: own for name, own in changes.items() if not name.startswith("lidar.")}
+    engine = new_engine(resolve({**parameters, **of_radar}))
+    found |= _of_sources(GAUSSIAN, tracked(engine, scans), truth)
     if with_lidar is not None:
         config = resolve({**with_lidar, **changes})
         both = scans_of(recording, config.values["sensors"])
@@ -124,25 +122,6 @@ def scores_of(
     for name, by_lag in tracks.items():
         found[name, FILTERED], found[name, SMOOTHED] = by_lag[0], by_lag[lag]
     return [_score(recording.scenario, *key, truth, points) for key, points in found.items()]
-
-
-def particle_scores(
-    recording: Recording, parameters: Mapping[str, Any], changes: Mapping[str, Any], seed: int
-) -> list[Score]:
-    """Return the scores of the particles; for the parameters see `scores_of`."""
-    scans = scans_of(recording)
-    truth = [recording.truth(scan.stamp_ns) for scan in scans]
-    engine = new_engine(_with_radar(parameters, changes, PARTICLES, seed))
-    found = _of_sources(PARTICLES, tracked(engine, scans), truth)
-    return [_score(recording.scenario, *key, truth, points) for key, points in found.items()]
-
-
-def _with_radar(
-    parameters: Mapping[str, Any], changes: Mapping[str, Any], engine: str, seed: int
-) -> TrackerConfig:
-    """Return the configuration of a tracker with the radar alone."""
-    of_radar = {name: own for name, own in changes.items() if not name.startswith("lidar.")}
-    return resolve({"seed": seed, **parameters, **of_radar, "engine": engine})
 
 
 def peer_problem(parameters: Mapping[str, Any]) -> tuple[int, TrackerModel, float]:
@@ -234,10 +213,10 @@ def means(scores: Sequence[Score]) -> dict[tuple[str, str], dict[str, float]]:
 
 
 def goals_of(scores: Sequence[Score]) -> list[Goal]:
-    """Return the goals: ratio of each engine's GOSPA to the better peer's, by source."""
+    """Return the goals: ratio of the tracker's GOSPA to the better peer's, by source."""
     of_tracker, goals = means(scores), []
-    for engine, (source, bound) in itertools.product(ENGINES, GOALS.items()):
+    for source, bound in GOALS.items():
         better = min(of_tracker[peer, source]["gospa"] for peer in PEERS)
-        ratio = of_tracker[engine, source]["gospa"] / better
-        goals.append(goal(f"GOSPA {source}, {engine}, to the better peer's", ratio, bound))
+        ratio = of_tracker[GAUSSIAN, source]["gospa"] / better
+        goals.append(goal(f"GOSPA {source}, {GAUSSIAN}, to the better peer's", ratio, bound))
     return goals

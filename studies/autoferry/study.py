@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from dataclasses import asdict
 
 from rich.box import SIMPLE_HEAD
@@ -14,7 +13,7 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.exit_status import ArgumentParser
 from phd_jdtc_ros.parameter_files import from_arguments
 
-from ..runner import Figures, Study, half_width, mean
+from ..runner import Figures, Study
 from . import bags, scores
 from .scores import Score
 
@@ -23,7 +22,7 @@ def _add_arguments(parser: ArgumentParser) -> None:
     bags.add_dataset_arguments(parser, nargs="?")
 
 
-def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
+def _measure(arguments: argparse.Namespace, _: int) -> Figures:
     if arguments.directory is not None:
         recordings = bags.select_recordings(arguments)
     elif arguments.scenario:
@@ -33,48 +32,20 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
     changes = from_arguments.from_arguments(arguments.params_file, arguments.assignments)
     found: list[Score] = []
     for recording in recordings:
-        if seed != arguments.seed:
-            own = bags.parameters(lidar=False), changes, seed
-            found += scores.particle_scores(recording, *own)
-            continue
         with_lidar = bags.parameters(lidar=True) if recording.of("lidar") else None
         try:
             given = bags.parameters(lidar=False), with_lidar, changes
-            found += scores.scores_of(recording, *given, seed)
+            found += scores.scores_of(recording, *given)
         except ImportError as error:
             raise BagError(f"Stone Soup: {error}") from error
     return {"scores": list(map(asdict, found))}
-
-
-def _combined(found: Sequence[Figures]) -> Figures:
-    """Return the first seed's figures, with the particles' means over all seeds."""
-    by_seed = [
-        [each for each in one["scores"] if each["tracker"] == scores.PARTICLES] for one in found
-    ]
-    averages = iter(mean(by_seed))
-    return {
-        "scores": [
-            {**next(averages), "scenario": each["scenario"]}
-            if each["tracker"] == scores.PARTICLES
-            else each
-            for each in found[0]["scores"]
-        ],
-        "runs": len(found),
-        "half_width": half_width([_mean_gospa(one) for one in by_seed]) if found[1:] else None,
-    }
-
-
-def _mean_gospa(particles: Sequence[Figures]) -> Figures:
-    """Return the mean GOSPA over scenarios, by source."""
-    over = scores.means([Score(**each) for each in particles])
-    return {source: figures["gospa"] for (_, source), figures in over.items()}
 
 
 def _scores(found: Figures) -> list[Score]:
     return [Score(**each) for each in found["scores"]]
 
 
-def _tables(found: Figures) -> list[Table | str]:
+def _tables(found: Figures) -> list[Table]:
     """Return the table of figures, one row per tracker and source."""
     all_scores = _scores(found)
     title = "Autoferry: mean GOSPA in metres (c = 50 m, p = 2) by scenario"
@@ -89,10 +60,7 @@ def _tables(found: Figures) -> list[Table | str]:
         cells = [f"{each.gospa:.1f}" for each in rows]
         cells += [f"{over['gospa']:.1f}", f"{over['missed']:.2f}", f"{over['false']:.2f}"]
         shown.add_row(f"{tracker}, {source}", *cells, f"{over['position_rms']:.1f}")
-    if found["runs"] == 1:
-        return [shown]
-    widths = " and ".join(f"{width:.1f} m {name}" for name, width in found["half_width"].items())
-    return [shown, f"particles: the mean of {found['runs']} seeds, 95 % within {widths}"]
+    return [shown]
 
 
 STUDY = Study(
@@ -104,7 +72,8 @@ STUDY = Study(
     measure=_measure,
     tables=_tables,
     goals=lambda found: scores.goals_of(_scores(found)),
-    combined=_combined,
+    # Nothing is random.
+    combined=lambda found: found[0],
     has_parameters=True,
     add_arguments=_add_arguments,
 )

@@ -5,5 +5,5 @@
     drawn_truth     targets, classes, SNR and detections, all drawn from a tracker's own model
     scores          said probabilities with their outcomes, and squared errors, summed over scans
     diagram         reliability diagrams
-    study           both engines on the same runs, with goals and tables
+    study           the tracker on these runs, with goals and tables
 """

@@ -1,9 +1,8 @@
 """Whether said probabilities and covariances are right, on truth drawn from the tracker's model.
 
 Targets, their classes, SNR, motion and deaths, and all detections are drawn from the default model
-without spawned targets. Both engines track the same runs, particles a part of them. Existence
-probabilities are scored for all targets above one percent, reported or not, classes and covariances
-for the likely ones.
+without spawned targets. Existence probabilities are scored for all targets above one percent,
+reported or not, classes and covariances for the likely ones.
 """
 
 from __future__ import annotations
@@ -18,13 +17,14 @@ from matplotlib.figure import Figure
 from rich.table import Table
 
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.configuration.engines import gaussian_engine
 from phd_jdtc_ros.core.arrays import BoolArray
+from phd_jdtc_ros.core.gaussian.entries import Entry
+from phd_jdtc_ros.core.gaussian.extraction import extract
+from phd_jdtc_ros.core.gaussian.smoothing.smoother import backward_pass
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Scan, Truth
-from phd_jdtc_ros.core.window.entries import Entry
 from phd_jdtc_ros.exit_status import ArgumentParser
-from phd_jdtc_ros.study.runs import ExtractionVariant
-from phd_jdtc_ros.study.tracker import PARTS, Extraction
 
 from ..runner import Figures, Goal, Study, goal, table
 from .diagram import ENOUGH, TOLERANCE, draw
@@ -33,9 +33,7 @@ from .scores import CLASS_EDGES, EXISTENCE_EDGES, LEAST, Bins, Errors, Reliabili
 
 GIVEN: Mapping[str, Any] = {"spawn.rate": 0.0}
 # Every target keeps an SNR of its own, and the truth has it whatever a tracker assumes.
-TRUE: Mapping[str, Any] = {**GIVEN, "engine": "gaussian", "amplitude": "memory"}
-# An engine tracks every so many seeds: Gaussians cost an eighth of particles.
-ENGINES = {"gaussian": 1, "particles": 4}
+TRUE: Mapping[str, Any] = {**GIVEN, "amplitude": "memory"}
 LAGS = {FILTERED: 0, SMOOTHED: 5}
 KINDS = {"existence": EXISTENCE_EDGES, "class": CLASS_EDGES}
 # Largest share of covered targets outside 3 sigma; 1.1 % if errors are normal.
@@ -45,27 +43,22 @@ STREAM = 7
 
 
 def measure(arguments: argparse.Namespace, seed: int) -> Figures:
-    """Return the sums of a run, by engine and source."""
+    """Return the sums of a run, by source."""
     truth_of = resolve(TRUE)
     run = drawn_run(truth_of.model, arguments.scans, np.random.default_rng([seed, STREAM]))
     truths, scans = [truth for truth, _ in run], [scan for _, scan in run]
     covered = [_covered(truth, truth_of) for truth in truths]
+    estimates = posteriors(scans, resolve(GIVEN), tuple(LAGS.values()), LEAST)
     found: Figures = {}
-    for engine in arguments.engines:
-        if (seed - arguments.seed) % ENGINES[engine]:
-            continue
-        config = resolve({**GIVEN, "engine": engine, "seed": seed})
-        estimates = posteriors(scans, config, tuple(LAGS.values()), LEAST)
-        found[engine] = {}
-        for source, lag in LAGS.items():
-            last = len(scans) - lag
-            scores = of_run(truths[:last], covered[:last], estimates[lag])
-            found[engine][source] = {
-                "existence": _stored(scores.existence),
-                "class": _stored(scores.target_class),
-                "errors": _stored(scores.errors),
-            }
-    return {"engines": found}
+    for source, lag in LAGS.items():
+        last = len(scans) - lag
+        scores = of_run(truths[:last], covered[:last], estimates[lag])
+        found[source] = {
+            "existence": _stored(scores.existence),
+            "class": _stored(scores.target_class),
+            "errors": _stored(scores.errors),
+        }
+    return found
 
 
 def _stored(sums: Reliability | Errors) -> dict[str, list[float]]:
@@ -79,21 +72,14 @@ def posteriors(
 
     The list of lag l has the estimates at the scans 0, 1 and so on, except at the last l ones.
     """
-    parts, variant = PARTS[config.engine](config), ExtractionVariant("", "bernoulli", "components")
-    rng = {lag: np.random.default_rng([config.seed, 1, lag]) for lag in lags}
+    forward, window = gaussian_engine(config).forward, list[Entry]()
     found: dict[int, list[Estimates]] = {lag: [] for lag in lags}
-    window: list[Entry[Any, Any]] = []
     for index, scan in enumerate(scans):
-        step = parts.forward.step(scan, linked=max(lags) > 0)
-        window = [*window, step.entry][-(max(lags) + 1) :]
-        # The filtered set is the one before its reduction, as in `track`.
-        stored = [step.updated, *list(parts.backward(window, variant.death_term))[1:]]
-        for lag in lags:
-            if lag < len(stored):
+        window = [*window, forward.step(scan, linked=max(lags) > 0)][-(max(lags) + 1) :]
+        for lag, stored in enumerate(backward_pass(window)):
+            if lag in found:
                 stamp_ns = scans[index - lag].stamp_ns
-                how = Extraction(variant, stamp_ns, lag, least, rng[lag])
-                of_lag = parts.extract(stored[lag], how)
-                found[lag].append(of_lag)
+                found[lag].append(extract(stored, forward.dynamics, stamp_ns, lag, least))
     return found
 
 
@@ -108,15 +94,8 @@ def _covered(truth: Truth, config: TrackerConfig) -> BoolArray:
 
 
 def combined(found: Sequence[Figures]) -> Figures:
-    """Return the reliability in bins and the errors over all runs, by engine and source."""
-    engines: Figures = {}
-    for engine in found[0]["engines"]:
-        runs = [each["engines"][engine] for each in found if engine in each["engines"]]
-        engines[engine] = {
-            source: {"runs": len(runs), **_over_runs([run[source] for run in runs])}
-            for source in LAGS
-        }
-    return {"engines": engines}
+    """Return the reliability in bins and the errors over all runs, by source."""
+    return {"gaussian": {source: _over_runs([run[source] for run in found]) for source in LAGS}}
 
 
 def _over_runs(runs: Sequence[Mapping[str, Any]]) -> Figures:
@@ -146,10 +125,10 @@ def _bins(stored: Mapping[str, Sequence[float | None]]) -> Bins:
 
 
 def tables(figures: Figures) -> list[Table]:
-    """Return the table of covariances, and for each engine those of probabilities."""
+    """Return the table of covariances, and those of probabilities."""
     rows = [
         (
-            f"{engine}, {source}",
+            f"gaussian, {source}",
             *(
                 _cell(of_source[where][name], text)
                 for where in ("covered", "uncovered")
@@ -157,16 +136,12 @@ def tables(figures: Figures) -> list[Table]:
             ),
             *(_cell(_worst(of_source[kind]), "{:.3f}") for kind in KINDS),
         )
-        for engine, of_engine in figures["engines"].items()
-        for source, of_source in of_engine.items()
+        for source, of_source in figures["gaussian"].items()
     ]
     headings = ("estimates", "NEES", "outside 3 sigma", "NEES, no coverage", "outside, no coverage")
     worst = (f"largest error of {kind}" for kind in KINDS)
     found = [table("covariances and probabilities", (*headings, *worst), rows)]
-    for engine, of_engine in figures["engines"].items():
-        for kind, edges in KINDS.items():
-            found.append(_reliability(engine, kind, edges, of_engine))
-    return found
+    return found + [_reliability(kind, edges, figures["gaussian"]) for kind, edges in KINDS.items()]
 
 
 def _cell(value: float | None, text: str) -> str:
@@ -180,53 +155,49 @@ def _worst(stored: Mapping[str, Sequence[float | None]]) -> float | None:
     return float(apart.max()) if len(apart) else None
 
 
-def _reliability(
-    engine: str, kind: str, edges: Sequence[float], of_engine: Mapping[str, Any]
-) -> Table:
+def _reliability(kind: str, edges: Sequence[float], figures: Mapping[str, Any]) -> Table:
     rows = []
     for index, (low, high) in enumerate(pairwise(edges)):
         cells = [f"{low:.2f} to {high:.2f}"]
-        for of_source in of_engine.values():
+        for of_source in figures.values():
             bins = _bins(of_source[kind])
             number, said, right, least, most = (column[index] for column in bins)
             known = f"{said:.3f}: {right:.3f} ({least:.2f} to {most:.2f})" if number else "-"
             cells += [f"{number:.0f}", known]
         rows.append(cells)
-    headings = [f"{source}, {what}" for source in of_engine for what in ("number", "said: right")]
-    return table(f"{engine}: {kind} probability", ("bin", *headings), rows)
+    headings = [f"{source}, {what}" for source in figures for what in ("number", "said: right")]
+    return table(f"{kind} probability", ("bin", *headings), rows)
 
 
 def goals(figures: Figures) -> list[Goal]:
     """Return the goals: shares of full bins, and errors of targets in coverage."""
     found = []
-    for engine, of_engine in figures["engines"].items():
-        for source, of_source in of_engine.items():
-            name = f"calibration, {engine}, {source}"
-            for kind in KINDS:
-                worst = _worst(of_source[kind])
-                found.append(goal(f"{name}, {kind} probability", worst, TOLERANCE))
-            outside = of_source["covered"]["outside_3_sigma"]
-            found.append(goal(f"{name}, outside 3 sigma", outside, MOST_OUTSIDE))
+    for source, of_source in figures["gaussian"].items():
+        name = f"calibration, gaussian, {source}"
+        for kind in KINDS:
+            worst = _worst(of_source[kind])
+            found.append(goal(f"{name}, {kind} probability", worst, TOLERANCE))
+        outside = of_source["covered"]["outside_3_sigma"]
+        found.append(goal(f"{name}, outside 3 sigma", outside, MOST_OUTSIDE))
     return found
 
 
 def pictures(figures: Figures) -> dict[str, Figure]:
-    """Return a reliability diagram for each engine."""
+    """Return the reliability diagram."""
+    sources = figures["gaussian"]
     return {
-        f"reliability_{engine}.png": draw(
+        "reliability.png": draw(
             {
-                kind: {source: _bins(of_source[kind]) for source, of_source in of_engine.items()}
+                kind: {source: _bins(of_source[kind]) for source, of_source in sources.items()}
                 for kind in KINDS
             },
             KINDS,
         )
-        for engine, of_engine in figures["engines"].items()
     }
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--scans", type=int, default=100, help="scans per run (%(default)s)")
-    parser.add_argument("--engines", nargs="+", choices=list(ENGINES), default=list(ENGINES))
 
 
 STUDY = Study(

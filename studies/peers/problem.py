@@ -12,6 +12,7 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.targets.amplitude_density import of_classes
 from phd_jdtc_ros.core.targets.motion import ConstantVelocity
 from phd_jdtc_ros.study.runs import SimulatedRun
 
@@ -60,7 +61,7 @@ class Problem:
         """Return p_D: the radar's own if configured, or else the mean over the classes."""
         if radar.visibility.probabilities:
             return float(radar.visibility.probability(np.zeros(1))[0])
-        return float(radar.class_detection_probability(self.model.modes.classes).mean())
+        return float(of_classes(radar.threshold, self.model.modes.classes).mean())
 
     def hypothesiser(self, gate: float) -> Part:
         """Return a gated hypothesiser by squared Mahalanobis distance of the innovation."""

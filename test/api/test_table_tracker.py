@@ -391,17 +391,14 @@ def seldom_seen(seed, columns):
     return detections, dict(zip(("time", "label", "x", "y"), np.array(truth).T, strict=True))
 
 
-@pytest.mark.parametrize("engine", ["gaussian", "particles"])
 @pytest.mark.parametrize(
-    ("columns", "clutter_rate"), [({}, 25.0), ({}, "auto"), ({"code": np.nan}, 25.0)]
+    ("columns", "clutter"),
+    [({}, {"clutter_rate": 25.0}), ({}, {}), ({"code": np.nan}, {"clutter_rate": 25.0})],
 )
-def test_a_target_is_found_in_clutter_that_makes_every_birth_improbable(
-    engine, columns, clutter_rate
-):
+def test_a_target_is_found_in_clutter_that_makes_every_birth_improbable(columns, clutter):
     # 0.2 births in a scan, half of which are detected, are 0.4 % of the detections, and far less of
     # those without a reply if most targets have a transponder: less than the least probability.
     parameters = {
-        "engine": engine,
         "interval_s": 0.5,
         "detection_births": {"velocity_std": 10.0, "rates": [0.2], "least_probability": 0.005},
         "radar": {
@@ -410,7 +407,7 @@ def test_a_target_is_found_in_clutter_that_makes_every_birth_improbable(
             "max_range": 3e3,
             "clutter_max_range": 3e3,
             "detection_probability": 0.5,
-            "clutter_rate": clutter_rate,
+            **clutter,
         },
     }
     detections, truth = seldom_seen(7, columns)

@@ -20,9 +20,9 @@ def plot(azimuth_deg=0.0, **changes):
     return Plot(1, 0, DAY, 1000.0, math.radians(azimuth_deg), **changes)
 
 
-def of(*plots, sector=0, sectors=32, amplitude="any", noise_dbm=-100.0):
+def of(*plots, sector=0, sectors=32):
     report = SectorReport(1000, sector, [1000] * len(plots), list(plots))
-    return columns(report, sectors, noise_dbm, amplitude)
+    return columns(report, sectors)
 
 
 def ended(stream, found):
@@ -64,14 +64,8 @@ def test_amplitude_is_the_envelope_over_the_noise():
     # 20 dB over the noise: a = sqrt(2 * 100).
     known = plot(primary_dbm=-80.0, secondary_dbm=-50.0)
     replies = plot(secondary_dbm=-70.0)
-    expected = {
-        "any": [math.sqrt(200.0), math.sqrt(2000.0), math.nan],
-        "primary": [math.sqrt(200.0), math.nan, math.nan],
-        "secondary": [math.sqrt(2e5), math.sqrt(2000.0), math.nan],
-    }
-    for choice, values in expected.items():
-        found = of(known, replies, plot(), amplitude=choice)
-        np.testing.assert_allclose(found["amplitude"], values, rtol=1e-12)
+    found = of(known, replies, plot())["amplitude"]
+    np.testing.assert_allclose(found, [math.sqrt(200.0), math.sqrt(2000.0), math.nan], rtol=1e-12)
 
 
 def test_unknown_values_are_written_as_unknown():

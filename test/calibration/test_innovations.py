@@ -10,19 +10,19 @@ from position_sensor import PositionSensor
 from phd_jdtc_ros.calibration.innovations import LEAST_BROKEN, SAMPLE, InnovationMonitor
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.learned.noise_factor import NoiseFactor
+from phd_jdtc_ros.core.factors import Noise
 from phd_jdtc_ros.core.types import Coverage, Detections, Scan
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
-TRUE = resolve({"engine": "gaussian", "lag": 0})
+TRUE = resolve({"lag": 0})
 SCANS = [scan for _, scan in simulate(paper_scenario(TRUE.model.radars), 6)]
 NO, BOTH, AZIMUTH = [False, False], [True, True], [False, True]
 
 
 def configured(scale, azimuth_scale=None):
     """Return the configuration with all noise scaled, or that of azimuths by another factor."""
-    given = {"engine": "gaussian", "lag": 0}
+    given = {"lag": 0}
     for radar in ("radar_1", "radar_2"):
         given[f"{radar}.range_std"] = TRUE.values[f"{radar}.range_std"] * scale
         azimuth = TRUE.values[f"{radar}.azimuth_std_deg"]
@@ -180,8 +180,8 @@ def test_learned_noise_and_the_smallest_plausible_one_are_not_too_large():
     (radar,) = ALONE.radars
     seen = scattered(300, 0.3)
     assert looks(InnovationMonitor(ALONE), seen).too_large.all()
-    learned = radar.changed(noise_factor=NoiseFactor(np.array([True, False, False])))
-    fit = looks(InnovationMonitor(replace(ALONE, radars=(learned,))), seen)
+    learned = {radar.name: (Noise(np.array([True, False, False])),)}
+    fit = looks(InnovationMonitor(replace(ALONE, factors=learned)), seen)
     assert fit.too_large.tolist() == AZIMUTH
     bounded = radar.changed(least_std=(10.0, 0.0))
     fit = looks(InnovationMonitor(replace(ALONE, radars=(bounded,))), seen)

@@ -5,9 +5,11 @@ import pytest
 from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.parameters import replaced
-from phd_jdtc_ros.configuration.parameters.tracker import MOST_CLASSES
+from phd_jdtc_ros.configuration.parameters.radar import LEARNED
+from phd_jdtc_ros.configuration.parameters.tracker import MOST_CLASSES, PHD
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.tables import GROUPS, schema
+from phd_jdtc_ros.core.engine import Lag
 
 
 def faults_of(given):
@@ -18,7 +20,7 @@ def faults_of(given):
 
 def test_resolve_keeps_values_and_what_it_was_given():
     values = build.resolve({"lag": 3, "radar_1.range_std": 100}).values
-    assert values["lag"] == "3"
+    assert values["lag"] == 3
     assert values["radar_1.range_std"] == 100.0
     assert values["radar_2.range_std"] == 300.0
     given = {"lag": 2, "start_1.position": [1, 2]}
@@ -58,11 +60,11 @@ def test_resolve_lists_every_fault_at_once_with_name_value_and_what_is_allowed()
         }
     )
     expected = {
-        "lag": ("-1", "a whole number of scans from 0 to 100"),
+        "lag": ("-1", "a whole number, at least 0, at most 100"),
         "interval_s": ("nan", "a finite number"),
         "radar_1.range_std": ("inf", "a finite number"),
         "start_1.position": ("[1.0]", "a list of 2 finite numbers"),
-        "engine": ("'none'", "one of gaussian, particles, phd, phd_as_printed"),
+        "engine": ("'none'", "one of gaussian, phd, phd_as_printed, phd_gaussian"),
         "radar_1.clutter_map": ("1", "true or false"),
         "no.such": ("", "unknown parameter"),
     }
@@ -158,17 +160,17 @@ def test_resolve_looks_for_no_parameter_among_very_many():
         ({"radar_1.min_range": 20e3}, "radar_1.min_range", "below max_range"),
         ({"radar_1.detection_probability": 1.0}, "radar_1.detection_probability", "to 0.999"),
         (
-            {"radar_1.detection_probability": [1e3, 0.9, 2e3]},
-            "radar_1.detection_probability",
-            "or pairs of range (m, ascending) and probability",
+            {"radar_1.detection_probability": [0.9, 0.8]},
+            "radar_1.detection_probability_range",
+            "must be a range for each of 2 probabilities",
         ),
         (
-            {"radar_1.detection_probability": [1e3, 0.9, 500.0, 0.8]},
-            "radar_1.detection_probability",
-            "or pairs of range (m, ascending) and probability",
+            {"radar_1.detection_probability_range": [1e3, 500.0]},
+            "radar_1.detection_probability_range",
+            "must be ascending",
         ),
         (
-            {"radar_1.detection_probability": [1e3, 0.0]},
+            {"radar_1.detection_probability": [0.9, 0.8, 0.0]},
             "radar_1.detection_probability",
             "above 0 and at most 0.999",
         ),
@@ -180,11 +182,6 @@ def test_resolve_looks_for_no_parameter_among_very_many():
         ({"radar_1.fields.range_rate_std": "sd"}, "radar_1.fields.range_rate", "must be a name"),
         ({"radar_1.sectors": 8}, "radar_1.rotation_s", "above 0 with sectors"),
         ({"radar_1.fields.sector": "sector"}, "radar_1.sectors", "above 0 with fields.sector"),
-        (
-            {"radar_1.sectors": 8, "radar_1.rotation_s": 4.0, "engine": "phd"},
-            "engine",
-            "must be gaussian or particles",
-        ),
     ],
 )
 def test_resolve_refuses(given, name, words):
@@ -200,22 +197,28 @@ def test_resolve_refuses_matrix_entries_that_are_no_numbers(entry):
 
 
 @pytest.mark.parametrize(
-    ("given", "kept"), [(7, "7"), ("7", "7"), (2.0, "2"), ("20s", "20 s"), (" 0.50 s", "0.5 s")]
+    ("given", "lag"),
+    [
+        ({}, Lag(5)),
+        ({"lag": 2.0}, Lag(2)),
+        ({"lag": 0}, Lag(0)),
+        ({"lag": 2, "lag_s": 0.5}, Lag(0, 0.5)),
+    ],
 )
-def test_a_lag_is_kept_in_one_form(given, kept):
-    assert build.resolve({"lag": given}).values["lag"] == kept
+def test_the_lag_is_of_scans_or_of_seconds(given, lag):
+    assert build.resolve(given).lag == lag
 
 
-@pytest.mark.parametrize("given", ["", "x", "-1", "0 s", "101", "2e5 s", 1.5, 3.0000001, True, [5]])
+@pytest.mark.parametrize("given", ["", "x", -1, 101, 1.5, 3.0000001, True, [5]])
 def test_resolve_refuses_what_is_no_lag(given):
     (fault,) = faults_of({"lag": given})
-    assert fault.startswith(f"lag: {given!r} given, must be a whole number of scans from 0 to 100")
+    assert fault == f"lag: {given!r} given, must be a whole number, at least 0, at most 100"
 
 
-@pytest.mark.parametrize("given", ["", "weibull", "learned 3", "rayleigh x", "log_normal 1 2", 3])
+@pytest.mark.parametrize("given", ["", "weibull", "learned 3", 3])
 def test_resolve_refuses_what_is_no_law_of_clutter(given):
     (fault,) = faults_of({"radar_1.clutter_amplitude": given})
-    assert fault.startswith(f"radar_1.clutter_amplitude: {given!r} given, must be rayleigh, ")
+    assert fault.startswith(f"radar_1.clutter_amplitude: {given!r} given, must be one of rayleigh,")
 
 
 def test_no_parameter_of_before_is_one_of_now():
@@ -242,9 +245,45 @@ def test_grouper_and_engine_carry_the_configuration():
     assert (usual.max_gap_s, usual.reorder_s) == (90.0, 0.0)
     resolved = build.resolve({"engine": "phd_as_printed", "seed": 9})
     engine = new_engine(resolved)
-    assert engine.death_term.__name__ == "paper_death_term"
-    assert engine.extraction.__name__ == "clusters"
-    assert engine.forward.seed == 9
+    assert engine.recursion.death_term.__name__ == "printed_death_term"
+    assert engine.recursion.extraction.__name__ == "clusters"
+    assert engine.recursion.seed == 9
+
+
+@pytest.mark.parametrize("engine", PHD)
+@pytest.mark.parametrize(
+    ("given", "fault"),
+    [
+        ({"late_reports": "rework"}, "late_reports: rework given, must be drop"),
+        ({"estimates_period_s": 2.0}, "estimates_period_s: 2.0 given, must be 0.0"),
+        (
+            {"detection_births.rates": [0.1, 0.1]},
+            "detection_births.rates: [0.1, 0.1] given, must be []",
+        ),
+        ({"amplitude": "memory"}, "amplitude: memory given, must be auto or band or none"),
+        ({"radar_1.rotation_s": 4.0}, "radar_1.rotation_s: 4.0 given, must be 0"),
+        ({"radar_1.clutter_map": True}, "radar_1.clutter_map: true given, must be false"),
+        (
+            {"radar_1.clutter_amplitude": "learned"},
+            "radar_1.clutter_amplitude: learned given, must be rayleigh",
+        ),
+        (
+            {"radar_1.detection_correlation": 0.5},
+            "radar_1.detection_correlation: 0.5 given, must be 0",
+        ),
+        *(
+            ({"radar_1.learn": [word]}, f"radar_1.learn: ['{word}'] given, must be []")
+            for word in LEARNED
+        ),
+        *(
+            ({f"radar_1.fields.{name}": "own"}, f"radar_1.fields.{name}: 'own' given, must be ''")
+            for name in ("time", "height", "elevation", "code", "address", "kind", "range_rate")
+        ),
+    ],
+)
+def test_resolve_refuses_what_the_paper_does_not_have(given, fault, engine):
+    assert faults_of({"engine": engine, **given}) == [f"{fault} with engine {engine}"]
+    assert build.resolve(given).inputs  # the default engine has it
 
 
 def test_resolve_refuses_clutter_beyond_the_range_that_is_tracked():
@@ -292,9 +331,9 @@ def test_answers_of_turning_radars_are_older_than_their_reports(given, expected)
             "places the radar",
         ),
         (
-            {"radar_1.pose": "tf odometry"},
-            "radar_1.pose: 'tf odometry' given, must be fixed, tf, or the topic of the platform's "
-            "poses in the world frame",
+            {"radar_1.pose": "tf orientation"},
+            "radar_1.pose: 'tf orientation' given, must be fixed, tf, or the topic of the "
+            "platform's poses in the world frame",
         ),
         ({"radar_1.pose": ""}, "radar_1.pose: '' given, must be fixed, tf, or the topic"),
         ({"radar_1.pose": "Fixed"}, "radar_1.pose: 'Fixed' given, must be fixed, tf, or the topic"),
@@ -304,7 +343,11 @@ def test_answers_of_turning_radars_are_older_than_their_reports(given, expected)
             "radar_1.pose: '/radar_2/detections' given, radar_2 has its detections there",
         ),
         (
-            {"radar_1.pose": "/a", "radar_2.pose": "/b pose_stamped"},
+            {
+                "radar_1.pose": "/a",
+                "radar_2.pose": "/b",
+                "radar_2.pose_message": "pose_stamped",
+            },
             "radar_2.pose: pose_stamped given, must be odometry as that of radar_1",
         ),
     ],

@@ -7,13 +7,14 @@ import pytest
 
 from phd_jdtc_ros.configuration import build, scene
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.configuration.engines import particle_filter
 from phd_jdtc_ros.configuration.scene import differences, other_places
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.core.clutter.amplitude_law import Learned, LogNormal, Rayleigh
+from phd_jdtc_ros.core.factors.clutter.amplitude import Learned
 from phd_jdtc_ros.core.models.amplitude_model import Band, Memory
+from phd_jdtc_ros.core.sensors.view import NOISE
 from phd_jdtc_ros.core.targets import amplitude_density
 from phd_jdtc_ros.core.targets.motion import ConstantVelocity, CoordinatedTurn
+from phd_jdtc_ros.core.types import Detections, Scan
 from phd_jdtc_ros.earth import SystemPlane
 
 NOT_SHOWN = {"radar_1.fields.amplitude": "", "radar_2.fields.amplitude": ""}
@@ -43,7 +44,7 @@ def test_resolve_of_nothing_is_the_reference_scene():
         np.testing.assert_allclose(birth.std, [200.0, 40.0, 200.0, 40.0, 1e-3])
     assert resolved.lag.scans == 5
     assert resolved.lag.seconds is None
-    assert particle_filter(resolved).budget.per_target == 1500
+    assert resolved.budget.per_target == 1500
     assert resolved.world_frame == "map"
 
 
@@ -85,20 +86,12 @@ def test_resolve_builds_three_classes_of_different_motions():
     np.testing.assert_allclose(model.births[0].rate, rates)
 
 
-@pytest.mark.parametrize(
-    ("given", "law"),
-    [
-        ("rayleigh", Rayleigh(1.0)),
-        ("rayleigh 10", Rayleigh(10.0)),
-        ("log_normal 20.0", LogNormal(20.0, 6.0)),
-        ("learned", None),
-    ],
-)
-def test_the_law_of_clutter_may_have_a_level(given, law):
-    radar = build.resolve({"radar_1.clutter_amplitude": given}).model.radars[0]
-    assert radar.clutter_amplitude == law or (
-        law is None and isinstance(radar.clutter_amplitude, Learned)
-    )
+def test_the_law_of_clutter_is_that_of_noise_or_learned():
+    model = build.resolve({"radar_1.clutter_amplitude": "learned"}).model
+    nothing = Detections(np.zeros((0, 2)), None)
+    first, second = model.expected(Scan(0, (nothing, nothing)))
+    assert isinstance(first.clutter_amplitude, Learned)
+    assert second.clutter_amplitude is NOISE
 
 
 def test_a_spawned_target_has_its_parents_motion_as_a_rule():
@@ -143,9 +136,7 @@ def test_a_spawned_target_of_a_class_without_its_parents_motion_has_any_of_it():
         ({"engine": "gaussian"}, Memory),
         ({"engine": "gaussian", "amplitude": "band"}, Band),
         ({"engine": "gaussian", **NOT_SHOWN}, Band),
-        ({"engine": "particles"}, Band),
         ({"engine": "phd"}, Band),
-        ({"engine": "phd", "amplitude": "memory"}, Memory),
     ],
 )
 def test_amplitude_auto_remembers_snrs_where_classes_of_gaussians_depend_on_them(given, kind):
@@ -168,7 +159,8 @@ def test_differences_are_of_given_parts_that_both_scenes_have():
     ]
     assert differences(REFERENCE, {}) == []
     recorded = resolve({"radar_1.range_std": 100.0}).values
-    learned = {"radar_1.range_std": "auto 300", "radar_1.detection_probability": "auto 0.5"}
+    given = {"radar_1.range_std": 300.0, "radar_1.detection_probability": 0.5}
+    learned = {**given, "radar_1.learn": ["noise", "detection"]}
     assert differences(recorded, resolve(learned).values) == []
     assert differences(recorded, resolve({"radar_1.range_std": 300.0}).values) != []
 

@@ -7,11 +7,13 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 from phd_jdtc_ros.core import compilation
+from phd_jdtc_ros.core.arrays import frozen
 
 ROOT = Path(__file__).parents[2]
 SCRIPT = """
@@ -22,7 +24,7 @@ from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core import compilation
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
-config = resolve({{"engine": "gaussian", "lag": 2}})
+config = resolve({{"lag": 2}})
 engine, found = new_engine(config), []
 for _, scan in simulate(paper_scenario(config.model.radars), 1):
     step = engine.step(scan)
@@ -108,6 +110,57 @@ def test_signature_gives_the_axes_of_arrays_that_may_be_read_only():
     with pytest.raises(TypeError):
         total(np.ones(3), np.array([1]))
     assert total.signatures[0][0] == numba.types.Array(numba.float64, 2, "C", readonly=True)
+
+
+class Table(NamedTuple):
+    """A table and the row to sum."""
+
+    values: compilation.Float2
+    row: int
+
+
+def test_named_tuples_are_read_only_unless_they_are_declared_writeable():
+    pytest.importorskip("numba", reason="signatures are numba's")
+
+    @compilation.compiled
+    def total(table: Table) -> float:
+        return table.values[table.row].sum()
+
+    @compilation.compiled
+    def clear(table: compilation.Writeable[Table]) -> None:
+        table.values[table.row] = 0.0
+
+    table = Table(np.ones((2, 3)), 1)
+    with pytest.raises(TypeError):
+        total(table)
+    clear(table)
+    assert total(frozen(table)) == 0.0
+    assert table.values[0].sum() == 3.0
+    with pytest.raises(TypeError):
+        clear(table)
+
+
+def test_name_of_compiled_code_changes_with_the_named_tuples_that_it_takes(tmp_path, monkeypatch):
+    pytest.importorskip("numba", reason="nothing is stored without it")
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "of_first.py").write_text(
+        "from of_ends import Ends\nfrom phd_jdtc_ros.core.compilation import compiled\n"
+        "@compiled\ndef first(ends: Ends): return ends.first\n"
+    )
+    # The second text is written within the second and as long as the first.
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    names = []
+    for fields in ("first: float; last: float", "last: float; first: float"):
+        text = f"from typing import NamedTuple\nclass Ends(NamedTuple): {fields}\n"
+        (tmp_path / "of_ends.py").write_text(text)
+        for module in ("of_ends", "of_first"):
+            sys.modules.pop(module, None)
+        from of_ends import Ends
+        from of_first import first
+
+        names.append(first.py_func.__qualname__)
+        assert first(Ends(first=1.0, last=2.0)) == 1.0
+    assert len(set(names)) == 2
 
 
 def test_interruption_that_numba_swallows_ends_the_compilation(monkeypatch):

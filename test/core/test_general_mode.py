@@ -1,4 +1,4 @@
-"""One algorithm over any mode space: what must not matter does not matter."""
+"""The PHD filter is one algorithm over any mode space: what must not matter does not matter."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ def statistics(given, make, scans):
     """Return masses, moments and class shares of every seed, shape (seeds, figures)."""
     figures = []
     for seed in range(SEEDS):
-        engine = new_engine(make({**given, "seed": seed}))
+        engine = new_engine(make({**given, "engine": "phd", "seed": seed}))
         steps = [engine.step(scan) for scan in scans]
         smoothed = [e for step in steps for e in step.smoothed] + list(engine.flush())
         last, middle = steps[-1].filtered[0], smoothed[2]
@@ -75,7 +75,7 @@ def test_splitting_a_mode_into_twins_changes_nothing_unless_they_are_unequal(one
     scans, expected = one_mode
     assert_same_distribution(statistics({**PLAIN, **TWINS}, plain, scans), expected)
     # The comparison has power: a second mode with other noise differs from a twin.
-    given = {**PLAIN, **TWINS, "twin.noise_density": 30.0}
+    given = {**PLAIN, **TWINS, "twin.noise_density": 300.0}
     with pytest.raises(AssertionError):
         assert_same_distribution(statistics(given, plain, scans), expected)
 

@@ -5,13 +5,13 @@ from antennas import TurningRadar
 from runs import stepped
 from scenes import short_scenario, small
 
-from phd_jdtc_ros.configuration.engines import ENGINES, new_engine, new_pipeline
+from phd_jdtc_ros.configuration.engines import new_engine, new_pipeline
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.intake.slices import slices_per_turn
 from phd_jdtc_ros.core.pipeline import RunEnded, Stepped
 from phd_jdtc_ros.simulation.simulate import simulate
 
-SLICES = slices_per_turn(4.0, fine=True)  # as with particles
+SLICES = slices_per_turn(4.0)
 CONFIG = small({"lag": 2})
 SCANS = [scan for _, scan in simulate(short_scenario(8), 0)]
 INTERVAL_NS = 6_000_000_000
@@ -41,24 +41,17 @@ def test_add_steps_the_engine_through_complete_scans():
         )
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_filtered_estimates_are_given_before_the_smoothing(engine, monkeypatch):
+def test_filtered_estimates_are_given_before_the_smoothing():
     order = []
-    pipeline = new_pipeline(small({"lag": 2, "engine": engine}), on_filtered=order.extend)
-    smoothed_at = pipeline.engine._smoothed_at
-
-    def spied(stamp_ns, *arguments):
-        order.append(stamp_ns)
-        return smoothed_at(stamp_ns, *arguments)
-
-    monkeypatch.setattr(pipeline.engine, "_smoothed_at", spied)
+    pipeline = new_pipeline(small({"lag": 2}), on_filtered=order.extend)
+    pipeline.engine.forward.on_stage_end = order.append
     events = fed(pipeline, SCANS[:4])
     filtered = [found for event in events for found in event.step.filtered]
-    assert [each if isinstance(each, int) else each.stamp_ns for each in order] == [
-        *(scan.stamp_ns for scan in SCANS[:3]),
-        *(SCANS[0].stamp_ns, SCANS[3].stamp_ns, SCANS[1].stamp_ns),
-    ]
-    given = [each for each in order if not isinstance(each, int)]
+    given = [each for each in order if not isinstance(each, str)]
+    # The first smoothing is that of the third scan.
+    expected = [scan.stamp_ns for scan in SCANS[:3]] + ["backward", SCANS[3].stamp_ns, "backward"]
+    named = [each if isinstance(each, str) else each.stamp_ns for each in order]
+    assert [each for each in named if each in expected] == expected
     for one, other in zip(given, filtered, strict=True):
         np.testing.assert_array_equal(one.state, other.state)
         np.testing.assert_array_equal(one.track_id, other.track_id)
@@ -248,11 +241,10 @@ def test_sectors_step_the_engine_and_gaps_are_of_turns():
     assert config.reset_threshold_s == 3 * 4.0
 
 
-@pytest.mark.parametrize("engine", ["particles", "gaussian"])
 @pytest.mark.parametrize("timed", [True, False])
-def test_a_turn_that_is_not_set_is_found_and_targets_are_tracked(engine, timed):
-    given = {"engine": engine, "radar.rotation_s": 0.0, "radar.sectors": 0}
-    pipeline = new_pipeline(sweep.configuration({**given, "estimates_period_s": 3.9}))
+def test_a_turn_that_is_not_set_is_found_and_targets_are_tracked(timed):
+    given = {"radar.rotation_s": 0.0, "radar.sectors": 0, "estimates_period_s": 3.9}
+    pipeline = new_pipeline(sweep.configuration(given))
     found = []
     for radar, stamp_ns, detections, _ in sweep.sector_reports(8, timed):
         events = pipeline.add(radar, stamp_ns, detections)
@@ -268,7 +260,7 @@ def test_a_turn_that_is_not_set_is_found_and_targets_are_tracked(engine, timed):
 
 
 def test_a_turn_is_found_once_and_known_after_a_reset():
-    given = {"engine": "gaussian", "radar.rotation_s": 0.0, "radar.sectors": 0}
+    given = {"radar.rotation_s": 0.0, "radar.sectors": 0}
     pipeline = new_pipeline(sweep.configuration(given))
     reports = sweep.sector_reports(6, timed=True)
     for _ in range(2):

@@ -11,9 +11,7 @@ import yaml
 
 from phd_jdtc_ros.__main__ import EXECUTABLES
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.parameter_files import bag_parameters
-from phd_jdtc_ros.tools.demo import demo
+from phd_jdtc_ros.core.targets.amplitude_density import of_classes
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
@@ -60,22 +58,6 @@ def test_launch_commands_in_the_text_use_arguments_that_there_are():
     assert {(n, argument) for n, argument in used if argument not in launch_arguments(n)} == set()
 
 
-@pytest.mark.parametrize("engine", ["particles", "gaussian"])
-def test_readmes_table_has_the_scores_of_the_shipped_bag(tmp_path, engine):
-    (row,) = re.findall(rf"^\| {engine}, \w+ \|(.+)\|$", README.read_text(), re.MULTILINE)
-    bag = ROOT / "bags" / "paper_scenario"
-    config = resolve({**bag_parameters.read(bag), "engine": engine}, SystemPlane)
-
-    found = demo.scores(bag, config, tmp_path / "bag")
-
-    ospa = [f"{found[source]['all']['ospa']:.1f} m" for source in ("filtered", "smoothed")]
-    shares = [f"{found['reduction']:.0%}", f"{found['class_accuracy']:.1%}"]
-    assert [cell.strip() for cell in row.split("|")] == [
-        *ospa,
-        *(share.replace("%", " %") for share in shares),
-    ]
-
-
 def test_time_of_a_scan_is_that_of_the_performance_page():
     performance = (ROOT / "docs" / "performance.md").read_text()
     steps = {
@@ -83,19 +65,14 @@ def test_time_of_a_scan_is_that_of_the_performance_page():
         for shown, cells in page_tables.specified(performance)
     }
     few, many = (
-        {
-            engine: f"{float(steps[f'the whole step, engine {engine}'][column]):.0f}"
-            for engine in ("particles", "gaussian")
-        }
+        f"{float(steps['the whole step, gaussian'][column]):.0f} ms"
         for column in ("4 targets", "200 targets")
     )
     intro = " ".join(performance.split("## ")[0].split())
 
-    assert f"takes {few['particles']} ms of one core, filter" in intro
-    assert f"take {many['particles']} ms" in intro
-    assert f"`engine: gaussian` it is {few['gaussian']} ms, and {many['gaussian']} ms" in intro
-    sentence = f"takes {few['particles']} ms of one core with particles and {few['gaussian']} ms"
-    assert sentence in " ".join(README.read_text().split())
+    assert f"takes {few} of one core, filter" in intro
+    assert f"300 detections per radar take {many}" in intro
+    assert f"takes {few} of one core" in " ".join(README.read_text().split())
     # The figures that one command has measured are on that page only.
     for name in ("tracker", "sensor_replay"):
         text = (ROOT / "docs" / "nodes" / f"{name}.md").read_text()
@@ -120,7 +97,8 @@ def test_detection_probabilities_without_amplitudes_are_those_of_the_radar_page(
                 "target.snr_band_db": [low, low + 0.1],
             }
         )
-        (found,) = config.model.radars[0].class_detection_probability(config.model.modes.classes)
+        threshold = config.model.radars[0].threshold
+        (found,) = of_classes(threshold, config.model.modes.classes)
         assert found == pytest.approx(probability, abs=0.005)
 
 

@@ -53,7 +53,7 @@ def test_filled_replaces_the_rows_of_tables_of_study_and_benchmark():
 
     assert missing == []
     assert text == PAGE.replace("| ours | 1.0 | 2.0 |", "| ours | 90.0 ± 2.0 | 50.0 ± 2.0 |")
-    times = {"particles": {"median_ms": 20.0}, "GM-PHD": {"median_ms": 40.0}}
+    times = {"gaussian": {"median_ms": 20.0}, "GM-PHD": {"median_ms": 40.0}}
     title = "a scan of the reference scenario, both radars"
     page = f"<!-- table: {{bench: '{title}'}} -->\nold\n<!-- end -->\n"
 

@@ -77,10 +77,10 @@ def test_equations_of_the_site_are_mathml(site):
 def test_site_describes_packages_and_labels_the_cells_of_tables(site):
     core, tracker, study = (
         (site / name).read_text()
-        for name in ("code/core/smc.html", "nodes/tracker.html", "study_details.html")
+        for name in ("code/core/gaussian.html", "nodes/tracker.html", "study_details.html")
     )
-    assert "<code>backward_kernel.py</code>" in core
-    assert "stored set t+1" in core
+    assert "<code>update.py</code>" in core
+    assert "stored mixture t+1" in core
     assert ":::" not in core
     assert '<td data-label="QoS">reliable, depth 10</td>' in tracker
     assert "<td>" not in tracker

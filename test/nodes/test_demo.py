@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import time
 from pathlib import Path
@@ -15,7 +16,8 @@ from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.tools.demo.demo import ARTEFACTS
 
-BAG = Path(__file__).parents[2] / "bags" / "paper_scenario"
+ROOT = Path(__file__).parents[2]
+BAG, README = ROOT / "bags" / "paper_scenario", ROOT / "README.md"
 # The picture of clutter is one of radars that learn its map.
 WITHOUT_MAP = {*ARTEFACTS} - {"clutter.png"}
 
@@ -53,23 +55,37 @@ def test_demo_reaches_the_promised_figures(demo):
     assert (metrics["p"], metrics["c"]) == (2, 1000)
     assert set(metrics["smoothed"]) == {"all", "class_0", "class_1"}
     assert metrics["step_ms"]["median"] > 0.0
-    assert metrics["engine"] == "particles"
+    assert metrics["engine"] == "gaussian"
     for source, consistency in metrics["consistency"].items():
         assert consistency["pairs"] == pytest.approx(240, abs=3), source
         assert consistency["outside_3_sigma"] <= 0.03, source
         assert 0.7 < consistency["nees"] < 1.3, source
 
 
-def test_demo_shows_the_other_engine_beside_the_one_that_ran(demo):
+def test_demo_shows_the_papers_filter_beside_the_tracker(demo):
     metrics = json.loads((demo / "metrics.json").read_text())
-    other = metrics["compared"]
-    assert other["engine"] == "gaussian"
-    assert other["scans"] == metrics["scans"]
-    assert other["filtered"]["all"]["ospa"] <= 115.0
-    assert other["smoothed"]["all"]["ospa"] <= 65.0
-    assert other["smoothed"]["all"]["cardinality_abs_error"] == 0.0
-    assert other["step_ms"]["median"] > 0.0
-    assert "Both engines" in (demo / "report.html").read_text()
+    printed, corrected = metrics["compared"]
+    assert [each["engine"] for each in (printed, corrected)] == ["phd_as_printed", "phd"]
+    for each in (printed, corrected):
+        assert each["scans"] == metrics["scans"]
+        assert each["step_ms"]["median"] > 0.0
+    smoothed = [each["smoothed"]["all"]["ospa"] for each in (printed, corrected, metrics)]
+    assert smoothed[0] > 1.5 * smoothed[1]
+    assert smoothed[1] > smoothed[2]
+    assert "The paper's filter" in (demo / "report.html").read_text()
+
+
+def test_readmes_table_has_the_scores_of_the_demo(demo):
+    metrics = json.loads((demo / "metrics.json").read_text())
+    rows = dict(
+        re.findall(r"^\| (\w+), (?:live|offline) \|(.+)\|$", README.read_text(), re.MULTILINE)
+    )
+    assert [*rows] == [found["engine"] for found in (*metrics["compared"], metrics)]
+    for found, row in zip((*metrics["compared"], metrics), rows.values(), strict=True):
+        ospa = [f"{found[source]['all']['ospa']:.1f} m" for source in ("filtered", "smoothed")]
+        shares = [f"{found['reduction']:.0%}", f"{found['class_accuracy']:.1%}"]
+        shown = [*ospa, *(share.replace("%", " %") for share in shares)]
+        assert [cell.strip() for cell in row.split("|")] == shown
 
 
 def test_live_estimates_equal_offline_ones(demo, tmp_path):
@@ -86,7 +102,7 @@ def test_live_estimates_equal_offline_ones(demo, tmp_path):
 
 def test_demo_records_everything_published(demo):
     reader = BagReader(demo / "estimates")
-    expected = set(outputs.default_topics(2, engine="particles")) | {
+    expected = set(outputs.default_topics(2)) | {
         names.TRUTH,
         *map(names.detections, ("radar_1", "radar_2")),
     }

@@ -106,7 +106,7 @@ def live(lasting):
     processes, peer = lasting
     heard = Live(peer)
     processes.start("evaluator")
-    start_tracker(processes, *options(**{"engine": "gaussian", "radar_1.clutter_map": "true"}))
+    start_tracker(processes, *options(**{"radar_1.clutter_map": "true"}))
     assert peer.spin_until(lambda: peer.node.count_publishers(names.OSPA))
     assert peer.spin_until(lambda: peer.node.count_publishers(names.cardinality()))
     processes.start("sensor_replay", BAG, "--rate", "20", "--loop")

@@ -16,7 +16,7 @@ from records import (
     without_amplitudes,
 )
 
-from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
+from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
 from phd_jdtc_ros.report import style
 from phd_jdtc_ros.report.pictures import figures, maps
 from phd_jdtc_ros.report.pictures.figures import write_all

@@ -189,15 +189,16 @@ def test_write_report_escapes_the_title_and_orders_classes(tmp_path):
     assert '<script>"' not in text
 
 
-def test_write_report_names_the_engine_and_shows_the_other_beside_it(tmp_path):
-    live, other = (summary_of(engine=name) for name in ("particles", "gaussian"))
+def test_write_report_names_the_engine_and_shows_the_papers_beside_it(tmp_path):
+    live, *others = (summary_of(engine=name) for name in ("gaussian", "phd_as_printed", "phd"))
     alone = page(tmp_path, live)
-    assert "<dt>engine</dt><dd>particles</dd>" in alone
-    assert "Both engines" not in alone
-    rows = Reader(without_library(page(tmp_path, {**live, "compared": other}))).rows
+    assert "<dt>engine</dt><dd>gaussian</dd>" in alone
+    assert "The paper's filter" not in alone
+    rows = Reader(without_library(page(tmp_path, {**live, "compared": others}))).rows
     of_engines = [row for row in rows if row and row[0].endswith(("live", "offline"))]
     cells = ["140.5 m", "75.2 m", "46 %", "99.6 %", "9.5 ms"]
-    assert of_engines == [["particles, live", *cells], ["gaussian, offline", *cells]]
+    names = "phd_as_printed, offline", "phd, offline", "gaussian, live"
+    assert of_engines == [[name, *cells] for name in names]
 
 
 def test_write_report_without_scores_has_neither_tables_nor_dashes(tmp_path):

@@ -16,7 +16,7 @@ from msg_adapters.targets import estimates, poses, truth
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.core.learned.outliers import Outliers
+from phd_jdtc_ros.core.factors.outliers import Outliers
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.page import score_words
 from phd_jdtc_ros.report.page.packing import Columns, pack
@@ -28,7 +28,7 @@ from phd_jdtc_ros.simulation.traffic.targets import TargetScript
 from phd_jdtc_ros.tools.simulate import write_bag
 from phd_jdtc_ros.tools.track_bag import track_bag
 
-CONFIG = resolve({"particles_per_target": 100, "particles_per_birth": 256, "lag": 2})
+CONFIG = resolve({"lag": 2})
 RADARS = [radar.topic for radar in CONFIG.inputs]
 FILTERED, SMOOTHED = names.estimates("filtered"), names.estimates("smoothed")
 SECOND = 10**9
@@ -37,9 +37,10 @@ WHOLE = st.lists(st.integers(-(2**30), 2**30 - 1), max_size=40)
 INPUTS = resolve(
     {
         "sensors": ["mast"],
-        "mast.range_std": "auto 50",
-        "mast.azimuth_std_deg": "auto 0.2",
-        "mast.detection_probability": "auto 0.9",
+        "mast.learn": ["noise", "detection"],
+        "mast.range_std": 50.0,
+        "mast.azimuth_std_deg": 0.2,
+        "mast.detection_probability": 0.9,
     }
 ).inputs
 FIGURES = {

@@ -9,8 +9,8 @@ from unfolded import columns_of, rows_of
 
 from msg_adapters.targets.palette import class_colour
 from phd_jdtc_ros.asterix.call_signs import CallSigns
-from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes
+from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.report.page import estimate_rows, picture_words
 from phd_jdtc_ros.report.page.estimate_rows import Frames

@@ -103,17 +103,17 @@ def test_scans_and_targets_without_a_score_are_counted(evaluation):
     assert title.startswith("means over 2 of 3 scans (OSPA: ")
 
 
-def test_score_tables_show_both_engines_side_by_side(evaluation):
-    live = metrics(evaluation, np.array([4.0]), "particles")
-    other = metrics(evaluation, np.array([2.0]), "gaussian")
+def test_score_tables_show_the_papers_filter_above_the_tracker(evaluation):
+    live = metrics(evaluation, np.array([4.0]), "gaussian")
+    other = metrics(evaluation, np.array([2.0]), "phd")
     other["smoothed"]["all"]["ospa"] = 50.0
-    title, rows, _ = tables({**live, "compared": other})[-1]
-    assert "both engines" in title
+    title, rows, _ = tables({**live, "compared": [other]})[-1]
+    assert "the paper's filter" in title
     assert rows[-2:] == [
-        ["particles, live", "100.0 m", "25.0 m", "75%", "100.0%", "4.0 ms"],
-        ["gaussian, offline", "100.0 m", "50.0 m", "50%", "100.0%", "2.0 ms"],
+        ["phd, offline", "100.0 m", "50.0 m", "50%", "100.0%", "2.0 ms"],
+        ["gaussian, live", "100.0 m", "25.0 m", "75%", "100.0%", "4.0 ms"],
     ]
-    assert not [table for table in tables(live) if "both engines" in table[0]]
+    assert not [table for table in tables(live) if "the paper's filter" in table[0]]
 
 
 def test_score_tables_shows_both_sources_and_the_reduction_of_every_set(evaluation):

@@ -3,8 +3,6 @@
 import argparse
 import json
 import random
-import unittest.mock
-from collections import Counter
 
 import numpy as np
 import pytest
@@ -12,7 +10,7 @@ from estimate_sets import estimates
 
 from msg_adapters.encoding import interfaces, names, stamps
 from robustness import command
-from robustness.harness import engines, figures, scans
+from robustness.harness import figures, scans
 from robustness.hostile_input import (
     asterix_bytes,
     asterix_recordings,
@@ -25,11 +23,8 @@ from robustness.hostile_input import (
 )
 from robustness.reports import absurd, crowd, numerics, reflected
 
-# Fewer particles than a user has: what is tested is their numbers' range.
-FEW = {"particles_per_target": 200, "particles_per_birth": 256}
 # Scans of a case of `numerics`; the gap of an hour is behind the fortieth.
 SCANS = {**dict.fromkeys(numerics.CASES, 20), "an hour's gap": 45}
-every_engine = pytest.mark.parametrize("engine", engines.ALL)
 
 
 @pytest.mark.parametrize(
@@ -64,33 +59,38 @@ def test_fault_outside_an_engine_reaches_its_goal(measure, bounds):
     assert figure.reached, (figure.measured, figure.details)
 
 
-@every_engine
 @pytest.mark.parametrize(
     ("measure", "bounds"),
     [
-        # Two kinds of detections with particles: with either corrector one.
-        (crowd.measure, {"detections": 10_000, "seeds": 1, "every": 3}),
-        (absurd.measure_radar, {"every": 3, **FEW}),
+        (crowd.measure, {"detections": 10_000, "seeds": 1, "kinds": ["equal"]}),
+        (absurd.measure_radar, {"every": 3}),
         (hostile.measure_repeated, {}),
-        (forgeries.measure, FEW),
+        (forgeries.measure, {}),
         (reflected.measure, {"cases": ["parked, once by 1 km", "in the air, once by 1 km"]}),
     ],
     ids=["crowd", "absurd numbers", "a repeated buffer", "forged checkpoints", "a reflected reply"],
 )
-def test_fault_in_an_engine_reaches_its_goal(measure, bounds, engine):
-    with engines.using(engine):
-        figure = measure(**bounds)
+def test_fault_in_the_engine_reaches_its_goal(measure, bounds):
+    figure = measure(**bounds)
     assert figure.reached, (figure.measured, figure.details)
 
 
-@every_engine
 @pytest.mark.parametrize("case", numerics.CASES)
-def test_no_covariance_that_is_none_leaves_an_engine(case, engine):
+def test_no_covariance_that_is_none_leaves_the_engine(case):
     whole = numerics.CASES[case]
-    begun = numerics.Case(
-        lambda config: whole.scans(config)[: SCANS[case]], {**FEW, **whole.values}
-    )
-    assert numerics.outcome(begun, engine) == ""
+    begun = numerics.Case(lambda config: whole.scans(config)[: SCANS[case]], whole.values)
+    assert numerics.outcome(begun) == ""
+
+
+def test_the_matrix_has_all_parts_or_those_that_are_asked_for():
+    def measured(part):
+        return list(command.faults(argparse.Namespace(part=part)))
+
+    every = measured(None)
+    assert len(every) > 25
+    assert every[-len(command.ELSEWHERE) - 1] is command.FAULTS[-1]
+    assert measured(["overload"]) == [*command.figures_of("overload")]
+    assert len(measured(["overload", "crowd"])) == 3
 
 
 @pytest.mark.parametrize(
@@ -107,40 +107,6 @@ def test_no_covariance_that_is_none_leaves_an_engine(case, engine):
 def test_faults_of_covariances_are_seen(change, said):
     found = numerics.fault_of(estimates(np.zeros((1, 5)), change(np.eye(5))), 1e-12)
     assert found.startswith(said) if said else found == ""
-
-
-def test_figure_is_named_after_its_engine_which_the_measurement_sees():
-    def measure():
-        return figures.Figure("crowd", "goal", engines.current(), True)
-
-    found = engines.of(engines.GAUSSIAN, measure)()
-    assert (found.name, found.measured) == ("gaussian: crowd", "gaussian")
-    assert engines.current() == engines.PARTICLES
-    allowed = "'kalman' given, must be one of particles, gaussian"
-    with pytest.raises(ValueError, match=allowed), engines.using("kalman"):
-        pass
-
-
-def named(arguments):
-    """Return how many measurements of each engine a command makes, none of which is done."""
-    begun = []
-    with unittest.mock.patch.object(engines, "of", lambda engine, _: begun.append(engine)):
-        list(command.faults(argparse.Namespace(**{"part": None, **arguments})))
-    return Counter(begun)
-
-
-def test_faults_are_of_both_engines_unless_one_is_asked_for():
-    every = len(command.FAULTS)
-    of_engines = sum(measure.__dict__["of_engines"] for measure in command.FAULTS)
-    assert 10 < of_engines < every
-    assert named({"engine": "particles", "only": False}) == {
-        "particles": every,
-        "gaussian": of_engines,
-    }
-    assert named({"engine": "gaussian", "only": True}) == {"gaussian": every}
-    # Two of overload, with each engine.
-    alone = named({"engine": "particles", "only": False, "part": ["overload"]})
-    assert alone == {"particles": 2, "gaussian": 2}
 
 
 def test_messages_are_stamped_and_mutated_alone():

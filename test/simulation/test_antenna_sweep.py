@@ -149,8 +149,11 @@ def test_targets_are_detected_with_the_given_probability_over_range():
         for d in (20e3, 60e3)
         for a in np.linspace(0.01, 6.2, 100)
     ]
-    table = [0.0, 0.9, 40e3, 0.9, 80e3, 0.1]
-    found, inputs = scene(*ring, detection_probability=table)
+    found, inputs = scene(
+        *ring,
+        detection_probability=[0.9, 0.9, 0.1],
+        detection_probability_range=[0.0, 40e3, 80e3],
+    )
     plots = plots_of(TurningRadar(found, 0, inputs[0]), np.random.default_rng(1))
     near = plots.measurement[:, 0] < 40e3
     # 15 turns of 100 targets each.
@@ -171,13 +174,11 @@ def test_nothing_is_seen_in_blind_sectors_and_below_the_least_range():
 
 def test_noise_has_the_deviations_of_the_radar():
     still = Flight(0, 1.0, 0.0, (30e3, 10e3), (0.0, 0.0), (Leg(8000.0),))
-    found, inputs = scene(
-        still, duration_s=8000.0, range_std=30.0, azimuth_std_deg=0.2, range_std_growth=1e-3
-    )
+    found, inputs = scene(still, duration_s=8000.0, range_std=30.0, azimuth_std_deg=0.2)
     measured = plots_of(TurningRadar(found, 0, inputs[0]), np.random.default_rng(1)).measurement
     exact = found.radars[0].measure(still.states(np.zeros(1)))[0]
     std = (measured - exact).std(axis=0)
-    assert std[0] == pytest.approx(math.hypot(30.0, 1e-3 * exact[0]), rel=0.05)
+    assert std[0] == pytest.approx(30.0, rel=0.05)
     assert np.degrees(std[1]) == pytest.approx(0.2, rel=0.05)
 
 

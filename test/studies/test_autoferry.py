@@ -1,5 +1,4 @@
 import json
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,7 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.tools import track_bag
-from studies.autoferry import bags, study
+from studies.autoferry import bags
 from studies.autoferry import recording as autoferry
 from studies.autoferry import scores as autoferry_scores
 from studies.command import main
@@ -34,7 +33,7 @@ scan,sensor,time,target,north,east,down
 3,radar,102.200,1,100.0,-370.0,0.00
 3,radar,102.200,2,-152.0,-582.0,0.00
 """
-CHANGES = {"lidar.range_std": 9.0, "particles_per_target": 150, "particles_per_birth": 128}
+CHANGES = {"lidar.range_std": 9.0}
 ROOT = Path(__file__).parents[2]
 SHIPPED = ROOT / "bags" / "autoferry_2"
 ODOMETRY = "/own_ship/odometry"
@@ -108,13 +107,13 @@ def score(tracker, source, gospa):
 
 
 def test_goals_compare_with_the_better_peer_of_the_same_source():
-    values = {"particles": 34.0, "gaussian": 20.0, "GNN": 40.0, "JPDA": 50.0}
+    values = {"gaussian": 33.0, "GNN": 40.0, "JPDA": 50.0}
     scores = [score(name, s, v) for name, v in values.items() for s in ("filtered", "smoothed")]
-    goals = {goal["name"]: goal for goal in autoferry_scores.goals_of(scores)}
-    gaussian = goals["GOSPA filtered, gaussian, to the better peer's"]
-    assert gaussian["value"] == pytest.approx(0.5)
-    assert gaussian["reached"]
-    assert not goals["GOSPA smoothed, particles, to the better peer's"]["reached"]
+    goals = autoferry_scores.goals_of(scores)
+    filtered, smoothed = goals
+    assert filtered["name"] == "GOSPA filtered, gaussian, to the better peer's"
+    assert filtered["value"] == smoothed["value"] == pytest.approx(33.0 / 40.0)
+    assert (filtered["reached"], smoothed["reached"]) == (True, False)
 
 
 @pytest.fixture(scope="module")
@@ -144,7 +143,7 @@ def test_trackers_are_scored_on_the_same_scans_with_changes_of_ours(boats):
     _, scores = boats
     assert {(each.tracker, each.source) for each in scores} == {
         (tracker, source)
-        for tracker in ("particles", "gaussian", "GNN", "JPDA")
+        for tracker in ("gaussian", "GNN", "JPDA")
         for source in ("filtered", "smoothed")
     }
     assert all(each.false < 0.1 and each.missed < 0.7 for each in scores)
@@ -154,27 +153,6 @@ def test_trackers_are_scored_on_the_same_scans_with_changes_of_ours(boats):
     other = autoferry_scores.scores_of(recording, bags.parameters(lidar=False), None, changes)
     same = {mine.tracker for mine, changed in zip(usual, other, strict=True) if mine == changed}
     assert same == set(autoferry_scores.PEERS)
-
-
-def test_the_figures_of_the_particles_are_means_over_seeds():
-    names = ("particles", "gaussian")
-    first = [asdict(score(name, s, 20.0)) for name in names for s in ("filtered", "smoothed")]
-    second = [asdict(score("particles", s, 22.0)) for s in ("filtered", "smoothed")]
-    figures = study.STUDY.combined([{"scores": first}, {"scores": second}])
-    assert [(each["scenario"], each["gospa"]) for each in figures["scores"]] == [
-        (2, 21.0),
-        (2, 21.0),
-        (2, 20.0),
-        (2, 20.0),
-    ]
-    # Student's t of one degree of freedom, 12.71, times the standard error of the mean, 1 m.
-    interval = {"filtered": 12.71, "smoothed": 12.71}
-    assert figures["half_width"] == pytest.approx(interval, rel=1e-3)
-    shown = study.STUDY.tables(figures)
-    assert (
-        shown[-1]
-        == "particles: the mean of 2 seeds, 95 % within 12.7 m filtered and 12.7 m smoothed"
-    )
 
 
 @pytest.fixture
@@ -237,11 +215,10 @@ def test_the_shipped_recording_has_the_profiles_parameters():
 
 def test_figures_of_the_shipped_recording_need_no_dataset(tmp_path, capsys):
     pytest.importorskip("stonesoup")
-    few = ["-p", "particles_per_target:=200", "-p", "particles_per_birth:=256"]
-    assert main(["autoferry", "--out", str(tmp_path), *few]) == 0
+    assert main(["autoferry", "--out", str(tmp_path)]) == 0
     found = json.loads((tmp_path / "autoferry.json").read_text())
     by_key = {(each["tracker"], each["source"]): each for each in found["scores"]}
-    assert len(by_key) == 8
+    assert len(by_key) == 6
     assert by_key["gaussian", "filtered"]["gospa"] < 22.0
     assert by_key["gaussian", "smoothed"]["identity_switches"] == 0
     assert {goal["goal"] for goal in found["goals"]} == {0.85, 0.8}

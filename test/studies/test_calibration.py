@@ -15,7 +15,7 @@ from studies.calibration.scores import (
     of_run,
     pooled,
 )
-from studies.calibration.study import ENGINES, TRUE
+from studies.calibration.study import TRUE
 from studies.command import main
 
 SCANS, RUNS = 50, 20
@@ -120,14 +120,13 @@ def test_pooled_interval_is_wide_where_a_run_repeats_its_statement():
     np.testing.assert_allclose(narrow.high[0] - narrow.low[0], 0.098, atol=0.001)
 
 
-def test_study_scores_both_engines_on_drawn_truth(tmp_path, capsys):
+def test_study_scores_the_tracker_on_drawn_truth(tmp_path, capsys):
     given = ["--runs", "2", "--seed", "7", "--scans", "30", "--out", str(tmp_path)]
     assert main(["calibration", *given]) == 0
     assert "class probability" in capsys.readouterr().out
-    found = json.loads((tmp_path / "calibration.json").read_text())["engines"]
-    assert [found[name]["smoothed"]["runs"] for name in ENGINES] == [2, 1]
-    assert sum(found["gaussian"]["filtered"]["existence"]["number"]) > 0
-    assert all((tmp_path / f"reliability_{name}.png").stat().st_size > 1e4 for name in ENGINES)
+    found = json.loads((tmp_path / "calibration.json").read_text())["gaussian"]
+    assert sum(found["filtered"]["existence"]["number"]) > 0
+    assert (tmp_path / "reliability.png").stat().st_size > 1e4
     joined = json.loads((tmp_path / "summary.json").read_text())
-    assert len(joined["goals"]) == 6 * len(ENGINES)
-    assert joined["reliability"]["engines"] == found
+    assert len(joined["goals"]) == 6
+    assert joined["reliability"]["gaussian"] == found

@@ -45,7 +45,7 @@ def test_learning_is_compared_with_true_and_nominal_values(tmp_path, capsys, mon
     monkeypatch.setattr(
         misspecified, "PROFILES", {"automotive": misspecified.PROFILES["automotive"]}
     )
-    arguments = ["--engine", "gaussian", "--runs", "1", "--seed", "3", "--out", str(tmp_path)]
+    arguments = ["--runs", "1", "--seed", "3", "--out", str(tmp_path)]
     assert main(["misspecified", *arguments]) == 0
     assert "nominal values" in capsys.readouterr().out
     found = json.loads((tmp_path / "misspecified.json").read_text())
@@ -304,7 +304,6 @@ def test_goals_are_the_published_results():
 def test_the_command_prints_our_figures_beside_the_published_ones(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "160")
     arguments = ["--minutes", "2", "--out", str(tmp_path), "--seed", "2"]
-    arguments += ["-p", "particles_per_target:=100", "-p", "particles_per_birth:=256"]
     assert main(["madap", *arguments]) == 0
     text = capsys.readouterr().out
     assert "published" in text

@@ -17,16 +17,16 @@ targets:
   - {class_id: 1, snr_db: 25.0, position: [-10000.0, -10000.0], velocity: [36.0, 44.0],
      first_scan: 1, last_scan: 4}
 """
-FEW = {"engine": "particles", "particles_per_birth": 64}
+FEW = {"particles_per_birth": 64}
 STUDY = {
     "lags": [0, 2],
     "cases": {
         "quiet": {"scenario": "short.yaml", "parameters": {**FEW, "radar_2.clutter_rate": 3.0}}
     },
     "variants": {
-        "corrected": {"kind": "particles"},
-        "as printed": {"kind": "particles", "death_term": "paper", "extraction": "clusters"},
-        "fewer": {"kind": "particles", "parameters": {"particles_per_target": 50}, "lags": [0, 1]},
+        "corrected": {"kind": "phd"},
+        "as printed": {"kind": "phd_as_printed"},
+        "fewer": {"kind": "phd", "parameters": {"particles_per_target": 50}, "lags": [0, 1]},
         "reference": {"kind": "reference"},
     },
     "goals": [

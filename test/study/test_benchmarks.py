@@ -11,74 +11,26 @@ from rich.console import Console
 from scenes import no_detections
 
 from benchmarks import command, gate, scenes, timing
-from benchmarks.engine import forms, growth, late, recursion, smoothing, step_growth, steps
+from benchmarks.engine import late, recursion, step_growth, steps
 from benchmarks.results import goals
 from benchmarks.results import report as tables
 from benchmarks.transport import asterix_rates, messages, sector_latency, turning
 from benchmarks.transport.radars import Reply
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
-from phd_jdtc_ros.core.smc.kernel import backward_kernel
-from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
 from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.simulation.scenario import truth_at
 from phd_jdtc_ros.simulation.simulate import simulate
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport
 from studies.runner import goal, goals_table
 
-LAG = 3
-WITHOUT_ROS = ("peers", "steps", "step_growth", "growth", "smoother", "paper_smoother")
-
-
-every_death_term = pytest.mark.parametrize("death_term", DEATH_TERMS.values(), ids=DEATH_TERMS)
-
-
-@pytest.fixture(scope="module", params=("particles", "phd"))
-def window(request):
-    """The stored sets of a filter with four targets, about 800 particles."""
-    return recursion.window(targets=4, per_target=200, lag=LAG, seed=3, engine=request.param)
-
-
-def of_rows(copies, phd):
-    """Return the summed weights of the copies of every row."""
-    row = np.repeat(np.arange(len(phd)), phd.multiplicity)
-    return np.bincount(row, copies.weight, minlength=len(phd))
-
-
-def dense(window, death_term=smoothing.DEATH_TERM):
-    copies = [forms.copies(phd) for phd in window.stored]
-    return forms.smooth(copies, *window.assumed, death_term, forms.dense)
-
-
-@every_death_term
-def test_weights_of_every_form_are_those_of_the_dense_one(window, death_term):
-    exact = of_rows(dense(window, death_term), window.stored[0])
-    *_, smoothed = backward_pass(recursion.chain(window.stored, window.links()), death_term)
-    assert_allclose(smoothed.weight, exact, rtol=1e-3, atol=1e-9 * exact.sum())
-    assert np.abs(smoothed.weight - exact).sum() < 1e-5 * exact.sum()
-    # The form by label needs labels, and the tree is right within the gate only.
-    by_label = [forms.dense_by_label] if window.corrector.labelled else []
-    for form in (forms.dense_products, *by_label, forms.k_d_tree):
-        found = forms.smooth(window.stored, *window.assumed, death_term, form)
-        rtol, atol = (1e-4, 1e-9) if form is forms.k_d_tree else (1e-6, 1e-12)
-        assert_allclose(found.weight, exact, rtol=rtol, atol=atol * exact.sum())
-
-
-def test_gate_error_is_small_and_shows_a_gate_that_is_not(window, monkeypatch):
-    exact = dense(window)
-    good = smoothing.gate_error(window, exact)
-    monkeypatch.setattr(backward_kernel, "KERNEL_GATE_SIGMA", 3.0)
-    bad = smoothing.gate_error(window, exact)
-    assert good["largest_relative"] < 1e-3
-    assert good["l1"] < 1e-5
-    assert bad["largest_relative"] > 0.05
-    assert bad["l1"] > 1e-3
+WITHOUT_ROS = ("peers", "steps", "step_growth")
 
 
 @pytest.mark.parametrize("name", ["200 targets", "1000 targets"])
 def test_crowds_are_in_range_and_give_the_detections_of_their_name(name):
     crowd = steps.CROWDS[name]
-    config = scenes.configuration(crowd.targets, 10, clutter=crowd.clutter)
+    config = scenes.configuration(crowd.targets, clutter=crowd.clutter)
     scene = scenes.crowd(crowd.targets, 4, config, seed=1)
     counts = [len(d) for _, scan in simulate(scene, 1) for d in scan.detections]
     assert np.mean(counts) == pytest.approx(max(crowd.targets, 300.0), abs=10.0)
@@ -88,26 +40,16 @@ def test_crowds_are_in_range_and_give_the_detections_of_their_name(name):
         assert radar.measure(truth.state)[:, 0].max() < radar.max_range
 
 
-@pytest.mark.parametrize("engine", recursion.PARTS)
-def test_engine_tracks_all_targets_of_a_crowd_from_its_first_scan(engine):
-    config = scenes.configuration(20, 50, engine=engine)
+def test_engine_tracks_all_targets_of_a_crowd_from_its_first_scan():
+    config = scenes.configuration(20)
     scene = scenes.crowd(20, 4, config, seed=1)
-    run = recursion.tracking(config, scene, seed=1)
+    run = recursion.tracking(config, scene)
     for truth, scan in simulate(scene, 1):
         step = run.step(scan)
         assert step.class_mass.sum() == pytest.approx(20.0, abs=2.0)
         (found,) = step.filtered
         apart = np.linalg.norm(found.position[:, None] - truth.position[None], axis=2)
         assert np.median(apart.min(axis=0)) < 300.0
-
-
-def test_limit_goes_over_all_that_the_search_goes_over(window):
-    earlier, later = window.stored[-2:]
-    gathered = forms.whiten_sort_gather(earlier, later, window.model, window.dt)
-    # Two motions per class: every earlier particle may change to either motion of its class.
-    assert sum(len(points) for points in gathered[0::2]) == 2 * len(earlier)
-    assert sum(len(points) for points in gathered[1::2]) == len(later)
-    assert all(np.all(np.diff(points[:, 0]) >= 0.0) for points in gathered)
 
 
 def test_exponent_is_that_of_a_power_law():
@@ -117,12 +59,10 @@ def test_exponent_is_that_of_a_power_law():
 
 
 def test_a_turn_is_of_a_tracker_that_has_all_aircraft_in_every_form(cost):
-    assert set(cost) == set(recursion.PARTS)
-    for forms_of in cost.values():
-        assert set(forms_of) == set(turning.FORMS)
-        for found in forms_of.values():
-            assert found["rounds"] == 1
-            assert found["targets"] == pytest.approx(50.0, abs=2.0)
+    assert set(cost) == set(turning.FORMS)
+    for found in cost.values():
+        assert found["rounds"] == 1
+        assert found["targets"] == pytest.approx(50.0, abs=2.0)
 
 
 @pytest.fixture(scope="module")
@@ -147,7 +87,7 @@ def test_latency_by_sectors_is_measured_on_a_live_tracker_that_has_all_aircraft(
     # The variables that the measurement sets are reset afterwards.
     for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTDDS_BUILTIN_TRANSPORTS"):
         monkeypatch.setenv(name, "")
-    found = sector_latency.measure(1, recursion.GAUSSIAN)
+    found = sector_latency.measure(1)
     assert found.get("reason") is None
     assert found["sectors"] == 16
     assert found["detections"] >= 40
@@ -159,14 +99,14 @@ def test_latency_by_sectors_is_measured_on_a_live_tracker_that_has_all_aircraft(
 
 def test_latency_by_sectors_may_be_longer_by_a_step(cost):
     latency = {"latency_s": {"p99": 0.31}, "step_ms": {"p99": 20.0}}
-    of_turning = {"turning": {"latency": {recursion.PARTICLES: latency}, "cost": cost}}
+    of_turning = {"turning": {"latency": latency, "cost": cost}}
     figures = {figure["name"]: figure for figure in goals.judge(of_turning)}
-    of_sectors = figures["latency of a detection by sectors over DDS, p99, s"]
+    of_sectors = figures["gaussian: latency of a detection by sectors over DDS, p99, s"]
     assert of_sectors["goal"] == pytest.approx(0.32)
     assert of_sectors["reached"] is True
     latency["step_ms"]["p99"] = 5.0
     figures = {figure["name"]: figure for figure in goals.judge(of_turning)}
-    of_sectors = figures["latency of a detection by sectors over DDS, p99, s"]
+    of_sectors = figures["gaussian: latency of a detection by sectors over DDS, p99, s"]
     assert of_sectors["reached"] is False
 
 
@@ -186,37 +126,36 @@ def test_tables_show_latency_by_sectors_and_every_form_of_a_turn(cost):
         "latency_s": {"p50": 0.15, "p99": 0.277, "most": 0.29},
         "step_ms": {"p50": 11.0, "p99": 20.0, "most": 22.0},
     }
-    of_turning = {"turning": {"latency": {recursion.GAUSSIAN: latency}, "cost": cost}}
+    of_turning = {"turning": {"latency": latency, "cost": cost}}
     page = tables.markdown(tables.tables({**of_turning, "figures": goals.judge(of_turning)}))
     assert "| to the estimates of its sector | 0.150 s | 0.277 s | 0.290 s |" in page
     assert "555 detections, 50 aircraft tracked" in page
     for form in turning.FORMS:
         assert f"| {form} | " in page
     why = {"value": None, "reason": "rclpy is missing"}
-    missing = {"turning": {"latency": {recursion.PARTICLES: why}, "cost": cost}}
+    missing = {"turning": {"latency": why, "cost": cost}}
     figures = goals.judge(missing)
     assert "in real time" not in tables.markdown(tables.tables({**missing, "figures": figures}))
     reasons = {figure["name"]: figure.get("reason") for figure in figures}
-    assert reasons["latency of a detection by sectors over DDS, p99, s"] == "rclpy is missing"
+    assert (
+        reasons["gaussian: latency of a detection by sectors over DDS, p99, s"]
+        == "rclpy is missing"
+    )
 
 
 @pytest.fixture(scope="module")
 def summary():
-    """The quick run of all that needs no ROS, with few targets and particles."""
+    """The quick run of all that needs no ROS, with few targets."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(step_growth, "QUICK_LADDER", dict.fromkeys(recursion.FORMS, (4, 8)))
+        patch.setattr(step_growth, "QUICK_LADDER", (4, 8))
         patch.setattr(step_growth, "QUICK_MEMORY_TARGETS", 4)
         patch.setattr(step_growth, "STEPS", 2)
-        patch.setattr(smoothing, "PER_TARGET", 100)
-        patch.setattr(growth, "TARGETS", 4)
-        patch.setattr(growth, "PER_TARGET_LADDER", (125, 250))
-        patch.setattr(growth, "TARGETS_LADDER", (2, 4))
         return command.run(True, WITHOUT_ROS, Console(quiet=True))
 
 
 def test_summary_holds_every_figure(summary):
     names = [figure["name"] for figure in summary["figures"]]
-    assert len(names) == len(set(names)) == 41
+    assert len(names) == len(set(names)) == 23
     for figure in summary["figures"]:
         keys = {"name", "value", "goal", "at_most", "reached"}
         if figure["value"] is None:
@@ -231,20 +170,19 @@ def test_summary_holds_every_figure(summary):
 
 def test_summary_explains_why_a_figure_is_missing(summary):
     reasons = {figure["name"]: figure.get("reason") for figure in summary["figures"]}
-    assert reasons["latency over DDS beyond the step, p99, ms"] == "left out of this run"
-    assert reasons["step, 200 targets, ms"] == "left out of the quick run"
-    assert reasons["largest error of a weight"] is None
+    assert reasons["gaussian: latency over DDS beyond the step, p99, ms"] == "left out of this run"
+    assert reasons["gaussian: step, 200 targets, ms"] == "left out of the quick run"
+    assert reasons["gaussian: step, 4 targets, ms"] is None
     without_ros = {"live": {"value": None, "reason": "rclpy is missing"}}
     reasons = {figure["name"]: figure.get("reason") for figure in goals.judge(without_ros)}
-    assert reasons["latency over DDS beyond the step, p99, ms"] == "rclpy is missing"
+    assert reasons["gaussian: latency over DDS beyond the step, p99, ms"] == "rclpy is missing"
 
 
 def test_parts_of_a_step_add_up_to_it(summary):
     for scene in summary["steps"].values():
-        assert set(scene["engines"]) == set(recursion.PARTS)
-        for engine, found in scene["engines"].items():
+        for found in scene["forms"].values():
             times = found["times"]
-            parts = (times[part]["median_ms"] for part in recursion.PARTS[engine])
+            parts = (times[part]["median_ms"] for part in recursion.PARTS)
             assert sum(parts) < 1.2 * times["step"]["median_ms"]
 
 
@@ -254,8 +192,6 @@ def test_write_leaves_the_summary_and_the_pictures(summary, tmp_path):
     assert {path.name for path in paths} == {
         "summary.json",
         "table.md",
-        "cost_against_particles_per_target.png",
-        "cost_against_targets.png",
         "step_against_targets.png",
     }
     assert all(path.stat().st_size > 10_000 for path in paths[2:])
@@ -270,8 +206,7 @@ def test_tables_show_every_part_and_figure(summary):
     for figure in summary["figures"]:
         assert figure["name"] in text
         assert f"| {figure['name']} |" in page
-    for parts in recursion.PARTS.values():
-        assert all(part in text for part in parts)
+    assert all(part in text for part in recursion.PARTS)
 
 
 def test_every_way_to_read_asterix_reads_the_same_plots():
@@ -307,9 +242,9 @@ def test_ratio_is_the_median_over_the_rounds_of_one_machine():
 
 @pytest.mark.parametrize(("now", "status"), [(1.3, 1), (1.1, 0)])
 def test_main_fails_if_an_engine_is_slower_than_allowed(monkeypatch, capsys, now, status):
-    monkeypatch.setattr(gate, "seconds", lambda source, _: now if source == gate.ROOT else 1.0)
+    monkeypatch.setattr(gate, "seconds", lambda source: now if source == gate.ROOT else 1.0)
     assert gate.main(["HEAD"]) == status
-    assert f"gaussian: {now:.2f} times" in capsys.readouterr().out
+    assert f"{now:.2f} times" in capsys.readouterr().out
 
 
 def test_main_of_the_gate_has_help(capsys):
@@ -319,7 +254,7 @@ def test_main_of_the_gate_has_help(capsys):
 
 
 def test_seconds_times_the_public_names():
-    assert 0.0 < gate.seconds(gate.ROOT, "gaussian") < 60.0
+    assert 0.0 < gate.seconds(gate.ROOT) < 60.0
 
 
 def test_goals_have_all_columns_in_a_narrow_terminal():

@@ -17,6 +17,8 @@ from studies import peers
 
 ROOT = Path(__file__).parents[2]
 ONE_CLASS = {"classes": ["only"], **{f"start_{k}.rates": [0.01] for k in range(1, 5)}}
+# The variants of the study that name an engine, and the engines.
+PHD_VARIANTS = {"corrected": "phd", "as printed": "phd_as_printed", "fewer": "phd"}
 SOURCES = Path(studies.__file__).parents[1]
 
 
@@ -45,7 +47,7 @@ def test_a_case_has_a_cutoff_of_its_own_and_only_the_variants_that_name_it(study
     def change(document):
         near = {**document["cases"]["quiet"], "cutoff": 20.0, "only_named": True}
         document["cases"]["near"] = near
-        document["variants"]["named"] = {"kind": "particles", "cases": ["near"]}
+        document["variants"]["named"] = {"kind": "gaussian", "cases": ["near"]}
 
     study = load_study(study_file(change), {})
     assert [study.cutoff_of(case) for case in study.cases] == [1000.0, 20.0]
@@ -72,7 +74,7 @@ def test_resolve_lists_every_fault(study_file):
         document["cases"]["nothing"] = {}
         document["variants"]["wrong"] = {"kind": "theirs", "cases": ["loud"], "size": 1}
         document["variants"]["reference"]["parameters"] = {}
-        document["variants"]["corrected"] |= {"death_term": "none", "lags": "all"}
+        document["variants"]["corrected"] |= {"run_share": "none", "lags": "all"}
         document["variants"]["as printed"]["parameters"] = {"lag": 3}
         document["goals"][0] |= {"figure": "beauty", "at_least": 1.0}
 
@@ -87,8 +89,8 @@ def test_resolve_lists_every_fault(study_file):
         "goals[0].figure",
         "lags",
         "variants.as printed.parameters.lag",
-        "variants.corrected.death_term",
         "variants.corrected.lags",
+        "variants.corrected.run_share",
         "variants.reference.parameters",
         "variants.wrong.cases",
         "variants.wrong.kind",
@@ -125,11 +127,6 @@ def test_variants_have_those_of_their_lags_that_the_case_has(study_file):
             "variants.fewer.parameters",
             {"particles_per_target": -1, "nonsense": 1},
             ["parameters.particles_per_target: ", "parameters.nonsense: "],
-        ),
-        (
-            "variants.as printed.engine",
-            "gaussian",
-            ["parameters.death_term: ", "parameters.extraction: "],
         ),
         ("variants.corrected.engine", "steam", ["engine: "]),
         ("variants.reference.engine", "gaussian", ["engine: "]),
@@ -227,8 +224,8 @@ def kinds_of(study_file, change, assigned=None):
     [
         {"kind": "gaussian"},
         {"engine": "gaussian"},
-        {"kind": "particles", "engine": "gaussian"},
-        {"kind": "particles", "parameters": {"engine": "gaussian"}},
+        {"kind": "phd", "engine": "gaussian"},
+        {"kind": "phd", "parameters": {"engine": "gaussian"}},
     ],
 )
 def test_a_variant_of_the_tracker_names_its_engine(study_file, given):
@@ -237,22 +234,35 @@ def test_a_variant_of_the_tracker_names_its_engine(study_file, given):
 
     kinds = kinds_of(study_file, change)
     assert kinds["other"] == ("gaussian", "gaussian")
-    assert kinds["corrected"] == ("particles", "particles")
+    assert kinds["corrected"] == ("phd", "phd")
 
 
-def test_the_command_line_chooses_the_engine_of_all_variants_that_it_has(study_file):
-    study = load_study(study_file(), {"engine": "gaussian"})
-    assert {v.name: v.kind.name for v in study.variants}["corrected"] == "gaussian"
-    plan = monte_carlo.plan(study, [0])
-    # The death term as printed is of the particle engine only.
+def test_an_engine_on_the_command_line_leaves_out_the_variants_of_others(study_file):
+    def change(document):
+        document["variants"]["own"] = {"kind": "gaussian"}
+
+    plan = monte_carlo.plan(load_study(study_file(change), {"engine": "gaussian"}), [0])
     assert plan.notes == [
-        "as printed: left out, death_term: paper given, must be bernoulli with engine gaussian"
+        f"{name}: left out, engine: {engine} given, must be gaussian with engine gaussian"
+        for name, engine in PHD_VARIANTS.items()
     ]
     assert {variant.name for task in plan.tasks for variant in task.variants} == {
-        "corrected",
-        "fewer",
+        "own",
         "reference",
     }
+
+
+def test_variants_that_are_left_out_are_not_checked_with_parameters_of_the_assigned_engine(
+    study_file,
+):
+    learned = {"radar_1.clutter_amplitude": "learned"}
+    assert faults(study_file, lambda _: None, learned) == [
+        f"variants.{name}.parameters.radar_1.clutter_amplitude: learned given, must be rayleigh "
+        f"with engine {engine}"
+        for name, engine in PHD_VARIANTS.items()
+    ]
+    study = load_study(study_file(), {"engine": "gaussian", **learned})
+    assert list(study.left_out) == list(PHD_VARIANTS)
 
 
 def test_select_lists_every_unknown_name(study):
@@ -267,8 +277,8 @@ def test_select_lists_every_unknown_name(study):
 @pytest.mark.parametrize(
     ("kind", "path"),
     [
-        ("particles", "core/smc/filter.py"),
-        ("particles", "study/tracker.py"),
+        ("phd", "core/phd/particle_filter.py"),
+        ("gaussian", "study/tracker.py"),
         ("gaussian", "core/gaussian/update.py"),
         ("gaussian", "study/monte_carlo/tasks.py"),
         ("reference", "study/reference.py"),
@@ -283,9 +293,9 @@ def test_sources_have_what_the_scores_depend_on(kind, path):
 def test_peers_have_sources_of_their_own_in_the_repository():
     own = {SOURCES / "studies" / "peers" / name for name in ("settings.py", "__init__.py")}
     assert own <= set(peers.KINDS["gnn_loud"].sources())
-    assert not own & set(peers.KINDS["particles"].sources())
+    assert not own & set(peers.KINDS["gaussian"].sources())
     assert "python -m studies monte_carlo" in kinds.KINDS["gnn"].missing()
-    assert kinds.KINDS["particles"].missing() is None
+    assert kinds.KINDS["gaussian"].missing() is None
 
 
 def test_code_follows_the_sources_of_a_kind(tmp_path, monkeypatch):

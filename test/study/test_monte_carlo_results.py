@@ -29,11 +29,11 @@ def exact(run):
 
 
 def variant_of(kind, lags=(0,)):
-    return Variant(kind, KINDS[kind], None, {}, ("quiet",), lags)
+    return Variant(kind, KINDS[kind], {}, ("quiet",), lags)
 
 
 def test_score_of_the_truth_is_perfect_but_for_wrong_classes(run):
-    scores = score(run, {0: exact(run)}, variant_of("particles"), 2)
+    scores = score(run, {0: exact(run)}, variant_of("gaussian"), 2)
     of = {name: scores.values[0, :, 0, VALUES.index(name)] for name in VALUES}
     assert scores.sets == ("all", "class_0", "class_1")
     for name in ("ospa", "localization", "cardinality", "ospa_p1", "ospa_c300"):
@@ -41,7 +41,7 @@ def test_score_of_the_truth_is_perfect_but_for_wrong_classes(run):
     for name in ("n_true", "n_est", "pairs", "right_class"):
         np.testing.assert_array_equal(of[name], [1, 2, 2, 2, 2, 1])
     wrong = [PointSet(points.position, 0 * points.class_id) for points in exact(run)]
-    scores = score(run, {0: wrong}, variant_of("particles"), 2)
+    scores = score(run, {0: wrong}, variant_of("gaussian"), 2)
     pairs, right = (scores.values[0, 1, :, VALUES.index(n)] for n in ("pairs", "right_class"))
     assert pairs.tolist() == [2, 1, 1]
     assert right.tolist() == [1, 1, 0]
@@ -80,7 +80,7 @@ def scored(run, *found):
         )
         for scan in found
     ]
-    return score(run, {0: points}, variant_of("particles"), 2)
+    return score(run, {0: points}, variant_of("gaussian"), 2)
 
 
 def test_score_after_5_forgives_young_targets_and_no_false_estimates(pair):
@@ -127,10 +127,10 @@ def test_figures_of_a_study_are_those_of_the_evaluator(pair):
         evaluation.add_truth(truth.stamp_ns, PointSet(position, class_id, truth.track_id))
         evaluation.add_estimates(FILTERED, truth.stamp_ns, estimate)
     live = evaluation.summary()[FILTERED]
-    scores = score(pair, {0: tracks}, variant_of("particles"), 2)
+    scores = score(pair, {0: tracks}, variant_of("gaussian"), 2)
     values, taken_for = scores.values[None], scores.taken_for[None]
     result = Result(
-        "", variant_of("particles"), (0,), scores._replace(values=values, taken_for=taken_for)
+        "", variant_of("gaussian"), (0,), scores._replace(values=values, taken_for=taken_for)
     )
 
     assert live["all"]["long_gap_share"] > 0.0
@@ -167,16 +167,16 @@ def result_of(variant, **values):
 
 
 def test_result_figures_are_of_runs_and_scans_that_have_them():
-    result = result_of(variant_of("particles"), ospa=[[100.0, 50.0], [40.0, 30.0]])
+    result = result_of(variant_of("gaussian"), ospa=[[100.0, 50.0], [40.0, 30.0]])
     np.testing.assert_allclose(result.figure("reduction", 2), [0.5, 0.25])
     assert result.figure("reduction", 0) is None
-    result = result_of(variant_of("particles"), ospa_after_5=[[10.0, np.nan], [20.0, 30.0]])
+    result = result_of(variant_of("gaussian"), ospa_after_5=[[10.0, np.nan], [20.0, 30.0]])
     np.testing.assert_array_equal(result.figure("ospa_after_5", 2), [np.nan, 30.0])
 
 
 def test_result_figures():
     result = result_of(
-        variant_of("particles"),
+        variant_of("gaussian"),
         cardinality_abs_error=[[1, 2], [0, 0]],
         pairs=[[1, 2], [2, 0]],
         right_class=[[1, 1], [2, 0]],
@@ -187,7 +187,7 @@ def test_result_figures():
 
 def test_result_over_time_is_the_figure_of_each_scan(pair):
     scores = scored(pair, *[[(0.0, 1)]] * 2, *[[(0.0, 0), (5e3, 0)]] * 9, [])
-    result = Result("", variant_of("particles"), (0,), scores._replace(values=scores.values[None]))
+    result = Result("", variant_of("gaussian"), (0,), scores._replace(values=scores.values[None]))
     expected = [[0.0] * 2 + [0.5] * 9 + [np.nan]]
     np.testing.assert_array_equal(result.over_time("class_accuracy", 0), expected)
     np.testing.assert_array_equal(

@@ -19,11 +19,32 @@ from phd_jdtc_ros.study.monte_carlo.tasks import perform
 from phd_jdtc_ros.tools.monte_carlo import load_study
 
 
-def test_plan_shares_a_filter_among_readings(study):
-    plan = monte_carlo.plan(study, [4, 5])
+@pytest.fixture
+def sharing(study_file):
+    """A study with one more variant, which differs from the first one in its lags alone."""
+
+    def change(document):
+        document["variants"]["sooner"] = {"kind": "phd", "lags": [0, 1]}
+
+    return load_study(study_file(change), {})
+
+
+def test_plan_shares_a_filter_among_variants_of_a_kind_with_equal_parameters(sharing):
+    plan = monte_carlo.plan(sharing, [4, 5])
     groups = [[variant.name for variant in task.variants] for task in plan.tasks]
-    assert groups == [["corrected", "as printed"], ["fewer"], ["reference"]] * 2
-    assert [task.seed for task in plan.tasks] == [4, 4, 4, 5, 5, 5]
+    assert groups == [["corrected", "sooner"], ["as printed"], ["fewer"], ["reference"]] * 2
+    assert [task.seed for task in plan.tasks] == [4] * 4 + [5] * 4
+
+
+def test_variants_that_share_a_filter_have_the_scores_that_they_have_alone(sharing):
+    shared, *_ = monte_carlo.plan(sharing, [4]).tasks
+    outcome = perform(shared)
+    assert outcome.error == ""
+    for variant in shared.variants:
+        alone = perform(replace(shared, variants=(variant,))).scores[variant.name]
+        found = outcome.scores[variant.name]
+        assert found.lags == alone.lags == variant.lags
+        np.testing.assert_array_equal(found.values, alone.values)
 
 
 def test_plan_leaves_out_peers_that_are_not_installed(study_file):
@@ -39,7 +60,7 @@ def test_plan_leaves_out_peers_that_are_not_installed(study_file):
         "JPDA: left out, no_such_package is not installed",
         "GNN: left out, it runs with `python -m studies monte_carlo` in the repository",
     ]
-    assert {task.kind.name for task in plan.tasks} == {"particles", "reference"}
+    assert {task.kind.name for task in plan.tasks} == {"phd", "phd_as_printed", "reference"}
 
 
 def test_store_reads_back_what_it_wrote(tasks, tmp_path):
@@ -67,9 +88,9 @@ def test_store_takes_a_damaged_file_for_none(tasks, tmp_path):
         assert store.read(tasks[0], variant) is None
 
 
-def test_remaining_keeps_the_variants_that_are_not_stored(study, tmp_path):
+def test_remaining_keeps_the_variants_that_are_not_stored(sharing, tmp_path):
     store = Store(tmp_path)
-    task = monte_carlo.plan(study, [0]).tasks[0]
+    task = monte_carlo.plan(sharing, [0]).tasks[0]
     first, second = task.variants
     store.write(task, first, perform(replace(task, variants=(first,))).scores[first.name])
     (rest,) = monte_carlo.remaining([task], store)
@@ -81,7 +102,7 @@ def test_remaining_keeps_the_variants_that_are_not_stored(study, tmp_path):
     [
         lambda document: document.update(lags=[0, 1]),
         lambda document: document["cases"]["quiet"]["parameters"].update({"spawn.rate": 0.02}),
-        lambda document: document["variants"]["corrected"].update(death_term="paper"),
+        lambda document: document["variants"]["corrected"].update(kind="phd_as_printed"),
         lambda document: document["variants"]["corrected"].update(parameters={"spawn.rate": 0.02}),
     ],
 )
@@ -118,7 +139,7 @@ def test_plan_gives_cases_and_variants_their_shares_of_the_runs(study_file):
         "reference": every[:4],
     }
     in_full = monte_carlo.plan(study.in_full, every)
-    assert [task.seed for task in in_full.tasks] == [seed for seed in every for _ in range(3)]
+    assert [task.seed for task in in_full.tasks] == [seed for seed in every for _ in range(4)]
 
 
 def on_processes(tasks, report, *work):

@@ -120,7 +120,7 @@ def test_main_reports_failures_and_goes_on(start, monkeypatch, capsys):
     code_of = tasks.code_of
 
     def wrong(kind):
-        return "other" if kind.name == "particles" else code_of(kind)
+        return "other" if kind.name == "phd" else code_of(kind)
 
     monkeypatch.setattr(tasks, "code_of", wrong)
     status, out = start("--variant", "corrected", "--variant", "reference")

@@ -14,7 +14,6 @@ from phd_jdtc_ros.study.monte_carlo.definition import Variant
 from phd_jdtc_ros.study.monte_carlo.kinds import KINDS
 from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
 from phd_jdtc_ros.study.monte_carlo.scores import Scores
-from phd_jdtc_ros.study.runs import ExtractionVariant
 
 SCANS = 6
 OVER_TIME = {
@@ -25,9 +24,8 @@ OVER_TIME = {
 }
 
 
-def variant_of(name, kind="particles", lags=(0, 2, 5)):
-    extraction = ExtractionVariant(name, "bernoulli", "components") if kind == "particles" else None
-    return Variant(name, KINDS[kind], extraction, {}, ("quiet",), lags)
+def variant_of(name, kind="gaussian", lags=(0, 2, 5)):
+    return Variant(name, KINDS[kind], {}, ("quiet",), lags)
 
 
 def result_of(variant, runs=3, scans=SCANS, sets=("all", "class_0", "class_1"), case="quiet"):

@@ -5,27 +5,25 @@ import numpy as np
 import pytest
 from inner import resolve
 
-from phd_jdtc_ros.configuration.engines import ENGINES, new_engine
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
 from phd_jdtc_ros.study.monte_carlo.tasks import perform
-from phd_jdtc_ros.study.runs import ExtractionVariant, simulated_run
-from phd_jdtc_ros.study.tracker import PARTS, track
+from phd_jdtc_ros.study.runs import simulated_run
+from phd_jdtc_ros.study.tracker import track
 from phd_jdtc_ros.tools.monte_carlo import load_study
 
 SCANS = 9
 SEED = 3
 GIVEN = {
-    "engine": "particles",
+    "engine": "phd",
     "particles_per_target": 150,
     "budget.least": 30,
     "particles_per_birth": 128,
     "spawning.particles_per_target": 20,
     "seed": SEED,
 }
-DEFAULT = ExtractionVariant("default", "bernoulli", "components")
-PRINTED = ExtractionVariant("printed", "paper", "clusters")
 ROOT = Path(__file__).parents[2]
 # The aircraft that join are apart again after 190 s.
 SWITCHING_SEED, LONGEST_S = 0, {"terminal radar, clean codes": 100}
@@ -46,7 +44,7 @@ def run(config):
 
 @pytest.fixture(scope="module")
 def tracks(run, config):
-    return track(run, config, [DEFAULT, PRINTED], [0, 1, 3, 20])
+    return track(run, config, [0, 3])
 
 
 def engine_positions(run, lag, given):
@@ -74,35 +72,23 @@ def same(one, other):
     )
 
 
-def test_track_readings_differ_and_do_not_depend_on_each_other(run, config, tracks):
-    alone = track(run, config, [PRINTED], [3])
-    assert alone.keys() == {"printed"}
-    assert alone["printed"].keys() == {3}
-    assert same(alone["printed"][3], tracks["printed"][3])
-    assert not same(tracks["default"][3], tracks["printed"][3])
-
-
 def test_track_follows_the_runs_seed_and_needs_lag_0_without_smoothing(run, config, tracks):
-    alone = track(run, config, [DEFAULT], [0])
-    assert same(alone["default"][0], tracks["default"][0])
-    other = track(replace(run, seed=SEED + 1), config, [DEFAULT], [0])
-    assert not same(other["default"][0], tracks["default"][0])
+    alone = track(run, config, [0])
+    assert same(alone[0], tracks[0])
+    other = track(replace(run, seed=SEED + 1), config, [0])
+    assert not same(other[0], tracks[0])
 
 
 # A lag beyond the run's length has all of the run.
 @pytest.mark.parametrize("lag", [0, 1, 3, 20])
-@pytest.mark.parametrize("engine", ["particles", "gaussian"])
+@pytest.mark.parametrize("engine", ["phd", "gaussian", "phd_as_printed", "phd_gaussian"])
 def test_track_gives_what_the_engine_gives_with_its_flush(run, lag, engine):
     given = {**GIVEN, "engine": engine}
-    found = track(run, resolve(given), [DEFAULT], [0, lag])["default"]
+    found = track(run, resolve(given), [0, lag])
     filtered, smoothed = engine_positions(run, lag, given)
     assert_equal(found[0], filtered)
     assert_equal(found[lag], smoothed if lag else filtered)
     assert sum(len(points) for points in found[lag]) > SCANS
-
-
-def test_track_has_the_parts_of_every_engine():
-    assert PARTS.keys() == ENGINES.keys()
 
 
 def switches(scores, goal):

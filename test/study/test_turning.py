@@ -8,7 +8,6 @@ import yaml
 from samples import layout
 
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.configuration.engines import ENGINES
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.metrics import ospa
@@ -42,8 +41,6 @@ PARAMETERS = {
     "detection_births.rates": [0.1],
     "detection_births.velocity_std": 150.0,
     "spawn.rate": 0.0,
-    "particles_per_target": 200,
-    "particles_per_birth": 512,
 }
 EAST = Flight(0, 1e3, 0.0, (-10e3, 20e3), (200.0, 0.0), (Leg(100.0),))
 TURNING = Flight(0, 1e3, 0.0, (15e3, -10e3), (0.0, 150.0), (Leg(40.0), Leg(30.0, 0.03), Leg(30.0)))
@@ -90,15 +87,11 @@ def test_estimates_of_slow_targets_are_left_out_and_false_ones_stay():
     assert [left.track_id.tolist() for left in without_ignored(run, points)] == [[8, 9], [8, 9]]
 
 
-@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("sectors", [0, 6])
-def test_the_tracker_follows_targets_by_turn_and_by_sector(sectors, engine):
+def test_the_tracker_follows_targets_by_turn_and_by_sector(sectors):
     found, _ = scene(EAST, TURNING, seconds=72)
     run = turning_run(found, 1)
-    # With 200 particles, one of some eight runs loses a target in its turn.
-    several = {"particles_per_target": 400}
-    given = {**PARAMETERS, **several, "approach.sectors": sectors, "engine": engine}
-    tracked = track(run, given, [0, 3])
+    tracked = track(run, {**PARAMETERS, "approach.sectors": sectors}, [0, 3])
     assert sorted(tracked.tracks) == [0, 3]
     assert tracked.cpu_ms > 0.0
     for lag in (0, 3):
@@ -176,8 +169,7 @@ def test_the_peer_takes_plots_of_several_radars():
 SCENARIO = {
     "interval_s": 1.0,
     "scans": 45,
-    # Targets of the other engine are followed above.
-    "parameters": {**PARAMETERS, "engine": "gaussian"},
+    "parameters": PARAMETERS,
     "traffic": {"aircraft": 4, "taxiing": 1, "radius": 4e4},
 }
 STUDY = {
@@ -209,9 +201,8 @@ def test_faults_of_variants_are_named(tmp_path):
     with pytest.raises(ConfigError, match=r"variants\.peer\.cases: \['still'\] given, must be a "):
         study_of(tmp_path, variants=variants)
     variants = {"peer": {"kind": "plot_kalman", "parameters": {"lag": 3}}}
-    with pytest.raises(
-        ConfigError, match=r"peer\.parameters: only for kind particles or gaussian or turn"
-    ):
+    kinds = "gaussian or phd or phd_as_printed or phd_gaussian or turning or gm_phd"
+    with pytest.raises(ConfigError, match=rf"peer\.parameters: only for kind {kinds} or "):
         study_of(tmp_path, variants=variants)
 
 

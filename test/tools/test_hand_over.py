@@ -102,7 +102,6 @@ def test_what_cannot_be_joined_is_reported(both, tmp_path, capsys):
         ([both[0], whole, "--out", out], "region: not set in"),
         ([both[0], str(tmp_path / "none"), "--out", out], "none: no such bag"),
         ([both[0], str(bare), "--out", out], "bare: has no parameters.yaml beside it"),
-        ([*both, "--out", out, "--hysteresis", "20000"], "must be from 0 to the margin, 10000"),
         ([*both, "--out", both[0]], "already exists"),
     ):
         assert run("hand_over", arguments) == 2

@@ -17,7 +17,6 @@ SOURCES = (
     *("phd_jdtc_ros", "msg_adapters", "launch", "rviz", "foxglove", "config", "bags", "resource"),
     *("setup.py", "setup.cfg", "pyproject.toml", "package.xml", "README.md"),
 )
-FEW_PARTICLES = ("-p", "particles_per_target:=100", "-p", "particles_per_birth:=256")
 
 
 @pytest.fixture(scope="session")
@@ -118,7 +117,7 @@ def test_installed_offline_scripts_work_from_an_empty_directory(installed, tmp_p
     # The installed demo tracks and writes a report too.
     for name, *arguments in (
         ("simulate", "--scenario", scenario_file, "--out", "short"),
-        ("track_bag", "short", "--out", "tracked", *FEW_PARTICLES),
+        ("track_bag", "short", "--out", "tracked"),
     ):
         status, _, err = start(installed, tmp_path, installed / "bin" / name, *arguments)
         assert status == 0, err
@@ -128,9 +127,7 @@ def test_installed_offline_scripts_work_from_an_empty_directory(installed, tmp_p
 @pytest.mark.live
 def test_installed_demo_runs_from_an_empty_directory(installed, tmp_path, short_bag):
     """The nodes are those of the installation too, whatever else there is."""
-    status, _, err = start(
-        *(installed, tmp_path, installed / "bin" / "demo", "--bag", short_bag, *FEW_PARTICLES)
-    )
+    status, _, err = start(*(installed, tmp_path, installed / "bin" / "demo", "--bag", short_bag))
     assert status == 0, err
     out = tmp_path / "out" / "demo_short"
     assert json.loads((out / "metrics.json").read_text())["scans"] == 8

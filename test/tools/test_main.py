@@ -110,10 +110,10 @@ def test_an_executable_passes_its_status_on(tmp_path):
     assert done.stderr == f"track_bag: {tmp_path / 'none'}: no such bag\n"
 
 
-def test_both_engines_are_compiled_without_arguments(capsys):
+def test_the_engines_are_compiled_without_arguments(capsys):
     assert compile_engines.main([]) == OK
     said = capsys.readouterr().out
-    assert "particles: ready after" in said
+    assert "phd: ready after" in said
     assert "gaussian: ready after" in said
     with pytest.raises(SystemExit, match="2"):
         compile_engines.main(["everything"])
@@ -139,18 +139,10 @@ def test_a_result_that_is_not_stored_is_a_failure(monkeypatch, capsys):
 
 
 @pytest.mark.parametrize(
-    ("profile", "given"),
-    [
-        ("defaults", {}),
-        ("paper_scenario", {}),
-        ("paper_literal", {}),
-        ("phd", {}),
-        ("surveillance", {}),
-        ("surveillance", {"engine": "particles"}),
-    ],
+    "profile", ["defaults", "paper_scenario", "paper_literal", "phd", "surveillance"]
 )
-def test_profile_runs_a_few_scans(profile, given):
-    config = resolve(from_arguments.load(CONFIG / f"{profile}.yaml") | given)
+def test_profile_runs_a_few_scans(profile):
+    config = resolve(from_arguments.load(CONFIG / f"{profile}.yaml"))
     engine = new_engine(config)
     steps = [engine.step(s) for _, s in simulate(paper_scenario(config.model.radars), 0)[:8]]
     assert len(engine.flush()) == 5
@@ -159,18 +151,16 @@ def test_profile_runs_a_few_scans(profile, given):
         assert np.isfinite(step.class_mass).all()
 
 
-@pytest.mark.parametrize("engine", ["gaussian", "particles"])
-def test_automotive_tracks_its_bag_s_scenario(engine):
+def test_automotive_tracks_its_bag_s_scenario():
     given = from_arguments.load(CONFIG / "automotive.yaml")
     document = yaml_files.load(CONFIG / "scenarios" / "automotive.yaml")
-    config = resolve(given | {"engine": engine})
+    config = resolve(given)
     scene = resolve(from_arguments.scenario_parameters(document))
     # The profile and the scenario agree on the radar's properties.
     (radar,) = config.model.radars
-    learned = dict.fromkeys(("detection_factor", "noise_factor", "outliers", "clutter_count"))
     # Learning begins with other clutter than the scenario has.
     (real,) = scene.model.radars
-    assert replace(radar, **learned, clutter_rate=real.clutter_rate) == real
+    assert replace(radar, clutter_rate=real.clutter_rate) == real
     tracker = new_engine(config)
     scenario = scenario_file.resolve(document, scene.model.radars)
     truth, scan = zip(*simulate(scenario, 2)[:5], strict=True)
@@ -188,7 +178,10 @@ def test_profiles_of_the_paper_have_what_it_prints():
         resolve(from_arguments.load(CONFIG / f"{name}.yaml")).values
         for name in ("phd", "paper_scenario")
     )
-    assert {name for name in phd if phd[name] != paper[name]} == {"engine"}
+    assert {name for name in phd if phd[name] != paper[name]} == {
+        "engine",
+        "particles_per_target",
+    }
 
 
 def test_paper_scenario_has_the_motion_of_the_paper():
@@ -196,8 +189,6 @@ def test_paper_scenario_has_the_motion_of_the_paper():
     default = resolve({}).values
     changed = {name for name in values if values[name] != default[name]}
     assert changed == {
-        "engine",
-        "particles_per_target",
         "class_0.mode_transition",
         "class_1.mode_transition",
         "cv.noise_density",

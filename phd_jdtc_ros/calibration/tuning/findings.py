@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.intake.sectors import smallest_arc
 
 from .levels import Levels, levels, log_ratio
-from .plots import Plots
+from .plots import Plots, sectors
 from .rates import (
     Field,
     Rate,
@@ -143,12 +144,11 @@ def _findings(plots: Plots) -> Findings:
             f"{MOST_SECTORS}; put the detections of a turn, or of a sector, into one cloud, with "
             "a time for each of them in the field that fields.time names"
         )
-    guess, tracks = first_guess(plots, timing)
     try:
-        _require_tracks(plots, timing, tracks)
-        guess, tracks, noise = _iterate(plots, timing, guess, tracks)
+        tracks, noise, linked = _link(plots, timing)
     except TuningError as error:
-        raise TuningError(f"{error}; {_units(plots)}") from None
+        part, _ = next(sectors(plots))
+        raise TuningError(f"{error}; {_units(part)}") from None
     rows = outside_land(plots, looks_of(plots, timing), noise.range_std, noise.azimuth_std)
     resting, slow = 1.0 - len(rows) / len(plots), 0.0
     if resting > MOST_LAND:
@@ -160,14 +160,18 @@ def _findings(plots: Plots) -> Findings:
     if share > MOST_CROWDED:
         kept = np.setdiff1d(kept, dense)
     if len(plots) > len(kept) > LEAST_PLOTS:
-        tracks, noise = _without_clutter(plots, kept, timing, tracks, noise)
+        tracks, noise, linked = _without_clutter(plots, kept, timing, _Links(tracks, noise, linked))
     # With much land clutter the rate counts only the other cells, because the tracker's clutter map
     # covers the land. A map of dense areas is learned slowly, and the rate includes them.
-    clutter = clutter_rate(plots, timing, tracks, rows if slow else None)
+    # The sectors that were not linked have the same share of plots of targets as the others.
+    others = np.setdiff1d(kept, linked)
+    of_targets = len(others) * len(tracks.claimed) / len(linked)
+    clutter = clutter_rate(plots, timing, tracks, rows if slow else None, of_targets)
     # A new target may move as fast as those that do, whatever else is at rest.
     movers, _ = moving(plots, tracks, noise)
     speed_std = _speed_std(plots, movers if movers.plots else tracks)
-    ratio = log_ratio(plots, plots, tracks)
+    known = _without_amplitudes(plots, others)
+    ratio = log_ratio(known, known, tracks)
     return Findings(
         timing,
         noise,
@@ -177,7 +181,7 @@ def _findings(plots: Plots) -> Findings:
         ends(plots, timing, tracks),
         clutter,
         field_of(plots, tracks.claimed),
-        levels(plots, tracks),
+        levels(known, tracks),
         speed_std,
         len(tracks.plots),
         len(plots),
@@ -190,18 +194,49 @@ def _findings(plots: Plots) -> Findings:
     )
 
 
-def _without_clutter(
-    plots: Plots, rows: IntArray, timing: Timing, tracks: Tracks, noise: Noise
-) -> tuple[Tracks, Noise]:
-    """Return tracks and noise from the plots `rows` only; the given ones if these have no track."""
-    part = plots.only(rows)
-    guess, found = first_guess(part, timing)
+class _Links(NamedTuple):
+    """The tracks and the noise of a recording."""
+
+    tracks: Tracks
+    noise: Noise
+    linked: IntArray  # Indices of the plots that were considered, ascending
+
+    def within(self, rows: IntArray) -> _Links:
+        """Return the same with the indices in a recording of which these plots are the `rows`."""
+        tracks = Tracks(tuple(rows[own] for own in self.tracks.plots), self.tracks.score)
+        return self._replace(tracks=tracks, linked=rows[self.linked])
+
+
+def _link(plots: Plots, timing: Timing) -> _Links:
+    """Return tracks and noise of the first sector with enough tracks; see `plots.sectors`."""
+    faults = []
+    for part, rows in sectors(plots):
+        guess, tracks = first_guess(part, timing)
+        try:
+            _require_tracks(part, timing, tracks)
+            _, tracks, noise = _iterate(part, timing, guess, tracks)
+        except TuningError as error:
+            faults.append(error)
+            continue
+        return _Links(tracks, noise, np.arange(len(part))).within(rows)
+    raise faults[0]
+
+
+def _without_clutter(plots: Plots, rows: IntArray, timing: Timing, links: _Links) -> _Links:
+    """Return the links of the plots `rows` only; the given ones if these have no track."""
     try:
-        _require_tracks(part, timing, found)
-        _, found, noise = _iterate(part, timing, guess, found)
+        return _link(plots.only(rows), timing).within(rows)
     except TuningError:
-        return tracks, noise
-    return Tracks(tuple(rows[own] for own in found.plots), found.score), noise
+        return links
+
+
+def _without_amplitudes(plots: Plots, rows: IntArray) -> Plots:
+    """Return plots without the amplitudes of those in `rows`."""
+    if plots.amplitude is None:
+        return plots
+    amplitude = plots.amplitude.copy()
+    amplitude[rows] = np.nan
+    return replace(plots, amplitude=amplitude)
 
 
 def _iterate(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.clutter.amplitude_law import level_db
+from phd_jdtc_ros.core.targets.amplitude_density import level_db
 
 from .plots import Plots
 from .tracking.tracks import Tracks

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -10,12 +10,16 @@ import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.intake.input_checks import COPIED_DETECTIONS, NearCopies, is_copy
+from phd_jdtc_ros.core.intake.sectors import smallest_arc
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
 from . import kinematics
 
 # More plots take longer and hardly sharpen the estimates, but targets are found in several clouds.
 MOST_PLOTS, LEAST_CLOUDS = 15_000, 10
+# If LEAST_CLOUDS have more, targets are distinct from such clutter only in more clouds: in a sector
+# of DENSE_CLOUDS. SECTORS bounds how many sectors are tried.
+DENSE_CLOUDS, SECTORS = 20, 3
 
 
 @dataclass(frozen=True)
@@ -69,11 +73,41 @@ class Plots:
 
 
 def limit_plots(plots: Plots, most: int = MOST_PLOTS) -> Plots:
-    """Return the plots of the first clouds: about `most` of them, or those of `LEAST_CLOUDS`."""
+    """Return the plots of the first clouds: about `most` of them.
+
+    If `LEAST_CLOUDS` clouds have more, the plots are those of `DENSE_CLOUDS`.
+    """
     if len(plots) <= most:
         return plots
-    last = max(int(plots.cloud[most]), min(LEAST_CLOUDS, len(plots.cloud_s)) - 1)
+    last = int(plots.cloud[most])
+    if _dense(plots, most):
+        last = min(DENSE_CLOUDS, len(plots.cloud_s)) - 1
     return plots.until(float(plots.cloud_s[last]))
+
+
+def sectors(plots: Plots, most: int = MOST_PLOTS) -> Iterator[tuple[Plots, IntArray]]:
+    """Yield sectors of a radar's coverage with about `most` plots each, and their plots' indices.
+
+    The work of linking grows with the square of the plots in a cloud. The widest sectors come
+    first, because targets are the most distinct where clutter is sparse. Unless `LEAST_CLOUDS`
+    clouds have more than `most` plots, there is one sector: all plots.
+    """
+    if not _dense(plots, most):
+        yield plots, np.arange(len(plots))
+        return
+    bearing = plots.measurement[:, 1] + plots.pose[:, 2]
+    start, _ = smallest_arc(bearing)
+    along = (bearing - start) % FULL_TURN
+    parts = np.array_split(np.argsort(along, kind="stable"), -(-len(plots) // most))
+    widths = [float(np.ptp(along[part])) for part in parts]
+    for index in np.argsort(widths)[::-1][:SECTORS]:
+        rows = np.sort(parts[index])
+        yield replace(plots.only(rows), fov=min(plots.fov, widths[index])), rows
+
+
+def _dense(plots: Plots, most: int) -> bool:
+    """Return whether `LEAST_CLOUDS` clouds have more than `most` plots."""
+    return len(plots) > most and int(plots.cloud[most]) < LEAST_CLOUDS - 1
 
 
 def plots_of(reports: Sequence[tuple[int, Detections]]) -> Plots:

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.parameters.forms import OUTLIERS, probability_numbers
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.schema import Value
 from phd_jdtc_ros.core.sensors.site import LEAST_STD
 
 from .findings import MOST_BESIDE, MOST_CROWDED, MOST_LAND, Findings
+from .tracking.noise import Noise
 
 # A configured table of detection probability over range is kept if the estimate lies within its
 # values, plus or minus this.
@@ -52,12 +52,6 @@ class Row:
     now: Any = None  # The current value, or words for it; None if none is set
     std: float = math.nan  # Standard deviation; NaN if there is none
     proposed: bool = True  # True if the value is proposed for the parameter
-    word: str = ""  # The word that follows the value in the parameter's notation
-
-    @property
-    def given(self) -> Value:
-        """The value in the parameter's notation."""
-        return f"{self.value:g} {self.word}" if self.word else self.value
 
 
 def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
@@ -68,11 +62,15 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
 
     by_band = found.levels is not None and values.get("amplitude", "none") != "none"
     max_range, fov = _max_range(found, now("max_range")), [*_fov(found, now)]
+    gaussian = values.get("engine", GAUSSIAN) == GAUSSIAN
+    noise = found.likelier_noise if gaussian else found.noise
+    detection = [*_detection(found, now, by_band)]
     return [
         *_rotation(found, now),
-        *_noise(found, now, values.get("engine", GAUSSIAN)),
+        *_learned(found, noise, now),
+        *_noise(found, noise, now),
         *_clusters(found, now),
-        _detection(found, now, by_band),
+        *detection,
         max_range,
         *_clutter(found, now, max_range.value if max_range.proposed else max_range.now, fov),
         *_clutter_map(found, now, _knows_rest(values)),
@@ -106,19 +104,28 @@ def _rotation(found: Findings, now: Now) -> Iterator[Row]:
         yield Row("rotation_s", given, note, given, proposed=False)
 
 
-def _noise(found: Findings, now: Now, engine: str) -> Iterator[Row]:
-    noise = found.likelier_noise if engine == GAUSSIAN else found.noise
+def _learned(found: Findings, noise: Noise, now: Now) -> Iterator[Row]:
+    """Yield what the tracker still has to learn besides the estimated values."""
+    given = [*(now("learn") or ())]
+    estimated = {"outliers", "detection", "correlation"}
+    if not now("fields.range_rate"):  # whose noise is not estimated here
+        estimated.add("noise")
+    words = [word for word in given if word not in estimated] + ["outliers"] * noise.outliers
+    if words != given:
+        yield Row("learn", words, "the other values are estimated", given)
+
+
+def _noise(found: Findings, noise: Noise, now: Now) -> Iterator[Row]:
     least = LEAST_STD if now("geodetic") else (0.0, 0.0)
     figures = zip((noise.range_std, noise.azimuth_std), least, noise.log_std, strict=True)
     for name, (measured, lowest, log_std) in zip(NOISE, figures, strict=True):
         unit = 1.0 if name == "range_std" else math.degrees(1.0)
         value, std = unit * measured, unit * measured * float(log_std)
-        word = OUTLIERS if noise.outliers and name == "range_std" else ""
         shown, source = round_to_std(value, std), _tracks(found)
         if lowest > measured:
             source = f"{source} show {shown:g}; raised to the smallest plausible value"
             shown, std = round_to_std(unit * lowest, 0.0), math.nan
-        yield Row(name, shown, source, now(name), std, word=word)
+        yield Row(name, shown, source, now(name), std)
 
 
 def _clusters(found: Findings, now: Now) -> Iterator[Row]:
@@ -147,8 +154,8 @@ def _clutter(found: Findings, now: Now, max_range: Any, fov: Sequence[Row]) -> I
     arc: Any = fov[0].value if fov else now("fov_deg") or RadarParameters().fov_deg
     whole = 1.0 / ((1.0 - near) * _clear_share(arc, now("blind_sectors_deg") or ()))
     value = round_to_std(whole * rate.value, whole * rate.std)
-    # `auto` is kept: the tracker then learns the rate itself.
-    learned = isinstance(given, str)
+    # A rate that the tracker learns is not replaced.
+    learned = "clutter" in (now("learn") or ())
     yield Row("clutter_rate", value, source, given, whole * rate.std, not learned)
     step = 0.01 * _round_up(found.field.max_range)
     clutter_range = round_to_std(found.field.clutter_range, step)
@@ -233,27 +240,25 @@ def _clear_share(fov: Sequence[float], blind: Sequence[float]) -> float:
     return max(float(clear.mean()), 1.0 - MOST_BLIND)
 
 
-def _detection(found: Findings, now: Now, by_band: bool) -> Row:
-    """Return the detection probability; SNR bands or a configured table that agrees are kept.
+def _detection(found: Findings, now: Now, by_band: bool) -> Iterator[Row]:
+    """Yield the detection probability; a configured table that agrees is kept.
 
-    If the tracker learns the probability (`auto`), a number is proposed, or the table after `auto`
-    if the estimate agrees with it.
+    SNR bands are kept too, unless the tracker has learned by which factor they are wrong.
     """
     rate, name = found.detection, "detection_probability"
     value = min(round_to_std(rate.value, 0.01), MOST_PROBABILITY)
-    given = now(name)
-    numbers = [] if given is None else probability_numbers(given)
-    learned, source = isinstance(given, str), f"{rate.count} looks"
-    if len(numbers) > 1:
-        shares = numbers[1::2]
-        agrees = min(shares) - SAME_PROBABILITY <= value <= max(shares) + SAME_PROBABILITY
-        if agrees and learned:
-            return Row(name, numbers, f"{source} agree with the table", given)
-        given = f"table, {np.mean(shares):.3g}"
-        return Row(name, value, source, given, rate.std, not agrees)
+    given, learned, source = now(name), "detection" in (now("learn") or ()), f"{rate.count} looks"
+    if isinstance(given, list):
+        agrees = min(given) - SAME_PROBABILITY <= value <= max(given) + SAME_PROBABILITY
+        table = f"table, {np.mean(given):.3g}"
+        yield Row(name, value, source, table, rate.std, not agrees)
+        if not agrees:
+            ranges = f"{name}_range"
+            yield Row(ranges, [], "one probability for all ranges", now(ranges))
+        return
     if by_band and not learned:
         given = "from SNR bands"
-    return Row(name, value, source, given, rate.std, learned or not by_band)
+    yield Row(name, value, source, given, rate.std, learned or not by_band)
 
 
 def _amplitudes(found: Findings, now: Now) -> Iterator[Row]:

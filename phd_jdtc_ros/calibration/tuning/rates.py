@@ -22,6 +22,9 @@ LEAST_SPACES = 12.0
 # A cell is land clutter if it has plots in at least the share `LAND_SHARE` of all looks, and at
 # least `LEAST_LAND_PLOTS`. It is `CELL_SIGMA` standard deviations wide in range and in azimuth.
 LAND_SHARE, LEAST_LAND_PLOTS, CELL_SIGMA = 0.15, 5.0, 3.0
+# Where plots are dense, a cell of land also has this many standard deviations of a Poisson number
+# more than the mean of all cells.
+CHANCE_SIGMA = 5.0
 # The times of a land cell's plots are spread over the recording, unlike those of a target that
 # stops for a while: their standard deviation is at least this share of that of uniform times.
 LEAST_SPREAD = 0.7
@@ -93,22 +96,29 @@ def looks_of(plots: Plots, timing: Timing) -> float:
 
 
 def clutter_rate(
-    plots: Plots, timing: Timing, tracks: Tracks, rows: IntArray | None = None
+    plots: Plots,
+    timing: Timing,
+    tracks: Tracks,
+    rows: IntArray | None = None,
+    of_targets: float = 0.0,
 ) -> Rate:
     """Return the mean number of plots per look outside tracks; only of `rows` if these are given.
 
-    The standard deviation is the larger of a Poisson count's and that between ten parts of the
-    recording.
+    `of_targets` is the supposed number of plots outside tracks that are of targets. The standard
+    deviation is the larger of a Poisson count's and that between ten parts of the recording, and
+    includes that of the number of these targets, which is as uncertain as the number of tracks.
     """
     free = np.setdiff1d(np.arange(len(plots)) if rows is None else rows, tracks.claimed)
     looks = looks_of(plots, timing)
-    value = len(free) / looks
+    value = max(len(free) - of_targets, 0.0) / looks
     std = np.sqrt(max(len(free), 1.0)) / looks
     if looks >= 20.0:
         edges = np.linspace(0.0, plots.duration_s, 11)
         parts, _ = np.histogram(plots.time_s[free], edges)
         std = max(std, float(np.std(parts * 10.0 / looks)) / np.sqrt(10.0))
-    return Rate(value, float(std), len(free))
+    if of_targets:
+        std = np.hypot(std, of_targets / looks / np.sqrt(len(tracks.plots)))
+    return Rate(value, float(std), max(len(free) - round(of_targets), 0))
 
 
 @dataclass(frozen=True)
@@ -141,7 +151,11 @@ def outside_land(plots: Plots, looks: float, range_std: float, azimuth_std: floa
     first, second = (np.bincount(place, plots.time_s**power) / count for power in (1, 2))
     spread = np.sqrt(np.maximum(second - first**2, 0.0))
     lasting = spread >= LEAST_SPREAD * plots.duration_s / np.sqrt(12.0)
-    land = lasting & (count >= max(LAND_SHARE * looks, LEAST_LAND_PLOTS))
+    _, width = smallest_arc(plots.measurement[:, 1])
+    covered = (np.ptp(row) + 1.0) * (width / (CELL_SIGMA * azimuth_std) + 1.0)
+    mean = len(plots) / covered
+    by_chance = mean + CHANCE_SIGMA * np.sqrt(mean)
+    land = lasting & (count >= max(LAND_SHARE * looks, LEAST_LAND_PLOTS, by_chance))
     # The plots at the edge of the noise are in the cells around it.
     around = np.add.outer(np.arange(-1, 2) * columns, np.arange(-1, 2)).ravel()
     kept: IntArray = np.flatnonzero(~np.isin(cell, np.add.outer(cells[land], around)))

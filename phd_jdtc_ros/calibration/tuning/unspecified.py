@@ -41,7 +41,7 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
     given: dict[str, Any] = {
         "engine": "gaussian",
         "interval_s": round_to_std(look_s, 1e-3 * look_s),
-        "lag": f"{round_to_std(LAG_LOOKS * look_s, 0.1 * look_s):g} s",
+        "lag_s": round_to_std(LAG_LOOKS * look_s, 0.1 * look_s),
         "classes": ["target"],
         "motions": ["cv", "ct"],
         "births": [],

@@ -15,7 +15,6 @@ from ..schema import Form, numbers
 FIXED = "fixed"
 # nav_msgs/Odometry and geometry_msgs/PoseStamped.
 POSE_MESSAGES = ("odometry", "pose_stamped")
-STABILISED = "stabilised"
 # The value of `pose`, and `PoseSource.message`, of a radar whose frame the transforms place; and
 # the topics of the transforms.
 TF = "tf"
@@ -38,25 +37,14 @@ class PoseSource(NamedTuple):
 NO_POSE = PoseSource("", POSE_MESSAGES[0], True)
 
 
-def _pose(given: Any) -> tuple[str, PoseSource] | None:
-    if given == FIXED:
-        return FIXED, NO_POSE
-    topic, *words = given.split() or [""] if isinstance(given, str) else [""]
-    if topic == TF and set(words) <= {STABILISED}:
-        return given, PoseSource(TRANSFORMS, TF, not words)
-    known = set(words) <= {*POSE_MESSAGES, STABILISED} and len(words) <= 2
-    if topic.lower() in ("", TF, FIXED) or topic in TRANSFORM_TOPICS or not known:
-        return None
-    message = next((word for word in words if word in POSE_MESSAGES), POSE_MESSAGES[0])
-    return given, PoseSource(topic, message, STABILISED not in words)
+def _pose(given: Any) -> str | None:
+    words = given.split() if isinstance(given, str) else []
+    # A word in other letters is most likely a mistake; the topics of transforms are read with tf.
+    mistaken = len(words) == 1 and given not in (TF, FIXED) and given.lower() in (TF, FIXED)
+    return None if len(words) != 1 or mistaken or given in TRANSFORM_TOPICS else str(given)
 
 
-POSE = Form.parsed(
-    f"{FIXED}, {TF}, or the topic of the platform's poses in the world frame, with "
-    f"{POSE_MESSAGES[1]} after it for geometry_msgs/PoseStamped; and {STABILISED} after these for "
-    "azimuths that the platform does not turn",
-    _pose,
-)
+POSE = Form(f"{FIXED}, {TF}, or the topic of the platform's poses in the world frame", _pose)
 
 
 def _list_form(

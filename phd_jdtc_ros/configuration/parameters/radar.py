@@ -6,19 +6,43 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from phd_jdtc_ros.core.clutter.rate import START_RATE
+from phd_jdtc_ros.core.factors import MOST_CORRELATION, START_RATE
 from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.sensors.site import Plane, Site
 
-from ..schema import NOT_NEGATIVE, POSITIVE, SMALL, parameter
-from . import forms, place_forms, sensor
+from ..schema import NOT_NEGATIVE, POSITIVE, SMALL, Form, number, numbers, parameter
+from . import place_forms, replaced, sensor
 from .sensor import SensorParameters
 
 # Largest number of clouds in a turn.
 MOST_SECTORS = 256
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+# A target with a detection probability of 1 would be deleted at its first missed detection.
+MOST_PROBABILITY = 0.999
+# The words of `learn`, each with the parameters from whose values learning starts.
+LEARNED: Mapping[str, tuple[str, ...]] = {
+    "noise": ("range_std", "azimuth_std_deg", "range_rate_std"),
+    "outliers": (),
+    "detection": ("detection_probability", "detection_probability_range"),
+    "correlation": ("detection_correlation",),
+    "clutter": ("clutter_rate",),
+    "multipath": (),
+}
+
+
+def _probabilities(given: Any) -> float | list[float] | None:
+    """Return a probability or a list of some above 0; None if they are not allowed."""
+    constant = number(given, 0.0, MOST_PROBABILITY)
+    return (numbers(given, SMALL, MOST_PROBABILITY) or None) if constant is None else constant
+
+
+PROBABILITIES = Form(
+    f"a number from 0 to {MOST_PROBABILITY}, or a list of numbers above 0 and at most "
+    f"{MOST_PROBABILITY}",
+    _probabilities,
+)
 
 
 @dataclass(frozen=True)
@@ -80,13 +104,24 @@ class RadarParameters(SensorParameters):
         "frame, or from true east with geodetic.",
         (-360.0, 360.0),
     )
-    pose: place_forms.PoseSource = parameter(
+    pose_topic: str = parameter(
         place_forms.FIXED,
         "Topic of the poses of a moving radar's platform in the world frame; position and yaw_deg "
         "are then in the platform's frame. With tf the transforms on /tf and /tf_static place the "
-        "radar's frame in world_frame, and position and yaw_deg are 0. Add stabilised if azimuths "
-        "do not turn with the platform.",
+        "radar's frame in world_frame, and position and yaw_deg are 0.",
+        name="pose",
         form=place_forms.POSE,
+        former=replaced.pose,
+    )
+    pose_message: str = parameter(
+        place_forms.POSE_MESSAGES[0],
+        "Type of the messages on the topic of pose: nav_msgs/Odometry or "
+        "geometry_msgs/PoseStamped. It is the same for all platforms.",
+        choices=place_forms.POSE_MESSAGES,
+    )
+    pose_yaw: bool = parameter(
+        True,
+        "Whether azimuths turn with the platform; false for a radar with stabilised azimuths.",
     )
     pose_max_age_s: float = parameter(
         1.0,
@@ -94,27 +129,31 @@ class RadarParameters(SensorParameters):
         "and detections wait for a pose for at most this long.",
         (0.0, 60.0),
     )
-    range_std: forms.Noise = parameter(
+    learn: list[str] = parameter(
+        [],
+        "What is learned from the detections, beginning with the values of the parameters: noise "
+        "(range_std, azimuth_std_deg and range_rate_std, within a factor of 4), outliers (the "
+        "share of detections with several times that noise; not by particles), detection (by which "
+        "factor detection_probability differs, by range and azimuth), correlation "
+        "(detection_correlation), clutter (clutter_rate, over about the last 30 turns), multipath "
+        "(false detections behind targets).",
+        element=str,
+        choices=tuple(LEARNED),
+        mutable=True,
+    )
+    range_std: float = parameter(
         300.0,
-        "Standard deviation of measured ranges, m. auto, or auto with a value, such as auto 45, "
-        "learns it from the targets, within a factor of 4. Add outliers, as in 45 outliers, if "
-        "some detections may have several times this noise and that of the azimuth; their share is "
-        "learned. Particles take all noise as normal.",
-        form=forms.std(300.0, SMALL, outliers=True),
+        "Standard deviation of measured ranges, m.",
+        POSITIVE,
         mutable=True,
+        former=replaced.learned_by("noise"),
     )
-    azimuth_std_deg: forms.Learnable = parameter(
+    azimuth_std_deg: float = parameter(
         1.0,
-        "Standard deviation of measured azimuths, degrees, or auto as for range_std.",
-        form=forms.std(1.0, SMALL, 180.0),
+        "Standard deviation of measured azimuths, degrees.",
+        (SMALL, 180.0),
         mutable=True,
-    )
-    range_std_growth: float = parameter(
-        0.0,
-        "Standard deviation of the range per metre of range, m/m, added in quadrature to "
-        "range_std. Set it if errors grow with the range.",
-        (0.0, 1.0),
-        mutable=True,
+        former=replaced.learned_by("noise"),
     )
     max_range: float = parameter(
         17e3, "Range beyond which targets and detections are ignored, m.", POSITIVE
@@ -139,22 +178,35 @@ class RadarParameters(SensorParameters):
         "fov_deg.",
         (-360.0, 720.0),
     )
-    detection_probability: forms.Detectability = parameter(
+    detection_probability: float | list[float] = parameter(
         0.0,
-        "Probability that a target is detected in a scan or a turn, constant or linear between the "
-        "given ranges. 0 derives it from the classes' SNR bands and false_alarm_probability. auto, "
-        "or auto with such numbers, such as auto 0.9, learns from the targets by which factor it "
-        "differs, by range and azimuth. For correlated misses, as in shadows, add correlated and "
-        "the probability of a detection after a detection of the same target minus that after a "
-        "miss, such as 0.8 correlated 0.5; without the number it is learned.",
-        form=forms.PROBABILITY,
+        "Probability that a target is detected in a scan or a turn: a number for all ranges, or "
+        "one for each of detection_probability_range. 0 derives it from the classes' SNR bands and "
+        "false_alarm_probability.",
+        form=PROBABILITIES,
+        mutable=True,
+        former=replaced.detection_probability,
+    )
+    detection_probability_range: list[float] = parameter(
+        [],
+        "Ranges of a list of detection probabilities, m, ascending: the probability is linear "
+        "between them, and constant beyond the first and the last.",
+        NOT_NEGATIVE,
+        mutable=True,
+    )
+    detection_correlation: float = parameter(
+        0.0,
+        "Probability of a detection after a detection of the same target minus that after a miss: "
+        "above 0 if misses are correlated, as in shadows.",
+        (0.0, MOST_CORRELATION),
         mutable=True,
     )
     rotation_s: float = parameter(
         0.0,
-        "Approximate time of a turn of the antenna, s. auto, or 0, finds out whether the antenna "
-        "turns, and estimates it.",
-        form=forms.turn(1e3),
+        "Approximate time of a turn of the antenna, s; 0 finds out whether the antenna turns, and "
+        "estimates it.",
+        (0.0, 1e3),
+        former=replaced.turn,
     )
     sectors: int = parameter(
         0,
@@ -169,13 +221,13 @@ class RadarParameters(SensorParameters):
         (0.0, 1e4),
         mutable=True,
     )
-    clutter_rate: forms.ClutterRate = parameter(
+    clutter_rate: float = parameter(
         START_RATE,
         "Expected false detections per scan or turn, not counting those that clutter_map has "
-        f"learned. auto estimates it over about the last 30 turns, starting from {START_RATE:g}. "
-        "Add multipath, as in 8 multipath, if many false detections are behind targets.",
-        form=forms.CLUTTER_RATE,
+        "learned.",
+        (0.0, 1e6),
         mutable=True,
+        former=replaced.learned_by("clutter"),
     )
     clutter_max_range: float = parameter(
         15e3,
@@ -196,11 +248,11 @@ class RadarParameters(SensorParameters):
         (0.0, 1e3),
         mutable=True,
     )
-    clutter_amplitude: tuple[str, float] = parameter(
+    clutter_amplitude: str = parameter(
         "rayleigh",
-        "Distribution of false detections' amplitudes: rayleigh with its level above the noise, "
-        "dB, log_normal with its median SNR, dB, and a standard deviation of 6 dB, or learned.",
-        form=forms.CLUTTER,
+        "Distribution of false detections' amplitudes: that of noise (rayleigh), or learned.",
+        choices=("rayleigh", "learned"),
+        former=replaced.clutter_amplitude,
     )
     false_alarm_probability: float = parameter(
         1e-3,
@@ -230,11 +282,12 @@ class RadarParameters(SensorParameters):
         "geodetic. Empty for the antenna's height.",
         form=place_forms.HEIGHT,
     )
-    range_rate_std: forms.Learnable = parameter(
+    range_rate_std: float = parameter(
         0.1,
-        "Standard deviation of range rates, m/s, or auto as for range_std.",
-        form=forms.std(0.1, 1e-3, 1e3),
+        "Standard deviation of range rates, m/s.",
+        (1e-3, 1e3),
         mutable=True,
+        former=replaced.learned_by("noise"),
     )
     range_rate_ambiguity: float = parameter(
         0.0,
@@ -275,6 +328,15 @@ class RadarParameters(SensorParameters):
     # Site on the round earth; None for a radar that measures over a plane.
     site: Site | None = None
     datum: float = 0.0  # Height of the world's zero as messages count heights, metres
+
+    @cached_property
+    def pose(self) -> place_forms.PoseSource:
+        """The topic of the platform's poses, and their use."""
+        if self.pose_topic == place_forms.FIXED:
+            return place_forms.NO_POSE
+        if self.pose_topic == place_forms.TF:
+            return place_forms.PoseSource(place_forms.TRANSFORMS, place_forms.TF, self.pose_yaw)
+        return place_forms.PoseSource(self.pose_topic, self.pose_message, self.pose_yaw)
 
     def on_earth(self, plane: Plane) -> RadarParameters:
         """Return the radar with its site and the datum of its heights."""

@@ -50,16 +50,22 @@ class SensorParameters:
     name: str = ""
 
     fields = Fields()
-    pose = place_forms.NO_POSE
     pose_max_age_s = 0.0
     rotation_s = 0.0
     sectors = 0
     compass = False
+    clutter_map = False
+    clutter_map_speed = 0.0
 
     @cached_property
     def bias(self) -> SensorBias:
         """Biases that are removed from its measurements."""
         return NO_BIAS
+
+    @cached_property
+    def pose(self) -> place_forms.PoseSource:
+        """The topic of its platform's poses, and their use."""
+        return place_forms.NO_POSE
 
     def on_earth(self: S, plane: Plane) -> S:
         """Return the sensor with its place on the earth, given the world's map projection."""

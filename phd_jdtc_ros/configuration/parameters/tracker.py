@@ -16,22 +16,15 @@ from phd_jdtc_ros.core.targets.motion import MOTIONS
 from phd_jdtc_ros.core.tracks.region import Region
 
 from ..schema import INFINITY, POSITIVE, SMALL, parameter
-from . import forms, place_forms
+from . import place_forms, replaced
 from .sensor import SensorParameters
 
 # Largest numbers of names: every class needs a matrix logarithm and every name has parameters, so
 # that more names would delay the start by seconds.
 MOST_SENSORS, MOST_CLASSES, MOST_MOTIONS, MOST_BIRTHS = 100, 50, 50, 1000
-# The engine for each value of `engine`, by its name in `engines.ENGINES`; some values differ in the
-# filter only.
-ENGINE_OF = {
-    "gaussian": "gaussian",
-    "particles": "particles",
-    "phd": "particles",
-    "phd_as_printed": "particles",
-}
-# The engines whose estimates have labels; the others are PHD filters of particles.
-LABELLED = ("gaussian", "particles")
+# The engines whose estimates have labels, and the PHD filters, which have what the paper has.
+LABELLED = ("gaussian",)
+PHD = ("phd", "phd_as_printed", "phd_gaussian")
 
 
 @dataclass(frozen=True)
@@ -103,18 +96,24 @@ class Tracking:
     )
     engine: str = parameter(
         "gaussian",
-        "The filter: Gaussian mixtures or particles for each target, the paper's PHD filter with "
-        "its corrections (phd), or the PHD filter as printed.",
-        choices=tuple(ENGINE_OF),
+        "The filter: a Gaussian mixture for each target, or the paper's PHD filter with its "
+        "corrections (phd), as printed, or with its corrections in closed form (phd_gaussian).",
+        choices=(*LABELLED, *PHD),
+        former=replaced.engine,
     )
     accuracy: str = parameter(
         "normal",
-        "Accuracy against CPU time: fast mixes the motion models in every scan and starts targets "
-        "with fewer particles, high doubles the numbers of hypotheses and particles.",
+        "Accuracy against CPU time: fast mixes the motion models in every scan, high doubles the "
+        "number of hypotheses, and for a PHD filter that of particles.",
         choices=("fast", "normal", "high"),
     )
-    lag: Lag = parameter(
-        "5", "Smoothing lag: a number of scans, or a time as in '20 s'.", form=forms.LAG
+    lag_scans: int = parameter(
+        5, "Smoothing lag, scans.", (0, 100), name="lag", former=replaced.lag
+    )
+    lag_s: float = parameter(
+        0.0,
+        "Smoothing lag, s, instead of lag; for radars without common scans. 0 for lag.",
+        (0.0, 1e5),
     )
     confirm_probability: float = parameter(
         0.0,
@@ -148,17 +147,20 @@ class Tracking:
         "auto",
         "Use of amplitudes: band infers the class from its SNR band as if each detection had "
         "another SNR, memory estimates each target's SNR as well, none ignores amplitudes. auto is "
-        "memory for Gaussians with several classes, and band otherwise.",
+        "memory with several classes, and band with one class or a PHD filter.",
         choices=("auto", "band", "memory", "none"),
     )
-    seed: int = parameter(0, "Seed of the random generator.", (0, 2**31 - 1))
+    seed: int = parameter(0, "Seed of a PHD filter's random generator.", (0, 2**31 - 1))
     particles_per_target: int = parameter(
-        0, "Particles per target after resampling; 0 for the number that accuracy sets.", (0, 10**6)
+        0,
+        "Particles of a PHD filter per target after resampling; 0 for the number that accuracy "
+        "sets.",
+        (0, 10**6),
     )
     particles_per_birth: int = parameter(
         0,
-        "Particles per birth term, and per target born at a detection, a power of two; 0 for the "
-        "numbers that accuracy sets.",
+        "Particles of a PHD filter per birth term, a power of two; 0 for the number that accuracy "
+        "sets.",
         (0, 2**20),
     )
     birth_rates: list[float] = parameter(
@@ -200,15 +202,14 @@ class Tracking:
         element=str,
         mutable=True,
     )
-    height_std: float = parameter(
-        7.6,
-        "Standard deviation of measured heights, m; 7.6 corresponds to steps of 100 ft.",
-        (1e-3, 1e4),
-        mutable=True,
-    )
     spawn_rate: float = parameter(
         0.01, "Expected spawned targets per target and interval.", (0.0, 1.0), name="spawn.rate"
     )
+
+    @property
+    def lag(self) -> Lag:
+        """The smoothing lag."""
+        return Lag(0, self.lag_s) if self.lag_s else Lag(self.lag_scans)
 
 
 @dataclass(frozen=True)
@@ -263,14 +264,12 @@ class Birth:
     velocity: list[float] = parameter(
         [0.0, 0.0], "Mean velocity of births in the world frame, x and y, m/s.", length=2
     )
-    position_std: float = parameter(
-        200.0, "Standard deviation of a birth's position per axis, m.", POSITIVE
-    )
-    velocity_std: float = parameter(
-        40.0, "Standard deviation of a birth's velocity per axis, m/s.", POSITIVE
-    )
-    turn_rate_std: float = parameter(
-        1e-3, "Standard deviation of a birth's turn rate, rad/s.", POSITIVE
+    std: list[float] = parameter(
+        [200.0, 40.0, 1e-3],
+        "Standard deviations of a birth's position and velocity per axis, m and m/s, and of its "
+        "turn rate, rad/s.",
+        POSITIVE,
+        length=3,
     )
     rates: list[float] = parameter(
         [0.005, 0.005],

@@ -6,26 +6,13 @@ probability. Only the target index of each row matters here.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
-from ..arrays import FloatArray, IntArray, contiguous
+from ..arrays import FloatArray, IntArray, contiguous, frozen
 from .claims import Claims
 
-
-class Shares(NamedTuple):
-    """The factors from prior to posterior weights.
-
-    The posterior weight of a row of target g is ``prior * (1 - p_D) * missed[g]`` for a missed
-    detection, and ``mass * pair`` for each of its pairs.
-    """
-
-    # Prior weights of the rows, (N,); targets with a mass above one are scaled to one.
-    prior: FloatArray
-    missed: FloatArray  # Factor of each target on its rows' weights for a missed detection, (T,)
-    pair: FloatArray  # Factor of each pair, (P,)
-    claimed: FloatArray  # Probability that a target is the source of each detection, (M,)
-    # Number of clusters too large for exact probabilities; see `marginals`.
-    approximate: int
+if TYPE_CHECKING:
+    from .shares import Shares
 
 
 def bernoulli(target: IntArray, targets: int, weight: FloatArray, claims: Claims) -> Shares:
@@ -46,7 +33,6 @@ def bernoulli(target: IntArray, targets: int, weight: FloatArray, claims: Claims
     from . import marginals
     from .shares import posterior_shares
 
-    columns = (claims.row, claims.column, claims.mass, claims.other, claims.detection_probability)
-    return Shares(
-        *posterior_shares(marginals.MOST_WORK, targets, *contiguous(target, weight, *columns))
-    )
+    claims = frozen(Claims(*contiguous(*claims)))
+    target, weight = contiguous(target, weight)
+    return posterior_shares(marginals.MOST_WORK, targets, target, weight, claims)

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray, sum_by
+from ..arrays import BoolArray, Float1, FloatArray, Int1, sum_by
 
 # Lower bound of the probability of a missed detection, by which odds are divided.
 LEAST_MISSED = 1e-6
 
 
-@dataclass(frozen=True)
-class Claims:
+class Claims(NamedTuple):
     """Association likelihoods of N rows of targets, and of all other sources, for M detections."""
 
-    row: IntArray  # Row of each pair within the gate, (P,)
-    column: IntArray  # Detection of each pair, (P,)
-    mass: FloatArray  # p_D L_z w of each pair, divided by a scale of its detection, (P,)
-    other: FloatArray  # Intensity of clutter and unknown targets, divided by the same scale, (M,)
-    detection_probability: FloatArray  # p_D of each row, (N,); 0 beyond the radar's range
+    row: Int1  # Row of each pair within the gate, (P,)
+    column: Int1  # Detection of each pair, (P,)
+    mass: Float1  # p_D L_z w of each pair, divided by a scale of its detection, (P,)
+    other: Float1  # Intensity of clutter and unknown targets, divided by the same scale, (M,)
+    detection_probability: Float1  # p_D of each row, (N,); 0 beyond the radar's range
 
     def share_of(self, rows: BoolArray | FloatArray) -> FloatArray:
         """Return the share of some rows, (N,), in the likelihoods of each detection, (M,).

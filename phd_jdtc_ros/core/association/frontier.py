@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray
-from ..compilation import Float1, compiled, in_place, inner
+from ..compilation import Float1, Writeable, compiled, in_place, inner
 from .clusters import Graph
 from .planning import Plan
 
@@ -160,14 +160,13 @@ def _sum_backward(
     free: FloatArray,
     separated: FloatArray,
     later: FloatArray,
-    earlier: FloatArray,
-    edge_share: FloatArray,
-    unmatched_share: FloatArray,
+    tables: _Tables,
 ) -> float:
     """Write the separated backward table before a step's edges, and the shares of its matchings.
 
     Return the sum of all matchings.
     """
+    edge_share, unmatched_share, earlier = tables.edge, tables.unmatched, tables.earlier
     node = plan.passed[step]
     unmatched = separated[: _unmatched_states(len(separated), plan.passed_bit[step])]
     total = 0.0
@@ -189,7 +188,12 @@ def _sum_backward(
 
 @in_place
 def _write_probabilities(
-    plan: Plan, begin: int, end: int, weight: Float1, free: Float1, tables: _Tables
+    plan: Writeable[Plan],
+    begin: int,
+    end: int,
+    weight: Float1,
+    free: Float1,
+    tables: Writeable[_Tables],
 ) -> None:
     """Write the probabilities of a cluster with the steps from `begin` to `end`.
 
@@ -215,9 +219,7 @@ def _write_probabilities(
         filled -= len(separated)
         for index in range(plan.node_start[step], plan.node_start[step + 1]):
             later = _reopen_node(later, plan.node_bit[index], free[plan.node[index]], buffer)
-        total = _sum_backward(
-            plan, step, weight, free, separated, later, earlier, edge_probability, unmatched
-        )
+        total = _sum_backward(plan, step, weight, free, separated, later, tables)
         for index in range(plan.edge_start[step], plan.edge_start[step + 1]):
             edge_probability[plan.edge[index]] /= total
         unmatched[plan.passed[step]] /= total
@@ -229,7 +231,7 @@ def _write_probabilities(
 
 @compiled
 def matching_probabilities(
-    plan: Plan, weight: Float1, free: Float1
+    plan: Writeable[Plan], weight: Float1, free: Float1
 ) -> tuple[FloatArray, FloatArray]:
     """Return the probabilities that edges are matched, (E,), and that nodes are unmatched, (N,).
 
@@ -252,7 +254,7 @@ def matching_probabilities(
 
 
 @compiled
-def node_prices(graph: Graph, log_odds: Float1) -> FloatArray:
+def node_prices(graph: Writeable[Graph], log_odds: Float1) -> FloatArray:
     """Return the price (dual variable) of each node, (N,).
 
     The prices of an edge's two nodes sum to at least its log odds. Targets bid for detections as in

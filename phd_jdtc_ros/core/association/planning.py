@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import IntArray
-from ..compilation import Int1, compiled, inner
+from ..compilation import Int1, Writeable, compiled, inner
 from .clusters import Graph
 
 # Largest number of entries of a cluster's tables after the edges of each step, 16 MiB in total; the
@@ -143,7 +143,7 @@ def _close_nodes(
 
 
 @compiled
-def plan(graph: Graph, most_work: int) -> Plan:
+def plan(graph: Writeable[Graph], most_work: int) -> Plan:
     """Return the steps of clusters that are affordable.
 
     `most_work` limits the work for each target of a cluster, in edges times entries of a table.

@@ -2,12 +2,30 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
+from ..arrays import IntArray
 from ..compilation import Float1, Int1, compiled, inner
-from .claims import LEAST_MISSED
+from .claims import LEAST_MISSED, Claims
 from .marginals import edge_probabilities
+
+
+class Shares(NamedTuple):
+    """The factors from prior to posterior weights.
+
+    The posterior weight of a row of target g is ``prior * (1 - p_D) * missed[g]`` for a missed
+    detection, and ``mass * pair`` for each of its pairs.
+    """
+
+    # Prior weights of the rows, (N,); targets with a mass above one are scaled to one.
+    prior: Float1
+    missed: Float1  # Factor of each target on its rows' weights for a missed detection, (T,)
+    pair: Float1  # Factor of each pair, (P,)
+    claimed: Float1  # Probability that a target is the source of each detection, (M,)
+    # Number of clusters too large for exact probabilities; see `marginals`.
+    approximate: int
 
 
 @inner
@@ -48,16 +66,13 @@ def posterior_shares(
     targets: int,
     target_of: Int1,
     weight: Float1,
-    row: Int1,
-    column: Int1,
-    mass: Float1,
-    other: Float1,
-    detection_probability: Float1,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int]:
-    """Return the columns of `bernoulli.Shares`.
+    claims: Claims,
+) -> Shares:
+    """Return the factors by which detections change the weights of Bernoulli targets.
 
     For the parameters see `bernoulli.bernoulli` and `marginals.edge_probabilities`.
     """
+    row, column, mass, other, detection_probability = claims
     # Rounding in the reduction of a set may leave a mass slightly above one.
     excess, detected = np.zeros(targets), np.zeros(targets)
     for row_index in range(len(target_of)):
@@ -85,4 +100,4 @@ def posterior_shares(
         edge = edge_of_pair[pair]
         edge_mass = explained[edge] if explained[edge] > 0.0 else 1.0
         share[pair] = probability[edge] / edge_mass / excess[target_of[row[pair]]]
-    return prior, none / missed, share, np.minimum(claimed, 1.0), approximate
+    return Shares(prior, none / missed, share, np.minimum(claimed, 1.0), approximate)

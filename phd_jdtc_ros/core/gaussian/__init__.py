@@ -1,6 +1,4 @@
-"""The engine of Gaussians: a mixture of hypotheses for each target, and its fixed-lag smoother.
-
-A labelled multi-Bernoulli filter with soft association, as the particle engine by default.
+"""The algebra of the engine: a mixture of Gaussian hypotheses for each target, and its smoother.
 
 The path of one scan, with the module of each step::
 
@@ -14,16 +12,16 @@ The path of one scan, with the module of each step::
       |    keep the probable hypotheses        reduction
       |    give birth at detections            newborn
       |  merge similar hypotheses            reduction
-    stored mixture t+1                       (filter: the steps in order)
+    stored mixture t+1                       (window.forward_filter: the steps in order)
       |  link to mixture t                   lineages: the updates of each target
       |  backward over the lag window        backward_step
     smoothed hypotheses
       |  extract targets at a stamp          smoother, extraction
-    Estimates                                engine
+    Estimates                                window.fixed_lag
 
 Expected measurements, gates and innovations are the sensor's (`Sensor.of_gaussians`), those of
-range and azimuth compiled. `filter` and `engine` hold the parts that are specific to Gaussians; the
-rest of a fixed-lag filter is in `core.window`. `snapshot` stores mixtures and links as arrays, and
-restores them. `algebra` has the operations on Gaussians, `measurement` the steps of the update with
-one radar's detections, and `smoothing` those of the smoother.
+range and azimuth compiled. `entries` are the mixtures of the scans of a window and their links;
+the filter and the smoother over scans are in `core.window`. `algebra` has the operations on
+Gaussians, `measurement` the steps of the update with one radar's detections, and `smoothing` those
+of the smoother.
 """

@@ -13,10 +13,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray, contiguous, read_only
+from ..arrays import (
+    Bool1,
+    BoolArray,
+    Float1,
+    Float2,
+    Float3,
+    Float4,
+    FloatArray,
+    Int1,
+    IntArray,
+    contiguous,
+    frozen,
+    read_only,
+)
 from ..models.amplitude_model import SnrCells
 from ..models.tracker_model import TrackerModel
-from ..sensors.sensor import Sensor
 from ..targets.motion import MotionModel
 from ..types import Estimates
 from .mixture import Mixture
@@ -28,18 +40,43 @@ MOST_INTERVALS = 256
 MOST_THRESHOLDS = 256
 
 
-class Intervals(NamedTuple):
+class ModePairs(NamedTuple):
+    """The K pairs of a motion mode and one to which a target of some class may change from it.
+
+    They are sorted by the latter.
+    """
+
+    before: Int1  # (K,)
+    after: Int1  # (K,)
+
+
+class Motion(NamedTuple):
     """Survival and motion of targets over I intervals."""
 
-    survival: FloatArray  # Probability to survive, by motion mode before, (I, R)
+    dt: Float1  # Length of each interval, seconds, (I,)
+    turns: Bool1  # Whether each motion mode is a coordinated turn, (R,)
+    survival: Float2  # Probability to survive, by motion mode before, (I, R)
     # Probability to survive and to change from the first mode of a pair to the second, (I, K).
-    change: FloatArray
-    noise: FloatArray  # Process noise, by motion mode after, (I, R, D, D)
+    change: Float2
+    noise: Float4  # Process noise, by motion mode after, (I, R, D, D)
     # Matrix of each motion mode, (I, R, D, D); 0 for a coordinated turn, whose own the state gives.
-    transition: FloatArray
+    transition: Float4
+
+
+class Intervals(NamedTuple):
+    """What happens to targets over I intervals."""
+
+    motion: Motion
     # For each interval, the transition matrix between each class's cells of SNR, [from, to],
     # (C, S, S); None if targets stay in their cells.
     snr: list[FloatArray | None]
+
+
+class Spawned(NamedTuple):
+    """Weights of spawned targets by those of the parent, (R C, R C), and their noise, (R, D, D)."""
+
+    weight: Float2
+    noise: Float3
 
 
 @dataclass(frozen=True)
@@ -83,11 +120,11 @@ class Dynamics:
         return tuple(self.model.modes.motions[flat] for flat in self.flat_of)
 
     @cached_property
-    def pairs(self) -> tuple[IntArray, IntArray]:
-        """The K pairs (from, to) of motion modes that one class has, sorted by the latter."""
+    def pairs(self) -> ModePairs:
+        """The pairs of motion modes that one class has."""
         class_of = self.model.modes.class_of[self.flat_of]
-        to_mode, from_mode = contiguous(*np.nonzero(class_of[:, None] == class_of))
-        return from_mode, to_mode
+        after, before = contiguous(*np.nonzero(class_of[:, None] == class_of))
+        return frozen(ModePairs(before, after))
 
     @cached_property
     def supported(self) -> FloatArray:
@@ -147,11 +184,11 @@ class Dynamics:
         return weight, mean[:, None] * self.supported, covariance
 
     @cached_property
-    def spawned(self) -> tuple[FloatArray, FloatArray]:
-        """Weights of spawned targets by the parent's, (R C, R C), and their noise, (R, D, D)."""
+    def spawned(self) -> Spawned:
+        """Weights and noise of spawned targets."""
         spawn, spread = self.model.spawn, self.spread.reshape(len(self.spread), -1)
         weight = (spread > 0.0).T.astype(np.float64) @ spawn.transition @ spread
-        return weight, self._diagonal(spawn.std**2)
+        return frozen(Spawned(weight, self._diagonal(spawn.std**2)))
 
     def _diagonal(self, variance: FloatArray) -> FloatArray:
         """Return a diagonal matrix for each motion mode, on its axes, (R, D, D)."""
@@ -168,14 +205,14 @@ class Dynamics:
     def _cell_probabilities(self) -> dict[float, FloatArray]:
         return {}
 
-    def cell_probability(self, sensor: Sensor) -> FloatArray:
-        """Return p_D in each cell of SNR, (C, S); of a sensor only its threshold matters."""
-        cache, threshold = self._cell_probabilities, sensor.threshold
+    def cell_probability(self, threshold: float) -> FloatArray:
+        """Return p_D in each cell of SNR at a detection threshold, (C, S)."""
+        cache = self._cell_probabilities
         if threshold not in cache:
             if len(cache) == MOST_THRESHOLDS:
                 cache.clear()
             model, log_snr = self.model, self.cells.log_snr
-            of_cell = self._mode_of_cell, log_snr.ravel(), sensor, model.modes
+            of_cell = self._mode_of_cell, log_snr.ravel(), threshold, model.modes
             probability = model.amplitudes.detection_probability(*of_cell)
             cache[threshold] = read_only(probability.reshape(log_snr.shape))
         return cache[threshold]
@@ -190,19 +227,23 @@ class Dynamics:
         if key not in cache:
             if len(cache) == MOST_INTERVALS:
                 cache.clear()
-            modes, flat, (from_mode, to_mode) = self.model.modes, self.flat_of, self.pairs
+            modes, flat, pairs = self.model.modes, self.flat_of, self.pairs
             lengths = dt.tolist()
             survival = np.array([modes.survival(interval_s)[flat] for interval_s in lengths])
             change = np.array(
                 [
-                    modes.transition(interval_s)[flat[from_mode], flat[to_mode]]
+                    modes.transition(interval_s)[flat[pairs.before], flat[pairs.after]]
                     for interval_s in lengths
                 ]
             )
             snr = [self.cells.transition(interval_s) for interval_s in lengths]
-            change *= survival[:, from_mode]
+            change *= survival[:, pairs.before]
             noise = np.array([modes.noise(interval_s)[flat] for interval_s in lengths])
-            cache[key] = Intervals(survival, change, noise, self._matrices(dt), snr)
+            matrices = self._matrices(dt)
+            motion = Motion(
+                read_only(dt), read_only(self.turns, np.bool_), survival, change, noise, matrices
+            )
+            cache[key] = Intervals(frozen(motion), snr)
         return cache[key]
 
     def _matrices(self, dt: FloatArray) -> FloatArray:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..compilation import Float3, Float4, Int1, compiled
+from ..compilation import Int1, compiled
 from ..types import CONFIRMED, Estimates
 from .algebra.blocks import SIZE, add_mean, add_spread
 from .algebra.kalman import floor_eigenvalues, is_positive
 from .algebra.vectors import add, total_of
 from .dynamics import Dynamics
-from .mixture import Mixture
+from .mixture import Gaussians, Mixture
 
 
 @compiled
@@ -22,9 +20,7 @@ def _class_moments(
     target_count: int,
     target_of: Int1,
     row: Int1,
-    weight: Float3,
-    mean: Float3,
-    covariance: Float4,
+    gaussians: Gaussians,
 ) -> tuple[bool, IntArray, FloatArray, FloatArray, IntArray, FloatArray, FloatArray]:
     """Return the targets whose mass is above a threshold, and the columns of their estimates.
 
@@ -32,6 +28,7 @@ def _class_moments(
     that class. The first result is whether all covariances are sound. `target_of` and `row` have
     the target of each hypothesis and its row in the Gaussians.
     """
+    weight, mean, covariance = gaussians
     modes, classes = weight.shape[1:]
     of_class, output_row, count = np.zeros((target_count, classes)), np.full(target_count, -1), 0
     for index in range(len(row)):
@@ -98,7 +95,7 @@ def extract_targets(
     label: IntArray,
     target: IntArray,
     row: IntArray,
-    gaussians: Sequence[FloatArray],
+    gaussians: Gaussians,
     dynamics: Dynamics,
     stamp_ns: int,
     lag: int,
@@ -112,10 +109,9 @@ def extract_targets(
         A label may occur several times.
     target, row : int arrays of shape (H,)
         The target of each hypothesis, and its row in the Gaussians.
-    gaussians : sequence of arrays
-        See `Mixture.gaussians`.
+    gaussians : Gaussians
     """
-    columns = _class_moments(threshold, len(label), target, row, *gaussians)
+    columns = _class_moments(threshold, len(label), target, row, gaussians)
     is_sound, chosen, mass, probability, class_id, state, covariance = columns
     return dynamics.nobody.changed(
         stamp_ns=stamp_ns,

@@ -8,28 +8,58 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, ReadOnly
+from ..arrays import FloatArray, IntArray, ReadOnly, frozen
 from ..compilation import Float1, Float2, Float3, Float4, Int1, compiled
 from ..snapshot import MAX_MASS, MAX_STATE, ROUNDING, covariances, floats, integers
 from ..state_space import StateSpace
-from ..window.entries import Extents
+
+
+class Extents(NamedTuple):
+    """Position and velocity of the target of each label, with their spread."""
+
+    label: IntArray  # Ascending, (T,)
+    target: IntArray  # Index of each row's label in `label`, (N,)
+    # Mean position and velocity, and the root mean square distances from them, metres and metres
+    # per second, (T, 6).
+    moments: FloatArray
 
 
 class Sums(NamedTuple):
     """The targets of H hypotheses, and sums of the weights."""
 
-    label: IntArray  # The distinct labels, ascending, (T,)
-    target: IntArray  # Index of each hypothesis's target in `label`, (H,)
-    mode_weight: FloatArray  # Weight of each Gaussian, (H, R)
-    mass: FloatArray  # Weight of each hypothesis, (H,)
-    existence: FloatArray  # Existence probability of each target, (T,)
+    label: Int1  # The distinct labels, ascending, (T,)
+    target: Int1  # Index of each hypothesis's target in `label`, (H,)
+    mode_weight: Float2  # Weight of each Gaussian, (H, R)
+    mass: Float1  # Weight of each hypothesis, (H,)
+    existence: Float1  # Existence probability of each target, (T,)
+
+
+class Gaussians(NamedTuple):
+    """The weights and the Gaussians of H hypotheses; see `Mixture`."""
+
+    weight: Float3
+    mean: Float3
+    covariance: Float4
+
+
+class Hypotheses(NamedTuple):
+    """The columns of a `Mixture` and of its `Sums`, as compiled functions take them."""
+
+    label: Int1
+    target: Int1
+    mode_weight: Float2
+    mass: Float1
+    existence: Float1
+    row_label: Int1
+    weight: Float3
+    mean: Float3
+    covariance: Float4
+    snr: Float3
 
 
 @compiled
-def _sums(
-    row_label: Int1, order: Int1, weight: Float3
-) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
-    """Return the columns of `Sums`; `order` is that of the hypotheses by label."""
+def _sums(row_label: Int1, order: Int1, weight: Float3) -> Sums:
+    """Return the sums of the weights; `order` is that of the hypotheses by label."""
     count, modes, classes = weight.shape
     label, target, targets = np.empty(count, np.int64), np.empty(count, np.int64), 0
     for row in order:
@@ -44,19 +74,14 @@ def _sums(
                 mode_weight[row, mode] += weight[row, mode, class_id]
             mass[row] += mode_weight[row, mode]
         existence[target[row]] += mass[row]
-    return label[:targets], target, mode_weight, mass, existence
+    return Sums(label[:targets], target, mode_weight, mass, existence)
 
 
 @compiled
-def _extents(
-    axes: Int1,
-    target: Int1,
-    existence: Float1,
-    mode_weight: Float2,
-    mean: Float3,
-    covariance: Float4,
-) -> FloatArray:
+def _extents(axes: Int1, mixture: Hypotheses) -> FloatArray:
     """Return `Extents.moments`; `axes` has the axes of the position before the velocity's."""
+    target, mode_weight, existence = mixture.target, mixture.mode_weight, mixture.existence
+    mean, covariance = mixture.mean, mixture.covariance
     moments, half = np.zeros((len(existence), 6)), len(axes) // 2
     share = np.zeros(mode_weight.shape)
     for row in range(len(target)):
@@ -111,7 +136,7 @@ class Mixture(ReadOnly):
     @cached_property
     def _sums(self) -> Sums:
         order = self.row_label.argsort(kind="stable")
-        return Sums(*_sums(self.row_label, order, self.weight))
+        return frozen(_sums(self.row_label, order, self.weight))
 
     @property
     def label(self) -> IntArray:
@@ -139,9 +164,16 @@ class Mixture(ReadOnly):
         return self._sums.existence
 
     @property
-    def gaussians(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def gaussians(self) -> Gaussians:
         """The weights, the means and the covariances."""
-        return self.weight, self.mean, self.covariance
+        return Gaussians(self.weight, self.mean, self.covariance)
+
+    @cached_property
+    def hypotheses(self) -> Hypotheses:
+        """The columns and sums, for compiled functions."""
+        return Hypotheses(
+            *self._sums, self.row_label, self.weight, self.mean, self.covariance, self.snr
+        )
 
     def take(self, rows: IntArray) -> Mixture:
         """Return the hypotheses of these rows."""
@@ -153,19 +185,15 @@ class Mixture(ReadOnly):
             snr=self.snr.take(rows, axis=0),
         )
 
-    def class_mass(
-        self, class_of: IntArray, classes: int, rows: IntArray | None = None
-    ) -> FloatArray:
-        """Return the expected number of targets of each class, shape (C,); see `Rows`."""
+    def class_mass(self, rows: IntArray | None = None) -> FloatArray:
+        """Return the expected number of targets of each class, (C,), of some rows or of all."""
         weight = self.weight if rows is None else self.weight[rows]
         mass: FloatArray = weight.sum(axis=(0, 1))
         return mass
 
     def extents(self, space: StateSpace) -> Extents:
-        """Return the position and extent of each target; see `Rows`."""
-        columns = self.mode_weight, self.mean, self.covariance
-        moments = _extents(space.planar_axes, self.target, self.existence, *columns)
-        return Extents(self.label, self.target, moments)
+        """Return the position and extent of each target."""
+        return Extents(self.label, self.target, _extents(space.planar_axes, self.hypotheses))
 
     @staticmethod
     def empty(modes: int, classes: int, cells: int, size: int) -> Mixture:

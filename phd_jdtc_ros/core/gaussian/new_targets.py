@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compilation import Bool1, Float1, Float2, Float3, Float4, Int1, compiled, in_place
+from ..compilation import Float2, Float3, Float4, Int1, Writeable, compiled, in_place
 from ..tracks import labels
 from .algebra.blocks import SIZE, add_mean, add_spread
 from .algebra.curvature import Moved, move, new_moved_inside
 from .algebra.vectors import total_of
-from .dynamics import Dynamics
-from .mixture import Mixture
+from .dynamics import Dynamics, Motion, Spawned
+from .mixture import Hypotheses, Mixture
 from .prediction import AgedMixture
 
 
@@ -57,10 +57,8 @@ def spawn(
     label = labels.first_predicted(scan_index) + len(model.births)
     for mixture, dt in earlier:
         rate = min(model.spawn.rate * dt / model.modes.interval_s, 1.0)
-        transition = dynamics.over(np.array([dt])).transition[0]
-        parents = mixture.target, mixture.existence, *mixture.gaussians
-        motion = *dynamics.spawned, transition, dynamics.turns, dt
-        spawned = _spawn(rate, least, *(*parents, *motion))
+        motion, _ = dynamics.over(np.array([dt]))
+        spawned = _spawn(rate, least, mixture.hypotheses, dynamics.spawned, motion)
         if count := len(spawned.weight):
             row_label, snr = np.arange(label, label + count), dynamics.unknown_snr(count)
             columns = spawned._asdict()
@@ -69,7 +67,7 @@ def spawn(
     return Mixture.concatenate(parts) if parts else dynamics.nothing
 
 
-class _Spawned(NamedTuple):
+class _Targets(NamedTuple):
     """The weights, which begin as zeros, and the Gaussians of the spawned targets."""
 
     weight: Float3
@@ -88,24 +86,19 @@ class _Matched(NamedTuple):
 @in_place
 def _write_spawned(
     rate: float,
-    target: Int1,
+    parents: Hypotheses,
     spawned_row: Int1,
-    existence: Float1,
-    weight: Float3,
-    mean: Float3,
-    covariance: Float4,
-    weight_by_parent: Float2,
-    noise: Float3,
-    transition: Float3,
-    turns: Bool1,
-    dt: float,
-    spawned: _Spawned,
-    matched: _Matched,
+    assumed: Spawned,
+    motion: Motion,
+    spawned: Writeable[_Targets],
+    matched: Writeable[_Matched],
 ) -> None:
-    """Write the spawned targets; see `Dynamics.spawned`.
+    """Write the spawned targets, after a motion over one interval.
 
     `spawned_row` is the row of each parent's spawned target, (T,), or -1.
     """
+    target, existence, weight = parents.target, parents.existence, parents.weight
+    mean, covariance, weight_by_parent = parents.mean, parents.covariance, assumed.weight
     modes, classes = weight.shape[1:]
     parent_mean, parent_covariance = matched.mean, matched.covariance
     for row in range(len(target)):
@@ -134,52 +127,39 @@ def _write_spawned(
             move(
                 parent_mean[child],
                 parent_covariance[child],
-                transition[mode],
-                turns[mode],
-                dt,
+                motion.transition[0, mode],
+                motion.turns[mode],
+                motion.dt[0],
                 matched.moved,
             )
             for i in range(SIZE):
                 spawned.mean[child, mode, i] = matched.moved.mean[i]
                 for k in range(i + 1):
-                    total = matched.moved.covariance[i, k] + noise[mode, i, k]
+                    total = matched.moved.covariance[i, k] + assumed.noise[mode, i, k]
                     spawned.covariance[child, mode, i, k] = total
                     spawned.covariance[child, mode, k, i] = total
 
 
 @compiled
 def _spawn(
-    rate: float,
-    least: float,
-    target: Int1,
-    existence: Float1,
-    weight: Float3,
-    mean: Float3,
-    covariance: Float4,
-    weight_by_parent: Float2,
-    noise: Float3,
-    transition: Float3,
-    turns: Bool1,
-    dt: float,
-) -> _Spawned:
+    rate: float, least: float, parents: Hypotheses, assumed: Spawned, motion: Motion
+) -> _Targets:
     """Return the spawned targets of parents that spawn one with a probability of at least `least`.
 
     For the other parameters see `_write_spawned`.
     """
-    (modes, classes), count = weight.shape[1:], 0
+    existence, (modes, classes), count = parents.existence, parents.weight.shape[1:], 0
     spawned_row = np.full(len(existence), -1)
     for parent in range(len(existence)):
         if existence[parent] > 0.0 and rate * existence[parent] >= least:
             spawned_row[parent] = count
             count += 1
-    spawned = _Spawned(
+    spawned = _Targets(
         np.zeros((count, modes, classes)),
         np.empty((count, modes, SIZE)),
         np.empty((count, modes, SIZE, SIZE)),
     )
     mean_of, spread_of = np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE))
-    parents = rate, target, spawned_row, existence, weight, mean, covariance
     matched = _Matched(mean_of, spread_of, new_moved_inside())
-    motion = weight_by_parent, noise, transition, turns, dt
-    _write_spawned(*(parents + motion + (spawned, matched)))
+    _write_spawned(rate, parents, spawned_row, assumed, motion, spawned, matched)
     return spawned

@@ -10,13 +10,13 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..compilation import (
-    Bool1,
     Float1,
     Float2,
     Float3,
     Float4,
     Int1,
     Int2,
+    Writeable,
     compiled,
     in_place,
     inner,
@@ -34,8 +34,8 @@ from .algebra.blocks import (
     write,
 )
 from .algebra.curvature import Moved, move, new_moved_inside
-from .dynamics import Dynamics
-from .mixture import Mixture
+from .dynamics import Dynamics, ModePairs, Motion
+from .mixture import Gaussians, Mixture
 
 # Bounds on values in a snapshot: on the gains of the backward step, which are largest in metres per
 # radian per second, and on the entries of covariance factors.
@@ -51,13 +51,9 @@ class AgedMixture(NamedTuple):
 
 @dataclass(frozen=True)
 class Moves:
-    """The prediction from the hypotheses of earlier scans, row by row, for the smoother.
+    """The prediction from the hypotheses of earlier scans, row by row, for the smoother."""
 
-    Each of the K pairs is a motion mode before the prediction and a possible one after it.
-    """
-
-    # Modes of each pair before and after the prediction, (K,) each.
-    pairs: tuple[IntArray, IntArray]
+    pairs: ModePairs
     # Probability of survival with a change from the first mode to the second, (H, K).
     change: Annotated[FloatArray, floats("PK", 0.0, 1.0)]
     # Probability of survival until the later scan, (H, R).
@@ -108,7 +104,7 @@ class _Scratch(NamedTuple):
 @inner
 def _write_pair_places(
     weight: FloatArray,
-    pairs: tuple[IntArray, IntArray],
+    pairs: ModePairs,
     change: FloatArray,
     place: IntArray,
     factored: IntArray,
@@ -141,16 +137,11 @@ def _write_pair_places(
 
 @inner
 def _write_shares(
-    row: int,
-    weight: FloatArray,
-    from_mode: IntArray,
-    to_mode: IntArray,
-    change: FloatArray,
-    later: _Predicted,
-    share: FloatArray,
-    total: FloatArray,
+    row: int, weight: FloatArray, pairs: ModePairs, later: _Predicted, scratch: _Scratch
 ) -> None:
     """Write a hypothesis's later weights, the weight of each pair, and that of each later mode."""
+    (from_mode, to_mode), change = pairs, later.change[row]
+    share, total = scratch.share, scratch.total
     for mode in range(len(total)):
         total[mode] = 0.0
     for pair in range(len(from_mode)):
@@ -164,20 +155,23 @@ def _write_shares(
 
 @inner
 def _write_pair(
+    pair: int,
     pair_row: int,
-    mean: FloatArray,
-    covariance: FloatArray,
-    transition: FloatArray,
-    turns: bool,
-    dt: float,
-    noise: FloatArray,
+    gaussian: tuple[FloatArray, FloatArray],
+    motion: Motion,
+    interval: int,
+    mode: int,
     later: _Predicted,
-    spread: FloatArray,
     scratch: _Scratch,
 ) -> None:
-    """Write the prediction of a pair, with its covariance in `spread`, and its backward step."""
+    """Write the prediction of a pair, with its covariance in `spread`, and its backward step.
+
+    `gaussian` is the mean and the covariance before, and `mode` the mode after.
+    """
+    (mean, covariance), noise = gaussian, motion.noise[interval, mode]
     moved, gain, base = scratch.moved, later.gain[pair_row], later.base[pair_row]
-    move(mean, covariance, transition, turns, dt, moved)
+    spread, transition = scratch.spread[pair], motion.transition[interval, mode]
+    move(mean, covariance, transition, motion.turns[mode], motion.dt[interval], moved)
     for i in range(SIZE):
         later.pair_mean[pair_row, i] = moved.mean[i]
         for k in range(i + 1):
@@ -193,24 +187,15 @@ def _write_pair(
 
 @in_place
 def _write_predicted(
-    weight: Float3,
-    mean: Float3,
-    covariance: Float4,
+    gaussians: Gaussians,
     interval_of: Int1,
-    from_mode: Int1,
-    to_mode: Int1,
-    turns: Bool1,
-    dt: Float1,
-    noise: Float4,
-    transition: Float4,
-    later: _Predicted,
-    scratch: _Scratch,
+    pairs: ModePairs,
+    motion: Motion,
+    later: Writeable[_Predicted],
+    scratch: Writeable[_Scratch],
 ) -> None:
-    """Write the later hypotheses and the moves.
-
-    `interval_of` has the interval of each hypothesis; the parameters from `turns` to `transition`
-    are by mode or interval.
-    """
+    """Write the later hypotheses and the moves; `interval_of` has the interval of each."""
+    (weight, mean, covariance), (from_mode, to_mode) = gaussians, pairs
     spread, share, total, spare, moved = scratch
     for matrices in (later.gain, later.base, later.factor, spread):
         check_matrices(matrices)
@@ -218,23 +203,13 @@ def _write_predicted(
         check_matrices(matrix)
     for row in range(len(weight)):
         interval = interval_of[row]
-        _write_shares(row, weight, from_mode, to_mode, later.change[row], later, share, total)
+        _write_shares(row, weight, pairs, later, scratch)
         for pair in range(len(from_mode)):
             pair_row, mode = later.place[row, pair], to_mode[pair]
             if pair_row < 0:
                 continue
-            _write_pair(
-                pair_row,
-                mean[row, from_mode[pair]],
-                covariance[row, from_mode[pair]],
-                transition[interval, mode],
-                turns[mode],
-                dt[interval],
-                noise[interval, mode],
-                later,
-                spread[pair],
-                scratch,
-            )
+            gaussian = mean[row, from_mode[pair]], covariance[row, from_mode[pair]]
+            _write_pair(pair, pair_row, gaussian, motion, interval, mode, later, scratch)
             if share[pair] > 0.0:
                 share[pair] /= total[mode]
                 add_mean(share[pair], later.pair_mean[pair_row], later.mean[row, mode])
@@ -251,24 +226,15 @@ def _write_predicted(
 
 @compiled
 def _predict(
-    weight: Float3,
-    mean: Float3,
-    covariance: Float4,
-    sizes: Int1,
-    from_mode: Int1,
-    to_mode: Int1,
-    turns: Bool1,
-    dt: Float1,
-    survival: Float2,
-    change: Float2,
-    noise: Float4,
-    transition: Float4,
+    gaussians: Gaussians, sizes: Int1, mode_pairs: ModePairs, motion: Motion
 ) -> _Predicted:
     """Return the later hypotheses and the moves; see `_write_predicted`.
 
     `sizes` has the number of hypotheses of each interval, which are adjacent.
     """
-    (count, modes), pairs, end = weight.shape[:2], len(from_mode), 0
+    weight, mean, covariance = gaussians
+    survival, change = motion.survival, motion.change
+    (count, modes), pairs, end = weight.shape[:2], len(mode_pairs.before), 0
     interval_of = np.empty(count, np.int64)
     row_change, row_survival = np.empty((count, pairs)), np.empty((count, modes))
     for interval in range(len(sizes)):
@@ -280,8 +246,7 @@ def _predict(
             for mode in range(modes):
                 row_survival[row, mode] = survival[interval, mode]
     place, factored = np.empty((count, pairs), np.int64), np.empty(count * pairs, np.int64)
-    of_modes = from_mode, to_mode
-    active, factors = _write_pair_places(weight, of_modes, row_change, place, factored)
+    active, factors = _write_pair_places(weight, mode_pairs, row_change, place, factored)
     later = _Predicted(
         np.zeros(weight.shape),
         np.zeros(mean.shape),
@@ -297,9 +262,7 @@ def _predict(
     )
     spread, spare = np.empty((pairs, SIZE, SIZE)), np.empty((SIZE, SIZE))
     scratch = _Scratch(spread, np.empty(pairs), np.empty(modes), spare, new_moved_inside())
-    earlier = weight, mean, covariance, interval_of, from_mode, to_mode
-    motion = turns, dt, noise, transition
-    _write_predicted(*(earlier + motion + (later, scratch)))
+    _write_predicted(gaussians, interval_of, mode_pairs, motion, later, scratch)
     return later
 
 
@@ -319,12 +282,12 @@ def survivors(earlier: Sequence[AgedMixture], dynamics: Dynamics) -> tuple[Mixtu
     stored = Mixture.concatenate([aged.mixture for aged in earlier])
     sizes = np.array([len(aged.mixture) for aged in earlier])
     dt = np.array([aged.dt for aged in earlier])
-    *motion, snr = dynamics.over(dt)
+    motion, snr = dynamics.over(dt)
     diffused = [
         _diffuse(aged.mixture.snr, cell_transition)
         for aged, cell_transition in zip(earlier, snr, strict=True)
     ]
-    later = _predict(*stored.gaussians, sizes, *dynamics.pairs, dynamics.turns, dt, *motion)
+    later = _predict(stored.gaussians, sizes, dynamics.pairs, motion)
     predicted = stored.changed(
         weight=later.weight,
         mean=later.mean,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import FloatArray
-from ..attributes.uniqueness import OutOfGate
+from ..association.evidence import OutOfGate
 from ..models.manoeuvre import PROBABILITY, manoeuvre
 from ..models.tracker_model import TrackerModel
 from ..state_space import StateSpace

@@ -17,7 +17,7 @@ from .algebra.blocks import SIZE, add_mean, add_spread, factorise, square_distan
 from .algebra.kalman import floor_eigenvalues, is_positive
 from .algebra.vectors import add, total_of
 from .bounds import Bounds
-from .mixture import Mixture
+from .mixture import Hypotheses, Mixture
 
 # Share of `Bounds.most` that single-mode hypotheses may take. The rest is reserved for the next
 # scan, in which every detection branches a hypothesis.
@@ -46,6 +46,14 @@ class Ancestry:
     # Share of the child's weight, (E, R, C); sums to one over the rows of a child with positive
     # weight.
     share: Annotated[FloatArray, floats("EOC", 0.0, 1.0)]
+
+
+class _Limits(NamedTuple):
+    """Limits of the merging and splitting of hypotheses; see `Bounds`."""
+
+    merge_distance: float
+    least_mode: float
+    most: float  # Largest number of hypotheses of one mode each
 
 
 class _Reduced(NamedTuple):
@@ -85,12 +93,7 @@ def _write_moments(
 
 @inner
 def _find_clusters(
-    distance: float,
-    is_kept: BoolArray,
-    target: IntArray,
-    weight: FloatArray,
-    mean: FloatArray,
-    covariance: FloatArray,
+    distance: float, is_kept: BoolArray, mixture: Hypotheses
 ) -> tuple[IntArray, IntArray, IntArray]:
     """Cluster each target's hypotheses around its most probable ones; see `reduce_hypotheses`.
 
@@ -98,6 +101,8 @@ def _find_clusters(
     each cluster. Only the targets with `is_kept`, (T,), have clusters. The rows of a target are
     adjacent, and so are those of a cluster, each by descending probability.
     """
+    target, weight = mixture.target, mixture.weight
+    mean, covariance = mixture.mean, mixture.covariance
     count, edges, clusters = len(target), 0, 0
     row_of, cluster = np.empty(count, np.int64), np.empty(count, np.int64)
     leader, merged = np.empty(count, np.int64), np.empty(count, np.bool_)
@@ -159,17 +164,11 @@ def _write_merged_snr(
 
 @inner
 def _merge_similar(
-    distance: float,
-    is_kept: BoolArray,
-    target: IntArray,
-    gaussians: tuple[FloatArray, FloatArray, FloatArray],
-    snr: FloatArray,
-    row_label: IntArray,
-    parent: IntArray,
+    distance: float, is_kept: BoolArray, mixture: Hypotheses, parent: IntArray
 ) -> _Reduced:
     """Merge the hypotheses of each cluster into one, mode by mode."""
-    weight, mean, covariance = gaussians
-    row_of, child, leader = _find_clusters(distance, is_kept, target, weight, mean, covariance)
+    weight, mean, covariance, snr = mixture.weight, mixture.mean, mixture.covariance, mixture.snr
+    row_of, child, leader = _find_clusters(distance, is_kept, mixture)
     (modes, classes), edges, count = weight.shape[1:], len(child), len(leader)
     new_weight, new_mean = np.zeros((count, modes, classes)), np.zeros((count, modes, SIZE))
     new_covariance = np.zeros((count, modes, SIZE, SIZE))
@@ -204,7 +203,7 @@ def _merge_similar(
         _write_merged_snr(row_of[begin:end], weight, new_weight[cluster], snr, new_snr[cluster])
         begin = end
     merged = new_weight, new_mean, new_covariance, new_snr
-    return _Reduced(row_label[leader], *merged, child, parent[row_of], share)
+    return _Reduced(mixture.row_label[leader], *merged, child, parent[row_of], share)
 
 
 @inner
@@ -276,26 +275,15 @@ def _split(least: float, most: float, merged: _Reduced) -> _Reduced:
 
 @compiled
 def _reduce(
-    distance: float,
-    least: float,
-    most: float,
-    is_kept: Bool1,
-    target: Int1,
-    weight: Float3,
-    mean: Float3,
-    covariance: Float4,
-    snr: Float3,
-    row_label: Int1,
-    parent: Int1,
+    limits: _Limits, is_kept: Bool1, mixture: Hypotheses, parent: Int1
 ) -> tuple[_Reduced, int]:
     """Return the columns of reduced hypotheses, and how many merged covariances are not sound."""
-    gaussians = weight, mean, covariance
-    merged = _merge_similar(distance, is_kept, target, gaussians, snr, row_label, parent)
+    merged = _merge_similar(limits.merge_distance, is_kept, mixture, parent)
     unsound, factor = 0, np.empty((SIZE, SIZE))
     for modes in merged.covariance:
         for spread in modes:
             unsound += not is_positive(spread, factor)
-    return _split(least, most, merged), unsound
+    return _split(limits.least_mode, limits.most, merged), unsound
 
 
 def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ancestry, int]:
@@ -332,11 +320,9 @@ def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ance
     mixture = branched.mixture
     # If the number of hypotheses would leave too little room for the next scan, none is split:
     # modes are mixed, as with a `least_mode` of 1.
-    limits = bounds.merge_distance, bounds.least_mode, ROOM * bounds.most
-    columns, floored = _reduce(
-        *(*limits, _keep_targets(mixture, bounds), mixture.target, *mixture.gaussians),
-        *(mixture.snr, mixture.row_label, branched.parent),
-    )
+    limits = _Limits(bounds.merge_distance, bounds.least_mode, ROOM * bounds.most)
+    is_kept = _keep_targets(mixture, bounds)
+    columns, floored = _reduce(limits, is_kept, mixture.hypotheses, branched.parent)
     row_label, weight, mean, covariance, snr, child, parent, share = columns
     if floored:
         covariance, _ = floor_eigenvalues(covariance)

@@ -7,15 +7,21 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import TINY, FloatArray, IntArray
-from ..attributes.evidence import Evidence
-from ..attributes.reprojection import Paired
-from ..attributes.uniqueness import OutOfGate
+from ..arrays import TINY, FloatArray, IntArray, frozen
+from ..association.claims import Claims
+from ..association.evidence import (
+    NoiseEvidence,
+    OutlierEvidence,
+    OutOfGate,
+    Paired,
+    PairEvidence,
+)
+from ..models.competing_sources import CompetingSources
 from ..models.detection_birth import Newborn
 from ..models.tracker_model import TrackerModel
-from ..sensors.report import Report
+from ..sensors.of_gaussians.linearised import Expected
+from ..sensors.view import View
 from ..types import Coverage, Detections
-from ..window.update_steps import Posterior
 from .bounds import Bounds
 from .dynamics import Dynamics
 from .measurement.amplitude import (
@@ -25,7 +31,7 @@ from .measurement.amplitude import (
     slower,
     snr_after,
 )
-from .measurement.gating import Expected, gate_pairs
+from .measurement.gating import gate_pairs
 from .measurement.iterated_update import PairUpdate, coarse_rates, iterated_update
 from .measurement.likely_pairs import select_likely
 from .measurement.missed import after_miss, missed_and_measured
@@ -39,8 +45,32 @@ from .reduction import Branched
 
 
 @dataclass(frozen=True)
+class Posterior:
+    """Hypotheses after one report, and the association that led to them."""
+
+    rows: Branched
+    claims: Claims  # Association likelihoods of the P pairs
+    sources: CompetingSources  # Sources of the detections other than these targets
+    # Probability that a known target is the source of each detection, (M,).
+    claimed_probability: FloatArray
+    pair_probability: FloatArray  # Association probability of each pair, (P,)
+    existence: FloatArray  # Existence probability of each target, (T,)
+    evidence: PairEvidence | None  # Identities and heights as evidence for these pairs
+    noise: NoiseEvidence | None = None  # Evidence on the sensor's noise; None if its noise is known
+    outliers: OutlierEvidence | None = None  # Evidence on their share; None without any
+    # Number of clusters of targets too large for exact association probabilities.
+    approximate: int = 0
+
+    def newborns(self, view: View, model: TrackerModel, least_mass: float) -> tuple[Newborn, ...]:
+        """Return the targets born at the report's detections; none without births there."""
+        if not model.detection_births.enabled:
+            return ()
+        return (self.sources.newborn(self.claimed_probability, view, least_mass),)
+
+
+@dataclass(frozen=True)
 class GaussianSteps:
-    """The steps of an update of Gaussians; see `window.update_steps.UpdateSteps`."""
+    """The steps of an update with one report: before it, after it, and the targets born at it."""
 
     dynamics: Dynamics
     bounds: Bounds
@@ -50,12 +80,13 @@ class GaussianSteps:
         """Assumptions about targets and sensors."""
         return self.dynamics.model
 
-    def prior(self, rows: Branched, report: Report) -> PriorMixture:
+    def prior(self, rows: Branched, report: View) -> PriorMixture:
         """Return the hypotheses as the prior of a report's update."""
         mixture, sensor = rows.mixture, report.sensor
-        expected, prediction = Expected.of(mixture, sensor), report.informative_prediction
+        expected = sensor.of_gaussians.expected(mixture.mean, mixture.covariance)
+        prediction = report.informative_prediction
         looked = None if prediction is None else prediction.of(mixture.row_label)
-        probability = detection_probability(expected, mixture.snr, sensor, self.dynamics, looked)
+        probability = detection_probability(expected, mixture.snr, report, self.dynamics, looked)
         by_class, (count, modes, size) = probability.by_class, expected.measured.shape
         places = expected.measured.reshape(-1, size), expected.std.reshape(-1, size)
 
@@ -67,29 +98,34 @@ class GaussianSteps:
         seen = report.detection_probability(mixture.row_label, in_turn, measured_in)
         return PriorMixture(mixture, rows.parent, expected, report, self, probability, *seen)
 
-    def with_newborn(
-        self, rows: Branched, newborn: Newborn, label: int
-    ) -> tuple[Branched, Newborn]:
-        """Return the hypotheses, extended by those of targets born at detections."""
-        if not len(newborn):
-            return rows, newborn
+    def with_newborns(
+        self, rows: Branched, newborns: tuple[Newborn, ...], label: int
+    ) -> tuple[Branched, IntArray, Detections | None]:
+        """Return the hypotheses with those of targets born at detections, numbered from `label`.
+
+        The further results are the labels of these targets, and their detections.
+        """
+        if not newborns or not len(newborns[0]):
+            return rows, np.zeros(0, dtype=np.int64), None
+        (newborn,) = newborns
         added = newborn_mixture(newborn, self.dynamics, label)
         parent = np.concatenate([rows.parent, np.full(len(added), -1)])
-        return Branched(Mixture.concatenate([rows.mixture, added]), parent), newborn
+        joined = Branched(Mixture.concatenate([rows.mixture, added]), parent)
+        return joined, label + np.arange(len(newborn)), newborn.report.detections
 
 
 @dataclass(frozen=True)
 class PriorMixture:
-    """Hypotheses before a report; see `window.update_steps.Prior`."""
+    """Hypotheses before a report."""
 
     mixture: Mixture
     parent: IntArray  # See `Branched`
     expected: Expected  # Measurements expected of the Gaussians
-    report: Report
+    report: View
     steps: GaussianSteps
     probability: DetectionProbability  # In a whole turn
     detection_probability: FloatArray  # Probability that each Gaussian is detected, (H, R, C)
-    # Factor of the earlier sectors, (H, R, C); see `Report.detection_probability`.
+    # Factor of the earlier sectors, (H, R, C); see `View.detection_probability`.
     unseen: FloatArray | None
 
     @property
@@ -129,9 +165,8 @@ class PriorMixture:
 
     @cached_property
     def _by_target(self) -> tuple[FloatArray, FloatArray]:
-        mixture = self.mixture
-        of_rows = mixture.target, mixture.mode_weight, mixture.weight, self.detection_probability
-        return missed_and_measured(*of_rows, self.expected.measured, len(mixture.label))
+        hypotheses, measured = self.mixture.hypotheses, self.expected.measured
+        return missed_and_measured(hypotheses, self.detection_probability, measured)
 
     def _average(self, by_class: FloatArray) -> FloatArray:
         """Return the mean of each hypothesis's values, (H, R, C) to (H,)."""
@@ -145,17 +180,28 @@ class PriorMixture:
         """Return the probability that each hypothesis is slower than a bound in m/s, (H,)."""
         return slower(self.mixture, bound, self.steps.model.modes.space)
 
+    def at_even_odds(self, slower: FloatArray, bound: float) -> FloatArray:
+        """Return the probability of being at rest; see `DetectionBirthModel.stationary`."""
+        return self.steps.model.detection_births.stationary(slower, bound)
+
     def with_reacquired(self, out_of_gate: OutOfGate) -> PriorMixture:
         """Return the prior with hypotheses of lost targets; see `reacquisition.with_reacquired`."""
         rows = Branched(self.mixture, self.parent)
         return self.steps.prior(with_reacquired(rows, out_of_gate, self.steps.model), self.report)
 
     def posterior(
-        self, pairs: Paired, evidence: Evidence | None, log_other: FloatArray
-    ) -> Posterior[Branched]:
+        self, pairs: Paired, evidence: PairEvidence | None, log_other: FloatArray
+    ) -> Posterior:
         """Return the updated hypotheses: one without a detection, and one for each in the gate.
 
         Only the most probable hypotheses of each target are kept.
+
+        Parameters
+        ----------
+        evidence : Evidence or None
+            Identities and heights as evidence for these pairs.
+        log_other : array of shape (1 + C, M)
+            See `competing_sources.log_intensities`.
 
         Notes
         -----
@@ -168,20 +214,18 @@ class PriorMixture:
         amplitudes = Amplitudes.of(self.report, self.steps.dynamics)
         coarse = self._coarse_log_likelihood(pairs, readings)
         factor = self._log_factor(pairs, evidence)
-        gated = PairLikelihoods(
-            pairs.row, pairs.column, coarse, amplitudes.largest, factor, log_other
+        gated = frozen(
+            PairLikelihoods(pairs.row, pairs.column, coarse, amplitudes.largest, factor, log_other)
         )
-        kept, amplitude = select_likely(
-            self.mixture, self.detection_probability, gated, amplitudes.relative
-        )
+        kept, amplitude = select_likely(self.mixture, self.detection_probability, gated, amplitudes)
         if len(kept) < len(factor):
             pairs, factor = pairs.take(kept), factor.take(kept)
             evidence = None if evidence is None else evidence.take(kept)
 
         update = iterated_update(self.mixture, pairs.row, pairs.projected_index, readings)
         exact = update.log_likelihood.reshape(-1, self.mixture.mean.shape[1])
-        likelihoods = PairLikelihoods(
-            pairs.row, pairs.column, exact, amplitudes.largest, factor, log_other
+        likelihoods = frozen(
+            PairLikelihoods(pairs.row, pairs.column, exact, amplitudes.largest, factor, log_other)
         )
         association = associate(
             self.mixture, self.detection_probability, amplitude, likelihoods, self.steps.bounds
@@ -200,7 +244,7 @@ class PriorMixture:
             approximate=association.approximate,
         )
 
-    def _coarse_log_likelihood(self, pairs: Paired, readings: Report) -> FloatArray:
+    def _coarse_log_likelihood(self, pairs: Paired, readings: View) -> FloatArray:
         """Return the log likelihoods of pairs, linearised at the predicted means, (P, R)."""
         if (rates := readings.range_rates) is None:
             return pairs.log_likelihood
@@ -209,15 +253,15 @@ class PriorMixture:
         )
         return pairs.log_likelihood + log_rates
 
-    def _log_factor(self, pairs: Paired, evidence: Evidence | None) -> FloatArray:
+    def _log_factor(self, pairs: Paired, evidence: PairEvidence | None) -> FloatArray:
         """Return the log likelihoods of pairs besides measurement and amplitude, (P,)."""
         factor = np.zeros(len(pairs.row)) if evidence is None else evidence.log_factor
         if self.unseen is not None:
             mean = self._average(self.unseen)
             factor = factor + np.log(np.maximum(mean, TINY)).take(pairs.row)
-        if self.report.informative_prediction is not None:
+        if self.report.look_prediction is not None:
             probability = self._average(self.probability.by_class)
-            usual = self.expected, self.mixture.snr, self.report.sensor, self.steps.dynamics
+            usual = self.expected, self.mixture.snr, self.report, self.steps.dynamics
             unconditional = self._average(detection_probability(*usual).by_class)
             ratio = np.maximum(probability / np.maximum(unconditional, TINY), TINY)
             factor = factor + np.log(ratio).take(pairs.row)
@@ -239,15 +283,15 @@ class PriorMixture:
             missed = pair < 0
             for updated, after in zip(gaussians, after_misses, strict=True):
                 updated[missed] = after[prior_row[missed]]
-        probability = self.probability
-        columns = (
-            mixture.snr,
-            mixture.weight,
+        snr = snr_after(
+            mixture.hypotheses,
             self.detection_probability,
-            probability.cell,
-            probability.mean,
+            self.probability,
+            amplitudes,
+            prior_row,
+            pair,
+            association.claims.column,
         )
-        snr = snr_after(*columns, amplitudes.relative, prior_row, pair, association.claims.column)
         mean, covariance = gaussians
         branched = mixture.changed(
             row_label=mixture.row_label.take(prior_row),

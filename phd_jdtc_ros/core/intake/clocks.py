@@ -140,7 +140,8 @@ class Clocks(Generic[SentT]):
         if self._is_near(sent) and not self._continues_jump_back(own, sent):
             # Time may have passed the stamps that were ahead of it.
             since_ns = sent.stamp_ns if self._newest_ns is None else self._newest_ns
-            due = [*self._release(self._held_within(since_ns, sent.stamp_ns)), sent]
+            until_ns = sent.stamp_ns + AHEAD * self._patience_ns(own)
+            due = [*self._release(self._held_within(since_ns - self._reach_ns, until_ns)), sent]
             self._leave_out(own)
             self._contradict_held()
             self._follow(due)
@@ -151,7 +152,8 @@ class Clocks(Generic[SentT]):
             own.alone_since_ns = sent.stamp_ns
         self._arrived += 1
         own.held.append((self._arrived, sent))
-        group = self._held_within(sent.stamp_ns, sent.stamp_ns)
+        reach_ns = self._reach_ns
+        group = self._held_within(sent.stamp_ns - reach_ns, sent.stamp_ns + reach_ns)
         others = [
             each for each in self._clocks if each not in group and self._goes_on(each, own, sent)
         ]
@@ -168,7 +170,7 @@ class Clocks(Generic[SentT]):
         ahead_ns, own = sent.stamp_ns - self._newest_ns, self._clocks[sent.sensor]
         others = [each for each in self._others(sent.sensor) if self._is_live(each)]
         # Nobody can be ahead by more than an interval while all report.
-        most_ns = AHEAD * max(self._reach_ns, SILENT_INTERVALS * own.step_ns)
+        most_ns = AHEAD * self._patience_ns(own)
         own.early = own.is_early(most_ns, others)
         most_ns = most_ns if others else self._gap_ns
         return -self._reach_ns <= ahead_ns <= most_ns and not own.early
@@ -200,14 +202,12 @@ class Clocks(Generic[SentT]):
         step_ns = sent.stamp_ns - before.stamp_ns
         return step_ns != 0 and -self._reach_ns <= step_ns <= self._gap_ns
 
-    def _held_within(self, since_ns: int, until_ns: int) -> list[_Clock[SentT]]:
-        """Return the sensors whose reports are held back, the latest ones near an interval."""
+    def _held_within(self, since_ns: float, until_ns: float) -> list[_Clock[SentT]]:
+        """Return the sensors whose reports are held back, the latest ones in an interval."""
         return [
             clock
             for clock in self._clocks
-            if clock.held
-            and not clock.early
-            and since_ns - self._reach_ns <= clock.held[-1][1].stamp_ns <= until_ns + self._reach_ns
+            if clock.held and not clock.early and since_ns <= clock.held[-1][1].stamp_ns <= until_ns
         ]
 
     def _goes_on(self, clock: _Clock[SentT], own: _Clock[SentT], sent: SentT) -> bool:

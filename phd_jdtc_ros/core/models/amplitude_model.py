@@ -17,9 +17,8 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..sensors.report import Report
-from ..sensors.sensor import Sensor
-from ..targets.amplitude_density import SMALLEST_AMPLITUDE
+from ..sensors.view import View
+from ..targets.amplitude_density import SMALLEST_AMPLITUDE, of_classes
 from ..targets.modes import ModeSpace
 from ..types import Detections
 
@@ -39,19 +38,19 @@ class AmplitudeModel:
         return detections
 
     def detection_probability(
-        self, mode: IntArray, log_snr: FloatArray, sensor: Sensor, modes: ModeSpace
+        self, mode: IntArray, log_snr: FloatArray, threshold: float, modes: ModeSpace
     ) -> FloatArray:
-        """Return p_D of every hypothesis from its signal-to-noise ratio, (N,).
+        """Return p_D of every hypothesis from its signal-to-noise ratio at a threshold, (N,).
 
         A sensor's `configured_detection_probability` takes its place.
         """
-        return sensor.class_detection_probability(modes.classes)[modes.class_of[mode]]
+        return of_classes(threshold, modes.classes)[modes.class_of[mode]]
 
     def log_likelihood(
         self,
         mode: IntArray,
         log_snr: FloatArray,
-        report: Report,
+        report: View,
         pairs: tuple[IntArray, IntArray],
         modes: ModeSpace,
     ) -> FloatArray:
@@ -62,7 +61,7 @@ class AmplitudeModel:
         return per_class.take(index)
 
     def log_cell_likelihood(
-        self, log_snr: FloatArray, report: Report, modes: ModeSpace
+        self, log_snr: FloatArray, report: View, modes: ModeSpace
     ) -> FloatArray:
         """Return log p_D g^tau(a) of every cell, (C, S), and detection; broadcasts to (C, S, M)."""
         return report.log_class_likelihood(modes.classes)[:, None]
@@ -160,16 +159,16 @@ class Memory(AmplitudeModel):
         return inside
 
     def detection_probability(
-        self, mode: IntArray, log_snr: FloatArray, sensor: Sensor, modes: ModeSpace
+        self, mode: IntArray, log_snr: FloatArray, threshold: float, modes: ModeSpace
     ) -> FloatArray:
         """Return exp(-tau^2 / 2(1 + d)) of a Rayleigh target, shape (N,)."""
-        return np.exp(-0.5 * sensor.threshold**2 * np.exp(-log_snr))
+        return np.exp(-0.5 * threshold**2 * np.exp(-log_snr))
 
     def log_likelihood(
         self,
         mode: IntArray,
         log_snr: FloatArray,
-        report: Report,
+        report: View,
         pairs: tuple[IntArray, IntArray],
         modes: ModeSpace,
     ) -> FloatArray:
@@ -178,25 +177,25 @@ class Memory(AmplitudeModel):
         measured, amplitude = report.detections.measurement[column], report.detections.amplitude
         if amplitude is not None:
             amplitude = amplitude[column]
-        return self._log_likelihood(log_snr[row], report.sensor, measured, amplitude)
+        return self._log_likelihood(log_snr[row], report, measured, amplitude)
 
     def log_cell_likelihood(
-        self, log_snr: FloatArray, report: Report, modes: ModeSpace
+        self, log_snr: FloatArray, report: View, modes: ModeSpace
     ) -> FloatArray:
         """Return the log likelihood of every cell and detection; see `log_likelihood`."""
         measured = report.detections.measurement, report.detections.amplitude
-        return self._log_likelihood(log_snr[..., None], report.sensor, *measured)
+        return self._log_likelihood(log_snr[..., None], report, *measured)
 
     @staticmethod
     def _log_likelihood(
-        log_snr: FloatArray, sensor: Sensor, measured: FloatArray, amplitude: FloatArray | None
+        log_snr: FloatArray, report: View, measured: FloatArray, amplitude: FloatArray | None
     ) -> FloatArray:
         """Return `log_likelihood`, given ln(1 + d), (..., N) or (..., 1), of N detections."""
         density, power = None, np.exp(-log_snr)
         if amplitude is not None:
             a = np.maximum(amplitude, SMALLEST_AMPLITUDE)
             density = np.log(a) - log_snr - 0.5 * a**2 * power
-        return sensor.log_detected(-0.5 * sensor.threshold**2 * power, density, measured)
+        return report.log_detected(-0.5 * report.sensor.threshold**2 * power, density, measured)
 
     def cells(self, modes: ModeSpace) -> SnrCells:
         """Return `CELLS` cells per class, of equal width in ln(1 + d), with the diffusion of d."""

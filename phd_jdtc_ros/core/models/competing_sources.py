@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..attributes.evidence import Evidence
-from ..sensors.report import Report
+from ..association.evidence import PairEvidence
+from ..sensors.view import View
 from . import detection_birth
 from .detection_birth import EarlierLooks, Newborn
 from .tracker_model import TrackerModel
@@ -32,7 +32,7 @@ class CompetingSources:
         total: FloatArray = self.intensity.sum(axis=0)
         return total
 
-    def newborn(self, claimed: FloatArray, report: Report, least_mass: float) -> Newborn:
+    def newborn(self, claimed: FloatArray, report: View, least_mass: float) -> Newborn:
         """Return the probabilities that unclaimed detections are unknown targets.
 
         `claimed` has the probability that a known target is the source of each detection, (M,).
@@ -44,11 +44,11 @@ class CompetingSources:
 
 
 def log_intensities(
-    report: Report,
+    report: View,
     model: TrackerModel,
     dt: float,
     earlier: Sequence[Newborn] = (),
-    evidence: Evidence | None = None,
+    evidence: PairEvidence | None = None,
     looks: EarlierLooks | None = None,
 ) -> FloatArray:
     """Return the log intensities of the other sources of a report's detections, (1 + C, M).

@@ -18,23 +18,19 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, ReadOnly
+from ..sensors.polar_geometry import line_of_sight
 from ..sensors.range_rate import Rates
-from ..sensors.report import Report
 from ..sensors.sensor import Sensor
+from ..sensors.view import View
+from ..targets import stationary
 from ..targets.modes import ModeSpace
-from ..types import Detections
-from . import stationary
-
-# Smallest number of particles that represent a newborn target; with less capacity, detections are
-# left out.
-MIN_PARTICLES = 16
 
 
 class EarlierLooks(NamedTuple):
     """The looks since a sensor's previous report."""
 
     first_ns: int  # Stamp of the previous report
-    others: Sequence[Report]  # Later reports of other sensors, in the order of their stamps
+    others: Sequence[View]  # Later reports of other sensors, in the order of their stamps
 
 
 @dataclass(frozen=True)
@@ -45,9 +41,7 @@ class DetectionBirthModel(ReadOnly):
     rate: FloatArray
     velocity_std: float  # Standard deviation of the velocity along each axis, metres per second
     turn_rate_std: float  # Standard deviation of the turn rate, radians per second
-    particles: int  # Particles per detection; a power of two
-    most: int = 1 << 24  # Largest number of particles at the detections of one radar in one scan
-    least_mass: float = 1e-4  # Smallest newborn mass with which a detection gets particles
+    least_mass: float = 1e-4  # Smallest newborn mass with which a target is born at a detection
 
     @cached_property
     def enabled(self) -> bool:
@@ -56,7 +50,7 @@ class DetectionBirthModel(ReadOnly):
 
     def log_intensity(
         self,
-        report: Report,
+        report: View,
         modes: ModeSpace,
         dt: float,
         earlier: Sequence[Newborn] = (),
@@ -82,13 +76,13 @@ class DetectionBirthModel(ReadOnly):
                 missed = missed_by([newborn.report for newborn in earlier], report.position, modes)
                 intensity = intensity + np.log(missed)
         if (measured := report.range_rates) is not None:
-            toward = sensor.line_of_sight(report.position)
+            toward = line_of_sight(report.position, sensor.position)[0]
             intensity = intensity + self.log_range_rate(toward, measured, sensor)
         return intensity
 
     @staticmethod
     def _unseen_s(
-        report: Report, modes: ModeSpace, dt: float, looks: EarlierLooks | None
+        report: View, modes: ModeSpace, dt: float, looks: EarlierLooks | None
     ) -> FloatArray | float:
         """Return the seconds in which unknown targets appeared, (C, M) or one for all detections.
 
@@ -126,7 +120,7 @@ class DetectionBirthModel(ReadOnly):
 class Newborn:
     """Possible new targets at the detections of one report."""
 
-    report: Report  # The report with the M detections
+    report: View  # The report with the M detections
     mass: FloatArray  # Probability that each detection is a new target of each class, (M, C)
 
     def __len__(self) -> int:
@@ -137,13 +131,13 @@ class Newborn:
         return Newborn(self.report.take(rows), self.mass[rows])
 
 
-def newborn_of(report: Report, mass: FloatArray, least_mass: float) -> Newborn:
+def newborn_of(report: View, mass: FloatArray, least_mass: float) -> Newborn:
     """Return the detections with at least a newborn mass, given their masses (M, C)."""
     rows = (mass.sum(axis=1) >= least_mass).nonzero()[0]
     return Newborn(report if len(rows) == len(mass) else report.take(rows), mass[rows])
 
 
-def missed_by(reports: Sequence[Report], position: FloatArray, modes: ModeSpace) -> FloatArray:
+def missed_by(reports: Sequence[View], position: FloatArray, modes: ModeSpace) -> FloatArray:
     """Return the probability that reports miss a target at each position, (M, 2) to (C, M).
 
     A sensor's probability is its mean over the SNR band of the class.
@@ -153,23 +147,6 @@ def missed_by(reports: Sequence[Report], position: FloatArray, modes: ModeSpace)
         sensor = report.sensor
         measured, _ = sensor.linearise(position)
         covered = sensor.coverage_probability(measured, report.detections.coverage) * report.share
-        log_p_d = sensor.log_class_likelihood(Detections(measured, None), modes.classes)
+        log_p_d = report.log_detection_probability(measured, modes.classes)
         missed *= 1.0 - covered * np.exp(log_p_d)
     return missed
-
-
-def limit_newborns(newborn: Newborn, model: DetectionBirthModel) -> tuple[Newborn, int]:
-    """Return the newborn targets that the model's `most` particles allow, and the number for each.
-
-    The number of particles per detection is reduced first; then the detections with the least
-    newborn mass are left out.
-    """
-    count = model.particles
-    least = min(MIN_PARTICLES, count)
-    while count > least and len(newborn) * count > model.most:
-        count //= 2
-    most = max(model.most // count, 1)
-    if len(newborn) <= most:
-        return newborn, count
-    order = np.argsort(-newborn.mass.sum(axis=1), kind="stable")
-    return newborn.take(np.sort(order[:most])), count

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..arrays import TINY, FloatArray, IntArray, sum_by, wrap_angle
 from ..sensors.polar_geometry import to_plane
-from ..sensors.range_rate import Rates
+from ..sensors.range_rate import Rates, rates_of
 from ..sensors.sensor import Sensor
 from ..types import UNKNOWN, Detections
 
@@ -36,7 +36,7 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
     if not sensor.cluster_distance or len(detections) < 2:
         return detections
     position = to_plane(detections.measurement, (0.0, 0.0), 0.0)
-    rates = sensor.rates_of(detections)
+    rates = rates_of(sensor.range_rate, detections)
     pairs = _close_pairs(position, detections, sensor)
     known = np.zeros(len(detections), dtype=np.int64)
     for identity in (detections.code, detections.address):

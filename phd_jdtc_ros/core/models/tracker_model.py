@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from ..arrays import ReadOnly
-from ..attributes.records import AttributeModel
-from ..sensors.report import Report
+from ..factors.clutter.map import ClutterMap
+from ..factors.factor import Factor
+from ..factors.transponder.records import AttributeModel
 from ..sensors.sensor import Sensor
+from ..sensors.view import View
+from ..targets.amplitude_density import of_classes
 from ..targets.birth import BirthTerm
 from ..targets.modes import ModeSpace
 from ..targets.spawn import SpawnModel
@@ -27,10 +31,10 @@ LEAST_SHARE = 0.5
 
 @dataclass(frozen=True)
 class TrackerModel(ReadOnly):
-    """Models of targets and sensors, shared by both engines.
+    """Models of targets and sensors.
 
-    Rates and probabilities refer to the mode space's nominal interval; engines convert them to the
-    true interval.
+    Rates and probabilities refer to the mode space's nominal interval; the filter converts them to
+    the true interval.
     """
 
     modes: ModeSpace  # Classes, their motion modes, and the transitions between these
@@ -39,10 +43,12 @@ class TrackerModel(ReadOnly):
     spawn: SpawnModel
     amplitudes: AmplitudeModel
     radars: tuple[Sensor, ...]  # In the configured order, in which their reports update the targets
+    # Further assumptions about each sensor, by its name; see `factors`.
+    factors: Mapping[str, tuple[Factor, ...]] = field(default_factory=dict)
     # Model of identities and heights; None if no radar reports any.
     attributes: AttributeModel | None = None
 
-    def reports(self, scan: Scan) -> list[Report]:
+    def reports(self, scan: Scan) -> list[View]:
         """Return the reports of a scan, each with its sensor at its pose, in the configured order.
 
         Detections of one object are merged, and amplitudes are dropped if the model ignores them.
@@ -52,7 +58,7 @@ class TrackerModel(ReadOnly):
             if latest_scan is scan:
                 return reports
         reports = [
-            Report(
+            View.of(
                 sensor.at(detections.pose),
                 self.amplitudes.select(merge_clusters(detections, sensor)),
                 scan.stamp_ns,
@@ -63,16 +69,39 @@ class TrackerModel(ReadOnly):
         self._latest[:] = [(scan, reports)]
         return reports
 
-    def least_newborn_mass(self, sensor: Sensor) -> float:
+    def expected(self, scan: Scan) -> list[View]:
+        """Return the reports of a scan with what the factors of their sensors expect of them."""
+        views = []
+        for report in self.reports(scan):
+            view = report
+            for factor in self.factors.get(report.sensor.name, ()):
+                view = factor.expect(view)
+            views.append(view)
+        return views
+
+    @property
+    def has_clutter_map(self) -> bool:
+        """Whether a map of false detections is learned for any sensor."""
+        return any(isinstance(each, ClutterMap) for own in self.factors.values() for each in own)
+
+    @property
+    def learns_figures(self) -> bool:
+        """Whether figures of the detection or the noise of any sensor are learned."""
+        return any(each.learns_figures for own in self.factors.values() for each in own)
+
+    def least_newborn_mass(self, view: View) -> float:
         """Return the smallest newborn mass with which a target is born at a sensor's detection.
 
         It is the births' `least_mass`, except if a detection without a reply, amid uniform clutter
         and far from known targets, usually has less: no such target would ever be born.
         """
-        least_mass, unknown = self.detection_births.least_mass, self._unknown_density[sensor.name]
-        if sensor.detection_factor is not None:
-            unknown *= sensor.detection_factor.mean
-        clutter = math.exp(sensor.log_uniform_clutter)
+        least_mass, unknown = (
+            self.detection_births.least_mass,
+            self._unknown_density[view.sensor.name],
+        )
+        if view.detection is not None:
+            unknown *= view.detection.mean
+        clutter = math.exp(view.log_uniform_clutter)
         if self.attributes is not None and self.attributes.replies:
             clutter *= self.attributes.reply_odds[0]
         usual = unknown / (unknown + clutter) if unknown else 1.0
@@ -88,10 +117,10 @@ class TrackerModel(ReadOnly):
         columns, first = np.unique(sensor.limits[0], return_index=True)
         middle[:, columns] = sensor.limits[1][first].mean(axis=1)
         p_d = sensor.configured_detection_probability(middle)
-        p_d = sensor.class_detection_probability(self.modes.classes) if p_d is None else p_d
+        p_d = of_classes(sensor.threshold, self.modes.classes) if p_d is None else p_d
         turns = (sensor.rotation_s or self.modes.interval_s) / self.modes.interval_s
         return turns * float((self.detection_births.rate * p_d).sum()) / sensor.field_size
 
     @cached_property
-    def _latest(self) -> list[tuple[Scan, list[Report]]]:
+    def _latest(self) -> list[tuple[Scan, list[View]]]:
         return []

@@ -1,8 +1,8 @@
-"""Detections as Gaussians in the plane."""
+"""Detections as Gaussians in the plane, and the mixture of noises with outliers."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -48,3 +48,15 @@ class PlanePlots(NamedTuple):
         for std, axis in zip(self.std.T, np.moveaxis(self.axes, 2, 0), strict=True):
             covariance += (std**2)[:, None, None] * axis[:, :, None] * axis[:, None, :]
         return covariance
+
+
+class HeavyTails(Protocol):
+    """The noise of a measurement as a mixture of the usual and a larger one."""
+
+    @property
+    def share(self) -> float:
+        """Probability that a detection of a target has the larger noise."""
+
+    @property
+    def ratio(self) -> float:
+        """Standard deviations of the larger noise relative to the usual ones."""

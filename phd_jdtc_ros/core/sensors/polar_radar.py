@@ -1,4 +1,4 @@
-"""The polar radar: geometry, detection probability, clutter, and the gated likelihood."""
+"""The polar radar: geometry, noise, field of view and detection probability."""
 
 from __future__ import annotations
 
@@ -6,13 +6,11 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ..arrays import TINY, BoolArray, FloatArray, IntArray, wrap_angle
-from ..clutter.grid import GroundGrid
-from ..learned.noise_factor import NoiseFactor
 from ..types import FULL_TURN, Coverage, Detections
 from . import polar_gate, polar_geometry
 from .gaussians import PlanePlots
@@ -22,9 +20,6 @@ from .polar_geometry import MIN_RANGE
 from .sensor import Sensor
 from .visibility import Visibility, sector_probability
 
-# With a larger standard deviation of the azimuth, a Gaussian is so near to the radar that neither
-# azimuth nor range is normal, radians.
-LARGEST_AZIMUTH_STD = 0.5
 # Lower bound of the share of the uniform clutter by which counts of it are divided.
 LEAST_CLUTTER_SHARE = 0.01
 
@@ -44,18 +39,14 @@ class RadarModel(Sensor):
     azimuth_std: float  # Standard deviation of azimuths, radians
     visibility: Visibility  # Field of view, and detection probability if it is given
     clutter_max_range: float  # Largest range of the uniform clutter, metres
-    # Additional standard deviation of ranges, metres per metre of range.
-    range_growth: float = 0.0
 
-    def scaled_noise(self, factor: NoiseFactor) -> dict[str, Any]:
-        """Return the fields of its noise, with deviations multiplied by learned factors."""
-        in_range, in_azimuth, _ = factor.of_std.tolist()
-        return {
-            "range_std": in_range * self.range_std,
-            "range_growth": in_range * self.range_growth,
-            "azimuth_std": in_azimuth * self.azimuth_std,
-            **super().scaled_noise(factor),
-        }
+    def with_scaled_noise(self, of_std: FloatArray) -> RadarModel:
+        """Return the radar with deviations of its noise multiplied by factors; see `Sensor`."""
+        in_range, in_azimuth, _ = of_std.tolist()
+        scaled = super().with_scaled_noise(of_std)
+        return scaled.changed(
+            range_std=in_range * self.range_std, azimuth_std=in_azimuth * self.azimuth_std
+        )
 
     @cached_property
     def of_gaussians(self) -> Linearised:
@@ -67,11 +58,6 @@ class RadarModel(Sensor):
 
         pose = np.array([*self.position, math.cos(self.yaw), math.sin(self.yaw)])
         return PolarGaussians(self, pose)
-
-    def is_nearly_normal(self, std: FloatArray) -> BoolArray:
-        """Return whether (range, azimuth) of Gaussians are nearly normal; see `Sensor`."""
-        normal: BoolArray = std[:, 1] < LARGEST_AZIMUTH_STD
-        return normal
 
     @property
     def max_range(self) -> float:
@@ -107,12 +93,6 @@ class RadarModel(Sensor):
         """Return the measurements themselves."""
         return measured
 
-    def reachable(self, measured: FloatArray) -> FloatArray:
-        """Return (range, azimuth) with ranges beyond the radar's set to infinity."""
-        inside: FloatArray = measured.copy()
-        inside[inside[:, 0] > self.max_range, 0] = np.inf
-        return inside
-
     def to_world(self, measurement: FloatArray) -> FloatArray:
         """Return world (x, y) in metres of (range, azimuth) rows; shape (M, 2)."""
         return polar_geometry.to_plane(measurement, self.position, self.yaw)
@@ -129,14 +109,6 @@ class RadarModel(Sensor):
         axes[:, 0, 1] = -axes[:, 1, 0]
         return PlanePlots(self.to_world(measured), axes, sides)
 
-    def draw_in_plane(self, detections: Detections, normal: FloatArray) -> FloatArray:
-        """Return positions drawn from detections' noise, given (M, K, 2) normals; (M, K, 2)."""
-        measured = (
-            detections.measurement[:, None, :] + normal * self.noise_std_of(detections)[:, None]
-        )
-        measured[..., 0] = np.abs(measured[..., 0])
-        return self.to_world(measured.reshape(-1, 2)).reshape(measured.shape)
-
     def log_jacobian(self, measured: FloatArray) -> FloatArray:
         """Return log |dz/dp| at (range, azimuth), the log of one over the range; shape (N,)."""
         return -np.log(np.maximum(measured[:, 0], MIN_RANGE))
@@ -145,13 +117,6 @@ class RadarModel(Sensor):
     def noise_std(self) -> FloatArray:
         """Standard deviations of (range, azimuth), shape (2,)."""
         return np.array([self.range_std, self.azimuth_std])
-
-    def usual_noise_std(self, measurement: FloatArray) -> FloatArray:
-        """Return the radar's standard deviations at the range of each measurement, (M, 2)."""
-        std = super().usual_noise_std(measurement)
-        if self.range_growth:
-            std[:, 0] = np.hypot(self.range_std, self.range_growth * measurement[:, 0])
-        return std
 
     @property
     def largest_detection_probability(self) -> float | None:
@@ -183,44 +148,9 @@ class RadarModel(Sensor):
         measured_std = azimuth_std if std is None else np.hypot(std[:, 1], azimuth_std)
         return sector_probability(predicted[:, 1], sector, measured_std)
 
-    @cached_property
-    def log_uniform_clutter(self) -> float:
-        """Log intensity of uniform false detections over (range, azimuth)."""
-        return float(np.log(self._rate_of_turn / (FULL_TURN * self.clutter_max_range)))
-
-    def log_clutter_factor(self, measurement: FloatArray) -> FloatArray:
-        """Return the log ratio of all clutter to the uniform one at (range, azimuth), (M,).
-
-        It is 0 without a clutter map and multipath.
-        """
-        factor = np.zeros(len(measurement))
-        if self.clutter_map is not None:
-            factor += self.clutter_map.log_factor(
-                measurement,
-                self.to_world(measurement),
-                self._rate_of_turn,
-                self.clutter_max_range,
-                alone=self.clutter_map_speed > 0.0,
-            )
-        if self.multipath is not None:
-            gate = DETECTION_GATE_SIGMA * self.range_std
-            echoes = self.multipath.density(measurement, self.azimuth_std, gate)
-            factor = np.log(np.exp(factor) + echoes)
-        return factor
-
-    def neighbourhood_density(self, measurement: FloatArray, world: FloatArray) -> FloatArray:
-        """Return the detections per turn around places in the radar's clutter map, (M,).
-
-        Places outside the field of view have infinite density, except for a moving radar. For the
-        arguments see `ClutterMap.neighbourhood_excess`.
-        """
-        if self.clutter_map is None:
-            return np.zeros(len(measurement))
-        uniform = self._rate_of_turn, self.clutter_max_range
-        excess = self.clutter_map.neighbourhood_excess(measurement, world, *uniform)
-        if isinstance(self.clutter_map.grid, GroundGrid):
-            return excess
-        return np.where(self.visibility.probability_in_view(measurement) > 0.0, excess, np.inf)
+    def log_uniform_clutter(self, rate: float) -> float:
+        """Return the log intensity of uniform false detections over (range, azimuth)."""
+        return float(np.log(self.clutter_of_turn(rate) / (FULL_TURN * self.clutter_max_range)))
 
     @property
     def clutter_share(self) -> float:
@@ -228,33 +158,17 @@ class RadarModel(Sensor):
         far = 1.0 - self.visibility.min_range / self.clutter_max_range
         return max(far * self.visibility.clear_share, LEAST_CLUTTER_SHARE)
 
-    @property
-    def _rate_of_turn(self) -> float:
-        """Expected uniform clutter of a whole turn, scaled up from the field of view; above 0."""
+    def clutter_of_turn(self, rate: float) -> float:
+        """Return the uniform clutter of a whole turn, scaled up from the field of view; above 0."""
         # A rate of zero is allowed; the floor keeps the update's quotient defined.
-        rate = max(self.clutter_rate, TINY)
-        return rate * FULL_TURN / self.visibility.fov.width
-
-    def measurement_rate(self, state: FloatArray) -> FloatArray:
-        """Return the rates of (range, azimuth) of each state, m/s and rad/s; (N, D) to (N, 2)."""
-        velocity = state[:, list(self.space.velocity)]
-        position = state[:, list(self.space.position)]
-        along, distance = polar_geometry.line_of_sight(position, self.position)
-        radial = (along * velocity).sum(axis=1)
-        tangential = along[:, 0] * velocity[:, 1] - along[:, 1] * velocity[:, 0]
-        return np.stack([radial, tangential / distance], axis=1)
+        return max(rate, TINY) * FULL_TURN / self.visibility.fov.width
 
     def gated_pairs(
         self, predicted: FloatArray, detections: Detections, rate: FloatArray | None = None
     ) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the pairs of points and detections in the gate; see `polar_gate.gated_pairs`."""
-        alike = detections.noise_std is None and self.range_growth == 0.0
-        noise_std = None if alike else self.noise_std_of(detections)
+        noise_std = None if detections.noise_std is None else self.noise_std_of(detections)
         return polar_gate.gated_pairs(predicted, detections, self.noise_std, noise_std, rate)
-
-    def candidate_count(self, predicted: FloatArray, detections: Detections) -> int:
-        """Return the number of candidate pairs of `gated_pairs`."""
-        return polar_gate.candidate_count(predicted, detections, self.noise_std)
 
     def may_have_swept(
         self, position: FloatArray, radius: FloatArray, detections: Detections
@@ -275,7 +189,7 @@ class RadarModel(Sensor):
         offset = np.mod(azimuth + margin - swept.start, FULL_TURN)
         in_reach |= offset <= swept.width + 2.0 * margin
         if coverage is None:
-            gate = DETECTION_GATE_SIGMA * self.usual_noise_std(distance[:, None])[:, 0]
+            gate = DETECTION_GATE_SIGMA * self.range_std
             in_reach &= distance - radius <= field.max_range + gate
             in_reach &= distance + radius >= field.min_range - gate
         elif len(detections):

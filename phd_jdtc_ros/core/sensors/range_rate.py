@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
+from ..types import Detections
 
 # Standard deviations of the innovation beyond which a fold is ignored.
 FOLD_SIGMA = 6.0
@@ -98,3 +99,14 @@ class Rates(NamedTuple):
     def take(self, rows: IntArray) -> Rates:
         """Return the range rates of these rows."""
         return Rates(self.model, self.rate[rows], self.std[rows])
+
+
+def rates_of(model: RangeRateModel | None, detections: Detections) -> Rates | None:
+    """Return the range rates of detections; None without usable ones."""
+    rate = detections.range_rate
+    if model is None or rate is None:
+        return None
+    reported_std, usual_std = detections.range_rate_std, np.full(len(detections), model.std)
+    if reported_std is not None:
+        usual_std = np.where(np.isfinite(reported_std), reported_std, usual_std)
+    return Rates(model, rate, usual_std)

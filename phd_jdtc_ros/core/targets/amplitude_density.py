@@ -11,15 +11,19 @@ has a root mean square amplitude of 250.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
 from scipy.special import exp1
 
 from ..arrays import FloatArray
+from .modes import ClassModel
 
 # Floor of the amplitude: the densities vanish at zero, and their logarithms must be finite.
 SMALLEST_AMPLITUDE = 1e-6
+# Decibels per unit of the natural logarithm of a power, 10 / ln 10.
+DB_PER_NEPER = 10.0 / np.log(10.0)
 
 
 def log_clutter_density(amplitude: FloatArray) -> FloatArray:
@@ -65,6 +69,20 @@ def detection_probability(threshold: float, snr_band: tuple[float, float]) -> fl
         return 1.0
     mass = (exp1(half_square / high) - exp1(half_square / low)) / np.log(high / low)
     return float(np.clip(mass, 0.0, 1.0))
+
+
+def level_db(amplitude: FloatArray) -> FloatArray:
+    """Return the level 10 log10(a^2 / 2) of envelopes in dB, elementwise.
+
+    It is the signal-to-noise ratio for which an envelope a is typical.
+    """
+    level: FloatArray = DB_PER_NEPER * np.log(0.5 * amplitude**2)
+    return level
+
+
+def of_classes(threshold: float, classes: Sequence[ClassModel]) -> FloatArray:
+    """Return p_D of each class from its signal-to-noise ratios, shape (C,)."""
+    return np.array([detection_probability(threshold, each.snr_band) for each in classes])
 
 
 def snr_from_db(snr_db: float) -> float:

@@ -80,9 +80,11 @@ def intensity(
         )
         about = east[first:last]
         offset = state[about] - term.mean
-        in_gate = (np.abs(offset) <= gate).all(axis=1) & (term.rate[mode[about]] > 0.0)
-        about, scaled = about[in_gate], offset[in_gate] / term.std
+        # States have no value on the axes that their mode lacks.
         active = supported[mode[about]]
+        near = ((np.abs(offset) <= gate) | ~active).all(axis=1)
+        in_gate = near & (term.rate[mode[about]] > 0.0)
+        about, scaled, active = about[in_gate], offset[in_gate] / term.std, active[in_gate]
         per_axis = 0.5 * scaled**2 + np.log(term.std * np.sqrt(2.0 * np.pi))
         total[about] += term.rate[mode[about]] * np.exp(
             -np.where(active, per_axis, 0.0).sum(axis=1)

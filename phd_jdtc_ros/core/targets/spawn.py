@@ -12,8 +12,8 @@ class SpawnModel(ReadOnly):
     """The spawn intensity beta.
 
     Sec. V, beta_{k|k-1}. Deviation: the printed kernel is centred on x_{k-1}, one interval behind
-    the parent (340 m for the scenario's targets). Here it is centred on the parent's predicted
-    mean.
+    the parent (340 m for the scenario's targets). Here it is centred on F x_{k-1}, with F of the
+    spawned target's mode.
     """
 
     rate: float  # lambda_beta, expected spawned targets per target and nominal interval

@@ -7,10 +7,11 @@ there to the common stamp; smoothed ones are interpolated between the updates be
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
+from ..arrays import FloatArray, IntArray, read_only
 from ..compilation import Float1, Float2, Float3, Float4, Int1, compiled
 from ..state_space import PLANAR
 from ..targets.modes import ModeSpace
@@ -55,11 +56,9 @@ def predict(estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeS
         return estimates if is_at_stamp else estimates.changed(stamp_ns=stamp_ns)
     dt = (stamp_ns - time_ns[to_predict]).astype(np.float64) * 1e-9
     class_id, covariance = estimates.class_id[to_predict], estimates.covariance[to_predict]
+    powers = dt, dt**2 / 2.0, dt**3 / 3.0
     state, columns, noise = _predicted(
-        estimates.state[to_predict],
-        *(dt, dt**2 / 2.0, dt**3 / 3.0),
-        class_id,
-        *(modes.class_of, modes.noise_factors),
+        estimates.state[to_predict], *powers, class_id, modes.class_of, modes.noise_factors
     )
     jacobian = columns.transpose(1, 2, 0)
     survival = modes.nominal_survival[class_id] ** (dt / modes.interval_s)
@@ -134,11 +133,13 @@ def interpolate(
     Positions follow the cubic Hermite spline of the positions and velocities at both ends.
     Everything else is linear in time.
     """
-    ends = [
-        (end.state, end.covariance, end.weight, end.class_probability) for end in (before, after)
-    ]
-    pairs = [column for pair in zip(*ends, strict=True) for column in pair]
-    state, covariance, weight, probability = _interpolated(stamp_ns, *between_ns, *pairs)
+    begin, end = (
+        _Columns(
+            *map(read_only, (each.state, each.covariance, each.weight, each.class_probability))
+        )
+        for each in (before, after)
+    )
+    state, covariance, weight, probability = _interpolated(stamp_ns, *between_ns, begin, end)
     return before.changed(
         stamp_ns=stamp_ns,
         state=state,
@@ -149,21 +150,26 @@ def interpolate(
     )
 
 
+class _Columns(NamedTuple):
+    """N estimates; see `Estimates`."""
+
+    state: Float2
+    covariance: Float3
+    weight: Float1
+    class_probability: Float2
+
+
 @compiled
 def _interpolated(
     stamp_ns: int,
     begin_ns: Int1,
     end_ns: Int1,
-    state0: Float2,
-    state1: Float2,
-    covariance0: Float3,
-    covariance1: Float3,
-    weight0: Float1,
-    weight1: Float1,
-    probability0: Float2,
-    probability1: Float2,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return states, covariances, weights and probabilities of classes between two sets."""
+    begin: _Columns,
+    end: _Columns,
+) -> _Columns:
+    """Return the estimates between two others."""
+    state0, covariance0, weight0, probability0 = begin
+    state1, covariance1, weight1, probability1 = end
     state, covariance = np.empty_like(state0), np.empty_like(covariance0)
     weight, probability = np.empty_like(weight0), np.empty_like(probability0)
     for row in range(len(state)):
@@ -186,7 +192,7 @@ def _interpolated(
         for class_id in range(probability.shape[1]):
             linear = r * probability0[row, class_id] + s * probability1[row, class_id]
             probability[row, class_id] = linear
-    return state, covariance, weight, probability
+    return _Columns(state, covariance, weight, probability)
 
 
 def at_stamp(

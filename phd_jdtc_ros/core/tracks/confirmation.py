@@ -20,19 +20,19 @@ The thresholds come from `reporting_rule`.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray, contains
+from ..arrays import BoolArray, FloatArray, IntArray, contains, frozen
 from ..bisection import count_below
-from ..clutter.neighbourhood import probability_among_reflectors
 from ..compilation import Bool1, Float1, Int1, compiled, inner
-from ..models import stationary
-from ..models.amplitude_model import Band
 from ..models.tracker_model import TrackerModel
+from ..sensors.view import View
 from ..snapshot import Snapshot, from_snapshot, to_snapshot
+from ..targets import stationary
+from ..targets.amplitude_density import of_classes
 from ..types import COASTING, CONFIRMED, TENTATIVE, Estimates, Scan
 from .confirmation_records import ConfirmationRecords, NotedStates, PastStates
 from .reporting_rule import MIN_EXISTENCE, ReportingRule
@@ -52,55 +52,69 @@ SAME_TURN = 0.5
 EPSILON = float(np.finfo(float).eps)
 
 
-def missed_by_all(estimates: Estimates, scan: Scan, model: TrackerModel) -> FloatArray:
-    """Return the probability that no radar of a scan detects each target, shape (T,).
+def missed_by_all(
+    estimates: Estimates, scan: Scan, model: TrackerModel, views: Sequence[View]
+) -> FloatArray:
+    """Return the probability that no sensor of a scan detects each target, shape (T,).
 
-    It depends on the target's class and position, and on the radars' poses at the scan.
+    It depends on the target's class and position, and on the sensors' poses at the scan. `views`
+    has what is expected of each sensor of the model.
     """
-    modes, missed = model.modes, np.ones(len(estimates))
-    for configured, report in zip(model.radars, scan.detections, strict=True):
+    missed = np.ones(len(estimates))
+    for view, report in zip(views, scan.detections, strict=True):
         if report is None:
             continue
-        sensor = configured.at(report.pose)
+        sensor = view.sensor.at(report.pose)
         measured = sensor.measure(estimates.state)
         detected = sensor.configured_detection_probability(measured)
         if detected is None:
-            mode = modes.class_of.searchsorted(estimates.class_id)
-            no_snr = np.zeros(len(estimates))
-            detected = Band().detection_probability(mode, no_snr, sensor, modes)
-        detected = sensor.learned_detection_probability(detected, measured)
+            detected = of_classes(sensor.threshold, model.modes.classes)[estimates.class_id]
+        detected = view.detection_probability_at(detected, measured)
         missed *= 1.0 - sensor.coverage_probability(measured, report.coverage) * detected
     return missed
 
 
-def stationary_probability(estimates: Estimates, model: TrackerModel) -> FloatArray:
-    """Return the probability that each target is stationary, and so clutter to all radars, (T,).
+def stationary_speed(views: Sequence[View]) -> float:
+    """Return the speed below which a target is clutter to every sensor, m/s; 0 if there is none.
 
-    It is 0 if a radar has no clutter map, or tracks stationary targets. While the velocity is
+    To a sensor without a map of clutter, or whose `clutter_map_speed` is 0, no target is clutter.
+    """
+    maps = [view.fixed_clutter for view in views]
+    return min([0.0 if each is None else each.speed for each in maps], default=0.0)
+
+
+def stationary_probability(
+    estimates: Estimates, model: TrackerModel, views: Sequence[View]
+) -> FloatArray:
+    """Return the probability that each target is stationary, and so clutter to all sensors, (T,).
+
+    It is 0 if a sensor has no clutter map, or tracks stationary targets. While the velocity is
     unknown it is one half away from fixed clutter, see `stationary`, and larger among fixed
     clutter: the odds are divided by the probability that the neighbourhood has none.
     """
-    bound = stationary.stationary_speed(model.radars)
+    bound = stationary_speed(views)
     if bound == 0.0:
         return np.zeros(len(estimates))
     covariance = estimates.velocity_covariance
     slower = stationary.probability_slower(estimates.velocity, covariance, bound)
     without_reflectors = model.detection_births.stationary(slower, bound)
-    return stationary.among_reflectors(without_reflectors, _among_reflectors(estimates, model))
+    return stationary.among_reflectors(without_reflectors, _among_reflectors(estimates, views))
 
 
-def _among_reflectors(estimates: Estimates, model: TrackerModel) -> FloatArray:
-    """Return the probability that all radars have fixed clutter around each target, (T,).
+def _among_reflectors(estimates: Estimates, views: Sequence[View]) -> FloatArray:
+    """Return the probability that all sensors have fixed clutter around each target, (T,).
 
-    Only radars that see the place count; 0 if none does. The cells of a moving radar are fixed in
-    the world.
+    Only sensors that see the place count; 0 if none does.
     """
-    excess = [
-        radar.neighbourhood_density(radar.measure(estimates.state), estimates.position)
-        for radar in model.radars
-    ]
+    excess = []
+    for view in views:
+        if (clutter := view.fixed_clutter) is None:
+            excess.append(np.zeros(len(estimates)))
+        else:
+            measured = view.sensor.measure(estimates.state)
+            excess.append(clutter.around(view, measured, estimates.position))
     smallest = np.min(excess, axis=0)
-    return probability_among_reflectors(np.where(np.isinf(smallest), 0.0, smallest))
+    return stationary.among_fixed_clutter(np.where(np.isinf(smallest), 0.0, smallest))
 
 
 class _Rule(NamedTuple):
@@ -112,6 +126,18 @@ class _Rule(NamedTuple):
     hidden: Float1
     reported: Bool1
     record_weight: Float1
+
+
+class _Estimated(NamedTuple):
+    """The E estimates of a scan."""
+
+    # The estimates by ascending label, first those without one, which have no record, (E,).
+    rows: Int1
+    track_id: Int1  # (E,)
+    existence: Float1  # (E,)
+    class_id: Int1  # (E,)
+    miss_probability: Float1  # Probability that no radar of the scan detects each, (E,)
+    stationary: Float1  # Probability that each is stationary, (E,)
 
 
 class _ScanEvidence(NamedTuple):
@@ -167,72 +193,64 @@ def _next_state(
 
 @inner
 def _write_kept(
-    before: tuple[IntArray, ...],
-    values_before: tuple[FloatArray, ...],
+    before: ConfirmationRecords,
     record: int,
     unswept_ns: IntArray,
     swept: IntArray,
     found: int,
-    integers: IntArray,
-    values: FloatArray,
+    after: ConfirmationRecords,
 ) -> int:
     """Write a record whose track no later scan has swept; return the number written so far."""
-    label, stamp_ns = before[0][record] - 1, before[1][record]
+    label, stamp_ns = before.label[record] - 1, before.stamp_ns[record]
     place, target = count_below(unswept_ns, stamp_ns), count_below(swept, label)
     if (target < len(swept) and swept[target] == label) or (
         place == len(unswept_ns) or unswept_ns[place] != stamp_ns
     ):
         return found
-    for column in range(len(before)):
-        integers[column, found] = before[column][record]
-        values[column, found] = values_before[column][record]
+    after.label[found], after.stamp_ns[found] = before.label[record], stamp_ns
+    after.detected_ns[found], after.state[found] = before.detected_ns[record], before.state[record]
+    after.existence[found] = before.existence[record]
+    after.expected[found], after.missed[found] = before.expected[record], before.missed[record]
+    after.factor[found] = before.factor[record]
     return found + 1
 
 
 @compiled
-def _next_columns(
+def _next_records(
     stamp_ns: int,
     durations: _Durations,
     rule: _Rule,
-    rows: Int1,
-    track_id: Int1,
-    estimated: Float1,
-    class_of: Int1,
-    miss_probability: Float1,
-    stationary: Float1,
+    estimates: _Estimated,
     unswept_ns: Int1,
     swept: Int1,
-    label: Int1,
-    latest_ns: Int1,
-    detected_before_ns: Int1,
-    existence_before: Float1,
-    state_before: Int1,
-    expected_before: Float1,
-    missed_before: Float1,
-    factor_before: Float1,
-) -> tuple[IntArray, FloatArray, IntArray, BoolArray]:
-    """Return the columns of the next `ConfirmationRecords`, and the state of each estimate.
+    before: ConfirmationRecords,
+) -> tuple[ConfirmationRecords, int, IntArray, BoolArray]:
+    """Return the records after a scan and their number, and the state of each estimate.
 
-    The last result is whether each is reported. `rows` has the estimates by ascending label, first
-    those without one, which have no record; the columns from `track_id` on are those
-    of estimates, the probability that no radar of the scan detects each, and that it is stationary.
-    `unswept_ns` and `swept` are those of `report_filtered`; from `label` on the parameters are the
-    columns of the records before the scan, which remain if the scan has not swept their tracks.
+    The last result is whether each is reported. `unswept_ns` and `swept` are those of
+    `report_filtered`. The records `before` the scan remain if it has not swept their tracks.
 
     A detection raises the odds of existence. The odds of a track that is missed are corrected by
     its own record.
     """
+    rows, track_id, estimated, class_of, miss_probability, stationary = estimates
+    label = before.label
     record, found, most = 0, 0, len(label) + len(rows)
-    integers, values = np.empty((4, most), np.int64), np.empty((4, most))
+    after = ConfirmationRecords(
+        np.empty(most, np.int64),
+        np.empty(most, np.int64),
+        np.empty(most, np.int64),
+        np.empty(most),
+        np.empty(most, np.int64),
+        np.empty(most),
+        np.empty(most),
+        np.empty(most),
+    )
     states, is_reported = np.empty(len(rows), np.int64), np.empty(len(rows), np.bool_)
-    before = (label, latest_ns, detected_before_ns, state_before)
-    values_before = (existence_before, expected_before, missed_before, factor_before)
     for track in range(len(rows) + 1):
         row = rows[track] if track < len(rows) else -1
         while record < len(label) and (row < 0 or label[record] < track_id[row]):
-            found = _write_kept(
-                before, values_before, record, unswept_ns, swept, found, integers, values
-            )
+            found = _write_kept(before, record, unswept_ns, swept, found, after)
             record += 1
         if row < 0:
             break
@@ -247,12 +265,12 @@ def _next_columns(
         previous_state, detected_ns = TENTATIVE, stamp_ns
         expected, missed, factor = 0.0, 0.0, 1.0
         if has_record:
-            detected_ns, previous_state = detected_before_ns[record], state_before[record]
-            expected, missed = expected_before[record], missed_before[record]
-            factor, covered = factor_before[record], missing < MAX_MISS_PROBABILITY
-            intervals = (stamp_ns - latest_ns[record]) / durations.interval
+            detected_ns, previous_state = before.detected_ns[record], before.state[record]
+            expected, missed = before.expected[record], before.missed[record]
+            factor, covered = before.factor[record], missing < MAX_MISS_PROBABILITY
+            intervals = (stamp_ns - before.stamp_ns[record]) / durations.interval
             survival = rule.survival[class_id] ** intervals
-            lower = odds < _odds(existence_before[record] * survival)
+            lower = odds < _odds(before.existence[record] * survival)
             # A target at the edge of two slices is detected in one of them; the other is no miss.
             same_turn = stamp_ns - detected_ns < durations.same_turn
             is_missed = covered and lower and not same_turn
@@ -274,13 +292,13 @@ def _next_columns(
             expected += missing
             missed += is_missed
         states[row], is_reported[row] = state, state != TENTATIVE and rule.reported[class_id]
-        integers[0, found], integers[1, found] = track_id[row], stamp_ns
-        integers[2, found], integers[3, found] = detected_ns, state
-        values[0, found], values[1, found] = weight, expected
-        values[2, found], values[3, found] = missed, factor
+        after.label[found], after.stamp_ns[found] = track_id[row], stamp_ns
+        after.detected_ns[found], after.state[found] = detected_ns, state
+        after.existence[found], after.expected[found] = weight, expected
+        after.missed[found], after.factor[found] = missed, factor
         found += 1
         record += has_record
-    return integers[:, :found].copy(), values[:, :found].copy(), states, is_reported
+    return after, found, states, is_reported
 
 
 class TrackStates:
@@ -307,17 +325,19 @@ class TrackStates:
         unswept_ns: Collection[int],
         scan: Scan,
         model: TrackerModel,
+        views: Sequence[View],
     ) -> Estimates:
         """Return the reported estimates of a scan, with their states.
 
         The estimates are all with an existence probability above `ReportingRule.least`. `swept` are
         the labels of the targets that the scan swept, ascending, and `unswept_ns` the stamps of
-        earlier scans with tracks that no later scan has swept.
+        earlier scans with tracks that no later scan has swept. `views` has what is expected of each
+        sensor of the model.
         """
         if not self.rule.labelled:
             return self._of_reported_classes(estimates)
         unswept_stamps = np.array(sorted(unswept_ns), dtype=np.int64)
-        state, is_reported = self._continue(estimates, swept, unswept_stamps, scan, model)
+        state, is_reported = self._continue(estimates, swept, unswept_stamps, scan, model, views)
         return estimates.changed(track_state=state).select(is_reported)
 
     def _of_reported_classes(self, estimates: Estimates) -> Estimates:
@@ -330,6 +350,7 @@ class TrackStates:
         unswept_ns: IntArray,
         scan: Scan,
         model: TrackerModel,
+        views: Sequence[View],
     ) -> tuple[IntArray, BoolArray]:
         """Continue the records; return the state of each estimate, and whether it is reported."""
         rule, modes = self.rule, model.modes
@@ -341,22 +362,25 @@ class TrackStates:
             coasting=1e9 * rule.coasting_s,
         )
         numbers = rule.confirm, rule.delete, rule.hidden, rule.reported, rule.record_weight
-        integers, values, states, is_reported = _next_columns(
-            scan.stamp_ns,
-            durations,
-            _Rule(modes.nominal_survival, *numbers),
+        estimated = _Estimated(
             estimates.track_id.argsort(kind="stable"),
             estimates.track_id,
             estimates.weight,
             estimates.class_id,
-            missed_by_all(estimates, scan, model),
-            stationary_probability(estimates, model),
+            missed_by_all(estimates, scan, model, views),
+            stationary_probability(estimates, model, views),
+        )
+        after, count, states, is_reported = _next_records(
+            scan.stamp_ns,
+            durations,
+            frozen(_Rule(modes.nominal_survival, *numbers)),
+            frozen(estimated),
             unswept_ns,
             swept,
-            *self._records,
+            self._records,
         )
-        (label, stamp_ns, detected_ns, state), (existence, *counts) = integers, values
-        self._records = ConfirmationRecords(label, stamp_ns, detected_ns, existence, state, *counts)
+        kept = ConfirmationRecords(*(column[:count].copy() for column in after))
+        self._records = frozen(kept)
         return states, is_reported
 
     def note(self, published: Estimates) -> None:
@@ -395,5 +419,5 @@ class TrackStates:
 
         Raise `ValueError` if the tracker cannot have stored these values.
         """
-        self._records = from_snapshot(ConfirmationRecords, snapshot, "tracks", {})
+        self._records = frozen(from_snapshot(ConfirmationRecords, snapshot, "tracks", {}))
         self._noted = PastStates.of(from_snapshot(NotedStates, snapshot, "noted", {}))

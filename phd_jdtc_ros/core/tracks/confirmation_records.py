@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
+from ..arrays import FloatArray, IntArray, frozen
 from ..snapshot import MAX_MASS, MAX_STAMP_NS, floats, integers
 from ..types import COASTING, CONFIRMED, TENTATIVE, Estimates
 
@@ -39,7 +39,9 @@ class ConfirmationRecords(NamedTuple):
     def of_none() -> ConfirmationRecords:
         """Return a table without tracks."""
         none, nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
-        return ConfirmationRecords(none, none, none, nothing, none, nothing, nothing, nothing)
+        return frozen(
+            ConfirmationRecords(none, none, none, nothing, none, nothing, nothing, nothing)
+        )
 
 
 class NotedStates(NamedTuple):

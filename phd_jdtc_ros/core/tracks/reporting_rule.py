@@ -112,8 +112,15 @@ def _miss_probabilities(target_class: ClassModel, sensors: tuple[Sensor, ...]) -
     log_snr = low + (high - low) * (np.arange(SNR_POINTS) + 0.5) / SNR_POINTS
     missed = np.ones(SNR_POINTS)
     for sensor in sensors:
-        missed *= sensor.miss_probability(log_snr)
+        missed *= _miss_probability(sensor, log_snr)
     return missed
+
+
+def _miss_probability(sensor: Sensor, log_snr: FloatArray) -> FloatArray:
+    """Return 1 - p_D of targets of given ln(1 + SNR), where it is least."""
+    if (largest := sensor.largest_detection_probability) is not None:
+        return np.full_like(log_snr, 1.0 - largest)
+    return -np.expm1(-0.5 * sensor.threshold**2 * np.exp(-log_snr))
 
 
 def _record_weight(missed: FloatArray) -> float:

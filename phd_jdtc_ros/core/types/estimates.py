@@ -152,6 +152,11 @@ class Estimates(_Targets):
     def __len__(self) -> int:
         return len(self.state)
 
+    @property
+    def existence(self) -> FloatArray:
+        """Existence probability of each target, which `weight` is, (T,)."""
+        return self.weight
+
     def take(self, rows: IntArray | slice) -> Estimates:
         """Return the estimates of these rows."""
         values = self.__dict__

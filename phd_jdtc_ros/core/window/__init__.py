@@ -1,1 +1,6 @@
-"""The fixed-lag window of an engine: past scans, forward pass with its update, backward pass."""
+"""The filter and the smoother over scans.
+
+`forward_filter` predicts, updates and reduces the targets that a scan has swept (`swept`); `update`
+is the update with the reports of a scan; `fixed_lag` is the engine, which smooths over the lag
+window, and numbers and reports tracks; `window_snapshot` stores its mixtures.
+"""

@@ -1,17 +1,20 @@
-"""The fixed-lag engine around a forward filter: window, schedule and track numbers."""
+"""The engine: a forward filter with a fixed-lag smoother, a schedule and track numbers."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Generic
+from typing import ClassVar
 
 import numpy as np
 
 from ..arrays import FloatArray, contains
 from ..engine import EngineState, Lag, OnFiltered, Reprocessed, Step, ignore_filtered
-from ..models.clutter_raster import ClutterRaster, raster
+from ..gaussian.entries import Entry, UnsweptRows, trim
+from ..gaussian.extraction import extract
+from ..gaussian.mixture import Mixture
+from ..gaussian.smoothing.lineages import Lineages
+from ..gaussian.smoothing.smoother import extract_at
 from ..models.tracker_model import TrackerModel
 from ..snapshot import (
     MAX_STAMP_NS,
@@ -28,9 +31,8 @@ from ..tracks.known_aircraft import Reach
 from ..tracks.reporting_rule import ReportingRule
 from ..tracks.track_numbers import NoNumbers, TrackNumbers
 from ..types import Estimates, Scan
-from .entries import Entry, LinkT, RowsT, UnsweptRows
-from .forward_filter import Filtered, ForwardFilter
-from .window_rows import trim
+from ..types.clutter_raster import ClutterRaster
+from .forward_filter import ForwardFilter
 from .window_snapshot import window_from_snapshot, window_to_snapshot
 
 # Key of the track numbers in a saved state.
@@ -38,65 +40,36 @@ NUMBERS = "numbers"
 
 
 @dataclass
-class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
-    """A forward filter with a fixed-lag smoother; implements the protocol `Engine`.
+class GaussianEngine:
+    """Gaussian mixtures of labelled targets with a fixed-lag backward smoother.
 
-    An engine is a subclass that implements the extraction of targets, the backward pass over the
-    window, and the storage of an entry.
+    It implements the protocol `Engine`.
     """
 
     STATE: ClassVar[tuple[str, ...]] = (
         *("forward", "_states", "_window", "_filtered", "_stamps", "_published_ns"),
     )
 
-    forward: ForwardFilter[RowsT, LinkT]
+    forward: ForwardFilter
     lag: Lag
     schedule: Schedule
     rule: ReportingRule  # When tracks are reported
     _states: TrackStates = field(init=False, repr=False)
     _tracks: TrackNumbers = field(init=False, repr=False)
-    _window: list[Entry[RowsT, LinkT]] = field(init=False, repr=False)
+    _window: list[Entry] = field(init=False, repr=False)
     # Rows of each scan that no later scan has swept, and their filtered targets, by stamp; and
     # their expected number of targets of each class, once a later scan needs it.
-    _filtered: dict[int, tuple[UnsweptRows[RowsT, LinkT], Estimates, FloatArray | None]] = field(
+    _filtered: dict[int, tuple[UnsweptRows, Estimates, FloatArray | None]] = field(
         init=False, repr=False
     )
     _stamps: list[int] = field(init=False, repr=False)  # With pending smoothed estimates
+    # Lineages of the window of the last step, which the next step extends.
+    _lineages: Lineages = field(init=False, default_factory=Lineages, repr=False)
     # Stamps of the latest filtered and smoothed estimates; -1 before the first.
     _published_ns: tuple[int, int] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.reset()
-
-    @abstractmethod
-    def _extract(self, stored: RowsT, stamp_ns: int, lag: int, threshold: float) -> Estimates:
-        """Return the targets of a set, filtered (lag 0) or smoothed.
-
-        Targets with an existence probability above the threshold are returned. The `track_id` of a
-        labelled target is its label plus one, of others 0.
-        """
-
-    @abstractmethod
-    def _smoothed_at(self, stamp_ns: int, lag: int, threshold: float) -> Estimates:
-        """Return the targets of the window at a stamp, smoothed with all later scans."""
-
-    @abstractmethod
-    def _figures(self, step: Filtered[RowsT, LinkT]) -> Mapping[str, float]:
-        """Return the diagnostics of a step."""
-
-    @abstractmethod
-    def _entry_to_snapshot(self, entry: Entry[RowsT, LinkT], stored: Snapshot, name: str) -> None:
-        """Store an entry under a name; see `window_snapshot.sources_to_snapshot`."""
-
-    @abstractmethod
-    def _entry_from_snapshot(
-        self, stored: Snapshot, name: str, earlier: Mapping[int, Entry[RowsT, LinkT]]
-    ) -> Entry[RowsT, LinkT]:
-        """Return a stored entry, given the entries stored before it, by stamp.
-
-        A source that is not among these entries has been dropped. A snapshot that does not fit this
-        engine raises an exception with the reason.
-        """
 
     def reset(self) -> None:
         """Return to the initial state."""
@@ -111,13 +84,9 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         if self.forward.stamp_ns is not None:
             due = self.schedule.between(self.forward.stamp_ns, scan.stamp_ns)
             filtered = [self._filtered_at(stamp_ns) for stamp_ns in due]
-        step = self.forward.step(scan, linked=self.lag.positive)
-        window = self._window
-        if step.replaced:
-            replaced = {entry.stamp_ns: entry for entry in step.replaced}
-            window = [replaced.get(entry.stamp_ns, entry) for entry in window]
-        window = self._window = [*window, step.entry]
-        total = self._note_filtered(step.updated, scan)
+        entry = self.forward.step(scan, linked=self.lag.positive)
+        window = self._window = [*self._window, entry]
+        total = self._note_filtered(entry.stored, scan)
         if not self.schedule.period_ns:
             filtered.append(self._filtered_at(scan.stamp_ns))
         self._stamps = [*self._stamps, *[estimates.stamp_ns for estimates in filtered]]
@@ -129,12 +98,18 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             smoothed.append(self._smooth_oldest())
         if self._window is not window:
             self._forget_dropped(scan.stamp_ns)
-        figures = {**self._figures(step), **self.forward.learned_figures}
+        figures = {
+            "hypotheses": len(entry.stored),
+            "origins": len(entry.label),
+            "approximate_clusters": self.forward.approximate,
+            "floored_covariances": self.forward.floored,
+            **self.forward.learned_figures,
+        }
         return Step(tuple(filtered), tuple(smoothed), total, figures)
 
     def clutter_raster(self) -> ClutterRaster | None:
         """Return the learned clutter density; see `Engine.clutter_raster`."""
-        return raster(self.forward.sensors.clutter_maps, self.forward.model.radars)
+        return self.forward.factors.clutter_raster(self.forward.model.radars)
 
     def retune(self, model: TrackerModel, rule: ReportingRule) -> None:
         """Use another model and rule from the next scan on; see `Engine.retune`.
@@ -142,8 +117,8 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         Stored sets and links are not recomputed with the new model.
         """
         self.forward.model = model
-        if self.forward.attributes is not None and model.attributes is not None:
-            self.forward.attributes.model = model.attributes
+        factors = self.forward.factors
+        self.forward.factors = factors.retuned(model.factors, model.attributes)
         self.rule = self._states.rule = rule
 
     def flush(self) -> tuple[Estimates, ...]:
@@ -205,7 +180,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         self.forward.to_snapshot(stored)
         self._states.to_snapshot(stored)
         self._tracks.to_snapshot(stored)
-        window_to_snapshot(self._stamps, self._window, stored, self._entry_to_snapshot)
+        window_to_snapshot(self._stamps, self._window, stored)
         for stamp_ns, (_, estimates, _) in self._filtered.items():
             to_snapshot(estimates, stored, f"filtered.{stamp_ns}")
         return stored
@@ -220,7 +195,9 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             raise ValueError(f"snapshot: {type(error).__name__}: {error}") from error
 
     def _from_snapshot(self, stored: Snapshot) -> None:
-        self._stamps, entries = window_from_snapshot(stored, self._entry_from_snapshot)
+        self._stamps, entries = window_from_snapshot(
+            stored, self.forward.dynamics, self.forward.bounds.most
+        )
         self.forward.from_snapshot(stored, entries)
         self._states.from_snapshot(stored)
         self._tracks = TrackNumbers.from_snapshot(stored)
@@ -237,24 +214,23 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
     def _forget_dropped(self, stamp_ns: int) -> None:
         """Forget the targets that are in no entry of the window any more."""
         self._tracks.forget_all_but(entry.label for entry in self._window)
-        if self.forward.attributes is not None:
+        if self.forward.factors.transponders is not None:
             oldest_ns = self._stamps[0] if self._stamps else stamp_ns
             labels = [entry.label for entry in self._window]
-            self.forward.attributes.forget_all_but(labels, oldest_ns)
+            self.forward.factors = self.forward.factors.of_labels(labels, oldest_ns)
 
-    def _note_filtered(self, updated: RowsT, scan: Scan) -> FloatArray:
+    def _note_filtered(self, updated: Mixture, scan: Scan) -> FloatArray:
         """Store the filtered targets of a scan, and drop earlier ones of the rows that it swept.
 
         Return the expected number of targets of each class, (C,).
         """
         modes = self.forward.model.modes
-        classes = modes.class_of, len(modes.classes)
         *earlier, latest = self.forward.unswept
         unswept_ns = [rows.entry.stamp_ns for rows in self.forward.unswept]
-        estimates = self._extract(updated, scan.stamp_ns, 0, self.rule.least)
+        estimates = extract(updated, self.forward.dynamics, scan.stamp_ns, 0, self.rule.least)
         self.forward.on_stage_end("extraction")
         reported = self._states.report_filtered(
-            estimates, updated.label, unswept_ns, scan, self.forward.learned_model
+            estimates, updated.label, unswept_ns, scan, self.forward.model, self.forward.views
         )
         previous, self._filtered = self._filtered, {}
         total = np.zeros(len(modes.classes))
@@ -263,11 +239,11 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             # Most rows have not changed since the last scan.
             if rows is not unchanged:
                 targets, mass = _targets_of(rows, targets), None
-            mass = rows.class_mass(*classes) if mass is None else mass
+            mass = rows.class_mass() if mass is None else mass
             total += mass
             self._filtered[rows.entry.stamp_ns] = rows, targets, mass
         self._filtered[scan.stamp_ns] = latest, reported, None
-        return total + updated.class_mass(*classes)
+        return total + updated.class_mass()
 
     def _filtered_at(self, stamp_ns: int) -> Estimates:
         """Return the targets to publish for a stamp."""
@@ -292,8 +268,8 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
 
     def _describe_and_number(self, estimates: Estimates, smoothed: bool) -> Estimates:
         """Return targets with their attributes, and with track numbers instead of labels."""
-        if self.forward.attributes is not None:
-            estimates = self.forward.attributes.describe(estimates, smoothed)
+        if (transponders := self.forward.factors.transponders) is not None:
+            estimates = transponders.describe(estimates, smoothed)
         return self._tracks.assign(estimates, Reach.of(self.forward.model))
 
     def _smooth_pending(self) -> tuple[Estimates, ...]:
@@ -306,7 +282,11 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         Entries that no later stamp needs are then dropped from the window.
         """
         stamp_ns, lag = self._stamps[0], len(self._stamps) - 1
-        estimates = self._smoothed_at(stamp_ns, lag, self.rule.least_smoothed)
+        least = self.rule.least_smoothed
+        self._lineages.extend(self._window)
+        around = self._lineages.smooth(stamp_ns, least)
+        self.forward.on_stage_end("backward")
+        estimates = extract_at(self._lineages, around, self.forward.dynamics, stamp_ns, lag, least)
         self.forward.on_stage_end("extraction")
         estimates = self._states.report_smoothed(estimates)
         self._published_ns = self._published_ns[0], stamp_ns
@@ -314,10 +294,12 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         following = self._stamps[0] if self._stamps else MAX_STAMP_NS
         self._states.forget_before(following)
         self._window = trim(self._window, self.forward.unswept, following)
-        return self._describe_and_number(estimates, smoothed=True)
+        described = self._describe_and_number(estimates, smoothed=True)
+        self._lineages.drop_before(self._window[0].stamp_ns)  # the next scan needs the memory
+        return described
 
 
-def _targets_of(rows: UnsweptRows[RowsT, LinkT], targets: Estimates) -> Estimates:
+def _targets_of(rows: UnsweptRows, targets: Estimates) -> Estimates:
     """Return those of an entry's filtered targets whose rows are still unswept."""
     if rows.rows is None:
         return targets

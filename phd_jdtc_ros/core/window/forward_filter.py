@@ -1,24 +1,30 @@
-"""The forward filter of an engine, and the state that it keeps from scan to scan."""
+"""The forward filter: predict, update with every radar, reduce; and the state that it keeps."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Annotated, ClassVar, Generic, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 
 from ..arrays import IntArray
-from ..attributes.memory import AttributeMemory
-from ..models.sensor_memory import SensorMemory
+from ..factors.state import Factors
+from ..gaussian.bounds import Bounds
+from ..gaussian.dynamics import Dynamics
+from ..gaussian.entries import Entry, Link, UnsweptRows
+from ..gaussian.mixture import Mixture
+from ..gaussian.new_targets import births, spawn
+from ..gaussian.prediction import AgedMixture, survivors
+from ..gaussian.reduction import Branched, reduce_hypotheses
+from ..gaussian.update import GaussianSteps
 from ..models.tracker_model import TrackerModel
+from ..sensors.view import View
 from ..snapshot import MAX_STAMP_NS, Snapshot, from_snapshot, integers, to_snapshot
 from ..tracks.labels import MAX_SCANS
 from ..types import Scan
-from .entries import Entry, LinkT, RowsT, UnsweptRows
-from .sensor_snapshot import sensors_from_snapshot, sensors_to_snapshot
-from .swept import swept_births
+from .swept import partition_swept, swept_births
+from .update import update_scan
 from .window_snapshot import unswept_from_snapshot, unswept_to_snapshot
 
 
@@ -37,41 +43,31 @@ class Progress(NamedTuple):
     unswept_ns: Annotated[IntArray, integers("Q", 0, MAX_STAMP_NS, key="current_ns")]
 
 
-@dataclass(frozen=True)
-class Filtered(Generic[RowsT, LinkT]):
-    """The result of one step of a filter."""
-
-    # The set after the update with all radars, from which the filtered targets are extracted.
-    updated: RowsT
-    entry: Entry[RowsT, LinkT]  # The entry to keep: the reduced set, and its link to earlier sets
-    # Earlier entries that the step has changed; they replace those of the same stamps.
-    replaced: tuple[Entry[RowsT, LinkT], ...] = ()
-
-
 @dataclass
-class ForwardFilter(ABC, Generic[RowsT, LinkT]):
-    """A filter over scans, with the sets that later scans continue."""
+class ForwardFilter:
+    """The filter over scans, with the mixtures that later scans continue."""
 
     STATE: ClassVar[tuple[str, ...]] = (
         "unswept",
         "stamp_ns",
         "_born_ns",
         "_scan_index",
-        "attributes",
-        "sensors",
+        "factors",
     )
 
     model: TrackerModel
+    bounds: Bounds
     # Called with the name of each stage of a step when it ends, for timing.
     on_stage_end: Callable[[str], None] = field(default=_ignore, kw_only=True)
     # The stamps ascend; the last element has all rows of the last scan's set.
-    unswept: list[UnsweptRows[RowsT, LinkT]] = field(init=False, repr=False)
+    unswept: list[UnsweptRows] = field(init=False, repr=False)
     stamp_ns: int | None = field(init=False, repr=False)
     _born_ns: dict[int, int] = field(init=False, repr=False)
     _scan_index: int = field(init=False, repr=False)
-    sensors: SensorMemory = field(init=False, repr=False)
-    # None if no radar reports identities or heights.
-    attributes: AttributeMemory | None = field(init=False, repr=False)
+    factors: Factors = field(init=False, repr=False)
+    approximate: int = field(init=False, default=0)  # Clusters associated approximately, last step
+    floored: int = field(init=False, default=0)  # Covariances raised to their least, last step
+    _dynamics: Dynamics | None = field(init=False, default=None, repr=False)
 
     def __post_init__(self) -> None:
         self.reset()
@@ -82,41 +78,77 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         return self._scan_index
 
     @property
-    def labelled(self) -> bool:
-        """Whether the rows of one label are at most one target."""
-        return True
+    def dynamics(self) -> Dynamics:
+        """The motion modes and cells of the model in use."""
+        if self._dynamics is None or self._dynamics.model is not self.model:
+            self._dynamics = Dynamics(self.model)
+        return self._dynamics
 
     @property
-    def learned_model(self) -> TrackerModel:
-        """The model, with the learned values of its sensors."""
-        return self.sensors.with_learned_sensors(self.model)
+    def views(self) -> list[View]:
+        """What the factors expect of each sensor, at its configured pose."""
+        return [self.factors.of_place(sensor) for sensor in self.model.radars]
+
+    @property
+    def _configured_factors(self) -> Factors:
+        """The factors before anything is learned; sensors without any have an empty tuple."""
+        model, remembers = self.model, self.model.detection_births.enabled
+        by_sensor = {radar.name: model.factors.get(radar.name, ()) for radar in model.radars}
+        return Factors.configured(by_sensor, model.attributes, remembers)
 
     @property
     def learned_figures(self) -> Mapping[str, float]:
-        """Learned detection probabilities and noise; see `SensorMemory.figures`."""
-        return self.sensors.figures(self.model.radars)
+        """What was learned about the sensors; see `Factors.figures`."""
+        return self.factors.figures(self.model.radars)
 
-    @abstractmethod
-    def step(self, scan: Scan, linked: bool) -> Filtered[RowsT, LinkT]:
-        """Predict and update with every radar; if `linked`, link the new set to earlier ones.
+    def step(self, scan: Scan, linked: bool) -> Entry:
+        """Predict, update with every radar and reduce; if `linked`, link to earlier mixtures.
 
-        Labels that no antenna swept in this scan are unchanged, see `swept`. Implementations pass
-        the new set to `_keep`.
+        Labels that no antenna swept in this scan are unchanged, see `swept`.
 
         Raises
         ------
         ValueError
-            If the stamp is not later than the previous one, see `_interval`.
+            If the stamp is not later than the previous one.
         """
+        dynamics, index = self.dynamics, self._scan_index
+        dt = self._interval(scan)
+        swept, others = partition_swept(self.unswept, scan, self.model)
+        aged = [
+            AgedMixture(rows.stored, self._since(rows.entry.stamp_ns, scan.stamp_ns))
+            for rows in swept
+        ]
+        parts: list[Mixture] = []
+        moves = None
+        if aged:
+            *parts, moves = survivors(aged, dynamics)
+        if born := self._births(scan):
+            parts.append(births(born, dynamics, index))
+        if self.model.spawn.rate > 0.0:
+            parts.append(spawn(aged, dynamics, index, self.bounds.least_existence))
+        predicted = Mixture.concatenate(parts or [dynamics.nothing])
+        self.on_stage_end("predict")
+        parent = np.arange(len(predicted))
+        parent[len(parts[0]) if aged else 0 :] = -1
+        parts.clear()  # the update needs the memory
+        branched = Branched(predicted, parent)
+        steps = GaussianSteps(dynamics, self.bounds)
+        updated = update_scan(branched, scan, steps, dt, index, self.factors)
+        self.factors, self.approximate = updated.factors, updated.approximate
+        self.on_stage_end("update")
+        stored, ancestry, self.floored = reduce_hypotheses(updated.rows, self._bounds_of_newborn())
+        self.on_stage_end("reduce")
+        link = Link(moves, ancestry) if linked and moves is not None else None
+        entry = Entry(scan.stamp_ns, stored, tuple(rows.source for rows in swept), link)
+        self._keep(entry, others)
+        return entry
 
     def reset(self) -> None:
         """Return to the initial state."""
         self.unswept, self.stamp_ns, self._born_ns, self._scan_index = [], None, {}, 0
-        self.sensors = SensorMemory.of(self.model, self.labelled)
-        attribute_model = self.model.attributes
-        self.attributes = None if attribute_model is None else AttributeMemory(attribute_model)
+        self.factors = self._configured_factors
 
-    def start_from(self, stamp_ns: int, stored: RowsT) -> None:
+    def start_from(self, stamp_ns: int, stored: Mixture) -> None:
         """Use `stored` as the set of an earlier scan."""
         self.stamp_ns, self.unswept = stamp_ns, [UnsweptRows(Entry(stamp_ns, stored))]
 
@@ -131,11 +163,9 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         to_snapshot(progress, snapshot, "filter")
         for rows in self.unswept:
             unswept_to_snapshot(rows, snapshot)
-        sensors_to_snapshot(self.sensors, self.model.radars, snapshot)
-        if self.attributes is not None:
-            self.attributes.to_snapshot(snapshot)
+        self.factors.to_snapshot(self.model.radars, snapshot)
 
-    def from_snapshot(self, snapshot: Snapshot, entries: Mapping[int, Entry[RowsT, LinkT]]) -> None:
+    def from_snapshot(self, snapshot: Snapshot, entries: Mapping[int, Entry]) -> None:
         """Restore the filter's state from a snapshot.
 
         Parameters
@@ -156,9 +186,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         if stamps[-1:] != ([] if latest is None else [latest]):
             raise ValueError(f"filter.current_ns: the last stamp must be {latest}")
         self.unswept = [unswept_from_snapshot(snapshot, entries[stamp]) for stamp in stamps]
-        self.sensors = sensors_from_snapshot(snapshot, self.model.radars, self.labelled)
-        if self.model.attributes is not None:
-            self.attributes = AttributeMemory.from_snapshot(snapshot, self.model.attributes)
+        self.factors = self._configured_factors.restored(snapshot, self.model.radars)
         born = zip(progress.birth.tolist(), progress.born_ns.tolist(), strict=True)
         self.stamp_ns, self._scan_index, self._born_ns = latest, progress.scan_index, dict(born)
 
@@ -184,10 +212,18 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
             self._born_ns = {**self._born_ns, index: scan.stamp_ns}
         return births
 
-    def _keep(
-        self, entry: Entry[RowsT, LinkT], remaining: Sequence[UnsweptRows[RowsT, LinkT]]
-    ) -> None:
+    def _keep(self, entry: Entry, remaining: Sequence[UnsweptRows]) -> None:
         """Continue from the set of a scan, and from the rows that it did not sweep."""
         self.unswept = [*remaining, UnsweptRows(entry)]
-        self.sensors.forget_ended(rows.row_label for rows in self.unswept)
+        self.factors = self.factors.of_living(rows.row_label for rows in self.unswept)
         self.stamp_ns, self._scan_index = entry.stamp_ns, self._scan_index + 1
+
+    def _bounds_of_newborn(self) -> Bounds:
+        """Return bounds that do not drop every new target; see `least_newborn_mass`."""
+        model = self.model
+        if not model.detection_births.enabled:
+            return self.bounds
+        least = min(map(model.least_newborn_mass, self.views))
+        if least >= model.detection_births.least_mass:
+            return self.bounds
+        return replace(self.bounds, least_existence=min(self.bounds.least_existence, least))

@@ -15,35 +15,33 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..arrays import BoolArray, FloatArray
+from ..gaussian.entries import UnsweptRows
 from ..models.tracker_model import TrackerModel
-from ..sensors.report import Report
+from ..sensors.view import View
 from ..targets.motion import noise_after
 from ..tracks.reporting_rule import slowest_s
 from ..types import Scan
-from .entries import LinkT, RowsT, UnsweptRows
 
 # Radius of a target's position density, in standard deviations; hardly any mass is outside.
 SPREAD_SIGMA = 4.0
 # A label that no antenna has swept for this many turns or intervals is predicted nevertheless.
 MAX_UNSWEPT_TURNS = 1.5
 
-Reports = Sequence[Report]
+Reports = Sequence[View]
 
 
 def partition_swept(
-    unswept: list[UnsweptRows[RowsT, LinkT]], scan: Scan, model: TrackerModel, labelled: bool
-) -> tuple[list[UnsweptRows[RowsT, LinkT]], list[UnsweptRows[RowsT, LinkT]]]:
+    unswept: list[UnsweptRows], scan: Scan, model: TrackerModel
+) -> tuple[list[UnsweptRows], list[UnsweptRows]]:
     """Return the rows of targets that a scan may have swept, and all other rows.
 
     Parameters
     ----------
     unswept : list of UnsweptRows
         Oldest first.
-    labelled : bool
-        Whether the rows of one label are at most one target. Otherwise all rows count as swept.
     """
     reports = model.reports(scan)
-    if not labelled or not unswept or _covers_all_fields(reports, model):
+    if not unswept or _covers_all_fields(reports, model):
         return unswept, []
     longest_s = MAX_UNSWEPT_TURNS * slowest_s(model)
     space = model.modes.space

@@ -1,16 +1,20 @@
-"""Storage of the window: its stamps, its entries' sources, and the rows not yet swept again."""
+"""Storage of the window: its stamps, its entries, and the rows not yet swept again."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from ..arrays import IntArray
-from ..snapshot import MAX_STAMP_NS, Snapshot, from_snapshot, integers, to_snapshot
+from ..gaussian.dynamics import Dynamics
+from ..gaussian.entries import Entry, Link, Source, UnsweptRows
+from ..gaussian.mixture import Mixture
+from ..gaussian.prediction import Moves
+from ..gaussian.reduction import Ancestry
+from ..snapshot import MAX_MASS, MAX_STAMP_NS, Snapshot, from_snapshot, integers, to_snapshot
 from ..tracks.labels import MAX_SCANS
-from .entries import Entry, LinkT, Rows, RowsT, Source, UnsweptRows
 
 
 class Window(NamedTuple):
@@ -38,7 +42,7 @@ class UnsweptIndices(NamedTuple):
     rows: Annotated[IntArray | None, integers("R", 0, ascending=True)]
 
 
-def sources_to_snapshot(entry: Entry[RowsT, LinkT], snapshot: Snapshot, name: str) -> None:
+def _sources_to_snapshot(entry: Entry, snapshot: Snapshot, name: str) -> None:
     """Store the stamp and the sources of an entry."""
     rows = [source.rows for source in entry.sources if source.rows is not None]
     table = Sources(
@@ -51,7 +55,7 @@ def sources_to_snapshot(entry: Entry[RowsT, LinkT], snapshot: Snapshot, name: st
     to_snapshot(table, snapshot, name)
 
 
-def sources_from_snapshot(
+def _sources_from_snapshot(
     snapshot: Snapshot, name: str, most: int
 ) -> tuple[int, tuple[Source, ...]]:
     """Return the stamp and the sources of a stored entry.
@@ -84,7 +88,7 @@ def sources_from_snapshot(
     return table.stamp_ns, tuple(sources)
 
 
-def require_rows_of(name: str, source: Source, stored: Rows) -> None:
+def _require_rows_of(name: str, source: Source, stored: Mixture) -> None:
     """Raise ValueError unless the rows of an entry's source are rows of this set."""
     size = len(stored)
     if source.rows is not None:
@@ -95,14 +99,65 @@ def require_rows_of(name: str, source: Source, stored: Rows) -> None:
         raise ValueError(f"{name}.size: {source.size} rows, expected {size}")
 
 
-def unswept_to_snapshot(unswept: UnsweptRows[RowsT, LinkT], snapshot: Snapshot) -> None:
+def _entry_to_snapshot(entry: Entry, snapshot: Snapshot, name: str) -> None:
+    """Store the filter's entry of one scan."""
+    _sources_to_snapshot(entry, snapshot, name)
+    to_snapshot(entry.stored, snapshot, name)
+    if entry.link is not None:
+        to_snapshot(entry.link.moves, snapshot, f"{name}.link")
+        to_snapshot(entry.link.ancestry, snapshot, f"{name}.link")
+
+
+def _entry_from_snapshot(
+    snapshot: Snapshot,
+    name: str,
+    earlier: Mapping[int, Entry],
+    dynamics: Dynamics,
+    most: int,
+) -> Entry:
+    """Return the stored entry of one scan.
+
+    Parameters
+    ----------
+    earlier : mapping of stamp to Entry
+        Entries stored before it. If a source is not among them it has left the window, and the
+        link is dropped.
+    dynamics : Dynamics
+        Dynamics of the tracker that continues from the entry.
+    most : int
+        Largest number of hypotheses allowed.
+
+    Raises
+    ------
+    ValueError
+        If the entry does not fit the tracker or the earlier entries.
+    """
+    modes, size = dynamics.supported.shape
+    classes, cells = dynamics.cells.log_snr.shape
+    sizes = {"O": modes, "C": classes, "S": cells, "D": size, "K": len(dynamics.pairs[0])}
+    stamp_ns, sources = _sources_from_snapshot(snapshot, name, most)
+    if snapshot.array(f"{name}.origin").size > most:
+        raise ValueError(f"{name}.origin: more than {most} hypotheses")
+    stored = from_snapshot(Mixture, snapshot, name, sizes)
+    if stored.existence.max(initial=0.0) > MAX_MASS:
+        raise ValueError(f"{name}.weight: a target of mass {stored.existence.max():.3g}")
+    if f"{name}.link.survival" not in snapshot.arrays:
+        return Entry(stamp_ns, stored, sources)
+    for source in sources:
+        if source.stamp_ns in earlier:
+            _require_rows_of(name, source, earlier[source.stamp_ns].stored)
+    sizes |= {"H": len(stored), "P": sum(source.size for source in sources)}
+    of_link = snapshot, f"{name}.link", sizes
+    moves = from_snapshot(Moves, *of_link, pairs=dynamics.pairs)
+    return Entry(stamp_ns, stored, sources, Link(moves, from_snapshot(Ancestry, *of_link)))
+
+
+def unswept_to_snapshot(unswept: UnsweptRows, snapshot: Snapshot) -> None:
     """Store the rows of an entry that no later scan has swept."""
     to_snapshot(UnsweptIndices(unswept.rows), snapshot, f"current.{unswept.entry.stamp_ns}")
 
 
-def unswept_from_snapshot(
-    snapshot: Snapshot, entry: Entry[RowsT, LinkT]
-) -> UnsweptRows[RowsT, LinkT]:
+def unswept_from_snapshot(snapshot: Snapshot, entry: Entry) -> UnsweptRows:
     """Return the rows of an entry that no later scan has swept.
 
     Raises
@@ -118,25 +173,19 @@ def unswept_from_snapshot(
 
 
 def window_to_snapshot(
-    stamps_ns: Sequence[int],
-    window: Sequence[Entry[RowsT, LinkT]],
-    snapshot: Snapshot,
-    store: Callable[[Entry[RowsT, LinkT], Snapshot, str], None],
+    stamps_ns: Sequence[int], window: Sequence[Entry], snapshot: Snapshot
 ) -> None:
-    """Store the pending stamps, and the entries by the engine's function."""
+    """Store the pending stamps and the entries."""
     table = Window(np.array(stamps_ns, dtype=np.int64), len(window))
     to_snapshot(table, snapshot, "window")
     for index, entry in enumerate(window):
-        store(entry, snapshot, f"stored.{index}")
+        _entry_to_snapshot(entry, snapshot, f"stored.{index}")
 
 
 def window_from_snapshot(
-    snapshot: Snapshot,
-    restore: Callable[[Snapshot, str, dict[int, Entry[RowsT, LinkT]]], Entry[RowsT, LinkT]],
-) -> tuple[list[int], dict[int, Entry[RowsT, LinkT]]]:
-    """Return the pending stamps, and the entries by stamp.
-
-    `restore` is the engine's function, which gets the entries restored before.
+    snapshot: Snapshot, dynamics: Dynamics, most: int
+) -> tuple[list[int], dict[int, Entry]]:
+    """Return the pending stamps, and the entries by stamp; see `_entry_from_snapshot`.
 
     Raises
     ------
@@ -151,9 +200,9 @@ def window_from_snapshot(
         raise ValueError(
             f"window.stamps_ns: the last stamp is {stamps[-1]}, must be at most {latest}"
         )
-    entries: dict[int, Entry[RowsT, LinkT]] = {}
+    entries: dict[int, Entry] = {}
     for index in range(table.entries):
-        entry = restore(snapshot, f"stored.{index}", entries)
+        entry = _entry_from_snapshot(snapshot, f"stored.{index}", entries, dynamics, most)
         if entries and entry.stamp_ns <= max(entries):
             raise ValueError(f"stored.{index}.stamp_ns: must increase")
         entries[entry.stamp_ns] = entry

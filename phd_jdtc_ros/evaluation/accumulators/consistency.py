@@ -165,20 +165,26 @@ def _text_of(heading: str, ages: Ages) -> str:
 
 
 NEES_BY_AGE = _by_age(
-    *("NEES", "NEES"),
+    "NEES",
+    "NEES",
     "Normalised estimation error squared of the position, divided by 2: the mean over the pairs of "
     "half the squared Mahalanobis distance of the true position from the estimate. It is 1 if the "
     "covariances are right, and larger if they are too small. Estimates without a positive "
     "definite covariance are left out.",
-    *("nees", NEES, "#.3g"),
+    "nees",
+    NEES,
+    "#.3g",
     NEES_TABLE,
 )
 OUTSIDE_BY_AGE = _by_age(
-    *("outside 3 sigma", "outside"),
+    "outside 3 sigma",
+    "outside",
     "Share of the pairs with a covariance in which the Mahalanobis distance of the position is "
     f"above {BOUND:g}. It is {EXPECTED_OUTSIDE:.1%} if the covariances are "
     "right and the errors are normal.",
-    *("outside_3_sigma", OUTSIDE, ".1%"),
+    "outside_3_sigma",
+    OUTSIDE,
+    ".1%",
     OUTSIDE_TABLE,
 )
 

@@ -14,29 +14,42 @@ class OspaAccumulator(Accumulator):
     plotted = ("ospa", "localization")
     metrics = (
         Metric(
-            *("ospa", "OSPA", "m", ".1f"),
-            mean("ospa"),
-            "Mean over the scans of the optimal sub-pattern assignment distance between the "
-            "estimated and the true positions of a scan. Estimates and targets are paired so "
-            "that the sum of the p-th powers of their distances, each cut off at c, is least. A "
-            "missed or false target counts as a distance of c. The OSPA distance is the mean of "
-            "these powers over the larger set, to the power 1/p. It is 0 if both sets are empty "
-            "and c if only one is.",
-            OSPA,
+            key="ospa",
+            heading="OSPA",
+            unit="m",
+            form=".1f",
+            of_run=mean("ospa"),
+            definition=(
+                "Mean over the scans of the optimal sub-pattern assignment distance between the "
+                "estimated and the true positions of a scan. Estimates and targets are paired so "
+                "that the sum of the p-th powers of their distances, each cut off at c, is least. "
+                "A missed or false target counts as a distance of c. The OSPA distance is the mean "
+                "of these powers over the larger set, to the power 1/p. It is 0 if both sets are "
+                "empty and c if only one is."
+            ),
+            group=OSPA,
         ),
         Metric(
-            *("localization", "localisation", "m", ".1f"),
-            mean("localization"),
-            "The part of the OSPA distance due to the position errors of the pairs. The p-th "
-            "powers of the two parts add up to that of the distance in every scan; the parts "
-            "themselves add only for p = 1.",
-            OSPA,
+            key="localization",
+            heading="localisation",
+            unit="m",
+            form=".1f",
+            of_run=mean("localization"),
+            definition=(
+                "The part of the OSPA distance due to the position errors of the pairs. The p-th "
+                "powers of the two parts add up to that of the distance in every scan; the parts "
+                "themselves add only for p = 1."
+            ),
+            group=OSPA,
         ),
         Metric(
-            *("cardinality", "cardinality", "m", ".1f"),
-            mean("cardinality"),
-            "The part of the OSPA distance due to the wrong number of targets.",
-            OSPA,
+            key="cardinality",
+            heading="cardinality",
+            unit="m",
+            form=".1f",
+            of_run=mean("cardinality"),
+            definition="The part of the OSPA distance due to the wrong number of targets.",
+            group=OSPA,
         ),
     )
 
@@ -52,31 +65,47 @@ class GospaAccumulator(Accumulator):
     names = published = ("gospa", "gospa_localization", "missed", "false")
     metrics = (
         Metric(
-            *("gospa", "GOSPA", "m", ".1f"),
-            mean("gospa"),
-            "Mean over the scans of the generalised OSPA distance (alpha = 2) with the same p "
-            "and c. It is not divided by the number of targets, and every missed and every false "
-            "target costs c / 2^(1/p).",
-            GOSPA,
+            key="gospa",
+            heading="GOSPA",
+            unit="m",
+            form=".1f",
+            of_run=mean("gospa"),
+            definition=(
+                "Mean over the scans of the generalised OSPA distance (alpha = 2) with the same p "
+                "and c. It is not divided by the number of targets, and every missed and every "
+                "false target costs c / 2^(1/p)."
+            ),
+            group=GOSPA,
         ),
         Metric(
-            *("gospa_localization", "localisation", "m", ".1f"),
-            mean("gospa_localization"),
-            "The part of the GOSPA distance due to the position errors of the pairs; it is not "
-            "divided by their number.",
-            GOSPA,
+            key="gospa_localization",
+            heading="localisation",
+            unit="m",
+            form=".1f",
+            of_run=mean("gospa_localization"),
+            definition=(
+                "The part of the GOSPA distance due to the position errors of the pairs; it is not "
+                "divided by their number."
+            ),
+            group=GOSPA,
         ),
         Metric(
-            *("missed", "missed", "", ".3f"),
-            mean("missed"),
-            "Mean number per scan of targets that GOSPA pairs with no estimate.",
-            GOSPA,
+            key="missed",
+            heading="missed",
+            unit="",
+            form=".3f",
+            of_run=mean("missed"),
+            definition="Mean number per scan of targets that GOSPA pairs with no estimate.",
+            group=GOSPA,
         ),
         Metric(
-            *("false", "false", "", ".3f"),
-            mean("false"),
-            "Mean number per scan of estimates that GOSPA pairs with no target.",
-            GOSPA,
+            key="false",
+            heading="false",
+            unit="",
+            form=".3f",
+            of_run=mean("false"),
+            definition="Mean number per scan of estimates that GOSPA pairs with no target.",
+            group=GOSPA,
         ),
     )
 
@@ -93,11 +122,16 @@ class Numbers(Accumulator):
     published = plotted = ("n_true", "n_est")
     metrics = (
         Metric(
-            *("cardinality_abs_error", "number error", "", ".3f"),
-            mean("cardinality_abs_error"),
-            "Mean over the scans of the absolute difference between the number of estimates and "
-            "the number of targets.",
-            OSPA,
+            key="cardinality_abs_error",
+            heading="number error",
+            unit="",
+            form=".3f",
+            of_run=mean("cardinality_abs_error"),
+            definition=(
+                "Mean over the scans of the absolute difference between the number of estimates "
+                "and the number of targets."
+            ),
+            group=OSPA,
         ),
     )
 

@@ -88,25 +88,38 @@ class Gaps(Accumulator):
     names = ("gaps", "long_gaps", "missed_in_long_gaps", "longest_gap_s")
     metrics = (
         Metric(
-            *("longest_gap_s", "longest gap", "s", ".1f"),
-            if_any("n_true", lambda run: run.maximum("longest_gap_s")),
-            "The longest of all gaps. A gap is a time in which an existing target has no paired "
-            "estimate. It lasts from the previous estimate, or else the target's first scan, to "
-            "the next estimate, or else its last scan.",
-            SURVEILLANCE,
+            key="longest_gap_s",
+            heading="longest gap",
+            unit="s",
+            form=".1f",
+            of_run=if_any("n_true", lambda run: run.maximum("longest_gap_s")),
+            definition=(
+                "The longest of all gaps. A gap is a time in which an existing target has no "
+                "paired estimate. It lasts from the previous estimate, or else the target's first "
+                "scan, to the next estimate, or else its last scan."
+            ),
+            group=SURVEILLANCE,
         ),
         Metric(
-            *("long_gap_share", "long gaps", "", ".1%"),
+            key="long_gap_share",
+            heading="long gaps",
+            unit="",
+            form=".1%",
             # The share is 0 in a run without gaps.
-            if_any("n_true", lambda run: run.sum("long_gaps") / np.maximum(run.sum("gaps"), 1)),
-            f"Share of the gaps that last longer than {LONG_GAP_S:g} s.",
-            SURVEILLANCE,
+            of_run=if_any(
+                "n_true", lambda run: run.sum("long_gaps") / np.maximum(run.sum("gaps"), 1)
+            ),
+            definition=f"Share of the gaps that last longer than {LONG_GAP_S:g} s.",
+            group=SURVEILLANCE,
         ),
         Metric(
-            *("long_gap_misses", "missed in them", "", ".2%"),
-            share("missed_in_long_gaps", "n_true"),
-            "Share of the targets, over all scans, that are missed in long gaps.",
-            SURVEILLANCE,
+            key="long_gap_misses",
+            heading="missed in them",
+            unit="",
+            form=".2%",
+            of_run=share("missed_in_long_gaps", "n_true"),
+            definition="Share of the targets, over all scans, that are missed in long gaps.",
+            group=SURVEILLANCE,
         ),
     )
 

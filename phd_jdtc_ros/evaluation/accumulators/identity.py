@@ -87,24 +87,34 @@ class Switches(LabelAccumulator):
     names = ("identity_switches", "seen_switches")
     metrics = (
         Metric(
-            *("identity_switches", "identity switches", "", ".0f"),
-            if_any("n_est", lambda run: run.sum("identity_switches")),
-            "Number over the run of targets that are paired with another track id than before, "
-            "and of track ids that pass to another target: a broken track counts one, two "
-            "swapped tracks count two. A target and a track stay a pair while both exist, closer "
-            "than c; the others are paired by position. It needs track ids of all targets and "
-            "estimates.",
-            TRACKS,
+            key="identity_switches",
+            heading="identity switches",
+            unit="",
+            form=".0f",
+            of_run=if_any("n_est", lambda run: run.sum("identity_switches")),
+            definition=(
+                "Number over the run of targets that are paired with another track id than before, "
+                "and of track ids that pass to another target: a broken track counts one, two "
+                "swapped tracks count two. A target and a track stay a pair while both exist, "
+                "closer than c; the others are paired by position. It needs track ids of all "
+                "targets and estimates."
+            ),
+            group=TRACKS,
             headline=True,
         ),
         Metric(
-            *("seen_switches", "identity switches, seen", "", ".0f"),
-            if_any("n_est", lambda run: run.sum("seen_switches")),
-            "The same, except that a coasting track, which had no detection in its last scan, "
-            "keeps its target and is paired with no other. A track that coasts for one more turn "
-            "after its target has landed is therefore not paired with an aircraft that takes off "
-            "nearby. Tracks of unknown state count as not coasting.",
-            TRACKS,
+            key="seen_switches",
+            heading="identity switches, seen",
+            unit="",
+            form=".0f",
+            of_run=if_any("n_est", lambda run: run.sum("seen_switches")),
+            definition=(
+                "The same, except that a coasting track, which had no detection in its last scan, "
+                "keeps its target and is paired with no other. A track that coasts for one more "
+                "turn after its target has landed is therefore not paired with an aircraft that "
+                "takes off nearby. Tracks of unknown state count as not coasting."
+            ),
+            group=TRACKS,
         ),
     )
 

@@ -36,18 +36,28 @@ class Pairs(Accumulator):
     names = ("pairs", "square_error")
     metrics = (
         Metric(
-            *("position_rms", "position RMS", "m", ".1f"),
-            root_mean("square_error", "pairs"),
-            "Root mean square, over all pairs of the run, of the distance between a target and "
-            "the estimate that it is paired with, by position alone, closer than c.",
-            SURVEILLANCE,
+            key="position_rms",
+            heading="position RMS",
+            unit="m",
+            form=".1f",
+            of_run=root_mean("square_error", "pairs"),
+            definition=(
+                "Root mean square, over all pairs of the run, of the distance between a target and "
+                "the estimate that it is paired with, by position alone, closer than c."
+            ),
+            group=SURVEILLANCE,
         ),
         Metric(
-            *("position_detection", "position detected", "", ".2%"),
-            share("pairs", "n_true"),
-            "Share of the targets, over all scans, that are paired with an estimate, by position "
-            "alone, closer than c.",
-            SURVEILLANCE,
+            key="position_detection",
+            heading="position detected",
+            unit="",
+            form=".2%",
+            of_run=share("pairs", "n_true"),
+            definition=(
+                "Share of the targets, over all scans, that are paired with an estimate, by "
+                "position alone, closer than c."
+            ),
+            group=SURVEILLANCE,
         ),
     )
 
@@ -62,19 +72,29 @@ class Nearness(Accumulator):
     names = ("beyond", "near")
     metrics = (
         Metric(
-            *("false_per_scan", "false per scan", "", ".3f"),
-            mean("beyond"),
-            "Mean number per scan of estimates that are farther than c from every target. A "
-            "second estimate near a target does not count here; `false` counts it too.",
-            WHOLE,
+            key="false_per_scan",
+            heading="false per scan",
+            unit="",
+            form=".3f",
+            of_run=mean("beyond"),
+            definition=(
+                "Mean number per scan of estimates that are farther than c from every target. A "
+                "second estimate near a target does not count here; `false` counts it too."
+            ),
+            group=WHOLE,
             headline=True,
         ),
         Metric(
-            *("position_near", f"within {NEAR:g} m", "", ".2%"),
-            share("near", "n_true"),
-            "Share of the targets, over all scans, that are paired with an estimate closer than "
-            f"{NEAR:g} m, and than c.",
-            WHOLE,
+            key="position_near",
+            heading=f"within {NEAR:g} m",
+            unit="",
+            form=".2%",
+            of_run=share("near", "n_true"),
+            definition=(
+                "Share of the targets, over all scans, that are paired with an estimate closer "
+                f"than {NEAR:g} m, and than c."
+            ),
+            group=WHOLE,
         ),
     )
 
@@ -92,11 +112,16 @@ class Heights(Accumulator):
     names = ("heights", "height_square_error")
     metrics = (
         Metric(
-            *("height_rms", "height RMS", "m", ".1f"),
-            root_mean("height_square_error", "heights"),
-            "Root mean square, over all pairs of the run whose true and estimated heights are "
-            "known, of the difference of the two.",
-            WHOLE,
+            key="height_rms",
+            heading="height RMS",
+            unit="m",
+            form=".1f",
+            of_run=root_mean("height_square_error", "heights"),
+            definition=(
+                "Root mean square, over all pairs of the run whose true and estimated heights are "
+                "known, of the difference of the two."
+            ),
+            group=WHOLE,
         ),
     )
 
@@ -115,12 +140,17 @@ class Classes(Accumulator):
     names = ("right_class",)
     metrics = (
         Metric(
-            *("class_accuracy", "class accuracy", "", ".1%"),
-            share("right_class", "pairs"),
-            "Share of the pairs with the right class. Pairs are of an estimate and a target, by "
-            "position alone, closer than c; in a report the estimates are those of the smoother. "
-            "Missed and false targets are left out.",
-            CLASSES,
+            key="class_accuracy",
+            heading="class accuracy",
+            unit="",
+            form=".1%",
+            of_run=share("right_class", "pairs"),
+            definition=(
+                "Share of the pairs with the right class. Pairs are of an estimate and a target, "
+                "by position alone, closer than c; in a report the estimates are those of the "
+                "smoother. Missed and false targets are left out."
+            ),
+            group=CLASSES,
             headline=True,
         ),
     )

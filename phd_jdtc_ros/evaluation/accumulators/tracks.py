@@ -60,13 +60,19 @@ class Ospa2Accumulator(LabelAccumulator):
     names = ("ospa2",)
     metrics = (
         Metric(
-            *("ospa2", "OSPA(2)", "m", ".1f"),
-            if_any("n_est", lambda run: ratio(run.sum("ospa2"), run.scans)),
-            "Mean over the scans of the OSPA distance between estimated and true trajectories in "
-            f"the last {OSPA2_WINDOW} scans. The distance of two trajectories is the mean over the "
-            "scans in which at least one exists, with c if only one does, so that short, broken "
-            "and swapped tracks count. It needs track ids of all targets and estimates.",
-            TRACKS,
+            key="ospa2",
+            heading="OSPA(2)",
+            unit="m",
+            form=".1f",
+            of_run=if_any("n_est", lambda run: ratio(run.sum("ospa2"), run.scans)),
+            definition=(
+                "Mean over the scans of the OSPA distance between estimated and true trajectories "
+                f"in the last {OSPA2_WINDOW} scans. The distance of two trajectories is the mean "
+                "over the scans in which at least one exists, with c if only one does, so that "
+                "short, broken and swapped tracks count. It needs track ids of all targets and "
+                "estimates."
+            ),
+            group=TRACKS,
         ),
     )
 

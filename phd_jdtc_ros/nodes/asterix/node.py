@@ -205,8 +205,7 @@ class AsterixBridge(ManagedNode):
         name = state.settings.name
         if name not in self._outputs:
             self._add_output(name)
-        cloud = clouds.cloud(report, state, self._bridge.amplitudes(name))
-        self._outputs[name].publish(cloud)
+        self._outputs[name].publish(clouds.cloud(report, state))
 
     def _add_output(self, name: str) -> None:
         topic, qos = names.detections(name), topics.reliable(OUTPUT_DEPTH)

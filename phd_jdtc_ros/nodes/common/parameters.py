@@ -109,8 +109,11 @@ def _descriptor(parameter: Parameter, value: Any) -> ParameterDescriptor:
     descriptor = ParameterDescriptor(
         description=parameter.description,
         additional_constraints=f"must be {parameter.allowed}",
-        # An empty list has no type of its own, and some values are written in several ways.
-        dynamic_typing=value == [] or parameter.form is not None,
+        # An empty list, which a list may become, has no type of its own, and some values are
+        # written in several ways.
+        dynamic_typing=value == []
+        or (parameter.mutable and isinstance(value, list))
+        or parameter.form is not None,
     )
     largest = sys.float_info.max
     low, high = max(parameter.low, -largest), min(parameter.high, largest)

@@ -26,15 +26,14 @@ from msg_adapters.outgoing import diagnostics, outputs, plots
 from msg_adapters.targets import estimates, truth
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.configuration.parameters import replaced
-from phd_jdtc_ros.configuration.parameters.tracker import ENGINE_OF
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.arrays import IntArray
 from phd_jdtc_ros.core.types import SOURCES, Estimates, Truth
 from phd_jdtc_ros.evaluation.comparison import PointSet
-from phd_jdtc_ros.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.evaluation.evaluation import ORDER, Evaluation
 from phd_jdtc_ros.evaluation.run_scores import ScanScore
 from phd_jdtc_ros.exit_status import FAILED, OK
-from phd_jdtc_ros.parameter_files.evaluator import TABLE
+from phd_jdtc_ros.parameter_files.evaluator import CLOUD, TABLE
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 from phd_jdtc_ros.report.table import metrics, score_tables
 
@@ -67,7 +66,7 @@ class Evaluator(RunnableNode):
         self._evaluation = Evaluation(
             self._classes,
             self._values["cutoff"],
-            self._values["order"],
+            ORDER,
             MAX_SCANS,
             tuple(self._values["classes"]),
             self._values["least_speed"],
@@ -130,7 +129,7 @@ class Evaluator(RunnableNode):
             return None
         directory, tracker = Path(self._values["record"]), self._values["tracker"]
         recorded = {
-            **dict(map(_recorded_topic, self._values["record_topics"])),
+            **_recorded_topics(self._values["record_topics"], self._values["record_types"]),
             self._truth_topic: names.CLOUD,
             **outputs.default_topics(
                 self._classes,
@@ -220,7 +219,8 @@ class Evaluator(RunnableNode):
 
     def _on_parameters(self, values: Mapping[str, Any]) -> None:
         """Record the tracker's parameters, which it sends once it has discovered this node."""
-        self._engine = ENGINE_OF.get(str(values.get("engine")))
+        engine = values.get("engine")
+        self._engine = None if engine is None else str(engine)
         if self._recorder is not None:
             self._recorder.write_parameters(values)
         self._has_parameters = True
@@ -243,9 +243,7 @@ class Evaluator(RunnableNode):
 
     def _publish(self, scores: Sequence[ScanScore]) -> None:
         for score in scores:
-            self._scores.publish(
-                diagnostics.score_to_msg(score, self._values["cutoff"], self._values["order"])
-            )
+            self._scores.publish(diagnostics.score_to_msg(score, self._values["cutoff"], ORDER))
             for quantity, message in plots.score_to_msgs(score).items():
                 self._plots[quantity].publish(message)
 
@@ -262,19 +260,20 @@ class Evaluator(RunnableNode):
             self.exit_status = OK
 
 
-def _recorded_topic(entry: str) -> tuple[str, str]:
-    """Return the topic and the message type of an entry of ``record_topics``."""
-    topic, *message = entry.split()
-    if not message:
-        return topic, names.CLOUD
-    if len(message) > 1 or message[0] not in TYPES:
-        suffix = f"with {' or '.join(TYPES)} after it for poses"
-        raise ConfigError(f"record_topics: {entry!r} given, must be a topic, {suffix}")
-    kind = TYPES[message[0]]
-    if interfaces.installed_class(kind) is None:
-        package = kind.split("/")[0]
-        raise ConfigError(f"record_topics: {entry!r} given, but {package} is not installed")
-    return topic, kind
+def _recorded_topics(topics: Sequence[str], messages: Sequence[str]) -> dict[str, str]:
+    """Return the message type of each of ``record_topics``, given ``record_types``."""
+    if messages and len(messages) != len(topics):
+        raise ConfigError(
+            f"record_types: {messages} given, must be empty or one for each of {len(topics)} topics"
+        )
+    kinds = {CLOUD: names.CLOUD, **TYPES}
+    listed = messages or [CLOUD] * len(topics)
+    found = {topic: kinds[kind] for topic, kind in zip(topics, listed, strict=True)}
+    for kind in found.values():
+        if interfaces.installed_class(kind) is None:
+            package = kind.split("/")[0]
+            raise ConfigError(f"record_types: {messages} given, but {package} is not installed")
+    return found
 
 
 def _report_path(given: str) -> Path | None:

@@ -13,6 +13,7 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.incoming import moving_radars
@@ -28,6 +29,8 @@ from ..common.callbacks import steady_timer
 DEPTH = 1000
 
 CHECK_PERIOD_S = 0.5
+# Length of the prefix of a DDS identifier (GUID) that is its participant's.
+PARTICIPANT_BYTES = 12
 # Types of the tracker's inputs, and what the tracker has of them.
 KINDS = {
     **{reader.type_name: "a radar's detections" for reader in READERS.values()},
@@ -131,15 +134,10 @@ class Recorder:
 
 def watch_inputs(node: Node, tracker: str, recorded: Collection[str]) -> None:
     """Warn of the tracker's inputs, as the graph shows them, that are not among `recorded`."""
-    namespace, _, name = tracker.rpartition("/")
     known = set(recorded)
 
     def check() -> None:
-        try:
-            inputs = node.get_subscriber_names_and_types_by_node(name, namespace or "/")
-        except NodeNameNonExistentError:  # it has not started, or has ended
-            return
-        for topic, types in inputs:
+        for topic, types in _inputs(node, tracker):
             kinds = [KINDS[kind] for kind in types if kind in KINDS]
             if kinds and topic not in known:
                 known.add(topic)
@@ -149,3 +147,27 @@ def watch_inputs(node: Node, tracker: str, recorded: Collection[str]) -> None:
                 )
 
     steady_timer(node, CHECK_PERIOD_S, check)
+
+
+def _inputs(node: Node, tracker: str) -> list[tuple[str, list[str]]]:
+    """Return the topics to which a tracker subscribes, with their types.
+
+    Fast DDS forgets a node that it has not heard for a while, as on a busy machine, and then finds
+    its endpoints again but not its name. They are recognised by the process of its outputs.
+    """
+    namespace, _, name = tracker.rpartition("/")
+    try:
+        return list(node.get_subscriber_names_and_types_by_node(name, namespace or "/"))
+    except NodeNameNonExistentError:
+        outputs = node.get_publishers_info_by_topic(names.cardinality(tracker))
+        own = {_participant(output) for output in outputs}
+        return [
+            (topic, types)
+            for topic, types in node.get_topic_names_and_types()
+            if not own.isdisjoint(map(_participant, node.get_subscriptions_info_by_topic(topic)))
+        ]
+
+
+def _participant(endpoint: TopicEndpointInfo) -> tuple[int, ...]:
+    """Return the part of an endpoint's identifier that all endpoints of a process share."""
+    return tuple(endpoint.endpoint_gid[:PARTICIPANT_BYTES])

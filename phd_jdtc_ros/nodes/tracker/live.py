@@ -18,6 +18,7 @@ from msg_adapters.incoming.readers import Reader
 from msg_adapters.outgoing.outputs import SCAN, STEP, StepResult
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.calibration.registration.monitor import RegistrationMonitor
+from phd_jdtc_ros.configuration.parameters.tracker import PHD
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped, start_cold
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
@@ -84,6 +85,12 @@ class LiveTracker:
         values = self._settings.node
         if not values["checkpoint.path"]:
             return None
+        engine = self._settings.config.engine
+        if engine in PHD:
+            raise ConfigError(
+                f"checkpoint.path: {values['checkpoint.path']} given, must be empty with engine "
+                f"{engine}"
+            )
         # os.path returns False where pathlib raises for lack of permission.
         path = Path(os.path.expanduser(values["checkpoint.path"]))
         if not os.path.isdir(path.parent):

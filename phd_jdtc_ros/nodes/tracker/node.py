@@ -274,5 +274,5 @@ def main(argv: Sequence[str]) -> int:
     files = arguments.check("tracker", __doc__, argv)
     # This loads all compiled functions while a signal still ends the process at once.
     with compiling.report_compilation(argv):
-        importlib.import_module("phd_jdtc_ros.core.gaussian.engine")
+        importlib.import_module("phd_jdtc_ros.core.window.fixed_lag")
     return runtime.run("tracker", lambda: Tracker(files), argv)

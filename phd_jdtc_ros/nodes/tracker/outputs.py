@@ -43,7 +43,14 @@ class Outputs:
         config = settings.config
         classes = tuple(c.name for c in config.model.modes.classes)
         trails = Trails(PATH_LENGTH)
-        self._view = View(config.world_frame, classes, config.model.radars, config.plane, trails)
+        self._view = View(
+            config.world_frame,
+            classes,
+            config.model.radars,
+            config.plane,
+            trails,
+            config.model.has_clutter_map,
+        )
         self._publishers: dict[Output, Any] = {}
         # The outputs that are wanted, with their publishers, by trigger.
         self._wanted: dict[str, list[tuple[Output, Any]]] = {}

@@ -13,8 +13,8 @@ import numpy as np
 from matplotlib.colors import to_hex
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.core.sensors.site import Plane
+from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
 
 from ..record import AllPlots, RadarSite
 from ..style import CLUTTER, purples

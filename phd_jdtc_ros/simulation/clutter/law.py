@@ -14,9 +14,13 @@ from scipy.special import ndtr, ndtri
 
 from phd_jdtc_ros.configuration.schema import Parameter, parameter
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.clutter.amplitude_law import DB_PER_NEPER, level_db
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
-from phd_jdtc_ros.core.targets.amplitude_density import SMALLEST_AMPLITUDE, snr_from_db
+from phd_jdtc_ros.core.targets.amplitude_density import (
+    DB_PER_NEPER,
+    SMALLEST_AMPLITUDE,
+    level_db,
+    snr_from_db,
+)
 
 from ..checked import by_radar, converted_parameter, read, take
 

@@ -11,7 +11,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.tables import GROUPS, TOP
 from phd_jdtc_ros.simulation.scenario import Scenario
 
-from ..runs import TAXIING, ExtractionVariant, IgnoredTargets
+from ..runs import TAXIING, IgnoredTargets
 from .kinds import Kind
 from .metrics import ACCUMULATORS
 
@@ -24,7 +24,7 @@ FIGURES = (*METRICS, REDUCTION)
 # Wildcard for the name of a class in a parameter's name.
 EVERY_CLASS = "*"
 # Parameters that the study sets itself.
-OWN = ("lag", "seed")
+OWN = ("lag", "lag_s", "seed")
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,6 @@ class Variant:
 
     name: str
     kind: Kind
-    extraction: ExtractionVariant | None  # Set only for this package's tracker on scans
     # Parameters of the tracker that replace the case's; they do not change the simulated data. A
     # name with `EVERY_CLASS` in the place of a class applies to all classes of the case.
     parameters: dict[str, Any]
@@ -87,7 +86,7 @@ class Study:
     goals: tuple[Goal, ...]
     assigned: dict[str, Any]  # Parameters that replace those of cases and variants
     cutoff: float = CUTOFF  # c of OSPA and GOSPA, metres, in cases without their own
-    # Variants that the assigned engine does not support, with the reasons.
+    # Variants that name an engine other than the assigned one, with the reasons.
     left_out: Mapping[str, str] = field(default_factory=dict)
 
     def cutoff_of(self, case: Case) -> float:

@@ -10,13 +10,11 @@ from typing import Any, TypeAlias
 from phd_jdtc_ros.configuration import build as tracker_config
 from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, Form, Parameter, flatten, number
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
-from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
-from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS
 from phd_jdtc_ros.simulation.checked import mapping, mappings, take
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.simulation.transponder import transponders
 
-from ..runs import TAXIING, ExtractionVariant, IgnoredTargets
+from ..runs import TAXIING, IgnoredTargets
 from .definition import FIGURES, OWN, Case, Goal, Study, Variant, merge_layers
 from .kinds import KINDS, Kind
 
@@ -50,19 +48,11 @@ IGNORED = tuple(Parameter(name, value, "", 0.0) for name, value in TAXIING._asdi
 SHARE = Parameter(
     "run_share", 1.0, "", form=Form("above 0 and at most 1", lambda given: number(given, SMALL, 1))
 )
-EXTRACTION = (
-    Parameter("death_term", "bernoulli", "", choices=tuple(DEATH_TERMS)),
-    Parameter("extraction", "components", "", choices=tuple(EXTRACTIONS)),
-)
-EXTRACTION_KEYS = tuple(parameter.name for parameter in EXTRACTION)
-# The choices of the labelled filter, and those that the Gaussian engine does not support.
-LABELLED_CHOICES = {"engine": "gaussian", **{each.name: each.default for each in EXTRACTION}}
-OTHER_CHOICES = {"engine": "phd", "death_term": "paper", "extraction": "clusters"}
 CASE = (
     *("scenario", "parameters", "cutoff", "only_named"),
     *("ignored", "run_share", "transponders", "lags"),
 )
-VARIANT = ("kind", "engine", "cases", "lags", "parameters", "run_share", *EXTRACTION_KEYS)
+VARIANT = ("kind", "engine", "cases", "lags", "parameters", "run_share")
 BOUNDS = ("at_most", "at_least")
 GOAL = ("name", "case", "variant", "lag", "figure", *BOUNDS, "relative_to", "relative_case")
 
@@ -80,8 +70,8 @@ def resolve(
 
     The document has ``lags``, ``cases``, ``variants`` and ``goals``, as in
     `config/studies/published.yaml`. `load_scene` reads a scenario file, given its name in the
-    document, and the `assigned` parameters of the tracker replace all others. Raise `ConfigError`
-    with all faults.
+    document, and the `assigned` parameters of the tracker replace all others, except that an engine
+    leaves out the variants that name another. Raise `ConfigError` with all faults.
     """
     if not isinstance(document, Mapping):
         raise ConfigError("study: must be a mapping")
@@ -97,7 +87,7 @@ def resolve(
         return [name for name in given if kind is None or kind.turning == (name in turning)]
 
     variants = tuple(
-        _variant(name, each, suitable, shared, lags or (), assigned, kinds, faults)
+        _variant(name, each, suitable, shared, lags or (), kinds, faults)
         for name, each in _entries(document, "variants", faults).items()
     )
     goals = mappings(document, "goals", "", faults)
@@ -107,6 +97,7 @@ def resolve(
         variants,
         tuple(_goal(each, index, given, names, faults) for index, each in enumerate(goals)),
         dict(assigned),
+        left_out=_left_out(variants, assigned),
     )
     faults += [
         f"cases.{case.name}.lags: {list(case.lags or ())} given, {variant.name} has none of them"
@@ -114,22 +105,14 @@ def resolve(
         for variant in variants
         if case.name in variant.cases and variant.lags and not case.lags_of(variant)
     ]
-    by_variant = dict(_tracker_faults(study))
-    left_out = {}
-    if "engine" in assigned:
-        # A variant may be valid for another engine only; an engine on the command line omits it.
-        others = replace(study, assigned={k: v for k, v in assigned.items() if k != "engine"})
-        own = dict(_tracker_faults(others))
-        left_out = {name: found[0] for name, found in by_variant.items() if name not in own}
     faults += [
         f"variants.{name}.parameters.{fault}"
-        for name, found in by_variant.items()
-        if name not in left_out
+        for name, found in _tracker_faults(study)
         for fault in found
     ]
     if faults:
         raise ConfigError(*dict.fromkeys(faults))
-    return replace(study, left_out=left_out)
+    return study
 
 
 def _entries(
@@ -208,7 +191,6 @@ def _variant(
     suitable: Callable[[Kind | None], list[str]],
     shared: Collection[str],
     lags: tuple[int, ...],
-    assigned: Mapping[str, Any],
     kinds: Mapping[str, Kind],
     faults: list[str],
 ) -> Variant:
@@ -218,7 +200,7 @@ def _variant(
     """
     prefix = f"variants.{name}."
     engines = [kind.name for kind in kinds.values() if kind.is_engine]
-    wanted = [SHARE, *EXTRACTION, *([LAGS] if "lags" in given else [])]
+    wanted = [SHARE, *([LAGS] if "lags" in given else [])]
     if "engine" in given:
         wanted.append(_choice("engine", engines))
     if "kind" in given or "engine" not in given:
@@ -230,16 +212,13 @@ def _variant(
     for key, allowed in (
         ("engine", [each.name for each in kinds.values() if each.ours]),
         ("parameters", [each.name for each in kinds.values() if each.tuned]),
-        *((key, engines) for key in EXTRACTION_KEYS),
     ):
         if key in given and (kind is None or kind.name not in allowed):
             faults.append(f"{prefix}{key}: only for kind {' or '.join(allowed)}")
-    extraction = None
     if kind is not None and kind.is_engine:
         parameters = {"engine": engine or kind.name, **parameters}
         # A wrong engine is found later as a fault of the parameters.
-        kind = kinds.get(str({**parameters, **assigned}["engine"]), kind)
-        extraction = ExtractionVariant(name, *(values[key] for key in EXTRACTION_KEYS))
+        kind = kinds.get(str(parameters["engine"]), kind)
     elif engine:
         parameters = {"engine": engine, **parameters}
     cases = suitable(kind)
@@ -250,7 +229,6 @@ def _variant(
     return Variant(
         name=name,
         kind=kind or next(iter(kinds.values())),
-        extraction=extraction,
         parameters=parameters,
         cases=tuple(chosen),
         lags=values.get("lags", lags) or (),
@@ -293,15 +271,30 @@ def _choice(key: str, allowed: Iterable[str]) -> Parameter:
     return Parameter(key, "", "", choices=tuple(allowed), required=True)
 
 
+def _left_out(variants: Iterable[Variant], assigned: Mapping[str, Any]) -> dict[str, str]:
+    """Return the variants that name an engine other than the assigned one, with the reasons."""
+    engine = assigned.get("engine")
+    named = {variant.name: variant.parameters.get("engine", engine) for variant in variants}
+    return {
+        name: f"engine: {own} given, must be {engine} with engine {engine}"
+        for name, own in named.items()
+        if engine is not None and own != engine
+    }
+
+
 def _tracker_faults(study: Study) -> Iterator[tuple[str, list[str]]]:
-    """Yield the variants with invalid tracker parameters at any of their cases, and the faults."""
+    """Yield the variants with invalid tracker parameters at any of their cases, and the faults.
+
+    Variants that are left out are not checked, because what is assigned beside the engine may be
+    wrong for theirs.
+    """
     for variant in study.variants:
+        if variant.name in study.left_out:
+            continue
         faults: list[str] = []
         for case in study.cases:
             if variant.kind.tuned and case.name in variant.cases and variant.parameters:
                 given = study.parameters(case, variant)
-                if given.get("engine") == "gaussian":
-                    faults += _gaussian_faults(variant)
                 try:
                     tracker_config.resolve(given)
                 except ConfigError as error:
@@ -310,17 +303,6 @@ def _tracker_faults(study: Study) -> Iterator[tuple[str, list[str]]]:
             yield variant.name, list(dict.fromkeys(faults))
 
 
-def _gaussian_faults(variant: Variant) -> list[str]:
-    """Return a fault for each choice of a variant that the Gaussian engine does not support."""
-    own = {"engine": variant.parameters.get("engine")}
-    if variant.extraction is not None:
-        own |= dict(zip(EXTRACTION_KEYS, variant.extraction[1:], strict=True))
-    return [
-        f"{key}: {value} given, must be {LABELLED_CHOICES[key]} with engine gaussian"
-        for key, value in own.items()
-        if str(value).startswith(OTHER_CHOICES[key])
-    ]
-
-
 def _reserved_faults(prefix: str, parameters: Mapping[str, Any]) -> list[str]:
+    """Return a fault for each of these tracker parameters that the study itself sets."""
     return [f"{prefix}{name}: is set by the study itself" for name in OWN if name in parameters]

@@ -80,12 +80,17 @@ class OspaAfterBirth(RunAccumulator):
     names = ("ospa_after_5",)
     metrics = (
         Metric(
-            *("ospa_after_5", "OSPA after 5 scans", "m", ".1f"),
-            mean("ospa_after_5"),
-            "Mean OSPA without the targets in their first five scans and without the estimates "
-            "that are paired with them. Scans in which all existing targets are in their first "
-            "five are left out.",
-            STUDY,
+            key="ospa_after_5",
+            heading="OSPA after 5 scans",
+            unit="m",
+            form=".1f",
+            of_run=mean("ospa_after_5"),
+            definition=(
+                "Mean OSPA without the targets in their first five scans and without the estimates "
+                "that are paired with them. Scans in which all existing targets are in their first "
+                "five are left out."
+            ),
+            group=STUDY,
         ),
     )
 
@@ -114,10 +119,13 @@ class MedianError(RunAccumulator):
     names = ("median_error",)
     metrics = (
         Metric(
-            *("median_error", "median error", "m", ".1f"),
-            mean("median_error"),
-            "Median distance of the pairs of a scan, its mean over the scans.",
-            STUDY,
+            key="median_error",
+            heading="median error",
+            unit="m",
+            form=".1f",
+            of_run=mean("median_error"),
+            definition="Median distance of the pairs of a scan, its mean over the scans.",
+            group=STUDY,
         ),
     )
 
@@ -133,11 +141,16 @@ class Promptness(RunAccumulator):
     names = ("begun", "prompt")
     metrics = (
         Metric(
-            *("reported_within_4", "reported within 4 scans", "", ".1%"),
-            share("prompt", "begun"),
-            "Share of the targets that are paired with an estimate in one of their first four "
-            "scans, by position alone, closer than c; of targets that exist so long.",
-            STUDY,
+            key="reported_within_4",
+            heading="reported within 4 scans",
+            unit="",
+            form=".1%",
+            of_run=share("prompt", "begun"),
+            definition=(
+                "Share of the targets that are paired with an estimate in one of their first four "
+                "scans, by position alone, closer than c; of targets that exist so long."
+            ),
+            group=STUDY,
         ),
     )
     _paired: frozenset[int] = frozenset()
@@ -156,10 +169,13 @@ class CpuTime(RunAccumulator):
     names = ("cpu_ms",)
     metrics = (
         Metric(
-            *("cpu_ms", "CPU per turn", "ms", ".0f"),
-            mean("cpu_ms"),
-            "CPU time per turn of the antenna, filter and smoother together.",
-            STUDY,
+            key="cpu_ms",
+            heading="CPU per turn",
+            unit="ms",
+            form=".0f",
+            of_run=mean("cpu_ms"),
+            definition="CPU time per turn of the antenna, filter and smoother together.",
+            group=STUDY,
         ),
     )
 
@@ -179,18 +195,28 @@ class ReflectorsAndDelays(RunAccumulator):
     names = ("on_reflectors", "late", "five_scans_old")
     metrics = (
         Metric(
-            *("on_reflectors", "on reflectors", "", ".3f"),
-            mean("on_reflectors"),
-            "Mean number per turn, after the first twenty, of estimates within 100 m of a "
-            "reflector such as a quay, and farther than that from every target.",
-            STUDY,
+            key="on_reflectors",
+            heading="on reflectors",
+            unit="",
+            form=".3f",
+            of_run=mean("on_reflectors"),
+            definition=(
+                "Mean number per turn, after the first twenty, of estimates within 100 m of a "
+                "reflector such as a quay, and farther than that from every target."
+            ),
+            group=STUDY,
         ),
         Metric(
-            *("late", "found late", "", ".1%"),
-            share("late", "five_scans_old"),
-            "Share of the targets to which no estimate within 200 m was assigned in their first "
-            "five scans or turns.",
-            STUDY,
+            key="late",
+            heading="found late",
+            unit="",
+            form=".1%",
+            of_run=share("late", "five_scans_old"),
+            definition=(
+                "Share of the targets to which no estimate within 200 m was assigned in their "
+                "first five scans or turns."
+            ),
+            group=STUDY,
         ),
     )
     _seen: frozenset[int] = frozenset()

@@ -118,10 +118,7 @@ def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
         "ospa": [study.cutoff_of(case), ORDER, OTHER_CUTOFF, OTHER_ORDER],
         "ignored": case.ignored,
     }
-    digests = {
-        v.name: _digest({**shared, "name": v.name, "reading": v.extraction, "lags": v.lags})
-        for v in variants
-    }
+    digests = {v.name: _digest({**shared, "name": v.name, "lags": v.lags}) for v in variants}
     settings = case.name, case.scenario, case.classes, variants, parameters
     return Task(*settings, 0, code, digests, study.cutoff_of(case), case.ignored)
 
@@ -157,9 +154,8 @@ def _track_variants(task: Task, run: SimulatedRun) -> dict[str, TrackingResult]:
         # An engine loads compiled code, so that only its runs import it.
         from ..tracker import track
 
-        extractions = [v.extraction for v in task.variants if v.extraction is not None]
-        by_name = track(run, tracker_config.resolve(task.parameters), extractions, lags)
-        return {name: TrackingResult(tracks) for name, tracks in by_name.items()}
+        found = TrackingResult(track(run, tracker_config.resolve(task.parameters), lags))
+        return dict.fromkeys([variant.name for variant in task.variants], found)
     if task.kind.track is None:
         raise ValueError(f"kind: {task.kind.name} given, {task.kind.missing()}")
     tracked = task.kind.track(run, task.parameters, lags)

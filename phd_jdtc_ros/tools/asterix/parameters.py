@@ -17,7 +17,6 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, findings
 from phd_jdtc_ros.configuration.models import REPLY_PROBABILITY
-from phd_jdtc_ros.configuration.parameters.forms import learned_from, probability_numbers
 from phd_jdtc_ros.core.sensors.site import MAX_SITE_DISTANCE
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import from_arguments, proposed_file, tracker_params
@@ -121,7 +120,10 @@ def measure(proposed: Proposal, states: Sequence[RadarState], bag: Path) -> None
         found[radar] = own
         for row in proposal.rows(own, config.values, radar):
             if row.name in ESTIMATED and row.proposed:
-                proposed.set(f"{radar}.{row.name}", row.given, f"measured: {row.source}")
+                proposed.set(f"{radar}.{row.name}", row.value, f"measured: {row.source}")
+            elif row.name == "learn" and isinstance(row.value, list):
+                # The decrease of the detection probability with range is assumed.
+                proposed.values[f"{radar}.learn"] = [*row.value, "detection"]
         if math.isfinite(own.detection.value):
             _set_detection_probability(proposed, radar, own.detection.value)
     together = [state for state in states if state.settings.name in proposed.values["sensors"]]
@@ -135,10 +137,11 @@ def _set_detection_probability(proposed: Proposal, radar: str, measured: float) 
     least, most = PROBABILITIES
     far = proposed.values[f"{radar}.max_range"]
     near = min(max(measured, least), most)
-    table = [0.0, round(near, 3), far, round(max(near - PROBABILITY_SLOPE * far, least), 3)]
+    table = [round(near, 3), round(max(near - PROBABILITY_SLOPE * far, least), 3)]
     name = f"{radar}.detection_probability"
     origin = f"measured mean: {measured:.3f}; its decrease with range is assumed"
-    proposed.set(name, learned_from(table), origin)
+    proposed.set(name, table, origin)
+    proposed.set(f"{name}_range", [0.0, far], "up to max_range")
 
 
 def write(path: Path, head: str, proposed: Proposal) -> None:
@@ -174,7 +177,7 @@ def _set_layout(proposed: Proposal, state: RadarState) -> None:
     elif assembler.finder.turn_s:
         origin = "mean of its turns, from azimuths and times of its plots"
     elif turn_s:
-        origin = "as configured or as the radar reports"
+        origin = "as the radar reports"
     else:
         origin = "the tracker estimates it"
     proposed.set(f"{radar}.rotation_s", turn_s, origin)
@@ -194,10 +197,9 @@ def _set_ranges(proposed: Proposal, state: RadarState, own: dict[str, Any]) -> N
     scale = most / own["max_range"]
     proposed.set(f"{radar}.max_range", most, f"its farthest plot is at {seen.farthest:.0f} m")
     proposed.set(f"{radar}.clutter_max_range", most, "as max_range")
-    pairs = probability_numbers(own["detection_probability"])
-    scaled = [round(v * scale) * 1.0 if k % 2 == 0 else v for k, v in enumerate(pairs)]
-    origin = "assumed: the profile's values, with their ranges scaled to max_range"
-    proposed.set(f"{radar}.detection_probability", learned_from(scaled), origin)
+    name = "detection_probability_range"
+    scaled = [round(scale * distance) * 1.0 for distance in own[name]]
+    proposed.set(f"{radar}.{name}", scaled, "assumed: the profile's, scaled to max_range")
     least = min(own["min_range"], float(math.floor(seen.nearest * MIN_RANGE_FACTOR)))
     origin = "the profile's value; " if least == own["min_range"] else ""
     proposed.set(
@@ -253,7 +255,7 @@ def _set_times(proposed: Proposal, together: Sequence[RadarState]) -> None:
     if turn_s:
         proposed.set("interval_s", turn_s, "the longest turn")
         proposed.set("estimates_period_s", turn_s, "the longest turn")
-        proposed.set("lag", f"{round(5.0 * turn_s, 4):g} s", "five of the longest turns")
+        proposed.set("lag_s", round(5.0 * turn_s, 4), "five of the longest turns")
 
 
 def _set_equipped_probability(

@@ -201,7 +201,7 @@ def convert(
             framing.kind_of(data)
             with BagWriter(out) as bag:
                 for state, report in _reports(data, done, midnight_ns):
-                    _write(bag, done, bridge, state, report)
+                    _write(bag, done, state, report)
     except RecordingError as error:
         raise BagError(f"{path}: {error}") from error
     states = done.radars()
@@ -237,15 +237,13 @@ def _reports(
             state.assembler.finder.find()
 
 
-def _write(
-    bag: BagWriter, done: Conversion, bridge: Bridge, state: RadarState, report: SectorReport
-) -> None:
+def _write(bag: BagWriter, done: Conversion, state: RadarState, report: SectorReport) -> None:
     name = state.settings.name
     topic = names.detections(name)
     if topic not in done.topics:
         bag.add_topic(Topic(topic, names.CLOUD, DEPTH))
         done.topics.add(topic)
-    message = clouds.cloud(report, state, bridge.amplitudes(name))
+    message = clouds.cloud(report, state)
     bag.write(topic, interfaces.encode(message), report.stamp_ns)
     done.disorder_ns = max(done.disorder_ns, done.newest_ns - report.stamp_ns)
     done.newest_ns = max(done.newest_ns, report.stamp_ns)

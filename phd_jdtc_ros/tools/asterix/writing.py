@@ -20,6 +20,7 @@ from msg_adapters.incoming.readers import reader_of
 from msg_adapters.incoming.sent_columns import fill
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.asterix.call_signs import CallSigns
+from phd_jdtc_ros.asterix.columns import NOISE_DBM
 from phd_jdtc_ros.asterix.messages import COMBINED, DAY, NONE, PRIMARY, Plot
 from phd_jdtc_ros.asterix.writing import plots as plots_out
 from phd_jdtc_ros.asterix_bridge import settings
@@ -165,7 +166,6 @@ def write_plots(
             config,
             index,
             numbers.get(radar.name, OWN_SAC << 8 | index + 1),
-            bridge.amplitudes(radar.name if radar.name in numbers else "").noise_dbm,
         )
         for index, radar in enumerate(config.radars)
     ]
@@ -180,14 +180,13 @@ def write_plots(
 class _Radar:
     """The detections of a radar as data blocks."""
 
-    def __init__(self, config: TrackerConfig, index: int, number: int, noise_dbm: float) -> None:
+    def __init__(self, config: TrackerConfig, index: int, number: int) -> None:
         self._input = config.radars[index]
         # On the earth, azimuths are from true north, and not from the map's.
         site = self._input.site
         self._yaw = config.model.radars[index].yaw if site is None else site.yaw_from_east
         self._turns: Turns = config.turns()[index]
         self._number = number
-        self._noise_dbm = noise_dbm
 
     def blocks(self, bag: BagReader, done: ConversionCounts) -> Iterator[tuple[int, bytes]]:
         """Yield ascending times, and bytes of data blocks as the radar would send them."""
@@ -231,7 +230,7 @@ class _Radar:
         above = fill(found.height, len(found), math.nan)
         slant, azimuth = ground_ranges.measure(replace(found, height=above), self._input)
         azimuth, height = 0.5 * math.pi - azimuth - self._yaw, above + self._input.datum
-        plots = plots_of(found, self._number, slant, azimuth, height, self._noise_dbm)
+        plots = plots_of(found, self._number, slant, azimuth, height, NOISE_DBM)
         own_s = fill(found.time_s, len(found), 0.0).tolist()
         return [
             (stamp_ns + round(time_s * 1e9), plot)

@@ -28,9 +28,9 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration import scene
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.engines import ENGINES
-from phd_jdtc_ros.configuration.parameters.tracker import LABELLED
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.earth import SystemPlane
+from phd_jdtc_ros.evaluation.evaluation import ORDER
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import (
     bag_parameters,
@@ -46,6 +46,8 @@ from ..track_bag import track_bag
 from . import asterix, processes
 from .processes import METRICS, PARAMETERS, RECORDING, Processes
 
+# The paper's filter as printed, and with its errors corrected, which the demo compares.
+PAPER = ("phd_as_printed", "phd")
 LOGS = "logs"
 # Directory of the results until the nodes have ended without failure, below the output directory.
 UNFINISHED = ".unfinished"
@@ -83,32 +85,38 @@ def _places(profile: Path, bag: Path) -> list[str]:
     return [f"{name}:={proposed_file.scalar(value)}" for name, value in places.items()]
 
 
-def other_engine(config: TrackerConfig) -> TrackerConfig | None:
-    """Return the configuration with the other engine; None if that does not support it."""
-    if config.values["engine"] not in LABELLED:
-        return None
-    other = next(name for name in ENGINES if name != config.engine)
-    try:
-        return resolve({**config.values, "engine": other}, SystemPlane)
-    except ConfigError:
-        return None
+def papers_filters(config: TrackerConfig) -> list[TrackerConfig]:
+    """Return the configurations of the paper's filter, as printed and corrected.
+
+    They have the other parameters of this tracker; an engine that does not support these is left
+    out, and the tracker's own engine too.
+    """
+    found = []
+    for engine in PAPER:
+        try:
+            found.append(resolve({**config.values, "engine": engine}, SystemPlane))
+        except ConfigError:
+            continue
+    return [each for each in found if each.engine != config.engine]
 
 
 def scores(bag: Path, config: TrackerConfig, directory: Path) -> dict[str, Any]:
     """Track a bag offline into a new one; return its scores in the form of `metrics.json`."""
-    tracker = track_bag(BagReader(bag), config, directory, f"tracking with {config.engine}")
-    evaluation = tracker.record().evaluate(command.CUTOFF, command.ORDER)
-    return metrics(evaluation, np.array(tracker.step_ms), config.engine)
+    engine = config.values["engine"]
+    tracker = track_bag(BagReader(bag), config, directory, f"tracking with {engine}")
+    evaluation = tracker.record().evaluate(command.CUTOFF, ORDER)
+    return metrics(evaluation, np.array(tracker.step_ms), engine)
 
 
 def _compare(bag: Path, config: TrackerConfig, out: Path) -> None:
-    """Add the other engine's scores on the same bag to the metrics, if it can track the bag."""
+    """Add the scores of the paper's filter on the same bag to the metrics."""
     path = out / METRICS
-    summary, other = json.loads(path.read_text()), other_engine(config)
-    if not summary.get("scans") or other is None:
+    summary, compared = json.loads(path.read_text()), []
+    if not summary.get("scans"):
         return
-    with tempfile.TemporaryDirectory() as directory:
-        compared = scores(bag, other, Path(directory) / "bag")
+    for other in papers_filters(config):
+        with tempfile.TemporaryDirectory() as directory:
+            compared.append(scores(bag, other, Path(directory) / "bag"))
     text = json.dumps({**summary, "compared": compared}, indent=2, allow_nan=False)
     output_files.write(path, text + "\n")
 

@@ -18,6 +18,7 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.parameters import tracker_node
 from phd_jdtc_ros.parameter_files import bag_parameters
+from phd_jdtc_ros.parameter_files.evaluator import CLOUD
 
 START_S, STOP_S = 60.0, 10.0
 # The evaluator's last scores take a second or two.
@@ -125,7 +126,7 @@ def evaluator_parameters(
     return {
         "report": out / METRICS,
         "record": out / RECORDING,
-        "record_topics": f"[{', '.join(recorded_topics(config))}]",
+        **{name: f"[{', '.join(words)}]" for name, words in recorded_topics(config).items()},
         "classes": f"[{', '.join(kind.name for kind in classes)}]",
         "exit_after_scans": scans,
         "cutoff": cutoff,
@@ -133,13 +134,11 @@ def evaluator_parameters(
     }
 
 
-def recorded_topics(config: TrackerConfig) -> list[str]:
-    """Return the evaluator's ``record_topics``: radars, and the poses of their platforms."""
+def recorded_topics(config: TrackerConfig) -> dict[str, list[str]]:
+    """Return the evaluator's parameters for radars, and for the poses of their platforms."""
+    clouds = {radar.topic: CLOUD for radar in config.inputs}
     poses = {radar.pose.topic: radar.pose.message for radar in config.inputs if radar.pose.topic}
-    return [
-        *(radar.topic for radar in config.inputs),
-        *(f"{topic} {message}" for topic, message in poses.items()),
-    ]
+    return {"record_topics": [*clouds, *poses], "record_types": [*clouds.values(), *poses.values()]}
 
 
 def run(

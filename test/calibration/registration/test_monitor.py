@@ -21,7 +21,7 @@ from phd_jdtc_ros.core.types import (
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
-CONFIG = resolve({"engine": "gaussian", "lag": 0})
+CONFIG = resolve({"lag": 0})
 RADARS = CONFIG.model.radars
 SCANS = [scan for _, scan in simulate(paper_scenario(RADARS), 6)][:60]
 

@@ -1,16 +1,24 @@
 """The noise and the turns of radars, found in plots."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from plot_recordings import one_target, recorded
 from scipy.optimize import linear_sum_assignment
 
+from phd_jdtc_ros.calibration.tuning import findings as estimation
 from phd_jdtc_ros.calibration.tuning import kinematics
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.calibration.tuning.levels import log_ratio
-from phd_jdtc_ros.calibration.tuning.plots import LEAST_CLOUDS, Plots, limit_plots, plots_of
+from phd_jdtc_ros.calibration.tuning.plots import (
+    DENSE_CLOUDS,
+    Plots,
+    limit_plots,
+    plots_of,
+    sectors,
+)
 from phd_jdtc_ros.calibration.tuning.rates import clutter_rate, detection_probability, ends
 from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns, Timing, timing_of
 from phd_jdtc_ros.calibration.tuning.tracking import linking, noise
@@ -33,11 +41,48 @@ def test_plots_are_bounded_in_number_and_time():
     assert limit_plots(plots) is plots
     part = limit_plots(plots, 100)
     assert (len(part.cloud_s), len(part)) == (21, 105)
-    assert len(limit_plots(plots, 15).cloud_s) == LEAST_CLOUDS
+    assert len(limit_plots(plots, 15).cloud_s) == DENSE_CLOUDS
     plots = one_target(count=20)
     part = plots.until(10.0)
     assert isinstance(part, Plots)
     assert (len(part.cloud_s), len(part), part.duration_s) == (6, 6, 10.0)
+
+
+def dense_clouds(seed):
+    """Return forty clouds of 80 moving targets, detected with 0.9, and some 250 false plots."""
+    rng, clouds = np.random.default_rng(seed), []
+    place = np.stack([rng.uniform(-9e3, 9e3, 80), rng.uniform(-9e3, 9e3, 80)], axis=1)
+    velocity = rng.normal(0.0, 15.0, (80, 2))
+    for _ in range(40):
+        place = place + 2.0 * velocity
+        seen = place[rng.random(80) < 0.9]
+        found = np.stack([np.hypot(*seen.T), np.arctan2(seen[:, 1], seen[:, 0])], axis=1)
+        found += rng.standard_normal(found.shape) * [20.0, 0.01]
+        count = rng.poisson(250)
+        false = np.stack([rng.uniform(0.0, 12e3, count), rng.uniform(-3.1, 3.1, count)], axis=1)
+        clouds.append(np.concatenate([found, false]))
+    return recorded(clouds)
+
+
+@pytest.mark.parametrize("seed", [4, 5, 6])
+def test_dense_plots_are_linked_in_one_sector_and_counted_all_around(monkeypatch, seed):
+    most = 1500
+    plots = limit_plots(dense_clouds(seed), most)
+    assert len(plots.cloud_s) == DENSE_CLOUDS
+    parts = list(sectors(plots, most))
+    assert all(len(part) <= most for part, _ in parts)
+    linked = np.concatenate([rows for _, rows in parts])
+    assert len(np.unique(linked)) == len(linked)
+    monkeypatch.setattr(estimation, "sectors", partial(sectors, most=most))
+    found = findings(plots)
+    assert found.tracks < 30
+    assert found.noise.range_std == pytest.approx(20.0, rel=0.2)
+    assert found.noise.azimuth_std == pytest.approx(0.01, rel=0.2)
+    assert found.detection.value == pytest.approx(0.9, abs=0.04)
+    # The 72 plots of targets in the other sectors hardly count as clutter.
+    assert found.clutter.value == pytest.approx(250.0, rel=0.2)
+    assert found.clutter.std > 5.0
+    assert found.field.arc is None
 
 
 def test_one_target_is_one_track_through_misses():

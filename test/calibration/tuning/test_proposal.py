@@ -310,17 +310,20 @@ def test_rows_list_proposed_and_current_values(estimated):
     assert not rows["max_range"].proposed
     assert rows_of(estimated, max_range=30e3)["max_range"].proposed
     assert rows_of(estimated, max_range=900e3)["max_range"].proposed
-    row = rows_of(estimated, clutter_rate="auto")["clutter_rate"]
-    assert (row.now, row.proposed) == ("auto", False)
-    row = rows_of(estimated, range_std="auto 70")["range_std"]
-    assert row.proposed
-    assert isinstance(row.value, float)
+    learned = ["noise", "outliers", "detection", "correlation", "clutter", "multipath"]
+    rows = rows_of(estimated, learn=learned)
+    assert not rows["clutter_rate"].proposed
+    assert rows["range_std"].proposed
+    assert (rows["learn"].now, rows["learn"].value) == (learned, ["clutter", "multipath"])
+    # The noise of range rates is not estimated.
+    rows = rows_of(estimated, **{"learn": learned, "fields.range_rate": "rate"})
+    assert rows["learn"].value == ["noise", "clutter", "multipath"]
 
 
 def test_bounds_that_the_bridge_sets_are_kept(estimated):
     config, found = estimated
     found = replace(found, noise=replace(found.noise, range_std=2.2, azimuth_std=1e-4))
-    bridged = {"geodetic": [50.0, 8.0, 100.0], "clutter_rate": "auto", "clutter_max_range": 9e4}
+    bridged = {"geodetic": [50.0, 8.0, 100.0], "learn": ["clutter"], "clutter_max_range": 9e4}
     rows = rows_of((config, found), **bridged)
     assert (rows["range_std"].value, rows["azimuth_std_deg"].value) == (5.0, 0.01)
     assert "show 2.2" in rows["range_std"].source
@@ -329,33 +332,32 @@ def test_bounds_that_the_bridge_sets_are_kept(estimated):
     assert (flat["range_std"].value, flat["clutter_max_range"].proposed) == (2.2, True)
 
 
-@pytest.mark.parametrize(("engine", "given"), [("gaussian", "55 outliers"), ("particles", 70.0)])
+@pytest.mark.parametrize(
+    ("engine", "given"), [("gaussian", (55.0, ["outliers"])), ("phd", (70.0, None))]
+)
 def test_outliers_are_proposed_to_the_engine_that_knows_them(estimated, engine, given):
     config, found = estimated
     usual = replace(found.noise, range_std=70.0)
     found = replace(found, noise=usual, with_outliers=replace(usual, range_std=55.0, outliers=True))
     rows = proposal.rows(found, {**config.values, "engine": engine}, "tower")
-    assert {row.name: row.given for row in rows}["range_std"] == given
-    assert rows_of((config, found))["azimuth_std_deg"].word == ""
+    proposed = {row.name: row.value for row in rows}
+    assert (proposed["range_std"], proposed.get("learn")) == given
 
 
-FOUND, TABLE = pytest.approx(0.85, abs=0.06), [0.0, 0.9, 8e4, 0.8]
-
-
+@pytest.mark.parametrize("learn", [[], ["detection"]])
 @pytest.mark.parametrize(
-    ("given", "proposed", "value"),
-    [
-        ("auto", True, FOUND),
-        ("auto 0.5", True, FOUND),
-        ("auto 0 0.9 80000 0.8", True, TABLE),
-        (TABLE, False, FOUND),
-        ([0.0, 0.5, 8e4, 0.4], True, FOUND),
-    ],
-    ids=["learned", "learned from", "learned table", "table that agrees", "other table"],
+    ("given", "proposed"), [(0.5, True), ([0.9, 0.8], False), ([0.5, 0.4], True)]
 )
-def test_a_detection_probability_is_proposed_unless_it_agrees(estimated, given, proposed, value):
-    row = rows_of(estimated, detection_probability=given)["detection_probability"]
-    assert (row.proposed, row.value) == (proposed, value)
+def test_a_detection_probability_is_proposed_unless_a_table_agrees(
+    estimated, learn, given, proposed
+):
+    table = {"detection_probability": given, "detection_probability_range": [0.0, 8e4]}
+    rows = rows_of(estimated, learn=learn, **table)
+    row = rows["detection_probability"]
+    assert (row.proposed, row.value) == (proposed, pytest.approx(0.85, abs=0.06))
+    # A number is the same for all ranges.
+    assert ("detection_probability_range" in rows) == (proposed and isinstance(given, list))
+    assert ("learn" in rows) == bool(learn)
 
 
 @pytest.mark.parametrize(("rate", "survival"), [(0.002, 0.998), (0.03, 0.99), (2e-6, 0.999998)])

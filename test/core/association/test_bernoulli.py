@@ -1,4 +1,4 @@
-"""The corrector of particles is tested in smc; here are the properties that other rows need."""
+"""The Bernoulli corrector of rows of any kind."""
 
 import numpy as np
 import pytest

@@ -11,6 +11,9 @@ from scenes import short_scenario, small
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.algebra import kalman
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
+from phd_jdtc_ros.core.sensors.view import View
+from phd_jdtc_ros.core.targets.amplitude_density import of_classes
+from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.simulation.simulate import simulate
 
 BANDS = {"weak": [5.0, 20.0], "strong": [20.0, 45.0]}
@@ -56,8 +59,8 @@ def test_band_weighs_classes_by_the_density_of_each_amplitude(decibels):
     (radar,), modes = config.model.radars, config.model.modes
     observed = amplitudes(decibels, np.random.default_rng(0), len(SECONDS), radar.threshold)
     found = class_probabilities(started(config), observed, radar)
-    report = scan_at(6.0, np.ones((len(observed), 2)), observed).detections[0]
-    log_density = np.cumsum(radar.log_class_likelihood(report, modes.classes), axis=1).T
+    report = View.of(radar, Detections(np.ones((len(observed), 2)), observed))
+    log_density = np.cumsum(report.log_class_likelihood(modes.classes), axis=1).T
     expected = np.exp(log_density - log_density.max(axis=1, keepdims=True))
     expected /= expected.sum(axis=1, keepdims=True)
     np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9)
@@ -67,7 +70,7 @@ def test_missed_detections_speak_for_the_weaker_class():
     config = classes()
     (radar,), modes = config.model.radars, config.model.modes
     engine = started(config)
-    missed = 1.0 - radar.class_detection_probability(modes.classes)
+    missed = 1.0 - of_classes(radar.threshold, modes.classes)
     for count in range(1, 4):
         (found,) = engine.step(scan_at(6.0 * count, [])).filtered
         expected = missed**count / (missed**count).sum()
@@ -79,7 +82,8 @@ def test_missed_detections_speak_for_the_cells_of_weak_targets():
     (radar,), engine = config.model.radars, started(config)
     cells = engine.forward.dynamics.cells
     chain = cells.transition(6.0)
-    missed = radar.miss_probability(cells.log_snr)
+    # Of an envelope whose power is that of noise and target.
+    missed = -np.expm1(-0.5 * radar.threshold**2 * np.exp(-cells.log_snr))
     weight = 0.5 * cells.prior
     for count in range(1, 4):
         (found,) = engine.step(scan_at(6.0 * count, [])).filtered
@@ -206,7 +210,6 @@ def run(engine, scans):
 def test_splitting_a_class_into_two_identical_ones_changes_nothing(amplitude):
     scans = [scan for _, scan in simulate(short_scenario(8), 1)]
     given = {
-        "engine": "gaussian",
         "lag": 3,
         "amplitude": amplitude,
         "spawn.rate": 0.0,
@@ -247,7 +250,6 @@ def test_splitting_a_class_into_two_identical_ones_changes_nothing(amplitude):
 def test_classes_that_move_alike_share_their_gaussians_and_it_makes_no_difference():
     scans = [scan for _, scan in simulate(short_scenario(8), 2)]
     given = {
-        "engine": "gaussian",
         "amplitude": "band",
         "lag": 3,
         "confirm_probability": 0.1,

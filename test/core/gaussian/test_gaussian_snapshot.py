@@ -1,19 +1,43 @@
 import numpy as np
 import pytest
-from runs import assert_same, stepped, stored_and_read
+from runs import assert_same, equal, restored_after, stepped, stored_and_read
 from scenes import short_scenario, small
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.simulation.simulate import simulate
 
 SCANS = [scan for _, scan in simulate(short_scenario(10), 3)]
+CASES = [
+    {"lag": lag, **given}
+    for lag in (0, 3)
+    for given in (
+        {},
+        {"amplitude": "band"},
+        {"spawn.rate": 0.0, "births": [], "detection_births.rates": [0.1, 0.1]},
+    )
+]
 NAN, INF = float("nan"), float("inf")
 
 
 def gaussian(given=None):
     # Motion modes are mixed, so that the backward step has to compare pairs of them.
-    common = {"engine": "gaussian", "lag": 2, "accuracy": "fast"}
+    common = {"lag": 2, "accuracy": "fast"}
     return new_engine(small({**common, **(given or {})}))
+
+
+@pytest.mark.parametrize("given", CASES, ids=lambda given: "-".join(map(str, given.values())))
+def test_restored_engine_goes_on_as_if_it_had_never_stopped_bit_by_bit(given):
+    first, second = restored_after([0, 1, 6], lambda: new_engine(small(given)), SCANS)
+    assert equal(first.flush(), second.flush())
+
+
+def test_snapshot_is_not_changed_by_what_the_engine_does_later():
+    tracker = new_engine(small({"lag": 2}))
+    stepped(tracker, SCANS[:4])
+    snapshot = tracker.snapshot()
+    before = stored_and_read(snapshot)
+    stepped(tracker, SCANS[4:])
+    assert_same(snapshot, before)
 
 
 @pytest.fixture(scope="module")

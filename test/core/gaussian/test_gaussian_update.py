@@ -1,6 +1,6 @@
 """The update beside the association: what Gaussians are seen, located, born, kept and learned."""
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -9,12 +9,13 @@ from lone import BIRTHS, MEAN, STD, TWO_MOTIONS, UNREDUCED, lone, mixture_of, up
 from scipy.stats import norm
 
 from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core.factors import ClutterMap, PolarGrid, limit
+from phd_jdtc_ros.core.factors.state import Factors
 from phd_jdtc_ros.core.gaussian.algebra import kalman
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import GaussianSteps
-from phd_jdtc_ros.core.models import detection_limit
-from phd_jdtc_ros.core.models.sensor_memory import SensorMemory
+from phd_jdtc_ros.core.targets.amplitude_density import of_classes
 from phd_jdtc_ros.core.tracks import labels
 from phd_jdtc_ros.core.types import Coverage, Detections, Scan
 from phd_jdtc_ros.core.window.update import update_scan
@@ -26,7 +27,10 @@ FIELDS = {
     "least range": {"radar.min_range": 6990.0},
     "field of view": {"radar.fov_deg": [-50.0, np.degrees(0.8014)]},
     "blind sector": {"radar.blind_sectors_deg": [np.degrees(0.8014), 60.0]},
-    "p_D by range": {"radar.detection_probability": [6800.0, 0.95, 7200.0, 0.1]},
+    "p_D by range": {
+        "radar.detection_probability": [0.95, 0.1],
+        "radar.detection_probability_range": [6800.0, 7200.0],
+    },
 }
 
 
@@ -47,7 +51,8 @@ def test_gaussian_is_missed_as_probably_as_its_azimuth_is_measured_in_the_sector
 
 
 def test_gaussian_is_detected_with_the_probability_at_its_range():
-    config = lone({**UNREDUCED, "radar.detection_probability": [0.0, 0.9, 2e4, 0.1]})
+    table = {"detection_probability": [0.9, 0.1], "detection_probability_range": [0.0, 2e4]}
+    config = lone({**UNREDUCED, **{f"radar.{name}": value for name, value in table.items()}})
     dynamics, (radar,) = Dynamics(config.model), config.model.radars
     far = MEAN + np.array([5e3, 0.0, 5e3, 0.0, 0.0])
     mixture = mixture_of(dynamics, [(0.5, MEAN, STD), (0.5, far, STD)])
@@ -79,12 +84,11 @@ def test_class_is_detected_as_probably_as_its_band_says():
     )
     (radar,), classes = config.model.radars, config.model.modes.classes
     mixture = mixture_of(Dynamics(config.model), [(0.8, MEAN, STD)])
-    missed = 0.4 * (1.0 - radar.class_detection_probability(classes))
+    missed = 0.4 * (1.0 - of_classes(radar.threshold, classes))
     assert missed[0] > 2.0 * missed[1]
     branched, _ = updated(config, mixture, NOTHING)
-    np.testing.assert_allclose(
-        branched.mixture.class_mass(np.arange(2), 2), missed / (0.2 + missed.sum()), rtol=1e-9
-    )
+    expected = missed / (0.2 + missed.sum())
+    np.testing.assert_allclose(branched.mixture.class_mass(), expected, rtol=1e-9)
 
 
 def test_detection_stronger_than_all_that_is_known_is_a_targets_beside_usual_ones():
@@ -163,22 +167,36 @@ def test_existence_is_kept_when_only_the_best_hypotheses_are():
     )
 
 
-class Notebook(SensorMemory):
-    """Knows another rate of clutter, and notes its arguments."""
+@dataclass(frozen=True)
+class Notebook(ClutterMap):
+    """A map that knows another rate of clutter and nothing else, and notes what it is to learn."""
 
-    def __init__(self, rate):
-        super().__init__(("radar",))
-        self.rate, self.calls = rate, []
+    rate: float = 0.0
+    looks: list = field(default_factory=list)
+    learned: list = field(default_factory=list)
 
-    def prepare(self, report):
-        radar = replace(report.sensor, clutter_rate=self.rate, clutter_map_speed=20.0)
-        return replace(report, sensor=radar)
+    def expect(self, view):
+        return view.changed(clutter_rate=self.rate)
 
-    def learns_clutter(self, report):
-        return report.sensor.clutter_rate == self.rate
+    def learn(self, look):
+        self.looks.append(look)
+        return super().learn(look)
 
-    def learn_clutter(self, report, claimed, stationary):
-        self.calls.append((report.sensor.clutter_rate, report.detections, claimed, stationary))
+    def after(self, measured, world, weight, turns):
+        self.learned.append((measured, weight))
+        return self
+
+    def factors(self):
+        return Factors.configured({"radar": (self,)}, None, False)
+
+
+def notebook_of(radar, rate):
+    return Notebook(PolarGrid.of_noise(*radar.noise_std), speed=20.0, rate=rate)
+
+
+def resting(look):
+    """Return the probability that the target of each detection is slower than 20 m/s."""
+    return look.association.claims.share_of(look.targets.probability_slower(20.0))
 
 
 def test_clutter_is_the_learned_one_and_learns_from_unclaimed_and_stationary_detections():
@@ -190,36 +208,42 @@ def test_clutter_is_the_learned_one_and_learns_from_unclaimed_and_stationary_det
     targets = [(0.6, MEAN, std), (0.7, slow, std), (0.5, away, std)]
     mixture = mixture_of(dynamics, targets)
     place = np.concatenate([radar.measure(MEAN[None]), radar.measure(away[None]), [[100.0, 0.0]]])
-    report, memory = Detections(place, None), Notebook(500.0)
-    known, _ = updated(config, mixture, report, memory)
+    report, notebook = Detections(place, None), notebook_of(radar, 500.0)
+    known, _ = updated(config, mixture, report, factors=notebook.factors())
     more = replace(radar, clutter_rate=500.0)
     exact = replace(config, model=replace(config.model, radars=(more,)))
     expected, _ = updated(exact, mixture, report)
     np.testing.assert_allclose(known.mixture.mass, expected.mixture.mass, rtol=1e-12)
-    ((rate, learned, claimed, still),) = memory.calls
-    assert rate == 500.0
-    np.testing.assert_array_equal(learned.measurement, place)
+    (look,), ((measured, weight),) = notebook.looks, notebook.learned
+    assert look.view.clutter_rate == 500.0
+    np.testing.assert_array_equal(measured, place)
+    claimed, still = look.association.claimed_probability, resting(look)
+    np.testing.assert_allclose(weight, 1.0 - claimed * (1.0 - still), rtol=1e-12)
     assert claimed[2] == 0.0
     assert 0.5 < claimed[0] < 1.0
     # The target at rest has as much of the first detection as its weight is of both.
     np.testing.assert_allclose(still, [0.7 / 1.3, 0.0, 0.0], rtol=1e-9, atol=1e-20)
-    memory.calls.clear()
+    notebook = notebook_of(radar, 500.0)
     faster = mixture_of(dynamics, [(1.0, MEAN * [1, 0, 1, 0, 0] + [0, 25, 0, 25, 0], std)])
-    updated(config, faster, report, memory)
-    assert memory.calls[0][3][0] < 1e-20
+    updated(config, faster, report, factors=notebook.factors())
+    assert resting(notebook.looks[0])[0] < 1e-20
 
 
 def test_clutter_learns_rest_at_even_odds_where_targets_are_born():
     given = {**UNREDUCED, **BIRTHS, "radar.detection_probability": 0.8}
-    config, memory = lone(given), Notebook(5.0)
+    config = lone(given)
     dynamics, (radar,) = Dynamics(config.model), config.model.radars
+    notebook = notebook_of(radar, 5.0)
     std = [1.0, 15.0, 1.0, 15.0, 1.0]
     mixture = mixture_of(dynamics, [(0.6, MEAN * [1, 0, 1, 0, 0], std)])
-    updated(config, mixture, Detections(radar.measure(MEAN[None]), None), memory)
+    report = Detections(radar.measure(MEAN[None]), None)
+    updated(config, mixture, report, factors=notebook.factors())
     # Slower than 20 m/s, of newborn targets and of this one: the length of two normal velocities.
     newborn, own = (1.0 - np.exp(-0.5 * (20.0 / each) ** 2) for each in (35.0, 15.0))
     rest, motion = own / newborn, (1.0 - own) / (1.0 - newborn)
-    np.testing.assert_allclose(memory.calls[0][3], rest / (rest + motion), rtol=1e-2)
+    (look,), ((_, weight),) = notebook.looks, notebook.learned
+    moves = (1.0 - weight) / look.association.claimed_probability
+    np.testing.assert_allclose(1.0 - moves, rest / (rest + motion), rtol=1e-2)
 
 
 def test_every_mode_is_updated_with_the_detection_of_its_hypothesis(monkeypatch):
@@ -284,7 +308,8 @@ def scan_update(config, *reports, scan_index=4):
     nothing = mixture_of(dynamics, [(0.5, MEAN, STD)]).take(np.zeros(0, dtype=int))
     steps = GaussianSteps(dynamics, new_engine(config).forward.bounds)
     predicted = Branched(nothing, np.zeros(0, dtype=int))
-    return update_scan(predicted, Scan(1, reports), steps, 6.0, scan_index).rows
+    factors = new_engine(config).forward.factors
+    return update_scan(predicted, Scan(1, reports), steps, 6.0, scan_index, factors).rows
 
 
 @pytest.mark.parametrize("times", [None, [0.4, -1.5]], ids=["at the stamp", "with times"])
@@ -366,8 +391,8 @@ def test_newborn_has_the_cells_of_its_class_that_its_amplitude_tells():
 
 
 def test_detections_that_were_left_out_are_noted_with_the_newborn(monkeypatch):
-    for limit in ("MAX_DETECTIONS", "MAX_UNEXPLAINED"):
-        monkeypatch.setattr(detection_limit, limit, 2)
+    for most in ("MAX_DETECTIONS", "MAX_UNEXPLAINED"):
+        monkeypatch.setattr(limit, most, 2)
     config = lone({**BIRTHS})
     mixture = mixture_of(Dynamics(config.model), [(0.5, MEAN, STD)])
     report = Detections(np.array([[5e3, 0.1 * k] for k in range(8)]), None)

@@ -45,10 +45,10 @@ def every_fifth_outlier(rng, count):
     return rng.standard_normal((count, 2)) * np.where(rng.random((count, 1)) < 0.2, 5.0, 1.0)
 
 
-def mean_ospa(run, range_std):
+def mean_ospa(run, learn):
     """Return the mean OSPA distance, filtered and smoothed, metres."""
-    given = {f"{radar}.range_std": range_std for radar in RADARS}
-    engine = new_engine(resolve({"engine": "gaussian", **given}))
+    given = {f"{radar}.learn": learn for radar in RADARS}
+    engine = new_engine(resolve({**given}))
     truth = {targets.stamp_ns: targets.position for targets, _ in run}
     steps = [engine.step(scan) for _, scan in run]
     filtered = [each for step in steps for each in step.filtered]
@@ -65,7 +65,7 @@ def distances(noise, runs):
     """Return the mean distances without and with outliers in the model, filtered and smoothed."""
     runs = [run_of(seed, noise) for seed in range(300, 300 + runs)]
     return [
-        np.mean([mean_ospa(run, std) for run in runs], axis=0) for std in (300.0, "300 outliers")
+        np.mean([mean_ospa(run, learn) for run in runs], axis=0) for learn in ([], ["outliers"])
     ]
 
 
@@ -90,9 +90,10 @@ def test_large_outliers_stay_in_the_gate_of_their_target():
 @pytest.mark.parametrize("start", [150, 300])
 @pytest.mark.parametrize(("noise", "share"), [(normal, 0.0), (every_fifth_outlier, 0.2)])
 def test_share_and_noise_are_learned_together(noise, share, start):
-    given = {f"{radar}.range_std": f"auto {start} outliers" for radar in RADARS}
-    given |= {f"{radar}.azimuth_std_deg": f"auto {start / 300}" for radar in RADARS}
-    engine = new_engine(resolve({"engine": "gaussian", **given}))
+    given = {f"{radar}.learn": ["noise", "outliers"] for radar in RADARS}
+    given |= {f"{radar}.range_std": start for radar in RADARS}
+    given |= {f"{radar}.azimuth_std_deg": start / 300 for radar in RADARS}
+    engine = new_engine(resolve({**given}))
     for repeat in range(4):
         scans = [scan for _, scan in run_of(320 + repeat, noise)]
         length_ns = scans[-1].stamp_ns - scans[0].stamp_ns + 6 * 10**9
@@ -116,12 +117,11 @@ def every_twentieth_outlier(rng, count):
 
 @pytest.mark.parametrize("noise", [normal, every_twentieth_outlier])
 def test_noise_that_doubles_is_noticed_although_it_looks_like_outliers(noise):
-    given = {f"{radar}.range_std": "auto 300 outliers" for radar in RADARS}
-    given |= {f"{radar}.azimuth_std_deg": "auto 1" for radar in RADARS}
+    given = {f"{radar}.learn": ["noise", "outliers"] for radar in RADARS}
     for seed in range(340, 343):
         usual = run_of(seed, noise)
         doubled = run_of(seed, lambda rng, count: 2.0 * noise(rng, count))
-        engine = new_engine(resolve({"engine": "gaussian", **given}))
+        engine = new_engine(resolve({**given}))
         steps = [engine.step(scan) for _, scan in (*usual[:40], *doubled[40:65])]
         noisier = [
             {name.split(".")[0] for name in step.figures if name.endswith("_noisier")}

@@ -14,9 +14,9 @@ from phd_jdtc_ros.core.gaussian.measurement import likely_pairs
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import GaussianSteps
-from phd_jdtc_ros.core.sensors.report import Report
+from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.types import Detections
-from phd_jdtc_ros.core.window.update import update
+from phd_jdtc_ros.core.window.update import Updated, update
 
 # The amplitude tells classes, and cells of their bands, which have detection probabilities of their
 # own; and the radar's range ends among the hypotheses.
@@ -73,9 +73,10 @@ def hypotheses(dynamics, targets, rng):
 
 def updated(config, dynamics, mixture, detections):
     """Return the mixture with each row's parent."""
-    (radar,), bounds = config.model.radars, new_engine(config).forward.bounds
-    predicted = Branched(mixture, np.arange(len(mixture)))
-    found = update(predicted, Report(radar, detections), GaussianSteps(dynamics, bounds), 6.0)
+    (radar,), forward = config.model.radars, new_engine(config).forward
+    before = Updated(Branched(mixture, np.arange(len(mixture))), forward.factors)
+    steps = GaussianSteps(dynamics, forward.bounds)
+    found = update(before, View.of(radar, detections), steps, 6.0, 0)
     assert found.newborns == ()
     assert found.approximate == 0
     return found.rows

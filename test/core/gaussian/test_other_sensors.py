@@ -6,16 +6,20 @@ from functools import partial
 import numpy as np
 import pytest
 from lone import GIVEN, INTERVAL_S, MEAN, TWO_MOTIONS, lone, path, scan_at, started
-from position_sensor import MAST, PositionSensor
+from position_sensor import MAST, PositionSensor, covariance_of
 from scipy.stats import multivariate_normal, norm
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.algebra import kalman
 from phd_jdtc_ros.core.gaussian.smoothing.smoother import backward_pass
 from phd_jdtc_ros.core.sensors.gaussians import PlanePlots
-from phd_jdtc_ros.core.sensors.of_gaussians.linearised import Linearised
+from phd_jdtc_ros.core.sensors.of_gaussians.linearised import (
+    Linearised,
+    Measured,
+    WeightedGaussians,
+)
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
-from phd_jdtc_ros.core.sensors.report import Report
+from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.types import Detections
 
 SECONDS = INTERVAL_S * np.arange(1.0, 9.0)
@@ -86,10 +90,11 @@ def test_correlated_errors_of_positions_update_as_in_a_kalman_filter():
     noise = np.array([[100.0, 320.0], [320.0, 1600.0]])
     measured = place @ mean - sensor.position + [15.0, -25.0]
     seen = Detections(measured[None], None, noise_std=std, noise_correlation=correlation)
-    np.testing.assert_allclose(sensor.noise_covariance_of(seen), noise[None])
+    np.testing.assert_allclose(covariance_of(sensor, seen), noise[None])
     np.testing.assert_allclose(PlanePlots.of(measured[None], noise[None]).covariance, noise[None])
     prior = mean[None], covariance[None]
-    found = kalman.innovations(*prior, sensor, measured[None], std, correlation=correlation)
+    alone = Measured(measured[None], std, correlation)
+    found = kalman.innovations(WeightedGaussians.of(*prior), sensor, alone)
     total = place @ covariance @ place.T + noise
     gain = covariance @ place.T @ np.linalg.inv(total)
     later = kalman.update(*prior, sensor, found, None)
@@ -98,9 +103,9 @@ def test_correlated_errors_of_positions_update_as_in_a_kalman_filter():
     expected = multivariate_normal.logpdf([15.0, -25.0], cov=total)
     np.testing.assert_allclose(found.log_likelihood, expected)
     gaussians = sensor.of_gaussians
-    measured, spread, _ = gaussians.expected(mean[None, None], covariance[None, None])
-    report = Report(sensor, seen)
-    *_, gated = gaussians.gate_pairs(np.ones((1, 1)), mean[None, None], measured, spread, report)
+    predicted = gaussians.expected(mean[None, None], covariance[None, None])
+    report = View.of(sensor, seen)
+    *_, gated = gaussians.gate_pairs(np.ones((1, 1)), mean[None, None], predicted, report)
     np.testing.assert_allclose(gated, [[expected]])
 
 
@@ -120,7 +125,8 @@ def test_one_component_updates_as_in_a_kalman_filter():
     sensor, covariance = EastSensor(**MAST, std=STD), np.diag(STD**2 * np.arange(1.0, 6.0))
     covariance[0, 1] = covariance[1, 0] = 0.5 * STD**2
     prior, measured = (MEAN[None], covariance[None]), MEAN[:1] - sensor.position[0] + 15.0
-    found = kalman.innovations(*prior, sensor, measured[None], sensor.noise_std)
+    seen = Measured(measured[None], sensor.noise_std[None])
+    found = kalman.innovations(WeightedGaussians.of(*prior), sensor, seen)
     mean, later = kalman.update(*prior, sensor, found)
     gain = covariance[0] / (covariance[0, 0] + STD**2)
     np.testing.assert_allclose(mean[0], MEAN + 15.0 * gain)

@@ -190,8 +190,8 @@ def test_masses_are_those_of_the_weights():
     np.testing.assert_allclose(found.mode_weight.sum(axis=1), found.mass)
     found = mixture([7, 7, 9], classes=2)
     expected = [found.weight[..., 0].sum(), found.weight[..., 1].sum()]
-    np.testing.assert_allclose(found.class_mass(np.array([0, 0, 1, 1]), 2), expected)
-    some = found.class_mass(np.array([0, 0, 1, 1]), 2, np.array([2]))
+    np.testing.assert_allclose(found.class_mass(), expected)
+    some = found.class_mass(np.array([2]))
     np.testing.assert_allclose(some, found.weight[2].sum(axis=0))
 
 
@@ -224,5 +224,5 @@ def test_empty_and_read_only_mixtures():
         mixture([1]).weight[0] = 1.0
     found = Mixture.empty(2, 1, 4, 5)
     assert len(found) == len(found.label) == len(found.existence) == 0
-    assert found.class_mass(np.array([0, 0, 0]), 1).tolist() == [0.0]
+    assert found.class_mass().tolist() == [0.0]
     assert len(found.extents(PLANAR).label) == 0

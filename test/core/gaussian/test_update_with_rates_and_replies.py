@@ -10,13 +10,16 @@ from matchings import posterior
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.association import marginals
-from phd_jdtc_ros.core.attributes.reprojection import pair_as_reported
+from phd_jdtc_ros.core.association.evidence import pair_as_reported
+from phd_jdtc_ros.core.factors import Factor
 from phd_jdtc_ros.core.gaussian.algebra import kalman, range_rate
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import GaussianSteps
-from phd_jdtc_ros.core.models.sensor_memory import SensorMemory
+from phd_jdtc_ros.core.sensors.of_gaussians.linearised import Measured, WeightedGaussians
+from phd_jdtc_ros.core.sensors.range_rate import rates_of
+from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.tracks import labels
 from phd_jdtc_ros.core.types import Detections, Scan
 from phd_jdtc_ros.core.window.update import update_scan
@@ -54,38 +57,39 @@ class Register:
         self.log_factor, self.log_clutter = np.log(factor), np.log(clutter)
         self.learned, self.newborn, self.stamps = [], [], []
 
-    def at(self, stamp_ns):
-        self.stamps.append(stamp_ns)
-        return self
+    def pair(self, gate, targets, view):
+        return pair_as_reported(gate, view.detections)
 
-    def pair(self, gate, label, target, report):
-        return pair_as_reported(gate, report.detections)
-
-    def out_of_gate(self, label, target, column, detections):
+    def out_of_gate(self, targets, pairs, view):
         return None
 
-    def evidence(self, known, target, column, report):
-        assert len(self.log_clutter) == len(report)
-        assert known.undetected.shape == known.existence.shape == known.label.shape
-        factor = self.log_factor[known.label[target], column]
-        return Reply(factor, self.log_clutter, np.zeros(len(report)), column)
+    def evidence(self, targets, pairs, view):
+        assert len(self.log_clutter) == len(view)
+        assert targets.missed.shape == targets.existence.shape == targets.label.shape
+        label = targets.label[targets.target.take(pairs.row)]
+        factor = self.log_factor[label, pairs.column]
+        return Reply(factor, self.log_clutter, np.zeros(len(view)), pairs.column)
 
-    def learn(self, evidence, mass, existence):
-        self.learned.append((evidence.column, mass, existence))
+    def after(self, look):
+        self.stamps.append(look.view.stamp_ns)
+        found = look.association
+        if found.evidence is not None:
+            self.learned.append((found.evidence.column, found.pair_probability, found.existence))
+        if look.born_at is not None:
+            self.newborn.append((look.born, look.born_at))
+        return self
 
-    def initiate(self, label, detections):
-        self.newborn.append((label, detections))
 
-
-class Clutter(SensorMemory):
+class Clutter(Factor):
     """Knows of a hundred times as much clutter."""
 
-    def prepare(self, report):
-        radar = report.sensor
-        return replace(report, sensor=replace(radar, clutter_rate=100.0 * radar.clutter_rate))
+    def expect(self, view):
+        return view.changed(clutter_rate=100.0 * view.clutter_rate)
 
-    def learns_clutter(self, report):
-        return False
+
+def factors_of(config, known=None):
+    """Return the factors of a configuration, with what is known of attributes."""
+    return new_engine(config).forward.factors.changed(transponders=known)
 
 
 def hypotheses(config, rng):
@@ -107,20 +111,19 @@ def report(radar, rng, **more):
 def evidence_of(config, mixture, detections):
     """Return the log likelihood of each pair over the density of clutter, (H, M)."""
     (radar,) = config.model.radars
-    rates = radar.rates_of(detections)
+    rates = rates_of(radar.range_rate, detections)
     found = np.empty((len(mixture), len(detections)))
     for row, z in np.ndindex(found.shape):
         one = mixture.mean[row], mixture.covariance[row]
         own = np.array([z])
-        innovation = kalman.innovations(
-            *one, radar, detections.measurement[own], radar.noise_std[None]
-        )
+        seen = Measured(detections.measurement[own], radar.noise_std[None])
+        innovation = kalman.innovations(WeightedGaussians.of(*one), radar, seen)
         found[row, z] = innovation.log_likelihood[0]
         if rates is not None:
             later = kalman.update(*one, radar, innovation)
             rated = range_rate.update_rates(*later, radar, rates.take(own))
             found[row, z] += rated.log_likelihood[0]
-    return found - radar.log_clutter_intensity(detections)
+    return found - View.of(radar, detections).log_clutter
 
 
 @pytest.mark.parametrize("replies", [False, True], ids=["no replies", "replies"])
@@ -145,7 +148,7 @@ def test_weights_are_those_of_all_events_with_rates_and_replies(rated, replies, 
         target, weight, (1.0 - DETECTION) * weight, DETECTION * weight[:, None] * ratio
     )
 
-    branched = updated(config, mixture, seen, attributes=known)[0]
+    branched = updated(config, mixture, seen, factors=factors_of(config, known))[0]
     found = np.zeros((4, 4))
     for row in range(4):
         own = np.flatnonzero(branched.parent == row)
@@ -175,12 +178,12 @@ def test_hypothesis_with_a_detection_is_where_that_puts_its_gaussian(rated):
     )
     place = radar.measure(mixture.mean[1]) + np.array([100.0, 0.02])
     seen = Detections(place, None, range_rate=radar.range_rate_of(mixture.mean[1]) + 10.0)
-    innovation = kalman.innovations(
-        mixture.mean[1], mixture.covariance[1], radar, place, radar.noise_std[None]
-    )
-    mean, covariance = kalman.update(mixture.mean[1], mixture.covariance[1], radar, innovation)
+    prior = mixture.mean[1], mixture.covariance[1]
+    measured = Measured(place, radar.noise_std[None])
+    innovation = kalman.innovations(WeightedGaussians.of(*prior), radar, measured)
+    mean, covariance = kalman.update(*prior, radar, innovation)
     if rated:
-        later = range_rate.update_rates(mean, covariance, radar, radar.rates_of(seen))
+        later = range_rate.update_rates(mean, covariance, radar, rates_of(radar.range_rate, seen))
         mean, covariance = later.mean, later.covariance
     found, _ = updated(config, mixture, seen)
     np.testing.assert_array_equal(np.sort(found.parent), [0, 1, 1])
@@ -197,7 +200,8 @@ def test_hypothesis_with_a_detection_is_where_that_puts_its_gaussian(rated):
 def pairs_of(config, detections, known=None):
     """Return how many pairs of one target with the detections count."""
     mixture = mixture_of(Dynamics(config.model), [(0.5, MEAN, STD)])
-    return len(updated(config, mixture, detections, attributes=known)[0].mixture) - 1
+    found, _ = updated(config, mixture, detections, factors=factors_of(config, known))
+    return len(found.mixture) - 1
 
 
 def test_pairs_that_rates_or_replies_make_improbable_are_left_out():
@@ -243,11 +247,12 @@ TWO_RADARS = {
 }
 
 
-def scan_update(config, predicted, survivors, reports, **known):
+def scan_update(config, predicted, survivors, reports, factors=None):
     row = np.arange(len(predicted))
     branched = Branched(predicted, np.where(row < survivors, row, -1))
     steps = GaussianSteps(Dynamics(config.model), new_engine(config).forward.bounds)
-    found = update_scan(branched, Scan(STAMP_NS, reports), steps, 6.0, 4, **known)
+    scan, factors = Scan(STAMP_NS, reports), factors or factors_of(config)
+    found = update_scan(branched, scan, steps, 6.0, 4, factors)
     return found.rows, found.approximate
 
 
@@ -285,9 +290,9 @@ def test_scan_tells_what_is_known_its_stamp_and_the_newborn_of_each_radar():
     known = Register(np.ones((0, 3)), np.ones(2))
     first = labels.first_detected(4)
     known.evidence = lambda *_: None
-    branched, _ = scan_update(config, nothing, 0, reports, attributes=known)
-    assert known.stamps == [STAMP_NS]
-    assert [label for label, _ in known.newborn] == [first, first + 2]
+    branched, _ = scan_update(config, nothing, 0, reports, factors_of(config, known))
+    assert known.stamps == [STAMP_NS] * 2
+    assert [born.tolist() for born, _ in known.newborn] == [[first, first + 1], [first + 2]]
     for (_, learned), seen in zip(known.newborn, reports, strict=True):
         np.testing.assert_array_equal(learned.measurement, seen.measurement)
     np.testing.assert_array_equal(branched.mixture.label, first + np.arange(3))
@@ -310,11 +315,14 @@ def test_scan_goes_by_what_is_known_of_replies_and_of_clutter():
     mixture = hypotheses(config, rng)
     seen = report(config.model.radars[0], rng)
     known = Register(rng.uniform(0.2, 5.0, (5, 3)), rng.uniform(0.2, 5.0, 3))
-    expected = updated(config, mixture, seen, attributes=known)[0]
-    branched, _ = scan_update(config, mixture, 4, (seen,), attributes=known)
+    factors = factors_of(config, known)
+    expected = updated(config, mixture, seen, factors=factors)[0]
+    branched, _ = scan_update(config, mixture, 4, (seen,), factors)
     np.testing.assert_array_equal(branched.mixture.mass, expected.mixture.mass)
-    memory = Clutter(("radar",))
-    branched, _ = scan_update(config, mixture, 4, (seen,), memory=memory)
+    configured = factors_of(config)
+    of_radar = (Clutter(), *configured.by_sensor["radar"])
+    factors = configured.changed(by_sensor={"radar": of_radar})
+    branched, _ = scan_update(config, mixture, 4, (seen,), factors)
     more = lone({**GIVEN, "radar.clutter_rate": 500.0})
     np.testing.assert_array_equal(
         branched.mixture.mass, updated(more, mixture, seen)[0].mixture.mass

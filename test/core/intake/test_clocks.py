@@ -55,7 +55,7 @@ class TwoOrThree:
         return [second for _, own, second in self.due if own == sensor]
 
 
-@pytest.mark.parametrize("offset_s", OFFSETS_S)
+@pytest.mark.parametrize("offset_s", [*OFFSETS_S, REACH_S])
 @pytest.mark.parametrize("sensors", [2, 3])
 def test_add_leaves_out_a_sensor_whose_clock_goes_wrong(sensors, offset_s):
     for wrong, order in itertools.product(range(sensors), ORDERS.values()):

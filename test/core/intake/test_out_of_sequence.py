@@ -17,7 +17,6 @@ from phd_jdtc_ros.core.pipeline import REPROCESSED, Stepped
 from phd_jdtc_ros.core.types import Attributes, Estimates, Pose
 from phd_jdtc_ros.simulation.simulate import simulate
 
-ENGINES = pytest.mark.parametrize("engine", ["particles", "gaussian"])
 SCANS = [scan for _, scan in simulate(short_scenario(16), 0)]
 REPORTS = [
     (radar, scan.stamp_ns, detections, None)
@@ -102,23 +101,22 @@ def assert_as_if_in_time(run, whole, worked_in_ns, smoothed_ns, but=()):
         assert all(same(ours[stamp_ns], theirs[stamp_ns], but) for stamp_ns in ours)
 
 
-def config(engine, given=None):
-    return small({"engine": engine, "lag": 4, "late_reports": "rework", **(given or {})})
+def config(given=None):
+    return small({"lag": 4, "late_reports": "rework", **(given or {})})
 
 
 @cache
-def whole_run(engine):
+def whole_run():
     """Return the run with all reports in time."""
-    return Run(config(engine)).feed(REPORTS).finished()
+    return Run(config()).feed(REPORTS).finished()
 
 
-@ENGINES
 @pytest.mark.parametrize(
     "taken", [[13], [12, 13]], ids=["completes a scan", "is a scan of its own"]
 )
-def test_a_late_report_changes_nothing_that_is_still_to_come(engine, taken):
-    run = Run(config(engine)).feed(late(REPORTS, taken, 5)).finished()
-    whole = whole_run(engine)
+def test_a_late_report_changes_nothing_that_is_still_to_come(taken):
+    run = Run(config()).feed(late(REPORTS, taken, 5)).finished()
+    whole = whole_run()
     assert (run.refused, run.reprocessed) == ([], len(taken))
     # It is of scan 6 and comes with scan 9, before which scan 4 has been smoothed.
     assert_as_if_in_time(run, whole, SCANS[8].stamp_ns, SCANS[5].stamp_ns)
@@ -128,20 +126,18 @@ def test_a_late_report_changes_nothing_that_is_still_to_come(engine, taken):
     assert [found.stamp_ns for found in run.smoothed] == [scan.stamp_ns for scan in SCANS]
 
 
-@ENGINES
-def test_two_late_reports_are_processed_as_well_as_one(engine):
+def test_two_late_reports_are_processed_as_well_as_one():
     order = late(late(REPORTS, [10], 6), [19], 4)
-    run = Run(config(engine)).feed(order).finished()
-    whole = whole_run(engine)
+    run = Run(config()).feed(order).finished()
+    whole = whole_run()
     assert (run.refused, run.reprocessed) == ([], 2)
     assert_as_if_in_time(run, whole, SCANS[11].stamp_ns, SCANS[8].stamp_ns)
 
 
-@ENGINES
-def test_a_late_report_at_the_end_is_in_the_pending_estimates(engine):
+def test_a_late_report_at_the_end_is_in_the_pending_estimates():
     order = late(REPORTS, [27], 5)
-    run = Run(config(engine)).feed(order).finished()
-    whole = whole_run(engine)
+    run = Run(config()).feed(order).finished()
+    whole = whole_run()
     assert order[-1] == REPORTS[27] or order[-2] == REPORTS[27]
     ours, theirs = (from_stamp(each.smoothed, SCANS[12].stamp_ns) for each in (run, whole))
     assert len(ours) == len(theirs) == 3
@@ -151,7 +147,7 @@ def test_a_late_report_at_the_end_is_in_the_pending_estimates(engine):
 def test_a_late_report_may_wait_for_its_pose_with_later_ones():
     moving = {"pose": "/platform", "pose_max_age_s": 60.0}
     given = {f"radar_{n}.{name}": value for n in (1, 2) for name, value in moving.items()}
-    settings = config("gaussian", given)
+    settings = config(given)
     runs = []
     # Scans 6 and 7 close without report 13, and all three are released together.
     shuffled = [*REPORTS[:12], *(REPORTS[index] for index in (15, 12, 14, 13)), *REPORTS[16:]]
@@ -171,27 +167,27 @@ def test_a_late_report_may_wait_for_its_pose_with_later_ones():
 
 
 def test_what_comes_too_late_or_twice_is_refused():
-    short = Run(config("gaussian", {"lag": 2})).feed(late(REPORTS, [13], 5)[:20])
+    short = Run(config({"lag": 2})).feed(late(REPORTS, [13], 5)[:20])
     # Scan 6 has been smoothed with scan 8.
     assert short.refused == [Rejection.LATE]
-    run = Run(config("gaussian")).feed(REPORTS[:20]).feed([REPORTS[15]])
+    run = Run(config()).feed(REPORTS[:20]).feed([REPORTS[15]])
     assert run.refused == [Rejection.DUPLICATE]
-    twice = Run(config("gaussian")).feed([*late(REPORTS, [15], 4)[:20], REPORTS[15]])
+    twice = Run(config()).feed([*late(REPORTS, [15], 4)[:20], REPORTS[15]])
     assert twice.refused == [Rejection.DUPLICATE]
     assert twice.reprocessed == 1
 
 
 def test_rework_needs_a_lag_and_a_run():
-    run = Run(config("gaussian")).feed([*REPORTS[2:6], *REPORTS[:2]])
+    run = Run(config()).feed([*REPORTS[2:6], *REPORTS[:2]])
     assert run.refused == [Rejection.LATE, Rejection.LATE]
     with pytest.raises(ConfigError, match="late_reports: 'rework' given with lag 0"):
-        config("gaussian", {"lag": 0})
+        config({"lag": 0})
 
 
 def test_a_burst_is_limited_and_counted():
     between = [(1, stamp_ns + 1 + step, REPORTS[1][2], None) for step in range(100)
                for stamp_ns in [SCANS[7].stamp_ns]]  # fmt: skip
-    run = Run(config("gaussian")).feed([*REPORTS[:20], *between])
+    run = Run(config()).feed([*REPORTS[:20], *between])
     window = 4
     most = MAX_SAVED * (window + 1)
     assert run.reprocessed < most
@@ -204,7 +200,7 @@ def test_a_burst_is_limited_and_counted():
 
 def test_every_late_report_in_a_row_costs_no_more_than_is_earned(monkeypatch):
     # Radar 2 is two scans behind all the time.
-    run = Run(config("gaussian"))
+    run = Run(config())
     steps = []
     step = run.pipeline.engine.step
     monkeypatch.setattr(
@@ -220,16 +216,14 @@ APPEARING = {
     "births": [],
     "detection_births.rates": [0.05, 0.05],
     "detection_births.velocity_std": 150.0,
-    "particles_per_birth": 256,
 }
 
 
-@ENGINES
-def test_track_numbers_stay_when_targets_turn_out_to_be_born_earlier(engine):
+def test_track_numbers_stay_when_targets_turn_out_to_be_born_earlier():
     # The first scan is empty. With the second, which is late, the targets are born there.
     empty = [(radar, stamp_ns, no_detections(), None) for radar, stamp_ns, *_ in REPORTS[:2]]
     order = late([*empty, *REPORTS[2:]], [2, 3], 4)
-    run = Run(config(engine, APPEARING)).feed(order[:6])
+    run = Run(config(APPEARING)).feed(order[:6])
     assert run.reprocessed == 0
     before = run.filtered[-1]
     labels = run.pipeline.engine.snapshot().arrays["numbers.label"]
@@ -259,10 +253,10 @@ def test_track_numbers_stay_when_targets_turn_out_to_be_born_earlier(engine):
 
 
 def test_a_change_of_the_parameters_within_the_window_stays_where_it_was():
-    other = config("gaussian", {"cv.noise_density": 30.0})
+    other = config({"cv.noise_density": 30.0})
     runs = []
     for order in (REPORTS, late(REPORTS, [13], 5)):
-        run = Run(config("gaussian"))
+        run = Run(config())
         run.feed(order[:18])
         run.pipeline.engine.retune(other.model, other.rule)
         runs.append(run.feed(order[18:]).finished())
@@ -271,15 +265,14 @@ def test_a_change_of_the_parameters_within_the_window_stays_where_it_was():
     assert_as_if_in_time(run, whole, SCANS[8].stamp_ns, SCANS[5].stamp_ns)
 
 
-@ENGINES
-def test_a_checkpoint_after_a_rework_is_one_of_the_timely_run(engine):
-    run, whole = Run(config(engine)), Run(config(engine))
+def test_a_checkpoint_after_a_rework_is_one_of_the_timely_run():
+    run, whole = Run(config()), Run(config())
     run.feed(late(REPORTS, [13], 5)[:22])
     whole.feed(REPORTS[:22])
     assert run.reprocessed == 1
-    resumed = Run(config(engine))
+    resumed = Run(config())
     snapshot = run.pipeline.engine.snapshot()
-    resumed.pipeline = new_pipeline(config(engine), lambda engine, _: engine.restore(snapshot))
+    resumed.pipeline = new_pipeline(config(), lambda engine, _: engine.restore(snapshot))
     resumed.feed(REPORTS[22:])
     whole.feed(REPORTS[22:])
     theirs = from_stamp(whole.filtered, SCANS[10].stamp_ns)
@@ -287,8 +280,7 @@ def test_a_checkpoint_after_a_rework_is_one_of_the_timely_run(engine):
     assert all(same(found, theirs[found.stamp_ns]) for found in resumed.filtered)
 
 
-@ENGINES
-def test_codes_and_heights_are_those_of_the_timely_run(engine):
+def test_codes_and_heights_are_those_of_the_timely_run():
     given = {
         f"{radar}.fields.{what}": what
         for radar in ("radar_1", "radar_2")
@@ -307,8 +299,8 @@ def test_codes_and_heights_are_those_of_the_timely_run(engine):
         )
         for radar, stamp_ns, found, _ in REPORTS
     ]
-    run = Run(config(engine, given)).feed(late(reports, [13], 5)).finished()
-    whole = Run(config(engine, given)).feed(reports).finished()
+    run = Run(config(given)).feed(late(reports, [13], 5)).finished()
+    whole = Run(config(given)).feed(reports).finished()
     assert run.reprocessed == 1
     assert any(len(found) and (found.attributes.code >= 0).any() for found in whole.filtered)
     # False tracks have taken numbers that they would not have had.
@@ -324,22 +316,14 @@ def test_codes_and_heights_are_those_of_the_timely_run(engine):
 TURNS = 6
 TURNING = {
     "late_reports": "rework",
-    "lag": f"{2 * sweep.ROTATION_S:g} s",
+    "lag_s": 2.0 * sweep.ROTATION_S,
     "radar.clutter_rate": 48.0,
 }
 
 
-@pytest.mark.parametrize(
-    ("engine", "timed", "period_s"),
-    [
-        ("particles", True, 1.7),
-        ("particles", False, 1.7),
-        ("gaussian", True, 0.0),
-        ("gaussian", False, 1.7),
-    ],
-)
-def test_a_late_sector_changes_nothing_that_is_still_to_come(engine, timed, period_s):
-    given = {**TURNING, "engine": engine, "estimates_period_s": period_s}
+@pytest.mark.parametrize(("timed", "period_s"), [(True, 0.0), (True, 1.7), (False, 1.7)])
+def test_a_late_sector_changes_nothing_that_is_still_to_come(timed, period_s):
+    given = {**TURNING, "estimates_period_s": period_s}
     reports = sweep.sector_reports(TURNS, timed)
     # A sector of the fourth turn comes six sectors late.
     index = 3 * sweep.SECTORS + 3
@@ -352,7 +336,7 @@ def test_a_late_sector_changes_nothing_that_is_still_to_come(engine, timed, peri
 
 def test_a_sector_that_comes_twice_or_before_all_is_refused():
     reports = sweep.sector_reports(TURNS, timed=True)
-    run = Run(sweep.configuration({**TURNING, "engine": "gaussian"}))
+    run = Run(sweep.configuration(TURNING))
     run.feed(reports[:80]).feed([reports[76], reports[40]])
     assert run.refused == [Rejection.DUPLICATE, Rejection.LATE]
     run.feed(reports[80:])

@@ -5,7 +5,6 @@ import moving
 import numpy as np
 import pytest
 from lone import lone
-from runs import ENGINES
 
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseFault, PoseTrack
@@ -51,10 +50,8 @@ def filtered(events):
     return [estimates for event in events for estimates in event.step.filtered]
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_targets_are_tracked_in_the_world_from_a_ship_that_turns(engine):
-    settings = moving.config(engine=engine, particles_per_target=500)
-    events, refused = fed(new_pipeline(settings), in_order(reports(), poses()))
+def test_targets_are_tracked_in_the_world_from_a_ship_that_turns():
+    events, refused = fed(new_pipeline(moving.config()), in_order(reports(), poses()))
     assert len(events) == moving.SCANS
     assert not refused
     assert np.median(moving.errors(filtered(events))) < 6.0

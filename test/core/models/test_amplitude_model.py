@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from scenes import intensity, small
+from scenes import small
 from scipy.integrate import quad
 
 from phd_jdtc_ros.core.models.amplitude_model import CELLS, Band, Ignored, Memory
-from phd_jdtc_ros.core.sensors.report import Report
+from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.types import Detections
 
 MODEL = small().model
@@ -12,15 +12,8 @@ MODES, RADAR = MODEL.modes, MODEL.radars[0]
 BANDS = np.log1p([c.snr_band for c in MODES.classes])
 
 
-def particles(memory, mode=None):
-    from dataclasses import replace
-
-    phd = intensity(np.zeros((len(memory), 5)), np.ones(len(memory)), mode=mode)
-    return replace(phd, log_snr=np.asarray(memory, dtype=float))
-
-
-def every_pair(phd, detections):
-    row, column = np.indices((len(phd), len(detections))).reshape(2, -1)
+def every_pair(log_snr, detections):
+    row, column = np.indices((len(log_snr), len(detections))).reshape(2, -1)
     return row, column
 
 
@@ -84,38 +77,36 @@ def test_memory_born_of_a_detection_follows_its_amplitude(mode, amplitude):
 
 
 def test_memory_likelihood_integrates_to_its_detection_probability():
-    phd = particles([np.log1p(30.0)])
-    model = Memory(0.1)
+    mode, log_snr, model = np.array([0]), np.array([np.log1p(30.0)]), Memory(0.1)
 
     def density(a):
-        report = Report(RADAR, Detections(np.ones((1, 2)), np.array([a])))
-        pairs = every_pair(phd, report)
-        return float(np.exp(model.log_likelihood(phd.mode, phd.log_snr, report, pairs, MODES))[0])
+        report = View.of(RADAR, Detections(np.ones((1, 2)), np.array([a])))
+        pairs = every_pair(log_snr, report)
+        return float(np.exp(model.log_likelihood(mode, log_snr, report, pairs, MODES))[0])
 
     mass, _ = quad(density, RADAR.threshold, 200.0)
-    assert mass == pytest.approx(
-        model.detection_probability(phd.mode, phd.log_snr, RADAR, MODES)[0], rel=1e-6
-    )
+    (expected,) = model.detection_probability(mode, log_snr, RADAR.threshold, MODES)
+    assert mass == pytest.approx(expected, rel=1e-6)
 
 
 def test_memory_averaged_over_the_band_is_the_band_likelihood():
     # The band's closed form is the Rayleigh law averaged over ln(1 + d).
-    phd = particles(np.linspace(*BANDS[1], 20001), mode=np.full(20001, 2))
-    report = Report(RADAR, Detections(np.ones((3, 2)), np.array([4.0, 20.0, 60.0])))
-    pairs = every_pair(phd, report)
-    remembered = np.exp(Memory(0.1).log_likelihood(phd.mode, phd.log_snr, report, pairs, MODES))
-    averaged = remembered.reshape(len(phd), 3).mean(axis=0)
-    band = np.exp(Band().log_likelihood(phd.mode, phd.log_snr, report, pairs, MODES))[:3]
+    mode, log_snr = np.full(20001, 2), np.linspace(*BANDS[1], 20001)
+    report = View.of(RADAR, Detections(np.ones((3, 2)), np.array([4.0, 20.0, 60.0])))
+    pairs = every_pair(log_snr, report)
+    remembered = np.exp(Memory(0.1).log_likelihood(mode, log_snr, report, pairs, MODES))
+    averaged = remembered.reshape(len(log_snr), 3).mean(axis=0)
+    band = np.exp(Band().log_likelihood(mode, log_snr, report, pairs, MODES))[:3]
     np.testing.assert_allclose(averaged, band, rtol=1e-3)
 
 
 @pytest.mark.parametrize("model", [Band(), Memory(0.1)])
 def test_likelihood_without_amplitudes_is_the_detection_probability(model):
-    phd = particles([BANDS[0, 0], BANDS[0, 1]])
-    report = Report(RADAR, Detections(np.ones((2, 2)), None))
-    pairs = every_pair(phd, report)
-    likelihood = np.exp(model.log_likelihood(phd.mode, phd.log_snr, report, pairs, MODES))
-    expected = model.detection_probability(phd.mode, phd.log_snr, RADAR, MODES)
+    mode, log_snr = np.array([0, 0]), BANDS[0]
+    report = View.of(RADAR, Detections(np.ones((2, 2)), None))
+    pairs = every_pair(log_snr, report)
+    likelihood = np.exp(model.log_likelihood(mode, log_snr, report, pairs, MODES))
+    expected = model.detection_probability(mode, log_snr, RADAR.threshold, MODES)
     np.testing.assert_allclose(likelihood, np.repeat(expected, 2))
 
 

@@ -8,6 +8,7 @@ from scenes import small
 
 from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.sensors.polar_radar import DETECTION_GATE_SIGMA, RadarModel
+from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.sensors.visibility import Visibility, sector_probability
 from phd_jdtc_ros.core.targets import amplitude_density
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections
@@ -69,7 +70,13 @@ def test_measure_counts_azimuths_counter_clockwise_with_its_derivative():
     expected = [[10.0, 0.0], [10.0, -np.pi / 2], [5.0, np.pi - np.arctan2(3.0, 4.0)]]
     np.testing.assert_allclose(radar.measure(state), expected, atol=1e-12)
     difference = (RADAR.measure(at(1e-3)) - RADAR.measure(at(-1e-3))) / 2e-3
-    np.testing.assert_allclose(RADAR.measurement_rate(MOVING), difference, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(measurement_rate(RADAR), difference, rtol=1e-6, atol=1e-9)
+
+
+def measurement_rate(radar):
+    """Return the time derivatives of the measurements of what moves, (2, 2)."""
+    _, slope = radar.linearise(MOVING[:, [0, 2]])
+    return (slope @ MOVING[:, [1, 3], None])[..., 0]
 
 
 def brute_pairs(radar, predicted, detections):
@@ -114,25 +121,25 @@ def test_log_clutter_intensity_integrates_to_the_rate_and_its_amplitudes():
     # Uniform over 2 pi x 15 km, times an amplitude density that integrates to one above tau.
     detections = Detections(np.array([[5e3, 1.0]]), None)
     area = 2.0 * np.pi * RADAR.clutter_max_range
-    assert np.exp(RADAR.log_clutter_intensity(detections))[0] * area == pytest.approx(20.0)
+    assert np.exp(View.of(RADAR, detections).log_clutter)[0] * area == pytest.approx(20.0)
     measurement = np.full((3, 2), 1.0)
     a = np.array([4.0, 5.0, 6.0])
-    plain = RADAR.log_clutter_intensity(Detections(measurement, None))
-    full = RADAR.log_clutter_intensity(Detections(measurement, a))
+    plain = View.of(RADAR, Detections(measurement, None)).log_clutter
+    full = View.of(RADAR, Detections(measurement, a)).log_clutter
     np.testing.assert_allclose(np.exp(full - plain), a * np.exp(-(a**2) / 2.0) / 1e-3, rtol=1e-9)
     radar = replace(RADAR, clutter_rate=0.0)
     detections = Detections(np.ones((1, 2)), np.array([250.0]))
-    assert np.isfinite(radar.log_clutter_intensity(detections)).all()
+    assert np.isfinite(View.of(radar, detections).log_clutter).all()
 
 
 def test_log_class_likelihood_is_the_untruncated_density():
     classes = small().model.modes.classes
     a = np.array([4.0, 20.0, 250.0])
-    likelihood = RADAR.log_class_likelihood(Detections(np.ones((3, 2)), a), classes)
+    likelihood = View.of(RADAR, Detections(np.ones((3, 2)), a)).log_class_likelihood(classes)
     expected = [amplitude_density.log_target_density(a, c.snr_band) for c in classes]
     np.testing.assert_array_equal(likelihood, expected)
-    likelihood = RADAR.log_class_likelihood(Detections(np.ones((3, 2)), None), classes)
-    p_d = RADAR.class_detection_probability(classes)
+    likelihood = View.of(RADAR, Detections(np.ones((3, 2)), None)).log_class_likelihood(classes)
+    p_d = amplitude_density.of_classes(RADAR.threshold, classes)
     assert likelihood.shape == (2, 3)
     np.testing.assert_allclose(np.exp(likelihood), np.repeat(p_d[:, None], 3, axis=1))
 
@@ -149,7 +156,7 @@ def test_gated_pairs_compares_a_detection_with_the_state_at_its_own_time(seconds
     offset = np.array([[3.0, 0.0], [0.0, np.radians(0.04)]])
     then = Detections(precise.measure(at(seconds)) + offset, None, np.full(2, seconds))
     particle, detection, found = precise.gated_pairs(
-        precise.measure(MOVING), then, precise.measurement_rate(MOVING)
+        precise.measure(MOVING), then, measurement_rate(precise)
     )
     now = Detections(precise.measure(MOVING) + offset, None)
     _, _, expected = precise.gated_pairs(precise.measure(MOVING), now)
@@ -170,24 +177,23 @@ def test_gated_pairs_takes_each_detections_own_deviation():
     )
 
 
-def test_detection_noise_grows_with_the_range_unless_reported_by_the_driver():
-    radar = replace(RADAR, range_growth=0.01)
+def test_detection_noise_is_the_radars_unless_reported_by_the_driver():
     own = np.array([[np.nan, np.nan], [50.0, 0.01]])
-    found = radar.noise_std_of(Detections(np.array([[10e3, 0.0]] * 2), None, noise_std=own))
-    np.testing.assert_allclose(found[0], [np.hypot(300.0, 100.0), RADAR.azimuth_std])
+    found = RADAR.noise_std_of(Detections(np.array([[10e3, 0.0]] * 2), None, noise_std=own))
+    np.testing.assert_allclose(found[0], [RADAR.range_std, RADAR.azimuth_std])
     np.testing.assert_allclose(found[1], [50.0, 0.01])
 
 
 def test_unknown_amplitude_is_as_one_that_no_radar_reports():
     place = np.array([[5e3, 0.0], [5e3, 0.0]])
-    some, none = Detections(place, np.array([20.0, np.nan])), Detections(place, None)
-    likelihood = RADAR.log_class_likelihood(some, CLASSES)
+    some = View.of(RADAR, Detections(place, np.array([20.0, np.nan])))
+    none = View.of(RADAR, Detections(place, None))
+    likelihood = some.log_class_likelihood(CLASSES)
     assert np.isfinite(likelihood).all()
-    expected = RADAR.log_class_likelihood(none, CLASSES)
+    expected = none.log_class_likelihood(CLASSES)
     np.testing.assert_array_equal(likelihood[:, 1], expected[:, 1])
     assert (likelihood[:, 0] != expected[:, 0]).all()
-    clutter = RADAR.log_clutter_intensity(some)
-    assert clutter[1] == RADAR.log_clutter_intensity(none)[1]
+    assert some.log_clutter[1] == none.log_clutter[1]
 
 
 def test_configured_detection_probability_replaces_that_of_the_bands():
@@ -195,11 +201,11 @@ def test_configured_detection_probability_replaces_that_of_the_bands():
         RADAR, visibility=replace(RADAR.visibility, ranges=(0.0,), probabilities=(0.5,))
     )
     report = Detections(np.array([[5e3, 0.0]]), np.array([20.0]))
-    difference = given.log_class_likelihood(report, CLASSES) - RADAR.log_class_likelihood(
-        report, CLASSES
+    configured, from_snr = (
+        View.of(radar, report).log_class_likelihood(CLASSES) for radar in (given, RADAR)
     )
-    expected = np.log(0.5 / RADAR.class_detection_probability(CLASSES))
-    np.testing.assert_allclose(difference[:, 0], expected)
+    expected = np.log(0.5 / amplitude_density.of_classes(RADAR.threshold, CLASSES))
+    np.testing.assert_allclose((configured - from_snr)[:, 0], expected)
 
 
 def test_coverage_probability_is_what_the_antenna_passed_of_the_field_of_view():

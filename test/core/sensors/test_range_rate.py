@@ -5,10 +5,9 @@ import pytest
 from lone import lone
 from scipy.stats import norm
 
-from phd_jdtc_ros.core.models import newborn_sampling
-from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel, Newborn
+from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
-from phd_jdtc_ros.core.sensors.report import Report
+from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.types import Detections
 
 RATED = {
@@ -20,8 +19,7 @@ RATED = {
 }
 CONFIG = lone({**RATED, "detection_births.rates": [0.1], "detection_births.velocity_std": 12.0})
 (RADAR,) = CONFIG.model.radars
-BIRTHS = DetectionBirthModel(np.array([0.1]), 12.0, 1e-3, 1 << 13)
-BORN = replace(CONFIG.model, detection_births=BIRTHS)
+BIRTHS = DetectionBirthModel(np.array([0.1]), 12.0, 1e-3)
 AMBIGUOUS = replace(RADAR, range_rate=RangeRateModel(0.2, 30.0), velocity=(4.0, -3.0))
 
 
@@ -75,12 +73,12 @@ def test_intensities_of_clutter_and_births_sum_to_those_without_range_rates(mode
     place = np.tile([100.0, 0.3], (4000, 1))
     rated, plain = Detections(place, None, range_rate=rate), Detections(place[:1], None)
     step = width / 4000.0
-    clutter = np.exp(radar.log_clutter_intensity(rated)).sum() * step
-    assert clutter == pytest.approx(np.exp(radar.log_clutter_intensity(plain))[0], rel=1e-9)
+    clutter = np.exp(View.of(radar, rated).log_clutter).sum() * step
+    assert clutter == pytest.approx(np.exp(View.of(radar, plain).log_clutter)[0], rel=1e-9)
     area = np.radians(120.0) * radar.clutter_max_range
     assert clutter == pytest.approx(7.0 / area, rel=1e-9)
     births = [
-        np.exp(BIRTHS.log_intensity(Report(radar, found), CONFIG.model.modes, 6.0)).sum()
+        np.exp(BIRTHS.log_intensity(View.of(radar, found), CONFIG.model.modes, 6.0)).sum()
         for found in (rated, plain)
     ]
     assert births[0] * step == pytest.approx(births[1], rel=2e-3)
@@ -90,70 +88,11 @@ def test_intensities_of_detections_without_a_known_range_rate_are_those_without_
     place = np.array([[100.0, 0.3]])
     unknown = Detections(place, None, range_rate=np.array([np.nan]))
     plain = Detections(place, None)
-    assert RADAR.log_clutter_intensity(unknown) == RADAR.log_clutter_intensity(plain)
+    views = [View.of(RADAR, one) for one in (unknown, plain)]
+    assert views[0].log_clutter == views[1].log_clutter
     modes = CONFIG.model.modes
-    found = [BIRTHS.log_intensity(Report(RADAR, one), modes, 6.0) for one in (unknown, plain)]
+    found = [BIRTHS.log_intensity(view, modes, 6.0) for view in views]
     np.testing.assert_array_equal(*found)
-
-
-def newborns(radar, *rates):
-    place = np.tile([60.0, 0.3], (len(rates), 1))
-    report = Detections(place, None, range_rate=np.array(rates))
-    return Newborn(Report(radar, report), np.ones((len(rates), 1)))
-
-
-def drawn(found):
-    return newborn_sampling.sample(found, BORN, BIRTHS.particles, np.random.default_rng(0))
-
-
-def parts_of(radar, state):
-    """Return velocities relative to the radar along the line of sight, and those across it."""
-    line = state[:, [0, 2]] - radar.position
-    line /= np.hypot(*line.T)[:, None]
-    return radar.range_rate_of(state), state[:, 3] * line[:, 0] - state[:, 1] * line[:, 1]
-
-
-def test_newborn_particles_have_the_range_rate_and_the_prior_across():
-    state, _, _, detection = drawn(newborns(RADAR, -9.0, np.nan))
-    along, across = parts_of(RADAR, state)
-    gain = 12.0**2 / (12.0**2 + 0.2**2)
-    assert along[detection == 0].mean() == pytest.approx(-9.0 * gain, abs=0.01)
-    assert along[detection == 0].std() == pytest.approx(0.2 * np.sqrt(gain), rel=0.03)
-    assert across[detection == 0].std() == pytest.approx(12.0, rel=0.03)
-    assert along[detection == 1].std() == pytest.approx(12.0, rel=0.03)
-
-
-def test_newborn_particles_take_folds_by_the_prior_of_the_velocity():
-    state, _, _, _ = drawn(newborns(AMBIGUOUS, 10.0))
-    along, _ = parts_of(AMBIGUOUS, state)
-    line = np.array([np.cos(0.3 + AMBIGUOUS.yaw), np.sin(0.3 + AMBIGUOUS.yaw)])
-    folds = 10.0 + 30.0 * np.arange(-3, 4)
-    density = norm.pdf(folds + line @ AMBIGUOUS.velocity, 0.0, np.hypot(12.0, 0.2))
-    fold = np.round((along - 10.0) / 30.0).astype(int)
-    assert np.abs(along - 10.0 - 30.0 * fold).max() < 2.0
-    share = np.bincount(fold + 3, minlength=7) / len(fold)
-    np.testing.assert_allclose(share, density / density.sum(), atol=0.01)
-
-
-@pytest.mark.parametrize("time_s", [None, np.array([0.4])])
-def test_intensity_of_newborns_is_the_density_of_their_sample(time_s):
-    found = newborns(AMBIGUOUS, 10.0)
-    detections = replace(found.report.detections, time_s=time_s)
-    found = replace(found, report=replace(found.report, detections=detections))
-    state, mode, _, _ = drawn(found)
-    intensity = newborn_sampling.intensity(found, BORN, state, mode)
-    # By Bayes' rule, prior times likelihood over posterior is the density of the range rate.
-    report = replace(found.report, detections=replace(detections, range_rate=None))
-    plain = Newborn(report, found.mass)
-    prior = newborn_sampling.intensity(plain, BORN, state, mode)
-    row = np.arange(len(state)), np.zeros(len(state), dtype=int)
-    likelihood = np.exp(AMBIGUOUS.log_range_rate(state, detections, row))
-    near = np.flatnonzero(prior > 0.0)
-    evidence = prior[near] * likelihood[near] / intensity[near]
-    assert len(near) > 0.999 * len(state)
-    line = np.array([[np.cos(0.3 + AMBIGUOUS.yaw), np.sin(0.3 + AMBIGUOUS.yaw)]])
-    expected = np.exp(BIRTHS.log_range_rate(line, found.report.range_rates, AMBIGUOUS))
-    np.testing.assert_allclose(evidence, expected[0], rtol=0.05)
 
 
 def test_detections_that_are_taken_keep_their_range_rates():

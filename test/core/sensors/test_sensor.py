@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from position_sensor import PositionSensor
+from position_sensor import PositionSensor, covariance_of
 from scenes import small
 
-from phd_jdtc_ros.core.learned.detection_factor import CELLS, DetectionFactor, TrialSums
+from phd_jdtc_ros.core.factors.detection import CELLS, Detection, TrialSums
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
-from phd_jdtc_ros.core.sensors.report import Report
+from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.types import UNKNOWN_COVERAGE, Detections, Pose
 
 STATE = np.array([[100.0, 3.0, 200.0, -4.0, 0.0], [0.0, 0.0, 50.0, 1.0, 0.0]])
@@ -33,10 +33,9 @@ FOUND = Detections(np.array([[1000.0, 3.14], [90e3, -3.14]]), None, np.array([-1
 
 def test_measurements_and_noise_follow_from_the_linearised_measurement():
     np.testing.assert_array_equal(SENSOR.measure(STATE), [[90.0, 180.0], [-10.0, 30.0]])
-    np.testing.assert_array_equal(SENSOR.measurement_rate(STATE), [[3.0, -4.0], [0.0, 1.0]])
     np.testing.assert_array_equal(SENSOR.noise_std_of(DETECTIONS), [[1.0, 2.0], [5.0, 5.0]])
     correlated = replace(DETECTIONS, noise_correlation=np.array([0.5, np.nan]))
-    covariance = SENSOR.noise_covariance_of(correlated)
+    covariance = covariance_of(SENSOR, correlated)
     np.testing.assert_array_equal(covariance, [[[1.0, 1.0], [1.0, 4.0]], 25.0 * np.eye(2)])
 
 
@@ -45,23 +44,21 @@ def test_sensor_without_coverage_or_map_sees_everything_in_uniform_clutter():
     assert SENSOR.coverage_probability(measured, UNKNOWN_COVERAGE).tolist() == [1.0, 1.0]
     assert SENSOR.may_have_swept(STATE[:, :2], np.ones(2), DETECTIONS).all()
     assert SENSOR.configured_detection_probability(measured) is None
-    assert (SENSOR.miss_probability(np.log1p([10.0, 1000.0])) < [0.7, 0.01]).all()
+    assert SENSOR.largest_detection_probability is None
     uniform = replace(SENSOR, detection_probability=0.8)
     assert uniform.configured_detection_probability(measured).tolist() == [0.8, 0.8]
-    np.testing.assert_allclose(uniform.miss_probability(np.log1p([10.0, 1000.0])), 0.2)
-    np.testing.assert_allclose(SENSOR.log_clutter_intensity(DETECTIONS), np.log(2e-6))
-    assert not SENSOR.neighbourhood_density(DETECTIONS.measurement, STATE[:, :2]).any()
+    np.testing.assert_allclose(View.of(SENSOR, DETECTIONS).log_clutter, np.log(2e-6))
 
 
 def test_detection_probability_is_learned_by_range_and_azimuth_from_the_sensor():
     trials = TrialSums(np.full(CELLS, 99.0), np.full(CELLS, 90.0), np.arange(float(CELLS)))
-    factor = DetectionFactor(1000.0).after(trials)
-    sensor = replace(SENSOR, yaw=0.5, detection_factor=factor)
+    factor, sensor = Detection(1000.0).after(trials), replace(SENSOR, yaw=0.5)
     place = np.array([[200.0, 0.3], [900.0, 2.0]])
     azimuth = place[:, 1] + sensor.yaw
     measured = place[:, :1] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
     np.testing.assert_allclose(sensor.polar_place(measured), place)
-    found = sensor.learned_detection_probability(np.full(2, 0.9), measured)
+    view = factor.expect(View.of(sensor, Detections(measured, None)))
+    found = view.detection_probability_at(np.full(2, 0.9), measured)
     np.testing.assert_array_equal(found, factor.probability(np.full(2, 0.9), place))
 
 
@@ -72,19 +69,19 @@ def test_pose_moves_the_sensor_and_keeps_the_rest():
 
 
 def test_deviations_and_shares_are_the_detections_own():
-    std = Report(RADAR, REPORTED).detection_std
+    std = View.of(RADAR, REPORTED).detection_std
     np.testing.assert_array_equal(std, [[50.0, 0.02], RADAR.noise_std, [20.0, 0.02]])
-    taken = Report(RADAR, REPORTED, share=0.5, complete=False).take(np.array([2, 0]))
+    taken = View.of(RADAR, REPORTED, share=0.5).changed(complete=False).take(np.array([2, 0]))
     np.testing.assert_array_equal(taken.detection_std[:, 0], [20.0, 50.0])
     assert (taken.share, taken.complete) == (0.5, False)
-    report = Report(RADAR, REPORTED)
+    report = View.of(RADAR, REPORTED)
     assert report.project_as(REPORTED).detection_std is report.detection_std
     again = report.project_as(REPORTED.take(np.array([0])))
     assert len(again.detection_std) == 1
 
 
 def test_covariances_in_the_plane_are_those_of_their_roots():
-    plots = Report(RADAR, REPORTED).in_plane
+    plots = View.of(RADAR, REPORTED).in_plane
     np.testing.assert_allclose(plots.covariance, plots.root @ plots.root.swapaxes(1, 2), atol=1e-9)
     np.testing.assert_allclose(
         np.linalg.eigvalsh(plots.covariance[0]), np.array([50.0, 5e3 * 0.02]) ** 2, rtol=1e-9

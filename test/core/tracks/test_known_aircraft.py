@@ -4,7 +4,7 @@ import estimate_sets
 import numpy as np
 import pytest
 from hard_turns import PERIOD_S, scenes, seen, tracker
-from runs import ENGINES, stepped, stored_and_read
+from runs import stepped, stored_and_read
 
 from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.tracks import known_aircraft
@@ -155,9 +155,8 @@ def crossing(hidden, address=77, seed=21, scans=40):
     return found
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_aircraft_out_of_sight_for_a_minute_has_its_number_again(engine):
-    one, given, smoothed = tracker(engine), [], set()
+def test_aircraft_out_of_sight_for_a_minute_has_its_number_again():
+    one, given, smoothed = tracker(), [], set()
     for step in map(one.step, crossing(range(12, 27))):
         given += [set(found.track_id.tolist()) for found in step.filtered]
         smoothed |= {number for found in step.smoothed for number in found.track_id.tolist()}
@@ -166,19 +165,17 @@ def test_aircraft_out_of_sight_for_a_minute_has_its_number_again(engine):
     assert given[-1] == {1}
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_restored_engine_remembers_aircraft_that_are_out_of_sight(engine):
+def test_restored_engine_remembers_aircraft_that_are_out_of_sight():
     scans = crossing(range(12, 27))
-    one, other = tracker(engine), tracker(engine)
+    one, other = tracker(), tracker()
     stepped(one, scans[:24])
     other.restore(stored_and_read(one.snapshot()))
     assert stepped(other, scans[24:])[0][-1].track_id.tolist() == [1]
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_gap_of_the_input_leaves_aircraft_their_numbers(engine):
+def test_gap_of_the_input_leaves_aircraft_their_numbers():
     scans = crossing(range(12, 27))
-    one = tracker(engine)
+    one = tracker()
     stepped(one, scans[:12])
     one.interrupt()
     assert stepped(one, scans[27:])[0][-1].track_id.tolist() == [1]
@@ -197,29 +194,26 @@ def switches_of(steps, truth):
     )
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_aircraft_that_leave_their_gates_have_one_track_each(engine):
+def test_aircraft_that_leave_their_gates_have_one_track_each():
     _, scans = scenes(11, 40)
-    one = tracker(engine)
+    one = tracker()
     for step in map(one.step, scans):
         for found in (*step.filtered, *step.smoothed):
             assert len(set(answered(found).tolist())) == len(answered(found))
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_addresses_make_no_more_switches_than_none(engine):
+def test_addresses_make_no_more_switches_than_none():
     with_addresses, without = (
-        switches_of(map(tracker(engine, addresses).step, scans), truth)
+        switches_of(map(tracker(addresses).step, scans), truth)
         for addresses in (True, False)
         for truth, scans in [scenes(12, 40, addresses)]
     )
     assert with_addresses <= 0.1 * without
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_two_aircraft_with_one_address_far_apart_both_live(engine):
+def test_two_aircraft_with_one_address_far_apart_both_live():
     rng = np.random.default_rng(13)
-    one, found = tracker(engine), []
+    one, found = tracker(), []
     velocity = np.array([[150.0, 20.0], [-120.0, 60.0]])
     for index in range(20):
         position = [[-3e4, 1e4], [2e4, -2e4]] + velocity * PERIOD_S * index

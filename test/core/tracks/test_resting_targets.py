@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from inner import resolve
-from track_inputs import estimates_of, scan_of
+from track_inputs import estimates_of, scan_of, views_of
 
 from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core.factors import ClutterMap
 from phd_jdtc_ros.core.tracks.confirmation import TrackStates
 from phd_jdtc_ros.core.tracks.reporting_rule import rule_of
 from phd_jdtc_ros.core.types import Detections, Scan
@@ -37,8 +38,6 @@ HARBOUR = {
     "rest.noise_density": 0.01,
     "detection_births.rates": [0.05, 0.05],
     "detection_births.velocity_std": 5.0,
-    "particles_per_target": 300,
-    "particles_per_birth": 512,
     "radar.range_std": 5.0,
     "radar.azimuth_std_deg": 1.0,
     "radar.max_range": 500.0,
@@ -82,13 +81,13 @@ def near(estimates, place, within=40.0):
     return bool((np.hypot(*(estimates.position - place).T) < within).any())
 
 
-def reported(engine, seed, **changes):
+def reported(seed, **changes):
     """Return the shares of scans with estimates of each target, once their tracks are old enough.
 
     The targets are the reflector (filtered, smoothed), the boat, and the moored boat before and
     after it sets off.
     """
-    tracker = new_engine(resolve({**HARBOUR, "engine": engine, **changes}))
+    tracker = new_engine(resolve({**HARBOUR, **changes}))
     steps = [tracker.step(scan) for scan in scans_of(seed)]
     filtered = [found for step in steps for found in step.filtered]
     smoothed = [found for step in steps for found in step.smoothed]
@@ -105,21 +104,25 @@ def reported(engine, seed, **changes):
     )
 
 
-@pytest.mark.parametrize(("engine", "seeds"), [("gaussian", range(4)), ("particles", range(1))])
-def test_only_what_moves_is_reported(engine, seeds):
-    shares = np.mean([reported(engine, seed) for seed in seeds], axis=0)
+def test_only_what_moves_is_reported():
+    shares = np.mean([reported(seed) for seed in range(4)], axis=0)
     reflector, reflector_smoothed, boat, moored, left = shares
     assert max(reflector, reflector_smoothed, moored) < 0.02
     assert min(boat, left) > 0.9
 
 
-@pytest.mark.parametrize("engine", ["gaussian", "particles"])
-def test_what_rests_is_reported_if_asked_for(engine):
-    assert min(reported(engine, 7, report_resting=True)) > 0.9
+def test_what_rests_is_reported_if_asked_for():
+    assert min(reported(7, report_resting=True)) > 0.9
 
 
 def test_a_class_at_rest_is_not_reported_without_labels_either():
-    config = resolve({**HARBOUR, "engine": "phd"})
+    # Births where the boat, the moored boat and the reflector are.
+    places = {"boat": BOAT, "moored": MOORED, "reflector": REFLECTOR}
+    births = {"births": [*places], "detection_births.rates": []}
+    for name, place in places.items():
+        births |= {f"{name}.position": [*place], f"{name}.std": [10.0, 5.0, 1e-3]}
+        births |= {f"{name}.rates": [0.05, 0.05]}
+    config = resolve({**HARBOUR, **births, "engine": "phd"})
     tracker = new_engine(config)
     steps = [tracker.step(scan) for scan in scans_of(5)]
     found = [found for step in steps for found in (*step.filtered, *step.smoothed)]
@@ -140,7 +143,9 @@ def moving(states, model, stamp_ns, speed, std):
     state[:, axes] = [speed, 0.0]
     covariance[:, axes, axes] = std**2
     found = replace(found, state=state, covariance=covariance)
-    reported = states.report_filtered(found, np.array([0]), [], scan_of(stamp_ns, model), model)
+    reported = states.report_filtered(
+        found, np.array([0]), [], scan_of(stamp_ns, model), model, views_of(model)
+    )
     return reported.track_state.tolist()
 
 
@@ -156,12 +161,13 @@ def states_by_scan(model):
 def with_answers(model, answers):
     """Return the model with a map of a quay at 5 km, of reflectors that answer every turn."""
     (radar,) = model.radars
-    places = radar.clutter_map
+    (places,) = (each for each in model.factors[radar.name] if isinstance(each, ClutterMap))
     azimuth = 2.0 * np.pi / places.grid.columns * (4 + np.arange(answers))
     seen = np.stack([np.full(answers, 5e3), azimuth], axis=1)
     for _ in range(4):
         places = places.after(seen, radar.to_world(seen), np.ones(answers), 1.0)
-    return replace(model, radars=(replace(radar, clutter_map=places),))
+    factors = [places if isinstance(f, ClutterMap) else f for f in model.factors[radar.name]]
+    return replace(model, factors={radar.name: tuple(factors)})
 
 
 @pytest.mark.parametrize(
@@ -192,5 +198,5 @@ def test_a_radar_that_does_not_see_a_place_leaves_its_neighbourhood():
     near = with_answers(resolve(COAST).model, 5)
     far = {"far.clutter_map": True, "far.position": [6e4, 0.0], "far.max_range": 2e4}
     both = resolve({**COAST, **far, "sensors": ["mast", "far"]}).model
-    both = replace(both, radars=(near.radars[0], both.radars[1]))
+    both = replace(both, factors={**both.factors, **near.factors})
     assert states_by_scan(both) == states_by_scan(near)

@@ -2,24 +2,21 @@
 
 import itertools
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from lone import lone, mixture_of
-from runs import ENGINES
-from scenes import intensity
 from scipy.stats import norm
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.arrays import wrap_angle
+from phd_jdtc_ros.core.factors import Sectors
+from phd_jdtc_ros.core.factors.factor import Look
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import GaussianSteps
-from phd_jdtc_ros.core.learned.detection_chains import Look
-from phd_jdtc_ros.core.models.sensor_memory import SensorMemory
-from phd_jdtc_ros.core.sensors.report import Report
-from phd_jdtc_ros.core.smc.correction import BERNOULLI
-from phd_jdtc_ros.core.smc.update import ParticleSteps
+from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Scan
 from phd_jdtc_ros.core.window.update import update_scan
 
@@ -47,43 +44,26 @@ PLOTS = {
 }
 
 
-def drawn(count):
-    return MEAN + STD * np.random.default_rng(7).standard_normal((count, len(MEAN)))
-
-
-def prior(engine):
-    """Return the steps of an engine, and a target at the edge as its rows."""
-    if engine == "gaussian":
-        dynamics = Dynamics(CONFIG.model)
-        mixture = mixture_of(dynamics, [(EXISTENCE, MEAN, STD)])
-        rows = Branched(mixture, np.arange(len(mixture)))
-        return GaussianSteps(dynamics, new_engine(CONFIG).forward.bounds), rows
-    states = drawn(20_000)
-    weight = np.full(len(states), EXISTENCE / len(states))
-    rows = intensity(states, weight)
-    return ParticleSteps(CONFIG.model, BERNOULLI, np.random.default_rng(1)), rows
-
-
-def existence_of(rows):
-    return float(rows.mixture.mass.sum() if isinstance(rows, Branched) else rows.weight.sum())
-
-
-def swept(engine, sectors, plots, between_s=0.25):
+def swept(sectors, plots, between_s=0.25):
     """Return the existence probability after reports of sectors, one after the other."""
-    steps, rows = prior(engine)
-    memory = SensorMemory((RADAR.name,))
+    dynamics = Dynamics(CONFIG.model)
+    mixture = mixture_of(dynamics, [(EXISTENCE, MEAN, STD)])
+    rows = Branched(mixture, np.arange(len(mixture)))
+    steps = GaussianSteps(dynamics, new_engine(CONFIG).forward.bounds)
+    factors = new_engine(CONFIG).forward.factors
     for index, (sector, found) in enumerate(zip(sectors, plots, strict=True)):
         report = Detections(np.reshape(found, (-1, 2)), None, coverage=sector)
         scan = Scan(10**12 + round(index * between_s * 1e9), (report,))
-        rows = update_scan(rows, scan, steps, 4.0, index, memory).rows
-    return existence_of(rows)
+        updated = update_scan(rows, scan, steps, 4.0, index, factors)
+        rows, factors = updated.rows, updated.factors
+    return rows.mixture.mass.sum()
 
 
 @cache
 def exact(name):
     """Return the existence probability after a turn: at most one of all plots is the target's."""
-    measured = RADAR.measure(drawn(400_000))
-    clutter = np.exp(RADAR.log_uniform_clutter)
+    measured = RADAR.measure(MEAN + STD * np.random.default_rng(7).standard_normal((400_000, 5)))
+    clutter = np.exp(RADAR.log_uniform_clutter(RADAR.clutter_rate))
     exists = EXISTENCE * (1.0 - DETECTION_PROBABILITY)
     for plot in itertools.chain(*PLOTS[name]):
         error = np.array(plot) - measured
@@ -93,50 +73,48 @@ def exact(name):
     return exists / (1.0 - EXISTENCE + exists)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("name", PLOTS)
 @pytest.mark.parametrize("clockwise", [False, True])
-def test_existence_after_two_sectors_is_that_of_a_whole_turn(engine, name, clockwise):
+def test_existence_after_two_sectors_is_that_of_a_whole_turn(name, clockwise):
     way = -1 if clockwise else 1
-    found = swept(engine, SECTORS[::way], PLOTS[name][::way])
+    found = swept(SECTORS[::way], PLOTS[name][::way])
     assert found == pytest.approx(exact(name), abs=0.03)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("name", PLOTS)
 @pytest.mark.parametrize("overlap", [0.004, 0.018])
-def test_sectors_that_overlap_pass_a_target_once(engine, name, overlap):
+def test_sectors_that_overlap_pass_a_target_once(name, overlap):
     sectors = Coverage(EDGE - 0.4, 0.4 + 0.5 * overlap), Coverage(EDGE - 0.5 * overlap, 0.4)
     for way in (1, -1):
-        found = swept(engine, sectors[::way], PLOTS[name][::way])
+        found = swept(sectors[::way], PLOTS[name][::way])
         assert found == pytest.approx(exact(name), abs=0.03)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_miss_of_the_next_turn_counts_again(engine):
-    found = swept(engine, SECTORS[:1] * 2, ([], []), between_s=4.0)
-    once = swept(engine, SECTORS[:1], ([],))
+def test_miss_of_the_next_turn_counts_again():
+    found = swept(SECTORS[:1] * 2, ([], []), between_s=4.0)
+    once = swept(SECTORS[:1], ([],))
     assert found < once - 0.05
 
 
 def report_of(sector, stamp_ns):
-    return Report(RADAR, Detections(np.zeros((0, 2)), None, coverage=sector), stamp_ns)
+    return View.of(RADAR, Detections(np.zeros((0, 2)), None, coverage=sector), stamp_ns)
 
 
-def learn(memory, report, label, detected):
-    """Learn with which probability a report has detected targets."""
-    one = np.ones(len(label))
-    look = Look(np.array(label), one, np.array(detected), 0.0 * one, one, one > 0.0)
-    memory.learn_look(memory.prepare(report), look)
+def after(sectors, report, label, detected):
+    """Return the pass after a report that has detected certain targets with these probabilities."""
+    row, one, view = np.arange(len(label)), np.ones(len(label)), sectors.expect(report)
+    targets = SimpleNamespace(label=np.array(label), target=row, existence=one)
+    found = SimpleNamespace(
+        claims=SimpleNamespace(row=row), pair_probability=np.array(detected), existence=one
+    )
+    return sectors.learn(Look(view, view, targets, found, np.zeros(0, dtype=np.int64), None))
 
 
 def test_sector_that_does_not_adjoin_is_not_conditioned():
-    memory = SensorMemory((RADAR.name,))
-    report = report_of(SECTORS[0], 10**12)
-    learn(memory, report, [3], [0.7])
+    sectors = after(Sectors(), report_of(SECTORS[0], 10**12), [3], [0.7])
     later = 10**12 + 10**9
-    assert memory.prepare(report_of(Coverage(EDGE + 1.5, 0.4), later)).earlier_sectors is None
-    earlier = memory.prepare(report_of(SECTORS[1], later)).earlier_sectors
+    assert sectors.expect(report_of(Coverage(EDGE + 1.5, 0.4), later)).earlier_sectors is None
+    earlier = sectors.expect(report_of(SECTORS[1], later)).earlier_sectors
     assert earlier.coverage.start == pytest.approx(SECTORS[0].start)
     assert earlier.coverage.width == SECTORS[0].width
     continued = earlier.continued
@@ -144,18 +122,16 @@ def test_sector_that_does_not_adjoin_is_not_conditioned():
 
 
 def test_pass_remembers_half_a_turn():
-    memory = SensorMemory((RADAR.name,))
+    sectors = Sectors()
     for sector in range(20):
         coverage = Coverage(wrap_angle(np.array(0.4 * sector)).item(), 0.4)
         stamp_ns = 10**12 + round(sector * 4e9 * 0.4 / FULL_TURN)
-        learn(memory, report_of(coverage, stamp_ns), [sector], [1.0])
-    latest = memory.sensors[RADAR.name].antenna_pass
-    assert latest.width == pytest.approx(np.pi)
-    assert latest.label.tolist() == list(range(12, 20))
+        sectors = after(sectors, report_of(coverage, stamp_ns), [sector], [1.0])
+    assert sectors.latest.width == pytest.approx(np.pi)
+    assert sectors.latest.label.tolist() == list(range(12, 20))
 
 
 def test_halves_of_a_turn_are_not_conditioned():
-    memory = SensorMemory((RADAR.name,))
     first, second = (Coverage(start, np.pi) for start in (-np.pi, 0.0))
-    learn(memory, report_of(first, 10**12), [3], [0.7])
-    assert memory.prepare(report_of(second, 10**12 + 10**9)).earlier_sectors is None
+    sectors = after(Sectors(), report_of(first, 10**12), [3], [0.7])
+    assert sectors.expect(report_of(second, 10**12 + 10**9)).earlier_sectors is None

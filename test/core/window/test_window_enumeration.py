@@ -1,99 +1,108 @@
-"""All estimates of a window, against what follows from each target's own scans, one by one."""
+"""All estimates of a window, against what follows from each target's own scans, one by one.
 
-from dataclasses import dataclass
+The reference of a target is an engine that has only the scans which pass it, and only its own
+detections. It is smoothed after each of these scans.
+"""
+
+from functools import cache
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import pytest
-from marks import MODEL, PLACES, MarkEngine, MarkFilter, rule
+from four_places import EVERY, MODEL, PLACES, SLICE_NS, SLICES, engine, slice_of, turn_of
 from runs import stored_and_read
 
 from phd_jdtc_ros.core.engine import Lag
-from phd_jdtc_ros.core.tracks.common_stamp import Schedule
-from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Scan
+from phd_jdtc_ros.core.gaussian.smoothing.smoother import backward_pass
 
-SLICES = 8
-SLICE_NS = 500_000_000
-TURN_NS = SLICES * SLICE_NS
-# Beyond it a target is swept wherever it is; see `swept.LONGEST_TURNS`.
-FORGOTTEN_NS = 1.5 * TURN_NS
-NOTED = 0.25
-LEAST = 0.5
-SCANS = 28
+LEAST = 1e-9
+SCANS = 12 * SLICES
+# Lag of the references: longer than that of any run, whose five stamps are at most 30 scans.
+LONGEST = 40
 
 
-def slice_of(index):
-    """Return the scan of one slice of a turn; every other one has a target in its middle."""
-    coverage = Coverage((index % SLICES - 0.5) * FULL_TURN / SLICES, FULL_TURN / SLICES)
-    detections = Detections(np.zeros((0, 2)), None, coverage=coverage)
-    return Scan((index + 1) * SLICE_NS, (detections,))
+def mixed_of(index, targets=EVERY):
+    """Return whole turns at first, whose sets then lose one target after the other."""
+    return (turn_of if index < 3 else slice_of)(index, targets)
 
 
-def turn_of(index):
-    """Return the scan of a whole turn."""
-    return Scan((index + 1) * SLICE_NS, (Detections(np.zeros((0, 2)), None),))
+class Stored(NamedTuple):
+    """What one scan of its own left of a target, and what is known then of all its scans."""
+
+    index: int  # Of the scan
+    mass: float  # Existence probability, also if it is too small for an estimate
+    filtered: float | None  # Existence probability; None without an estimate
+    smoothed: dict  # Existence probability of each of its scans, by index
 
 
-@dataclass(frozen=True)
-class Target:
-    """The scans that stored a target, and the one that dropped it, if any, by index."""
+# The first and the last slice in which each target can be seen, if it is not all of them.
+SCENES = {
+    "some come and some go": {0: (0, 20), 1: (9, 30), 2: (12, SCANS), 3: (0, 24)},
+    # One of them after it was seen once.
+    "all are dropped": {0: (0, 8), 1: (0, 3), 2: (0, 10), 3: (0, 20)},
+}
 
-    stored: list
-    dropped: int | None
+
+def seen_in(scene, index):
+    return [target for target, (begin, end) in SCENES[scene].items() if begin <= index < end]
 
 
-def lives(scan_of, begins, ends):
-    """Return what happens to each target, scan by scan."""
-    found = []
-    for number in range(len(PLACES)):
-        stored, dropped = [begins.get(number, 0)], None
-        for index in range(stored[0] + 1, SCANS):
-            passed = scan_of is turn_of or index % SLICES == 2 * number
-            old = (index - stored[-1]) * SLICE_NS >= FORGOTTEN_NS
-            if not passed and not old:
-                continue
-            if index >= ends.get(number, SCANS):
-                dropped = index
-                break
-            stored.append(index)
-        found.append(Target(stored, dropped))
-    return found
+@cache
+def alone(scan_of, scene, target):
+    """Return what each scan that passes a target leaves of it, given these scans alone."""
+    of, stored = engine(LONGEST, LEAST), []
+    for index in range(SCANS):
+        of_targets = scan_of(index).detections[0].coverage is None
+        if not (of_targets or index % SLICES == 2 * target):
+            continue
+        own = {target} & {*seen_in(scene, index)}
+        step = of.step(scan_of(index, own))
+        (filtered,) = (estimates.weight.tolist() for estimates in step.filtered)
+        entries = zip(of._window[::-1], backward_pass(of._window), strict=True)
+        smoothed = {
+            entry.stamp_ns // SLICE_NS - 1: float(mixture.mass.sum())
+            for entry, mixture in reversed(list(entries))
+            if mixture.mass.sum() > LEAST
+        }
+        assert len(filtered) <= 1
+        stored.append(Stored(index, float(step.class_mass.sum()), *(filtered or [None]), smoothed))
+    return stored
 
 
 def survival(since, until_ns):
     """Return the probability that a target survives from a scan until a stamp."""
-    return MODEL.modes.classes[0].survival_probability ** (
-        (until_ns - (since + 1) * SLICE_NS) / TURN_NS
-    )
+    modes = MODEL.modes
+    passed_s = (until_ns - (since + 1) * SLICE_NS) * 1e-9
+    return modes.classes[0].survival_probability ** (passed_s / modes.interval_s)
 
 
 def filtered_at(targets, stamp_ns, latest):
     """Return the weight of each target that exists at a stamp, given all scans up to one."""
     weights = {}
-    for number, target in enumerate(targets):
-        known = [index for index in target.stored if index <= latest]
-        if known and (target.dropped is None or target.dropped > latest):
-            weights[number] = (known[-1] + 1.0) * survival(known[-1], stamp_ns)
+    for number, scans in enumerate(targets):
+        known = [each for each in scans if each.index <= latest]
+        if known and known[-1].filtered is not None:
+            weights[number] = known[-1].filtered * survival(known[-1].index, stamp_ns)
     return weights
 
 
 def smoothed_at(targets, stamp_ns, latest, linked):
-    """Return the same at a stamp, given a later scan; with links, by its last mark."""
+    """Return the same at a stamp, given a later scan; without links, by each scan's own."""
     weights = {}
-    for number, target in enumerate(targets):
-        known = [index for index in target.stored if index <= latest]
-        dropped = target.dropped is not None and target.dropped <= latest
-        past = [index for index in known if (index + 1) * SLICE_NS <= stamp_ns]
-        if not past or (dropped and (target.dropped + 1) * SLICE_NS <= stamp_ns):
+    for number, scans in enumerate(targets):
+        known = [each for each in scans if each.index <= latest]
+        if not known:
             continue
-        if linked:
-            marks = dict.fromkeys(known, known[-1] + NOTED * dropped)
-        else:
-            marks = {index: index + NOTED * (dropped or index < known[-1]) for index in known}
-        before = marks[past[-1]] + 1.0
-        if len(past) < len(known):
-            after = known[len(past)]
-            share = (stamp_ns / SLICE_NS - 1.0 - past[-1]) / (after - past[-1])
-            weights[number] = (1.0 - share) * before + share * (marks[after] + 1.0)
+        own = {each.index: each.filtered for each in known if each.filtered is not None}
+        weight = known[-1].smoothed if linked else own
+        past = [each.index for each in known if (each.index + 1) * SLICE_NS <= stamp_ns]
+        if not past or past[-1] not in weight:
+            continue
+        before, later = weight[past[-1]], [index for index in weight if index > past[-1]]
+        if later:
+            share = (stamp_ns / SLICE_NS - 1.0 - past[-1]) / (later[0] - past[-1])
+            weights[number] = (1.0 - share) * before + share * weight[later[0]]
         else:
             weights[number] = before * survival(past[-1], stamp_ns)
     return weights
@@ -108,58 +117,47 @@ def weights_of(estimates):
     return dict(zip(number.tolist(), estimates.weight.tolist(), strict=True))
 
 
-def restored(engine, make):
+def restored(of, make):
     """Return another engine that goes on from this one's stored state."""
     other = make()
-    other.restore(stored_and_read(engine.snapshot()))
+    other.restore(stored_and_read(of.snapshot()))
     return other
 
 
-SCENES = {
-    "all stay": ({}, {}),
-    "some come and some go": ({1: 9, 2: 12}, {0: 8, 1: 18, 3: 14}),
-    # One at once, while the first set still holds the others.
-    "all are dropped": ({}, {0: 8, 1: 1, 2: 10, 3: 11}),
-}
-
-
-@pytest.mark.parametrize("scan_of", [slice_of, turn_of], ids=["by slice", "by turn"])
+@pytest.mark.parametrize(
+    "scan_of", [slice_of, turn_of, mixed_of], ids=["by slice", "by turn", "by both"]
+)
 @pytest.mark.parametrize("period_ns", [0, 700_000_000, 3_000_000_000])
-@pytest.mark.parametrize("lag", [Lag(0), Lag(1), Lag(5), Lag(0, seconds=2.6)], ids=str)
+@pytest.mark.parametrize("lag", [Lag(0), Lag(5), Lag(0, seconds=2.6)], ids=str)
 @pytest.mark.parametrize("scene", SCENES)
 def test_estimates_are_those_of_each_target_on_its_own(scan_of, period_ns, lag, scene):
-    begins, ends = SCENES[scene]
-
     def make():
-        forward = MarkFilter(MODEL, begins=begins, ends=ends, noted=NOTED)
-        return MarkEngine(forward, lag, Schedule(period_ns), rule(LEAST))
+        return engine(lag, LEAST, period_ns)
 
-    targets, engine, waiting = lives(scan_of, begins, ends), make(), []
+    targets = [alone(scan_of, scene, target) for target in EVERY]
+    of, waiting = make(), []
     for index in range(SCANS):
-        if begins and index % 7 == 3:  # of one scene, as often as a snapshot may be taken
-            engine = restored(engine, make)
-        scan = scan_of(index)
+        if scan_of is mixed_of and index % 7 == 3:  # as often as a snapshot may be taken
+            of = restored(of, make)
+        scan = scan_of(index, seen_in(scene, index))
         due, latest = [scan.stamp_ns], index
         if period_ns:
             latest = index - 1
             due = [t for t in range(0, scan.stamp_ns, period_ns) if t >= index * SLICE_NS]
             due = due if index else []
-        step = engine.step(scan)
+        step = of.step(scan)
         assert [estimates.stamp_ns for estimates in step.filtered] == due
         for estimates in step.filtered:
             expected = filtered_at(targets, estimates.stamp_ns, latest)
-            assert weights_of(estimates) == pytest.approx(expected, rel=1e-12)
+            assert weights_of(estimates) == pytest.approx(expected, rel=1e-9)
             assert estimates.lag == 0
         waiting += due
         for estimates in step.smoothed:
             check_smoothed(estimates, waiting, targets, index, lag)
         assert not lag.reached(waiting)
-        alive = sum(
-            target.stored[0] <= index and not (target.dropped or SCANS) <= index
-            for target in targets
-        )
-        assert step.class_mass.tolist() == [alive]
-    for estimates in engine.flush():
+        alive = [[each.mass for each in scans if each.index <= index][-1:] for scans in targets]
+        assert step.class_mass.sum() == pytest.approx(sum(map(sum, alive)), rel=1e-9)
+    for estimates in of.flush():
         check_smoothed(estimates, waiting, targets, SCANS - 1, lag)
     assert not waiting
 
@@ -169,4 +167,14 @@ def check_smoothed(estimates, waiting, targets, latest, lag):
     assert estimates.stamp_ns == waiting[0]
     assert estimates.lag == len(waiting) - 1
     expected = smoothed_at(targets, waiting.pop(0), latest, lag.positive)
-    assert weights_of(estimates) == pytest.approx(expected, rel=1e-12)
+    assert weights_of(estimates) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_the_scenes_have_what_they_are_named_after(scene):
+    for target, (begin, end) in SCENES[scene].items():
+        weight = [each.filtered for each in alone(slice_of, scene, target)]
+        exists = [each is not None for each in weight]
+        assert exists.index(True) == -(-(begin - 2 * target) // SLICES)
+        assert exists[-1] == (end == SCANS)
+        assert sum(before and not after for before, after in pairwise(exists)) == (end < SCANS)

@@ -1,8 +1,8 @@
-"""Configurations with what no parameter sets: bounds, budgets and the particle recursion.
+"""Configurations with what no parameter sets: bounds and budgets.
 
 Keys such as ``budget.least`` stand beside the parameters: ``bounds`` are those of the Gaussian
-engine, ``budget`` and ``recursion`` those of the particle engine, and ``spawning`` and ``memory``
-those of the models of spawning and of targets' own SNRs.
+engine, ``budget`` those of the paper's particles, and ``spawning`` and ``memory`` those of the
+models of spawning and of targets' own SNRs.
 """
 
 from dataclasses import replace
@@ -11,7 +11,7 @@ from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.core.models.amplitude_model import Memory
 
 OF_CONFIG = ("bounds", "budget")
-PREFIXES = (*OF_CONFIG, "recursion", "spawning", "memory")
+PREFIXES = (*OF_CONFIG, "spawning", "memory")
 
 
 def resolve(given=None, *plane):
@@ -29,8 +29,4 @@ def resolve(given=None, *plane):
         spawn=replace(config.model.spawn, **own["spawning"]),
         amplitudes=Memory(**own["memory"]) if own["memory"] else config.model.amplitudes,
     )
-    if "most" in own["budget"]:
-        most = own["budget"]["most"]
-        model = replace(model, detection_births=replace(model.detection_births, most=most))
-    recursion = config.recursion._replace(**own["recursion"])
-    return replace(config, model=model, recursion=recursion, **parts)
+    return replace(config, model=model, **parts)

@@ -17,12 +17,18 @@ from phd_jdtc_ros.configuration import sensor_kinds
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.configuration.schema import POSITIVE, parameter
 from phd_jdtc_ros.configuration.sensor_kinds import SensorKind
-from phd_jdtc_ros.core.sensors.gaussians import PlanePlots
+from phd_jdtc_ros.core.factors import Bursts, Limit
+from phd_jdtc_ros.core.sensors.gaussians import PlanePlots, noise_covariance
 from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.types import Detections
 
 GATE_SIGMA = 6.0
 COLUMNS = ("x", "y", "x_std", "y_std", "correlation")
+
+
+def covariance_of(sensor, detections):
+    """Return the covariance of each detection's noise, (M, Z, Z)."""
+    return noise_covariance(sensor.noise_std_of(detections), detections.noise_correlation)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,9 +46,8 @@ class PositionSensor(Sensor):
     def noise_std(self):
         return np.full(2, self.std)
 
-    @property
-    def log_uniform_clutter(self):
-        return float(np.log(self.clutter_rate / self.field_size))
+    def log_uniform_clutter(self, rate):
+        return float(np.log(rate / self.field_size))
 
     @property
     def largest_detection_probability(self):
@@ -58,15 +63,11 @@ class PositionSensor(Sensor):
         return np.zeros(len(measured))
 
     def in_plane(self, detections):
-        covariance = self.noise_covariance_of(detections)
+        covariance = covariance_of(self, detections)
         return PlanePlots.of(self.to_world(detections.measurement), covariance)
 
-    def draw_in_plane(self, detections, normal):
-        plots = self.in_plane(detections)
-        return plots.position[:, None] + normal @ plots.root.swapaxes(1, 2)
-
     def gated_pairs(self, predicted, detections, rate=None):
-        covariance = self.noise_covariance_of(detections)
+        covariance = covariance_of(self, detections)
         error = detections.measurement - predicted[:, None]
         if rate is not None and detections.time_s is not None:
             error = error - rate[:, None] * detections.time_s[:, None]
@@ -108,6 +109,10 @@ def model(own):
     )
 
 
+def factors(own):
+    return Limit(), Bursts()
+
+
 def from_msg(cloud, sensor):
     columns = point_cloud.decode(cloud, dict.fromkeys(COLUMNS, point_cloud.FLOATS))
     x, y, x_std, y_std, correlation = (columns[name].astype(float) for name in COLUMNS)
@@ -128,7 +133,9 @@ def to_cdr(detections, stamp_ns, sensor):
 
 def register(monkeypatch, checks=()):
     """Enter the kind ``position`` in the table of kinds, and its message in that of decoders."""
-    monkeypatch.setitem(sensor_kinds.KINDS, "position", SensorKind(Positions, model, checks))
+    monkeypatch.setitem(
+        sensor_kinds.KINDS, "position", SensorKind(Positions, model, factors, checks)
+    )
     monkeypatch.setitem(sensor_kinds.TABLES, "position", sensor_kinds._table(Positions))
     reader = Reader(
         names.CLOUD,

@@ -6,7 +6,6 @@ import numpy as np
 
 from phd_jdtc_ros.core.snapshot import Snapshot
 
-ENGINES = ("gaussian", "particles")
 NAMES = ("state", "covariance", "weight", "class_probability", "class_id", "track_id")
 
 
@@ -26,10 +25,11 @@ def equal(a, b):
     )
 
 
-def learned(engine, value):
-    """Return a learned value of each sensor that has it, by the sensor's name."""
-    found = {name: getattr(own, value) for name, own in engine.forward.sensors.sensors.items()}
-    return {name: own for name, own in found.items() if own is not None}
+def learned(engine, kind):
+    """Return the factor of a kind of each sensor that has it, by the sensor's name."""
+    factors = engine.forward.factors
+    found = {name: factors.find(name, kind) for name in factors.by_sensor}
+    return {name: factor for name, factor in found.items() if factor is not None}
 
 
 def stepped(engine, scans):

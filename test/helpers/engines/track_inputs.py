@@ -16,6 +16,11 @@ def scan_of(stamp_ns, model=MODEL):
     return Scan(stamp_ns, tuple(empty for _ in model.radars))
 
 
+def views_of(model=MODEL):
+    """Return what is expected of each sensor of a model that has learned nothing."""
+    return model.expected(scan_of(0, model))
+
+
 def estimates_of(stamp_ns, found, class_id=1, lag=0, model=MODEL):
     """Return estimates at 5 km of {track: existence probability}."""
     count, space = len(found), model.modes.space

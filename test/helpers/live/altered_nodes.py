@@ -1,6 +1,6 @@
 """Executables with one thing changed, for `forked`: each takes the arguments of its node."""
 
-from phd_jdtc_ros.core.smc.engine import ParticleEngine
+from phd_jdtc_ros.core.window.fixed_lag import GaussianEngine
 from phd_jdtc_ros.nodes.replay import lock_step
 from phd_jdtc_ros.nodes.replay import node as replay
 from phd_jdtc_ros.nodes.tracker import node as tracker
@@ -8,7 +8,7 @@ from phd_jdtc_ros.nodes.tracker import node as tracker
 
 def failing_tracker(arguments):
     """Run a tracker whose third step fails when all of it is done."""
-    step, scans = ParticleEngine.step, []
+    step, scans = GaussianEngine.step, []
 
     def fail(engine, scan, *rest):
         scans.append(scan)
@@ -17,7 +17,7 @@ def failing_tracker(arguments):
             raise ArithmeticError("half-way")
         return found
 
-    ParticleEngine.step = fail
+    GaussianEngine.step = fail
     return tracker.main(arguments)
 
 

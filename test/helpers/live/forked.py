@@ -9,11 +9,8 @@ import sys
 from phd_jdtc_ros.__main__ import EXECUTABLES, NODES, run
 
 OFTEN = (*(EXECUTABLES[name][0] for name in ("tracker", "sensor_replay", "evaluator")),)
-# Slow imports that nodes make on demand: compiled engines, and the support of message types.
-ON_DEMAND = (
-    *("phd_jdtc_ros.core.gaussian.engine", "phd_jdtc_ros.core.smc.engine"),
-    "rosidl_generator_py",
-)
+# Slow imports that nodes make on demand: the compiled engine, and the support of message types.
+ON_DEMAND = ("phd_jdtc_ros.core.window.fixed_lag", "rosidl_generator_py")
 
 _context = multiprocessing.get_context("forkserver")
 _nodes = [f"phd_jdtc_ros.{path}" for path in (*OFTEN, *NODES.values())]

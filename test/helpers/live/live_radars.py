@@ -24,7 +24,7 @@ def reliable(*topics):
     return options(**{f"qos_overrides.{t}.subscription.reliability": "reliable" for t in topics})
 
 
-FAST = options(engine="particles", particles_per_target=200, particles_per_birth=256, lag=2)
+FAST = options(accuracy="fast", lag=2)
 TOPICS = tuple(names.detections(radar) for radar in ("radar_1", "radar_2"))
 RELIABLE = reliable(*TOPICS)
 SCANS = [scan for _, scan in simulate(paper_scenario(resolve({}).model.radars), 0)]
@@ -134,7 +134,7 @@ def change(peer, *transitions, node=names.TRACKER):
 
 
 def start_tracker(processes, *arguments, qos=RELIABLE, **environment):
-    """Start a tracker with few particles; return its process."""
+    """Start a tracker with short steps; return its process."""
     return processes.start("tracker", "--ros-args", *FAST, *qos, *arguments, **environment)
 
 

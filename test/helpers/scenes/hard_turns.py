@@ -17,10 +17,7 @@ GIVEN = {
     "births": [],
     "detection_births.rates": [0.2],
     "detection_births.velocity_std": 100.0,
-    "particles_per_birth": 256,
     "detection_births.least_probability": 0.005,
-    "particles_per_target": 300,
-    "budget.least": 100,
     "lag": 3,
     "radar.position": [0.0, 0.0],
     "radar.yaw_deg": 0.0,
@@ -84,7 +81,7 @@ def scenes(seed, scans, addresses=True):
     return truth, found
 
 
-def tracker(engine, addresses=True, given=None):
+def tracker(addresses=True, given=None):
     """Return an engine for these aircraft."""
     fields = {"radar.fields.address": "address"} if addresses else {}
-    return new_engine(lone({**GIVEN, "engine": engine, **fields, **(given or {})}))
+    return new_engine(lone({**GIVEN, **fields, **(given or {})}))

@@ -10,14 +10,14 @@ from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import GaussianSteps
-from phd_jdtc_ros.core.sensors.report import Report
+from phd_jdtc_ros.core.sensors.view import View
+from phd_jdtc_ros.core.tracks import labels
 from phd_jdtc_ros.core.types import Detections, Scan
-from phd_jdtc_ros.core.window.update import update
+from phd_jdtc_ros.core.window.update import Updated, update
 
 START_NS = 10**12
 INTERVAL_S = 6.0
 GIVEN = {
-    "engine": "gaussian",
     "sensors": ["radar"],
     "classes": ["target"],
     "motions": ["cv"],
@@ -90,14 +90,22 @@ def started(config, *targets):
     return engine
 
 
-def updated(config, mixture, detections, memory=None, attributes=None, **bounds):
-    """Return what one radar's detections make of a mixture, and the births."""
-    (radar,) = config.model.radars
-    limits = replace(new_engine(config).forward.bounds, **bounds)
-    predicted = Branched(mixture, np.arange(len(mixture)))
-    steps = GaussianSteps(Dynamics(config.model), limits)
-    found = update(predicted, Report(radar, detections), steps, INTERVAL_S, memory, attributes)
+def updated(config, mixture, detections, **more):
+    """Return what one radar's detections make of a mixture, and the births; see `learned`."""
+    found = learned(config, mixture, detections, **more)
     return found.rows, next(iter(found.newborns), None)
+
+
+def learned(config, mixture, detections, factors=None, stamp_ns=0, **bounds):
+    """Return the hypotheses and factors after one radar's detections; `Updated`.
+
+    Without `factors` nothing has been learned before.
+    """
+    (radar,), forward = config.model.radars, new_engine(config).forward
+    before = Updated(Branched(mixture, np.arange(len(mixture))), factors or forward.factors)
+    steps = GaussianSteps(Dynamics(config.model), replace(forward.bounds, **bounds))
+    view = View.of(radar, detections, stamp_ns)
+    return update(before, view, steps, INTERVAL_S, labels.first_detected(0))
 
 
 def scan_at(seconds, measurement, amplitude=None, **more):

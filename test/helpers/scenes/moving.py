@@ -19,7 +19,6 @@ ODOMETRY = "/own_ship/odometry"
 
 PARAMETERS = {
     "sensors": ["mast"],
-    "engine": "gaussian",
     "interval_s": INTERVAL_S,
     "lag": 3,
     "classes": ["boat"],

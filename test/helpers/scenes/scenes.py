@@ -1,20 +1,14 @@
-"""Small models, sets and runs that several test modules share."""
+"""Small models and runs that several test modules share."""
 
 from dataclasses import replace
 
 import inner
 import numpy as np
-from scipy import sparse
 
-from phd_jdtc_ros.core.smc import prediction
-from phd_jdtc_ros.core.smc.particle_set import AgedParticles, ParticleSet
-from phd_jdtc_ros.core.smc.proposals.detections_in_plane import InPlane
-from phd_jdtc_ros.core.state_space import OMEGA
 from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 
 SMALL_BUDGET = {
-    "engine": "particles",
     "particles_per_target": 200,
     "budget.least": 20,
     "particles_per_birth": 64,
@@ -36,8 +30,6 @@ PLAIN = {
     "start.rates": [0.01],
     "cv.noise_density": 1.0,
 }
-
-
 TARGETS = np.array([[6e3, 8e3], [6.6e3, 8.2e3], [-9e3, 0.0]])
 
 
@@ -52,25 +44,6 @@ def small(given=None):
 def plain(given=None):
     """Return a configuration of one radar, one class and one motion, changed by `given`."""
     return inner.resolve({**SMALL_BUDGET, **PLAIN, **(given or {})})
-
-
-def intensity(
-    state, weight, mode=None, row_label=None, components=None, multiplicity=None, label=None
-):
-    """Return a particle intensity; `weight` is the part that no detection explains."""
-    count = len(state)
-    parts = sparse.csr_array(np.zeros((count, 0)) if components is None else components)
-    return ParticleSet(
-        state=np.asarray(state, dtype=float),
-        mode=np.zeros(count, dtype=int) if mode is None else mode,
-        row_label=np.zeros(count, dtype=int) if row_label is None else row_label,
-        parent=np.full(count, -1),
-        multiplicity=np.ones(count, dtype=int) if multiplicity is None else multiplicity,
-        poisson=np.asarray(weight, dtype=float),
-        components=parts,
-        label=np.full(parts.shape[1], -1) if label is None else label,
-        log_snr=np.zeros(count),
-    )
 
 
 def gaussian_cloud(rng, count, mean, std):
@@ -92,29 +65,6 @@ def short_scenario(scans, clutter_rate=5.0):
     scenario = reference_scenario()
     radars = tuple(replace(radar, clutter_rate=clutter_rate) for radar in scenario.radars)
     return replace(scenario, scans=scans, radars=radars)
-
-
-def scattered(seed=0, count=300, mass=2.0):
-    """Return particles about three places, one on the azimuth's cut, in all modes."""
-    rng = np.random.default_rng(seed)
-    state = np.zeros((count, 5))
-    state[:, [0, 2]] = TARGETS[rng.integers(0, 3, count)] + rng.normal(0.0, 300.0, (count, 2))
-    state[:, [1, 3]] = rng.normal(0.0, 30.0, (count, 2))
-    mode = rng.integers(0, 4, count)
-    state[:, OMEGA] = np.where(mode % 2 == 1, rng.normal(0.0, 1e-2, count), 0.0)
-    weight = rng.exponential(1.0, count)
-    return intensity(
-        state, weight * mass / weight.sum(), mode=mode, row_label=rng.integers(0, 3, count)
-    )
-
-
-def predict(particles, model, corrector, budget, dt, scan_index, rng):
-    """Predict one stored set and all births `dt` seconds ahead."""
-    births = [(index, dt) for index in range(len(model.births))]
-    nothing = InPlane(np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0))
-    return prediction.predict(
-        [AgedParticles(particles, dt)], births, nothing, model, corrector, budget, scan_index, rng
-    )
 
 
 def seen_with(model, probability):

@@ -9,15 +9,12 @@ ROTATION_S = 4.0
 SECTORS = 16
 START_NS = 1_000_000_000_000
 GIVEN = {
-    "engine": "particles",
     "sensors": ["radar"],
     "classes": ["aircraft"],
     "motions": ["cv", "ct"],
     "births": [],
     "interval_s": ROTATION_S,
     "amplitude": "none",
-    "particles_per_target": 200,
-    "budget.least": 150,
     "radar.rotation_s": ROTATION_S,
     "radar.sectors": SECTORS,
     "radar.range_std": 40.0,
@@ -28,7 +25,6 @@ GIVEN = {
     "radar.detection_probability": 0.95,
     "detection_births.rates": [0.5],
     "detection_births.velocity_std": 150.0,
-    "particles_per_birth": 256,
     "detection_births.least_probability": 5e-3,
     "spawn.rate": 0.0,
     "aircraft.motions": ["cv", "ct"],

@@ -3,7 +3,6 @@
 PERIOD_S = 4.0
 PARAMETERS = {
     "sensors": ["tower"],
-    "engine": "gaussian",
     "interval_s": PERIOD_S,
     "lag": 2,
     "classes": ["aircraft"],

@@ -65,11 +65,10 @@ def test_select_keeps_the_order_of_the_others():
     assert report.detections.measurement[:, 0].tolist() == [3e3, 1e3, 2e3]
 
 
-@pytest.mark.parametrize("engine", ["gaussian", "particles"])
-def test_a_repeated_buffer_is_one_target_that_is_never_lost(engine):
+def test_a_repeated_buffer_is_one_target_that_is_never_lost():
     given = from_arguments.load(PROFILE)
     of_one = {name: value for name, value in given.items() if not name.startswith("radar_2.")}
-    config = tracker_params.config({**of_one, "sensors": ["radar_1"], "engine": engine})
+    config = tracker_params.config({**of_one, "sensors": ["radar_1"]})
     pipeline = new_pipeline(config)
     found = []
     for scan in range(30):

@@ -12,8 +12,8 @@ from msg_adapters.outgoing import clutter_maps, detections_in_map, frames
 from msg_adapters.outgoing.frames import Mounting
 from msg_adapters.outgoing.trails import UNSEEN_SCANS, Trails
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.core.types import Detections, Estimates, Scan
+from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
 
 SHOWN = ClutterRaster((-1500.0, 300.0), 50.0, np.array([[0.0, 0.01, 0.1], [1.0, 1000.0, 1e5]]))
 NAMES = ("x", "y", "z", "amplitude", "radar_index")

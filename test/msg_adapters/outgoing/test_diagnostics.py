@@ -117,16 +117,16 @@ def of_step(step, engine):
 
 
 def test_step_is_one_number_for_each_quantity_of_the_tracker():
-    figures = {"particles": 1754, "effective_share": np.float64(0.5), "orphans": 3}
+    figures = {"particles": 1754, "effective_sample_size": np.float64(871.5), "orphans": 3}
     step = Step(estimates(), (), np.array([2.25, 1.5]), figures)
-    found = of_step(step, "particles")
+    found = of_step(step, "phd")
     assert found == {
         "cardinality/total": 3.75,
         "cardinality/class_0": 2.25,
         "cardinality/class_1": 1.5,
         "step_ms": 12.5,
         "particles": 1754.0,
-        "effective_share": 0.5,
+        "effective_sample_size": 871.5,
     }
 
 

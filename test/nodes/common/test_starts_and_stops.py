@@ -103,7 +103,7 @@ def test_tracker_lists_every_parameter_fault(processes):
         *("-p", "class_0.snr_band_db:=[1.0]"),
     )
     assert status == 2
-    assert "lag: -1 given, must be a whole number of scans from 0 to 100" in text
+    assert "lag: -1 given, must be a whole number, at least 0, at most 100" in text
     assert "survival: unknown parameter" in text
     assert "radar_1.range_std: nan given" in text
     assert "class_0.snr_band_db: [1.0] given" in text or "class_0.snr_band_db: array" in text

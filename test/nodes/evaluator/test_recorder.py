@@ -14,7 +14,7 @@ from msg_adapters.encoding import names
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.nodes.evaluator.recorder import Recorder
+from phd_jdtc_ros.nodes.evaluator.recorder import Recorder, watch_inputs
 from phd_jdtc_ros.parameter_files import bag_parameters
 
 STRING = "std_msgs/msg/String"
@@ -140,7 +140,7 @@ def test_recording_has_the_topics_that_are_on_and_the_parameters(processes, peer
     assert reader.counts["/tracker/odometry"] > 0
     assert reader.types["/tracker/odometry"] == "nav_msgs/msg/Odometry"
     assert "/tracker/tracks/path" not in reader.types
-    assert bag_parameters.read(bag)["lag"] == "2"
+    assert bag_parameters.read(bag)["lag"] == 2
     assert "is not recorded" not in evaluator.log.read_text()
 
 
@@ -154,3 +154,23 @@ def test_recording_that_leaves_a_radar_out_is_warned_of(processes, peer, tmp_pat
     # It has looked again by then.
     peer.meet("/evaluator", times=2)
     assert evaluator.log.read_text().count("is not recorded") == 2
+
+
+def test_inputs_of_a_tracker_that_was_not_heard_for_a_while_are_warned_of(processes, peer, capfd):
+    tracker = processes.start("tracker", "--ros-args", *options(lag=2))
+    peer.meet()
+    figures = names.cardinality()
+    assert peer.spin_until(lambda: peer.node.count_publishers(figures))
+    tracker.send_signal(signal.SIGSTOP)
+    assert peer.spin_until(lambda: not peer.node.count_publishers(figures))
+    tracker.send_signal(signal.SIGCONT)
+    assert peer.spin_until(lambda: peer.node.count_publishers(figures))
+    watch_inputs(peer.node, "/tracker", {names.detections("radar_1")})
+    said = []
+
+    def warned():
+        said.append(capfd.readouterr().err)
+        return "/radar_2/detections, of which /tracker has a radar's detections" in "".join(said)
+
+    assert peer.spin_until(warned)
+    assert "/radar_1/detections" not in "".join(said)

@@ -49,7 +49,7 @@ def test_what_is_written_is_read_as_it_was(tmp_path, given):
 
 def test_only_a_file_of_this_kind_is_replaced(tmp_path):
     path = tmp_path / bag_parameters.NAME
-    for lag in ("3", "4"):
+    for lag in (3, 4):
         bag_parameters.write(path, resolve({"lag": lag}).values)
         assert bag_parameters.read(tmp_path)["lag"] == lag
     path.write_text("/**/tracker: {ros__parameters: {lag: 5}}  # mine\n")

@@ -57,7 +57,7 @@ def test_second_tracker_of_a_name_ends_and_leaves_the_checkpoint(processes, peer
 
 def test_second_tracker_ends_beside_one_that_is_busy(processes, peer):
     # With so many particles it would answer a request only after several scans.
-    first = started(processes, peer, *options(particles_per_target=30000))
+    first = started(processes, peer, *options(engine="phd", particles_per_target=30000))
     radars = connected(peer)
     sent, end = 10, time.monotonic() + 60.0
     # Its queue holds as many, so that it is busy before the second comes.

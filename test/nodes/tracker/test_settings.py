@@ -6,6 +6,7 @@ from lone import lone
 from refusals import faults_of
 
 from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.configuration.parameters.radar import LEARNED
 from phd_jdtc_ros.configuration.parameters.tracker_node import NAMES
 from phd_jdtc_ros.configuration.tables import schema
 from phd_jdtc_ros.nodes.tracker.inputs import queue_depth
@@ -14,9 +15,13 @@ from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
 USUAL = resolve({})
-SMALL = {"particles_per_target": 100, "particles_per_birth": 64, "lag": 2}
+SMALL = {"lag": 2}
 # Values of parameters whose bounds leave out those that the others can have.
-OTHERS = {"shared_codes": ["7000"]}
+OTHERS = {
+    "shared_codes": ["7000"],
+    **{f"{radar}.learn": [*LEARNED] for radar in ("radar_1", "radar_2")},
+    **{f"{radar}.detection_probability_range": [0.0, 1e4] for radar in ("radar_1", "radar_2")},
+}
 
 
 def test_resolve_keeps_the_nodes_own_apart_in_a_table_of_all():
@@ -32,8 +37,7 @@ def test_resolve_keeps_the_nodes_own_apart_in_a_table_of_all():
 def test_resolve_lists_the_faults_of_both():
     assert faults_of(resolve, {"autostart": 1, "lag": -1, "survival": 0.9}) == [
         "autostart: 1 given, must be true or false",
-        "lag: -1 given, must be a whole number of scans from 0 to 100, or seconds above 0 as in "
-        "'20 s'",
+        "lag: -1 given, must be a whole number, at least 0, at most 100",
         "survival: unknown parameter",
     ]
 
@@ -77,7 +81,7 @@ def test_edited_checks_every_value_and_not_yet_the_whole():
     table, values = edit(USUAL.values, {"classes": ["a", "b", "c"], "lag": 9})
     assert (values["classes"], values["lag"], table["c.motions"].name) == (
         ["a", "b", "c"],
-        "9",
+        9,
         "c.motions",
     )
     assert values["start_1.rates"] == [0.005, 0.005]  # too few, which `resolve` reports
@@ -88,8 +92,7 @@ def test_edited_checks_every_value_and_not_yet_the_whole():
 def test_edited_and_changed_list_every_fault():
     assert faults_of(edit, USUAL.values, {"lag": -1, "class_0.survival": 0.9, "sensors": "x"}) == [
         "sensors: 'x' given, must be a list of distinct names, at most 100",
-        "lag: -1 given, must be a whole number of scans from 0 to 100, or seconds above 0 as in "
-        "'20 s'",
+        "lag: -1 given, must be a whole number, at least 0, at most 100",
         "class_0.survival: unknown parameter, did you mean class_0.survival_probability?",
     ]
     changes = {"radar_1.clutter_rate": -1.0, "lag": 3, "survival": 0.9, "confirm_probability": 2.0}

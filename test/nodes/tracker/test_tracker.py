@@ -132,7 +132,7 @@ def test_tracker_publishes_poses_markers_and_cardinality_with_the_contracted_qos
         float(values["class_0"]) + float(values["class_1"])
     )
     assert float(values["step_ms"]) > 0.0
-    assert int(values["particles"]) > 0
+    assert int(values["hypotheses"]) > 0
     offered = peer.node.get_publishers_info_by_topic("/tracker/filtered/estimates")[0].qos_profile
     assert offered.reliability == RELIABLY
     assert asked_for(peer) == [RELIABLY]  # as overridden

@@ -38,7 +38,7 @@ def test_parameters_have_descriptions_ranges_and_whether_they_may_change(tracker
     when = "; changes while the node is not configured"
     told = [d.additional_constraints.endswith(when) for d in reply.descriptors]
     assert told == [False, True, True]
-    assert (threshold.floating_point_range[0].to_value, lag.dynamic_typing) == (1.0, True)
+    assert (threshold.floating_point_range[0].to_value, lag.integer_range[0].to_value) == (1.0, 100)
     assert (
         every.description
         == "Number of scans between checkpoints; 0 for checkpoints on request only."

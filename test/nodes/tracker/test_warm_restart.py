@@ -2,12 +2,9 @@
 
 import os
 
-import pytest
 from altered_nodes import failing_tracker
 from live_radars import FAST, RELIABLE, Radars, connected, options, start_tracker
 from std_srvs.srv import Trigger
-
-from phd_jdtc_ros.configuration.engines import ENGINES
 
 KILLED_AFTER, SCANS = 5, 8
 
@@ -37,17 +34,15 @@ def end(peer, process, group, kill=False):
     peer.node.destroy_subscription(subscription)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_killed_tracker_goes_on_as_if_it_had_never_stopped(processes, peer, tmp_path, engine):
-    chosen = options(engine=engine)
-    process, group, whole = tracked(peer, processes, 0, SCANS, *chosen)
+def test_killed_tracker_goes_on_as_if_it_had_never_stopped(processes, peer, tmp_path):
+    process, group, whole = tracked(peer, processes, 0, SCANS)
     end(peer, process, group)
     path = tmp_path / "tracker.ckpt"
-    process, group, _ = tracked(peer, processes, 0, KILLED_AFTER, *storing(path), *chosen)
+    process, group, _ = tracked(peer, processes, 0, KILLED_AFTER, *storing(path))
     peer.meet()  # it is written after the estimates have gone out
     end(peer, process, group, kill=True)
     assert path.exists()
-    process, group, rest = tracked(peer, processes, KILLED_AFTER, SCANS, *storing(path), *chosen)
+    process, group, rest = tracked(peer, processes, KILLED_AFTER, SCANS, *storing(path))
     assert rest == whole[KILLED_AFTER:]
     assert "continuing from" in process.log.read_text()
     assert peer.call(Trigger, "/tracker/flush").success
@@ -68,7 +63,7 @@ def test_stopped_tracker_leaves_a_checkpoint_that_others_refuse(processes, peer,
     for spoilt, at, given, said in (
         (stored[:-7], 0, {}, "damaged"),
         (stored, 14, {}, "at most 60 s are allowed"),
-        (stored, 2, {"engine": "gaussian"}, "of a tracker with another engine"),
+        (stored, 2, {"interval_s": 7.0}, "of a tracker with another interval_s"),
     ):
         path.write_bytes(spoilt)
         process, group, found = tracked(peer, processes, at, at + 2, *storing(path, 0, **given))
@@ -98,6 +93,14 @@ def test_checkpoint_path_of_something_else_is_a_bad_parameter(processes, tmp_pat
         assert process.wait(20.0) == 2
         assert f"checkpoint.path: {path} given, {fault}\n" in process.log.read_text()
     assert mine.read_text() == "mine"
+
+
+def test_checkpoint_of_a_filter_that_keeps_no_state_is_a_bad_parameter(processes, tmp_path):
+    path = tmp_path / "tracker.ckpt"
+    process = start_tracker(processes, *storing(path, 1, engine="phd_gaussian"))
+    assert process.wait(20.0) == 2
+    fault = f"checkpoint.path: {path} given, must be empty with engine phd_gaussian\n"
+    assert fault in process.log.read_text()
 
 
 def test_tracker_goes_on_where_something_else_took_the_place_of_its_checkpoint(

@@ -8,7 +8,7 @@ from scenario_blocks import QUAY, SHIP, exact
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.arrays import wrap_angle
-from phd_jdtc_ros.core.clutter.amplitude_law import level_db
+from phd_jdtc_ros.core.factors.clutter.amplitude import level_db
 from phd_jdtc_ros.core.intake.poses import Mount
 from phd_jdtc_ros.core.types import FULL_TURN, Pose
 from phd_jdtc_ros.simulation import scenario_file

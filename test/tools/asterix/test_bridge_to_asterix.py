@@ -53,7 +53,7 @@ parameters:
     clutter_rate: 4.0
     clutter_max_range: 110000.0
   interval_s: 4.0
-  lag: 8 s
+  lag_s: 8.0
   engine: gaussian
   classes: [aircraft]
   aircraft: {mode_transition: [0.95, 0.05, 0.1, 0.9]}

@@ -3,6 +3,7 @@
 import pytest
 
 from phd_jdtc_ros.configuration import scene
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.exit_status import FAILED
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 from phd_jdtc_ros.resources import bag
@@ -74,8 +75,8 @@ def test_cutoff_is_that_of_the_bag_unless_it_is_given(given, words, cutoff):
             "demo_air_traffic_terminal_radar",
         ),
         (
-            ("--profile", "phd", "--bag", "one_radar", "--engine", "particles"),
-            "demo_phd_one_radar_particles",
+            ("--profile", "phd", "--bag", "one_radar", "--engine", "phd"),
+            "demo_phd_one_radar_phd",
         ),
     ],
 )
@@ -113,4 +114,18 @@ def test_poses_of_a_radar_that_moves_are_recorded_with_its_detections(given, tmp
     config, cutoff = given("--bag", "autoferry_2")
     found = processes.evaluator_parameters(bag("autoferry_2"), config, tmp_path, cutoff)
     (radar,) = config.inputs
-    assert found["record_topics"] == f"[{radar.topic}, /own_ship/odometry odometry]"
+    assert found["record_topics"] == f"[{radar.topic}, /own_ship/odometry]"
+    assert found["record_types"] == "[cloud, odometry]"
+
+
+@pytest.mark.parametrize(
+    ("given", "engines"),
+    [
+        ({"engine": "gaussian"}, ["phd_as_printed", "phd"]),
+        ({"engine": "phd"}, ["phd_as_printed"]),
+        # They are born at given places only.
+        ({"detection_births.rates": [0.1, 0.1]}, []),
+    ],
+)
+def test_demo_compares_the_papers_filters_that_can_track_the_bag(given, engines):
+    assert [each.engine for each in demo.papers_filters(resolve(given))] == engines

@@ -61,11 +61,11 @@ def second_kind(monkeypatch):
     position_sensor.register(monkeypatch)
 
 
-def parameters(sensors, engine):
+def parameters(sensors):
     of_sensors = {
         f"{name}.{key}": value for name in sensors for key, value in SENSORS[name].items()
     }
-    return {**TRACKER, "engine": engine, "sensors": sensors, **of_sensors}
+    return {**TRACKER, "sensors": sensors, **of_sensors}
 
 
 def truth(rng):
@@ -102,9 +102,9 @@ def plots(radar, position, rng):
 DRAWN = {"ais": reports, "radar": plots}
 
 
-def tracked(path, sensors, engine):
+def tracked(path, sensors):
     """Return the truth, and the estimates of a bag of the sensors' messages."""
-    config, positions = resolve(parameters(sensors, engine)), truth(np.random.default_rng(17))
+    config, positions = resolve(parameters(sensors)), truth(np.random.default_rng(17))
     entries = []
     for own, sensor in zip(config.inputs, config.model.radars, strict=True):
         rng, encode = np.random.default_rng(len(own.name)), reader_of(own).to_cdr
@@ -132,13 +132,12 @@ def errors(positions, found):
     return np.sqrt(np.square(error).mean()), relative.mean()
 
 
-@pytest.mark.parametrize("engine", ["gaussian", "particles"])
-def test_positions_are_tracked_alone_and_beside_a_radar(tmp_path, engine):
+def test_positions_are_tracked_alone_and_beside_a_radar(tmp_path):
     measured = np.sqrt(np.square(np.linspace(*STDS)).mean())
-    alone, relative = errors(*tracked(tmp_path / "alone", ["ais"], engine))
+    alone, relative = errors(*tracked(tmp_path / "alone", ["ais"]))
     assert alone < 0.7 * measured
     # Chi-square with two degrees of freedom; errors are correlated over some four scans.
     assert 0.5 < relative < 3.5
-    beside, relative = errors(*tracked(tmp_path / "beside", ["radar", "ais"], engine))
+    beside, relative = errors(*tracked(tmp_path / "beside", ["radar", "ais"]))
     assert beside < 1.1 * alone
     assert 0.5 < relative < 3.5

@@ -93,7 +93,7 @@ def test_track_bag_lists_every_fault_of_the_parameters(short_bag, track, faults)
     assert status == 2
     listed = faults()
     assert len(listed) == 3
-    assert listed[1].startswith("lag: 101 given, must be a whole number of scans from ")
+    assert listed[1].startswith("lag: 101 given, must be a whole number, at least 0")
     assert listed[0].startswith("engine: 'best' given, must be one of ")
     assert listed[2] == (
         "radar_3.yaw_deg: unknown parameter, radar_3 is not in sensors (radar_1, radar_2)"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,35 @@ MODE_TRANSITION = np.array([[0.95, 0.05], [0.2, 0.8]])
 INITIAL_MODE_PROBABILITY = np.array([0.8, 0.2])
 # Smallest likelihood, which has a logarithm.
 TINY = float(np.finfo(float).tiny)
+
+
+class Points(NamedTuple):
+    """B points at which the likelihood is computed."""
+
+    start_mean: Float3  # Mean of each track at its first plot, (B, T, 4)
+    start_covariance: Float4  # (B, T, 4, 4)
+    variance: Float3  # Variances of the components of the noise, (B, C, 2)
+    density: Float2  # Spectral density of each mode's acceleration, (B, 2)
+
+
+class Plots(NamedTuple):
+    """K plots of T tracks."""
+
+    first: Int1  # The first plot of each track, and K, (T + 1,)
+    time_s: Float1  # (K,)
+    measurement: Float2  # (K, 2)
+    pose: Float2  # Of the radar, (K, 3)
+    # Log density of clutter in the gate relative to the peak of a target's density with the usual
+    # noise, (K,).
+    log_clutter: Float1
+
+
+class _Scratch(NamedTuple):
+    """Working arrays for one update."""
+
+    parts: Float1  # Log weight of each component, and of clutter, (C + 1,)
+    found: Float2  # Results of `filter_steps.innovate` for each component, (C, 4)
+    step: Float4  # (C, 2, 2, 4)
 
 
 @inner
@@ -46,19 +76,17 @@ def _mix(
 
 @inner
 def _update(
-    measured: FloatArray,
-    pose: FloatArray,
+    plots: Plots,
+    k: int,
     variance: FloatArray,
     log_share: FloatArray,
-    log_clutter: float,
-    parts: FloatArray,
-    found: FloatArray,
-    step: FloatArray,
+    scratch: _Scratch,
     mean: FloatArray,
     covariance: FloatArray,
 ) -> float:
-    """Update a Gaussian, and return the log density of the measurement."""
-    count = len(log_share)
+    """Update a Gaussian with plot `k`, and return the log density of the measurement."""
+    measured, pose, log_clutter = plots.measurement[k], plots.pose[k], plots.log_clutter[k]
+    (parts, found, step), count = scratch, len(log_share)
     for c in range(count):
         found[c, 0], found[c, 1], found[c, 2], found[c, 3] = innovate(
             mean, covariance, measured, pose, variance[c], step[c]
@@ -78,30 +106,18 @@ def _update(
 
 
 @compiled
-def filter_tracks(
-    start_mean: Float3,
-    start_covariance: Float4,
-    variance: Float3,
-    density: Float2,
-    log_share: Float1,
-    first: Int1,
-    time_s: Float1,
-    measurement: Float2,
-    pose: Float2,
-    log_clutter: Float1,
-) -> FloatArray:
+def filter_tracks(points: Points, log_share: Float1, plots: Plots) -> FloatArray:
     """Return the log likelihood at B points, by a filter of each track from its first plot.
 
-    The first four arrays have a row for each point; the variances, (B, C, 2), are those of the
-    components of the noise, and `log_share` has the logarithms of their shares. `log_clutter`,
-    shape (K,), is the log density of clutter in the gate relative to the peak of a target's density
-    with the usual noise.
+    `log_share`, (C,), has the logarithms of the shares of the components of the noise.
     """
+    start_mean, start_covariance, variance, density = points
+    first, time_s = plots.first, plots.time_s
     total = np.zeros(len(variance))
     mean, mixed_mean = np.empty((2, 4)), np.empty((2, 4))
     covariance, mixed_covariance = np.empty((2, 4, 4)), np.empty((2, 4, 4))
-    probability, joint, parts = np.empty(2), np.empty(2), np.empty(len(log_share) + 1)
-    found, step = np.empty((len(log_share), 4)), np.empty((len(log_share), 2, 2, 4))
+    probability, joint, count = np.empty(2), np.empty(2), len(log_share)
+    scratch = _Scratch(np.empty(count + 1), np.empty((count, 4)), np.empty((count, 2, 2, 4)))
     for point in range(len(variance)):
         for track in range(len(first) - 1):
             for mode in range(2):
@@ -117,14 +133,11 @@ def filter_tracks(
                     predict(mean[mode], covariance[mode], dt, density[point, mode])
                     joint[mode] *= math.exp(
                         _update(
-                            measurement[k],
-                            pose[k],
+                            plots,
+                            k,
                             variance[point],
                             log_share,
-                            log_clutter[k],
-                            parts,
-                            found,
-                            step,
+                            scratch,
                             mean[mode],
                             covariance[mode],
                         )

@@ -8,7 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.compilation import Float1, Float2, Float3, Int1, compiled, inner
+from phd_jdtc_ros.core.compilation import (
+    Float1,
+    Float2,
+    Float3,
+    Int1,
+    Writeable,
+    compiled,
+    inner,
+)
 
 from .filter_steps import copy, innovate, predict, update
 
@@ -79,7 +87,7 @@ def _may_be_near(plots: Columns, track: int, plot: int, numbers: Numbers) -> boo
 
 @compiled
 def _score_pairs(
-    rows: Int1, batch: Int1, plots: Columns, numbers: Numbers
+    rows: Int1, batch: Int1, plots: Writeable[Columns], numbers: Numbers
 ) -> tuple[FloatArray, IntArray]:
     """Return the scores of tracks and plots, (R, B), and the likelier mode; -inf outside the gate.
 
@@ -194,7 +202,7 @@ def _goes_on(plots: Columns, track: int, plot: int, numbers: Numbers) -> bool:
 
 
 @compiled
-def link(order: Int1, first: Int1, plots: Columns, numbers: Numbers) -> IntArray:
+def link(order: Int1, first: Int1, plots: Writeable[Columns], numbers: Numbers) -> IntArray:
     """Return the track to which each plot was added, or -1; a track is that of its first plot.
 
     `order` has the plots batch by batch, and `first` the first of each batch, and their number. In

@@ -22,8 +22,8 @@ from itertools import product
 import numpy as np
 from scipy.optimize import minimize
 
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray, contiguous
-from phd_jdtc_ros.core.learned.outliers import Outliers
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray, read_only
+from phd_jdtc_ros.core.factors.outliers import Outliers
 
 from .. import kinematics
 from ..plots import Plots
@@ -191,7 +191,7 @@ def _log_likelihood(sequences: _Sequences, points: FloatArray) -> FloatArray:
     azimuth, of the lower density, and of the ratio of the higher density to it.
     """
     # Numba is loaded with the loops when they are needed.
-    from .likelihood import filter_tracks
+    from .likelihood import Plots, Points, filter_tracks
 
     variance = np.exp(2.0 * points[:, :2])
     density = np.exp(np.stack([points[:, 2], points[:, 2] + points[:, 3]], axis=1))
@@ -201,17 +201,9 @@ def _log_likelihood(sequences: _Sequences, points: FloatArray) -> FloatArray:
     share, ratio = sequences.components
     log_share = np.log((1.0 - CLUTTER_PROBABILITY) * np.array(share))
     log_clutter = math.log(2.0 * CLUTTER_PROBABILITY / GATE**2) - sequences.log_ratio
-    likelihood: FloatArray = filter_tracks(
-        *contiguous(
-            *start,
-            variance[:, None] * np.array(ratio)[:, None],
-            density,
-            log_share,
-            sequences.first,
-            sequences.time_s,
-            sequences.measurement,
-            sequences.pose,
-            log_clutter,
-        )
-    )
+    components = variance[:, None] * np.array(ratio)[:, None]
+    at_points = Points(*map(read_only, (*start, components, density)))
+    columns = sequences.time_s, sequences.measurement, sequences.pose, log_clutter
+    sequence_plots = Plots(read_only(sequences.first, np.int64), *map(read_only, columns))
+    likelihood: FloatArray = filter_tracks(at_points, log_share, sequence_plots)
     return likelihood

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray, contiguous
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray, contiguous, read_only
 
 from .. import kinematics
 from ..plots import Plots
@@ -90,8 +90,8 @@ def link_plots(plots: Plots, timing: Timing, model: LinkModel, log_ratio: FloatA
     numbers = Numbers(
         timing.rotation_s,
         float(np.clip(np.ceil(misses), LEAST_MISSES, MOST_MISSES)),
-        model.variance,
-        np.array(model.densities),
+        read_only(model.variance),
+        read_only(model.densities),
         GATE,
         LEAST_HITS,
         model.log_miss,

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...arrays import FloatArray
-from ...compilation import Float1, Float2, in_place, inner
+from ...compilation import Float1, Float2, Writeable, in_place, inner
 from ...state_space import PLANAR
 from ...targets.turn_matrix import turn, turn_terms, write_turn
 from .blocks import SIZE, dot
@@ -110,7 +110,12 @@ def _write_turn_moments(mean: FloatArray, covariance: FloatArray, dt: float, mov
 
 @in_place
 def move(
-    mean: Float1, covariance: Float2, transition: Float2, turns: bool, dt: float, moved: Moved
+    mean: Float1,
+    covariance: Float2,
+    transition: Float2,
+    turns: bool,
+    dt: float,
+    moved: Writeable[Moved],
 ) -> None:
     """Write the moments of a Gaussian that moves for `dt` seconds.
 

@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 
-from ...arrays import TINY, FloatArray, IntArray, contiguous
-from ...compilation import Float1, Float2, Float3, Int1, compiled
-from ...learned.outliers import Outliers
+from ...arrays import TINY, FloatArray, IntArray, contiguous, frozen
+from ...compilation import Float1, Float2, Int1, compiled
+from ...sensors.gaussians import HeavyTails
 from .kalman import Innovation
 
 
 def mix_noises(
     innovation: Innovation,
-    outliers: Outliers,
+    outliers: HeavyTails,
     noise_std: FloatArray,
     correlation: FloatArray | None,
     column: IntArray,
@@ -43,27 +43,23 @@ def mix_noises(
     P - P H' [sum q_k S_k^-1 - sum q_k (w_k - w)(w_k - w)'] H P. So w takes the place of the
     weighted innovation, and the bracket that of the inverse: a Gaussian stays a Gaussian.
     """
-    weighted, inverse, log_likelihood, outlier = _mix_noises(
-        *(outliers.share, outliers.ratio),
-        *contiguous(innovation.weighted, innovation.inverse, innovation.log_likelihood),
-        *contiguous(noise_std, np.zeros(0) if correlation is None else correlation, column),
-    )
-    mixed = innovation._replace(weighted=weighted, inverse=inverse, log_likelihood=log_likelihood)
-    return mixed, outlier
+    correlations = np.zeros(0) if correlation is None else correlation
+    columns = contiguous(noise_std, correlations, column)
+    mixed, outlier = _mix_noises(outliers.share, outliers.ratio, innovation, *columns)
+    return frozen(mixed), outlier
 
 
 @compiled
 def _mix_noises(
     share: float,
     ratio: float,
-    weighted: Float2,
-    inverse: Float3,
-    log_likelihood: Float1,
+    innovation: Innovation,
     noise_std: Float2,
     correlation: Float1,
     column: Int1,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the columns of `Innovation` that change, and the probabilities of outliers."""
+) -> tuple[Innovation, FloatArray]:
+    """Return the mixed innovations and the probabilities of outliers."""
+    jacobian, weighted, inverse, log_likelihood = innovation
     count = len(log_likelihood)
     mixed_weighted = np.zeros((count, 2))
     mixed_inverse = np.zeros((count, 2, 2))
@@ -106,4 +102,4 @@ def _mix_noises(
         mixed_inverse[row, 1, 1] = p * n + q * wide_a / wide_determinant - p * q * north * north
         cross = p * k - q * wide_b / wide_determinant - p * q * east * north
         mixed_inverse[row, 0, 1] = mixed_inverse[row, 1, 0] = cross
-    return mixed_weighted, mixed_inverse, mixed_log, outlier
+    return Innovation(jacobian, mixed_weighted, mixed_inverse, mixed_log), outlier

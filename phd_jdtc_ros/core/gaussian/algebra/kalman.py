@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import FloatArray, IntArray, contiguous
+from ...arrays import FloatArray, IntArray, contiguous, frozen
 from ...compilation import Float1, Float2, Float3, Int1, compiled, inner
-from ...sensors.of_gaussians.linearised import Measured
+from ...sensors.of_gaussians.linearised import Measured, WeightedGaussians
 from ...sensors.sensor import Sensor
 from .blocks import SIZE, copy_gaussian
 
@@ -30,51 +30,41 @@ class Innovation(NamedTuple):
     """The innovation of a measurement, linearised at the posterior position."""
 
     # Jacobian of the measurement with respect to the position at the detection's time, (N, 2, 2).
-    jacobian: FloatArray
-    weighted: FloatArray  # Inverse of the innovation's covariance times the innovation, (N, 2)
-    inverse: FloatArray  # Inverse of the innovation's covariance, (N, 2, 2)
-    log_likelihood: FloatArray  # log N(z; h, S) of the measurement alone, (N,)
+    jacobian: Float3
+    weighted: Float2  # Inverse of the innovation's covariance times the innovation, (N, 2)
+    inverse: Float3  # Inverse of the innovation's covariance, (N, 2, 2)
+    log_likelihood: Float1  # log N(z; h, S) of the measurement alone, (N,)
 
 
 def innovations(
-    mean: FloatArray,
-    covariance: FloatArray,
+    gaussians: WeightedGaussians,
     sensor: Sensor,
-    measurement: FloatArray,
-    noise_std: FloatArray,
-    time_s: FloatArray | None = None,
+    measured: Measured,
+    pairs: tuple[IntArray, IntArray] | None = None,
+    modes: int = 1,
     iterations: int = ITERATIONS,
     converged: float = CONVERGED,
-    pairs: tuple[IntArray, IntArray] | None = None,
-    weight: FloatArray | None = None,
-    modes: int = 1,
-    correlation: FloatArray | None = None,
 ) -> Innovation:
     """Return the innovations of measurements of Gaussians, by iterated linearisation.
 
     Parameters
     ----------
-    mean, covariance : arrays of shape (N, D) and (N, D, D)
-        At the scan's stamp.
-    measurement, noise_std : arrays of shape (M, Z)
+    gaussians : WeightedGaussians
+        At the scan's stamp. Those without weight have a likelihood of zero.
+    measured : Measured
         For a radar, range in metres and azimuth in radians in its frame; innovations are wrapped.
-    time_s : array of shape (M,) or None
-        Time of each measurement relative to the stamp, seconds; the target moves on a straight
-        line from the stamp to that time.
+        The target moves on a straight line from the stamp to the time of its measurement. A
+        correlation of errors is not used for a polar radar.
+    pairs : tuple of two int arrays of shape (P,), or None
+        Gaussian and measurement of each pair; None if each Gaussian has the measurement of its row.
+        A pair with the Gaussian -1 has a likelihood of zero.
+    modes : int
+        Number of consecutive Gaussians that form a group. `pairs` has the indices of groups, and
+        each pair has an innovation for each Gaussian of its group, one after the other.
     iterations : int
         Largest number of linearisations; 1 is the plain extended Kalman filter.
     converged : float
         Step, as a share of the measurement's standard deviation, below which iteration ends.
-    pairs : tuple of two int arrays of shape (P,), or None
-        Gaussian and measurement of each pair; None if each Gaussian has the measurement of its row.
-        A pair with the Gaussian -1 has a likelihood of zero.
-    weight : array of shape (N,) or None
-        Gaussians without weight have a likelihood of zero.
-    modes : int
-        Number of consecutive Gaussians that form a group. `pairs` has the indices of groups, and
-        each pair has an innovation for each Gaussian of its group, one after the other.
-    correlation : array of shape (M,) or None
-        Correlation of the errors of both components; not used for a polar radar.
 
     Notes
     -----
@@ -87,13 +77,11 @@ def innovations(
     Transactions on Automatic Control 38(2), 1993.
     """
     if pairs is None:
-        pairs = (np.arange(len(measurement)),) * 2
-    noise = noise_std if noise_std.ndim == 2 else np.broadcast_to(noise_std, measurement.shape)
-    gaussians = mean, covariance, np.ones(len(mean)) if weight is None else weight
-    measured = Measured(measurement, noise, correlation, time_s)
-    return Innovation(
-        *sensor.of_gaussians.innovations(gaussians, measured, pairs, modes, iterations, converged)
+        pairs = (np.arange(len(measured.measurement)),) * 2
+    columns = sensor.of_gaussians.innovations(
+        gaussians, measured, pairs, modes, iterations, converged
     )
+    return frozen(Innovation(*contiguous(*columns)))
 
 
 @compiled
@@ -104,12 +92,11 @@ def _update(
     covariance: Float3,
     group: Int1,
     pair: Int1,
-    jacobian: Float3,
-    weighted: Float2,
-    inverse: Float3,
+    innovation_of: Innovation,
     time_s: Float1,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the results of `update`; `axes` as in `_innovations`."""
+    """Return the results of `update`; `axes` are those of the position and the velocity."""
+    jacobian, weighted, inverse, _ = innovation_of
     count = len(group) * modes
     updated_mean, updated_covariance = np.empty((count, SIZE)), np.empty((count, SIZE, SIZE))
     x, y, vx, vy = axes[0], axes[1], axes[2], axes[3]
@@ -171,11 +158,10 @@ def update(
     """
     if pairs is None:
         pairs = (np.arange(len(mean)),) * 2
-    times = NO_TIMES if time_s is None else time_s
-    return _update(
-        modes,
-        *contiguous(sensor.space.planar_axes, mean, covariance, *pairs, *innovation[:3], times),
-    )
+    group, pair, times = contiguous(*pairs, NO_TIMES if time_s is None else time_s)
+    mean, covariance = contiguous(mean, covariance)
+    axes = sensor.space.planar_axes
+    return _update(modes, axes, mean, covariance, group, pair, innovation, times)
 
 
 def floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:

@@ -7,31 +7,30 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import TINY, FloatArray, contiguous
-from ...compilation import Float2, Float3, Int1, compiled
-from ...models import stationary
-from ...sensors.report import Report
-from ...sensors.sensor import Sensor
+from ...arrays import TINY, FloatArray, contiguous, frozen
+from ...compilation import Float1, Float2, Float3, Int1, compiled
+from ...sensors.of_gaussians.linearised import Expected
+from ...sensors.view import View
 from ...state_space import StateSpace
+from ...targets import stationary
 from ..dynamics import Dynamics
-from ..mixture import Mixture
-from .gating import Expected
+from ..mixture import Hypotheses, Mixture
 
 
 class DetectionProbability(NamedTuple):
     """Probabilities of detection of H hypotheses."""
 
-    by_class: FloatArray  # Probability of each Gaussian and class, (H, R, C)
-    cell: FloatArray  # Probability in each cell of SNR, (C, S)
+    by_class: Float3  # Probability of each Gaussian and class, (H, R, C)
+    cell: Float2  # Probability in each cell of SNR, (C, S)
     # Mean of `cell` over each hypothesis's SNR, (H, C); `by_class` times cell / mean is the
     # probability given the cell.
-    mean: FloatArray
+    mean: Float2
 
 
 def detection_probability(
     expected: Expected,
     snr: FloatArray,
-    sensor: Sensor,
+    view: View,
     dynamics: Dynamics,
     prediction: tuple[FloatArray, FloatArray] | None = None,
 ) -> DetectionProbability:
@@ -50,22 +49,24 @@ def detection_probability(
     """
     classes, (count, modes, size) = snr.shape[1], expected.measured.shape
     flat, std = expected.measured.reshape(-1, size), expected.std.reshape(-1, size)
+    sensor = view.sensor
     covered = sensor.coverage_probability(flat, None, std).reshape(count, modes, 1)
     by_gaussian = sensor.configured_detection_probability(flat, std)
     if by_gaussian is None:
-        cell = dynamics.cell_probability(sensor)
+        cell = dynamics.cell_probability(sensor.threshold)
         mean = _mean_over_cells(snr, cell)
         configured = mean.T.repeat(modes, axis=1)
     else:
         cell, mean = np.ones(snr.shape[1:]), np.ones(snr.shape[:2])
         configured = by_gaussian[None]
-    learned = sensor.learned_detection_probability(configured, flat)
+    learned = view.detection_probability_at(configured, flat)
     probability = learned.T.reshape(count, modes, len(configured))
     if prediction is not None:
         looked, detected = (column[:, None, None] for column in prediction)
         probability = probability * (1.0 - looked) + detected
     by_class = np.empty((count, modes, classes))
-    return DetectionProbability(np.multiply(covered, probability, by_class), cell, mean)
+    np.multiply(covered, probability, by_class)
+    return frozen(DetectionProbability(by_class, cell, mean))
 
 
 @compiled
@@ -80,7 +81,7 @@ def _mean_over_cells(snr: Float3, cell_value: Float2) -> FloatArray:
     return mean
 
 
-def log_amplitude(report: Report, dynamics: Dynamics) -> FloatArray:
+def log_amplitude(report: View, dynamics: Dynamics) -> FloatArray:
     """Return log p_D g(a) of every cell and detection, shape (C, S, M)."""
     model, log_snr = dynamics.model, dynamics.cells.log_snr
     by_cell = model.amplitudes.log_cell_likelihood(log_snr, report, model.modes)
@@ -88,9 +89,22 @@ def log_amplitude(report: Report, dynamics: Dynamics) -> FloatArray:
     return by_cell if by_cell.shape == shape else np.broadcast_to(by_cell, shape)
 
 
+class Amplitudes(NamedTuple):
+    """Likelihoods of the amplitudes of M detections."""
+
+    largest: Float1  # The largest log p_D g(a) of all cells, (M,)
+    # p_D g(a) of each cell relative to the largest one, (M, C, S); 0 where all are.
+    relative: Float3
+
+    @staticmethod
+    def of(report: View, dynamics: Dynamics) -> Amplitudes:
+        """Return the likelihoods of a report's amplitudes."""
+        return frozen(_relative_to_largest(*contiguous(log_amplitude(report, dynamics))))
+
+
 @compiled
-def _relative_to_largest(log_likelihood: Float3) -> tuple[FloatArray, FloatArray]:
-    """Return the columns of `Amplitudes`, given log p_D g(a) of cells and detections, (C, S, M)."""
+def _relative_to_largest(log_likelihood: Float3) -> Amplitudes:
+    """Return what `Amplitudes` has, given log p_D g(a) of cells and detections, (C, S, M)."""
     classes, cells, count = log_likelihood.shape
     largest, relative = np.full(count, -np.inf), np.zeros((count, classes, cells))
     for class_id in range(classes):
@@ -103,30 +117,15 @@ def _relative_to_largest(log_likelihood: Float3) -> tuple[FloatArray, FloatArray
                 if largest[z] > -np.inf:
                     excess = log_likelihood[class_id, cell, z] - largest[z]
                     relative[z, class_id, cell] = math.exp(excess)
-    return largest, relative
-
-
-class Amplitudes(NamedTuple):
-    """Likelihoods of the amplitudes of M detections."""
-
-    largest: FloatArray  # The largest log p_D g(a) of all cells, (M,)
-    # p_D g(a) of each cell relative to the largest one, (M, C, S); 0 where all are.
-    relative: FloatArray
-
-    @staticmethod
-    def of(report: Report, dynamics: Dynamics) -> Amplitudes:
-        """Return the likelihoods of a report's amplitudes."""
-        return Amplitudes(*_relative_to_largest(*contiguous(log_amplitude(report, dynamics))))
+    return Amplitudes(largest, relative)
 
 
 @compiled
 def snr_after(
-    snr: Float3,
-    weight: Float3,
+    prior: Hypotheses,
     detection_probability: Float3,
-    cell_probability: Float2,
-    mean_probability: Float2,
-    relative: Float3,
+    in_turn: DetectionProbability,
+    amplitudes: Amplitudes,
     prior_row: Int1,
     pair: Int1,
     column: Int1,
@@ -135,19 +134,20 @@ def snr_after(
 
     Parameters
     ----------
-    snr : array of shape (H, C, S)
-        The probabilities before.
-    weight, detection_probability : arrays of shape (H, R, C)
-        Weights before, and probabilities of detection, of each Gaussian and class.
-    cell_probability, mean_probability : arrays of shape (C, S) and (H, C)
-        See `DetectionProbability`.
-    relative : array of shape (M, C, S)
-        See `Amplitudes`.
+    prior : Hypotheses
+        Before the update.
+    detection_probability : array of shape (H, R, C)
+        Probability of detection in this report, of each Gaussian and class.
+    in_turn : DetectionProbability
+        In a whole turn.
+    amplitudes : Amplitudes
     prior_row, pair : int arrays of shape (K,)
         Hypothesis before the update, and its pair; -1 for a missed detection.
     column : int array of shape (P,)
         Detection of each pair.
     """
+    snr, weight, relative = prior.snr, prior.weight, amplitudes.relative
+    cell_probability, mean_probability = in_turn.cell, in_turn.mean
     classes, cells = snr.shape[1:]
     posterior = np.empty((len(prior_row), classes, cells))
     for row in range(len(prior_row)):

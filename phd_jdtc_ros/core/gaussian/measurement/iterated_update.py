@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ...arrays import FloatArray, IntArray
-from ...sensors.of_gaussians.linearised import gaussians_of_groups
+from ...sensors.of_gaussians.linearised import Measured, WeightedGaussians, gaussians_of_groups
 from ...sensors.range_rate import Rates
-from ...sensors.report import Report
 from ...sensors.sensor import Sensor
+from ...sensors.view import View
 from ..algebra import heavy_tails, kalman, range_rate
 from ..mixture import Mixture
 
@@ -26,7 +26,7 @@ class PairUpdate(NamedTuple):
     outlier: FloatArray | None
     row: IntArray  # Hypothesis of each pair, (P,)
     column: IntArray  # Detection of each pair, (P,)
-    report: Report
+    report: View
 
     @property
     def log_likelihood(self) -> FloatArray:
@@ -69,7 +69,7 @@ def iterated_update(
     mixture: Mixture,
     row: IntArray,
     column: IntArray,
-    report: Report,
+    report: View,
 ) -> PairUpdate:
     """Return the innovations of pairs, linearised at the posterior positions.
 
@@ -81,17 +81,12 @@ def iterated_update(
     detections, sensor, rates = report.detections, report.sensor, report.range_rates
     modes, size = mixture.mean.shape[1:]
     mean, covariance = mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size)
-    innovation = kalman.innovations(
-        *(mean, covariance, sensor, detections.measurement, report.detection_std),
-        detections.time_s,
-        pairs=(row, column),
-        weight=mixture.mode_weight.reshape(-1),
-        modes=modes,
-        correlation=detections.noise_correlation,
-    )
+    gaussians = WeightedGaussians.of(mean, covariance, mixture.mode_weight.reshape(-1))
+    noise = report.detection_std, detections.noise_correlation
+    measured = Measured(detections.measurement, *noise, detections.time_s)
+    innovation = kalman.innovations(gaussians, sensor, measured, (row, column), modes)
     matched, outlier = innovation, None
     if sensor.outliers is not None:
-        noise = report.detection_std, detections.noise_correlation
         matched, outlier = heavy_tails.mix_noises(innovation, sensor.outliers, *noise, column)
     rate_update = None
     if rates is not None:

@@ -9,14 +9,14 @@ import numpy as np
 from ...arrays import FloatArray, IntArray
 from ...association.marginals import LEAST_CLUTTER
 from ...compilation import Bool1, Float1, Float2, Float3, Int1, compiled, inner
-from ..mixture import Mixture
+from ..mixture import Hypotheses, Mixture
+from .amplitude import Amplitudes
 from .pairs import (
     PairLikelihoods,
     Sources,
-    no_sources,
+    sources_of,
     write_missed_weight,
     write_pair_weight,
-    write_sources,
 )
 
 # A pair with less than this share of its detection's sources, or of its target's hypotheses, is
@@ -40,18 +40,15 @@ class _Selection(NamedTuple):
 
 @inner
 def _write_odds(
-    weight: FloatArray,
-    snr: FloatArray,
+    mixture: Hypotheses,
     relative: FloatArray,
-    row: IntArray,
-    column: IntArray,
-    measurement: FloatArray,
-    largest: FloatArray,
-    evidence: FloatArray,
+    pairs: PairLikelihoods,
     sources: Sources,
     selection: _Selection,
 ) -> None:
     """Write the likelihoods of the pairs' amplitudes and their odds."""
+    row, column, measurement, largest, evidence, _ = pairs
+    weight, snr = mixture.weight, mixture.snr
     amplitude, odds = selection.amplitude, selection.odds
     for pair in range(len(row)):
         hypothesis, z = row[pair], column[pair]
@@ -104,22 +101,16 @@ def _mark_likely(least_share: float, target: int, column: IntArray, selection: _
 @compiled
 def _select_likely(
     least_share: float,
-    target_of: Int1,
-    existence: Float1,
-    weight: Float3,
+    mixture: Hypotheses,
     detection_probability: Float3,
-    snr: Float3,
-    relative: Float3,
-    row: Int1,
-    column: Int1,
-    measurement: Float2,
-    largest: Float1,
-    evidence: Float1,
-    other: Float2,
+    amplitudes: Amplitudes,
+    pairs: PairLikelihoods,
 ) -> tuple[IntArray, FloatArray]:
     """Return the likely pairs and the likelihoods of their amplitudes; see `select_likely`."""
-    (modes, classes), count, size = weight.shape[1:], len(row), len(largest)
-    sources = no_sources(other)
+    target_of, existence, weight = mixture.target, mixture.existence, mixture.weight
+    row, column = pairs.row, pairs.column
+    (modes, classes), count, size = weight.shape[1:], len(row), len(pairs.largest)
+    sources = sources_of(pairs)
     selection = _Selection(
         np.empty(count, np.bool_),
         np.empty((count, classes)),
@@ -131,19 +122,7 @@ def _select_likely(
         np.empty(count, np.int64),
         np.empty((1, modes, classes)),
     )
-    write_sources(column, measurement, largest, evidence, other, sources)
-    _write_odds(
-        weight,
-        snr,
-        relative,
-        row,
-        column,
-        measurement,
-        largest,
-        evidence,
-        sources,
-        selection,
-    )
+    _write_odds(mixture, amplitudes.relative, pairs, sources, selection)
     _sort_by_target(target_of, row, selection.start, selection.order)
     for target in range(len(existence)):
         selection.alternatives[target] = 1.0 - existence[target]
@@ -168,7 +147,7 @@ def select_likely(
     mixture: Mixture,
     detection_probability: FloatArray,
     pairs: PairLikelihoods,
-    relative: FloatArray,
+    amplitudes: Amplitudes,
 ) -> tuple[IntArray, FloatArray]:
     """Return the pairs that may exceed `LEAST_SHARE` of both their target and their detection.
 
@@ -182,8 +161,5 @@ def select_likely(
     ----------
     detection_probability : array of shape (H, R, C)
         Probability of detection.
-    relative : array of shape (M, C, S)
-        See `amplitude.Amplitudes`.
     """
-    of_mixture = LEAST_SHARE, mixture.target, mixture.existence, mixture.weight
-    return _select_likely(*(*of_mixture, detection_probability, mixture.snr, relative, *pairs))
+    return _select_likely(LEAST_SHARE, mixture.hypotheses, detection_probability, amplitudes, pairs)

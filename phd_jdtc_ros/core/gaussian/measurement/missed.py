@@ -8,9 +8,9 @@ import numpy as np
 
 from ...arrays import FloatArray, IntArray
 from ...compilation import Float1, Float2, Float3, Int1, compiled, inner
+from ...sensors.of_gaussians.linearised import Expected
 from ...sensors.sensor import Sensor
-from ..mixture import Mixture
-from .gating import Expected
+from ..mixture import Hypotheses, Mixture
 
 # Gaussians with a smaller part within the limits, or beyond them, keep their moments.
 LEAST_PART = 1e-3
@@ -20,18 +20,15 @@ FAR_SIGMA = 3.3
 
 @compiled
 def missed_and_measured(
-    target: Int1,
-    mode_weight: Float2,
-    weight: Float3,
-    detection_probability: Float3,
-    measured: Float3,
-    targets: int,
+    mixture: Hypotheses, detection_probability: Float3, measured: Float3
 ) -> tuple[FloatArray, FloatArray]:
     """Return the weight of each target's missed detection, (T,), and a measurement of it, (T, Z).
 
-    The measurement is that of the most probable mode of the target's first hypothesis. The other
-    arguments are those of H hypotheses, as in `Mixture` and `Expected`.
+    The measurement is that of the most probable mode of the target's first hypothesis.
+    `detection_probability`, (H, R, C), and `measured`, (H, R, Z), are those of each Gaussian.
     """
+    target, mode_weight, weight = mixture.target, mixture.mode_weight, mixture.weight
+    targets = len(mixture.label)
     missed, measured_by_target = np.zeros(targets), np.zeros((targets, measured.shape[2]))
     found = np.zeros(targets, np.bool_)
     for row in range(len(target)):
@@ -122,7 +119,7 @@ def after_miss(
     measured = expected.measured.reshape(-1, components)
     std, weight = expected.std.reshape(-1, components), mixture.mode_weight.ravel()
     rows, axis, moments = _divided(*sensor.limits, weight, measured, std)
-    if not len(rows) or not (usable := sensor.is_nearly_normal(std[rows])).any():
+    if not len(rows) or not (usable := sensor.of_gaussians.is_nearly_normal(std[rows])).any():
         return None
     rows, axis, (mass_inside, first, second) = rows[usable], axis[usable], moments[:, usable]
     weight, detection_probability = (

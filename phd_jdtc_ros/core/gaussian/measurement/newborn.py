@@ -9,7 +9,7 @@ import numpy as np
 from ...arrays import TINY, FloatArray, IntArray
 from ...models.detection_birth import Newborn
 from ...sensors.range_rate import Rates
-from ...sensors.report import Report
+from ...sensors.view import View
 from ..algebra import range_rate
 from ..dynamics import Dynamics
 from ..mixture import Mixture
@@ -114,7 +114,7 @@ def _split_by_fold(
     return row, share[row, fold], means[fold, row], covariances[fold, row]
 
 
-def _snr_given_amplitude(report: Report, dynamics: Dynamics) -> FloatArray:
+def _snr_given_amplitude(report: View, dynamics: Dynamics) -> FloatArray:
     """Return the probabilities of the cells of SNR, given each detection's amplitude, (M, C, S)."""
     log_likelihood = log_amplitude(report, dynamics).transpose(2, 0, 1)
     largest = log_likelihood.max(axis=2, keepdims=True)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import FloatArray, contiguous
-from ...compilation import Float1, Float2, Float3, Int1, compiled
-from ...learned.evidence import LIMITED_MEAN, evidence_of, limited_mean
-from ...learned.noise_factor import COMPONENTS, NoiseEvidence
-from ...learned.outliers import OutlierEvidence
-from ...models.sensor_memory import KNOWN_EXISTENCE
-from ..mixture import Mixture
+from ...arrays import FloatArray, contiguous, frozen
+from ...association.evidence import COMPONENTS, KNOWN_EXISTENCE, NoiseEvidence, OutlierEvidence
+from ...compilation import Float1, Float2, Int1, compiled
+from ..algebra.kalman import Innovation
+from ..mixture import Hypotheses, Mixture
+from .evidence import LIMITED_MEAN, evidence_of, limited_mean
 from .iterated_update import PairUpdate
 
 # Components with outliers: range and azimuth, but not the range rate.
@@ -39,20 +39,21 @@ def evidence_of_pairs(
         Association probability of each pair; distributed over its motion modes by their
         likelihoods.
     """
-    innovation, sensor = update.innovation, update.report.sensor
-    factor, outliers = sensor.noise_factor, sensor.outliers
+    innovation, report = update.innovation, update.report
+    factor, outliers = report.noise, report.sensor.outliers
     if factor is None and outliers is None:
         return None, None
     outlier = NONE if update.outlier is None else update.outlier
-    rate_square, rate_part = _rate_squares(update, mixture.mode_weight.shape[1])
+    pairs = _Pairs(*contiguous(update.row, update.column, probability, update.log_likelihood))
     weight, excess, *found = _evidence(
-        *(KNOWN_EXISTENCE, 1.0 if factor is None else factor.certainty),
-        *contiguous(
-            *(mixture.existence, mixture.target, mixture.mode_weight),
-            *(update.row, update.column, probability, update.log_likelihood),
-            *(innovation.weighted, innovation.inverse, update.report.sensors_own_std),
-            *(outlier, rate_square, rate_part),
-        ),
+        KNOWN_EXISTENCE,
+        1.0 if factor is None else factor.certainty,
+        mixture.hypotheses,
+        frozen(pairs),
+        innovation,
+        np.ascontiguousarray(update.report.sensors_own_std),
+        outlier,
+        _rate_squares(update, mixture.mode_weight.shape[1]),
     )
     if outliers is None:
         return NoiseEvidence(weight[0], excess[0]), None
@@ -65,41 +66,55 @@ def evidence_of_pairs(
     return NoiseEvidence(weight[0], excess[0], with_outliers=with_outliers), outlier_evidence
 
 
-def _rate_squares(update: PairUpdate, modes: int) -> tuple[FloatArray, FloatArray]:
-    """Return the squares and parts of `evidence_of` for range rates, (P R,); none if not learned.
+def _rate_squares(update: PairUpdate, modes: int) -> _Rates:
+    """Return the evidence of range rates; none if their noise is not learned.
 
     A range rate updates a Gaussian after the position, so that its innovation has one dimension.
     """
     report, rate_update = update.report, update.rate_update
-    factor, rates = report.sensor.noise_factor, report.range_rates
+    factor, rates = report.noise, report.range_rates
     if rate_update is None or rates is None or factor is None or not factor.learned[-1]:
-        return NONE, NONE
+        return frozen(_Rates(NONE, NONE))
     sensor_std = report.sensors_own_rate_std(rates)[update.column].repeat(modes)
-    return rate_update.innovation**2 / rate_update.variance, sensor_std**2 / rate_update.variance
+    variance = rate_update.variance
+    return frozen(_Rates(rate_update.innovation**2 / variance, sensor_std**2 / variance))
+
+
+class _Pairs(NamedTuple):
+    """The P pairs of an update."""
+
+    row: Int1  # Hypothesis, (P,)
+    column: Int1  # Detection, (P,)
+    probability: Float1  # Association probability, (P,)
+    log_likelihood: Float1  # See `PairUpdate`, (P R,)
+
+
+class _Rates(NamedTuple):
+    """The evidence of range rates, as `evidence_of` takes it, (P R,), or empty."""
+
+    square: Float1
+    noise_share: Float1
 
 
 @compiled
 def _evidence(
     least_existence: float,
     certainty: float,
-    existence: Float1,
-    target: Int1,
-    mode_weight: Float2,
-    row: Int1,
-    column: Int1,
-    probability: Float1,
-    log_likelihood: Float1,
-    weighted: Float2,
-    inverse: Float3,
+    mixture: Hypotheses,
+    pairs: _Pairs,
+    innovation: Innovation,
     std: Float2,
     outlier: Float1,
-    rate_square: Float1,
-    rate_part: Float1,
+    rates: _Rates,
 ) -> tuple[FloatArray, FloatArray, float, float]:
     """Return weight and excess of `NoiseEvidence` without and with outliers, (2, Z) each.
 
-    The last results are the numbers of `OutlierEvidence`; the last three arguments may be empty.
+    The last results are the numbers of `OutlierEvidence`. `outlier` may be empty.
     """
+    existence, target, mode_weight = mixture.existence, mixture.target, mixture.mode_weight
+    row, column, probability, log_likelihood = pairs
+    _, weighted, inverse, _ = innovation
+    rate_square, rate_part = rates
     modes = mode_weight.shape[1]
     weight, excess = np.zeros((2, COMPONENTS)), np.zeros((2, COMPONENTS))
     detections, outliers = 0.0, 0.0

@@ -6,21 +6,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import FloatArray, IntArray
+from ...arrays import FloatArray, IntArray, frozen
 from ...association import marginals
 from ...association.claims import Claims
-from ...association.shares import posterior_shares
-from ...compilation import Float1, Float2, Float3, Int1, compiled
+from ...association.shares import Shares, posterior_shares
+from ...compilation import Float1, Float2, Float3, compiled
 from ...models.competing_sources import CompetingSources
 from ..algebra.vectors import sum_of
 from ..bounds import Bounds
-from ..mixture import Mixture
+from ..mixture import Hypotheses, Mixture
 from .pairs import (
     PairLikelihoods,
-    no_sources,
+    Sources,
+    sources_of,
     write_missed_weight,
     write_pair_weight,
-    write_sources,
 )
 from .pruning import most_probable
 
@@ -40,26 +40,20 @@ class Association(NamedTuple):
     approximate: int  # Number of clusters of targets too large for exact association probabilities
 
 
+class _Weights(NamedTuple):
+    """Weights before the association."""
+
+    prior: Float1  # Weight of each hypothesis before the update, (H,)
+    pair: Float3  # Weights of each pair, p_D L_z w divided by a scale of its detection, (P, R, C)
+
+
 @compiled
 def _weigh(
-    target_of: Int1,
-    weight: Float3,
-    detection_probability: Float3,
-    amplitude: Float2,
-    row: Int1,
-    column: Int1,
-    measurement: Float2,
-    largest: Float1,
-    evidence: Float1,
-    other: Float2,
-) -> tuple[tuple[FloatArray, ...], FloatArray, FloatArray]:
-    """Return the weights before the association.
-
-    These are the columns of `Claims` and of `CompetingSources`, the weight of each hypothesis
-    before the update, and the weights of each pair.
-    """
-    (rows, modes, classes), sources = weight.shape, no_sources(other)
-    write_sources(column, measurement, largest, evidence, other, sources)
+    mixture: Hypotheses, detection_probability: Float3, amplitude: Float2, pairs: PairLikelihoods
+) -> tuple[Claims, Sources, _Weights]:
+    """Return the association likelihoods of targets and of other sources, and the weights."""
+    weight, sources = mixture.weight, sources_of(pairs)
+    (rows, modes, classes), (row, column, measurement, largest, evidence, _) = weight.shape, pairs
     mass, pair_weight = np.empty(len(row)), np.empty((len(row), modes, classes))
     prior, detected = np.empty(rows), np.empty(rows)
     for hypothesis in range(rows):
@@ -77,29 +71,24 @@ def _weigh(
         mass[pair] = write_pair_weight(
             row[pair], weight, pair, measurement, amplitude, factor, pair, pair_weight
         )
-    known = mass, sources.total, detected, sources.scale, sources.intensity
-    return known, prior, pair_weight
+    claims = Claims(row, column, mass, sources.total, detected)
+    return claims, sources, _Weights(prior, pair_weight)
 
 
 @compiled
 def _most_probable_hypotheses(
     most: int,
     least_share: float,
-    target_of: Int1,
-    weight: Float3,
+    mixture: Hypotheses,
     detection_probability: Float3,
-    row: Int1,
-    claimed_mass: Float1,
-    prior: Float1,
-    pair_weight: Float3,
-    scaled: Float1,
-    unseen: Float1,
-    share: Float1,
+    claims: Claims,
+    weights: _Weights,
+    shares: Shares,
 ) -> tuple[FloatArray, FloatArray, IntArray, IntArray, FloatArray]:
-    """Return columns of `Association`, from `pair` to `weight`.
-
-    For the parameters see `_weigh` and `posterior_shares`.
-    """
+    """Return columns of `Association`, from `pair` to `weight`."""
+    target_of, weight = mixture.target, mixture.weight
+    row, claimed_mass, prior, pair_weight = claims.row, claims.mass, weights.prior, weights.pair
+    scaled, unseen, share = shares.prior, shares.missed, shares.pair
     rows, modes, classes = weight.shape
     count = rows + len(row)
     target, mass, existence = np.empty(count, np.int64), np.empty(count), np.zeros(len(unseen))
@@ -155,27 +144,19 @@ def associate(
     amplitude : array of shape (P, C)
         See `select_likely`.
     """
-    target_of, weight = mixture.target, mixture.weight
-    known, prior, pair_weight = _weigh(target_of, weight, detection_probability, amplitude, *pairs)
-    mass, total, detected, scale, intensity = known
-    scaled, unseen, share, claimed, approximate = posterior_shares(
-        *(marginals.MOST_WORK, len(mixture.label), target_of, prior, pairs.row, pairs.column),
-        *(mass, total, detected),
+    hypotheses = mixture.hypotheses
+    claims, found, weights = _weigh(hypotheses, detection_probability, amplitude, pairs)
+    shares = posterior_shares(
+        marginals.MOST_WORK, len(mixture.label), mixture.target, weights.prior, frozen(claims)
     )
-    hypotheses = _most_probable_hypotheses(
+    kept = _most_probable_hypotheses(
         bounds.hypotheses,
         bounds.least_share,
-        target_of,
-        weight,
+        hypotheses,
         detection_probability,
-        pairs.row,
-        mass,
-        prior,
-        pair_weight,
-        scaled,
-        unseen,
-        share,
+        claims,
+        frozen(weights),
+        frozen(shares),
     )
-    claims = Claims(pairs.row, pairs.column, mass, total, detected)
-    sources = CompetingSources(scale, intensity)
-    return Association(claims, sources, claimed, *hypotheses, approximate)
+    sources = CompetingSources(found.scale, found.intensity)
+    return Association(claims, sources, shares.claimed, *kept, shares.approximate)

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import FloatArray, IntArray
-from ...compilation import Float1, Float2, inner
+from ...arrays import FloatArray
+from ...compilation import Float1, Float2, Int1, inner
 
 
 class PairLikelihoods(NamedTuple):
@@ -18,14 +18,14 @@ class PairLikelihoods(NamedTuple):
     relative to that scale, broadcast over modes and classes.
     """
 
-    row: IntArray  # Hypothesis of each pair, (P,)
-    column: IntArray  # Detection of each pair, (P,)
+    row: Int1  # Hypothesis of each pair, (P,)
+    column: Int1  # Detection of each pair, (P,)
     # Log likelihood of the measurement for each motion mode, (P, R); -inf outside its gate.
-    measurement: FloatArray
+    measurement: Float2
     # Log scale of each detection's amplitude likelihoods, (M,); see `amplitude.Amplitudes`.
-    largest: FloatArray
-    evidence: FloatArray  # Log likelihood of the identity and the height, (P,)
-    other: FloatArray  # See `competing_sources.log_intensities`, (1 + C, M)
+    largest: Float1
+    evidence: Float1  # Log likelihood of the identity and the height, (P,)
+    other: Float2  # See `competing_sources.log_intensities`, (1 + C, M)
 
 
 def sum_modes(weight: FloatArray) -> FloatArray:
@@ -43,23 +43,11 @@ class Sources(NamedTuple):
 
 
 @inner
-def no_sources(other: FloatArray) -> Sources:
-    """Return arrays for the sources of all detections; for `other` see `PairLikelihoods`."""
+def sources_of(pairs: PairLikelihoods) -> Sources:
+    """Return the sources of all detections."""
+    _, column, measurement, largest, evidence, other = pairs
     size = other.shape[1]
-    return Sources(np.full(size, -np.inf), np.empty(other.shape), np.zeros(size))
-
-
-@inner
-def write_sources(
-    column: IntArray,
-    measurement: FloatArray,
-    largest: FloatArray,
-    evidence: FloatArray,
-    other: FloatArray,
-    sources: Sources,
-) -> None:
-    """Write the sources, into new arrays; for the other parameters see `PairLikelihoods`."""
-    scale, intensity, total = sources
+    scale, intensity, total = np.full(size, -np.inf), np.empty(other.shape), np.zeros(size)
     for source_type in range(len(other)):
         for z in range(len(scale)):
             scale[z] = max(scale[z], other[source_type, z])
@@ -71,6 +59,7 @@ def write_sources(
         for z in range(len(scale)):
             intensity[source_type, z] = math.exp(other[source_type, z] - scale[z])
             total[z] += intensity[source_type, z]
+    return Sources(scale, intensity, total)
 
 
 @inner

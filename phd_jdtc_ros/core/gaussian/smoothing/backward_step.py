@@ -12,9 +12,9 @@ from ...compilation import (
     Float1,
     Float2,
     Float3,
-    Float4,
     Int1,
     Int2,
+    Writeable,
     compiled,
     in_place,
     inner,
@@ -33,20 +33,14 @@ from ..algebra.blocks import (
     times,
 )
 from ..algebra.vectors import add, total_of
-from .updates import BEFORE, EDGE, PREDICTED, ROW
+from ..dynamics import ModePairs
+from ..mixture import Gaussians
+from .updates import BEFORE, EDGE, PREDICTED, ROW, Updates
 
 # Smallest log fit of a pair of modes relative to the best pair: no pair is excluded for good.
 LEAST_LOG_FIT = -50.0
 # Replaces a log density that is not finite.
 LEAST_DENSITY = -1e300
-
-
-class Gaussians(NamedTuple):
-    """Weights, means and covariances of N rows by motion mode, as in `Mixture`."""
-
-    weight: Float3
-    mean: Float3
-    covariance: Float4
 
 
 class Links(NamedTuple):
@@ -144,8 +138,7 @@ def _write_successors(
 @inner
 def _write_fit(
     active: IntArray,
-    from_mode: IntArray,
-    to_mode: IntArray,
+    pairs: ModePairs,
     pair_row: IntArray,
     links: Links,
     later_mean: FloatArray,
@@ -156,7 +149,7 @@ def _write_fit(
     The fit is a normal density, divided by the largest of all pairs with the same later mode; that
     of a single pair is 1.
     """
-    fit, modes_differ = scratch.fit, False
+    (from_mode, to_mode), fit, modes_differ = pairs, scratch.fit, False
     for index in range(len(active)):
         fit[index] = 1.0
         modes_differ = modes_differ or from_mode[active[index]] != from_mode[active[0]]
@@ -232,8 +225,7 @@ def _blend_with_dying(
 
 @inner
 def _weigh_pairs(
-    from_mode: IntArray,
-    to_mode: IntArray,
+    pairs: ModePairs,
     prior: tuple[FloatArray, FloatArray],
     pair_row: IntArray,
     links: Links,
@@ -245,14 +237,14 @@ def _weigh_pairs(
     `prior` are the row's weights, (R, C), and the probabilities of its pairs, (K,).
     """
     joint, predicted_weight = scratch.joint, scratch.predicted_weight
-    successors = scratch.successors
+    successors, (from_mode, to_mode) = scratch.successors, pairs
     (weight, change), count = prior, 0
     for pair in range(len(from_mode)):
         if pair_row[pair] >= 0 and scratch.successor_weight[offset, to_mode[pair]] > 0.0:
             scratch.active[count] = pair
             count += 1
     active = scratch.active[:count]
-    _write_fit(active, from_mode, to_mode, pair_row, links, successors.mean[offset], scratch)
+    _write_fit(active, pairs, pair_row, links, successors.mean[offset], scratch)
     for mode in range(len(predicted_weight)):
         for class_id in range(predicted_weight.shape[1]):
             predicted_weight[mode, class_id] = 0.0
@@ -274,8 +266,7 @@ def _weigh_pairs(
 
 @inner
 def _write_row(
-    from_mode: IntArray,
-    to_mode: IntArray,
+    pairs: ModePairs,
     filtered: Gaussians,
     hypothesis: int,
     links: Links,
@@ -286,9 +277,9 @@ def _write_row(
 ) -> float:
     """Write a row's smoothed modes, matched over its pairs; return their weight."""
     mass, total, pair_row = scratch.mass, 0.0, links.place[row]
-    successors = scratch.successors
+    successors, (from_mode, to_mode) = scratch.successors, pairs
     prior = filtered.weight[hypothesis], links.change[row]
-    active = _weigh_pairs(from_mode, to_mode, prior, pair_row, links, offset, scratch)
+    active = _weigh_pairs(pairs, prior, pair_row, links, offset, scratch)
     weight = smoothed.weight[hypothesis]
     mean = smoothed.mean[hypothesis]
     covariance = smoothed.covariance[hypothesis]
@@ -358,50 +349,30 @@ def _add_deaths(
 
 @in_place
 def _go_back(
-    from_mode: Int1,
-    to_mode: Int1,
+    pairs: ModePairs,
     steps: Int1,
-    dropped: int,
-    updates: Int2,
-    child: Int1,
-    parent: Int1,
-    share: Float3,
-    change: Float2,
-    survival: Float2,
-    place: Int2,
-    pair_mean: Float2,
-    factored: Int1,
-    gain: Float3,
-    base: Float3,
-    factor: Float3,
-    later_weight: Float3,
-    later_mean: Float3,
-    later_covariance: Float4,
-    filtered_weight: Float3,
-    filtered_mean: Float3,
-    filtered_covariance: Float4,
-    smoothed: Gaussians,
-    scratch: _Scratch,
+    updates: Updates,
+    links: Links,
+    later: Gaussians,
+    filtered: Gaussians,
+    smoothed: Writeable[Gaussians],
+    scratch: Writeable[_Scratch],
 ) -> None:
     """Smooth the updates that those in `steps` continue; see `go_back`."""
-    later = Gaussians(later_weight, later_mean, later_covariance)
-    filtered = Gaussians(filtered_weight, filtered_mean, filtered_covariance)
-    edges, predicted = (child, parent, share), (change, survival, place)
-    links = Links(*edges, *predicted, pair_mean, factored, gain, base, factor)
-    modes, classes = share.shape[1:]
-    for vectors in (later_mean, filtered_mean):
-        check_vectors(vectors)
-    for covariances in (later_covariance, filtered_covariance):
-        check_matrices(covariances)
+    rows, dropped = updates.rows, updates.dropped
+    modes, classes = links.share.shape[1:]
+    for gaussians in (later, filtered):
+        check_vectors(gaussians.mean)
+        check_matrices(gaussians.covariance)
     for gaussians in (smoothed, scratch.successors):
         check_vectors(gaussians.mean)
         check_matrices(gaussians.covariance)
-    check_vectors(pair_mean)
-    for matrices in (gain, base, factor):
+    check_vectors(links.mean)
+    for matrices in (links.gain, links.base, links.factor):
         check_matrices(matrices)
     check_matrices(scratch.covariance)
     for index in steps:
-        update, begin = updates[index], updates[updates[index, BEFORE] - dropped, ROW]
+        update, begin = rows[index], rows[rows[index, BEFORE] - dropped, ROW]
         alive, dead, first_row, end_row = 0.0, 1.0, update[PREDICTED], update[PREDICTED + 1]
         has_children = update[EDGE] < update[EDGE + 1]
         if has_children:
@@ -409,72 +380,46 @@ def _go_back(
         for row in range(first_row, end_row):
             offset, hypothesis = row - first_row, begin + row - first_row
             for mode in range(modes):
-                dead -= survival[row, mode] * total_of(filtered.weight[hypothesis, mode])
+                dead -= links.survival[row, mode] * total_of(filtered.weight[hypothesis, mode])
                 for class_id in range(classes):
                     smoothed.weight[hypothesis, mode, class_id] = 0.0
             if has_children and total_of(scratch.successor_weight[offset]) > 0.0:
                 alive += _write_row(
-                    from_mode,
-                    to_mode,
-                    filtered,
-                    hypothesis,
-                    links,
-                    row,
-                    offset,
-                    scratch,
-                    smoothed,
+                    pairs, filtered, hypothesis, links, row, offset, scratch, smoothed
                 )
         death = (1.0 - min(alive, 1.0)) / dead if dead > 0.0 else 0.0
         for row in range(first_row, end_row):
-            _add_deaths(death, survival[row], filtered, begin + row - first_row, smoothed)
+            survival, hypothesis = links.survival[row], begin + row - first_row
+            _add_deaths(death, survival, filtered, hypothesis, smoothed)
 
 
 @compiled
 def go_back(
-    from_mode: Int1,
-    to_mode: Int1,
+    pairs: ModePairs,
     steps: Int1,
-    dropped: int,
-    updates: Int2,
-    child: Int1,
-    parent: Int1,
-    share: Float3,
-    change: Float2,
-    survival: Float2,
-    place: Int2,
-    pair_mean: Float2,
-    factored: Int1,
-    gain: Float3,
-    base: Float3,
-    factor: Float3,
-    later_weight: Float3,
-    later_mean: Float3,
-    later_covariance: Float4,
-    filtered_weight: Float3,
-    filtered_mean: Float3,
-    filtered_covariance: Float4,
-    smoothed: Gaussians,
+    updates: Updates,
+    links: Links,
+    later: Gaussians,
+    filtered: Gaussians,
+    smoothed: Writeable[Gaussians],
 ) -> None:
     """Smooth the updates that others continue, in the same table or another.
 
     Parameters
     ----------
-    from_mode, to_mode : int arrays of shape (K,)
-        See `prediction.Moves.pairs`.
     steps : int array of shape (N,)
-        Indices of the later updates, the latest first; those from `child` to `factor` are the
-        `Links` of their table, followed by its smoothed hypotheses.
-    dropped : int
-        Number of the first update.
-    updates : int array of shape (U, COLUMNS)
-        All updates.
-    filtered_weight, filtered_mean, filtered_covariance : arrays
-        Filtered hypotheses of the table of the earlier updates, whose smoothed ones are written.
+        Indices of the later updates, the latest first.
+    links, later : Links and Gaussians
+        Those of the table of the later updates: its links, and its smoothed hypotheses.
+    filtered, smoothed : Gaussians
+        Those of the table of the earlier updates: its filtered hypotheses, and the smoothed ones,
+        which are written.
     """
-    (modes, classes), count, rows, edges = share.shape[1:], len(from_mode), 0, 0
+    (modes, classes), count, rows, edges = links.share.shape[1:], len(pairs.before), 0, 0
     for index in steps:
-        rows = max(rows, updates[index, PREDICTED + 1] - updates[index, PREDICTED])
-        edges = max(edges, updates[index, EDGE + 1] - updates[index, EDGE])
+        update = updates.rows[index]
+        rows = max(rows, update[PREDICTED + 1] - update[PREDICTED])
+        edges = max(edges, update[EDGE + 1] - update[EDGE])
     successors = Gaussians(
         np.empty((rows, modes, classes)),
         np.empty((rows, modes, SIZE)),
@@ -494,8 +439,4 @@ def go_back(
         np.empty((modes, classes)),
         np.empty(modes),
     )
-    later = later_weight, later_mean, later_covariance
-    filtered = filtered_weight, filtered_mean, filtered_covariance
-    predicted = change, survival, place, pair_mean, factored, gain, base, factor
-    step = from_mode, to_mode, steps, dropped, updates, child, parent, share
-    _go_back(*(step + predicted + later + filtered + (smoothed, scratch)))
+    _go_back(pairs, steps, updates, links, later, filtered, smoothed, scratch)

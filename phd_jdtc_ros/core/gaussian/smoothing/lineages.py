@@ -8,18 +8,16 @@ updated.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import FloatArray, IntArray
-from ...window.entries import Entry, Source
-from ..mixture import Mixture
-from ..prediction import Moves
-from ..reduction import Ancestry
-from .backward_step import Gaussians, Links, go_back
+from ...arrays import FloatArray, IntArray, frozen
+from ..dynamics import ModePairs
+from ..entries import Entry, Link, Source
+from ..mixture import Gaussians, Mixture
+from .backward_step import Links, go_back
 from .tables import JOINED, LARGEST, Table, join
 from .updates import (
     BEFORE,
@@ -27,19 +25,12 @@ from .updates import (
     LABEL,
     STAMP,
     SUMS,
+    Continued,
+    Updates,
     append_updates,
     hypothesis_rows,
     plan_steps,
 )
-
-
-@dataclass(frozen=True)
-class Link:
-    """The link from the hypotheses of a scan back to earlier hypotheses."""
-
-    # From the earlier hypotheses of all sources of the scan, concatenated, to the predicted ones.
-    moves: Moves
-    ancestry: Ancestry  # From the predicted hypotheses to the kept ones
 
 
 class Around(NamedTuple):
@@ -52,12 +43,23 @@ class Around(NamedTuple):
 def _links_of(link: Link) -> Links:
     """Return the columns of a link."""
     ancestry, moves = link.ancestry, link.moves
-    pairs = moves.place, moves.mean, moves.factored, moves.gain, moves.base, moves.factor
-    rows = ancestry.child, ancestry.parent, ancestry.share, moves.change, moves.survival
-    return Links(*(rows + pairs))
+    links = Links(
+        ancestry.child,
+        ancestry.parent,
+        ancestry.share,
+        moves.change,
+        moves.survival,
+        moves.place,
+        moves.mean,
+        moves.factored,
+        moves.gain,
+        moves.base,
+        moves.factor,
+    )
+    return frozen(links)
 
 
-def _count_until(window: Sequence[Entry[Mixture, Link]], stamp_ns: int) -> int:
+def _count_until(window: Sequence[Entry], stamp_ns: int) -> int:
     """Return the number of entries of a window up to a stamp; most are."""
     count = len(window)
     while count and window[count - 1].stamp_ns > stamp_ns:
@@ -76,14 +78,13 @@ class Lineages:
         # The mixture of each entry and the number of its updates, by stamp, ascending.
         self._entries: dict[int, tuple[Mixture, int]] = {}
         self._tables: list[Table] = []  # Oldest first
-        self._pairs: tuple[IntArray, IntArray] | None = None  # See `Moves.pairs`
-        self._updates = np.zeros((0, COLUMNS), dtype=np.int64)
-        self._sums = np.zeros((0, SUMS))  # Sums over the hypotheses of each update
-        self._dropped = 0  # Number of the first update
+        self._pairs: ModePairs | None = None  # See `Moves.pairs`
+        none = Updates(0, np.zeros((0, COLUMNS), dtype=np.int64), np.zeros((0, SUMS)))
+        self._updates = frozen(none)
         self._done = 0  # Number of updates, dropped ones included, that have been smoothed
         self._threshold = 1.0  # Existence up to which targets have been left out
 
-    def extend(self, window: Sequence[Entry[Mixture, Link]]) -> None:
+    def extend(self, window: Sequence[Entry]) -> None:
         """Append the new entries of a window; begin again if it does not continue these entries."""
         latest_ns = next(reversed(self._entries), -1)
         new_entries = window[_count_until(window, latest_ns) :]
@@ -95,7 +96,7 @@ class Lineages:
         for entry in new_entries:
             self._append(entry)
 
-    def _is_continued_by(self, window: Sequence[Entry[Mixture, Link]]) -> bool:
+    def _is_continued_by(self, window: Sequence[Entry]) -> bool:
         """Return whether a window has these entries, except dropped ones, and then later ones.
 
         An entry depends on all before it, so that the latest one shows whether any has changed.
@@ -114,13 +115,14 @@ class Lineages:
         if not stamps:
             return
         count = sum(self._entries.pop(entry_ns)[1] for entry_ns in stamps)
-        self._dropped += count
-        self._updates, self._sums = self._updates[count:], self._sums[count:]
-        self._tables = [table for table in self._tables if table.end > self._dropped]
+        dropped, rows, sums = self._updates
+        dropped, rows, sums = dropped + count, rows[count:], sums[count:]
+        self._updates = Updates(dropped, rows, sums)
+        self._tables = [table for table in self._tables if table.end > dropped]
         if self._tables:
             oldest = self._tables[0]
-            continued = self._updates[: oldest.end - self._dropped, BEFORE]
-            if (continued < self._dropped).all():
+            continued = rows[: oldest.end - dropped, BEFORE]
+            if (continued < dropped).all():
                 oldest.links, oldest.is_small = None, False
 
     def smooth(self, since_ns: int = -1, threshold: float = -1.0) -> Around:
@@ -149,22 +151,28 @@ class Lineages:
             self._done = 0  # targets that were left out may be reported now
         self._threshold = threshold
         before, after, steps, parts = self._plan(since_ns, threshold)
-        self._done = self._dropped + len(self._updates)
+        self._done = self._updates.dropped + len(self._updates.rows)
         for begin, end, later, earlier in parts.tolist():
             table, continued = self._tables[later], self._tables[earlier]
             smoothed = continued.changeable
             if self._pairs is not None and table.links is not None:
-                columns = *table.links, *table.smoothed, *continued.filtered, smoothed
-                updates = steps[begin:end], self._dropped, self._updates
-                go_back(*(*self._pairs, *updates, *columns))
+                go_back(
+                    self._pairs,
+                    steps[begin:end],
+                    self._updates,
+                    table.links,
+                    table.smoothed,
+                    continued.filtered,
+                    smoothed,
+                )
         return Around(before, after)
 
     def _plan(
         self, since_ns: int, threshold: float
     ) -> tuple[IntArray, IntArray, IntArray, IntArray]:
         """Return the updates around a stamp and the steps back from new ones; see `plan_steps`."""
-        first, updates = self._done - self._dropped, (self._dropped, self._updates)
-        return plan_steps(since_ns, threshold, first, *updates, self._sums, self._ends)
+        first = self._done - self._updates.dropped
+        return plan_steps(since_ns, threshold, first, self._updates, self._ends)
 
     @property
     def _ends(self) -> IntArray:
@@ -173,7 +181,7 @@ class Lineages:
 
     def smoothed(self, stamp_ns: int) -> Mixture:
         """Return the smoothed hypotheses of an entry."""
-        of_entry = np.flatnonzero(self._updates[:, STAMP] == stamp_ns)
+        of_entry = np.flatnonzero(self._updates.rows[:, STAMP] == stamp_ns)
         _, row, columns = self.hypotheses(of_entry)
         weight, mean, covariance = (column.take(np.sort(row), axis=0) for column in columns)
         stored, _ = self._entries[stamp_ns]
@@ -186,20 +194,20 @@ class Lineages:
 
     def stamps(self, updates: IntArray) -> IntArray:
         """Return the stamps of updates."""
-        stamps: IntArray = self._updates[updates, STAMP]
+        stamps: IntArray = self._updates.rows[updates, STAMP]
         return stamps
 
     def labels(self, updates: IntArray) -> IntArray:
         """Return the labels of the targets of updates."""
-        labels: IntArray = self._updates[updates, LABEL]
+        labels: IntArray = self._updates.rows[updates, LABEL]
         return labels
 
-    def hypotheses(self, updates: IntArray) -> tuple[IntArray, IntArray, Sequence[FloatArray]]:
+    def hypotheses(self, updates: IntArray) -> tuple[IntArray, IntArray, Gaussians]:
         """Return the place of the update and the row of each smoothed hypothesis of updates.
 
         The rows are those of the returned Gaussians.
         """
-        place, row, counts = hypothesis_rows(updates, self._dropped, self._updates, self._ends)
+        place, row, counts = hypothesis_rows(updates, self._updates, self._ends)
         (used,) = counts.nonzero()
         if used.size < 2:
             latest, _ = next(reversed(self._entries.values()))
@@ -208,39 +216,47 @@ class Lineages:
         for index in used.tolist():
             begin, end = end, end + counts[index]
             parts.append([c.take(row[begin:end], axis=0) for c in self._tables[index].smoothed])
-        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
-        return place, np.arange(len(row)), columns
+        joined = Gaussians(*map(np.concatenate, zip(*parts, strict=True)))
+        return place, np.arange(len(row)), frozen(joined)
 
-    def _append(self, entry: Entry[Mixture, Link]) -> None:
+    def _append(self, entry: Entry) -> None:
         """Append the updates of an entry: those of its targets, and of those that it dropped."""
         stored, link, links = entry.stored, entry.link, None
         if link is None:
-            child = continued = np.zeros(0, dtype=np.int64)
+            child = label = np.zeros(0, dtype=np.int64)
             before, survival = stored.weight[:0], np.zeros((0, stored.weight.shape[1]))
         else:
             child, survival = link.ancestry.child, link.moves.survival
             self._pairs, links = link.moves.pairs, _links_of(link)
             parts = [self._rows_of(source, stored.weight) for source in entry.sources]
-            continued, before = map(np.concatenate, zip(*parts, strict=True))
-        ordered = np.concatenate((stored.row_label, continued))
+            label, before = map(np.concatenate, zip(*parts, strict=True))
+        ordered = np.concatenate((stored.row_label, label))
         ordered.sort()
-        labels, weights = (stored.row_label, continued, ordered, child), (stored.weight, before)
-        earlier, first = (self._dropped, self._updates, self._sums), len(self._updates)
-        self._updates, self._sums = append_updates(
-            *(entry.stamp_ns, *labels, *weights, survival, *earlier)
+        continued = frozen(Continued(label, before, survival))
+        first, dropped = len(self._updates.rows), self._updates.dropped
+        rows, sums = append_updates(
+            entry.stamp_ns,
+            stored.row_label,
+            stored.weight,
+            child,
+            continued,
+            ordered,
+            self._updates,
         )
-        end = len(self._updates)
-        self._entries[entry.stamp_ns] = stored, end - first
-        if end == first:
-            return
-        is_small = links is not None and len(stored.weight) <= LARGEST
-        own = self._dropped + end, Gaussians(*stored.gaussians), links, is_small
-        self._tables.append(Table(*own))
-        latest = self._tables[-JOINED:]
+        self._entries[entry.stamp_ns] = stored, len(rows) - first
+        if len(rows) > first:
+            is_small = links is not None and len(stored.weight) <= LARGEST
+            self._tables.append(Table(dropped + len(rows), stored.gaussians, links, is_small))
+            self._join_small(rows)
+        self._updates = frozen(Updates(dropped, rows, sums))
+
+    def _join_small(self, rows: IntArray) -> None:
+        """Join the latest tables if all are small, and change the rows of their updates."""
+        latest, dropped = self._tables[-JOINED:], self._updates.dropped
         if len(latest) == JOINED and all(map(attrgetter("is_small"), latest)):
             del self._tables[-JOINED:]
-            first = self._tables[-1].end if self._tables else self._dropped
-            self._tables.append(join(latest, self._updates[first - self._dropped :], first))
+            first = self._tables[-1].end if self._tables else dropped
+            self._tables.append(join(latest, rows[first - dropped :], first))
 
     def _rows_of(self, source: Source, weight: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return the labels and weights of a source's rows; -1 and 0 if it has left the window."""

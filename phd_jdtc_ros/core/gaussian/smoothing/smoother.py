@@ -9,13 +9,13 @@ import numpy as np
 from ...tracks.common_stamp import between
 from ...types import Estimates
 from ..dynamics import Dynamics
+from ..entries import Entry
 from ..extraction import extract_targets
 from ..mixture import Mixture
-from ..snapshot import GaussianEntry
 from .lineages import Around, Lineages
 
 
-def backward_pass(entries: Sequence[GaussianEntry]) -> list[Mixture]:
+def backward_pass(entries: Sequence[Entry]) -> list[Mixture]:
     """Return the smoothed mixtures of a window, newest first: lag 0, lag 1 and so on.
 
     Parameters

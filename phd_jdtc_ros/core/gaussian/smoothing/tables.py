@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...arrays import IntArray
-from .backward_step import Gaussians, Links
+from ...arrays import IntArray, frozen, read_only
+from ..mixture import Gaussians
+from .backward_step import Links
 from .updates import EDGE, ROW
 
 # Number of tables that are joined at a time, and the largest number of hypotheses of each.
@@ -23,14 +24,15 @@ JOINED, LARGEST = 8, 512
 class Table:
     """Hypotheses, and the links to earlier ones; both are the arrays of a single entry themselves.
 
-    No array is changed, except the smoothed ones when they have been copied.
+    The smoothed hypotheses are the filtered ones until they are copied, to be changed.
     """
 
     end: int  # Number of the update after its last one
     filtered: Gaussians
     links: Links | None  # None without earlier hypotheses
     is_small: bool = False  # Whether the table can be joined to others
-    smoothed: Gaussians = field(init=False)
+    smoothed: Gaussians = field(init=False)  # Its arrays are read-only views of `_own`
+    _own: Gaussians | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         self.smoothed = self.filtered
@@ -38,9 +40,14 @@ class Table:
     @property
     def changeable(self) -> Gaussians:
         """The smoothed hypotheses, in arrays of their own."""
-        if self.smoothed is self.filtered:
-            self.smoothed = Gaussians(*(column.copy() for column in self.filtered))
-        return self.smoothed
+        if self._own is None:
+            return self.own(Gaussians(*(column.copy() for column in self.filtered)))
+        return self._own
+
+    def own(self, smoothed: Gaussians) -> Gaussians:
+        """Take these arrays for the smoothed hypotheses, and return them."""
+        self._own, self.smoothed = smoothed, Gaussians(*map(read_only, smoothed))
+        return smoothed
 
 
 def _shift(rows: IntArray, begin: IntArray) -> IntArray:
@@ -80,6 +87,6 @@ def join(tables: Sequence[Table], updates: IntArray, first: int) -> Table:
         Gaussians(*map(np.concatenate, zip(*gaussians, strict=True)))
         for gaussians in zip(*((table.filtered, table.smoothed) for table in tables), strict=True)
     )
-    joined = Table(tables[-1].end, filtered, links)
-    joined.smoothed = smoothed
+    joined = Table(tables[-1].end, frozen(filtered), frozen(links))
+    joined.own(smoothed)
     return joined

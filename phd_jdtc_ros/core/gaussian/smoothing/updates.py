@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ...arrays import BoolArray, FloatArray, IntArray
@@ -20,6 +22,22 @@ EXISTENCE, DIED, DEAD, SUMS = 0, 1, 2, 3
 ROUNDING = 1e-9
 
 
+class Updates(NamedTuple):
+    """The U updates of single targets within a window, oldest first."""
+
+    dropped: int  # Number of the first one
+    rows: Int2  # (U, COLUMNS)
+    sums: Float2  # (U, SUMS)
+
+
+class Continued(NamedTuple):
+    """The P earlier hypotheses that a scan continues."""
+
+    label: Int1  # -1 for those that have left the window, (P,)
+    weight: Float3  # 0 for those that have left the window, (P, R, C)
+    survival: Float2  # See `Moves`, (P, R)
+
+
 @inner
 def _extend_rows(update: IntArray, column: int, row: int) -> None:
     """Extend an update's rows in another table by the next one."""
@@ -32,34 +50,26 @@ def _extend_rows(update: IntArray, column: int, row: int) -> None:
 def append_updates(
     stamp_ns: int,
     row_label: Int1,
-    continued: Int1,
-    ordered: Int1,
-    child: Int1,
     weight: Float3,
-    before: Float3,
-    survival: Float2,
-    dropped: int,
-    existing: Int2,
-    existing_sums: Float2,
+    child: Int1,
+    continued: Continued,
+    ordered: Int1,
+    earlier: Updates,
 ) -> tuple[IntArray, FloatArray]:
-    """Return all updates and their sums, with those of a scan: of its targets and of dropped ones.
+    """Return rows and sums of all updates, with those of a scan: of its targets and dropped ones.
 
     Parameters
     ----------
     row_label, weight : int array of shape (H,), and array of shape (H, R, C)
         Label and weights of each updated hypothesis.
-    continued, before : int array of shape (P,), and array of shape (P, R, C)
-        Label and weights of each hypothesis that the scan continues; -1 and 0 if it has left the
-        window.
-    ordered : int array of shape (H + P,)
-        The labels of both, ascending.
     child : int array of shape (E,)
         Updated hypothesis of each edge.
-    survival : array of shape (P, R)
-        See `Moves`.
-    dropped, existing, existing_sums : int, and arrays of shape (V, COLUMNS) and (V, SUMS)
-        The number of the first earlier update, and all of them.
+    continued : Continued
+    ordered : int array of shape (H + P,)
+        The labels of the updated and the continued hypotheses, ascending.
+    earlier : Updates
     """
+    dropped, existing, existing_sums = earlier
     first, label, count = len(existing), np.empty(len(ordered), np.int64), 0
     for value in ordered:
         if value >= 0 and (count == 0 or value != label[count - 1]):
@@ -84,9 +94,10 @@ def append_updates(
         _extend_rows(updates[number], ROW, row)
         for mode in range(weight.shape[1]):
             sums[number, EXISTENCE] += total_of(weight[row, mode])
-    for row in range(len(continued)):
-        number = first + count_below(label, continued[row])
-        if continued[row] >= 0:
+    of_row, before, survival = continued
+    for row in range(len(of_row)):
+        number = first + count_below(label, of_row[row])
+        if of_row[row] >= 0:
             _extend_rows(updates[number], PREDICTED, row)
             for mode in range(before.shape[1]):
                 row_weight = total_of(before[row, mode])
@@ -198,19 +209,13 @@ def _in_order(steps: IntArray, dropped: int, updates: IntArray, ends: IntArray) 
 
 @compiled
 def plan_steps(
-    since_ns: int,
-    threshold: float,
-    first: int,
-    dropped: int,
-    updates: Int2,
-    sums: Float2,
-    ends: Int1,
+    since_ns: int, threshold: float, first: int, known: Updates, ends: Int1
 ) -> tuple[IntArray, IntArray, IntArray, IntArray]:
     """Return the updates around a stamp, and the steps back that a stamp from this one on needs.
 
     Targets whose existence probability cannot exceed the threshold are left out. `first` is the
-    index of the first new update, `dropped` the number of the first update, and `ends` has the
-    number of the update after the last one of each table, (A,).
+    index of the first new update, and `ends` has the number of the update after the last one of
+    each table, (A,).
 
     Returns
     -------
@@ -224,6 +229,7 @@ def plan_steps(
         First step and end of the steps between two tables, and the indices of the table of the
         updates and of the table of those that they continue.
     """
+    dropped, updates, sums = known
     past, count = len(updates), 0
     while past > 0 and updates[past - 1, STAMP] > since_ns:
         past -= 1
@@ -245,13 +251,14 @@ def plan_steps(
 
 @compiled
 def hypothesis_rows(
-    chosen: Int1, dropped: int, updates: Int2, ends: Int1
+    chosen: Int1, known: Updates, ends: Int1
 ) -> tuple[IntArray, IntArray, IntArray]:
     """Return the place of the update and the row of each hypothesis of chosen updates.
 
-    They are sorted by table; the third array has their number in each, (A,). For `dropped` and
-    `ends` see `plan_steps`.
+    They are sorted by table; the third array has their number in each, (A,). For `ends` see
+    `plan_steps`.
     """
+    dropped, updates, _ = known
     counts, begins = np.zeros(len(ends), np.int64), np.zeros(len(ends), np.int64)
     for update in chosen:
         table = count_below(ends, dropped + update + 1)

@@ -7,16 +7,25 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from ...arrays import FloatArray, IntArray, contiguous
-from ..gaussians import noise_covariance
-
-if TYPE_CHECKING:
-    from ..report import Report
-    from ..sensor import Sensor
+from ...arrays import (
+    BoolArray,
+    Float1,
+    Float2,
+    Float3,
+    Float4,
+    FloatArray,
+    IntArray,
+    contiguous,
+    frozen,
+    read_only,
+)
+from ...state_space import StateSpace
+from ...types import Detections
+from ..gaussians import HeavyTails, noise_covariance
 
 # Radius of the gate in standard deviations of the innovation; a target's detection falls outside
 # with a probability of 4e-6.
@@ -27,40 +36,116 @@ LEAST_STD = 1e-6
 AT_ONCE = 1 << 16
 
 
+class Measuring(Protocol):
+    """The part of a sensor that measures; see `Sensor`."""
+
+    @property
+    def space(self) -> StateSpace:
+        """Axes of the measured states."""
+
+    @property
+    def noise_std(self) -> FloatArray:
+        """Standard deviations of a measurement, (Z,)."""
+
+    @property
+    def max_range(self) -> float:
+        """Largest range of a detection, metres."""
+
+    @property
+    def outliers(self) -> HeavyTails | None:
+        """Outliers among its measurements; None without any."""
+
+    def linearise(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the measurements of positions and their Jacobians, (..., Z) and (..., Z, 2)."""
+
+    def wrap(self, error: FloatArray) -> FloatArray:
+        """Return differences of measurements, (..., Z), with wrapped angles."""
+
+
+class Readings(Protocol):
+    """The part of a report that gates need; see `View`."""
+
+    @property
+    def detections(self) -> Detections:
+        """M detections."""
+
+    @property
+    def detection_std(self) -> FloatArray:
+        """Standard deviations of each detection, (M, Z)."""
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Time of each detection relative to the stamp, seconds, (M,)."""
+
+    def __len__(self) -> int:
+        """Return the number of detections."""
+
+
 class Measured(NamedTuple):
     """M measurements with their noise."""
 
     measurement: FloatArray  # (M, Z)
     noise_std: FloatArray  # Standard deviations, (M, Z)
-    correlation: FloatArray | None  # See `Detections.noise_correlation`, (M,)
-    time_s: FloatArray | None  # Time relative to the stamp of the Gaussians, seconds, (M,)
+    correlation: FloatArray | None = None  # See `Detections.noise_correlation`, (M,)
+    time_s: FloatArray | None = None  # Time relative to the stamp of the Gaussians, seconds, (M,)
+
+
+class WeightedGaussians(NamedTuple):
+    """N Gaussians at a stamp."""
+
+    mean: Float2  # (N, D)
+    covariance: Float3  # (N, D, D)
+    weight: Float1  # (N,)
+
+    @staticmethod
+    def of(
+        mean: FloatArray, covariance: FloatArray, weight: FloatArray | None = None
+    ) -> WeightedGaussians:
+        """Return the Gaussians of these columns; their weights are 1 if None."""
+        weight = np.ones(len(mean)) if weight is None else weight
+        return WeightedGaussians(*map(read_only, (mean, covariance, weight)))
+
+
+class Expected(NamedTuple):
+    """The measurements that a sensor is expected to make of Gaussians."""
+
+    measured: Float3  # (H, R, Z)
+    # Covariance of the expected measurement, without the sensor's noise, (H, R, Z, Z).
+    covariance: Float4
+    std: Float3  # Roots of its diagonal, not below `LEAST_STD`, (H, R, Z)
 
 
 @dataclass(frozen=True)
 class Linearised:
     """The measurements that a sensor makes of Gaussians.
 
-    Means have shape (..., D) and covariances (..., D, D).
+    Means have shape (H, R, D) and covariances (H, R, D, D).
     """
 
-    sensor: Sensor
+    sensor: Measuring
 
-    def expected(
-        self, mean: FloatArray, covariance: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the expected measurements of Gaussians, (..., Z), with covariances and deviations.
-
-        The covariances, (..., Z, Z), are without the sensor's noise. The standard deviations, (...,
-        Z), are not below `LEAST_STD`.
-        """
+    def expected(self, mean: FloatArray, covariance: FloatArray) -> Expected:
+        """Return the expected measurements of Gaussians."""
         position = list(self.sensor.space.position)
         measured, jacobian = self.sensor.linearise(mean[..., position])
         spread = jacobian @ covariance[..., position, :][..., position] @ jacobian.swapaxes(-1, -2)
         variance = np.diagonal(spread, axis1=-2, axis2=-1)
-        measured, spread, std = contiguous(
-            measured, spread, np.sqrt(np.maximum(variance, LEAST_STD**2))
-        )
-        return measured, spread, std
+        std = np.sqrt(np.maximum(variance, LEAST_STD**2))
+        return frozen(Expected(*contiguous(measured, spread, std)))
+
+    def candidate_count(self, predicted: FloatArray, detections: Detections) -> int:
+        """Return a bound of the number of pairs of predicted measurements and detections in gates.
+
+        `predicted` has shape (N, Z).
+        """
+        return len(predicted) * len(detections)
+
+    def is_nearly_normal(self, std: FloatArray) -> BoolArray:
+        """Return whether expected measurements of Gaussians are nearly normal, (N, Z) to (N,).
+
+        `std` has the standard deviations of the measurements.
+        """
+        return np.ones(len(std), dtype=np.bool_)
 
     @property
     def gate_ratio(self) -> float:
@@ -69,12 +154,7 @@ class Linearised:
         return 1.0 if outliers is None else outliers.ratio
 
     def gate_pairs(
-        self,
-        weight: FloatArray,
-        mean: FloatArray,
-        measured: FloatArray,
-        covariance: FloatArray,
-        report: Report,
+        self, weight: FloatArray, mean: FloatArray, expected: Expected, report: Readings
     ) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the results of `gating.gate_pairs`.
 
@@ -83,20 +163,21 @@ class Linearised:
         weight : array of shape (H, R)
             Gaussians without weight have no gate.
         mean : array of shape (H, R, D)
-        measured, covariance : arrays of shapes (H, R, Z) and (H, R, Z, Z)
-            Expected measurements with their covariances.
         """
-        sensor, size, modes = self.sensor, measured.shape[-1], weight.shape[1]
-        reachable = sensor.reachable(measured.reshape(-1, size)).reshape(measured.shape)
-        rate = sensor.measurement_rate(mean.reshape(-1, mean.shape[2])).reshape(measured.shape)
-        noise = self.gate_ratio**2 * sensor.noise_covariance_of(report.detections)
+        measured, covariance, _ = expected
+        sensor, modes = self.sensor, weight.shape[1]
+        _, slope = sensor.linearise(mean[..., list(sensor.space.position)])
+        rate = (slope @ mean[..., list(sensor.space.velocity), None])[..., 0]
+        detections = report.detections
+        covariance_of_noise = noise_covariance(report.detection_std, detections.noise_correlation)
+        noise = self.gate_ratio**2 * covariance_of_noise
         row = [np.zeros(0, np.int64)]
         column = [np.zeros(0, np.int64)]
         log_likelihood = [np.zeros((0, modes))]
         step = max(AT_ONCE // max(modes * len(report), 1), 1)
         for begin in range(0, len(weight), step):
             block = slice(begin, begin + step)
-            error = report.detections.measurement - reachable[block, :, None]
+            error = report.detections.measurement - measured[block, :, None]
             error = sensor.wrap(error - rate[block, :, None] * report.time_s[:, None])
             square, log_density = _normal_density(error, covariance[block, :, None] + noise)
             inside = (square <= GATE_SIGMA**2) & (weight[block] > 0.0)[..., None]
@@ -109,7 +190,7 @@ class Linearised:
 
     def innovations(
         self,
-        gaussians: tuple[FloatArray, FloatArray, FloatArray],
+        gaussians: WeightedGaussians,
         measured: Measured,
         pairs: tuple[IntArray, IntArray],
         modes: int,
@@ -120,11 +201,6 @@ class Linearised:
 
         A step has converged if it moves the measurement by less than a share `converged` of its
         standard deviation. For the other parameters see `kalman.innovations`.
-
-        Parameters
-        ----------
-        gaussians : arrays of shape (N, D), (N, D, D) and (N,)
-            Their means, covariances and weights.
 
         Notes
         -----

@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import TINY, FloatArray, IntArray, contiguous
-from ...compilation import Float1, Float2, Float3, Float4, Int1, compiled, inner
-from ...types import FULL_TURN
+from ...arrays import TINY, BoolArray, FloatArray, IntArray, contiguous, frozen, read_only
+from ...compilation import Float3, Float4, Int1, compiled, inner
+from ...types import FULL_TURN, Detections
+from ..polar_gate import candidate_count
 from ..polar_geometry import MIN_RANGE
-from ..report import Report
 from . import polar_gate
 from .angles import angle_of
-from .linearised import LEAST_STD, Linearised, Measured
+from .linearised import LEAST_STD, Expected, Linearised, Measured, Readings, WeightedGaussians
+from .polar_gate import Plots, Radar
 
+# With a larger standard deviation of the azimuth, a Gaussian is so near to the radar that neither
+# azimuth nor range is normal, radians.
+LARGEST_AZIMUTH_STD = 0.5
 # Times of measurements that are all made at the stamp.
 NO_TIMES = np.zeros(0)
 
@@ -26,35 +32,37 @@ class PolarGaussians(Linearised):
 
     pose: FloatArray  # Position of the radar, and the cosine and the sine of its yaw, (4,)
 
-    def expected(
-        self, mean: FloatArray, covariance: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return expected measurements, their covariances, and standard deviations."""
-        axes = self.sensor.space.planar_axes
-        return _expected_measurements(mean, covariance, axes, self.pose)
+    @cached_property
+    def _radar(self) -> Radar:
+        axes = read_only(self.sensor.space.planar_axes, np.int64)
+        return Radar(float(self.sensor.max_range), axes, read_only(self.pose))
+
+    def expected(self, mean: FloatArray, covariance: FloatArray) -> Expected:
+        """Return the expected measurements of Gaussians."""
+        return frozen(_expected_measurements(self._radar, mean, covariance))
+
+    def candidate_count(self, predicted: FloatArray, detections: Detections) -> int:
+        """Return the number of candidate pairs; see `polar_gate.candidate_count`."""
+        return candidate_count(predicted, detections, self.sensor.noise_std)
+
+    def is_nearly_normal(self, std: FloatArray) -> BoolArray:
+        """Return whether (range, azimuth) of Gaussians are nearly normal; see `Linearised`."""
+        normal: BoolArray = std[:, 1] < LARGEST_AZIMUTH_STD
+        return normal
 
     def gate_pairs(
-        self,
-        weight: FloatArray,
-        mean: FloatArray,
-        measured: FloatArray,
-        covariance: FloatArray,
-        report: Report,
+        self, weight: FloatArray, mean: FloatArray, expected: Expected, report: Readings
     ) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the pairs of hypotheses and detections in a gate, and their log likelihoods."""
-        sensor, detections = self.sensor, report.detections
-        measurement, times = detections.measurement, detections.time_s
-        turn = measurement[:, 1] % FULL_TURN
+        detections = report.detections
+        turn = detections.measurement[:, 1] % FULL_TURN
         order, noise_std = turn.argsort(kind="stable"), self.gate_ratio * report.detection_std
-        return polar_gate.gate(
-            *(sensor.max_range, sensor.space.planar_axes, self.pose, mean, measured, covariance),
-            *(weight, measurement, noise_std, NO_TIMES if times is None else times),
-            *(turn[order], order),
-        )
+        plots = _plots(Measured(detections.measurement, noise_std, time_s=detections.time_s))
+        return polar_gate.gate(self._radar, weight, mean, expected, plots, turn[order], order)
 
     def innovations(
         self,
-        gaussians: tuple[FloatArray, FloatArray, FloatArray],
+        gaussians: WeightedGaussians,
         measured: Measured,
         pairs: tuple[IntArray, IntArray],
         modes: int,
@@ -62,21 +70,21 @@ class PolarGaussians(Linearised):
         converged: float,
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return the columns of `kalman.Innovation`; errors are taken as independent."""
-        sensor, times = self.sensor, measured.time_s
-        return _innovations(
-            *(iterations, converged, modes, sensor.space.planar_axes, self.pose),
-            *contiguous(
-                *(*gaussians, *pairs, measured.measurement, measured.noise_std),
-                NO_TIMES if times is None else times,
-            ),
-        )
+        group, column = map(np.ascontiguousarray, pairs)
+        effort, plots = _Effort(iterations, converged), _plots(measured)
+        return _innovations(effort, modes, self._radar, gaussians, group, column, plots)
+
+
+def _plots(measured: Measured) -> Plots:
+    """Return measurements as compiled functions take them."""
+    times = NO_TIMES if measured.time_s is None else measured.time_s
+    return frozen(Plots(*contiguous(measured.measurement, measured.noise_std, times)))
 
 
 @compiled
-def _expected_measurements(
-    mean: Float3, covariance: Float4, axes: Int1, pose: Float1
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the results of `PolarGaussians.expected`; for `axes` and `pose` see `_innovations`."""
+def _expected_measurements(radar: Radar, mean: Float3, covariance: Float4) -> Expected:
+    """Return the results of `PolarGaussians.expected`."""
+    axes, pose = radar.axes, radar.pose
     count, modes = mean.shape[:2]
     measured, spread = np.empty((count, modes, 2)), np.empty((count, modes, 2, 2))
     std = np.empty((count, modes, 2))
@@ -99,7 +107,14 @@ def _expected_measurements(
             for axis in range(2):
                 variance = spread[row, mode, axis, axis]
                 std[row, mode, axis] = max(math.sqrt(max(variance, 0.0)), LEAST_STD)
-    return measured, spread, std
+    return Expected(measured, spread, std)
+
+
+class _Effort(NamedTuple):
+    """The effort of an iteration; see `kalman.innovations`."""
+
+    iterations: int
+    converged: float
 
 
 @inner
@@ -119,25 +134,17 @@ def _position_covariance(
 
 @compiled
 def _innovations(
-    iterations: int,
-    converged: float,
+    effort: _Effort,
     modes: int,
-    axes: Int1,
-    pose: Float1,
-    mean: Float2,
-    covariance: Float3,
-    weight: Float1,
+    radar: Radar,
+    gaussians: WeightedGaussians,
     group: Int1,
     column: Int1,
-    measurement: Float2,
-    noise_std: Float2,
-    time_s: Float1,
+    plots: Plots,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the results of `PolarGaussians.innovations`.
-
-    `axes` are those of the position and the velocity; `pose` is the radar's position, and the
-    cosine and the sine of its yaw.
-    """
+    """Return the results of `PolarGaussians.innovations`."""
+    (iterations, converged), (_, axes, pose) = effort, radar
+    (mean, covariance, weight), (measurement, noise_std, time_s) = gaussians, plots
     count = len(group) * modes
     jacobian, inverse = np.zeros((count, 2, 2)), np.zeros((count, 2, 2))
     weighted, log_likelihood = np.zeros((count, 2)), np.full(count, -np.inf)

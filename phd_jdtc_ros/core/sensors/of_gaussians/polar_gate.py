@@ -8,11 +8,48 @@ from typing import NamedTuple
 import numpy as np
 
 from ...arrays import TINY, FloatArray, IntArray
-from ...compilation import Bool1, Float1, Float2, Float3, Float4, Int1, compiled, in_place, inner
+from ...compilation import (
+    Bool1,
+    Float1,
+    Float2,
+    Float3,
+    Int1,
+    Writeable,
+    compiled,
+    in_place,
+    inner,
+)
 from ...types import FULL_TURN
 from ..polar_geometry import MIN_RANGE
 from .angles import wrapped
-from .linearised import GATE_SIGMA
+from .linearised import GATE_SIGMA, Expected
+
+
+class Radar(NamedTuple):
+    """A polar radar."""
+
+    max_range: float  # Metres
+    axes: Int1  # Axes of the position and the velocity in a state
+    pose: Float1  # Position of the radar, and the cosine and the sine of its yaw, (4,)
+
+
+class Plots(NamedTuple):
+    """M measurements of range and azimuth with their noise; see `linearised.Measured`."""
+
+    measurement: Float2  # (M, 2)
+    noise_std: Float2  # (M, 2)
+    time_s: Float1  # (M,), or empty if all are made at the stamp
+
+
+class _Turns(NamedTuple):
+    """The plots of two turns by azimuth from 0 on, so that those of a gate are a single run."""
+
+    azimuth: Float1  # (2 M,)
+    distance: Float1  # (2 M,)
+    order: Int1  # Index of each plot, (2 M,)
+    start: Int1  # The place where each of equal parts of the first turn begins, (M + 1,)
+    widest: Float1  # The largest standard deviations of the plots, (2,)
+    latest: float  # Their largest distance in time from the stamp, seconds
 
 
 class _Gated(NamedTuple):
@@ -58,10 +95,9 @@ def _write_box(
 
 
 @inner
-def _write_rates(
-    row: int, mean: FloatArray, axes: IntArray, pose: FloatArray, rate: FloatArray
-) -> None:
+def _write_rates(row: int, mean: FloatArray, radar: Radar, rate: FloatArray) -> None:
     """Write the time derivatives of a row's measurements, and the bounds of their sizes, (R, 4)."""
+    _, axes, pose = radar
     for mode in range(len(rate)):
         east, north = mean[row, mode, axes[0]] - pose[0], mean[row, mode, axes[1]] - pose[1]
         along, across = mean[row, mode, axes[2]], mean[row, mode, axes[3]]
@@ -77,13 +113,12 @@ def _write_reach(
     row: int,
     measured: FloatArray,
     covariance: FloatArray,
-    widest: FloatArray,
-    latest: float,
+    turns: _Turns,
     gated: _Gated,
 ) -> bool:
     """Write the gates' half widths; return whether any Gaussian may be anywhere in azimuth."""
     _, _, _, _, anywhere, reach, _, _, _, rate = gated
-    found = False
+    widest, latest, found = turns.widest, turns.latest, False
     for mode in range(len(reach)):
         for axis in range(2):
             std = math.sqrt(covariance[row, mode, axis, axis] + widest[axis] ** 2)
@@ -97,18 +132,12 @@ def _write_reach(
 
 
 @inner
-def _find_in_box(
-    box: FloatArray,
-    half: float,
-    azimuth: FloatArray,
-    distance: FloatArray,
-    start: IntArray,
-    in_box: IntArray,
-) -> int:
+def _find_in_box(box: FloatArray, half: float, turns: _Turns, in_box: IntArray) -> int:
     """Write the places of the detections in a box; return their number.
 
     `half` is the half width of the box in azimuth, pi at most.
     """
+    azimuth, distance, _, start, _, _ = turns
     size = len(azimuth) // 2
     low = box[2] - half
     low += FULL_TURN if low < 0.0 else 0.0
@@ -175,48 +204,28 @@ def _write_densities(
 
 @in_place
 def _gate_pairs(
-    max_range: float,
-    axes: Int1,
-    pose: Float1,
-    mean: Float3,
-    measured: Float3,
-    covariance: Float4,
+    radar: Radar,
     weight: Float2,
-    measurement: Float2,
-    noise_std: Float2,
-    time_s: Float1,
-    widest: Float1,
-    latest: float,
-    azimuth: Float1,
-    distance: Float1,
-    order: Int1,
-    start: Int1,
-    gated: _Gated,
+    mean: Float3,
+    expected: Expected,
+    plots: Plots,
+    turns: Writeable[_Turns],
+    gated: Writeable[_Gated],
 ) -> int:
-    """Write the gated pairs; return their number, or -1 if there is no room for them.
-
-    Parameters
-    ----------
-    widest, latest : array of shape (2,), and float
-        The largest standard deviations and distance in time of the detections.
-    azimuth, distance, order : arrays of shape (2 M,)
-        The azimuths of two turns of detections, from 0 on, so that those of a gate are a single
-        run; their ranges and their indices.
-    start : int array
-        The place where each of equal parts of the first turn begins.
-    """
+    """Write the gated pairs; return their number, or -1 if there is no room for them."""
+    (measured, covariance, _), (measurement, noise_std, time_s) = expected, plots
     pairs = 0
     for row in range(len(weight)):
         noise_range, noise_azimuth = -1.0, -1.0
-        if latest > 0.0:
-            _write_rates(row, mean, axes, pose, gated.rate)
-        anywhere = _write_reach(row, measured, covariance, widest, latest, gated)
-        if not _write_box(row, measured, gated.reach, weight, max_range, gated.box):
+        if turns.latest > 0.0:
+            _write_rates(row, mean, radar, gated.rate)
+        anywhere = _write_reach(row, measured, covariance, turns, gated)
+        if not _write_box(row, measured, gated.reach, weight, radar.max_range, gated.box):
             continue
         half = math.pi if anywhere else min(gated.box[3], math.pi)
-        count = _find_in_box(gated.box, half, azimuth, distance, start, gated.in_box)
+        count = _find_in_box(gated.box, half, turns, gated.in_box)
         for index in range(count):
-            z = order[gated.in_box[index]]
+            z = turns.order[gated.in_box[index]]
             if pairs == len(gated.row):
                 return -1
             if noise_std[z, 0] != noise_range or noise_std[z, 1] != noise_azimuth:
@@ -233,24 +242,19 @@ def _gate_pairs(
 
 @compiled
 def gate(
-    max_range: float,
-    axes: Int1,
-    pose: Float1,
-    mean: Float3,
-    measured: Float3,
-    covariance: Float4,
+    radar: Radar,
     weight: Float2,
-    measurement: Float2,
-    noise_std: Float2,
-    time_s: Float1,
+    mean: Float3,
+    expected: Expected,
+    plots: Plots,
     ascending: Float1,
     by_azimuth: Int1,
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return the results of `PolarGaussians.gate_pairs`.
 
-    `ascending` has the azimuths of the detections `by_azimuth`, from 0 to a full turn; `time_s` may
-    be empty.
+    `ascending` has the azimuths of the detections `by_azimuth`, from 0 to a full turn.
     """
+    measurement, noise_std, time_s = plots
     (count, modes), size, begin = weight.shape, len(ascending), 0
     azimuth, distance = np.empty(2 * size), np.empty(2 * size)
     order, start = np.empty(2 * size, np.int64), np.empty(size + 1, np.int64)
@@ -266,6 +270,7 @@ def gate(
     for z in range(size):
         widest[0], widest[1] = max(widest[0], noise_std[z, 0]), max(widest[1], noise_std[z, 1])
         latest = max(latest, abs(time_s[z])) if len(time_s) else 0.0
+    turns = _Turns(azimuth, distance, order, start, widest, latest)
     pairs, room = -1, 4 * count + 64
     while pairs < 0:
         gated = _Gated(
@@ -280,9 +285,6 @@ def gate(
             np.empty(modes),
             np.zeros((modes, 4)),
         )
-        pairs = _gate_pairs(
-            *(max_range, axes, pose, mean, measured, covariance, weight, measurement, noise_std),
-            *(time_s, widest, latest, azimuth, distance, order, start, gated),
-        )
+        pairs = _gate_pairs(radar, weight, mean, expected, plots, turns, gated)
         room *= 2
     return gated.row[:pairs], gated.column[:pairs], gated.log_likelihood[:pairs]

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 import textbook
 from lone import MEAN, STD, lone
-from position_sensor import MAST, PositionSensor
+from position_sensor import MAST, PositionSensor, covariance_of
 
+from phd_jdtc_ros.core.factors.outliers import Outliers
 from phd_jdtc_ros.core.gaussian.algebra import heavy_tails, kalman
-from phd_jdtc_ros.core.learned.outliers import Outliers
+from phd_jdtc_ros.core.sensors.of_gaussians.linearised import Measured, WeightedGaussians
 from phd_jdtc_ros.core.types import Detections
 
 OUTLIERS = Outliers(0.1, 4.0)
@@ -33,9 +34,8 @@ def detection(name, sigma):
 def found(sensor, seen, outliers):
     """Return the log likelihood, the updated mean and covariance, and whether it is an outlier."""
     prior, noise = (MEAN[None], COVARIANCE[None]), sensor.noise_std_of(seen)
-    of_seen = seen.measurement, sensor.noise_std
-    more = {"correlation": seen.noise_correlation, "iterations": 1}
-    usual = kalman.innovations(*prior, sensor, *of_seen, **more)
+    measured = Measured(seen.measurement, sensor.noise_std[None], seen.noise_correlation)
+    usual = kalman.innovations(WeightedGaussians.of(*prior), sensor, measured, iterations=1)
     columns = noise, seen.noise_correlation, np.zeros(1, dtype=np.int64)
     mixed, outlier = heavy_tails.mix_noises(usual, outliers, *columns)
     mean, covariance = kalman.update(*prior, sensor, mixed)
@@ -48,7 +48,7 @@ def component(sensor, seen, ratio):
     expected, slope = sensor.linearise(MEAN[position])
     jacobian = np.zeros((2, 5))
     jacobian[:, position] = slope
-    noise = ratio**2 * sensor.noise_covariance_of(seen)[0]
+    noise = ratio**2 * covariance_of(sensor, seen)[0]
     total = jacobian @ COVARIANCE @ jacobian.T + noise
     error = seen.measurement[0] - expected
     gain = COVARIANCE @ jacobian.T @ np.linalg.inv(total)
@@ -92,7 +92,9 @@ def test_outliers_of_the_usual_noise_change_nothing():
 def test_a_gaussian_outside_its_gate_stays_impossible():
     radar, seen = detection("radar", 0.0)
     usual = kalman.innovations(
-        *(MEAN[None], COVARIANCE[None], radar, seen.measurement, radar.noise_std),
+        WeightedGaussians.of(MEAN[None], COVARIANCE[None]),
+        radar,
+        Measured(seen.measurement, radar.noise_std[None]),
         pairs=(np.array([-1]), np.array([0])),
     )
     noise = radar.noise_std_of(seen), None

@@ -5,6 +5,7 @@ from lone import MEAN, STD, lone
 
 from phd_jdtc_ros.core.gaussian.algebra import blocks, kalman
 from phd_jdtc_ros.core.gaussian.algebra.curvature import move, new_moved
+from phd_jdtc_ros.core.sensors.of_gaussians.linearised import Measured, WeightedGaussians
 from phd_jdtc_ros.core.targets.motion import ConstantVelocity, CoordinatedTurn
 
 (RADAR,) = lone().model.radars
@@ -25,7 +26,11 @@ def priors(rng, count):
 
 def updated(mean, covariance, measurement, time_s=None, **more):
     noise = np.broadcast_to(RADAR.noise_std, measurement.shape).copy()
-    found = kalman.innovations(mean, covariance, RADAR, measurement, noise, time_s, **more)
+    gaussians, seen = (
+        WeightedGaussians.of(mean, covariance),
+        Measured(measurement, noise, None, time_s),
+    )
+    found = kalman.innovations(gaussians, RADAR, seen, **more)
     return found, *kalman.update(mean, covariance, RADAR, found, time_s)
 
 
@@ -113,15 +118,14 @@ def test_pairs_of_gaussians_and_measurements_are_those_of_each_alone():
     measurement = RADAR.measure(mean[:2]) + rng.normal(0.0, 1.0, (2, 2)) * RADAR.noise_std
     gaussian, column = np.array([2, -1, 0, 2]), np.array([1, 0, 0, 0])
     paired = (gaussian, column)
-    found = kalman.innovations(
-        mean, covariance, RADAR, measurement, RADAR.noise_std, None, pairs=paired
-    )
+    noise = np.tile(RADAR.noise_std, (2, 1))
+    gaussians = WeightedGaussians.of(mean, covariance)
+    found = kalman.innovations(gaussians, RADAR, Measured(measurement, noise), paired)
     some = gaussian >= 0
     noise = np.tile(RADAR.noise_std, (some.sum(), 1))
     rows = gaussian[some]
-    alone = kalman.innovations(
-        mean[rows], covariance[rows], RADAR, measurement[column[some]], noise
-    )
+    seen = Measured(measurement[column[some]], noise)
+    alone = kalman.innovations(WeightedGaussians.of(mean[rows], covariance[rows]), RADAR, seen)
     for part, expected in zip(found, alone, strict=True):
         np.testing.assert_array_equal(part[some], expected)
     assert found.log_likelihood[1] == -np.inf

@@ -8,6 +8,7 @@ from lone import lone
 
 from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.gaussian.algebra import kalman, range_rate
+from phd_jdtc_ros.core.sensors.of_gaussians.linearised import Measured, WeightedGaussians
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel, Rates
 
 RADAR = lone(
@@ -65,7 +66,8 @@ def dense(radar, mean, covariance, measured, rate, time_s=0.0):
 def updated(radar, mean, covariance, measured, rate, time_s=None):
     noise = radar.noise_std[None]
     times = None if time_s is None else np.array([time_s])
-    found = kalman.innovations(mean, covariance, radar, measured[None], noise, times)
+    seen = Measured(measured[None], noise, None, times)
+    found = kalman.innovations(WeightedGaussians.of(mean, covariance), radar, seen)
     mean, covariance = kalman.update(mean, covariance, radar, found, times)
     rates = Rates(radar.range_rate, np.array([rate]), np.array([radar.range_rate.std]))
     rated = range_rate.update_rates(mean, covariance, radar, rates, times)

@@ -7,27 +7,28 @@ import pytest
 from lone import MEAN, STD, lone, mixture_of
 
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.core.arrays import contiguous, wrap_angle
+from phd_jdtc_ros.core.arrays import contiguous, frozen, wrap_angle
 from phd_jdtc_ros.core.association.marginals import LEAST_CLUTTER
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.measurement import likely_pairs
 from phd_jdtc_ros.core.gaussian.measurement.amplitude import (
     Amplitudes,
+    DetectionProbability,
     detection_probability,
     log_amplitude,
     snr_after,
 )
-from phd_jdtc_ros.core.gaussian.measurement.gating import Expected, gate_pairs
+from phd_jdtc_ros.core.gaussian.measurement.gating import gate_pairs
 from phd_jdtc_ros.core.gaussian.measurement.missed import after_miss
 from phd_jdtc_ros.core.gaussian.measurement.pairs import PairLikelihoods
 from phd_jdtc_ros.core.gaussian.measurement.pruning import most_probable
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
-from phd_jdtc_ros.core.sensors import polar_radar
+from phd_jdtc_ros.core.sensors.of_gaussians import polar
 from phd_jdtc_ros.core.sensors.of_gaussians.linearised import GATE_SIGMA
-from phd_jdtc_ros.core.sensors.report import Report
+from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.types import Detections
 
-RADAR = resolve({"engine": "gaussian"}).model.radars[0]
+RADAR = resolve({}).model.radars[0]
 SCALE = np.array([80.0, 9.0, 120.0, 7.0, 0.002])
 FAR = 15e3
 MOST, LEAST_SHARE = 5, 1e-3
@@ -41,6 +42,7 @@ FIELD = {
 }
 CONFIG = lone(FIELD)
 (LIMITED,) = CONFIG.model.radars
+NOTHING = View.of(LIMITED, Detections(np.zeros((0, 2)), None))
 DYNAMICS = Dynamics(CONFIG.model)
 # The position depends on the velocity.
 ROOT = np.diag(STD)
@@ -57,6 +59,11 @@ LIMITS = {
 }
 
 
+def amplitudes_of_one(count):
+    """Return amplitudes of detections that are as likely for the only class and cell."""
+    return frozen(Amplitudes(np.zeros(count), np.ones((count, 1, 1))))
+
+
 @pytest.mark.parametrize(
     ("existence", "missed", "odds", "kept"),
     [
@@ -70,13 +77,13 @@ LIMITS = {
 )
 def test_likely_pairs_are_of_a_share_of_all_that_may_be(existence, missed, odds, kept, monkeypatch):
     monkeypatch.setattr(likely_pairs, "LEAST_SHARE", 0.3)
-    mixture = mixture_of(Dynamics(lone({}).model), [(existence, MEAN, STD)])
+    mixture = mixture_of(Dynamics(lone().model), [(existence, MEAN, STD)])
     row, column, none = np.zeros(2, dtype=int), np.arange(2), np.zeros(2)
     log_likelihood = np.log(np.array(odds) / existence)[:, None]
-    likelihoods = PairLikelihoods(row, column, log_likelihood, none, none, none[None])
+    likelihoods = frozen(PairLikelihoods(row, column, log_likelihood, none, none, none[None]))
     detection_probability = np.full((1, 1, 1), 1.0 - missed / existence)
     found, amplitude = likely_pairs.select_likely(
-        mixture, detection_probability, likelihoods, np.ones((2, 1, 1))
+        mixture, detection_probability, likelihoods, amplitudes_of_one(2)
     )
     np.testing.assert_array_equal(amplitude, np.ones((len(kept), 1)))
     np.testing.assert_array_equal(found, kept)
@@ -87,7 +94,7 @@ def test_likely_pairs_are_of_a_share_of_all_that_may_be(existence, missed, odds,
 def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, count, monkeypatch):
     rng = np.random.default_rng(seed)
     monkeypatch.setattr(likely_pairs, "LEAST_SHARE", 0.3)
-    config = lone({})
+    config = lone()
     single = mixture_of(Dynamics(config.model), [(1.0, MEAN, STD)])
     row_label, rows = np.array([3, 3, 5, 9]), np.arange(4)
     mixture = Mixture(
@@ -103,12 +110,11 @@ def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, cou
     missed = mixture.weight * (1.0 - detection_probability)
     total = np.array([0.3, 1e-12, 2.0])[:count]
     log_likelihood = np.log(weight / mixture.mass[row])
-    likelihoods = PairLikelihoods(
-        *(row, column, log_likelihood[:, None], np.zeros(count), np.zeros(len(row))),
-        np.log(total)[None],
-    )
+    no_amplitude, no_evidence = np.zeros(count), np.zeros(len(row))
+    columns = log_likelihood[:, None], no_amplitude, no_evidence, np.log(total)[None]
+    likelihoods = frozen(PairLikelihoods(row, column, *columns))
     found, _ = likely_pairs.select_likely(
-        mixture, detection_probability, likelihoods, np.ones((count, 1, 1))
+        mixture, detection_probability, likelihoods, amplitudes_of_one(count)
     )
 
     scale = np.log(total)
@@ -147,7 +153,8 @@ def by_brute_force(mixture, expected, detections):
     own = RADAR.noise_std_of(detections)
     measured, covariance = expected.measured[:, None], expected.covariance[:, None]
     if detections.time_s is not None:
-        rate = RADAR.measurement_rate(mixture.mean.reshape(-1, 5)).reshape(measured[:, 0].shape)
+        _, slope = RADAR.linearise(mixture.mean[..., [0, 2]])
+        rate = (slope @ mixture.mean[..., [1, 3], None])[..., 0]
         measured = measured + rate[:, None] * detections.time_s[:, None, None]
     error = detections.measurement[:, None] - measured
     error[..., 1] = wrap_angle(error[..., 1])
@@ -173,8 +180,8 @@ def test_gate_pairs_finds_the_pairs_of_a_brute_force_search(timed, own_noise):
         detections = replace(detections, noise_std=std)
     if timed:
         detections = replace(detections, time_s=rng.uniform(-2.0, 2.0, len(measurement)))
-    expected = Expected.of(mixture, RADAR)
-    row, column, log_likelihood = gate_pairs(mixture, expected, Report(RADAR, detections))
+    expected = RADAR.of_gaussians.expected(mixture.mean, mixture.covariance)
+    row, column, log_likelihood = gate_pairs(mixture, expected, View.of(RADAR, detections))
     right = by_brute_force(mixture, expected, detections)
     found = np.full_like(right, -np.inf)
     found[row, column] = log_likelihood
@@ -190,9 +197,9 @@ def test_gate_pairs_finds_the_pairs_of_a_brute_force_search(timed, own_noise):
 
 def test_gate_pairs_of_no_detections_is_empty():
     mixture = a_mixture(np.random.default_rng(0))
-    expected = Expected.of(mixture, RADAR)
+    expected = RADAR.of_gaussians.expected(mixture.mean, mixture.covariance)
     none = Detections(np.zeros((0, 2)), None)
-    row, column, log_likelihood = gate_pairs(mixture, expected, Report(RADAR, none))
+    row, column, log_likelihood = gate_pairs(mixture, expected, View.of(RADAR, none))
     assert len(row) == len(column) == 0
     assert log_likelihood.shape == (0, 2)
 
@@ -219,9 +226,9 @@ def test_existence_is_unchanged_by_pruning_and_bounds_hold(seed):
 
 @pytest.mark.parametrize("amplitude", ["memory", "band", "none"])
 def test_amplitudes_are_likelihoods_relative_to_the_most_likely_cell(amplitude):
-    model = resolve({"engine": "gaussian", "amplitude": amplitude}).model
+    model = resolve({"amplitude": amplitude}).model
     dynamics, measured = Dynamics(model), np.array([[5e3, 0.1], [7e3, -2.0], [4e3, 1.0]])
-    report = Report(model.radars[0], Detections(measured, np.array([4.0, np.nan, 60.0])))
+    report = View.of(model.radars[0], Detections(measured, np.array([4.0, np.nan, 60.0])))
     found, expected = Amplitudes.of(report, dynamics), log_amplitude(report, dynamics)
     np.testing.assert_allclose(found.relative.max(axis=(1, 2)), 1.0)
     with np.errstate(divide="ignore"):
@@ -232,11 +239,11 @@ def test_amplitudes_are_likelihoods_relative_to_the_most_likely_cell(amplitude):
 
 
 def test_detection_probability_by_cell_is_that_of_each_threshold():
-    model = resolve({"engine": "gaussian", "amplitude": "memory"}).model
+    model = resolve({"amplitude": "memory"}).model
     dynamics, radar = Dynamics(model), model.radars[0]
     power = np.exp(dynamics.cells.log_snr)
     for threshold in (radar.threshold, radar.threshold + 1.0, radar.threshold):
-        found = dynamics.cell_probability(replace(radar, threshold=threshold))
+        found = dynamics.cell_probability(threshold)
         np.testing.assert_allclose(found, np.exp(-0.5 * threshold**2 / power), rtol=1e-12)
 
 
@@ -244,8 +251,10 @@ def test_detection_probability_by_cell_is_that_of_each_threshold():
 def test_snr_after_a_detection_is_bayes_rule_however_improbable_the_class_is(scale):
     prior, likelihood = np.array([[[0.2, 0.5, 0.3]]]), np.array([[[1.0, 4.0, 2.0]]])
     one, first = np.ones((1, 1, 1)), np.zeros(1, dtype=np.int64)
-    cells = np.ones((1, 3)), np.ones((1, 1))
-    found = snr_after(prior, one, one, *cells, scale * likelihood, first, first, first)
+    mixture = Mixture(first, one, np.zeros((1, 1, 5)), np.eye(5)[None, None], prior)
+    in_turn = frozen(DetectionProbability(one, np.ones((1, 3)), np.ones((1, 1))))
+    amplitudes = frozen(Amplitudes(np.zeros(1), scale * likelihood))
+    found = snr_after(mixture.hypotheses, one, in_turn, amplitudes, first, first, first)
     expected = prior * likelihood
     np.testing.assert_allclose(found, expected / expected.sum(), rtol=1e-10)
 
@@ -256,13 +265,13 @@ def target_at(place):
     mean[[0, 2]] = LIMITED.to_world(np.array([place]))[0]
     mixture = mixture_of(DYNAMICS, [(0.9, mean, STD)])
     mixture = mixture.changed(covariance=(ROOT @ ROOT.T)[None, None])
-    return mean, mixture, Expected.of(mixture, LIMITED)
+    return mean, mixture, LIMITED.of_gaussians.expected(mixture.mean, mixture.covariance)
 
 
 def missed_at(place):
     """Return the mean of a target, and its mean and covariance after a miss, or None."""
     mean, mixture, expected = target_at(place)
-    probability = detection_probability(expected, mixture.snr, LIMITED, DYNAMICS).by_class
+    probability = detection_probability(expected, mixture.snr, NOTHING, DYNAMICS).by_class
     return mean, after_miss(mixture, expected, LIMITED, probability)
 
 
@@ -286,5 +295,5 @@ def test_gaussians_away_from_all_limits_do_not_change(place):
 
 
 def test_gaussians_beside_the_sensor_do_not_change(monkeypatch):
-    monkeypatch.setattr(polar_radar, "LARGEST_AZIMUTH_STD", 0.01)
+    monkeypatch.setattr(polar, "LARGEST_AZIMUTH_STD", 0.01)
     assert missed_at(LIMITS["least range"])[1] is None

@@ -14,7 +14,8 @@ from phd_jdtc_ros.core.gaussian.measurement.iterated_update import coarse_rates,
 from phd_jdtc_ros.core.gaussian.measurement.newborn import newborn_mixture
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.models.detection_birth import Newborn
-from phd_jdtc_ros.core.sensors.report import Report
+from phd_jdtc_ros.core.sensors.of_gaussians.linearised import Measured, WeightedGaussians
+from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.types import Detections
 
 BIRTHS = {"detection_births.rates": [0.05], "radar.clutter_rate": 2.0}
@@ -51,7 +52,7 @@ def born(config, detections, mass=None):
     """Return the mixture of targets born at these detections, with origins from 100 on."""
     classes = len(config.model.modes.classes)
     mass = np.full((len(detections), classes), 0.3) if mass is None else np.asarray(mass)
-    newborn = Newborn(Report(config.model.radars[0], detections), mass)
+    newborn = Newborn(View.of(config.model.radars[0], detections), mass)
     return newborn_mixture(newborn, Dynamics(config.model), 100)
 
 
@@ -196,8 +197,8 @@ def report(times=None):
 def test_pairs_are_where_each_detection_puts_what_flew_straight_until_then(times, rated):
     before, seen = mixture(), report(times)
     seen = seen if rated else replace(seen, range_rate=None)
-    rates = RADAR.rates_of(seen)
-    found = iterated_update(before, ROW, COLUMN, Report(RADAR, seen))
+    rates = View.of(RADAR, seen).range_rates
+    found = iterated_update(before, ROW, COLUMN, View.of(RADAR, seen))
     # Pairs 3 and 1, in this order, and their modes; between them a hypothesis without a detection.
     pair = np.array([3, -1, 1])
     row = np.array([ROW[3], 0, ROW[1]])
@@ -214,7 +215,8 @@ def test_pairs_are_where_each_detection_puts_what_flew_straight_until_then(times
         fly[[0, 2], [1, 3]] = 0.0 if times is None else times[z[0]]
         then = fly @ before.mean[row, mode], fly @ before.covariance[row, mode] @ fly.T
         then = then[0][None], then[1][None]
-        alone = kalman.innovations(*then, RADAR, seen.measurement[z], usual[z])
+        measured = Measured(seen.measurement[z], usual[z])
+        alone = kalman.innovations(WeightedGaussians.of(*then), RADAR, measured)
         log_likelihood = alone.log_likelihood[0]
         then = kalman.update(*then, RADAR, alone)
         if rated:
@@ -233,7 +235,7 @@ def test_pairs_are_where_each_detection_puts_what_flew_straight_until_then(times
 
 def test_coarse_rates_are_the_densities_at_what_is_expected_of_each_gaussian():
     before, seen = mixture(), report()
-    rates = RADAR.rates_of(seen)
+    rates = View.of(RADAR, seen).range_rates
     found = coarse_rates(before, ROW, COLUMN, rates, RADAR)
     assert found.shape == (5, 2)
     for pair, (row, z) in enumerate(zip(ROW, COLUMN, strict=True)):

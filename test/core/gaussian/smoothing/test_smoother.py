@@ -10,11 +10,11 @@ from sweep import ROTATION_S, START_NS, configuration, scans
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian import extraction
+from phd_jdtc_ros.core.gaussian.entries import Entry, Source
 from phd_jdtc_ros.core.gaussian.smoothing import lineages, smoother
-from phd_jdtc_ros.core.window.entries import Entry, Source
 from phd_jdtc_ros.simulation.simulate import simulate
 
-SECTORED = {"engine": "gaussian", "estimates_period_s": ROTATION_S, "lag": 4}
+SECTORED = {"estimates_period_s": ROTATION_S, "lag": 4}
 
 
 def window(turns, least_existence=None, wide_turns=0):
@@ -137,7 +137,7 @@ def test_window_that_slides_is_smoothed_as_one_that_was_always_whole():
 
 
 def test_engine_smooths_the_arrays_of_its_window_and_holds_no_others():
-    engine = new_engine(small({"engine": "gaussian", "lag": 4}))
+    engine = new_engine(small({"lag": 4}))
     stepped(engine, [scan for _, scan in simulate(short_scenario(8), 3)])
     tables = engine._lineages._tables
     for table, entry in zip(tables, engine._window, strict=True):
@@ -190,7 +190,7 @@ def test_updates_around_a_stamp_are_the_last_before_it_and_the_first_after_it():
 
 @pytest.mark.parametrize("threshold", [-1.0, 0.1, 0.5])
 def test_targets_that_cannot_be_reported_are_not_smoothed_and_the_others_are_the_same(threshold):
-    engine, left_out = new_engine(small({"engine": "gaussian", "lag": 4})), 0
+    engine, left_out = new_engine(small({"lag": 4})), 0
     stepped(engine, [scan for _, scan in simulate(short_scenario(8), 3)])
     dynamics, entries = engine.forward.dynamics, engine._window
     for entry in entries[:-1]:
@@ -209,7 +209,7 @@ def test_targets_that_cannot_be_reported_are_not_smoothed_and_the_others_are_the
 
 
 def test_targets_that_were_left_out_are_smoothed_when_the_threshold_falls():
-    engine = new_engine(small({"engine": "gaussian", "lag": 4}))
+    engine = new_engine(small({"lag": 4}))
     stepped(engine, [scan for _, scan in simulate(short_scenario(8), 3)])
     entries, stamp_ns = engine._window, engine._window[0].stamp_ns
     whole, part = lineages.Lineages(), lineages.Lineages()

@@ -34,16 +34,14 @@ MEASURES = {"range_std": 60.0, "azimuth_std_deg": 0.3, "clutter_rate": 5.0}
 PARAMETERS = {
     "sensors": ["north", "south", "east"],
     "interval_s": 2.0,
-    "lag": "5 s",
-    "particles_per_target": 1000,
-    "particles_per_birth": 1024,
+    "lag_s": 5.0,
     # Far apart, so that one report separates them if its unit is right.
     "class_0": {"snr_band_db": [50.0, 70.0]},
     "class_1": {"snr_band_db": [10.0, 30.0]},
     "births": ["one", "two", "three"],
-    "one": {"position": [-4e3, 4e3], "velocity": [100.0, -60.0], "velocity_std": 20.0},
-    "two": {"position": [5e3, -3e3], "velocity": [-90.0, 80.0], "velocity_std": 20.0},
-    "three": {"position": [-3e3, -6e3], "velocity": [60.0, 100.0], "velocity_std": 20.0},
+    "one": {"position": [-4e3, 4e3], "velocity": [100.0, -60.0], "std": [200.0, 20.0, 1e-3]},
+    "two": {"position": [5e3, -3e3], "velocity": [-90.0, 80.0], "std": [200.0, 20.0, 1e-3]},
+    "three": {"position": [-3e3, -6e3], "velocity": [60.0, 100.0], "std": [200.0, 20.0, 1e-3]},
     "north": {
         **MEASURES,
         "topic": "/drivers/north/plots",

@@ -19,7 +19,6 @@ from phd_jdtc_ros.tools import simulate, track_bag
 TURNS = 32
 PARAMETERS = {
     "sensors": ["mast"],
-    "engine": "gaussian",
     "births": [],
     "interval_s": 2.5,
     "lag": 0,

@@ -36,7 +36,7 @@ def tracker(processes, peer, tmp_path):
     """Return a function that starts a tracker; it returns publishers by topic, and estimates."""
 
     def start(kind="odometry", source="filtered"):
-        given = {**dict(flatten(moving.PARAMETERS)), "mast.pose": f"{moving.ODOMETRY} {kind}"}
+        given = {**dict(flatten(moving.PARAMETERS)), "mast.pose_message": kind}
         types = {CLOUDS: PointCloud2, moving.ODOMETRY: KINDS[kind]}
         return started(processes, peer, tmp_path, given, types, source=source)[:2]
 
@@ -53,7 +53,7 @@ def test_a_moving_radar_is_tracked_live_as_offline(tracker, peer, tmp_path):
             due = sum(other == CLOUDS and ns <= stamp_ns for other, _, ns in messages)
             assert peer.spin_until(lambda due=due: len(found) >= due)
     bag = write_bag(tmp_path / "bag", messages, kind)
-    config = moving.config(**{"mast.pose": f"{moving.ODOMETRY} {kind}"})
+    config = moving.config(**{"mast.pose_message": kind})
     offline = track_bag.track_bag(BagReader(bag), config, tmp_path / "out")
     expected = recorded(tmp_path / "out")
     # The last scan waits for a pose that never comes, until the end of the bag.
@@ -115,8 +115,11 @@ def test_a_moving_radar_is_replayed_and_recorded_with_poses(processes, peer, tra
     for output in outputs.values():  # the replay is the only one that sends
         peer.node.destroy_publisher(output)
     record = tmp_path / "recorded"
-    topics = f"['{CLOUDS}', '{moving.ODOMETRY} odometry']"
-    words = options(record=record, record_topics=topics)
+    topics = {
+        "record_topics": f"[{CLOUDS}, {moving.ODOMETRY}]",
+        "record_types": "[cloud, odometry]",
+    }
+    words = options(record=record, **topics)
     recorder = processes.start("evaluator", "--ros-args", *words)
     assert peer.spin_until(lambda: peer.node.count_subscribers(moving.ODOMETRY) == 2)
     both = options(flush_service="/tracker/flush", subscribers=2)

@@ -17,7 +17,7 @@ from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.nodes.tracker import settings
 from phd_jdtc_ros.nodes.tracker.health import registration_status
 
-FEW = {"engine": "gaussian", "lag": 0}
+FEW = {"lag": 0}
 # Error of the second radar, whose noise is 300 m and 1 degree.
 ERROR = SensorBias(range_bias=1000.0)
 USED = 45

@@ -25,13 +25,11 @@ CLUTTER = 12
 PARAMETERS = {
     "sensors": ["tower"],
     "interval_s": ROTATION_S,
-    "lag": "4 s",
-    "particles_per_target": 300,
+    "lag_s": 4.0,
     "classes": ["aircraft"],
     "motions": ["cv"],
     "births": [],
     "detection_births": {"rates": [0.1], "velocity_std": 150.0},
-    "particles_per_birth": 256,
     "spawn": {"rate": 0.0},
     "aircraft": {"motions": ["cv"], "mode_transition": [1.0], "snr_band_db": [10.0, 30.0]},
     "cv": {"noise_density": 5.0},
@@ -123,7 +121,7 @@ def test_a_radar_that_sends_whole_turns_is_tracked_live_as_offline(tracker, peer
 
 def test_a_late_sector_is_worked_in_live_as_offline(tracker, peer):
     health = Health(peer)
-    config, output, found, _ = tracker(late_reports="rework", engine="gaussian")
+    config, output, found, _ = tracker(late_reports="rework")
     sent = clouds(config, 16)[: 5 * 16]
     late = sent.pop(50)
     expected = offline(config, [*sent[:53], late, *sent[53:]])

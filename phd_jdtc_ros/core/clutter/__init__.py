@@ -1,1 +1,0 @@
-"""Clutter models: the rate, the amplitudes and a map of false detections."""

@@ -1,0 +1,53 @@
+"""Assumptions about the world, one file each, with one interface (`factor`).
+
+=====================  =====================================================================
+`sectors`              a target is seen once in a pass of a turning antenna
+`correlated_misses`    a target that was missed is probably missed again
+`detection`            the learned detection probability, by place
+`noise`                the learned noise of measurements
+`outliers`             measurements with a larger noise
+`clutter.rate`         the learned rate of uniform false detections, and bursts of them
+`clutter.map`          places with false detections
+`clutter.amplitude`    the learned law of the amplitudes of false detections
+`multipath`            false detections behind targets
+`limit`                the number of detections that one update can use
+`transponder`          identities and heights, which replies show
+=====================  =====================================================================
+
+`state` has the factors of all sensors as one value, and `recent_looks` what they have looked at.
+`prior` is the prior of a configured value, and `loops` has compiled functions, which only the
+engine loads. A new assumption is a new file here, and a row in `configuration.radar_models`.
+"""
+
+from .clutter.amplitude import Learned
+from .clutter.grid import GroundGrid, PolarGrid
+from .clutter.map import ClutterMap
+from .clutter.rate import START_RATE, Bursts, ClutterRate
+from .correlated_misses import MOST as MOST_CORRELATION
+from .correlated_misses import CorrelatedMisses
+from .detection import Detection
+from .factor import Factor
+from .limit import Limit
+from .multipath import Multipath
+from .noise import Noise
+from .outliers import Outliers
+from .sectors import Sectors
+
+__all__ = [
+    "MOST_CORRELATION",
+    "START_RATE",
+    "Bursts",
+    "ClutterMap",
+    "ClutterRate",
+    "CorrelatedMisses",
+    "Detection",
+    "Factor",
+    "GroundGrid",
+    "Learned",
+    "Limit",
+    "Multipath",
+    "Noise",
+    "Outliers",
+    "PolarGrid",
+    "Sectors",
+]

@@ -1,0 +1,25 @@
+"""Transponder data: identities and heights of targets, estimated separately from their states.
+
+::
+
+    labels, gates
+      |  plots with false heights, projected at a target's height   reprojection
+    pairs of rows and detections
+      |  likelihood of the identity and the height                  identity, height
+      |  unique identities: of another target, or outside its gate  uniqueness
+      |  replies of the targets, reflected to other places          reflections
+    log factor of each pair, of clutter and of new targets          evidence
+      |  (the association)
+    probability of each pair
+      |  beliefs about each label                                   records, history
+    code, address, z, vz of estimates                               transponders
+
+The update uses only `transponders.Transponders`. A belief belongs to a label and is independent of
+how the engine represents the state.
+"""
+
+from .height import HeightModel
+from .identity import ADDRESSES, CODES, IdentityModel
+from .records import AttributeModel
+
+__all__ = ["ADDRESSES", "CODES", "AttributeModel", "HeightModel", "IdentityModel"]

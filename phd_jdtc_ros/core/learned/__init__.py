@@ -1,1 +1,0 @@
-"""A sensor's detection probability and noise, learned while the tracker runs."""

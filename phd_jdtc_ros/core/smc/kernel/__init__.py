@@ -1,1 +1,0 @@
-"""The transition density between two particle sets, and the backward kernel built from it."""

@@ -1,1 +1,0 @@
-"""Proposal densities: process noise and velocities drawn given the detections."""
