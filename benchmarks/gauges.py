@@ -32,11 +32,7 @@ PRODUCT = ("phd_jdtc_ros", "msg_adapters")
 # Rooms of the models of the world, which others should know by one interface.
 WORLD = (
     "phd_jdtc_ros.core.factors",
-    "phd_jdtc_ros.core.clutter",
-    "phd_jdtc_ros.core.learned",
     "phd_jdtc_ros.core.factors.transponder",
-    "phd_jdtc_ros.core.models.sensor_memory",
-    "phd_jdtc_ros.core.models.learned_sensor",
     "phd_jdtc_ros.core.factors.recent_looks",
     "phd_jdtc_ros.core.models.amplitude_model",
 )

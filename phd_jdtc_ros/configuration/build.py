@@ -44,7 +44,7 @@ LEAST_HYPOTHESIS = 1e-4
 MERGE_DISTANCE = 4.0
 # Bounds for all targets together, far above the needs of a thousand targets.
 MOST_HYPOTHESES, MOST_PARTICLES = 50_000, 200_000
-# Fewer particles of a label and class do not represent it.
+# Fewer particles of one origin and class do not represent it.
 LEAST_PARTICLES = 200
 
 

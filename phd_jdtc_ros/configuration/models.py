@@ -55,8 +55,6 @@ HEIGHT_NOISE_DENSITY, HEIGHT_CLIMB_STD = 1.0, 10.0
 # Standard deviations of a spawned target about its parent: m, m/s and rad/s.
 SPAWN_STD = (10.0, 1.0, 1e-4)
 SPAWN_PARTICLES = 100
-# Particles of a target born at a detection, and of all such targets.
-NEWBORN_PARTICLES, MOST_NEWBORN_PARTICLES = 1024, 200_000
 # Probability that a spawned target has its parent's motion, and that it has another one, if its
 # class has both.
 SPAWN_SAME_MOTION, SPAWN_OTHER_MOTION = 0.9, 0.1

@@ -175,7 +175,7 @@ class Tally:
 
     @property
     def learned(self) -> dict[str, float]:
-        """The learned values of the sensors, by dotted name; see `SensorMemory.figures`."""
+        """The learned values of the sensors, by dotted name; see `Factors.figures`."""
         return {name: value for name, value in self._figures.items() if "." in name}
 
     def about_radars(

@@ -48,7 +48,7 @@ def sensor_changes(
 def learned_values(
     inputs: Iterable[SensorParameters], figures: Mapping[str, float]
 ) -> Iterator[LearnedValue]:
-    """Yield the values that are learned of each sensor, by a step's `SensorMemory.figures`."""
+    """Yield the values that are learned of each sensor, by a step's `Factors.figures`."""
     for radar in inputs:
         quantity = "detection_probability"
         name = f"{radar.name}.{quantity}"

@@ -133,10 +133,10 @@ class RadarParameters(SensorParameters):
         [],
         "What is learned from the detections, beginning with the values of the parameters: noise "
         "(range_std, azimuth_std_deg and range_rate_std, within a factor of 4), outliers (the "
-        "share of detections with several times that noise; not by particles), detection (by which "
-        "factor detection_probability differs, by range and azimuth), correlation "
-        "(detection_correlation), clutter (clutter_rate, over about the last 30 turns), multipath "
-        "(false detections behind targets).",
+        "share of detections with several times that noise), detection (by which factor "
+        "detection_probability differs, by range and azimuth), correlation "
+        "(detection_correlation), clutter (clutter_rate, over about the last 30 turns). With "
+        "multipath false detections behind targets are expected.",
         element=str,
         choices=tuple(LEARNED),
         mutable=True,

@@ -11,12 +11,14 @@
 `clutter.amplitude`    the learned law of the amplitudes of false detections
 `multipath`            false detections behind targets
 `limit`                the number of detections that one update can use
-`transponder`          identities and heights, which replies show
+`transponder`          identities and heights of targets, which replies show
 =====================  =====================================================================
 
-`state` has the factors of all sensors as one value, and `recent_looks` what they have looked at.
-`prior` is the prior of a configured value, and `loops` has compiled functions, which only the
-engine loads. A new assumption is a new file here, and a row in `configuration.radar_models`.
+`state` has the factors of all sensors as one value. It also has `transponder` and `recent_looks`,
+what the sensors have looked at, which are of no single sensor and therefore no `Factor`. `prior` is
+the prior of a configured value, and `loops` has compiled functions, which only the engine loads. A
+new assumption is a new file here, and a row in `configuration.radar_models`; the model of
+transponders is made in `configuration.models`.
 """
 
 from .clutter.amplitude import Learned

@@ -16,7 +16,7 @@ from .factor import Factor, Targets
 
 @dataclass(frozen=True, eq=False)
 class Multipath(Factor):
-    """False detections at the azimuths of targets and at larger ranges.
+    """False detections at the azimuths of targets and at larger ranges; nothing is learned of them.
 
     A wave that a target has scattered, and that a wall, a quay or the radar's own platform reflects
     before it returns, has the azimuth of the target and a longer path (multiple and indirect

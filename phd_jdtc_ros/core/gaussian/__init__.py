@@ -8,8 +8,9 @@ The path of one scan, with the module of each step::
       |  update, report by report            window.update: the order; update: its steps
       |    gate                                gating, amplitude
       |    iterated Kalman update              iterated_update, kalman
-      |    associate                           pairs, core.association
-      |    keep the probable hypotheses        reduction
+      |    select the likely pairs             likely_pairs
+      |    associate                           pair_association, core.association
+      |    keep the probable hypotheses        pruning
       |    give birth at detections            newborn
       |  merge similar hypotheses            reduction
     stored mixture t+1                       (window.forward_filter: the steps in order)

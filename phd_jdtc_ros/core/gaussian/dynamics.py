@@ -36,7 +36,7 @@ from .mixture import Mixture
 # Number of sets of intervals that are kept: the reports of whole turns have the same ones.
 MOST_INTERVALS = 256
 # Number of thresholds whose detection probabilities are kept: one for each sensor, and those that
-# `detection_limit` has raised.
+# the factor `Limit` has raised.
 MOST_THRESHOLDS = 256
 
 

@@ -198,7 +198,7 @@ class PriorMixture:
 
         Parameters
         ----------
-        evidence : Evidence or None
+        evidence : PairEvidence or None
             Identities and heights as evidence for these pairs.
         log_other : array of shape (1 + C, M)
             See `competing_sources.log_intensities`.

@@ -1,6 +1,7 @@
 """Checks reports and results for signs of a wrong configuration.
 
-They reject nothing; each finding becomes a warning with its likely cause.
+They reject nothing; each finding becomes a warning with its likely cause. The pipeline leaves out
+a report that is a copy of the one before.
 """
 
 from __future__ import annotations

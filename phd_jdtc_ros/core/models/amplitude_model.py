@@ -1,12 +1,11 @@
 """Amplitude models: the likelihood of a detection's amplitude, in three variants.
 
-`Band` averages over the signal-to-noise ratios of a class and has no memory. With `Memory` every
-hypothesis of a target (a particle, for example) has its own ln(1 + SNR), drawn from its class's
-band at birth, so that a target's SNR is estimated from scan to scan. `Ignored` uses positions only.
+`Band` averages over the signal-to-noise ratios of a class and has no memory. With `Memory` a target
+has its own ln(1 + SNR), drawn from its class's band at birth, so that its SNR is estimated from
+scan to scan. `Ignored` uses positions only.
 
-Engines have a flat mode and a log_snr for each of N hypotheses, arrays of shape (N,). Without a
-memory log_snr is zero. An engine with weighted hypotheses distributes the weight of each class
-over its `SnrCells`.
+The engine distributes the weight of each class over its `SnrCells`. A simulated target has a flat
+mode and a log_snr, arrays of shape (N,); without a memory log_snr is zero.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ CELLS = 11
 class AmplitudeModel:
     """Use of amplitudes in the recursion: their likelihood, averaged over the SNR band of a class.
 
-    Only an engine with particles draws and diffuses; only one with weighted hypotheses has cells.
+    Simulated targets are drawn and diffuse; the hypotheses of the engine have cells.
     """
 
     def select(self, detections: Detections) -> Detections:
@@ -80,7 +79,7 @@ class AmplitudeModel:
     ) -> FloatArray:
         """Return the log_snr of new hypotheses of flat modes `mode`, shape (N,).
 
-        `amplitude` is the amplitude of each particle's detection, for births at detections.
+        `amplitude` is the amplitude of each one's detection, for births at detections.
         """
         return np.zeros(len(mode))
 

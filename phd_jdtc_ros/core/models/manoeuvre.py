@@ -1,7 +1,7 @@
 """Covariance of deviations from the motion models.
 
 A detection with a target's unique identity outside its gates is of a target that has manoeuvred, or
-a reflection: see `attributes.reflections`.
+a reflection: see `factors.transponder.reflections`.
 """
 
 from __future__ import annotations
