@@ -7,6 +7,7 @@ import pytest
 from paper_room import plain, small
 from scenes import TARGETS, no_detections, short_scenario
 from scipy.stats import multivariate_normal
+from textbook import kalman_smoother
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.phd import gaussian_mixture
@@ -218,30 +219,6 @@ def window_of(model, start, scans):
             )
             window.append(Entry(1, reduce(updated.mixture, model.modes)[0], None))
     return recursion, window
-
-
-def kalman_smoother(mean, covariance, points, noises, transition, process):
-    """Return filtered and smoothed means and covariances of a linear Gaussian model."""
-    select = np.eye(4)[[0, 2]]
-    filtered, predicted = [], []
-    for index, (point, noise) in enumerate(zip(points, noises, strict=True)):
-        if index:
-            mean = transition @ mean
-            covariance = transition @ covariance @ transition.T + process
-        predicted.append((mean, covariance))
-        gain = covariance @ select.T @ np.linalg.inv(select @ covariance @ select.T + noise)
-        mean = mean + gain @ (point - select @ mean)
-        covariance = covariance - gain @ select @ covariance
-        filtered.append((mean, covariance))
-    smoothed = [filtered[-1]]
-    for index in range(len(points) - 2, -1, -1):
-        mean, covariance = filtered[index]
-        ahead_mean, ahead_covariance = predicted[index + 1]
-        gain = covariance @ transition.T @ np.linalg.inv(ahead_covariance)
-        mean = mean + gain @ (smoothed[-1][0] - ahead_mean)
-        covariance = covariance + gain @ (smoothed[-1][1] - ahead_covariance) @ gain.T
-        smoothed.append((mean, covariance))
-    return filtered, smoothed[::-1]
 
 
 def test_one_target_has_the_moments_of_kalman_filter_and_rts_smoother():

@@ -6,6 +6,7 @@ import pytest
 from paper_room import particles, plain
 from scenes import gaussian_cloud, no_detections
 from scipy import sparse
+from textbook import kalman_smoother
 
 from phd_jdtc_ros.core.phd import kernel
 from phd_jdtc_ros.core.phd.correction import correct
@@ -227,30 +228,6 @@ def test_printed_term_loses_a_target_that_was_certain_in_the_whole_window(p_d):
 
 
 # --- One target that lives: the Rauch-Tung-Striebel smoother -----------------------------------
-
-
-def kalman_smoother(mean, covariance, points, noises, transition_matrix, process):
-    """Return filtered and smoothed means and covariances of a linear Gaussian model."""
-    select = np.eye(4)[[0, 2]]
-    filtered, predicted = [], []
-    for index, (point, noise) in enumerate(zip(points, noises, strict=True)):
-        if index:
-            mean = transition_matrix @ mean
-            covariance = transition_matrix @ covariance @ transition_matrix.T + process
-        predicted.append((mean, covariance))
-        gain = covariance @ select.T @ np.linalg.inv(select @ covariance @ select.T + noise)
-        mean = mean + gain @ (point - select @ mean)
-        covariance = covariance - gain @ select @ covariance
-        filtered.append((mean, covariance))
-    smoothed = [filtered[-1]]
-    for index in range(len(points) - 2, -1, -1):
-        mean, covariance = filtered[index]
-        ahead_mean, ahead_covariance = predicted[index + 1]
-        gain = covariance @ transition_matrix.T @ np.linalg.inv(ahead_covariance)
-        mean = mean + gain @ (smoothed[-1][0] - ahead_mean)
-        covariance = covariance + gain @ (smoothed[-1][1] - ahead_covariance) @ gain.T
-        smoothed.append((mean, covariance))
-    return filtered, smoothed[::-1]
 
 
 RTS_SEEDS = 10

@@ -206,3 +206,27 @@ def imm_smoothed(steps, motions):
     for before, later in zip(steps[-2::-1], steps[:0:-1], strict=True):
         smoothed = imm_backward(before, later, smoothed, motions)
     return smoothed
+
+
+def kalman_smoother(mean, covariance, points, noises, transition, process):
+    """Return filtered and smoothed means and covariances of a linear Gaussian model."""
+    select = np.eye(4)[[0, 2]]
+    filtered, predicted = [], []
+    for index, (point, noise) in enumerate(zip(points, noises, strict=True)):
+        if index:
+            mean = transition @ mean
+            covariance = transition @ covariance @ transition.T + process
+        predicted.append((mean, covariance))
+        gain = covariance @ select.T @ np.linalg.inv(select @ covariance @ select.T + noise)
+        mean = mean + gain @ (point - select @ mean)
+        covariance = covariance - gain @ select @ covariance
+        filtered.append((mean, covariance))
+    smoothed = [filtered[-1]]
+    for index in range(len(points) - 2, -1, -1):
+        mean, covariance = filtered[index]
+        ahead_mean, ahead_covariance = predicted[index + 1]
+        gain = covariance @ transition.T @ np.linalg.inv(ahead_covariance)
+        mean = mean + gain @ (smoothed[-1][0] - ahead_mean)
+        covariance = covariance + gain @ (smoothed[-1][1] - ahead_covariance) @ gain.T
+        smoothed.append((mean, covariance))
+    return filtered, smoothed[::-1]
