@@ -14,7 +14,7 @@ from rich.console import Console
 from phd_jdtc_ros.exit_status import FAILED, OK
 
 from .engine import late, peers, step_growth, steps
-from .results import goals, machine, plots, report
+from .results import curves, goals, machine, report
 from .transport import asterix_rates, live, messages, replay_clock, turning
 
 # The live parts come first, when the machine is coolest and this process smallest.
@@ -51,7 +51,7 @@ def write(summary: Mapping[str, Any], directory: Path) -> list[Path]:
     path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n")
     text = directory / "table.md"
     text.write_text(report.markdown(report.tables(summary)))
-    return [path, text, *plots.write_all(summary, directory)]
+    return [path, text, *curves.write_all(summary, directory)]
 
 
 def main(argv: Sequence[str]) -> int:

@@ -22,12 +22,13 @@ PROFILE = Path("config/air_traffic.yaml")
 TRACKER = "/tracker"
 AIRCRAFT = 50
 SECTORS = 16
-# Expected false detections in a turn; the profile's radar learns them, but a scene needs a number.
+# Expected false detections in a revolution; the profile's radar learns them, but a scene needs a
+# number.
 CLUTTER = {"approach.clutter_rate": 10.0}
 # Changes of the profile for a cloud per sector, and for estimates at each of them.
 BY_SECTORS = {"approach.sectors": SECTORS}
 AT_EVERY_SECTOR = {**BY_SECTORS, "estimates_period_s": 0.0}
-# Number of turns after which all aircraft are tracked, more than the profile's lag.
+# Number of revolutions after which all aircraft are tracked, more than the profile's lag.
 SETTLING = 6
 START_NS = 1000 * 10**9
 # Largest distance of the aircraft from the radar half-way through, metres, within its range.
@@ -46,19 +47,19 @@ def configuration(changes: Mapping[str, Any]) -> TrackerConfig:
     return resolve({**values, **CLUTTER, **changes})
 
 
-def scene(turns: int, config: TrackerConfig, seed: int, aircraft: int = AIRCRAFT) -> Scenario:
-    """Return aircraft around the radar that all exist from the first turn to the last.
+def scene(revolutions: int, config: TrackerConfig, seed: int, aircraft: int = AIRCRAFT) -> Scenario:
+    """Return aircraft around the radar that all exist from the first revolution to the last.
 
     Half-way through, they are spread evenly over a circle. The seed is that of the speeds and
     headings.
     """
     rng = np.random.default_rng(seed)
     rotation_s = config.radars[0].rotation_s
-    half_s = 0.5 * turns * rotation_s
+    half_s = 0.5 * revolutions * rotation_s
     return Scenario(
         start_ns=START_NS,
         interval_s=rotation_s,
-        scans=turns + 1,
+        scans=revolutions + 1,
         targets=tuple(_aircraft(number, aircraft, half_s, rng) for number in range(aircraft)),
         radars=polar_radars(config.model.radars),
     )

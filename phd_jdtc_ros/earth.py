@@ -80,7 +80,7 @@ class SystemPlane:
         axis points east. A latitude beyond a pole gives a ValueError.
         """
         latitude, longitude = _places(latitude, longitude)
-        # PROJ's own convergence is infinite at a pole and at longitudes beyond a turn.
+        # PROJ's own convergence is infinite at a pole and at longitudes beyond a revolution.
         (x_0, y_0), (x_1, y_1) = (
             self.to_plane(np.clip(latitude + step, -90.0, 90.0), longitude)
             for step in (-MERIDIAN_STEP, MERIDIAN_STEP)

@@ -36,7 +36,7 @@ from .runner import Figures, Study, figures_table
 SCENARIO = Path("config/scenarios/two_terminal_radars.yaml")
 # Position of the dividing line, metres east, and extent of the area, metres.
 SEAM, FAR = 12.5e3, 150e3
-# Overlap on each side of the line, metres: the proposed one, and one crossed in two turns.
+# Overlap on each side of the line, metres: the proposed one, and one crossed in two revolutions.
 MARGIN, NARROW = 10e3, 2e3
 # A target is handed over this far beyond the line, as a share of the overlap.
 HYSTERESIS = 0.2

@@ -1,9 +1,9 @@
 """Aircraft that are hard to follow: turns of 3 g, and a radar of coarse azimuths.
 
-Both scenes have one radar with a turn of 4 s and the motion of the profile for aircraft. In the
-first, aircraft fly straight and turn with 3 g, by which they leave the predicted position by more
-than the noise. In the second, the azimuth noise is 3 degrees, so that many aircraft are within the
-noise of others.
+Both scenes have one radar with a revolution of 4 s and the motion of the profile for aircraft. In
+the first, aircraft fly straight and turn with 3 g, by which they leave the predicted position by
+more than the noise. In the second, the azimuth noise is 3 degrees, so that many aircraft are within
+the noise of others.
 """
 
 from __future__ import annotations
@@ -37,14 +37,15 @@ from .peers.plot_kalman import plot_kalman
 from .runner import Figures, Study, figures_table
 
 PROFILE = Path("config/air_traffic.yaml")
-# Expected false detections in a turn; the profile's radar learns them, but a scene needs a number.
+# Expected false detections in a revolution; the profile's radar learns them, but a scene needs a
+# number.
 CLUTTER = {"approach.clutter_rate": 10.0}
 START_NS, DURATION_S, INTERVAL_S = 1000 * 10**9, 300.0, 4.0
 # Acceleration of a turn, its angle in degrees, and straight flight between turns in seconds.
 ACCELERATION, ANGLE_DEG, STRAIGHT_S = 3.0 * STANDARD_GRAVITY, (60.0, 180.0), (40.0, 90.0)
 SPEED = (150.0, 250.0)
 LAGS = {"filtered": 0, "smoothed": 5}
-# Targets are scored after this number of turns, when tracks are established.
+# Targets are scored after this number of revolutions, when tracks are established.
 SETTLING = 8
 
 
@@ -114,11 +115,12 @@ def measure(arguments: argparse.Namespace, seed: int) -> Figures:
 
 
 def scores(run: SimulatedRun, found: Sequence[PointSet], near: float) -> Figures:
-    """Return the scores of a tracker's estimates at each turn.
+    """Return the scores of a tracker's estimates at each revolution.
 
     ``found`` is the share of targets with an estimate within `near`; ``lost`` the number of times
-    that a target has none in three turns or more; ``rms`` is in metres; ``false_tracks`` the number
-    of track numbers that are farther than `near` from all targets in most of their turns.
+    that a target has none in three revolutions or more; ``rms`` is in metres; ``false_tracks`` the
+    number of track numbers that are farther than `near` from all targets in most of their
+    revolutions.
     """
     switches, identity = 0, IdentitySwitches(near)
     there, right, away = [], Counter[int](), Counter[int]()
@@ -146,7 +148,7 @@ def scores(run: SimulatedRun, found: Sequence[PointSet], near: float) -> Figures
 
 
 def _losses(there: BoolArray) -> int:
-    """Return how often a column of (turns, targets) is false for three turns or more."""
+    """Return how often a column of (revolutions, targets) is false for three or more."""
     three = ~(there[:-2] | there[1:-1] | there[2:])
     begins = three & ~np.concatenate([np.zeros((1, three.shape[1]), dtype=bool), three[:-1]])
     return int(begins.sum())
@@ -156,7 +158,7 @@ def tables(figures: Figures) -> list[Table]:
     """Return a table of each scene."""
     columns = {
         "found": ("found", ".2%"),
-        "lost": ("lost for 3 turns", ".2f"),
+        "lost": ("lost for 3 revolutions", ".2f"),
         "rms": ("RMS, m", ".1f"),
         "switches": ("switches", ".1f"),
         "false_tracks": ("false tracks", ".1f"),

@@ -2,7 +2,7 @@
 
 The tracker is run on unbiased radars, on biased ones, and on biased ones with the estimated biases
 removed; the noise is the same in all three. Its error is the distance of targets to their estimates
-by assignment, within `CUTOFF`, at the end of each turn of the first radar.
+by assignment, within `CUTOFF`, at the end of each revolution of the first radar.
 """
 
 from __future__ import annotations
@@ -108,9 +108,9 @@ def errors_of_tracks(
 
 def _rms(scenario: Scenario, config: TrackerConfig, seed: int) -> dict[str, float]:
     found, _ = turning.estimates_of(scenario, config, seed)
-    ends = [end for end in turning.turn_ends(scenario) if end >= SETTLING_S]
+    ends = [end for end in turning.revolution_ends(scenario) if end >= SETTLING_S]
     truth = [truth_after(scenario, end) for end in ends]
-    oldest_s = turning.OLDEST_TURNS * scenario.radars[0].rotation_s
+    oldest_s = turning.OLDEST_REVOLUTIONS * scenario.radars[0].rotation_s
     errors: dict[str, float] = {}
     for source in SOURCES:
         points = turning.at_stamps(found[source], [each.stamp_ns for each in truth], oldest_s)

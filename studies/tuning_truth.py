@@ -27,14 +27,15 @@ from phd_jdtc_ros.tools import command, recorded_plots
 from .runner import Figures, Study, table
 
 COLUMNS = (
-    *("recording", "radar", "turn, s", "interval, s"),
+    *("recording", "radar", "revolution, s", "interval, s"),
     *("range, m", "azimuth, deg", "detected", "clutter"),
 )
 # Length of the part of a recording that is read by default, seconds.
 SECONDS = 600.0
 # Gate of the association of plots with targets, in standard deviations.
 GATE = 4.0
-# The beam passes a target once a turn: no second plot within this share of a turn counts.
+# The beam passes a target once a revolution: no second plot within this share of a revolution
+# counts.
 AGAIN = 0.5
 # Stamps of truth and clouds closer than this are the same, seconds.
 SAME_STAMP_S = 1e-3
@@ -71,9 +72,11 @@ def _of_bag(given: str, seconds: float) -> list[list[str]]:
 
 def _cells(found: Findings, radar: RadarModel, share: float, interval: str) -> tuple[str, ...]:
     """Return the cells of a radar's row: estimated and simulated values."""
-    noise, turn_s = found.noise, found.timing.rotation_s
+    noise, revolution_s = found.noise, found.timing.rotation_s
     return (
-        f"{turn_s:.4g} / {radar.rotation_s:g}" if turn_s or radar.rotation_s else "none",
+        f"{revolution_s:.4g} / {radar.rotation_s:g}"
+        if revolution_s or radar.rotation_s
+        else "none",
         interval,
         f"{noise.range_std:.3g} / {radar.range_std:g}",
         f"{math.degrees(noise.azimuth_std):.3g} / {math.degrees(radar.azimuth_std):g}",
@@ -101,8 +104,8 @@ def share_detected(truth: Sequence[Truth], plots: Plots, radar: RadarModel) -> f
         if radar.rotation_s:
             again = np.diff(time_s) < AGAIN * radar.rotation_s
             hits += len(time_s) - int(np.count_nonzero(again))
-            turns = np.diff(stamp_s) * inside[1:] / radar.rotation_s
-            chances += float(turns.sum())
+            revolutions = np.diff(stamp_s) * inside[1:] / radar.rotation_s
+            chances += float(revolutions.sum())
         else:
             hits += len(np.unique(time_s))
             near = np.abs(plots.cloud_s[:, None] - stamp_s[inside]) < SAME_STAMP_S

@@ -148,13 +148,13 @@ def _turning(found: Mapping[str, Any]) -> Iterator[Table]:
         yield _sector_latency(found["latency"])
     medians = {form: of_form["median_ms"] for form, of_form in found["cost"].items()}
     yield simple_table(
-        "a turn of 50 aircraft, CPU medians",
+        "a revolution of 50 aircraft, CPU medians",
         ("reports", "CPU"),
         (
             (form, f"{_ms(median)} ({_number(median / medians[ONE_CLOUD])}x)")
             for form, median in medians.items()
         ),
-        "estimates once a turn, except in the row with estimates at each sector; "
+        "estimates once a revolution, except in the row with estimates at each sector; "
         "in brackets, as a multiple of one cloud",
     )
 

@@ -1,8 +1,8 @@
 """Latency from a radar's ASTERIX to tracks in ASTERIX, over UDP and DDS, in real time.
 
-The bridge and the tracker are processes of their own. The first turns are sent as fast as they are
-answered, until all aircraft are tracked. After them each sector is sent when the antenna has
-passed its end, and its tracks are awaited.
+The bridge and the tracker are processes of their own. The first revolutions are sent as fast as
+they are answered, until all aircraft are tracked. After them each sector is sent when the antenna
+has passed its end, and its tracks are awaited.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from ..timing import percentiles
 from . import live, messages
 
 AIRCRAFT = 100
-TURNS, QUICK_TURNS = 10, 2
+REVOLUTIONS, QUICK_REVOLUTIONS = 10, 2
 # A datagram that is lost on a busy machine, where UDP does not repeat it, costs one attempt.
 ATTEMPTS = 3
 RADAR, NUMBER = "approach", 0x0102
@@ -54,10 +54,10 @@ CAT062, CAT065 = 62, 65
 def measure(quick: bool) -> dict[str, Any]:
     """Return the latency of plots, seconds: from the antenna's passing to the receipt of tracks."""
     messages.environment()
-    turns = QUICK_TURNS if quick else TURNS
+    revolutions = QUICK_REVOLUTIONS if quick else REVOLUTIONS
     config = traffic.configuration(CHANGES)
     new_engine(config)  # compiles what no earlier run has stored, which takes longer than a start
-    scene = traffic.scene(traffic.SETTLING + turns, config, 0, AIRCRAFT)
+    scene = traffic.scene(traffic.SETTLING + revolutions, config, 0, AIRCRAFT)
     reports = simulate_reports(scene, config.radars, seed=0)
     found: dict[str, Any] = {}
     for _ in range(ATTEMPTS):
@@ -81,7 +81,7 @@ def _attempt(reports: Sequence[SimulatedReport], rotation_s: float) -> dict[str,
         for report in reports[:settling]:
             if not site.answered(report, live.START_S):
                 said = log.read_text()[-500:]
-                return {"value": None, "reason": f"no tracks of the first turns: {said}"}
+                return {"value": None, "reason": f"no tracks of the first revolutions: {said}"}
         return site.in_real_time(reports[settling:])
 
 
@@ -116,7 +116,7 @@ def _bridge(site: _Site) -> list[str]:
         "sectors": traffic.SECTORS,
         # Plots are sent before the crossing of their sector.
         "hold_sectors": 0,
-        # The first turns are sent in haste.
+        # The first revolutions are sent in haste.
         "max_clock_offset_s": 86400.0,
         "world_origin": "[52.0, 4.5, 0.0]",
     }
@@ -174,7 +174,7 @@ class _Site:
             self.receive(0.5)
             if self._received:
                 return True
-            # Another turn, so that the tracker takes it for the next one.
+            # Another revolution, so that the tracker takes it for the next one.
             self._shift_ns += round(self._rotation_s * 1e9)
             self.send(report)
         return self.wait_for(report, timeout_s)
@@ -244,4 +244,4 @@ class _Site:
 
 def _plot(distance: float, azimuth: float) -> Plot:
     turned = 0.5 * math.pi - float(azimuth)
-    return Plot(NUMBER, NONE, DAY, float(distance), turned, kind=PRIMARY)
+    return Plot(NUMBER, NONE, DAY, float(distance), turned, detection_type=PRIMARY)

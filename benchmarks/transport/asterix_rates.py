@@ -21,7 +21,7 @@ from phd_jdtc_ros.asterix.writing.tracks import Source, TrackReport
 from . import asterix_latency
 
 NS = 10**9
-# Plots of a turn, which is cut in sectors, and of a data block at most.
+# Plots of a revolution, which is cut in sectors, and of a data block at most.
 PLOTS, SECTORS, ROTATION_S = 2048, 32, 4.0
 TRACKS = 100
 LIBRARY, RECORDS, CLOUDS = "libasterix alone", "to plots", "to clouds"
@@ -29,10 +29,10 @@ LIBRARY, RECORDS, CLOUDS = "libasterix alone", "to plots", "to clouds"
 
 def measure(quick: bool) -> dict[str, Any]:
     """Return plots per second by how far they are read, and the time and the way of tracks."""
-    datagrams = turn()
+    datagrams = revolution()
     rounds = 3 if quick else 9
     cases = {LIBRARY: _by_library, RECORDS: _to_plots, CLOUDS: _to_clouds}
-    # The library is a hundred times slower, so that a part of the turn suffices.
+    # The library is a hundred times slower, so that a part of the revolution suffices.
     share = {LIBRARY: datagrams[: len(datagrams) // 16]}
     spent: dict[str, list[float]] = {name: [] for name in cases}
     for name, read in cases.items():
@@ -50,8 +50,8 @@ def measure(quick: bool) -> dict[str, Any]:
     }
 
 
-def turn() -> list[bytes]:
-    """Return the datagrams of a turn: each sector's plots, with all that is read, and crossing."""
+def revolution() -> list[bytes]:
+    """Return the datagrams of a revolution: each sector's plots, with all items, and crossing."""
     rng = random.Random(1)
     found = [plots_out.service_block(0x0102, 0, 0.0, ROTATION_S)]
     for sector in range(SECTORS):

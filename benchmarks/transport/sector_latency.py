@@ -1,6 +1,6 @@
 """Latency of a turning radar's detections over DDS, in real time, with a cloud for every sector.
 
-The tracker node runs in a process of its own. The first turns are sent as fast as the tracker
+The tracker node runs in a process of its own. The first revolutions are sent as fast as the tracker
 answers, until it tracks all aircraft. After them a cloud is published when the antenna has passed
 its sector.
 """
@@ -31,7 +31,7 @@ from .radars import Radars, Reply
 PAUSE_S = 0.5
 
 
-def measure(turns: int) -> dict[str, Any]:
+def measure(revolutions: int) -> dict[str, Any]:
     """Return the latency of detections in seconds, and the step's CPU time in milliseconds.
 
     The latency is from the time at which the antenna passed the detection to the receipt of the
@@ -40,7 +40,7 @@ def measure(turns: int) -> dict[str, Any]:
     messages.environment()
     config = traffic.configuration(traffic.AT_EVERY_SECTOR)
     new_engine(config)  # compiles what no earlier run has stored, which takes longer than a start
-    scene = traffic.scene(traffic.SETTLING + turns, config, seed=0)
+    scene = traffic.scene(traffic.SETTLING + revolutions, config, seed=0)
     reports = simulate_reports(scene, config.radars, seed=0)
     settling = traffic.SETTLING * traffic.SECTORS
     sector_ns = round(1e9 * config.radars[0].rotation_s / traffic.SECTORS)
@@ -51,7 +51,7 @@ def measure(turns: int) -> dict[str, Any]:
         if not radars.connected(live.START_S):
             return {"value": None, "reason": f"no tracker was found: {log.read_text()[-500:]}"}
         if not _settle(radars, reports[:settling], sector_ns):
-            return {"value": None, "reason": "a sector of the first turns was not answered"}
+            return {"value": None, "reason": "a sector of the first revolutions was not answered"}
         return _in_real_time(radars, reports[settling:], sector_ns)
 
 

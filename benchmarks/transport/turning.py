@@ -1,4 +1,4 @@
-"""A radar that turns: latency by sectors over DDS, and the cost of a turn in two forms."""
+"""A radar that turns: latency by sectors over DDS, and the cost of a revolution in two forms."""
 
 from __future__ import annotations
 
@@ -25,39 +25,42 @@ FORMS: Mapping[str, Mapping[str, Any]] = {
     BY_SECTORS: traffic.BY_SECTORS,
     AT_EVERY_SECTOR: traffic.AT_EVERY_SECTOR,
 }
-# Numbers of measured turns: of the cost, and of the latency.
-TURNS, LIVE_TURNS, QUICK_LIVE_TURNS = 20, 10, 3
+# Numbers of measured revolutions: of the cost, and of the latency.
+REVOLUTIONS, LIVE_REVOLUTIONS, QUICK_LIVE_REVOLUTIONS = 20, 10, 3
 
 
 def measure(quick: bool) -> dict[str, Any]:
-    """Return the latency of detections, and the cost of a turn by the form of its reports."""
-    turns = QUICK_LIVE_TURNS if quick else LIVE_TURNS
-    return {"latency": sector_latency.measure(turns), "cost": cost(2 if quick else TURNS)}
+    """Return the latency of detections, and the cost of a revolution by the form of its reports."""
+    revolutions = QUICK_LIVE_REVOLUTIONS if quick else LIVE_REVOLUTIONS
+    return {
+        "latency": sector_latency.measure(revolutions),
+        "cost": cost(2 if quick else REVOLUTIONS),
+    }
 
 
-def cost(turns: int, settling: int = traffic.SETTLING) -> dict[str, Any]:
-    """Return the CPU time of a turn by form, after the first `settling`.
+def cost(revolutions: int, settling: int = traffic.SETTLING) -> dict[str, Any]:
+    """Return the CPU time of a revolution by form, after the first `settling`.
 
     All of them get the same plots and take turns, turn by turn.
     """
     configs = {form: traffic.configuration(changes) for form, changes in FORMS.items()}
     pipelines = {form: new_pipeline(config) for form, config in configs.items()}
-    sent = {form: list(_by_turn(configs[form], settling + turns)) for form in FORMS}
+    sent = {form: list(_by_revolution(configs[form], settling + revolutions)) for form in FORMS}
     spent: dict[str, list[float]] = {form: [] for form in FORMS}
     targets = dict.fromkeys(FORMS, 0.0)
-    for turn in range(settling + turns):
+    for revolution in range(settling + revolutions):
         for form, pipeline in pipelines.items():
             begin = time.process_time()
-            targets[form] = _take(pipeline, sent[form][turn])
+            targets[form] = _take(pipeline, sent[form][revolution])
             spent[form].append(1e3 * (time.process_time() - begin))
     return {form: {**spread(spent[form][settling:]), "targets": targets[form]} for form in FORMS}
 
 
-def _by_turn(config: TrackerConfig, turns: int) -> Iterator[Sequence[SimulatedReport]]:
-    """Yield the reports of one turn after the other."""
-    scene = traffic.scene(turns, config, seed=0)
+def _by_revolution(config: TrackerConfig, revolutions: int) -> Iterator[Sequence[SimulatedReport]]:
+    """Yield the reports of one revolution after the other."""
+    scene = traffic.scene(revolutions, config, seed=0)
     reports = iter(simulate_reports(scene, config.radars, seed=0))
-    for _ in range(turns):
+    for _ in range(revolutions):
         yield list(itertools.islice(reports, max(config.radars[0].sectors, 1)))
 
 

@@ -46,7 +46,7 @@ VIEWS = {
 
 
 def layout(master: dict[str, Any], view: View) -> dict[str, Any]:
-    """Return a layout: maps to the left, plots and the diagnostics to the right."""
+    """Return a layout: maps to the left, curves and the diagnostics to the right."""
     found = copy.deepcopy(master)
     panels = found["configById"]
     scene, topics = panels[MAP], panels[MAP]["topics"]

@@ -9,14 +9,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from msg_adapters.encoding import names
-from msg_adapters.outgoing import outputs, plots
+from msg_adapters.outgoing import curves, outputs
 from phd_jdtc_ros.asterix_bridge import settings as bridge
 from phd_jdtc_ros.configuration.parameters import replaced
 from phd_jdtc_ros.configuration.schema import Parameter
 from phd_jdtc_ros.configuration.sensor_kinds import TABLES
 from phd_jdtc_ros.configuration.tables import GROUPS as PARTS
 from phd_jdtc_ros.configuration.tables import TOP, schema
-from phd_jdtc_ros.evaluation.metric_table import GROUPS, PLOTTED, PUBLISHED, TERMS
+from phd_jdtc_ros.evaluation.metric_table import CURVES, GROUPS, PUBLISHED, TERMS
 from phd_jdtc_ros.handover import settings as hand_over
 from phd_jdtc_ros.nodes.tracker import settings as tracker
 from phd_jdtc_ros.parameter_files import evaluator, proposed_file, sensor_replay
@@ -111,7 +111,7 @@ variant, lag, set and key, as means over runs. Shares are shown in per cent; in 
 from 0 to 1. A figure that has no meaning, such as the RMS of no pairs, is null.
 
 The evaluator publishes on `~/ospa`, for every scan and set: {}. On a topic each, for
-[plots](visualisation.md#plots), it publishes {} too.
+[curves](visualisation.md#curves), it publishes {} too.
 
 c, the cutoff, is the evaluator's parameter `cutoff`, and an option `--cutoff` of `track_bag`,
 `report` and `monte_carlo`; p, the order, is 2. A target and an estimate are a pair where the
@@ -133,7 +133,7 @@ _WHOLE = "In `metrics.json` for all targets only."
 
 def metrics() -> str:
     """Return the page of the metrics as Markdown."""
-    listed = (", ".join(f"`{name}`" for name in names) for names in (PUBLISHED, PLOTTED))
+    listed = (", ".join(f"`{name}`" for name in names) for names in (PUBLISHED, CURVES))
     parts = [_METRICS.format(*listed)]
     sections = [
         (group.title[0].upper() + group.title[1:], "" if group.of_sets else _WHOLE, metrics)
@@ -171,9 +171,9 @@ def topics(page: str) -> str:
             topic = topic.replace("/filtered/", "/{filtered,smoothed}/")
         if row.topic.replace("/smoothed/", "/filtered/") not in every - {row.topic}:
             rows.setdefault((how, kind, qos, row.switch), []).append(f"`{topic}`")
-    for engine, figures in plots.FIGURES.items():
-        listed = ", ".join(f"`{names.plot(name, '~')}`" for name in figures)
-        key = "publishes", names.NUMBER.replace("/msg/", "/"), _RELIABLE, "plots"
+    for engine, figures in curves.FIGURES.items():
+        listed = ", ".join(f"`{names.curve(name, '~')}`" for name in figures)
+        key = "publishes", names.NUMBER.replace("/msg/", "/"), _RELIABLE, "curves"
         rows[key].append(f"with {engine} {listed}")
     lines = [
         f"| {how}{f' (`{switch}`)' if switch else ''} | {', '.join(listed)} | {kind} | {qos} |\n"

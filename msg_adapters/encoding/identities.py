@@ -14,8 +14,8 @@ NONE = 2**32 - 1
 # reply with the code 0000, but no transponder has the address 0.
 CODES = (2**12, ())
 ADDRESSES = (2**24, (0,))
-# Kinds of plots have three bits; kind 0 is unknown.
-KINDS = (2**3, (0,))
+# Detection types have three bits; type 0 is unknown.
+DETECTION_TYPES = (2**3, (0,))
 
 
 def read(
@@ -24,7 +24,7 @@ def read(
     """Decode the codes or addresses of the kept points, and count the impossible ones.
 
     Returns `UNKNOWN` for `NONE`, NaN and the second part of `numbers`, which are `CODES`,
-    `ADDRESSES` or `KINDS`; None without a column, which is as received.
+    `ADDRESSES` or `DETECTION_TYPES`; None without a column, which is as received.
     """
     if column is None:
         return None, 0

@@ -66,7 +66,7 @@ def fixes(tracker: str = TRACKER) -> str:
     return f"{tracker}/navsat"
 
 
-def plot(quantity: str, node: str = TRACKER) -> str:
+def curve(quantity: str, node: str = TRACKER) -> str:
     """Return the topic of a number that a node publishes for plots, see `plots`."""
     return f"{node}/plot/{quantity}"
 

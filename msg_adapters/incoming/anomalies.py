@@ -100,10 +100,10 @@ def clock_off(offset_s: float | None, others: str = "sensors", what: str = "repo
     )
 
 
-def turn_found(radar: SensorParameters, turn_s: float) -> str:
-    """Return the warning about a radar whose time of a turn, s, is estimated and not configured."""
+def revolution_found(radar: SensorParameters, revolution_s: float) -> str:
+    """Return the warning about a radar whose rotation period, s, is estimated, not configured."""
     return (
-        f"the estimated time of a turn is {turn_s:.3f} s; set "
+        f"the estimated time of a revolution is {revolution_s:.3f} s; set "
         f"{radar.name}.rotation_s to use it from the start"
     )
 
@@ -202,7 +202,7 @@ def _words(component: str) -> str:
 
 
 def _beyond_a_turn(radar: RadarParameters, count: int) -> str:
-    """Return the warning about azimuths beyond one turn in radians."""
+    """Return the warning about azimuths beyond one revolution in radians."""
     cause = (
         f"degrees, set {radar.name}.azimuth_unit to deg"
         if radar.named_fields
@@ -230,7 +230,7 @@ _MISSING = {
     "sector_missing": "the sector is derived from the detections",
     "code_missing": "its codes are unknown",
     "address_missing": "its addresses are unknown",
-    "kind_missing": "the kind of sensor is assumed",
+    "detection_type_missing": "its detection types are assumed",
     "range_std_missing": "range_std is used",
     "azimuth_std_missing": "azimuth_std_deg is used",
     "range_rate_missing": "its range rates are unknown",
@@ -304,7 +304,7 @@ _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
     ),
     "sector_numbers_wrong": lambda radar, count: (
         f"{count} clouds whose detections lie outside the cloud's sector; sectors are numbered "
-        f"from 0 at azimuth zero, {max(radar.sectors, 1)} per turn"
+        f"from 0 at azimuth zero, {max(radar.sectors, 1)} per revolution"
     ),
     "antenna_unclear": lambda radar, count: (
         f"{count} clouds whose azimuths and times do not fit one turning antenna; are "
@@ -315,29 +315,29 @@ _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
         "but not to estimate the antenna's motion"
     ),
     "detections_late": lambda radar, count: (
-        f"{count} detections arrived after the report of their part of the turn; they are used, "
-        "but their targets counted as missed before"
+        f"{count} detections arrived after the report of their part of the revolution; they are "
+        "used, but their targets counted as missed before"
     ),
     "slices_late": lambda radar, count: (
-        f"{count} parts of turns arrived after their scans were closed; set reorder_s to the "
+        f"{count} parts of revolutions arrived after their scans were closed; set reorder_s to the "
         "longest rotation_s of the radars"
     ),
     "late_reworked": lambda radar, count: (
-        f"{count} clouds, or parts of turns, arrived after their scans were closed and were "
+        f"{count} clouds, or parts of revolutions, arrived after their scans were closed and were "
         "reprocessed; if there are many, delay scans with reorder_s"
     ),
     "poses_extrapolated": lambda radar, count: (
-        f"{count} clouds, or parts of turns, are later than the poses on {radar.pose.topic}; the "
-        "platform's pose is extrapolated with its last velocity"
+        f"{count} clouds, or parts of revolutions, are later than the poses on "
+        f"{radar.pose.topic}; the platform's pose is extrapolated with its last velocity"
     ),
     "sectors_not_configured": lambda radar, count: (
-        "each cloud covers a part of the turn, and together they cover all of it; set "
+        "each cloud covers a part of the revolution, and together they cover all of it; set "
         f"{radar.name}.rotation_s and {radar.name}.sectors, or targets that the antenna has not "
         "passed count as missed"
     ),
     "fov_not_configured": lambda radar, count: (
-        f"all its detections are within a part of the turn; if its field of view is limited, set "
-        f"{radar.name}.fov_deg, or targets outside it count as missed"
+        "all its detections are within a part of the revolution; if its field of view is limited, "
+        f"set {radar.name}.fov_deg, or targets outside it count as missed"
     ),
     "slant_ranges": lambda radar, count: (
         "ranges are used as ground ranges, which puts an aircraft at 10 km height and 15 km range "

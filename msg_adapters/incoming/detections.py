@@ -23,7 +23,7 @@ NUMBERS = (*point_cloud.FLOATS, "i1", "u1", "i2", "u2", "i4", "u4")
 # Times since the epoch must be doubles, because single precision resolves only two minutes.
 DOUBLES = ("f8",)
 # Columns that may have integer types.
-WHOLE = ("amplitude", "sector", "code", "address", "kind")
+WHOLE = ("amplitude", "sector", "code", "address", "detection_type")
 # Quantities that a cloud must have if the radar's configuration names their fields.
 REQUIRED = ("range", "azimuth", "elevation")
 # Usual field names, in lower case, that are recognised if a radar's own name is missing, as is that
@@ -44,10 +44,10 @@ def to_msg(
     """Encode a planar radar's detections as the cloud that the radar's driver would publish.
 
     The fields are ``x y z`` in the sensor's frame, then ``range azimuth elevation amplitude`` under
-    the radar's names, and then those of time, sector, height, code, address, kind, range rate and
-    standard deviations that the radar has. All are FLOAT32, except for sector, code and address
-    (UINT32), kind (UINT8), and times since the epoch (FLOAT64). The elevation is 0; so is the
-    height above the antenna if the detections have no height.
+    the radar's names, and then those of time, sector, height, code, address, detection type, range
+    rate and standard deviations that the radar has. All are FLOAT32, except for sector, code and
+    address (UINT32), detection type (UINT8), and times since the epoch (FLOAT64). The elevation is
+    0; so is the height above the antenna if the detections have no height.
 
     Raise `ValueError` if the radar has amplitudes or sectors and the detections do not.
     """
@@ -63,10 +63,10 @@ def from_msg(cloud: PointCloud2, radar: RadarParameters) -> Report:
     """Decode the detections of a cloud.
 
     Range, azimuth, elevation, times, heights, range rates and standard deviations are floats;
-    amplitude, sector, code, address and kind may also be integers. With an elevation or a height
-    field, ranges are slant ranges. If the cloud lacks a configured field that is not a coordinate,
-    its quantity is unknown: an anomaly. A cloud with neither points nor fields, such as a new
-    message, is a report without detections.
+    amplitude, sector, code, address and detection type may also be integers. With an elevation or a
+    height field, ranges are slant ranges. If the cloud lacks a configured field that is not a
+    coordinate, its quantity is unknown: an anomaly. A cloud with neither points nor fields, such as
+    a new message, is a report without detections.
 
     Raise `RejectedMessageError`: ``frame`` if the cloud is in another frame than the radar's;
     otherwise see `stamps.of_input` and `point_cloud.decode`.

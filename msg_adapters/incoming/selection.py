@@ -19,14 +19,14 @@ from . import ground_ranges, sent_columns
 
 # Largest envelope: 120 dB above the noise, more than any receiver reports.
 MAX_AMPLITUDE = 1e6
-# Largest azimuth within a turn: compass azimuths may be rounded up beyond a whole turn.
+# Largest azimuth within a revolution: compass azimuths may be rounded up beyond a whole revolution.
 LARGEST_AZIMUTH = FULL_TURN * (1.0 + 1e-6)
-# Largest azimuth in turns; beyond it, single precision is coarser than 0.03 degrees.
+# Largest azimuth in revolutions; beyond it, single precision is coarser than 0.03 degrees.
 MAX_TURNS = 1000.0
 # No azimuth, in radians or degrees, has a larger magnitude; a range has.
 NO_ANGLE = 720.0
-# Largest time from the stamp in turns, or in seconds if the time of a turn is unknown.
-MAX_TURNS_OFF = 1.5
+# Largest time from the stamp in revolutions, or in seconds if the time of a revolution is unknown.
+MAX_REVOLUTIONS_OFF = 1.5
 MAX_SECONDS_OFF = 60.0
 # Plausible standard deviations of ranges, m, and of azimuths, rad.
 RANGE_STDS = (1e-3, 1e5)
@@ -60,8 +60,8 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     """Return the valid detections of a message in the core's units, and count the other points.
 
     NaN marks an unknown amplitude, height, range rate or standard deviation; its point is kept. A
-    point with an impossible range rate, code, address or kind is kept too, and that value is
-    unknown.
+    point with an impossible range rate, code, address or detection type is kept too, and that value
+    is unknown.
 
     The radar's systematic errors are removed first; a range that becomes negative is set to 0.
     """
@@ -88,7 +88,7 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     time = amplitude = None
     if "time" in columns:
         time = sent_columns.relative_time(columns["time"], stamp_ns, radar)
-        most = MAX_TURNS_OFF * radar.rotation_s if radar.rotation_s else MAX_SECONDS_OFF
+        most = MAX_REVOLUTIONS_OFF * radar.rotation_s if radar.rotation_s else MAX_SECONDS_OFF
         passed["time"] = np.abs(time) <= most  # False for NaN
     if "amplitude" in columns:
         amplitude = _linear_amplitude(columns["amplitude"], radar)
@@ -119,7 +119,9 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         height=None if height is None else height[kept] - radar.datum,
         code=code,
         address=address,
-        sensor_type=identities.read(columns.get("kind"), kept, identities.KINDS)[0],
+        detection_type=identities.read(
+            columns.get("detection_type"), kept, identities.DETECTION_TYPES
+        )[0],
     )
     beyond, no_angles = azimuth_size > LARGEST_AZIMUTH, 0
     if is_beyond := bool(beyond.any()):
@@ -158,10 +160,10 @@ def _repeats(columns: Columns) -> BoolArray | None:
     A driver that sends its buffer twice would otherwise make each target appear as a group in
     formation: three copies of each detection made four targets out of one. Noise in double or
     single precision does not repeat, so no other points are removed if amplitudes or times are
-    reported. With only a coarse range and azimuth, detections coincide by chance: of 50 per turn
-    within 20 km, 1.6 in 10,000 in cells of 50 m by 1 degree, and 1.1 in 1000 in cells of 250 m by
-    1.4 degrees (uniform, 20,000 turns). The detection probability falls by that share, which costs
-    less than the copies do.
+    reported. With only a coarse range and azimuth, detections coincide by chance: of 50 per
+    revolution within 20 km, 1.6 in 10,000 in cells of 50 m by 1 degree, and 1.1 in 1000 in cells of
+    250 m by 1.4 degrees (uniform, 20,000 revolutions). The detection probability falls by that
+    share, which costs less than the copies do.
     """
     # Different ranges, the common case, exclude repetitions at the lowest cost.
     ordered = columns["range"].copy()

@@ -55,9 +55,9 @@ def _time(detections: Detections, stamp_ns: int, radar: RadarParameters) -> Floa
     return sent_time(fill(detections.time_s, len(detections), 0.0), stamp_ns, radar)
 
 
-def _kind(detections: Detections, _: int, __: RadarParameters) -> npt.NDArray[Any]:
-    kind: npt.NDArray[Any] = np.maximum(fill(detections.sensor_type, len(detections), 0.0), 0)
-    return kind.astype(np.uint8)
+def _detection_type(detections: Detections, _: int, __: RadarParameters) -> npt.NDArray[Any]:
+    found: npt.NDArray[Any] = np.maximum(fill(detections.detection_type, len(detections), 0.0), 0)
+    return found.astype(np.uint8)
 
 
 def _azimuth_std(detections: Detections, _: int, radar: RadarParameters) -> FloatArray:
@@ -83,7 +83,7 @@ _COLUMNS: Mapping[str, Callable[[Detections, int, RadarParameters], npt.NDArray[
     "height": lambda own, _, radar: ground_ranges.message_height(own, radar),
     "code": lambda own, _, __: identities.encode(own.code, len(own)),
     "address": lambda own, _, __: identities.encode(own.address, len(own)),
-    "kind": _kind,
+    "detection_type": _detection_type,
     "range_std": lambda own, _, __: _noise_std(own)[:, 0],
     "azimuth_std": _azimuth_std,
     "range_rate": lambda own, _, __: fill(own.range_rate, len(own), np.nan),

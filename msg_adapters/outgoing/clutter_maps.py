@@ -1,7 +1,7 @@
 """Clutter maps as ``nav_msgs/OccupancyGrid``, with densities on a logarithmic scale.
 
-A factor of ten is 20 steps: 0 stands for at most 0.01 false detections per turn and km^2, 100 for
-1000 or more.
+A factor of ten is 20 steps: 0 stands for at most 0.01 false detections per revolution and km^2, 100
+for 1000 or more.
 """
 
 from __future__ import annotations

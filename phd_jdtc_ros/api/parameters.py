@@ -43,7 +43,7 @@ RADAR_DEFAULTS: Mapping[str, Any] = {
 REQUIRED, REQUIRED_OF_RADARS = ("interval_s",), ("range_std", "azimuth_std_deg", "max_range")
 # Optional columns, named like the parameters of `fields`, that are used if present.
 RECOGNISED = (
-    *("amplitude", "elevation", "height", "code", "address", "kind", "sector"),
+    *("amplitude", "elevation", "height", "code", "address", "detection_type", "sector"),
     *("range_std", "azimuth_std", "range_rate", "range_rate_std"),
 )
 
@@ -233,4 +233,7 @@ def _for_tables(given: Mapping[str, Any]) -> dict[str, Any]:
 
 def _fields(radar: str, columns: Collection[str]) -> dict[str, str]:
     """Return the field parameters of a radar for the recognised columns."""
-    return {f"{radar}.fields.{what}": what for what in RECOGNISED if what in columns}
+    names = {what: what for what in RECOGNISED if what in columns}
+    if "kind" in columns:  # as in the clouds of ASTERIX plots
+        names.setdefault("detection_type", "kind")
+    return {f"{radar}.fields.{what}": column for what, column in names.items()}

@@ -32,9 +32,9 @@ from .tables import (
 # Column of the standard deviation of positions along both axes.
 POSITION_STD = "position_std"
 TIME = "time"
-# Detections with individual times are reported in parts of a turn, as the tracker splits turns, or
-# in parts of DEFAULT_PART_S seconds if the time of a turn is unknown.
-PARTS_OF_A_TURN, DEFAULT_PART_S = 8, 1.0
+# Detections with individual times are reported in parts of a revolution, as the tracker splits
+# revolutions, or in parts of DEFAULT_PART_S seconds if the time of a revolution is unknown.
+PARTS_OF_A_REVOLUTION, DEFAULT_PART_S = 8, 1.0
 
 
 def reports_of(columns: Columns, config: TrackerConfig) -> list[tuple[int, Report]]:
@@ -90,19 +90,19 @@ def _rows_of_radars(columns: Columns, radars: Sequence[RadarParameters]) -> Iter
 
 
 def _step_ns(radar: RadarParameters) -> int:
-    return round((radar.rotation_s / PARTS_OF_A_TURN or DEFAULT_PART_S) * 1e9)
+    return round((radar.rotation_s / PARTS_OF_A_REVOLUTION or DEFAULT_PART_S) * 1e9)
 
 
 def _ends_ns(time_ns: IntArray, radar: RadarParameters) -> IntArray:
-    """Return the end of the part of a turn of each detection time."""
+    """Return the end of the part of a revolution of each detection time."""
     return (time_ns // _step_ns(radar) + 1) * _step_ns(radar)
 
 
 def _empty_ns(ends_ns: Sequence[int], step_ns: int) -> list[int]:
-    """Return the ends of the parts without detections; gaps longer than a turn are left out."""
+    """Return the ends of the parts without detections, without gaps above a revolution."""
     empty_ns: list[int] = []
     for begin, end in pairwise(ends_ns):
-        if end - begin < PARTS_OF_A_TURN * step_ns:
+        if end - begin < PARTS_OF_A_REVOLUTION * step_ns:
             empty_ns += range(begin + step_ns, end, step_ns)
     return empty_ns
 

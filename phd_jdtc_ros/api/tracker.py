@@ -113,7 +113,7 @@ class Tracker:
         return self._parameters.values()
 
     def fit(self, detections: Table) -> Tracker:
-        """Estimate the missing parameters: noise, detection probability, clutter, turns.
+        """Estimate the missing parameters: noise, detection probability, clutter, revolutions.
 
         Parameters
         ----------

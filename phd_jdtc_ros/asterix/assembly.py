@@ -13,23 +13,30 @@ from collections import Counter, deque
 from dataclasses import dataclass, field
 
 from .messages import FULL_TURN, Plot, ServiceMessage
-from .slices import MAX_PENDING, NoTurnFinder, RecentMaximum, SectorReport, Slicer, TurnFinder
+from .slices import (
+    MAX_PENDING,
+    NoRevolutionFinder,
+    RecentMaximum,
+    RevolutionFinder,
+    SectorReport,
+    Slicer,
+)
 
 # A sector counts as passed once the azimuth is within TOLERANCE of its end: half the resolution of
 # sector-crossing messages, radians.
 TOLERANCE = 0.5 * FULL_TURN / 2**8
-# Upper bounds between consecutive sector crossings: a quarter of a turn, and seconds. North marks
-# alone are not sector crossings.
+# Upper bounds between consecutive sector crossings: a quarter of a revolution, and seconds. North
+# marks alone are not sector crossings.
 LARGEST_PART, LONGEST_STEP_S = 0.25, 15.0
 LARGEST_STEP = LARGEST_PART * FULL_TURN + TOLERANCE
-# After this many turns without a crossing the antenna's azimuth is unknown.
-TURNS_LOST = 1.5
+# After this many revolutions without a crossing the antenna's azimuth is unknown.
+REVOLUTIONS_LOST = 1.5
 # Value of `Assembler.hold` for which reports are held back for the largest plot delay of the last
-# MEMORY_NS, in sectors: an eighth of a turn at first, a quarter at most.
+# MEMORY_NS, in sectors: an eighth of a revolution at first, a quarter at most.
 LEARNED = -1
 MEMORY_NS = 60 * 10**9
 # Plausible rotation periods, seconds.
-SHORTEST_TURN_S, LONGEST_TURN_S = 0.3, 60.0
+SHORTEST_REVOLUTION_S, LONGEST_REVOLUTION_S = 0.3, 60.0
 
 
 @dataclass
@@ -37,12 +44,12 @@ class Assembler:
     """Assembles reports from one radar's messages; `by_sector` and `by_time` count them.
 
     `counts` has ``late_plots``, plots that arrived after the report of their sector or slice, and
-    go with the next; ``turns_lost``, how often the antenna's azimuth was lost, after `TURNS_LOST`
-    turns without a sector crossing; ``overflow``, plots dropped because too many waited; and
-    ``sectors_bridged``, sectors whose crossing is missing.
+    go with the next; ``revolutions_lost``, how often the antenna's azimuth was lost, after
+    `REVOLUTIONS_LOST` revolutions without a sector crossing; ``overflow``, plots dropped because
+    too many waited; and ``sectors_bridged``, sectors whose crossing is missing.
     """
 
-    sectors: int = 32  # Number of sectors per turn, for radars with sector crossings
+    sectors: int = 32  # Number of sectors per revolution, for radars with sector crossings
     # Rotation period, seconds; 0 until service messages or plots show it.
     rotation_s: float = 0.0
     # Number of sectors for which a report is held back after its sector has ended, because plots
@@ -50,7 +57,7 @@ class Assembler:
     hold: int = 0
     counts: Counter[str] = field(default_factory=Counter)
     # Estimates the rotation period of radars without sector crossings.
-    finder: TurnFinder = field(default_factory=NoTurnFinder)
+    finder: RevolutionFinder = field(default_factory=NoRevolutionFinder)
     by_sector: int = field(init=False, default=0)
     by_time: int = field(init=False, default=0)
 
@@ -61,7 +68,7 @@ class Assembler:
         # Plots of sectors that are not reported yet: number of the sector's end, time, plot.
         self._pending: list[tuple[int, int, Plot]] = []
         # Azimuth and time of the latest service message, NaN if there is none. With sector
-        # crossings the azimuth is accumulated over the turns since `_begin`, which is None
+        # crossings the azimuth is accumulated over the revolutions since `_begin`, which is None
         # otherwise.
         self._phase, self._phase_ns = math.nan, 0
         self._begin: tuple[float, int] | None = None
@@ -80,22 +87,22 @@ class Assembler:
         return self.by_sector > 0 or self._begin is not None
 
     @property
-    def turn_s(self) -> float:
+    def revolution_s(self) -> float:
         """Rotation period, s, by crossings, else plots, else the messages; 0 if unknown."""
-        if self._measured_turn_s:
-            return self._measured_turn_s
-        found_s = self.finder.turn_s
-        return found_s if _is_turn(found_s) else self.rotation_s
+        if self._measured_revolution_s:
+            return self._measured_revolution_s
+        found_s = self.finder.revolution_s
+        return found_s if _is_revolution(found_s) else self.rotation_s
 
     @property
-    def _measured_turn_s(self) -> float:
+    def _measured_revolution_s(self) -> float:
         """Rotation period by sector crossings, seconds; 0 if unknown."""
         phase, begin_ns = self._begin or (math.nan, 0)
         turned = self._phase - phase
         if turned >= 0.5 * FULL_TURN:
-            turn_s = (self._phase_ns - begin_ns) * 1e-9 * FULL_TURN / turned
-            if _is_turn(turn_s):
-                return turn_s
+            revolution_s = (self._phase_ns - begin_ns) * 1e-9 * FULL_TURN / turned
+            if _is_revolution(revolution_s):
+                return revolution_s
         return 0.0
 
     def add_plot(self, plot: Plot, time_ns: int) -> list[SectorReport]:
@@ -122,7 +129,7 @@ class Assembler:
 
     def add_service(self, message: ServiceMessage, time_ns: int) -> list[SectorReport]:
         """Process a north mark or a sector crossing, and return the reports that it completes."""
-        if not self.rotation_s and _is_turn(message.rotation_s):
+        if not self.rotation_s and _is_revolution(message.rotation_s):
             self.rotation_s = self._slicer.rotation_s = message.rotation_s
         if not math.isfinite(message.azimuth):
             return []
@@ -144,7 +151,7 @@ class Assembler:
             return self._record_slices(self._slicer.finish())
         sectors = self._close_all()
         # The next crossing would come by this time.
-        step_s = min(LARGEST_PART * (self.turn_s or LONGEST_TURN_S), LONGEST_STEP_S)
+        step_s = min(LARGEST_PART * (self.revolution_s or LONGEST_REVOLUTION_S), LONGEST_STEP_S)
         end_ns = self._phase_ns + round(step_s * 1e9)
         outside: list[tuple[int, int, Plot]] = []
         if self._slicer.latest_ns > end_ns:  # the crossings have ended
@@ -188,8 +195,8 @@ class Assembler:
 
     def _anchor(self, azimuth: float, time_ns: int) -> list[SectorReport]:
         """Begin to follow the antenna, and return the plots of the incomplete sector before."""
-        # Plots ahead of the antenna are recent, or from the previous turn.
-        oldest_ns = time_ns - round(0.5e9 * self.turn_s) if self.turn_s else 0
+        # Plots ahead of the antenna are recent, or from the previous revolution.
+        oldest_ns = time_ns - round(0.5e9 * self.revolution_s) if self.revolution_s else 0
         self._phase, self._phase_ns = azimuth, time_ns
         self._begin = azimuth, time_ns
         self._passed = self._last_end(azimuth)
@@ -202,12 +209,15 @@ class Assembler:
 
     def _end_if_lost(self, time_ns: int) -> list[SectorReport]:
         """Return the pending reports if the antenna's azimuth has become unknown, else none."""
-        turn_s = self.turn_s or LONGEST_TURN_S
-        if self._begin is None or abs(time_ns - self._phase_ns) <= TURNS_LOST * turn_s * 1e9:
+        revolution_s = self.revolution_s or LONGEST_REVOLUTION_S
+        if (
+            self._begin is None
+            or abs(time_ns - self._phase_ns) <= REVOLUTIONS_LOST * revolution_s * 1e9
+        ):
             return []
-        self.counts["turns_lost"] += 1
+        self.counts["revolutions_lost"] += 1
         # Keep the last known rotation period.
-        self.rotation_s = self._slicer.rotation_s = self.turn_s
+        self.rotation_s = self._slicer.rotation_s = self.revolution_s
         found = self.finish()
         self._phase, self._begin = math.nan, None
         return found
@@ -244,13 +254,14 @@ class Assembler:
     def _step(self, azimuth: float, time_ns: int) -> float:
         """Return the angle by which the antenna has turned, radians."""
         step = (azimuth - self._phase) % FULL_TURN
-        # Whole turns are added only if crossings have measured the rotation period. A configured or
-        # estimated period that is too short would add turns and so confirm itself.
-        if not (turn_s := self._measured_turn_s):
-            # A message that is overtaken by a later one would add nearly a turn.
+        # Whole revolutions are added only if crossings have measured the rotation period. A
+        # configured or estimated period that is too short would add revolutions and so confirm
+        # itself.
+        if not (revolution_s := self._measured_revolution_s):
+            # A message that is overtaken by a later one would add nearly a revolution.
             late = time_ns < self._phase_ns
             return step if step < FULL_TURN - TOLERANCE and not late else 0.0
-        expected = (time_ns - self._phase_ns) * 1e-9 / turn_s * FULL_TURN
+        expected = (time_ns - self._phase_ns) * 1e-9 / revolution_s * FULL_TURN
         return step + round((expected - step) / FULL_TURN) * FULL_TURN
 
     def _keep(self, plot: Plot, time_ns: int) -> int:
@@ -289,9 +300,9 @@ class Assembler:
         )
 
 
-def _is_turn(time_s: float) -> bool:
+def _is_revolution(time_s: float) -> bool:
     """Return whether a rotation period is plausible, seconds."""
-    return SHORTEST_TURN_S <= time_s <= LONGEST_TURN_S
+    return SHORTEST_REVOLUTION_S <= time_s <= LONGEST_REVOLUTION_S
 
 
 def _number_of(entry: tuple[int, int, Plot]) -> int:

@@ -164,5 +164,5 @@ def _in_day(begin_ns: int, own_ns: int, period_ns: int, near_ns: int) -> int:
     of a day is shorter.
     """
     last = (NS_PER_DAY - 1 - own_ns) // period_ns
-    turns = round((near_ns - begin_ns - own_ns) / period_ns)
-    return begin_ns + own_ns + min(max(turns, 0), last) * period_ns
+    revolutions = round((near_ns - begin_ns - own_ns) / period_ns)
+    return begin_ns + own_ns + min(max(revolutions, 0), last) * period_ns

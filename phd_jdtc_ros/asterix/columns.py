@@ -21,9 +21,9 @@ UNKNOWN = 2**32 - 1
 def columns(report: SectorReport, sectors: int) -> dict[str, npt.NDArray[Any]]:
     """Return the columns of a cloud in their order, arrays of shape (M,).
 
-    `sectors` is the number of sectors per turn, a multiple of 4. An amplitude of s dBm, of the echo
-    or else of the replies, becomes an envelope of ``sqrt(2 * 10^((s - NOISE_DBM) / 10))`` in units
-    of the noise's standard deviation per quadrature component.
+    `sectors` is the number of sectors per revolution, a multiple of 4. An amplitude of s dBm, of
+    the echo or else of the replies, becomes an envelope of ``sqrt(2 * 10^((s - NOISE_DBM) / 10))``
+    in units of the noise's standard deviation per quadrature component.
 
     The columns are ``x y z`` in the frame of the radar, whose x axis is east; ``range`` (slant, m),
     ``azimuth`` (rad counter-clockwise from the x axis), ``elevation`` (0), ``amplitude`` (NaN if
@@ -56,7 +56,7 @@ def columns(report: SectorReport, sectors: int) -> dict[str, npt.NDArray[Any]]:
         "height": column("height"),
         "code": _identity(column("code")),
         "address": _identity(column("address")),
-        "kind": column("kind").astype(np.uint8),
+        "kind": column("detection_type").astype(np.uint8),
     }
     signs = np.array(fields.get("call_sign", ()), dtype=np.int64)
     if (signs != NONE).any():

@@ -38,7 +38,7 @@ class Plot(NamedTuple):
     height: float = math.nan  # From the flight level, or else measured, metres; NaN if unknown
     code: int = NONE  # Mode 3/A code; `NONE` if unknown
     address: int = NONE  # Mode S address; `NONE` if unknown
-    kind: int = 0  # Such as `PRIMARY`; 0 if unknown
+    detection_type: int = 0  # Such as `PRIMARY`; 0 if unknown
     primary_dbm: float = math.nan  # Amplitude of the echo, dBm; NaN if unknown
     secondary_dbm: float = math.nan  # Amplitude of the replies, dBm; NaN if unknown
     call_sign: int = NONE  # The 48 bits of I048/240; `NONE` if unknown

@@ -12,7 +12,7 @@ from .blocks import BlockReader
 from .call_signs import CallSigns
 from .clocks import RadarClock, StreamClock, fits_stamp
 from .messages import NONE, Message, Plot
-from .slices import NoTurnFinder, SectorReport, TurnFinder
+from .slices import NoRevolutionFinder, RevolutionFinder, SectorReport
 
 # Upper bound of a radar's messages that wait until its clock error is known.
 MAX_WAITING = 1000
@@ -27,7 +27,7 @@ class RadarSettings:
     """Configuration of a radar."""
 
     name: str
-    sectors: int = 32  # Number of sectors per turn; a multiple of 4
+    sectors: int = 32  # Number of sectors per revolution; a multiple of 4
     hold_sectors: int = LEARNED  # See `Assembler`
     # Latitude and longitude, degrees, and height of the antenna, metres; None if unknown.
     site: tuple[float, float, float] | None = None
@@ -39,11 +39,12 @@ class PlotStatistics:
 
     nearest: float = math.inf  # Smallest slant range, metres
     farthest: float = 0.0  # Largest slant range, metres
-    # Numbers of plots with a height, a code, an address, a kind, and a code or an address.
+    # Numbers of plots with a height, a code, an address, a detection type, and a code or an
+    # address.
     heights: int = 0
     codes: int = 0
     addresses: int = 0
-    kinds: int = 0
+    detection_types: int = 0
     identified: int = 0
 
     def add(self, plot: Plot) -> None:
@@ -54,7 +55,7 @@ class PlotStatistics:
         self.heights += not math.isnan(plot.height)
         self.codes += code
         self.addresses += address
-        self.kinds += plot.kind > 0
+        self.detection_types += plot.detection_type > 0
         self.identified += code or address
 
 
@@ -122,7 +123,7 @@ class PlotStream:
         radars: Mapping[int, RadarSettings],
         others: RadarSettings | None = None,
         clock: StreamClock | None = None,
-        finders: Callable[[], TurnFinder] = NoTurnFinder,
+        finders: Callable[[], RevolutionFinder] = NoRevolutionFinder,
     ) -> None:
         self.counts: Counter[str] = Counter()
         self.blocks = BlockReader(self.counts)

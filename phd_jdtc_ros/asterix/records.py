@@ -153,8 +153,8 @@ def _fault(undetected: bool, monitor: int, test: int, radar: int, position: int)
 def _monoradar(data: bytes, items: Items) -> Plot | str:
     at010, at140, at020, at040, at042, at070, at090, at110, at130, at220, at240 = items
     first, second = _descriptor(data, at020)
-    kind = first >> 5
-    undetected = at020 >= 0 and kind == NO_DETECTION
+    detection_type = first >> 5
+    undetected = at020 >= 0 and detection_type == NO_DETECTION
     fault = _fault(undetected, first & 0x02, second & 0x80, at010, max(at040, at042))
     if fault:
         return fault
@@ -175,7 +175,7 @@ def _monoradar(data: bytes, items: Items) -> Plot | str:
         height,
         _code(data, at070),
         _address(data, at220),
-        kind,
+        detection_type,
         *_amplitudes(data, at130),
         call_signs.read(data, at240),
     )
@@ -208,8 +208,8 @@ def _old_monoradar(data: bytes, items: Items) -> Plot | str:
     """Decode a target report of CAT001, of old radars; its time has 16 bits only."""
     at010, at020, at040, at070, at090, at131, at141 = items
     first, second = _descriptor(data, at020)
-    kind = first >> 4 & 3
-    fault = _fault(at020 >= 0 and not kind, first & 0x02, second & 0x80, at010, at040)
+    detection_type = first >> 4 & 3
+    fault = _fault(at020 >= 0 and not detection_type, first & 0x02, second & 0x80, at010, at040)
     if fault:
         return fault
     power = math.nan if at131 < 0 else float(_signed(data[at131]))
@@ -222,13 +222,13 @@ def _old_monoradar(data: bytes, items: Items) -> Plot | str:
         _level(data, at090),
         _code(data, at070),
         NONE,
-        kind,
-        power if kind in (PRIMARY, COMBINED) else math.nan,
-        power if kind == SECONDARY else math.nan,
+        detection_type,
+        power if detection_type in (PRIMARY, COMBINED) else math.nan,
+        power if detection_type == SECONDARY else math.nan,
     )
 
 
-# Kinds of surface reports (I010/020), as the corresponding kinds of I048/020.
+# Types of surface reports (I010/020), as the corresponding types of I048/020.
 _SURFACE = {0: SECONDARY, 1: ROLL_CALL, 3: PRIMARY}
 
 
@@ -264,9 +264,11 @@ def _service(data: bytes, items: Items) -> ServiceMessage | str:
         azimuth = 0.0
     elif kind == SECTOR and at020 >= 0:
         azimuth = data[at020] * SECTOR_UNIT
-    turn = _word(data, at041) / TICKS_PER_S if at041 >= 0 else 0.0
+    revolution = _word(data, at041) / TICKS_PER_S if at041 >= 0 else 0.0
     radar, time_of_day = _word(data, at010), _time_of_day(data, at030)
-    return ServiceMessage(radar, time_of_day, kind, azimuth, turn or math.nan, _site(data, *at120))
+    return ServiceMessage(
+        radar, time_of_day, kind, azimuth, revolution or math.nan, _site(data, *at120)
+    )
 
 
 def _site(data: bytes, at: int = NONE) -> tuple[float, float, float] | None:

@@ -17,7 +17,7 @@ from .messages import Plot
 MAX_PENDING = 20_000
 # Two messages this far behind the latest show that the times have gone back.
 BACK_NS = 60 * 10**9
-# A slice is 1/PARTS of a turn, but at least SHORTEST_NS, because an airport radar turns in a
+# A slice is 1/PARTS of a revolution, but at least SHORTEST_NS, because an airport radar turns in a
 # second.
 PARTS, SHORTEST_NS = 8, 250_000_000
 # After this time without plots the radar counts as off, and no empty slices are sent.
@@ -65,11 +65,11 @@ class RecentMaximum:
             self._now = max(self._now, value)
 
 
-class TurnFinder(Protocol):
+class RevolutionFinder(Protocol):
     """Estimates the rotation period from plots."""
 
     @property
-    def turn_s(self) -> float:
+    def revolution_s(self) -> float:
         """Rotation period, seconds; 0 if unknown."""
 
     def add(self, azimuth: float, time_ns: int) -> None:
@@ -80,10 +80,10 @@ class TurnFinder(Protocol):
 
 
 @dataclass
-class NoTurnFinder:
-    """A turn finder for radars whose rotation period remains unknown."""
+class NoRevolutionFinder:
+    """A revolution finder for radars whose rotation period remains unknown."""
 
-    turn_s: float = 0.0
+    revolution_s: float = 0.0
 
     def add(self, azimuth: float, time_ns: int) -> None:
         """Ignore a plot."""
@@ -100,7 +100,7 @@ class Slicer:
     # It counts ``late_plots``, plots that arrived after their slice was sent and go with the next
     # one, and ``overflow``, plots dropped because too many waited.
     counts: Counter[str]
-    finder: TurnFinder = field(default_factory=NoTurnFinder)
+    finder: RevolutionFinder = field(default_factory=NoRevolutionFinder)
     _delay: RecentMaximum = field(init=False)
 
     def __post_init__(self) -> None:
@@ -116,8 +116,8 @@ class Slicer:
 
     @property
     def _width_ns(self) -> int:
-        turn_s = self.finder.turn_s or self.rotation_s
-        return max(SHORTEST_NS, round(turn_s * 1e9 / PARTS))
+        revolution_s = self.finder.revolution_s or self.rotation_s
+        return max(SHORTEST_NS, round(revolution_s * 1e9 / PARTS))
 
     def add(self, plot: Plot, time_ns: int) -> list[SectorReport]:
         """Add a plot, and return the slices that it completes."""

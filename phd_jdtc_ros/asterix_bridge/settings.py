@@ -12,7 +12,7 @@ from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettings
 from phd_jdtc_ros.asterix.transport import udp
 from phd_jdtc_ros.asterix.writing.tracks import Source
-from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns
+from phd_jdtc_ros.calibration.tuning.rotation import PlotRevolutions
 from phd_jdtc_ros.configuration.parameters import replaced
 from phd_jdtc_ros.configuration.parameters.place_forms import PLACE
 from phd_jdtc_ros.configuration.schema import (
@@ -29,8 +29,8 @@ from .tracks import TrackOutput
 
 # Largest number of input addresses, each of which needs a socket and a buffer.
 MOST_INPUTS = 64
-# Longest prediction of estimates, seconds: some turns of a radar. Tracks without newer estimates
-# end after it.
+# Longest prediction of estimates, seconds: some revolutions of a radar. Tracks without newer
+# estimates end after it.
 MAX_PREDICTION_S = 10.0
 
 
@@ -40,9 +40,9 @@ class RadarDefaults:
 
     sectors: int = parameter(
         32,
-        "Number of clouds per turn, a multiple of 4, for a radar with sector crossings; without, a "
-        "cloud covers an eighth of a turn. For clouds at even intervals set at most the radar's "
-        "own number of sectors.",
+        "Number of clouds per revolution, a multiple of 4, for a radar with sector crossings; "
+        "without, a cloud covers an eighth of a revolution. For clouds at even intervals set at "
+        "most the radar's own number of sectors.",
         (4, 256),
     )
     hold_sectors: int = parameter(
@@ -165,7 +165,7 @@ class Bridge:
 
     def stream(self, clock: StreamClock) -> PlotStream:
         """Return the stream that processes the radars' datagrams."""
-        return PlotStream(self.radars, self.others, clock, PlotTurns)
+        return PlotStream(self.radars, self.others, clock, PlotRevolutions)
 
 
 def track_output(bridge: Bridge, monosensor: bool, call_signs: CallSigns) -> TrackOutput:

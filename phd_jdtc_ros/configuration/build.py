@@ -13,8 +13,8 @@ from phd_jdtc_ros.core.intake.antenna import MIN_PERIOD_S
 from phd_jdtc_ros.core.intake.clocks import Clocks, SentReport
 from phd_jdtc_ros.core.intake.input_checks import ReportCheck
 from phd_jdtc_ros.core.intake.poses import Platform
+from phd_jdtc_ros.core.intake.revolutions import Revolutions
 from phd_jdtc_ros.core.intake.scans import ScanGrouper
-from phd_jdtc_ros.core.intake.turns import Turns
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 from phd_jdtc_ros.core.phd.resampling import ParticleBudget
 from phd_jdtc_ros.core.sensors.site import Plane
@@ -34,7 +34,7 @@ from .tables import GROUPS, entries, parts_of, schema, unlisted
 # Former parameters with their replacements: without a prefix, and of each part.
 _FORMER = ({**replaced.TRACKER, **replaced.NODE}, {**replaced.RADAR, **replaced.BIRTH})
 
-# A backward jump of the stamps by more intervals or turns than this starts a new run.
+# A backward jump of the stamps by more intervals or revolutions than this starts a new run.
 RESET_THRESHOLD_SCANS = 3.0
 # Number of values of a known ``world_origin``; an unknown place has its height alone.
 KNOWN_PLACE = 3
@@ -107,7 +107,7 @@ class TrackerConfig(Tracking):
 
     @property
     def _slowest_s(self) -> float:
-        """The nominal interval or the longest configured turn, seconds."""
+        """The nominal interval or the longest configured revolution, seconds."""
         return max(self.interval_s, *(radar.rotation_s for radar in self.inputs))
 
     @property
@@ -132,8 +132,8 @@ class TrackerConfig(Tracking):
     def answer_delay_s(self) -> float:
         """Largest difference between a report's stamp and that of its last scan, seconds.
 
-        A report of a turning radar becomes scans of parts of a turn, and the report of a radar with
-        a late clock an earlier scan. Otherwise a report and its scan have one stamp.
+        A report of a turning radar becomes scans of parts of a revolution, and the report of a
+        radar with a late clock an earlier scan. Otherwise a report and its scan have one stamp.
         """
         slices_s = [
             radar.rotation_s / max(radar.sectors / 2.0, 4.0)
@@ -151,17 +151,18 @@ class TrackerConfig(Tracking):
         """Return a new grouper of the radars' reports into scans."""
         return ScanGrouper(len(self.inputs), self.reset_threshold_s, self.max_gap_s, self.reorder_s)
 
-    def turns(self) -> tuple[Turns, ...]:
-        """Return new slicers of the radars' turns, in the configured order."""
+    def revolutions(self) -> tuple[Revolutions, ...]:
+        """Return new slicers of the radars' revolutions, in the configured order."""
         return tuple(
-            Turns(
+            Revolutions(
                 configured_period_s=radar.rotation_s,
                 sectors=radar.sectors,
                 compass=radar.compass,
                 fine=bool(radar.pose.topic),
                 reset_threshold_s=self.reset_threshold_s,
                 azimuth_bias=radar.bias.azimuth,
-                # Filters without labels update all targets at once, so that turns are not cut.
+                # Filters without labels update all targets at once, so that revolutions are not
+                # cut.
                 min_period_s=MIN_PERIOD_S if self.rule.labelled and model.may_turn else math.inf,
             )
             for radar, model in zip(self.inputs, self.model.radars, strict=True)

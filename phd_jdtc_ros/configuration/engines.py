@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from phd_jdtc_ros.core.engine import Engine, OnFiltered, ignore_filtered
 from phd_jdtc_ros.core.intake.input_checks import ResultCheck
 from phd_jdtc_ros.core.intake.out_of_sequence import OutOfSequence
-from phd_jdtc_ros.core.intake.turn_history import TurnHistory
+from phd_jdtc_ros.core.intake.revolution_history import RevolutionHistory
 from phd_jdtc_ros.core.pipeline import Pipeline, SensorStages, start_cold
 from phd_jdtc_ros.core.tracks.region import Everywhere
 
@@ -82,7 +82,9 @@ def new_pipeline(
     """Return a pipeline with a new engine; see `Pipeline` for `begin` and `on_filtered`."""
     engine, platforms = new_engine(config), config.platforms()
     reprocesses = config.late_reports == "rework"
-    histories = (TurnHistory(own, reprocesses and not any(platforms)) for own in config.turns())
+    histories = (
+        RevolutionHistory(own, reprocesses and not any(platforms)) for own in config.revolutions()
+    )
     stages = zip(config.report_checks(), histories, platforms, strict=True)
     return Pipeline(
         config.clocks(),

@@ -86,7 +86,7 @@ def tracker_model(parts: Parts, inputs: Sequence[SensorParameters]) -> TrackerMo
 def _attributes(parts: Parts) -> AttributeModel | None:
     """Return the model of identities and heights; None if no sensor reports any."""
     top, fields_of = parts.tracking, [sensor.fields for sensor in parts.sensors.values()]
-    reported = any(own.code or own.address or own.height or own.kind for own in fields_of)
+    reported = any(own.code or own.address or own.height or own.detection_type for own in fields_of)
     if not reported or top.engine not in LABELLED:
         return None
     transponder = top.equipped_probability, REPLY_PROBABILITY
@@ -114,7 +114,7 @@ def _attributes(parts: Parts) -> AttributeModel | None:
             garbled=GARBLED_PROBABILITY,
         ),
         clutter_reply=CLUTTER_REPLY_PROBABILITY,
-        ages=any(own.kind for own in fields_of),
+        ages=any(own.detection_type for own in fields_of),
         replies=any(own.code or own.address for own in fields_of),
     )
 

@@ -54,7 +54,7 @@ def _clutter(radar: RadarParameters, parts: Parts) -> Iterator[str]:
         )
 
 
-def _turns(radar: RadarParameters, parts: Parts) -> Iterator[str]:
+def _revolutions(radar: RadarParameters, parts: Parts) -> Iterator[str]:
     name = radar.name
     if radar.sectors and not radar.rotation_s:
         yield f"{name}.rotation_s: 0 given, must be above 0 with sectors"
@@ -153,7 +153,7 @@ CHECKS = (
     _detection,
     _clutter,
     _visibility,
-    _turns,
+    _revolutions,
     _beyond_the_paper,
     _fields,
     _range_rates,

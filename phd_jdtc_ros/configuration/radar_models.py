@@ -25,7 +25,7 @@ from phd_jdtc_ros.core.factors import (
 from phd_jdtc_ros.core.intake.input_checks import (
     FAR,
     RADIANS_AS_DEGREES,
-    SLOW_TURN,
+    SLOW_REVOLUTION,
     ReportCheck,
 )
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
@@ -152,7 +152,7 @@ def report_check(radar: RadarParameters) -> ReportCheck:
     return ReportCheck(
         reports_sectors=radar.sectors > 1,
         sees_whole_turn=whole and not visibility.blind and not radar.rotation_s,
-        lacks_ground_ranges=radar.rotation_s > SLOW_TURN
+        lacks_ground_ranges=radar.rotation_s > SLOW_REVOLUTION
         and radar.max_range > FAR
         and not ground_known,
         may_be_radians=radar.named_fields

@@ -4,11 +4,11 @@ The path of the data, with the package of each step::
 
     reports (radar, stamp, Detections)         types
       |  check for anomalies                   intake.input_checks, intake.clocks
-      |  cut turns into slices, coverage       intake.turns, antenna, report_timing, sectors
+      |  cut revolutions into slices          intake.revolutions, antenna, report_timing, sectors
       |  attach poses of moving radars         intake.posed_reports, poses, transforms
       |  group by stamp, gaps, resets          intake.scans
-    Scan                                       pipeline: turns -> posed_reports -> scans -> engine
-      |  reprocess out-of-sequence reports     intake.out_of_sequence, turn_history
+    Scan                                       pipeline: revolutions -> posed_reports -> scans
+      |  reprocess out-of-sequence reports     intake.out_of_sequence, revolution_history
       |  predict                               window.forward_filter: gaussian, targets
       |  update, report by report              window.update
       |  reduce                                gaussian.reduction

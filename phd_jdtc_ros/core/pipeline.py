@@ -18,9 +18,9 @@ from .intake.input_checks import REPEATED, TWINS, ReportCheck, ResultCheck, Twin
 from .intake.out_of_sequence import OutOfSequence
 from .intake.posed_reports import PosedReports
 from .intake.poses import Platform, PoseFault
+from .intake.revolution_history import Recut, RevolutionHistory
 from .intake.scans import Rejection, Reset, ScanGrouper
 from .intake.slices import Slice
-from .intake.turn_history import Recut, TurnHistory
 from .models.tracker_model import TrackerModel
 from .tracks.region import Everywhere, Region
 from .tracks.reporting_rule import ReportingRule, slowest_s
@@ -28,7 +28,7 @@ from .types import Detections, Estimates, Pose, Scan
 
 # Reason for which reports of moving radars are dropped: the radar's pose is unknown.
 POSE_MISSING = "pose_missing"
-# Anomaly: a report, or a slice of a turn, is late, and its closed scan is reprocessed.
+# Anomaly: a report, or a slice of a revolution, is late, and its closed scan is reprocessed.
 REPROCESSED = "late_reworked"
 
 
@@ -56,7 +56,7 @@ Event: TypeAlias = "Stepped | RunEnded"
 class Drops(NamedTuple):
     """What is dropped while it waits for poses or for the stamps of other radars, by reason."""
 
-    reports: Counter[str]  # Numbers of reports, or of slices of a turn
+    reports: Counter[str]  # Numbers of reports, or of slices of a revolution
     detections: Counter[str]  # Numbers of their detections
     # How far the radar's stamps are ahead of those of others, seconds; see `Clocks.offset_s`.
     clock_offset_s: float | None = None
@@ -73,8 +73,8 @@ class SensorStages:
 
     check: ReportCheck
     # Cuts the reports of a turning radar into slices. An out-of-sequence report changes the slices
-    # of its turn, which is then cut again.
-    history: TurnHistory
+    # of its revolution, which is then cut again.
+    history: RevolutionHistory
     platform: Platform | None  # None for a fixed sensor
     twins: TwinCheck = field(default_factory=TwinCheck)
     drops: Drops = field(default_factory=lambda: Drops(Counter(), Counter()))
@@ -115,7 +115,7 @@ class Pipeline:
     ) -> None:
         self.engine = engine
         self._sensors, self._results = sensors, results
-        self._turns = [sensor.history.turns for sensor in sensors]
+        self._revolutions = [sensor.history.revolutions for sensor in sensors]
         self._clocks, self._grouper, self._out_of_sequence = clocks, grouper, out_of_sequence
         self._region, self._configured = region, configured
         self._posed = PosedReports([sensor.platform for sensor in sensors])
@@ -178,23 +178,25 @@ class Pipeline:
     def _add(self, sent: SentReport) -> Iterator[Event] | Rejection:
         """Add a report whose stamp is right; see `add`."""
         radar, stamp_ns, detections, sector = sent
-        sensor, turns = self._sensors[radar], self._turns[radar]
+        sensor, revolutions = self._sensors[radar], self._revolutions[radar]
         noticed = sensor.check.add(detections)
         for finding in noticed:
             # Sectors need no configuration once the rotation period is known.
-            if finding != "sectors_not_configured" or not turns.period_s:
-                turns.anomalies[finding] += 1
-        if REPEATED in noticed and not turns.is_behind(stamp_ns):
+            if finding != "sectors_not_configured" or not revolutions.period_s:
+                revolutions.anomalies[finding] += 1
+        if REPEATED in noticed and not revolutions.is_behind(stamp_ns):
             self._grouper.note_live(radar)
             return self._events([])
-        turns.anomalies[TWINS] += sensor.twins.add(detections, self._configured[0].radars[radar])
-        nominal_s = turns.nominal_period_s
+        revolutions.anomalies[TWINS] += sensor.twins.add(
+            detections, self._configured[0].radars[radar]
+        )
+        nominal_s = revolutions.nominal_period_s
         can_recut = sensor.history.kept and self._out_of_sequence.since_ns() is not None
-        if can_recut and nominal_s and turns.is_behind(stamp_ns):
+        if can_recut and nominal_s and revolutions.is_behind(stamp_ns):
             slices = self._insert(radar, stamp_ns, detections, sector)
         else:
             slices = sensor.history.split(stamp_ns, detections, sector)
-        if turns.nominal_period_s != nominal_s:
+        if revolutions.nominal_period_s != nominal_s:
             self._retune_to_rotation()
         if isinstance(slices, Rejection):
             return slices
@@ -211,7 +213,7 @@ class Pipeline:
                 closed += grouped
         if rejected and len(rejected) == len(slices):
             return rejected[0]
-        turns.anomalies["slices_late"] += len(rejected)
+        revolutions.anomalies["slices_late"] += len(rejected)
         return self._events(closed)
 
     def retune(self, model: TrackerModel, rule: ReportingRule) -> None:
@@ -223,8 +225,8 @@ class Pipeline:
         """Adapt the engine's model and rule to the antennas' estimated rotation periods."""
         model, rule = self._configured
         radars = tuple(
-            replace(radar, rotation_s=turns.nominal_period_s or radar.rotation_s)
-            for radar, turns in zip(model.radars, self._turns, strict=True)
+            replace(radar, rotation_s=revolutions.nominal_period_s or radar.rotation_s)
+            for radar, revolutions in zip(model.radars, self._revolutions, strict=True)
         )
         adapted = replace(model, radars=radars)
         factor = slowest_s(adapted) / slowest_s(model)
@@ -232,12 +234,12 @@ class Pipeline:
 
     def period_s(self, radar: int) -> float:
         """Return the estimated rotation period of a radar, seconds; 0 if unknown."""
-        return self._turns[radar].period_s
+        return self._revolutions[radar].period_s
 
     def first_period_s(self, radar: int) -> float:
         """Return the first estimate of a period that is not configured, seconds; otherwise 0."""
-        turns = self._turns[radar]
-        return 0.0 if turns.configured_period_s else turns.state.first_period_s
+        revolutions = self._revolutions[radar]
+        return 0.0 if revolutions.configured_period_s else revolutions.state.first_period_s
 
     def _group(
         self, radar: int, stamp_ns: int, detections: Detections
@@ -255,29 +257,29 @@ class Pipeline:
         if not self._out_of_sequence.spend(stamp_ns, 0):
             return Rejection.LATE_BURST
         self._out_of_sequence.insert(radar, (), [(stamp_ns, detections)])
-        self._turns[radar].anomalies[REPROCESSED] += 1
+        self._revolutions[radar].anomalies[REPROCESSED] += 1
         return []
 
     def _insert(
         self, radar: int, stamp_ns: int, detections: Detections, sector: int | None
     ) -> list[Slice] | Rejection:
-        """Cut the turns of a radar again with an out-of-sequence report inserted.
+        """Cut the revolutions of a radar again with an out-of-sequence report inserted.
 
         No slice remains to be grouped: the list is empty.
         """
-        turns, history = self._turns[radar], self._sensors[radar].history
+        revolutions, history = self._revolutions[radar], self._sensors[radar].history
         later = history.count_later(stamp_ns)
         if isinstance(later, Rejection):
             return later
         since_ns, closed_ns = self._out_of_sequence.since_ns(), self._grouper.closed_ns
         if since_ns is None or closed_ns is None or stamp_ns <= since_ns:
             return Rejection.LATE
-        longest_ns = round((turns.report_duration_s or turns.period_s) * 1e9)
+        longest_ns = round((revolutions.report_duration_s or revolutions.period_s) * 1e9)
         if not self._out_of_sequence.spend(stamp_ns - longest_ns, later):
             return Rejection.LATE_BURST
         recut = history.insert(stamp_ns, detections, sector)
         self._replace(radar, recut, since_ns, closed_ns)
-        turns.anomalies[REPROCESSED] += 1
+        revolutions.anomalies[REPROCESSED] += 1
         return []
 
     def _replace(self, radar: int, recut: Recut, since_ns: int, closed_ns: int) -> None:
@@ -287,7 +289,9 @@ class Pipeline:
         ]
         self._grouper.replace(radar, recut.stamps_ns, slices)
         closed = [each for each in slices if since_ns < each[0] <= closed_ns]
-        self._turns[radar].anomalies["slices_late"] += sum(each[0] <= since_ns for each in slices)
+        self._revolutions[radar].anomalies["slices_late"] += sum(
+            each[0] <= since_ns for each in slices
+        )
         self._out_of_sequence.insert(radar, recut.stamps_ns, closed)
 
     def _select_in_region(self, radar: int, detections: Detections) -> Detections:
@@ -325,7 +329,7 @@ class Pipeline:
                 self._sensors[report.radar].drops.add(POSE_MISSING, report.size)
                 continue
             if report.extrapolated:
-                self._turns[report.radar].anomalies["poses_extrapolated"] += 1
+                self._revolutions[report.radar].anomalies["poses_extrapolated"] += 1
             grouped = self._group(report.radar, report.stamp_ns, report.detections)
             if isinstance(grouped, Rejection):
                 self._sensors[report.radar].drops.add(grouped.value, report.size)
@@ -334,7 +338,7 @@ class Pipeline:
 
     def take_anomalies(self, radar: int) -> Counter[str]:
         """Return the counts of a radar's input anomalies since the last call."""
-        anomalies = self._turns[radar].anomalies
+        anomalies = self._revolutions[radar].anomalies
         taken = +anomalies
         anomalies.clear()
         return taken
@@ -363,7 +367,7 @@ class Pipeline:
         self._grouper.reset()
         self._posed.forget()
         for sensor in self._sensors:
-            sensor.history.turns.reset()
+            sensor.history.revolutions.reset()
             sensor.history.clear()
 
     def _events(self, closed: Iterable[Scan | Reset]) -> Iterator[Event]:

@@ -146,7 +146,7 @@ class Accumulator(ABC):
 
     names: ClassVar[tuple[str, ...]]
     published: ClassVar[tuple[str, ...]] = ()
-    plotted: ClassVar[tuple[str, ...]] = ()
+    curves: ClassVar[tuple[str, ...]] = ()
     metrics: ClassVar[tuple[Metric, ...]] = ()
 
     def __init__(self, cutoff: float, order: float) -> None:

@@ -45,7 +45,7 @@ class PointSet:
     # Covariance of the positions, square metres, (T, 2, 2); None if unknown, as for the truth.
     covariance: FloatArray | None = None
     height: FloatArray | None = None  # Metres, (T,); NaN where unknown, None if all are unknown
-    # True if each track had no detection in its last scan or turn, (T,); None if unknown.
+    # True if each track had no detection in its last scan or revolution, (T,); None if unknown.
     coasting: BoolArray | None = None
     # Covariance of the velocities, (m/s)^2, (T, 2, 2); None if unknown.
     velocity_covariance: FloatArray | None = None

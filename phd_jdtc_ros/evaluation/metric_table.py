@@ -23,7 +23,7 @@ SET_METRICS = tuple(m for group, metrics in GROUPS.items() if group.of_sets for 
 GLOBAL_METRICS = tuple(m for group, metrics in GROUPS.items() if not group.of_sets for m in metrics)
 # Names of the values that the evaluator publishes per scan and set, and as single numbers.
 PUBLISHED = tuple(name for each in ACCUMULATORS for name in each.published)
-PLOTTED = tuple(name for each in ACCUMULATORS for name in each.plotted)
+CURVES = tuple(name for each in ACCUMULATORS for name in each.curves)
 
 # Definitions of further terms that appear with the figures.
 TERMS = (

@@ -39,8 +39,8 @@ class Notices(Protocol):
     def on_anomalies(self, radar: int, counts: Counter[str]) -> None:
         """Receive the numbers of anomalies, at least one, by kind; see `anomalies`."""
 
-    def on_turn_period(self, radar: int, turn_s: float) -> None:
-        """Receive the estimated time of a turn, seconds; 0 if it is configured or unknown."""
+    def on_revolution_period(self, radar: int, revolution_s: float) -> None:
+        """Receive the estimated time of a revolution, seconds; 0 if it is configured or unknown."""
 
     def on_unreadable_pose(self, topic: str, error: RejectedMessageError) -> None:
         """Receive the fault of a message that is not a valid pose."""
@@ -107,7 +107,7 @@ class Feed:
         )
         if anomalies := report.anomalies + self.pipeline.take_anomalies(radar):
             self._notices.on_anomalies(radar, anomalies)
-        self._notices.on_turn_period(radar, self.pipeline.first_period_s(radar))
+        self._notices.on_revolution_period(radar, self.pipeline.first_period_s(radar))
         if isinstance(events, Rejection):
             self._notices.on_rejection(radar, events.value, report)
             return None

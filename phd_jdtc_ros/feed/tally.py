@@ -101,7 +101,7 @@ class Tally:
         self.dropped: Counter[str] = Counter()
         self.detections = DetectionCounts()
         self._warned: list[Counter[str]] = [Counter() for _ in config.inputs]
-        self._turns_s = [0.0] * len(config.inputs)
+        self._revolutions_s = [0.0] * len(config.inputs)
         self._without_amplitude: set[int] = set()
         self._silent = set(range(len(config.inputs)))  # Sensors without a message
         self._span_ns: dict[int, tuple[int, int]] = {}  # First and last stamp of each sensor
@@ -149,9 +149,9 @@ class Tally:
         """Count contradictions of the configuration."""
         self._warned[radar].update(counts)
 
-    def on_turn_period(self, radar: int, turn_s: float) -> None:
-        """Keep the estimated time of a turn, seconds."""
-        self._turns_s[radar] = turn_s
+    def on_revolution_period(self, radar: int, revolution_s: float) -> None:
+        """Keep the estimated time of a revolution, seconds."""
+        self._revolutions_s[radar] = revolution_s
 
     def on_unreadable_pose(self, topic: str, error: RejectedMessageError) -> None:
         """Count a message that is not a valid pose."""
@@ -189,8 +189,8 @@ class Tally:
         for index, radar in enumerate(self._config.inputs):
             if index in self._without_amplitude and self._config.classifies_by_amplitude:
                 yield index, anomalies.no_amplitude(radar)
-            if self._turns_s[index]:
-                yield index, anomalies.turn_found(radar, self._turns_s[index])
+            if self._revolutions_s[index]:
+                yield index, anomalies.revolution_found(radar, self._revolutions_s[index])
             for text in anomalies.of(radar, self._warned[index]):
                 yield index, text
             if index in self._clocks_off:

@@ -9,5 +9,5 @@
       |  detect, with clutter                simulate, clutter
     (Truth, Scan) by stamp
       |  for turning radars                  looks, plots, turning_antenna
-    SimulatedReport by turn or sector, with times
+    SimulatedReport by revolution or sector, with times
 """

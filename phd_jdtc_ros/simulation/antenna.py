@@ -22,7 +22,7 @@ STEPS = 12
 class Antenna:
     """The rotation of a radar's antenna; the block ``antennas`` of a scenario document.
 
-    A turn, and its first sector, begins at the y axis.
+    A revolution, and its first sector, begins at the y axis.
     """
 
     bearing: float = degrees(
@@ -46,26 +46,26 @@ class Antenna:
 
     @property
     def begin(self) -> float:
-        """Turns from the y axis to the direction at scan 0."""
+        """Revolutions from the y axis to the direction at scan 0."""
         return self.bearing / FULL_TURN
 
-    def turns_to(self, azimuth: FloatArray) -> FloatArray:
-        """Return the part of a turn from the y axis to azimuths, in [0, 1); same shape."""
+    def revolutions_to(self, azimuth: FloatArray) -> FloatArray:
+        """Return the part of a revolution from the y axis to azimuths, in [0, 1); same shape."""
         turned = np.pi / 2.0 - azimuth if self.clockwise else azimuth - np.pi / 2.0
         part: FloatArray = np.mod(turned / FULL_TURN, 1.0)
         return np.where(part < 1.0, part, 0.0)  # rounding may reach 1
 
-    def turns_at(self, time_s: FloatArray, rotation_s: float) -> FloatArray:
-        """Return the turns at times after scan 0, s, counted from the start of scan 0's turn.
+    def revolutions_at(self, time_s: FloatArray, rotation_s: float) -> FloatArray:
+        """Return the revolutions at times after scan 0, s, counted from the start of scan 0's.
 
         `rotation_s` is the mean rotation period.
         """
-        turns: FloatArray = (time_s + self.ahead_s(time_s)) / rotation_s + self.begin
-        return turns
+        revolutions: FloatArray = (time_s + self.ahead_s(time_s)) / rotation_s + self.begin
+        return revolutions
 
-    def times_at(self, turns: FloatArray, rotation_s: float) -> FloatArray:
-        """Return the times of turns, seconds after scan 0; the inverse of `turns_at`."""
-        even = (turns - self.begin) * rotation_s
+    def times_at(self, revolutions: FloatArray, rotation_s: float) -> FloatArray:
+        """Return the times of revolutions, s after scan 0; the inverse of `revolutions_at`."""
+        even = (revolutions - self.begin) * rotation_s
         time_s: FloatArray = even
         for _ in range(STEPS if self.wobble else 0):
             time_s = even - self.ahead_s(time_s)
@@ -83,7 +83,7 @@ def default_antenna(radar: int) -> Antenna:
     """Return the default antenna of a scenario's k-th radar.
 
     The first radar begins at its y axis, and each further one a golden angle behind the previous
-    one, so that radars with equal turns are not synchronous.
+    one, so that radars with equal revolutions are not synchronous.
     """
     golden = 0.5 * (3.0 - math.sqrt(5.0))
     return Antenna(FULL_TURN * (radar * golden % 1.0))

@@ -21,8 +21,9 @@ from .traffic.flight import Flight
 STEPS = 12
 # Solutions closer than this are the same pass, to which several steps may converge near the radar.
 SAME_PASS_S = 1e-3
-# Turns added for targets that circle the radar, which are passed more often than the beam turns.
-SPARE_TURNS = 8
+# Revolutions added for targets that circle the radar, which are passed more often than the beam
+# turns.
+SPARE_REVOLUTIONS = 8
 
 
 class Looks(NamedTuple):
@@ -52,18 +53,18 @@ class TurningRadar:
         """The radar's antenna."""
         return self.scenario.antennas[self.index]
 
-    def turns_at(self, time_s: FloatArray) -> FloatArray:
-        """Return the antenna's turns at times, seconds after scan 0; see `Antenna.turns_at`."""
-        return self.antenna.turns_at(time_s, self.model.rotation_s)
+    def revolutions_at(self, time_s: FloatArray) -> FloatArray:
+        """Return the antenna's revolutions at times, s after scan 0; see `Antenna`."""
+        return self.antenna.revolutions_at(time_s, self.model.rotation_s)
 
-    def times_at(self, turns: FloatArray) -> FloatArray:
-        """Return the times of turns, seconds after scan 0; the inverse of `turns_at`."""
-        return self.antenna.times_at(turns, self.model.rotation_s)
+    def times_at(self, revolutions: FloatArray) -> FloatArray:
+        """Return the times of revolutions, s after scan 0; the inverse of `revolutions_at`."""
+        return self.antenna.times_at(revolutions, self.model.rotation_s)
 
     @property
     def end(self) -> float:
-        """The antenna's turns at the end of the run."""
-        return float(self.turns_at(np.array([self.scenario.duration_s]))[0])
+        """The antenna's revolutions at the end of the run."""
+        return float(self.revolutions_at(np.array([self.scenario.duration_s]))[0])
 
     def measure(self, state: FloatArray, time_s: FloatArray, height: FloatArray) -> FloatArray:
         """Return noise-free (range, azimuth) of states at times; slant ranges with a site, (N, 2).
@@ -80,23 +81,25 @@ class TurningRadar:
     def passes(self, flight: Flight) -> FloatArray:
         """Return the times at which the beam passes a target, seconds after scan 0, ascending.
 
-        The target moves while the beam turns. Its bearing is unwrapped over the turns, so that a
-        target that crosses the y axis is passed exactly once. Each step turns the beam to the
-        target's position at the time of the previous step.
+        The target moves while the beam turns. Its bearing is unwrapped over the revolutions, so
+        that a target that crosses the y axis is passed exactly once. Each step turns the beam to
+        the target's position at the time of the previous step.
         """
         rotation_s = self.model.rotation_s
         end = min(flight.end_s, self.scenario.duration_s)
-        grid = np.arange(flight.start_s - rotation_s, end + SPARE_TURNS * rotation_s, rotation_s)
+        grid = np.arange(
+            flight.start_s - rotation_s, end + SPARE_REVOLUTIONS * rotation_s, rotation_s
+        )
 
-        def bearing_turns(time_s: FloatArray) -> FloatArray:
+        def bearing_revolutions(time_s: FloatArray) -> FloatArray:
             plane = self.scenario.measure(self.index, flight.states(time_s), time_s)
-            return self.antenna.turns_to(plane[:, 1])
+            return self.antenna.revolutions_to(plane[:, 1])
 
-        unwrapped = np.unwrap(bearing_turns(grid), period=1.0)
-        first = np.floor(self.turns_at(grid[:1]) - unwrapped[0])
+        unwrapped = np.unwrap(bearing_revolutions(grid), period=1.0)
+        first = np.floor(self.revolutions_at(grid[:1]) - unwrapped[0])
         time = self.times_at(first + np.arange(len(grid)) + unwrapped)
         for _ in range(STEPS):
-            error = bearing_turns(time) - self.turns_at(time)
+            error = bearing_revolutions(time) - self.revolutions_at(time)
             time = time + (error - np.round(error)) * rotation_s
         time = np.sort(time[(time >= flight.start_s) & (time <= end)])
         return time[np.diff(time, prepend=-np.inf) > SAME_PASS_S]
@@ -122,7 +125,9 @@ class TurningRadar:
         state, zero = np.zeros((1, len(self.model.space))), np.zeros(1)
         state[:, list(self.model.space.position)] = place
         plane = self.scenario.measure(self.index, state, zero)
-        time = self.times_at(self.antenna.turns_to(plane[:, 1]) + np.arange(np.ceil(self.end)))
+        time = self.times_at(
+            self.antenna.revolutions_to(plane[:, 1]) + np.arange(np.ceil(self.end))
+        )
         flight = self.scenario.flights[number - 1]
         time = time[(time >= max(flight.start_s, 0.0)) & (time <= flight.end_s)]
         found = self._looks_at(number, time[~self.scenario.is_hidden(number, time)])

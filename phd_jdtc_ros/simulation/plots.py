@@ -19,8 +19,9 @@ from .traffic.flight import Flight, Leg
 class SimulatedPlots(NamedTuple):
     """The plots of one radar in a run."""
 
-    # Turns of the antenna from the start of scan 0's turn to the measured azimuth, ascending, (M,).
-    turns: FloatArray
+    # Revolutions of the antenna from the start of scan 0's revolution to the measured azimuth,
+    # ascending, (M,).
+    revolutions: FloatArray
     # Range and azimuth, (M, 2); slant range and azimuth from true east for a radar with a site.
     measurement: FloatArray
     amplitude: FloatArray  # (M,)
@@ -49,10 +50,10 @@ def plots_of(radar: TurningRadar, rng: np.random.Generator) -> SimulatedPlots:
     )
     columns = zip(*(part[:5] for part in parts), strict=True)
     plots = SimulatedPlots(*map(np.concatenate, columns))
-    others = len(plots.turns) - len(targets.turns)
+    others = len(plots.revolutions) - len(targets.revolutions)
     range_rate = range_rates(own.state[observed.seen], others, radar.model, rng)
     plots = plots._replace(range_rate=range_rate)
-    return plots.take(np.argsort(plots.turns, kind="stable"))
+    return plots.take(np.argsort(plots.revolutions, kind="stable"))
 
 
 def _detect(
@@ -68,8 +69,8 @@ def _detect(
     The antenna points at the true azimuths, of `exact` (N, 2), at `time_s`, (N,).
     """
     moved = wrap_angle(observed.measurement[:, 1] - exact[:, 1]) / FULL_TURN
-    turns = radar.turns_at(time_s) + (-moved if radar.antenna.clockwise else moved)
-    plots = SimulatedPlots(turns, observed.measurement, observed.amplitude, source, replying)
+    revolutions = radar.revolutions_at(time_s) + (-moved if radar.antenna.clockwise else moved)
+    plots = SimulatedPlots(revolutions, observed.measurement, observed.amplitude, source, replying)
     return plots.take(np.flatnonzero(observed.seen))
 
 
@@ -106,12 +107,14 @@ def _mirror_plots(radar: TurningRadar, rng: np.random.Generator) -> Iterator[Sim
 
 
 def _clutter(radar: TurningRadar, rng: np.random.Generator) -> SimulatedPlots:
-    """Return one radar's clutter in its field of view; the clutter rate is per whole turn."""
+    """Return one radar's clutter in its field of view; the clutter rate is per whole revolution."""
     last, model = int(np.ceil(radar.end)), radar.model
     count = rng.poisson(model.clutter_rate, last)
     law = radar.scenario.law(radar.index)
     measurement, amplitude = false_detections(model, int(count.sum()), rng, law)
-    turns = np.repeat(np.arange(last), count) + radar.antenna.turns_to(measurement[:, 1])
-    none = np.zeros(len(turns), dtype=np.int64)
+    revolutions = np.repeat(np.arange(last), count) + radar.antenna.revolutions_to(
+        measurement[:, 1]
+    )
+    none = np.zeros(len(revolutions), dtype=np.int64)
     kept = np.flatnonzero(model.visibility.probability_in_view(measurement) > 0.0)
-    return SimulatedPlots(turns, measurement, amplitude, none, none).take(kept)
+    return SimulatedPlots(revolutions, measurement, amplitude, none, none).take(kept)

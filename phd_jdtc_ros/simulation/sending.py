@@ -15,7 +15,9 @@ from .checked import read_by_radar
 class Sending:
     """The timing of a radar's messages."""
 
-    sectors: int = parameter(32, "Number of sectors per turn in which plots are sent.", (1, 1024))
+    sectors: int = parameter(
+        32, "Number of sectors per revolution in which plots are sent.", (1, 1024)
+    )
     plots: int = parameter(10, "Largest number of plots in a data block.", (1, 100))
     delay_s: float = parameter(0.3, "Delay of plots after the end of their sector, s.", (0.0, 60.0))
     services: bool = parameter(True, "Whether north marks and sector crossings are sent.")

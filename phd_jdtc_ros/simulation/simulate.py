@@ -104,7 +104,7 @@ def false_detections(
     Clutter is uniform in the azimuths of the field of view.
     """
     fov = radar.visibility.fov
-    # The start of a field of view of a whole turn has no meaning.
+    # The start of a field of view of a whole revolution has no meaning.
     first = -np.pi if fov.width == FULL_TURN else fov.start
     distance = rng.uniform(0.0, radar.clutter_max_range, count)
     azimuth = rng.uniform(first, first + fov.width, count)

@@ -1,4 +1,4 @@
-"""Simulates turning radars: plots with their own times, reported by turn or by sector.
+"""Simulates turning radars: plots with their own times, reported by revolution or by sector.
 
 ::
 
@@ -6,11 +6,11 @@
       |  passes of the beam over targets         TurningRadar
       |  detection, noise, clutter               plots_of
     SimulatedPlots of a radar, ordered by time
-      |  by turn or by sector                    reports_of
+      |  by revolution or by sector                    reports_of
       |  slant ranges to the plane               _read
     SimulatedReport: stamp, detections, sources
 
-A seed gives the same plots whether they are reported by turn or by sector.
+A seed gives the same plots whether they are reported by revolution or by sector.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from .plots import SimulatedPlots, plots_of
 from .scenario import Scenario, truth_at
 from .simulate import detect_scan, scan_replies, simulate_with_sources
 
-# Kinds of plots, the TYP of I048/020.
+# Detection types, the TYP of I048/020.
 PRIMARY, COMBINED = 1, 3
 
 
@@ -41,7 +41,7 @@ class SimulatedReport(NamedTuple):
     """One message of a radar."""
 
     radar: int  # Index in the scenario
-    stamp_ns: int  # End of the turn or of the sector
+    stamp_ns: int  # End of the revolution or of the sector
     detections: Detections
     source: IntArray  # The track_id of each detection's target, (M,); 0 for clutter
 
@@ -51,8 +51,8 @@ def simulate_reports(
 ) -> list[SimulatedReport]:
     """Return the reports of all radars, ordered by stamp and then by radar.
 
-    Each of `inputs` gives a radar's number of sectors per turn and the fields of its messages;
-    detections have only these.
+    Each of `inputs` gives a radar's number of sectors per revolution and the fields of its
+    messages; detections have only these.
     """
     reports = []
     for index, (radar, layout) in enumerate(zip(scenario.radars, inputs, strict=True)):
@@ -103,18 +103,18 @@ def check_sites(inputs: Sequence[RadarParameters]) -> None:
 def plots_with_replies(radar: TurningRadar, seed: int) -> tuple[SimulatedPlots, Detections]:
     """Return the plots of a turning radar from scan 0 on, and the same as detections.
 
-    The detections have the radar's biases, and all replies and a sensor type even if the radar's
+    The detections have the radar's biases, and all replies and a detection type even if the radar's
     messages have no fields for them; their ranges are slant ranges if the radar has a site. Their
-    times are those of the plots' turns.
+    times are those of the plots' revolutions.
     """
     plots = plots_of(radar, _generator(seed, radar.index))
-    time_s = radar.times_at(plots.turns)
+    time_s = radar.times_at(plots.revolutions)
     found = _with_replies(radar, plots, time_s, seed)
     found = replace(found, amplitude=None, range_rate=None)
     if radar.scenario.transponders is None:
         found = replace(found, height=_heights(radar.scenario, plots.source, time_s))
     bias = radar.scenario.bias(radar.index)
-    _, found = bias.apply_to(0, replace(found, sensor_type=_sensor_types(found)))
+    _, found = bias.apply_to(0, replace(found, detection_type=_detection_types(found)))
     rows = np.flatnonzero(time_s >= 0.0)
     return plots.take(rows), found.take(rows)
 
@@ -125,15 +125,15 @@ def _generator(seed: int, index: int) -> np.random.Generator:
 
 
 def reports_of(radar: TurningRadar, plots: SimulatedPlots, seed: int = 0) -> list[SimulatedReport]:
-    """Return one report per turn or sector of a radar, also without plots.
+    """Return one report per revolution or sector of a radar, also without plots.
 
-    Incomplete turns at the start and the end of the run are omitted. `seed` is the seed of the
-    replies.
+    Incomplete revolutions at the start and the end of the run are omitted. `seed` is the seed of
+    the replies.
     """
     scenario, antenna, layout = radar.scenario, radar.antenna, radar.layout
-    # Turns and sectors begin at the biased azimuths that the antenna reports.
+    # Revolutions and sectors begin at the biased azimuths that the antenna reports.
     ahead = scenario.bias(radar.index).azimuth / FULL_TURN * (-1.0 if antenna.clockwise else 1.0)
-    turned, time_s = plots.turns + ahead, radar.times_at(plots.turns)
+    turned, time_s = plots.revolutions + ahead, radar.times_at(plots.revolutions)
     observed = _with_replies(radar, plots, time_s, seed)
     parts = max(layout.sectors, 1)
     first = int(np.ceil(antenna.begin + ahead)) * parts
@@ -224,17 +224,17 @@ def _send(found: Detections, layout: RadarParameters) -> Detections:
         code=found.code if layout.fields.code else None,
         address=found.address if layout.fields.address else None,
         height=found.height if layout.fields.height else None,
-        sensor_type=_sensor_types(found) if layout.fields.kind else None,
+        detection_type=_detection_types(found) if layout.fields.detection_type else None,
     )
 
 
-def _sensor_types(replies: Detections) -> IntArray:
-    """Return the sensor types of a combined radar's plots: primary, or combined with a reply."""
-    kind = np.full(len(replies), PRIMARY)
+def _detection_types(replies: Detections) -> IntArray:
+    """Return the detection types of a combined radar's plots: primary, or combined with a reply."""
+    found = np.full(len(replies), PRIMARY)
     for known in (replies.code, replies.address):
         if known is not None:
-            kind[known != UNKNOWN] = COMBINED
-    return kind
+            found[known != UNKNOWN] = COMBINED
+    return found
 
 
 def _coverage(antenna: Antenna, sector: int, sectors: int) -> Coverage:

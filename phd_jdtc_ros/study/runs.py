@@ -31,7 +31,7 @@ class SimulatedRun:
 
     scenario: Scenario
     seed: int
-    truth: tuple[Truth, ...]  # Truth at every scan, or at every turn if antennas turn
+    truth: tuple[Truth, ...]  # Truth at every scan, or at every revolution if antennas turn
     scans: tuple[Scan, ...]  # Empty if antennas turn
     # The track_id of every detection's target by scan and radar, 0 for clutter. Only references
     # with known association may use it.
@@ -45,7 +45,7 @@ def simulated_run(scenario: Scenario, seed: int) -> SimulatedRun:
     return SimulatedRun(scenario, seed, truth, scans, sources)
 
 
-# Estimates of every scan or turn, by lag in scans or turns; 0 is the filter.
+# Estimates of every scan or revolution, by lag in scans or revolutions; 0 is the filter.
 Tracks: TypeAlias = Mapping[int, list[PointSet]]
 
 
@@ -53,4 +53,4 @@ class TrackingResult(NamedTuple):
     """A tracker's estimates of a run, with its CPU time."""
 
     tracks: Tracks
-    cpu_ms: float = math.nan  # CPU time per turn, milliseconds; NaN if not measured
+    cpu_ms: float = math.nan  # CPU time per revolution, milliseconds; NaN if not measured

@@ -1,7 +1,8 @@
 """Runs of turning radars, and this package's tracker on them through its pipeline.
 
-All trackers are scored at the end of each turn of the first turning radar, with their estimates
-predicted to this time. Slow targets, such as taxiing aircraft and ships at anchor, are not scored.
+All trackers are scored at the end of each revolution of the first turning radar, with their
+estimates predicted to this time. Slow targets, such as taxiing aircraft and ships at anchor, are
+not scored.
 """
 
 from __future__ import annotations
@@ -29,23 +30,23 @@ from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_re
 
 from .runs import TAXIING, IgnoredTargets, SimulatedRun, TrackingResult
 
-# Largest age of estimates that are predicted to a stamp, in turns.
-OLDEST_TURNS = 1.5
+# Largest age of estimates that are predicted to a stamp, in revolutions.
+OLDEST_REVOLUTIONS = 1.5
 
 
-def turn_ends(scenario: Scenario) -> list[float]:
-    """Return the ends of the first turning radar's turns, seconds after scan 0."""
+def revolution_ends(scenario: Scenario) -> list[float]:
+    """Return the ends of the first turning radar's revolutions, seconds after scan 0."""
     index = next(k for k, radar in enumerate(scenario.radars) if radar.rotation_s > 0.0)
     rotation_s, antenna = scenario.radars[index].rotation_s, scenario.antennas[index]
-    last = antenna.turns_at(np.array(scenario.duration_s), rotation_s)
-    turns = np.arange(int(np.ceil(antenna.begin)) + 1, int(last + 1e-9) + 1, dtype=float)
-    ends: list[float] = antenna.times_at(turns, rotation_s).tolist()
+    last = antenna.revolutions_at(np.array(scenario.duration_s), rotation_s)
+    revolutions = np.arange(int(np.ceil(antenna.begin)) + 1, int(last + 1e-9) + 1, dtype=float)
+    ends: list[float] = antenna.times_at(revolutions, rotation_s).tolist()
     return ends
 
 
 def turning_run(scenario: Scenario, seed: int, ignored: IgnoredTargets = TAXIING) -> SimulatedRun:
-    """Return a run without scans whose truth is at the end of each turn."""
-    truths = (truth_after(scenario, end) for end in turn_ends(scenario))
+    """Return a run without scans whose truth is at the end of each revolution."""
+    truths = (truth_after(scenario, end) for end in revolution_ends(scenario))
     truth = tuple(_without_slow(known, ignored) for known in truths)
     return SimulatedRun(scenario, seed, truth, (), (), ignored)
 
@@ -76,7 +77,7 @@ def without_ignored(run: SimulatedRun, found: Sequence[PointSet]) -> list[PointS
 
 
 def track(run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence[int]) -> TrackingResult:
-    """Return this package's estimates of a run, by lag in turns.
+    """Return this package's estimates of a run, by lag in revolutions.
 
     The run is that of `turning_run`; its seed is also the filter's. The parameters include the
     reporting of the radars, which does not change the plots. Lag 0 is the filter, taken from the
@@ -92,7 +93,7 @@ def track(run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence[int])
         for source, of_lag in ((FILTERED, 0), (SMOOTHED, lag)):
             if of_lag in lags:
                 stamps = [truth.stamp_ns for truth in run.truth]
-                points = at_stamps(found[source], stamps, OLDEST_TURNS * rotation_s)
+                points = at_stamps(found[source], stamps, OLDEST_REVOLUTIONS * rotation_s)
                 tracks[of_lag] = without_ignored(run, points)
     return TrackingResult(tracks, 1e3 * spent_s / max(len(run.truth), 1))
 

@@ -92,10 +92,10 @@ def _table(
     radar: str, topic: str, found: Findings, rows: Sequence[Row], recorded: RecordedPlots
 ) -> Table:
     timing = found.timing
-    turns = "turns" if timing.rotation_s else "looks"
+    revolutions = "revolutions" if timing.rotation_s else "looks"
     table = Table(
         title=f"{escape(radar)}, {escape(topic)}: {found.plots} detections, {found.looks:.0f} "
-        f"{turns} in {found.duration_s:.0f} s, a cloud every {timing.cloud_interval_s:.4g} s",
+        f"{revolutions} in {found.duration_s:.0f} s, a cloud every {timing.cloud_interval_s:.4g} s",
         title_justify="left",
         caption="in brackets: observed, but not proposed",
         caption_justify="left",

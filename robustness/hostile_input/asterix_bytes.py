@@ -112,12 +112,12 @@ def _fault(sectors: int, report: Any) -> bool:
 
 
 def radar_datagrams(rng: random.Random) -> list[bytes]:
-    """Return the datagrams of a turn of three radars."""
+    """Return the datagrams of a revolution of three radars."""
     return [b"".join(blocks) for blocks in _by_sector(rng)]
 
 
 def radar_blocks(rng: random.Random) -> list[bytes]:
-    """Return the data blocks of a turn of three radars."""
+    """Return the data blocks of a revolution of three radars."""
     return [block for blocks in _by_sector(rng) for block in blocks]
 
 

@@ -136,7 +136,7 @@ def _wrong_bytes(places: int) -> Iterator[Damaged]:
 
 
 def _packets(start_s: float) -> tuple[list[bytes], list[bytes]]:
-    """Return the data blocks of a turn, and the packets that carry them."""
+    """Return the data blocks of a revolution, and the packets that carry them."""
     blocks = radar_blocks(random.Random(4))
     step_ns = round(ROTATION_S * NS / (3 * SECTORS))
     start_ns = MIDNIGHT_NS + round(start_s * NS)

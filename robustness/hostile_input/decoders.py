@@ -23,8 +23,8 @@ from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.incoming import detections
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.intake.revolutions import Revolutions
 from phd_jdtc_ros.core.intake.scans import Rejection
-from phd_jdtc_ros.core.intake.turns import Turns
 
 from ..harness import scans
 from ..harness.figures import Found, measures
@@ -150,7 +150,7 @@ def _outcome(cloud: PointCloud2) -> str:
     try:
         report = detections.from_msg(cloud, RADAR)
         found = report.detections
-        parts = Turns(4.0, 16).split(report.stamp_ns, found, report.sector)
+        parts = Revolutions(4.0, 16).split(report.stamp_ns, found, report.sector)
     except RejectedMessageError as error:
         return f"rejected: {error.reason}"
     except Exception as error:  # any other exception would end a node

@@ -105,10 +105,10 @@ def _around_mixtures() -> dict[str, Change]:
         "a huge scan index": ("filter.scan_index", 1 << 62),
         "a huge track number": ("numbers.last", 1 << 40),
         "a clutter map of another place": ("clutter_map.radar_1.pose", [5e3, 0.0, 0.0]),
-        "a clutter map of no turns": ("clutter_map.radar_1.turns", NAN),
+        "a clutter map of no revolutions": ("clutter_map.radar_1.revolutions", NAN),
         "a clutter map with cells of no size": ("clutter_map.radar_1.grid.range_cell", 0.0),
         "a clutter rate that is not finite": ("clutter_rate.radar_1.count", NAN),
-        "a clutter rate of no turns": ("clutter_rate.radar_1.turns", 0.0),
+        "a clutter rate of no revolutions": ("clutter_rate.radar_1.revolutions", 0.0),
         "no window": ("window.entries", "7"),
     }
     return {

@@ -19,7 +19,7 @@ from phd_jdtc_ros.asterix.transport import pcap_out
 from phd_jdtc_ros.asterix.writing import plots as plots_out
 from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns
+from phd_jdtc_ros.calibration.tuning.rotation import PlotRevolutions
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.intake.scans import Rejection
@@ -147,21 +147,21 @@ def measure_names() -> Found:
 
 @measures(
     "captures with forged times",
-    "a whole bag, all real plots used, the true turn, no empty sector more, counted",
+    "a whole bag, all real plots used, the true revolution, no empty sector more, counted",
 )
 def measure_forged_times() -> Found:
     """Read captures with forged times of records and of plots."""
     wrong = _forged_record_times()
     found = {}
     for name, (crossings, sector, times_ns) in _forgeries().items():
-        stream = PlotStream({}, finders=PlotTurns)
+        stream = PlotStream({}, finders=PlotRevolutions)
         empty = 0
         for data, received_ns in _datagrams(crossings, sector, times_ns):
             empty += sum(not report.plots for _, report in stream.feed(data, received_ns))
         (state,) = stream.radars.values()
-        turn_s, off = state.assembler.turn_s, state.counts["time_off"]
-        found[name] = {"empty": empty, "turn_s": turn_s, "off": off}
-        if abs(turn_s / ROTATION_S - 1.0) > 0.01 or empty or off != FORGED:
+        revolution_s, off = state.assembler.revolution_s, state.counts["time_off"]
+        found[name] = {"empty": empty, "revolution_s": revolution_s, "off": off}
+        if abs(revolution_s / ROTATION_S - 1.0) > 0.01 or empty or off != FORGED:
             wrong[name] = str(found[name])
     text = f"{len(found) + 1} captures: {len(wrong)} wrong{such_as(wrong)}"
     return text, not wrong, {"wrong": wrong, **found}
@@ -217,7 +217,7 @@ def _datagrams(
 
 
 def _at(sector: int) -> int:
-    """Return the time at which the antenna has passed a sector, which are counted over turns."""
+    """Return the time at which the antenna has passed a sector, counted over revolutions."""
     return DAY_NS + 36_000 * NS + round(sector / SECTORS * ROTATION_S * NS)
 
 
@@ -230,4 +230,4 @@ def _good(time_ns: int, sector: int, crossings: bool) -> bytes:
 
 
 def _plot(azimuth: float) -> Plot:
-    return Plot(RADAR, NONE, DAY, 5e4, azimuth % (2.0 * math.pi), kind=PRIMARY)
+    return Plot(RADAR, NONE, DAY, 5e4, azimuth % (2.0 * math.pi), detection_type=PRIMARY)

@@ -153,9 +153,14 @@ def reports(rng: np.random.Generator, config: TrackerConfig) -> Iterator[_Report
     for _ in range(int(rng.integers(3, 22))):
         now_ns += int(1e9 * rng.choice([0.0] * 19 + [1.0, 60.0, -30.0]))
         for index, radar in enumerate(config.inputs):
-            turn_s, parts = radar.rotation_s or config.model.modes.interval_s, radar.sectors or 1
+            revolution_s, parts = (
+                radar.rotation_s or config.model.modes.interval_s,
+                radar.sectors or 1,
+            )
             for sector in range(parts if rng.random() < 0.9 else 0):
-                stamp_ns = now_ns + round(1e9 * ((sector + 1) / parts * turn_s + 0.01 * index))
+                stamp_ns = now_ns + round(
+                    1e9 * ((sector + 1) / parts * revolution_s + 0.01 * index)
+                )
                 position = start + velocity * ((stamp_ns - 10**18) * 1e-9)
                 measured, coverage = _measured(rng, position), None
                 if radar.sectors:
@@ -163,12 +168,12 @@ def reports(rng: np.random.Generator, config: TrackerConfig) -> Iterator[_Report
                     turned = (measured[:, 1] - coverage.start) % FULL_TURN
                     measured = measured[turned < coverage.width]
                 given = {
-                    name: _column(rng, name, len(measured), turn_s / parts)
+                    name: _column(rng, name, len(measured), revolution_s / parts)
                     for name in columns[index]
                 }
                 detections = Detections(measured, given.pop("amplitude", None), **given)
                 detections = detections.changed(coverage=coverage)
-                late_ns = int(rng.exponential(4e8 * turn_s)) if rng.random() < 0.2 else 0
+                late_ns = int(rng.exponential(4e8 * revolution_s)) if rng.random() < 0.2 else 0
                 at = sector if radar.sectors else None
                 yield _Report(stamp_ns + late_ns, index, stamp_ns, detections, at)
         now_ns += round(1e9 * max(radar.rotation_s for radar in config.inputs)) or round(

@@ -47,7 +47,7 @@ PROFILE = scans.CONFIG / "air_traffic.yaml"
 INTERVAL_S = 4.0
 # The fields of a radar with all optional fields.
 FIELDS = (
-    *("time", "height", "code", "address", "kind"),
+    *("time", "height", "code", "address", "detection_type"),
     *("range_std", "azimuth_std", "range_rate", "range_rate_std"),
 )
 REGIONS = (Region(-1e5, -1e5, 0.0, 1e5, 1e4), Region(0.0, -1e5, 1e5, 1e5, 1e4))
@@ -205,7 +205,7 @@ def _of_radars(every: int, given: Mapping[str, Any]) -> Iterator[Case]:
 
 
 def _plots(rng: np.random.Generator, stamp_ns: int, frame: str) -> PointCloud2:
-    """Return the plots of a turn; only the first one is to be spoilt."""
+    """Return the plots of a revolution; only the first one is to be spoilt."""
     count = 6
     azimuth = np.sort(rng.uniform(0.0, 2.0 * np.pi, count))
     columns = {
@@ -215,7 +215,7 @@ def _plots(rng: np.random.Generator, stamp_ns: int, frame: str) -> PointCloud2:
         "height": rng.uniform(0.0, 3e3, count),
         "code": rng.uniform(0.0, 4096.0, count).round(),
         "address": rng.uniform(1.0, 9999.0, count).round(),
-        "kind": np.full(count, 3.0),
+        "detection_type": np.full(count, 3.0),
         "range_std": np.full(count, 30.0),
         "azimuth_std": np.full(count, 2e-3),
         "range_rate": rng.uniform(-50.0, 50.0, count),

@@ -15,8 +15,8 @@ from ..harness.radars import Radars
 from ..harness.rig import Rig, options
 from .turning import NEAR_M, PARAMETERS, ROTATION_S, SECTORS, Antenna, how_far, send
 
-WARM_UP, TURNS = 4, 8
-# Every 11th sector, which is prime to the sectors of a turn, is late by 5 sectors.
+WARM_UP, REVOLUTIONS = 4, 8
+# Every 11th sector, which is prime to the sectors of a revolution, is late by 5 sectors.
 EVERY, LATE_BY = 11, 5
 LOST = 6 * SECTORS + 6
 # Number of late clouds in a burst, with stamps between those of sectors.
@@ -66,7 +66,7 @@ def _send_all(radars: Radars, antenna: Antenna) -> tuple[int, int, list[float]]:
     held: dict[int, PointCloud2] = {}
     late = lost = 0
     apart = []
-    for sector in range(TURNS * SECTORS):
+    for sector in range(REVOLUTIONS * SECTORS):
         cloud = antenna.next()
         if sector == LOST:
             continue

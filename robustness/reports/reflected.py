@@ -13,16 +13,16 @@ from phd_jdtc_ros.parameter_files import tracker_params
 
 from ..harness.figures import Found, measures, such_as
 
-NS, START_NS, TURN_S, TURNS = 10**9, 10**15, 4.0, 36
+NS, START_NS, REVOLUTION_S, REVOLUTIONS = 10**9, 10**15, 4.0, 36
 ADDRESSES = np.array([0x345678, 0x342FFF])
 CODES = np.array([0o4463, 0o5545])
-# A and B 830 m apart, metres east and north of the radar; nothing detects B in these turns.
+# A and B 830 m apart, metres east and north of the radar; nothing detects B in these revolutions.
 PLACES = np.array([[-1950.0, -868.0], [-2740.0, -1110.0]])
 HIDDEN = range(13, 20)
 # Direction from A to B. An aircraft that had gone there would soon be at B.
 TOWARDS = (PLACES[1] - PLACES[0]) / np.hypot(*(PLACES[1] - PLACES[0]))
-# The turn from which A must be right, and the one from which B must be so again, whose new track
-# needs three plots.
+# The revolution from which A must be right, and the one from which B must be so again, whose new
+# track needs three plots.
 SETTLED, RIGHT_FROM = 6, 23
 NEAR = 100.0
 NOISE = np.array([5.0, np.radians(0.01)])
@@ -33,7 +33,7 @@ PARAMETERS = {
     "aircraft.motions": ["cv", "hard"],
     "aircraft.mode_transition": [0.95, 0.05, 0.2, 0.8],
     "aircraft.survival_probability": 0.999,
-    "interval_s": TURN_S,
+    "interval_s": REVOLUTION_S,
     "amplitude": "none",
     "births": [],
     "detection_births.rates": [0.2],
@@ -55,7 +55,7 @@ PARAMETERS = {
     "radar.fields.code": "code",
     "radar.fields.address": "address",
 }
-# Velocity of both aircraft, m/s, and how far the plots of A are from it towards B, by turn.
+# Velocity of both aircraft, m/s, and how far the plots of A are from it towards B, by revolution.
 CASES: Mapping[str, tuple[tuple[float, float], Mapping[int, float]]] = {
     "parked, once by 100 m": ((0.0, 0.0), {19: 100.0}),
     "parked, once by 320 m": ((0.0, 0.0), {19: 320.0}),
@@ -69,35 +69,39 @@ CASES: Mapping[str, tuple[tuple[float, float], Mapping[int, float]]] = {
 
 @measures(
     "far reply of one identity beside a second aircraft",
-    "0 turns wrong, and no number of both",
+    "0 revolutions wrong, and no number of both",
 )
 def measure(cases: Sequence[str] = tuple(CASES)) -> Found:
-    """Track two aircraft of which one is measured elsewhere for a turn or two."""
-    wrong = {case: count for case in cases if (count := _wrong_turns(*CASES[case]))}
-    counted = len(cases) * (TURNS - SETTLED)
-    text = f"{sum(wrong.values())} of {counted} turns wrong{such_as(wrong)}"
+    """Track two aircraft of which one is measured elsewhere for a revolution or two."""
+    wrong = {case: count for case in cases if (count := _wrong_revolutions(*CASES[case]))}
+    counted = len(cases) * (REVOLUTIONS - SETTLED)
+    text = f"{sum(wrong.values())} of {counted} revolutions wrong{such_as(wrong)}"
     return text, not wrong, {"cases": list(cases), "wrong": wrong}
 
 
-def _wrong_turns(velocity: tuple[float, float], shifted: Mapping[int, float]) -> int:
-    """Return the number of turns in which an aircraft is not right, and of numbers of both."""
+def _wrong_revolutions(velocity: tuple[float, float], shifted: Mapping[int, float]) -> int:
+    """Count the revolutions in which an aircraft is not right, and the numbers of both."""
     config = tracker_params.config({**PARAMETERS})
     tracker, rng, wrong = new_engine(config), np.random.default_rng(14), 0
     numbers: list[set[int]] = [set(), set()]
-    for turn in range(TURNS):
-        place = PLACES + TURN_S * turn * np.array(velocity)
-        seen = [0] if turn in HIDDEN else [0, 1]
-        plots = place + np.outer([shifted.get(turn, 0.0), 0.0], TOWARDS)
+    for revolution in range(REVOLUTIONS):
+        place = PLACES + REVOLUTION_S * revolution * np.array(velocity)
+        seen = [0] if revolution in HIDDEN else [0, 1]
+        plots = place + np.outer([shifted.get(revolution, 0.0), 0.0], TOWARDS)
         found = Detections(
             _measured(plots[seen], rng), None, code=CODES[seen], address=ADDRESSES[seen]
         )
-        stamp_ns = START_NS + round(turn * TURN_S * NS)
+        stamp_ns = START_NS + round(revolution * REVOLUTION_S * NS)
         (estimates,) = tracker.step(Scan(stamp_ns, (found,))).filtered
         own = [_number_near(estimates, index, place[index]) for index in range(2)]
         for known, number in zip(numbers, own, strict=True):
             known.update({number} - {0})
-        # A may be wrong only in the turn of a reflection.
-        due = own if turn >= RIGHT_FROM else own[: turn >= SETTLED and turn not in shifted]
+        # A may be wrong only in the revolution of a reflection.
+        due = (
+            own
+            if revolution >= RIGHT_FROM
+            else own[: revolution >= SETTLED and revolution not in shifted]
+        )
         wrong += 0 in due
     return wrong + len(set.intersection(*numbers))
 

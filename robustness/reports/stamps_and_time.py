@@ -63,7 +63,7 @@ def _loop_bag(loops: int, duration_s: float) -> tuple[int, int]:
         radars.spin_until(lambda: _jumps_back(radars) >= loops, 90.0)
         replay.kill()  # a stop takes a while, in which the next pass may begin
         radars.spin(0.5)
-        return _jumps_back(radars), int(radars.values("step time")["epoch"])
+        return _jumps_back(radars), int(radars.values("step time")["run"])
 
 
 def _jumps_back(radars: Radars) -> int:
@@ -85,10 +85,10 @@ def _shuffle(*options: str) -> tuple[int, int, int]:
             # Wait for either of them, so that a busy tracker keeps up.
             radars.wait_for(pair)
         dropped = int(radars.values("radar_1").get("dropped_late", 0))
-        epoch = int(radars.values("step time")["epoch"])
+        run = int(radars.values("step time")["run"])
     received = [stamp for stamp, _ in radars.filtered]
     expected = [scans.stamp_of_scan(index) for index in range(len(received))]
-    return epoch, dropped, sum(takewhile(bool, map(eq, received, expected)))
+    return run, dropped, sum(takewhile(bool, map(eq, received, expected)))
 
 
 @measures(
@@ -111,18 +111,18 @@ def measure_clocks(offsets_s: Sequence[float] = OFFSETS_S) -> Found:
             radars.outputs[wrong].publish(scans.cloud(0, wrong, stamp_ns))
             sent |= _send(radars, len(sent), wrong, 0.0)
         values = [radars.values(f"radar_{k}") for k in (1, 2)]
-        epoch = int(radars.values("step time")["epoch"])
+        run = int(radars.values("step time")["run"])
         lost = len(sent - radars.answered)
     zeros = sum(int(each.get("dropped_stamp_zero", 0)) for each in values)
     known = [delay for delay in delays if delay is not None]
     text = (
-        f"{lost} of {len(sent)} scans not answered, {epoch} resets; offset named in {len(known)} "
+        f"{lost} of {len(sent)} scans not answered, {run} resets; offset named in {len(known)} "
         f"of {len(delays)} cases, after at most {max(known, default=math.nan):.2f} s; {zeros} of 2 "
         "stamps of 0 counted"
     )
     in_time = len(known) == len(delays) and max(known) <= ALLOWED_S
-    reached = lost == epoch == 0 and in_time and zeros == 2
-    return text, reached, {"lost": lost, "resets": epoch, "named_after_s": delays, "zeros": zeros}
+    reached = lost == run == 0 and in_time and zeros == 2
+    return text, reached, {"lost": lost, "resets": run, "named_after_s": delays, "zeros": zeros}
 
 
 def _send(radars: Radars, index: int, wrong: int, offset_s: float) -> set[int]:
@@ -161,7 +161,7 @@ def measure_gap() -> Found:
         whole = all(radars.track(index) for index in range(SHUFFLED))
         index = SHUFFLED + SHORT_GAP_SCANS
         whole &= radars.track(index)
-        short = int(radars.values("step time")["epoch"])
+        short = int(radars.values("step time")["run"])
         before = tracker.status("VmHWM")
         begin = time.monotonic()
         for _ in range(5):
@@ -169,14 +169,14 @@ def measure_gap() -> Found:
             whole &= radars.track(index, timeout_s=30.0)
         seconds = (time.monotonic() - begin) / 5
         growth = tracker.status("VmHWM") - before
-        epoch = int(radars.values("step time")["epoch"])
+        run = int(radars.values("step time")["run"])
     text = (
-        f"{short} resets at a gap of {SHORT_GAP_SCANS} scans, {epoch - short} at 5 of "
+        f"{short} resets at a gap of {SHORT_GAP_SCANS} scans, {run - short} at 5 of "
         f"{GAP_SCANS}, {seconds:.2f} s for the scan after, "
         f"memory +{growth / 1024:.0f} MiB{'' if whole else ', scans lost'}"
     )
-    reached = whole and short == 0 and epoch == 5 and growth <= 10_000_000 / 1024
-    details = {"resets": epoch - short, "resets_of_short": short, "memory_kib": growth}
+    reached = whole and short == 0 and run == 5 and growth <= 10_000_000 / 1024
+    details = {"resets": run - short, "resets_of_short": short, "memory_kib": growth}
     return text, reached, {**details, "seconds": seconds}
 
 

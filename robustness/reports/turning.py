@@ -19,9 +19,9 @@ from ..harness.radars import Radars
 from ..harness.rig import Rig, options
 
 ROTATION_S, SECTORS = 4.0, 16
-# The antenna is slower in the turns after this one.
+# The antenna is slower in the revolutions after this one.
 SLOWER_AFTER, SLOWER = 14, 1.15
-WARM_UP, TURNS = 5, 20
+WARM_UP, REVOLUTIONS = 5, 20
 # East and north of the target and its velocity, m and m/s; its height.
 PLACE, VELOCITY, HEIGHT = np.array([9e3, 6e3]), np.array([-100.0, 60.0]), 2000.0
 CLUTTER_PER_SECTOR = 3
@@ -103,12 +103,12 @@ def _without(name: str) -> Change:
 def faults() -> list[Fault]:
     """Return all faults that a cloud may have."""
     return [
-        Fault("time beyond the turn", "dropped_time", _values("time", 50.0)),
-        Fault("time before the turn", "dropped_time", _values("time", -50.0)),
+        Fault("time beyond the revolution", "dropped_time", _values("time", 50.0)),
+        Fault("time before the revolution", "dropped_time", _values("time", -50.0)),
         Fault("time NaN", "dropped_time", _values("time", math.nan)),
         Fault("time infinite", "dropped_time", _values("time", math.inf)),
         Fault("times not in order", "", _reverse),
-        Fault("times of the turn before", "detections_late", _values("time", -ROTATION_S)),
+        Fault("times of the revolution before", "detections_late", _values("time", -ROTATION_S)),
         Fault("no time", "time_missing", _without("time"), 1),
         Fault("height 1e9", "dropped_height", _values("height", 1e9)),
         Fault("height -1e9", "dropped_height", _values("height", -1e9)),
@@ -189,7 +189,7 @@ def measure() -> Found:
         antenna = Antenna(np.random.default_rng(1))
         wanted, lost, away = Counter[str](), [], []
         left = faults()
-        for sector in range(TURNS * SECTORS):
+        for sector in range(REVOLUTIONS * SECTORS):
             fault = left.pop(0) if sector > WARM_UP * SECTORS and sector % 7 == 0 and left else None
             name = "valid" if fault is None else fault.name
             if sector == 12 * SECTORS:

@@ -40,11 +40,11 @@ def goals_of(hour: str, ways: Mapping[str, Mapping[str, Any]]) -> list[Goal]:
                 goal(f"{hour}: found {source}, %, {way}", found, FOUND[source], False),
                 goal(f"{hour}: RMS {source}, to plot Kalman, {way}", rms, RMS[source]),
             ]
-    false = plain[FILTERED]["false_a_turn"]
+    false = plain[FILTERED]["false_a_revolution"]
     switches, without = plain[FILTERED]["switches"], bare[FILTERED]["switches"]
     goals += [
         # An absolute bound, because the reference may have no false tracks.
-        goal(f"{hour}: false tracks a turn", false, FALSE * peer["false_a_turn"]),
+        goal(f"{hour}: false tracks a turn", false, FALSE * peer["false_a_revolution"]),
         goal(f"{hour}: identity switches without identities", without, float(peer["switches"])),
         goal(f"{hour}: identity switches with identities", switches, float(without)),
     ]

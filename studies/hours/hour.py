@@ -13,11 +13,12 @@ before it is compared:
 The time shift of the recording is subtracted from the tracks' stamps. The plot Kalman tracker gets
 the same plots, converted in the same way, with their own times.
 
-Tracks are scored once a turn, at their stamp nearest to the end of the radar's turn; a turn without
-a stamp within half a turn of it has no tracks. A target is in sight between two passes of the beam
-at most `IN_SIGHT_TURNS` apart in both of which it could be detected. It is scored while in sight,
-unless it is slow as in `turning`, from its `LEAST_LOOKS`-th pass in sight on, since a track needs
-that many plots. Tracks of unscored targets are left out; tracks near no target are false.
+Tracks are scored once a revolution, at their stamp nearest to the end of the radar's revolution; a
+revolution without a stamp within half a revolution of it has no tracks. A target is in sight
+between two passes of the beam at most `IN_SIGHT_REVOLUTIONS` apart in both of which it could be
+detected. It is scored while in sight, unless it is slow as in `turning`, from its `LEAST_LOOKS`-th
+pass in sight on, since a track needs that many plots. Tracks of unscored targets are left out;
+tracks near no target are false.
 """
 
 from __future__ import annotations
@@ -43,14 +44,14 @@ from phd_jdtc_ros.simulation.looks import TurningRadar
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, plots_with_replies
 from phd_jdtc_ros.study.runs import TAXIING
-from phd_jdtc_ros.study.turning import turn_ends
+from phd_jdtc_ros.study.turning import revolution_ends
 
 from ..peers.plot_kalman import follow
 from ..runner import half_width
 
 # A target counts as found if it has an estimate within this distance, metres.
 FOUND_M = 500.0
-IN_SIGHT_TURNS, LEAST_LOOKS = 1.5, 3
+IN_SIGHT_REVOLUTIONS, LEAST_LOOKS = 1.5, 3
 # Number of parts of an hour whose figures are compared for intervals.
 BLOCKS = 12
 # Number of plot times from which the shift of a recording is estimated, and its resolution,
@@ -61,11 +62,11 @@ SHIFT_TIMES, SHIFT_STEP_S = 400, 1.0 / 128.0
 class Scores(NamedTuple):
     """The scores of a tracker on an hour."""
 
-    instants: int  # Number of scored targets, summed over the turns
+    instants: int  # Number of scored targets, summed over the revolutions
     found: float  # Share of the instants with an estimate within `FOUND_M`
     found_from_first: float  # The same if targets are scored from their first pass in sight on
     rms: float  # Root mean square error of these estimates, metres; `FOUND_M` if there are none
-    false_a_turn: float  # Mean number of estimates near no target
+    false_a_revolution: float  # Mean number of estimates near no target
     switches: int  # Identity switches of targets in sight, see `IdentitySwitches`
     # `renumbered`, `returned`: number of targets with another track number after a gap in sight
     # than before it, and of all targets tracked both before and after a gap.
@@ -107,16 +108,16 @@ class Hour:
 
     @property
     def rotation_s(self) -> float:
-        """Mean time of a turn."""
+        """Mean time of a revolution."""
         return self.scenario.radars[0].rotation_s
 
     @cached_property
     def ends_s(self) -> FloatArray:
-        """The ends of the turns that are scored, seconds after scan 0.
+        """The ends of the revolutions that are scored, seconds after scan 0.
 
-        The third turn is the first, since no target has `LEAST_LOOKS` passes before it.
+        The third revolution is the first, since no target has `LEAST_LOOKS` passes before it.
         """
-        return np.array(turn_ends(self.scenario)[LEAST_LOOKS - 1 :])
+        return np.array(revolution_ends(self.scenario)[LEAST_LOOKS - 1 :])
 
     @property
     def turning(self) -> TurningRadar:
@@ -127,7 +128,7 @@ class Hour:
     def plots(self) -> tuple[FloatArray, Detections]:
         """The times of all plots, seconds after scan 0, and the measurements."""
         plots, found = plots_with_replies(self.turning, self.seed)
-        return self.turning.times_at(plots.turns), found
+        return self.turning.times_at(plots.revolutions), found
 
     @cached_property
     def in_sight(self) -> dict[int, FloatArray]:
@@ -142,7 +143,7 @@ class Hour:
         known = self.in_sight.get(number, np.zeros(0))
         count = int(np.searchsorted(known, time_s, side="right"))
         apart = np.diff(known[: count + 1])
-        longest_s = IN_SIGHT_TURNS * self.rotation_s
+        longest_s = IN_SIGHT_REVOLUTIONS * self.rotation_s
         if count in (0, len(known)) or apart[-1] > longest_s:
             return 0
         # The target came into sight after its last gap.
@@ -179,7 +180,7 @@ def shift_s(own_s: FloatArray, recorded_s: FloatArray) -> float:
 def tracks(
     hour: Hour, found: Sequence[Estimates], later_s: float
 ) -> tuple[FloatArray, list[PointSet]]:
-    """Return the scored times, seconds after scan 0, and the tracks at each, one set per turn.
+    """Return the scored times, s after scan 0, and the tracks at each, a set per revolution.
 
     The estimates are of one source; their stamps are `later_s` later than the simulation's times
     since the epoch, seconds.
@@ -228,25 +229,25 @@ def scores(hour: Hour, reader: Reader, times_s: FloatArray, found: Sequence[Poin
     return sums.scores()
 
 
-def _rates(turns: FloatArray) -> dict[str, float]:
-    """Return the figures that turns have by themselves, given the rows of `_Sums`."""
-    square, paired, instants, early_paired, early, false = turns.sum(axis=0).tolist()
+def _rates(revolutions: FloatArray) -> dict[str, float]:
+    """Return the figures that revolutions have by themselves, given the rows of `_Sums`."""
+    square, paired, instants, early_paired, early, false = revolutions.sum(axis=0).tolist()
     return {
         "found": paired / max(instants, 1.0),
         "found_from_first": early_paired / max(early, 1.0),
         "rms": math.sqrt(square / paired) if paired else FOUND_M,
-        "false_a_turn": false / max(len(turns), 1),
+        "false_a_revolution": false / max(len(revolutions), 1),
     }
 
 
 class _Sums:
-    """Accumulates the figures of `scores`, turn by turn."""
+    """Accumulates the figures of `scores`, revolution by revolution."""
 
     def __init__(self) -> None:
         self._switches = IdentitySwitches(FOUND_M)
-        # Each turn has its squared errors, targets found and all, the same from the first pass on
-        # without the errors, and false estimates.
-        self._turns: list[tuple[float, ...]] = []
+        # Each revolution has its squared errors, targets found and all, the same from the first
+        # pass on without the errors, and false estimates.
+        self._revolutions: list[tuple[float, ...]] = []
         self._switched = 0
         # The last track number of each target in sight, and of each target since out of sight.
         self._number: dict[int, int] = {}
@@ -254,7 +255,7 @@ class _Sums:
         self._renumbered, self._returned = 0, 0
 
     def add(self, label: IntArray, position: FloatArray, passes: IntArray, own: PointSet) -> None:
-        """Add a turn: T targets, the number of passes over each, and the tracks."""
+        """Add a revolution: T targets, the number of passes over each, and the tracks."""
         settled = passes >= LEAST_LOOKS
         rest = _without(own, position, ~settled)
         row, column = assign(position[settled], rest.position, FOUND_M)
@@ -263,7 +264,7 @@ class _Sums:
         early = len(assign(position[seen], own.position, FOUND_M)[0])
         found = (distance**2).sum(), len(row), np.count_nonzero(settled)
         counts = early, np.count_nonzero(seen), len(rest) - len(row)
-        self._turns.append(tuple(map(float, (*found, *counts))))
+        self._revolutions.append(tuple(map(float, (*found, *counts))))
         true = LabelledPoints(label[settled], position[settled])
         numbers = np.zeros(len(rest), np.int64) if rest.track_id is None else rest.track_id
         self._switched += self._switches.add(
@@ -285,12 +286,12 @@ class _Sums:
         self._number.update(number)
 
     def scores(self) -> Scores:
-        """Return the scores of all turns."""
-        turns = np.array(self._turns).reshape(-1, 6)
-        blocks = [_rates(block) for block in np.array_split(turns, BLOCKS) if len(block)]
+        """Return the scores of all revolutions."""
+        revolutions = np.array(self._revolutions).reshape(-1, 6)
+        blocks = [_rates(block) for block in np.array_split(revolutions, BLOCKS) if len(block)]
         return Scores(
-            instants=int(turns[:, 2].sum()),
-            **_rates(turns),
+            instants=int(revolutions[:, 2].sum()),
+            **_rates(revolutions),
             switches=self._switched,
             renumbered=self._renumbered,
             returned=self._returned,

@@ -241,7 +241,7 @@ COLUMNS = {
     "found": ("found", ".2%"),
     "found_from_first": ("from 1st plot", ".2%"),
     "rms": ("RMS, m", ".1f"),
-    "false_a_turn": ("false a turn", ".3f"),
+    "false_a_revolution": ("false a revolution", ".3f"),
     "switches": ("switches", ".3g"),
     "renumbered": ("renumbered", ".3g"),
     "returned": ("of", ".3g"),

@@ -1,8 +1,8 @@
 """A nearest-neighbour Kalman tracker for turning radars, as a simple baseline.
 
 Every plot is compared with the tracks at its own time: nearly constant velocity, converted
-measurements, global nearest neighbour among the plots of a small part of a turn, confirmed tracks
-first, M-of-N initiation, deletion after missed turns. It needs no other package.
+measurements, global nearest neighbour among the plots of a small part of a revolution, confirmed
+tracks first, M-of-N initiation, deletion after missed revolutions. It needs no other package.
 
 The settings were chosen by the RMS error and the identity switches on seeds 0 to 3 of
 `config/scenarios/terminal_radar.yaml`.
@@ -28,13 +28,13 @@ from phd_jdtc_ros.study.turning import without_ignored
 
 # Order of the state: x, vx, y, vy.
 POSITION, VELOCITY = [0, 2], [1, 3]
-# Share of a turn whose plots are assigned together.
+# Share of a revolution whose plots are assigned together.
 BATCH = 1.0 / 32.0
-# The beam passes a target once a turn: a track takes no second plot of a radar within this share of
-# a turn.
+# The beam passes a target once a revolution: a track takes no second plot of a radar within this
+# share of a revolution.
 AGAIN = 0.5
-# A track without a plot for this many turns is coasting.
-SEEN_TURNS = 1.25
+# A track without a plot for this many revolutions is coasting.
+SEEN_REVOLUTIONS = 1.25
 
 
 @dataclass(frozen=True)
@@ -45,13 +45,13 @@ class Settings:
     # Standard deviation of a new track's velocity along each axis, metres per second.
     speed_std: float = 150.0
     gate: float = 4.5  # In standard deviations of the innovation
-    # `hits`, `turns`: a track is confirmed by `hits` plots within `turns` turns.
+    # `hits`, `revolutions`: a track is confirmed by `hits` plots within `revolutions` revolutions.
     hits: int = 3
-    turns: float = 4.5
-    # `tentative_turns`, `coasted_turns`: a tentative and a confirmed track end after this many
-    # turns without a plot.
-    tentative_turns: float = 2.5
-    coasted_turns: float = 3.5
+    revolutions: float = 4.5
+    # `tentative_revolutions`, `coasted_revolutions`: a tentative and a confirmed track end after
+    # this many revolutions without a plot.
+    tentative_revolutions: float = 2.5
+    coasted_revolutions: float = 3.5
 
 
 SETTINGS = Settings()
@@ -88,7 +88,7 @@ def _convert(
 
 
 class Tracker:
-    """The current tracks, one row each, of radars with these times of a turn, seconds."""
+    """The current tracks, one row each, of radars with these times of a revolution, seconds."""
 
     def __init__(self, settings: Settings, rotations: FloatArray) -> None:
         self.settings, self.rotations = settings, rotations
@@ -113,7 +113,7 @@ class Tracker:
             track_id=self.number[rows],
             velocity=mean[:, VELOCITY],
             velocity_covariance=covariance[:, VELOCITY][:, :, VELOCITY],
-            coasting=time - self.time[rows] > SEEN_TURNS * self.rotations.min(),
+            coasting=time - self.time[rows] > SEEN_REVOLUTIONS * self.rotations.min(),
         )
 
     def add(self, plots: Plots, batch: IntArray) -> None:
@@ -127,11 +127,11 @@ class Tracker:
 
     def _end_tracks(self, now: float) -> None:
         """Remove tracks without plots, and tentative tracks that are not confirmed in time."""
-        settings, turn_s = self.settings, float(self.rotations.min())
+        settings, revolution_s = self.settings, float(self.rotations.min())
         tentative = self.hits < settings.hits
-        patience = np.where(tentative, settings.tentative_turns, settings.coasted_turns)
-        ended = now - self.time > patience * turn_s
-        ended |= tentative & (now - self.born > settings.turns * turn_s)
+        patience = np.where(tentative, settings.tentative_revolutions, settings.coasted_revolutions)
+        ended = now - self.time > patience * revolution_s
+        ended |= tentative & (now - self.born > settings.revolutions * revolution_s)
         self._keep(np.flatnonzero(~ended))
 
     def _keep(self, rows: IntArray) -> None:

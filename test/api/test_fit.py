@@ -36,7 +36,7 @@ def test_fit_warns_of_degrees_that_are_read_as_radians():
 
 
 def all_around(unit):
-    """Return false detections in all directions; `unit` is a turn in the unit of azimuths."""
+    """Return false detections in all directions; `unit` is a revolution in the unit of azimuths."""
     rng, count = np.random.default_rng(1), 240
     time = np.repeat(10.0 + np.arange(40.0), count // 40)
     return {

@@ -73,7 +73,7 @@ def test_sectors_need_not_be_those_of_the_radar(own, radars):
     found = fed(Assembler(own), *events)
     assert [report.sector for report in found] == [*range(own), *range(own)]
     for k, report in enumerate(found):
-        # An eighth of the bits of a turn is no whole number of those of 12 sectors.
+        # An eighth of the bits of a revolution is no whole number of those of 12 sectors.
         assert report.stamp_ns == pytest.approx(at((k + 1) * 360.0 / own), abs=0.01 * NS)
         sectors = [int(p.azimuth / (2.0 * math.pi) * own) for p in report.plots]
         assert set(sectors) <= {report.sector}
@@ -93,7 +93,7 @@ def test_north_marks_alone_or_ended_crossings_make_slices_of_time():
     plots = [(float(k), plot(k)) for k in range(0, 3600, 7)]
     events = sorted([*plots, *crossings(0.0, 1080.0)], key=lambda event: event[0])
     found = fed(assembler, *events) + assembler.finish()
-    assert assembler.counts["turns_lost"] == 1
+    assert assembler.counts["revolutions_lost"] == 1
     times = [time for report in found for time in report.times_ns]
     assert sorted(times) == [at(turned) for turned, _ in plots]
     assert found[-1].sector is None
@@ -125,7 +125,7 @@ def test_lost_crossings_are_bridged_and_long_gaps_not_invented():
     assembler = Assembler(32, ROTATION_S)
     fed(assembler, *crossings(0.0, 90.0))
     assert fed(assembler, (3600.0 + 90.0, crossing(90.0))) == []
-    assert assembler.counts["turns_lost"] == 1
+    assert assembler.counts["revolutions_lost"] == 1
     assert [r.sector for r in fed(assembler, (3701.25, crossing(101.25)))] == [8]
 
 
@@ -141,24 +141,24 @@ def test_late_plots_go_with_the_next_sector_or_are_waited_for():
     assert patient.counts["late_plots"] == 0
 
 
-def test_turn_is_the_reported_one_until_crossings_have_shown_half_of_one():
+def test_revolution_is_the_reported_one_until_crossings_have_shown_half_of_one():
     assembler = Assembler(32, rotation_s=3.9)
     fed(assembler, *crossings(0.0, 360.0))
-    assert assembler.turn_s == pytest.approx(4.0)
+    assert assembler.revolution_s == pytest.approx(4.0)
     assembler = Assembler(32)
     fed(assembler, (0.0, crossing(0.0, NORTH, rotation_s=4.1)), *crossings(11.25, 90.0))
-    assert assembler.turn_s == 4.1
+    assert assembler.revolution_s == 4.1
 
 
-def test_crossing_that_is_overtaken_by_a_north_mark_adds_no_turn():
-    # The north mark is 0.4 s of a turn of 4.9 s ahead of the crossings that follow it.
+def test_crossing_that_is_overtaken_by_a_north_mark_adds_no_revolution():
+    # The north mark is 0.4 s of a revolution of 4.9 s ahead of the crossings that follow it.
     assembler = Assembler()
     events = [(crossing(315.0), 0.0), (crossing(326.25), 0.15)]
     events += [(crossing(0.0, NORTH, rotation_s=4.9), 0.61)]
     events += [(crossing(337.5), 0.31), (crossing(348.75), 0.46), (crossing(11.25), 0.77)]
     for message, time_s in events:
         assembler.add_service(message, round(time_s * NS))
-    assert assembler.turn_s == 4.9
+    assert assembler.revolution_s == 4.9
     assert assembler.counts["sectors_bridged"] < 4
 
 
@@ -207,7 +207,7 @@ def test_one_plot_of_a_wrong_time_does_not_end_the_sectors():
     events.insert(40, (3600.0, plot(400.0)))
     found = fed(assembler, *events)
     assert [report.sector for report in found] == [*range(32), *range(32)]
-    assert assembler.counts["turns_lost"] == 0
+    assert assembler.counts["revolutions_lost"] == 0
 
 
 def test_pending_plots_are_bounded(monkeypatch):

@@ -77,8 +77,8 @@ def test_unknown_values_are_written_as_unknown():
 
 
 def test_radars_on_one_stream_have_sectors_of_their_own():
-    one = [*made.turns(2, seen=SEEN, sic=1)]
-    other = [*made.turns(2, sectors=16, rotation_s=5.0, seen=SEEN[:2], sic=2)]
+    one = [*made.revolutions(2, seen=SEEN, sic=1)]
+    other = [*made.revolutions(2, sectors=16, rotation_s=5.0, seen=SEEN[:2], sic=2)]
     stream = PlotStream({0x101: RadarSettings("a"), 0x102: RadarSettings("b", sectors=16)})
     mixed = [data for pair in zip(one, other, strict=False) for data in pair]
     found = ended(stream, fed(stream, [*mixed, *one[len(other) :]]))
@@ -91,7 +91,7 @@ def test_radars_on_one_stream_have_sectors_of_their_own():
 
 
 def test_unnamed_radars_are_left_out_or_numbered_and_bounded():
-    data = [*made.turns(1, sac=25, sic=13)]
+    data = [*made.revolutions(1, sac=25, sic=13)]
     stream = PlotStream({0x101: RadarSettings("a")})
     assert fed(stream, data) == []
     assert stream.counts == {"unknown_radar": 33}
@@ -105,7 +105,7 @@ def test_unnamed_radars_are_left_out_or_numbered_and_bounded():
 
 
 def test_second_source_of_a_radar_is_left_out_while_the_first_sends():
-    data = [*made.turns(2, seen=SEEN)]
+    data = [*made.revolutions(2, seen=SEEN)]
     alone = fed(PlotStream({}), data, "a", 1000.0)
     stream = PlotStream({})
     both = []
@@ -120,8 +120,8 @@ def test_second_source_of_a_radar_is_left_out_while_the_first_sends():
 
 def test_second_source_takes_over_when_the_first_is_silent():
     stream = PlotStream({})
-    fed(stream, made.turns(1, start_s=1000.0), "a", 1000.0)
-    fed(stream, made.turns(1, start_s=1020.0), "b", 1020.0)
+    fed(stream, made.revolutions(1, start_s=1000.0), "a", 1000.0)
+    fed(stream, made.revolutions(1, start_s=1020.0), "b", 1020.0)
     (state,) = stream.radars.values()
     assert state.counts["source_changed"] == 1
     assert state.counts["second_source"] == 0
@@ -131,7 +131,7 @@ def test_second_source_takes_over_when_the_first_is_silent():
 def test_plots_and_crossings_may_come_from_different_sources():
     stream = PlotStream({})
     found = []
-    for data in made.turns(2, seen=SEEN):
+    for data in made.revolutions(2, seen=SEEN):
         found += fed(stream, [data], "plots" if data[0] == 48 else "service", 1000.0)
     found = ended(stream, found)
     assert sum(len(report.plots) for _, report in found) == 8
@@ -141,12 +141,12 @@ def test_plots_and_crossings_may_come_from_different_sources():
 def test_first_messages_of_a_wrong_clock_have_the_shift_of_all():
     stream = PlotStream({})
     found = []
-    for k, data in enumerate(made.turns(3, start_s=1000.0, seen=SEEN)):
+    for k, data in enumerate(made.revolutions(3, start_s=1000.0, seen=SEEN)):
         found += fed(stream, [data], received_s=2581.0 + 4.0 * k / 35.0)
     stamps = np.array([report.stamp_ns for _, report in ended(stream, found)])
     np.testing.assert_array_equal(np.diff(stamps), NS // 8)
     (state,) = stream.radars.values()
-    assert state.assembler.turn_s == pytest.approx(4.0)
+    assert state.assembler.revolution_s == pytest.approx(4.0)
     assert state.counts["clock_off"] == 1
     assert state.clock.shift_ns == pytest.approx(1581 * NS, abs=NS)
 
@@ -168,7 +168,7 @@ def test_radar_position_is_the_reported_one_or_else_the_configured_one():
     assert stream.radars[0x103].site == (1.0, 2.0, 3.0)
 
 
-def passing(sectors, delay_s, turns=6, turn_s=4.0):
+def passing(sectors, delay_s, revolutions=6, revolution_s=4.0):
     """Return the time of each message, seconds, with its data, as they are sent.
 
     Plots are sent so much after the antenna has passed them. Without sectors there are only plots.
@@ -176,11 +176,11 @@ def passing(sectors, delay_s, turns=6, turn_s=4.0):
     first_s = 1000.0
     sent = [
         (time_s + delay_s, time_s, made.plots(made.plot(time_s * 90.0 % 360.0, time_s)))
-        for time_s in first_s + np.arange(0.05, turns * turn_s, 0.17)
+        for time_s in first_s + np.arange(0.05, revolutions * revolution_s, 0.17)
     ]
     sent += [
         (time_s, time_s, made.sector((time_s - first_s) * 90.0 % 360.0, time_s))
-        for time_s in first_s + np.arange(turns * sectors) * turn_s / max(sectors, 1)
+        for time_s in first_s + np.arange(revolutions * sectors) * revolution_s / max(sectors, 1)
     ]
     return [(time_s, data) for _, time_s, data in sorted(sent)]
 

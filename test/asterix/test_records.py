@@ -40,7 +40,7 @@ def assert_same(found, record):
     assert found.time_of_day / 128.0 == value(record, "I140", "ToD")
     assert found.distance == value(record, "I040", "RHO") * 1852.0
     assert found.azimuth == pytest.approx(math.radians(value(record, "I040", "THETA")), abs=1e-12)
-    assert found.kind == (value(record, "I020", "TYP") or 0)
+    assert found.detection_type == (value(record, "I020", "TYP") or 0)
     address = value(record, "I220", "ACAddr")
     assert found.address == (NONE if address is None else int(address, 16))
     known = "I070" in record and not value(record, "I070", "V") and not value(record, "I070", "G")
@@ -169,7 +169,7 @@ def test_surface_radars_have_ranges_in_metres():
     }
     found, counts = read(made.block(10, [items, {**items, "000": 2}]))
     assert not counts
-    assert [(p.distance, p.azimuth, p.kind) for p in found] == [(1500.0, math.pi, 1)]
+    assert [(p.distance, p.azimuth, p.detection_type) for p in found] == [(1500.0, math.pi, 1)]
     assert found[0].period == DAY
 
 

@@ -33,7 +33,7 @@ def slicer():
     return Slicer(0.0, Counter())
 
 
-def test_slices_are_of_an_eighth_of_a_turn_and_no_shorter_than_a_quarter_of_a_second():
+def test_slices_are_of_an_eighth_of_a_revolution_and_no_shorter_than_a_quarter_of_a_second():
     for rotation_s, width_s in ((0.0, 0.25), (1.0, 0.25), (4.0, 0.5), (12.0, 1.5)):
         cut = Slicer(rotation_s, Counter())
         found = fed(cut, [k * 0.05 for k in range(2000)]) + cut.finish()

@@ -277,7 +277,15 @@ def test_grouper_and_engine_carry_the_configuration():
         ),
         *(
             ({f"radar_1.fields.{name}": "own"}, f"radar_1.fields.{name}: 'own' given, must be ''")
-            for name in ("time", "height", "elevation", "code", "address", "kind", "range_rate")
+            for name in (
+                "time",
+                "height",
+                "elevation",
+                "code",
+                "address",
+                "detection_type",
+                "range_rate",
+            )
         ),
     ],
 )

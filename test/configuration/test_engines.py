@@ -91,7 +91,7 @@ def test_each_sensor_has_the_parameters_and_the_model_of_its_kind():
     config = build.resolve(GIVEN)
     assert [sensor.may_turn for sensor in config.model.radars] == [False, True]
     assert (config.inputs[0].topic, config.model.radars[0].std) == ("/ais/detections", 9.0)
-    assert config.turns()[0].period_s == 0.0
+    assert config.revolutions()[0].period_s == 0.0
 
 
 @pytest.mark.usefixtures("a_second_kind")

@@ -209,7 +209,7 @@ def test_detection_probability_may_follow_from_the_snr_bands(learn):
 @pytest.mark.parametrize("value", [0, 4, 3.97])
 def test_rotation_period_is_given_or_found_out(value):
     config = resolve({"sensors": ["radar"], "radar.rotation_s": value})
-    assert config.radars[0].rotation_s == config.turns()[0].configured_period_s == value
+    assert config.radars[0].rotation_s == config.revolutions()[0].configured_period_s == value
 
 
 SECTIONS = {

@@ -7,11 +7,11 @@ from scenes import short_scenario, small
 
 from phd_jdtc_ros.configuration.engines import new_engine, new_pipeline
 from phd_jdtc_ros.core.intake.scans import Rejection
-from phd_jdtc_ros.core.intake.slices import slices_per_turn
+from phd_jdtc_ros.core.intake.slices import slices_per_revolution
 from phd_jdtc_ros.core.pipeline import RunEnded, Stepped
 from phd_jdtc_ros.simulation.simulate import simulate
 
-SLICES = slices_per_turn(4.0)
+SLICES = slices_per_revolution(4.0)
 CONFIG = small({"lag": 2})
 SCANS = [scan for _, scan in simulate(short_scenario(8), 0)]
 INTERVAL_NS = 6_000_000_000
@@ -175,7 +175,7 @@ def turned(pipeline, reports, radar=0):
     ]
 
 
-def test_turns_are_stepped_in_slices_again_behind_a_jump_back():
+def test_revolutions_are_stepped_in_slices_again_behind_a_jump_back():
     pipeline = new_pipeline(small(AT_ONCE))
     stamps = turned(pipeline, TURNING.reports(3))
     assert len(stamps) == 3 * SLICES
@@ -214,7 +214,7 @@ def test_slices_that_are_late_are_counted_by_report_and_none_is_with_reorder_s(r
     late = sum(pipeline.take_anomalies(radar)["slices_late"] for radar in (0, 1))
     assert rejected == 0
     assert (late > 0) == (reorder_s == 0.0)
-    cut = small(BOTH).turns()
+    cut = small(BOTH).revolutions()
     pieces = [
         len(cut[radar].split(stamp_ns, sent.detections))
         for stamp_ns, radar, sent in two_radars(1.7)
@@ -230,7 +230,7 @@ def test_anomalies_are_taken_once():
     assert not pipeline.take_anomalies(0)
 
 
-def test_sectors_step_the_engine_and_gaps_are_of_turns():
+def test_sectors_step_the_engine_and_gaps_are_of_revolutions():
     pipeline = new_pipeline(
         small({**AT_ONCE, "radar_1.sectors": 16, "radar_1.fields.sector": "sector"})
     )
@@ -242,7 +242,7 @@ def test_sectors_step_the_engine_and_gaps_are_of_turns():
 
 
 @pytest.mark.parametrize("timed", [True, False])
-def test_a_turn_that_is_not_set_is_found_and_targets_are_tracked(timed):
+def test_a_revolution_that_is_not_set_is_found_and_targets_are_tracked(timed):
     given = {"radar.rotation_s": 0.0, "radar.sectors": 0, "estimates_period_s": 3.9}
     pipeline = new_pipeline(sweep.configuration(given))
     found = []
@@ -259,7 +259,7 @@ def test_a_turn_that_is_not_set_is_found_and_targets_are_tracked(timed):
     assert apart.max() < 500.0
 
 
-def test_a_turn_is_found_once_and_known_after_a_reset():
+def test_a_revolution_is_found_once_and_known_after_a_reset():
     given = {"radar.rotation_s": 0.0, "radar.sectors": 0}
     pipeline = new_pipeline(sweep.configuration(given))
     reports = sweep.sector_reports(6, timed=True)

@@ -28,7 +28,7 @@ class Value(NamedTuple):
     """A value with a field of every kind."""
 
     count: Annotated[int, integers("", 0, 9)]
-    turns: Annotated[float, floats("", 0.0, 2.5)]
+    revolutions: Annotated[float, floats("", 0.0, 2.5)]
     row: Annotated[IntArray, integers("T", 0, ascending=True)]
     mode: Annotated[IntArray, integers("T", -1, below="O")]
     mean: Annotated[FloatArray, floats("TD", -1.0, 1.0)]
@@ -71,11 +71,11 @@ def read(snapshot):
     arrays.arrays(np.float64, st.tuples(st.integers(0, 4), st.just(2)), elements=st.floats(-1, 1)),
     st.booleans(),
 )
-def test_value_comes_back_bit_by_bit_but_for_what_is_given(count, turns, mean, has_cells):
+def test_value_comes_back_bit_by_bit_but_for_what_is_given(count, revolutions, mean, has_cells):
     cells = np.array([0.0, 0.5, 1.0]) if has_cells else None
-    before = value(len(mean), cells)._replace(count=count, turns=turns, mean=mean)
+    before = value(len(mean), cells)._replace(count=count, revolutions=revolutions, mean=mean)
     after = read(stored(before))
-    assert (after.count, after.turns, after.note) == (count, turns, "given")
+    assert (after.count, after.revolutions, after.note) == (count, revolutions, "given")
     assert type(after.count) is int
     for name in ("row", "mode", "mean", "covariance", "cells"):
         np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
@@ -101,7 +101,9 @@ def test_arrays_of_other_types_become_those_of_compiled_functions(width, order):
 def test_names_are_those_of_the_fields_that_are_declared_and_there():
     snapshot = stored(value())
     of_part = {f"it.part.{part}" for part in ("data", "indices", "indptr", "shape")}
-    others = {f"it.{name}" for name in ("count", "turns", "row", "mode", "mean", "covariance")}
+    others = {
+        f"it.{name}" for name in ("count", "revolutions", "row", "mode", "mean", "covariance")
+    }
     assert set(snapshot.arrays) == of_part | others
     assert snapshot.names_below("it") == {name.split(".")[1] for name in snapshot.arrays}
 
@@ -112,8 +114,8 @@ def test_names_are_those_of_the_fields_that_are_declared_and_there():
         ("count", 10, r"it.count: 10 given outside \[0, 9\]"),
         ("count", 1.0, "it.count: float64 given, expected whole numbers"),
         ("count", [1], r"it.count: shape \(1,\), expected \(\)"),
-        ("turns", np.nan, r"it.turns: nan given outside \[0, 2.5\]"),
-        ("turns", "1.5", "it.turns: <U3 given, expected floats"),
+        ("revolutions", np.nan, r"it.revolutions: nan given outside \[0, 2.5\]"),
+        ("revolutions", "1.5", "it.revolutions: <U3 given, expected floats"),
         ("row", [1, 1], "it.row: must increase"),
         ("row", [0, -1], "it.row: a number is not finite, or outside"),
         ("row", [0, 1, 2], r"it.mode: shape \(2,\), expected \(3\)"),

@@ -137,14 +137,14 @@ def test_examples_of_the_page_on_csv_run(tmp_path, monkeypatch):
     assert radars["sensors"] == ["radar"]
 
 
-def test_script_of_the_page_on_csv_writes_a_cloud_for_each_turn(tmp_path, monkeypatch):
+def test_script_of_the_page_on_csv_writes_a_cloud_for_each_revolution(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     time = 1.7e9 + 0.5 + np.arange(400) * 0.0375
     lines = [f"{each:.4f},{5e3 + each % 7.0},{each % 1.5 * 4.0}" for each in time]
     (tmp_path / "detections.csv").write_text("\n".join(["time,range,azimuth", *lines]))
     *_, script = python_of("csv.md")
 
-    run_all([script.replace("TURN_S = 0.0", "TURN_S = 1.5")])
+    run_all([script.replace("REVOLUTION_S = 0.0", "REVOLUTION_S = 1.5")])
 
     bag = BagReader(tmp_path / "bag")
     given = recorded_plots.recognised_radars(bag)

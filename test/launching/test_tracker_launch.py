@@ -118,8 +118,8 @@ def test_rviz_shows_the_tracker_of_the_namespace(printed):
     ("given", "expected"),
     [
         ("", None),
-        ("false", ["detections", "markers", "plots"]),
-        ("True", ["detections", "markers", "plots", "frames"]),
+        ("false", ["detections", "markers", "curves"]),
+        ("True", ["detections", "markers", "curves", "frames"]),
     ],
 )
 def test_frames_are_published_by_the_tracker_alone_as_asked(printed, given, expected):

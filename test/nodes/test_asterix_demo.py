@@ -116,9 +116,9 @@ def test_demo_of_a_recording_leaves_what_every_demo_leaves(live):
     metrics = json.loads((live / "metrics.json").read_text())
     assert metrics["engine"] == "gaussian"
     recorded = BagReader(live / "estimates").types
-    assert names.plot("hypotheses") in recorded
-    assert names.plot("particles") not in recorded
-    # The first tracks are confirmed in the third turn.
+    assert names.curve("hypotheses") in recorded
+    assert names.curve("particles") not in recorded
+    # The first tracks are confirmed in the third revolution.
     assert metrics["scans"] >= SECONDS // 4 - 1
     assert metrics["smoothed"]["all"]["ospa"] < 700.0
     expected = {*demo.ARTEFACTS, *asterix_demo.ARTEFACTS}

@@ -227,12 +227,12 @@ def test_traffic_of_a_class_that_is_not_tracked_is_named_so(made, title):
 
 def test_an_hour_of_fifty_aircraft_is_less_than_two_megabytes():
     rng = np.random.default_rng(5)
-    aircraft, turns = 50, 900
+    aircraft, revolutions = 50, 900
     start = rng.uniform(-1e5, 1e5, (aircraft, 2))
     velocity = rng.uniform(-200.0, 200.0, (aircraft, 2))
 
     def sets(lag):
-        for k in range(turns):
+        for k in range(revolutions):
             state = np.zeros((aircraft, 5))
             state[:, [0, 2]] = start + 4.0 * k * velocity + rng.normal(0.0, 30.0, (aircraft, 2))
             state[:, [1, 3]] = velocity + rng.normal(0.0, 3.0, (aircraft, 2))

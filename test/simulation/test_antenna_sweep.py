@@ -55,7 +55,7 @@ def test_passes_are_when_the_beam_points_at_the_target(flight, clockwise, bearin
     azimuth = radar.measure(flight.states(time))[:, 1]
     off = wrap_angle(np.radians(beam_deg(antenna, time)) - azimuth)
     np.testing.assert_allclose(off, 0.0, atol=1e-9)
-    # None is left out: the beam is ahead of the target by one more turn at each.
+    # None is left out: the beam is ahead of the target by one more revolution at each.
     fine = np.arange(flight.start_s, flight.end_s, 1e-3)
     sense = -1.0 if clockwise else 1.0
     target = np.unwrap(radar.measure(flight.states(fine))[:, 1])
@@ -81,10 +81,10 @@ def test_a_detection_is_where_the_target_is_at_its_own_time():
     assert seen == pytest.approx(3 * 14, abs=3)
 
 
-def test_turns_and_sectors_without_plots_are_reported_at_their_end():
+def test_revolutions_and_sectors_without_plots_are_reported_at_their_end():
     found, inputs = scene(CROSSING_NORTH, antenna=Antenna(math.pi / 2.0), duration_s=20.0)
     reports = simulate_reports(found, inputs, 0)
-    # A quarter of a turn was over at scan 0, and that turn is left out.
+    # A quarter of a revolution was over at scan 0, and that revolution is left out.
     assert [(r.stamp_ns - found.start_ns) / 1e9 for r in reports] == [7.0, 11.0, 15.0, 19.0]
     for report in reports:
         assert report.detections.coverage is None
@@ -96,7 +96,7 @@ def test_turns_and_sectors_without_plots_are_reported_at_their_end():
 
 
 @pytest.mark.parametrize("clockwise", [True, False])
-def test_sectors_cover_the_turn_in_the_order_in_which_the_antenna_turns(clockwise):
+def test_sectors_cover_the_revolution_in_the_order_in_which_the_antenna_turns(clockwise):
     antenna = Antenna(0.0, clockwise)
     found, inputs = scene(
         CIRCLING, antenna=antenna, sectors=16, clutter_rate=300.0, clutter_max_range=9e4
@@ -156,7 +156,7 @@ def test_targets_are_detected_with_the_given_probability_over_range():
     )
     plots = plots_of(TurningRadar(found, 0, inputs[0]), np.random.default_rng(1))
     near = plots.measurement[:, 0] < 40e3
-    # 15 turns of 100 targets each.
+    # 15 revolutions of 100 targets each.
     assert near.sum() / 1500 == pytest.approx(0.9, abs=0.03)
     assert (~near).sum() / 1500 == pytest.approx(0.5, abs=0.05)
 
@@ -202,7 +202,7 @@ def test_only_the_nearest_radars_see_a_target_where_their_number_is_limited():
         assert report.radar != 2 or len(report.detections) == 0
         if len(report.detections):
             seen[report.radar].append((report.stamp_ns - found.start_ns) * 1e-9)
-    # It is nearer to the second from 100 s on; stamps are up to a turn later.
+    # It is nearer to the second from 100 s on; stamps are up to a revolution later.
     assert len(seen[0]) > 20
     assert max(seen[0]) < 105.0
     assert len(seen[1]) > 20
@@ -224,7 +224,7 @@ def test_radars_that_do_not_turn_report_every_scan_beside_one_that_does():
     assert not replace(found, radars=found.radars[1:], antennas=()).turning
 
 
-def test_usual_antennas_of_equal_turns_do_not_point_the_same_way():
+def test_usual_antennas_of_equal_revolutions_do_not_point_the_same_way():
     found, _ = scene()
     antennas = replace(found, radars=found.radars * 8, antennas=()).antennas
     bearings = np.sort([antenna.bearing for antenna in antennas])

@@ -193,7 +193,7 @@ def plots(**document):
     run = scenario_file.resolve(given, config.model.radars)
     radar = TurningRadar(run, 0, config.inputs[0])
     found, answers = plots_with_replies(radar, 1)
-    return run, radar.times_at(found.turns), found, answers
+    return run, radar.times_at(found.revolutions), found, answers
 
 
 def test_target_in_a_gap_has_no_plots():
@@ -208,7 +208,7 @@ def test_target_in_a_gap_has_no_plots():
 def test_target_is_not_seen_above_and_below_the_beam():
     _, _, everything, _ = plots()
     _, _, found, _ = plots(antennas={"hill": {"lowest_deg": 6.0, "highest_deg": 45.0}})
-    assert 0 < len(found.turns) < len(everything.turns)
+    assert 0 < len(found.revolutions) < len(everything.revolutions)
     sine = ABOVE / found.measurement[:, 0]
     # The earth's curvature is 0.1 degrees at these ranges.
     assert 5.8 < np.degrees(np.arcsin(sine)).min() < 6.5
@@ -219,7 +219,7 @@ def test_mirrored_answer_is_seen_at_the_mirror_farther_by_the_detour():
     mirror = {**MIRROR, "start_deg": 170.0, "width_deg": 20.0}
     run, time_s, found, answers = plots(mirrors=[mirror], transponders={"reply_probability": 1.0})
     false = found.source == 0
-    # While it is in the south, once a turn.
+    # While it is in the south, once a revolution.
     assert np.count_nonzero(false) == pytest.approx(75, abs=2)
     assert (found.replying == 1).all()
     assert (answers.address[false] == run.replies_of[1].address).all()
@@ -248,8 +248,8 @@ def test_plots_before_scan_0_are_left_out():
     run = scenario_file.resolve(given, config.model.radars)
     radar = TurningRadar(run, 0, config.inputs[0])
     found, answers = plots_with_replies(radar, 1)
-    assert len(found.turns) == len(answers) > 500
-    assert radar.times_at(found.turns).min() >= 0.0
+    assert len(found.revolutions) == len(answers) > 500
+    assert radar.times_at(found.revolutions).min() >= 0.0
 
 
 def reports(**document):
@@ -291,20 +291,20 @@ def test_a_misaligned_antenna_cuts_its_sectors_at_its_reported_azimuth():
 
 def test_even_antenna_turns_at_its_rate_and_back():
     for antenna in (WINDY, Antenna(bearing=2.0), Antenna(wobble=0.5, wobble_period_s=30.0)):
-        turns = antenna.turns_at(TIMES, ROTATION_S)
-        assert (np.diff(turns) > 0.0).all()
-        np.testing.assert_allclose(antenna.times_at(turns, ROTATION_S), TIMES, atol=0.005)
-    turns = Antenna(bearing=np.pi / 2.0).turns_at(TIMES, ROTATION_S)
-    np.testing.assert_array_equal(turns, TIMES / ROTATION_S + 0.25)
+        revolutions = antenna.revolutions_at(TIMES, ROTATION_S)
+        assert (np.diff(revolutions) > 0.0).all()
+        np.testing.assert_allclose(antenna.times_at(revolutions, ROTATION_S), TIMES, atol=0.005)
+    revolutions = Antenna(bearing=np.pi / 2.0).revolutions_at(TIMES, ROTATION_S)
+    np.testing.assert_array_equal(revolutions, TIMES / ROTATION_S + 0.25)
 
 
 def test_wobble_is_a_share_of_the_rate_and_even_over_its_period():
-    rate = np.diff(WINDY.turns_at(TIMES, ROTATION_S)) / np.diff(TIMES)
+    rate = np.diff(WINDY.revolutions_at(TIMES, ROTATION_S)) / np.diff(TIMES)
     np.testing.assert_allclose(
         [rate.max(), rate.min()], np.array([1.005, 0.995]) / ROTATION_S, rtol=1e-5
     )
-    after = WINDY.turns_at(700.0 * np.arange(6), ROTATION_S)
+    after = WINDY.revolutions_at(700.0 * np.arange(6), ROTATION_S)
     np.testing.assert_allclose(np.diff(after), 700.0 / ROTATION_S)
-    half = WINDY.turns_at(np.array([175.0]), ROTATION_S)[0] - after[0]
+    half = WINDY.revolutions_at(np.array([175.0]), ROTATION_S)[0] - after[0]
     # A quarter of a sine is ahead by its integral.
     assert half - 175.0 / ROTATION_S == pytest.approx(0.005 * 700.0 / (2.0 * np.pi) / ROTATION_S)

@@ -33,7 +33,7 @@ def reader(hour):
 
 @pytest.fixture(scope="module")
 def true_tracks(hour, reader):
-    """Return the targets of every turn as tracks, those that taxi and are out of sight, too."""
+    """Return the targets of every revolution as tracks, also those that taxi or are unseen."""
     found = []
     for end_s in hour.ends_s.tolist():
         truth, position = hour.truth(end_s, reader)
@@ -49,18 +49,18 @@ def test_true_tracks_are_found_and_none_without_tracks(hour, reader, true_tracks
     found = scored(hour, reader, true_tracks)
     assert found.instants > 3000
     assert (found.found, found.found_from_first, found.rms) == (1.0, 1.0, 0.0)
-    assert (found.false_a_turn, found.switches, found.renumbered) == (0.0, 0, 0)
+    assert (found.false_a_revolution, found.switches, found.renumbered) == (0.0, 0, 0)
     assert found.returned > 0
     none = [points.only(np.zeros(0, np.int64)) for points in true_tracks]
     found = scored(hour, reader, none)
-    assert (found.found, found.rms, found.false_a_turn) == (0.0, FOUND_M, 0.0)
+    assert (found.found, found.rms, found.false_a_revolution) == (0.0, FOUND_M, 0.0)
 
 
 def test_intervals_are_of_the_differences_between_parts_of_the_hour(hour, reader, true_tracks):
     parts = np.array_split(np.arange(len(true_tracks)), hours.BLOCKS)
     half = [
-        points.only(np.arange(len(points) if turn < parts[6][0] else 0))
-        for turn, points in enumerate(true_tracks)
+        points.only(np.arange(len(points) if revolution < parts[6][0] else 0))
+        for revolution, points in enumerate(true_tracks)
     ]
 
     assert scored(hour, reader, true_tracks).half_width["found"] == 0.0
@@ -92,7 +92,7 @@ def test_errors_are_distances_and_far_tracks_are_missed_and_false(hour, reader, 
     far = [replace(points, position=points.position + np.array([0.0, 3e6])) for points in near]
     found = scored(hour, reader, far)
     assert found.found == 0.0
-    assert found.false_a_turn == pytest.approx(np.mean([len(points) for points in far]))
+    assert found.false_a_revolution == pytest.approx(np.mean([len(points) for points in far]))
 
 
 def test_changed_numbers_are_switches_or_renumbered_after_a_gap(hour, reader, true_tracks):
@@ -122,7 +122,10 @@ def test_passes_count_from_when_a_target_came_into_sight(hour):
     assert hour.passes(gap.number, gap.start_s - 5.0) > 3
     assert hour.passes(gap.number, gap.start_s + 0.1) == 0
     assert hour.passes(gap.number, gap.end_s - 0.1) == 0
-    after = [hour.passes(gap.number, gap.end_s + 4.0016 * turns) for turns in (1.05, 2.05, 3.05)]
+    after = [
+        hour.passes(gap.number, gap.end_s + 4.0016 * revolutions)
+        for revolutions in (1.05, 2.05, 3.05)
+    ]
     assert after == [1, 2, 3]
     assert hour.passes(10_000, 100.0) == 0
 
@@ -135,7 +138,7 @@ def test_shift_is_found_whatever_is_missing():
     assert hours.shift_s(own, kept) == pytest.approx(1581.3, abs=5e-3)
 
 
-def test_tracks_are_those_nearest_to_the_end_of_each_turn(hour):
+def test_tracks_are_those_nearest_to_the_end_of_each_revolution(hour):
     def estimates(time_s):
         return Estimates(
             hour.scenario.start_ns + round((time_s + 5.0) * 1e9),

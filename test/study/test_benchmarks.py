@@ -58,7 +58,7 @@ def test_exponent_is_that_of_a_power_law():
     )
 
 
-def test_a_turn_is_of_a_tracker_that_has_all_aircraft_in_every_form(cost):
+def test_a_revolution_is_of_a_tracker_that_has_all_aircraft_in_every_form(cost):
     assert set(cost) == set(turning.FORMS)
     for found in cost.values():
         assert found["rounds"] == 1
@@ -67,7 +67,7 @@ def test_a_turn_is_of_a_tracker_that_has_all_aircraft_in_every_form(cost):
 
 @pytest.fixture(scope="module")
 def cost():
-    """The cost of one turn, as soon as all aircraft are tracked."""
+    """The cost of one revolution, as soon as all aircraft are tracked."""
     return turning.cost(1, settling=4)
 
 
@@ -118,7 +118,7 @@ def test_late_reports_are_moved_behind_the_scans_that_they_are_late_by():
     assert sorted(order) == sorted(report[:2] for report in reports)
 
 
-def test_tables_show_latency_by_sectors_and_every_form_of_a_turn(cost):
+def test_tables_show_latency_by_sectors_and_every_form_of_a_revolution(cost):
     latency = {
         "sectors": 160,
         "detections": 555,
@@ -210,7 +210,7 @@ def test_tables_show_every_part_and_figure(summary):
 
 
 def test_every_way_to_read_asterix_reads_the_same_plots():
-    datagrams = asterix_rates.turn()
+    datagrams = asterix_rates.revolution()
     assert asterix_rates._to_plots(datagrams) == asterix_rates.PLOTS
     assert asterix_rates._to_clouds(datagrams) == asterix_rates.PLOTS
     part = [data for data in datagrams if data[0] == 48][:2]
@@ -259,7 +259,7 @@ def test_seconds_times_the_public_names():
 
 def test_goals_have_all_columns_in_a_narrow_terminal():
     figures = [goal("a long name " * 6, 1.2345, 2.0), goal("short", None, 0.5, at_most=False)]
-    figures[1]["reason"] = "no tracks of the first turns: " + "said " * 20
+    figures[1]["reason"] = "no tracks of the first revolutions: " + "said " * 20
     console = Console(file=io.StringIO(), width=80)
     console.print(goals_table(figures))
     text = console.file.getvalue()
@@ -274,7 +274,10 @@ def test_benchmark_fails_if_a_figure_that_was_measured_is_missing(tmp_path, monk
         return command.main(["--out", str(tmp_path), "--part", "asterix"])
 
     whole = {"plots_per_s": {asterix_rates.CLOUDS: 1e5}, "tracks_ms": 1.0}
-    assert ended({**whole, "live": {"value": None, "reason": "no tracks of the first turns"}}) == 1
+    assert (
+        ended({**whole, "live": {"value": None, "reason": "no tracks of the first revolutions"}})
+        == 1
+    )
     missing = [line for line in capsys.readouterr().out.splitlines() if "missing: " in line]
     assert len(missing) == 1
     assert "ASTERIX in to ASTERIX out" in missing[0]

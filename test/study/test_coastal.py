@@ -109,7 +109,8 @@ def test_ships_that_are_found_late_and_estimates_on_a_quay_are_counted():
     quay = np.array([[0.0, 4170.0]])
 
     def points(index, truth):
-        # All but the first ship from the start, that from the seventh turn; the quay at two turns.
+        # All but the first ship from the start, that from the seventh revolution; the quay at two
+        # revolutions.
         rows = np.arange(len(truth.track_id))[0 if index > 6 else 1 :]
         place = truth.position[rows] + [30.0, 0.0]
         if index in (10, 40):
@@ -122,21 +123,21 @@ def test_ships_that_are_found_late_and_estimates_on_a_quay_are_counted():
     values = dict(zip(VALUES, scored.values[0, :, 0].T, strict=True))
     assert values["late"].sum() == 1.0
     assert values["five_scans_old"].sum() == 6.0
-    # In the first twenty turns nothing is counted.
+    # In the first twenty revolutions nothing is counted.
     assert np.isnan(values["on_reflectors"][:20]).all()
     assert np.flatnonzero(values["on_reflectors"] == 1.0).tolist() == [40]
     assert np.nansum(values["on_reflectors"]) == 1.0
 
 
-def test_a_ship_that_appears_behind_the_antenna_has_five_turns_from_the_next_one():
-    """One leaves the shadow at the end of a turn, in which no antenna can have passed it."""
+def test_a_ship_that_appears_behind_the_antenna_has_five_revolutions_from_the_next_one():
+    """One leaves the shadow at the end of a revolution, in which no antenna can have passed it."""
     found, _ = resolved("coastal")
     run = turning_run(found, 1, IgnoredTargets(1.0, 150.0))
     appears = next(index for index, truth in enumerate(run.truth) if len(truth.track_id) == 6)
     assert appears == 23
 
     def late(reported):
-        """Return how many are late of six, of which the last is reported from one turn on."""
+        """Return how many are late of six, of which the last is reported from one revolution on."""
         tracks = []
         for index, truth in enumerate(run.truth):
             rows = truth.track_id < 6 if index < reported else truth.track_id <= 6

@@ -17,7 +17,7 @@ from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo.tasks import perform
-from phd_jdtc_ros.study.turning import track, turn_ends, turning_run, without_ignored
+from phd_jdtc_ros.study.turning import revolution_ends, track, turning_run, without_ignored
 from phd_jdtc_ros.tools.monte_carlo import load_study
 from studies import peers
 from studies.peers.plot_kalman import Settings, follow, plot_kalman
@@ -55,7 +55,7 @@ def scene(*flights, bearing=0.0, seconds=100, **changes):
 
 
 def far_off(run, points):
-    """Return every scored target's distance to the nearest estimate, from the seventh turn on."""
+    """Return each scored target's distance to the nearest estimate, after six revolutions."""
     found = []
     for truth, estimate in list(zip(run.truth, points, strict=True))[6:]:
         assert len(estimate) >= len(truth.state)
@@ -64,10 +64,10 @@ def far_off(run, points):
     return np.array(found)
 
 
-def test_runs_are_scored_at_turn_ends_with_targets_in_the_air():
-    assert turn_ends(scene(EAST, seconds=12)[0]) == [4.0, 8.0, 12.0]
+def test_runs_are_scored_at_revolution_ends_with_targets_in_the_air():
+    assert revolution_ends(scene(EAST, seconds=12)[0]) == [4.0, 8.0, 12.0]
     begun = scene(EAST, seconds=12, bearing=math.pi / 2.0)[0]
-    assert turn_ends(begun) == [7.0, 11.0]
+    assert revolution_ends(begun) == [7.0, 11.0]
     run = turning_run(begun, 3)
     assert [truth.stamp_ns for truth in run.truth] == [10**12 + 7 * 10**9, 10**12 + 11 * 10**9]
     found, _ = scene(TAXIING, EAST)
@@ -78,7 +78,7 @@ def test_runs_are_scored_at_turn_ends_with_targets_in_the_air():
 def test_estimates_of_slow_targets_are_left_out_and_false_ones_stay():
     found, _ = scene(TAXIING, EAST, seconds=8)
     run = turning_run(found, 0)
-    exact = [truth_after(found, end).position for end in turn_ends(found)]
+    exact = [truth_after(found, end).position for end in revolution_ends(found)]
     false = np.array([[-4e4, 0.0]])
     points = [
         PointSet(np.concatenate([place, false]), np.zeros(3, dtype=int), np.array([7, 8, 9]))
@@ -88,7 +88,7 @@ def test_estimates_of_slow_targets_are_left_out_and_false_ones_stay():
 
 
 @pytest.mark.parametrize("sectors", [0, 6])
-def test_the_tracker_follows_targets_by_turn_and_by_sector(sectors):
+def test_the_tracker_follows_targets_by_revolution_and_by_sector(sectors):
     found, _ = scene(EAST, TURNING, seconds=72)
     run = turning_run(found, 1)
     tracked = track(run, {**PARAMETERS, "approach.sectors": sectors}, [0, 3])
@@ -99,7 +99,7 @@ def test_the_tracker_follows_targets_by_turn_and_by_sector(sectors):
             ospa(truth.position, points.position, 1000.0, 2.0).distance
             for truth, points in list(zip(run.truth, tracked.tracks[lag], strict=True))[6:]
         ]
-        # One stamp for a whole turn would be wrong by up to 800 m.
+        # One stamp for a whole revolution would be wrong by up to 800 m.
         assert np.median(values) < 150.0
 
 
@@ -135,12 +135,12 @@ def test_the_peer_uses_the_times_of_the_plots():
     assert np.sqrt((late**2).mean()) > 3.0 * np.sqrt((timed**2).mean())
 
 
-def test_the_peer_confirms_a_track_with_its_third_plot_and_ends_it_after_missed_turns():
+def test_the_peer_confirms_a_track_with_its_third_plot_and_ends_it_after_missed_revolutions():
     short = Flight(0, 1e3, 8.0, (-10e3, 20e3), (200.0, 0.0), (Leg(40.0),))
     quiet = {"approach.clutter_rate": 0.0, "approach.detection_probability": 0.999}
     _, points = followed(*scene(short, **quiet))
     numbers = [len(p) for p in points]
-    # Passed in the third to the twelfth turn, and reported for three more.
+    # Passed in the third to the twelfth revolution, and reported for three more.
     assert numbers == [0] * 4 + [1] * 11 + [0] * 10
 
 

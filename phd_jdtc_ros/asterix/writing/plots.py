@@ -24,7 +24,7 @@ FARTHEST = (2**16 - 1) * RANGE_UNIT
 
 
 def plot_record(plot: Plot, time_ns: int) -> bytes:
-    """Encode a plot as a record of CAT048; an unknown kind is sent as a primary plot.
+    """Encode a plot as a record of CAT048; one of an unknown type is sent as a primary plot.
 
     Ranges are limited to `FARTHEST`.
     """
@@ -32,7 +32,7 @@ def plot_record(plot: Plot, time_ns: int) -> bytes:
     items = {
         "010": plot.radar.to_bytes(2, "big"),
         "140": time_of_day(time_ns),
-        "020": bytes([(plot.kind or 1) << 5]),
+        "020": bytes([(plot.detection_type or 1) << 5]),
         "040": unsigned(plot.distance, RANGE_UNIT, 2) + azimuth.to_bytes(2, "big"),
     }
     if plot.code != NONE:

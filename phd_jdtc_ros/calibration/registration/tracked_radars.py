@@ -66,8 +66,8 @@ def tracked_radar(plots: Plots, radar: RadarModel, zero_ns: int, moving: bool) -
     if radar.rotation_s and len(plots) and not plots.timed:
         raise RegistrationError(
             f"{radar.name}: rotates in {radar.rotation_s:g} s, but its detections have no "
-            "individual times; map them with fields.time, because one stamp per turn does not date "
-            "the detections"
+            "individual times; map them with fields.time, because one stamp per revolution does "
+            "not date the detections"
         )
     interval_s = float(np.median(np.diff(plots.cloud_s)))
     if interval_s <= 0.0:

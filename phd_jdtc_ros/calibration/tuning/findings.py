@@ -79,7 +79,7 @@ class Findings:
     speed_std: float
     tracks: int  # Number of tracks
     plots: int  # Number of plots, with clutter
-    looks: float  # Number of turns or clouds
+    looks: float  # Number of revolutions or clouds
     duration_s: float  # Length of the evaluated part of the recording, seconds
     resting: float  # Share of the plots in recurring places
     # Speed of slow targets, metres per second, if these plots are many and clearly land clutter; 0
@@ -117,8 +117,8 @@ def findings(plots: Plots) -> Findings:
     """Return the estimates of one radar from a recording.
 
     Where targets have several plots in a look, one of them counts. Raise `TuningError` if the
-    recording is too short, or has no detections or no targets distinct from clutter, or if a turn
-    has too many clouds.
+    recording is too short, or has no detections or no targets distinct from clutter, or if a
+    revolution has too many clouds.
     """
     _require_some(plots)
     found = _findings(plots)
@@ -140,9 +140,9 @@ def _findings(plots: Plots) -> Findings:
     if not plots.timed and timing.rotation_s > MOST_SECTORS * timing.cloud_interval_s:
         clouds = timing.rotation_s / timing.cloud_interval_s
         raise TuningError(
-            f"about {clouds:.0f} clouds in a turn of {timing.rotation_s:.3g} s, must be at most "
-            f"{MOST_SECTORS}; put the detections of a turn, or of a sector, into one cloud, with "
-            "a time for each of them in the field that fields.time names"
+            f"about {clouds:.0f} clouds in a revolution of {timing.rotation_s:.3g} s, must be at "
+            f"most {MOST_SECTORS}; put the detections of a revolution, or of a sector, into one "
+            "cloud, with a time for each of them in the field that fields.time names"
         )
     try:
         tracks, noise, linked = _link(plots, timing)
@@ -265,7 +265,7 @@ def _require_some(plots: Plots) -> None:
     if clouds < LEAST_CLOUDS:
         raise TuningError(
             f"{clouds} clouds in {plots.duration_s:.1f} s, must be at least {LEAST_CLOUDS}, better "
-            "a minute or twenty turns"
+            "a minute or twenty revolutions"
         )
     if len(plots) < LEAST_PLOTS:
         raise TuningError(
@@ -305,7 +305,7 @@ def _units(plots: Plots) -> str:
             f"{extent}; {count} targets are found if ranges are {KILO:g} times as large: ranges "
             "must be in metres, probably they are in kilometres, or times are in milliseconds"
         )
-    # A turn of the antenna is found in seconds only.
+    # A revolution of the antenna is found in seconds only.
     faster = replace(plots, cloud_s=plots.cloud_s / KILO, time_s=plots.time_s / KILO)
     if count := _plausible_targets(faster):
         return (

@@ -92,7 +92,7 @@ def _tracks(found: Findings) -> str:
 
 def _rotation(found: Findings, now: Now) -> Iterator[Row]:
     timing = found.timing
-    source = f"{found.looks:.0f} turns"
+    source = f"{found.looks:.0f} revolutions"
     if timing.rotation_s:
         period, std = round_to_std(timing.rotation_s, timing.rotation_std_s), timing.rotation_std_s
         yield Row("rotation_s", period, source, now("rotation_s"), std)

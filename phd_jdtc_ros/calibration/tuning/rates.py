@@ -87,7 +87,7 @@ def ends(plots: Plots, timing: Timing, tracks: Tracks) -> Rate:
 
 
 def looks_of(plots: Plots, timing: Timing) -> float:
-    """Return the number of looks (turns or clouds) of a recording."""
+    """Return the number of looks (revolutions or clouds) of a recording."""
     if not timing.rotation_s:
         return float(len(plots.cloud_s))
     whole = 0 if timing.sectors else 1
@@ -137,7 +137,7 @@ class Field:
 def outside_land(plots: Plots, looks: float, range_std: float, azimuth_std: float) -> IntArray:
     """Return the plots outside land clutter, which recurs in the same cells of a stationary radar.
 
-    The recording has `looks` turns or clouds; the standard deviations are those of a plot,
+    The recording has `looks` revolutions or clouds; the standard deviations are those of a plot,
     metres and radians.
     """
     if np.ptp(plots.pose, axis=0).any():

@@ -21,9 +21,9 @@ LEAST_FOLLOWED = 0.25
 PLOTS, PERIOD_S = 12, 1.0
 # Limit on plots per step; no radar has more in that time.
 MOST_PLOTS = 1000
-# The number of turns in a longer gap is ambiguous.
-MOST_TURNS = 3.0
-# If a turn differs from the mean by more than this share, the antenna has changed its speed.
+# The number of revolutions in a longer gap is ambiguous.
+MOST_REVOLUTIONS = 3.0
+# If a revolution differs from the mean by more than this share, the antenna has changed its speed.
 SWITCHED = 0.1
 # A cloud belongs to the same look as the one before if it follows within this share of the usual
 # gap, which is the upper quartile.
@@ -38,7 +38,7 @@ class Timing:
     cloud_interval_s: float
     rotation_s: float = 0.0  # Rotation period; 0 if no rotation is observable in the plots
     rotation_std_s: float = 0.0  # Standard error of the mean rotation period, seconds
-    sectors: int = 0  # Number of clouds per turn; 0 if a cloud is a whole turn
+    sectors: int = 0  # Number of clouds per revolution; 0 if a cloud is a whole revolution
     clockwise: bool = False  # True if the antenna turns clockwise
     timed: bool = False  # True if each plot has its own time, so that clouds may have any length
 
@@ -48,7 +48,7 @@ class Timing:
         return self.rotation_s or self.cloud_interval_s
 
     def looks(self, seconds: FloatArray, clouds: FloatArray) -> FloatArray:
-        """Return the number of looks in times, given also in clouds; turns are not rounded."""
+        """Return the number of looks in times, given also in clouds; a part counts as a part."""
         return seconds / self.rotation_s if self.rotation_s else clouds
 
 
@@ -60,28 +60,28 @@ def timing_of(plots: Plots) -> Timing:
         return still
     clouds = _by_cloud(plots)
     azimuth = plots.measurement[:, 1] + plots.pose[:, 2]
-    # Plots without individual times are located only to a cloud's sector, which suffices for turns
-    # of two clouds or more.
-    turns = PlotTurns(max(MIN_PERIOD_S, interval_s * (0.8 if plots.timed else 1.9)))
+    # Plots without individual times are located only to a cloud's sector, which suffices for
+    # revolutions of two clouds or more.
+    revolutions = PlotRevolutions(max(MIN_PERIOD_S, interval_s * (0.8 if plots.timed else 1.9)))
     if not plots.timed:
         for rows in clouds:
             start, width = smallest_arc(azimuth[rows])
             azimuth[rows] = start + 0.5 * width
     for time_s, own in zip(plots.time_s, azimuth, strict=True):
-        turns.add(float(own), round(time_s * 1e9))
-    turns.find()
-    if turns.counted_s < LEAST_FOLLOWED * plots.duration_s:
+        revolutions.add(float(own), round(time_s * 1e9))
+    revolutions.find()
+    if revolutions.counted_s < LEAST_FOLLOWED * plots.duration_s:
         return still
-    sectors = round(turns.turn_s / interval_s)
+    sectors = round(revolutions.revolution_s / interval_s)
     narrow = 1.5 * FULL_TURN / max(sectors, 1)
     widths = [smallest_arc(plots.measurement[rows, 1])[1] for rows in clouds if len(rows) > 1]
     is_sector = 1 < sectors <= MOST_SECTORS and (not widths or float(np.median(widths)) < narrow)
     return Timing(
         interval_s,
-        turns.turn_s,
-        turns.turn_std_s,
+        revolutions.revolution_s,
+        revolutions.revolution_std_s,
         sectors if is_sector else 0,
-        turns.clockwise,
+        revolutions.clockwise,
         plots.timed,
     )
 
@@ -99,7 +99,7 @@ def _by_cloud(plots: Plots) -> list[IntArray]:
     return np.split(order, np.flatnonzero(np.diff(plots.cloud[order])) + 1) if len(plots) else []
 
 
-class PlotTurns:
+class PlotRevolutions:
     """Follows the antenna as the tracker does, and estimates its mean rotation period.
 
     The shortest rotation period is `shortest_s`, seconds.
@@ -114,7 +114,7 @@ class PlotTurns:
         self._counted = np.zeros(4)
 
     @property
-    def turn_s(self) -> float:
+    def revolution_s(self) -> float:
         """Mean rotation period, seconds; 0 if unknown."""
         _, passed_s, turned, _ = self._counted
         if turned < FULL_TURN:
@@ -122,17 +122,17 @@ class PlotTurns:
         return float(FULL_TURN * passed_s / turned)
 
     @property
-    def turn_std_s(self) -> float:
-        """Standard error of `turn_s` from the scatter of the steps, s; infinite below two steps."""
+    def revolution_std_s(self) -> float:
+        """Standard error of `revolution_s` by the scatter of the steps, s; infinite below two."""
         count, passed_s, turned, squares = self._counted
         if count < 2:
             return math.inf
         variance = max(squares * passed_s / turned**2 - 1.0, 0.0) / (count - 1)
-        return self.turn_s * math.sqrt(variance)
+        return self.revolution_s * math.sqrt(variance)
 
     @property
     def counted_s(self) -> float:
-        """Time over which turns have been counted, seconds."""
+        """Time over which revolutions have been counted, seconds."""
         return float(self._counted[1])
 
     @property
@@ -151,7 +151,7 @@ class PlotTurns:
 
     def begin_again(self) -> None:
         """Drop the plots after a jump back in time, and keep the rotation."""
-        self._track, self._before = AntennaTrack(self.turn_s), None
+        self._track, self._before = AntennaTrack(self.revolution_s), None
         self._waiting.clear()
 
     def find(self) -> None:
@@ -166,7 +166,7 @@ class PlotTurns:
         self._before = None if line is None else (now_s, line)
         if line is None:
             return
-        if self.counted_s and abs(line.period_s / self.turn_s - 1.0) > SWITCHED:
+        if self.counted_s and abs(line.period_s / self.revolution_s - 1.0) > SWITCHED:
             self._counted = np.zeros(4)
         elif before is not None:
             self._count(now_s, line, *before)
@@ -174,7 +174,7 @@ class PlotTurns:
     def _count(self, now_s: float, line: Antenna, before_s: float, before: Antenna) -> None:
         """Count the angle turned since the last step."""
         passed_s = now_s - before_s
-        if not 0.0 < passed_s < MOST_TURNS * before.period_s:
+        if not 0.0 < passed_s < MOST_REVOLUTIONS * before.period_s:
             return
         due = before.rate * passed_s
         turned = line.azimuth_at(now_s) - before.azimuth_at(before_s)

@@ -16,7 +16,7 @@ from ..schema import NOT_NEGATIVE, POSITIVE, SMALL, Form, number, numbers, param
 from . import place_forms, replaced, sensor
 from .sensor import SensorParameters
 
-# Largest number of clouds in a turn.
+# Largest number of clouds in a revolution.
 MOST_SECTORS = 256
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 # A target with a detection probability of 1 would be deleted at its first missed detection.
@@ -58,7 +58,7 @@ class Fields(sensor.Fields):
     height: str = ""  # Metres; above the world's zero plus the radar's datum
     code: str = ""  # Mode A
     address: str = ""  # Mode S
-    kind: str = ""  # See `Detections`
+    detection_type: str = ""  # See `Detections`
     range_std: str = ""
     azimuth_std: str = ""  # In the unit of the azimuth
     range_rate: str = ""  # Metres per second, positive for a receding target
@@ -135,7 +135,7 @@ class RadarParameters(SensorParameters):
         "(range_std, azimuth_std_deg and range_rate_std, within a factor of 4), outliers (the "
         "share of detections with several times that noise), detection (by which factor "
         "detection_probability differs, by range and azimuth), correlation "
-        "(detection_correlation), clutter (clutter_rate, over about the last 30 turns). With "
+        "(detection_correlation), clutter (clutter_rate, over about the last 30 revolutions). With "
         "multipath false detections behind targets are expected.",
         element=str,
         choices=tuple(LEARNED),
@@ -180,9 +180,9 @@ class RadarParameters(SensorParameters):
     )
     detection_probability: float | list[float] = parameter(
         0.0,
-        "Probability that a target is detected in a scan or a turn: a number for all ranges, or "
-        "one for each of detection_probability_range. 0 derives it from the classes' SNR bands and "
-        "false_alarm_probability.",
+        "Probability that a target is detected in a scan or a revolution: a number for all "
+        "ranges, or one for each of detection_probability_range. 0 derives it from the classes' "
+        "SNR bands and false_alarm_probability.",
         form=PROBABILITIES,
         mutable=True,
         former=replaced.detection_probability,
@@ -203,15 +203,15 @@ class RadarParameters(SensorParameters):
     )
     rotation_s: float = parameter(
         0.0,
-        "Approximate time of a turn of the antenna, s; 0 finds out whether the antenna turns, and "
-        "estimates it.",
+        "Approximate time of a revolution of the antenna, s; 0 finds out whether the antenna "
+        "turns, and estimates it.",
         (0.0, 1e3),
-        former=replaced.turn,
+        former=replaced.rotation,
     )
     sectors: int = parameter(
         0,
-        "Number of clouds per turn; 0 if a cloud is a whole turn or detections have times of their "
-        "own.",
+        "Number of clouds per revolution; 0 if a cloud is a whole revolution or detections have "
+        "times of their own.",
         (0, MOST_SECTORS),
     )
     cluster_distance: float = parameter(
@@ -223,7 +223,7 @@ class RadarParameters(SensorParameters):
     )
     clutter_rate: float = parameter(
         START_RATE,
-        "Expected false detections per scan or turn, not counting those that clutter_map has "
+        "Expected false detections per scan or revolution, not counting those that clutter_map has "
         "learned.",
         (0.0, 1e6),
         mutable=True,

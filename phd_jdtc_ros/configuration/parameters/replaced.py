@@ -65,6 +65,7 @@ RADAR: Mapping[str, str] = {
     "azimuth_step_deg": STEP.format("azimuth_std_deg"),
     "detection_probability_over_range": "use detection_probability and detection_probability_range",
     **dict.fromkeys(("clutter_level_db", "clutter_std_db"), "use clutter_amplitude: learned"),
+    "fields.kind": "use fields.detection_type",
     "range_rate_span": CONSTANT.format("200 m/s"),
     "height": "use position, the height as its third number",
     **dict.fromkeys(("range_bias", "range_gain", "azimuth_bias_deg", "time_offset_s"), BIASES),
@@ -75,10 +76,11 @@ NODE: Mapping[str, str] = {
     **{
         f"publish_{name}": OUTPUTS.format("paths" if name == "path" else name)
         for name in (
-            *("detections", "frames", "markers", "plots", "path", "odometry", "radar_tracks"),
+            *("detections", "frames", "markers", "path", "odometry", "radar_tracks"),
             *("detections_3d", "navsat", "geojson"),
         )
     },
+    "publish_plots": OUTPUTS.format("curves"),
     "registration_monitor": OUTPUTS.format("registration"),
     "checkpoint.max_age_s": CONSTANT.format("60 s"),
     "path_length": CONSTANT.format("100"),
@@ -164,7 +166,7 @@ def detection_probability(name: str, value: Any) -> list[str]:
     return lines + _learn([*learned, *[_LEARNED["correlated"]] * bool(learns_correlation)])
 
 
-def turn(name: str, value: Any) -> list[str]:
+def rotation(name: str, value: Any) -> list[str]:
     """Return the line for a rotation period that is learned."""
     return [f"{name}: 0.0"] if value == _AUTO else []
 
@@ -200,6 +202,14 @@ def clutter_amplitude(name: str, value: Any) -> list[str]:
     """Return the line for a law with a level, and for a law that is no longer one."""
     law = value.split()[:1] if isinstance(value, str) else []
     return [f"{name}: learned"] if law in (["rayleigh"], ["log_normal"]) else []
+
+
+def outputs(name: str, value: Any) -> list[str]:
+    """Return the line for a list with the former word for curves."""
+    words = value if isinstance(value, (list, tuple)) else ()
+    if "plots" not in words or not all(isinstance(word, str) for word in words):
+        return []
+    return [f"{name}: [{', '.join('curves' if word == 'plots' else word for word in words)}]"]
 
 
 def record_topics(name: str, value: Any) -> list[str]:
@@ -262,12 +272,13 @@ NOTATIONS: Mapping[str, tuple[tuple[str, Lines, tuple[Any, ...]], ...]] = {
         ),
         ("clutter_rate", learned_by("clutter"), ("auto", "8 multipath", "auto multipath")),
         ("clutter_amplitude", clutter_amplitude, ("rayleigh 10", "log_normal 20")),
-        ("rotation_s", turn, ("auto",)),
+        ("rotation_s", rotation, ("auto",)),
         (
             "pose",
             pose,
             ("/ship/pose pose_stamped", "/ship/odometry stabilised", "tf stabilised"),
         ),
     ),
+    "tracker, as a node": (("outputs", outputs, (["markers", "plots"],)),),
     "evaluator": (("record_topics", record_topics, (["/mast/plots", "/ship/odometry odometry"],)),),
 }

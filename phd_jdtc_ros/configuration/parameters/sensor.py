@@ -27,7 +27,7 @@ class Fields:
     height = ""
     code = ""
     address = ""
-    kind = ""
+    detection_type = ""
 
 
 @dataclass(frozen=True)

@@ -66,14 +66,14 @@ class Tracking:
     )
     max_gap_scans: float = parameter(
         15.0,
-        "Longest gap between scans within a run, in intervals or in turns if these are longer. A "
-        "longer gap starts a new run.",
+        "Longest gap between scans within a run, in intervals or in revolutions if these are "
+        "longer. A longer gap starts a new run.",
         (2.0, 1e6),
     )
     reorder_s: float = parameter(
         0.0,
         "Longest time for which detections wait for other radars' detections of the same time, s. "
-        "Set it to rotation_s for unsynchronised radars that report whole turns.",
+        "Set it to rotation_s for unsynchronised radars that report whole revolutions.",
         (0.0, 1e3),
     )
     late_reports: str = parameter(
@@ -132,8 +132,9 @@ class Tracking:
     )
     coasting_scans: float = parameter(
         10.0,
-        "Time for which a track outside all coverage is reported, in intervals or in turns if "
-        "these are longer; not used by PHD filters. It keeps its number if it is detected later.",
+        "Time for which a track outside all coverage is reported, in intervals or in revolutions "
+        "if these are longer; not used by PHD filters. It keeps its number if it is detected "
+        "later.",
         (0.0, 1e6),
         mutable=True,
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..schema import parameter, table
+from . import replaced
 
 
 @dataclass(frozen=True)
@@ -19,11 +20,12 @@ class Node:
         (0.0, 3600.0),
     )
     outputs: list[str] = parameter(
-        ["detections", "frames", "markers", "plots"],
+        ["detections", "frames", "markers", "curves"],
         "Optional outputs; the tracker's page lists their topics. navsat and geojson need "
         "world_origin, and only markers can change while the tracker is configured.",
         element=str,
         mutable=True,
+        former=replaced.outputs,
     )
     checkpoint_path: str = parameter(
         "",

@@ -18,7 +18,7 @@ class Claims(NamedTuple):
     row: Int1  # Row of each pair within the gate, (P,)
     column: Int1  # Detection of each pair, (P,)
     mass: Float1  # p_D L_z w of each pair, divided by a scale of its detection, (P,)
-    other: Float1  # Intensity of clutter and unknown targets, divided by the same scale, (M,)
+    other: Float1  # Intensity of clutter and undetected targets, divided by the same scale, (M,)
     detection_probability: Float1  # p_D of each row, (N,); 0 beyond the radar's range
 
     def share_of(self, rows: BoolArray | FloatArray) -> FloatArray:

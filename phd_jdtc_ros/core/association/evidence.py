@@ -63,7 +63,7 @@ class PairEvidence(Protocol):
         """Log factor of the clutter intensity at each detection, (M,)."""
 
     @property
-    def log_unknown(self) -> FloatArray:
+    def log_undetected(self) -> FloatArray:
         """Log factor of the intensity of undetected targets at each detection, (M,)."""
 
     def take(self: EvidenceT, pairs: IntArray) -> EvidenceT:

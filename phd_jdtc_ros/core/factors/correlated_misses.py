@@ -112,7 +112,7 @@ class DetectionChains(ReadOnly):
 
     # Looks that cover a target with a smaller probability show nothing about the correlation.
     WHOLE: ClassVar[float] = 0.99
-    # Sectors of one turn belong to the same look for this share of the turn.
+    # Sectors of one revolution belong to the same look for this share of the revolution.
     SAME_LOOK: ClassVar[float] = 0.5
     # Ascending, (K,).
     label: Annotated[IntArray, integers("K", 0, MAX_INDEX, ascending=True)] = zeros_field(
@@ -144,12 +144,12 @@ class DetectionChains(ReadOnly):
         columns = (getattr(self, name)[rows] for name in _NUMBERS)
         return DetectionChains(self.label[rows], self.stamp_ns[rows], *columns)
 
-    def predict(self, stamp_ns: int, turn_ns: float, correlation: float) -> LookPrediction:
+    def predict(self, stamp_ns: int, revolution_ns: float, correlation: float) -> LookPrediction:
         """Return what the chains predict for a look at a stamp.
 
-        `turn_ns` is the duration of a turn, if the look is at a sector; otherwise 0.
+        `revolution_ns` is the duration of a revolution, if the look is at a sector; otherwise 0.
         """
-        is_earlier, looks = self._looks_before(stamp_ns, turn_ns)
+        is_earlier, looks = self._looks_before(stamp_ns, revolution_ns)
         factor = correlation**looks
         uncovered = 1.0 - self.covered
         covered = factor * (self.covered + uncovered * self.before_covered)
@@ -160,22 +160,22 @@ class DetectionChains(ReadOnly):
             np.where(is_earlier, detected, self.before_detected),
         )
 
-    def _looks_before(self, stamp_ns: int, turn_ns: float) -> tuple[BoolArray, FloatArray]:
+    def _looks_before(self, stamp_ns: int, revolution_ns: float) -> tuple[BoolArray, FloatArray]:
         """Return which looks are before a new one at a stamp, and by how many looks."""
-        if not turn_ns:
+        if not revolution_ns:
             return np.ones(len(self.label), dtype=np.bool_), np.ones(len(self.label))
         elapsed_ns = stamp_ns - self.stamp_ns
-        return elapsed_ns >= self.SAME_LOOK * turn_ns, np.maximum(
-            np.rint(elapsed_ns / turn_ns), 1.0
+        return elapsed_ns >= self.SAME_LOOK * revolution_ns, np.maximum(
+            np.rint(elapsed_ns / revolution_ns), 1.0
         )
 
     def after(
-        self, look: Trial, prediction: LookPrediction, stamp_ns: int, turn_ns: float
+        self, look: Trial, prediction: LookPrediction, stamp_ns: int, revolution_ns: float
     ) -> DetectionChains:
         """Return the chains after a further look, which was given `prediction`."""
         extended = self._extend(look.label)
         chains = extended._take(np.searchsorted(extended.label, look.label))
-        is_earlier, looks = chains._looks_before(stamp_ns, turn_ns)
+        is_earlier, looks = chains._looks_before(stamp_ns, revolution_ns)
         covered = np.where(is_earlier, 0.0, chains.covered) + look.covered
         detected = np.minimum(np.where(is_earlier, 0.0, chains.detected) + look.detected, 1.0)
         # Misses lower the existence probability; a target that was known stays known.
@@ -258,7 +258,7 @@ class CorrelatedMisses(Factor):
 
     def expect(self, view: View) -> View:
         """Return the report with what the last looks predict of it."""
-        prediction = self.chains.predict(view.stamp_ns, view.turn_ns, self.value)
+        prediction = self.chains.predict(view.stamp_ns, view.revolution_ns, self.value)
         return view.changed(look_prediction=prediction)
 
     def learn(self, look: Look) -> CorrelatedMisses:
@@ -268,7 +268,7 @@ class CorrelatedMisses(Factor):
             return self
         trial = _trial_of(look, prediction)
         counted = self._count(trial)
-        chains = counted.chains.after(trial, prediction, view.stamp_ns, view.turn_ns)
+        chains = counted.chains.after(trial, prediction, view.stamp_ns, view.revolution_ns)
         return counted.changed(chains=chains)
 
     def learn_from_others(self, look: Look) -> CorrelatedMisses:

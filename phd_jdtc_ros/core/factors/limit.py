@@ -53,11 +53,11 @@ def limit_detections(report: View, predicted: FloatArray, mass: FloatArray) -> V
     detections, sensor, size = report.detections, report.sensor, len(report)
     if size <= MAX_UNEXPLAINED and len(predicted) * size <= MAX_CANDIDATES:
         return report
-    # The rate is per whole turn, of which the report may cover a part; an unknown part counts as
-    # the whole turn.
-    turn_share = report.part_of_turn or 1.0
+    # The rate is per whole revolution, of which the report may cover a part; an unknown part counts
+    # as the whole revolution.
+    revolution_share = report.part_of_revolution or 1.0
     targets = float(mass.sum())
-    explained = targets + report.clutter_rate * turn_share + EXPLAINED_SIGMA * np.sqrt(size)
+    explained = targets + report.clutter_rate * revolution_share + EXPLAINED_SIGMA * np.sqrt(size)
     most = MAX_DETECTIONS if size <= explained else MAX_UNEXPLAINED
     if size <= most and len(predicted) * size <= MAX_CANDIDATES:
         return report
@@ -79,7 +79,7 @@ def limit_detections(report: View, predicted: FloatArray, mass: FloatArray) -> V
         threshold = float(np.fmax(np.fmin.reduce(detections.amplitude[rows]), sensor.threshold))
         fewer = float(np.exp(report.clutter_amplitude.log_share(threshold, sensor.threshold)))
         share = 1.0
-    rate = max(report.clutter_rate * fewer, (count - targets) / turn_share)
+    rate = max(report.clutter_rate * fewer, (count - targets) / revolution_share)
     return report.changed(
         sensor=sensor.changed(threshold=threshold),
         clutter_rate=rate,

@@ -8,7 +8,7 @@ from ..arrays import FloatArray
 
 # Log likelihood ratio from which a change of a learned value is reported, and its upper bound. For
 # a sensor that is as before, or whose change has been learned, it falls from one to the other in
-# about ten turns.
+# about ten revolutions.
 RAISED, MOST_EVIDENCE = 12.0, 24.0
 
 

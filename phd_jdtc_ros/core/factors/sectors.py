@@ -1,8 +1,8 @@
 """The latest sectors of a turning antenna, and the targets that they have detected.
 
-An antenna passes each target once per turn, so that a sector can only detect a target that the
-adjoining sectors before it have not detected. Without this condition a target at the edge of two
-sectors would be missed twice.
+An antenna passes each target once per revolution, so that a sector can only detect a target that
+the adjoining sectors before it have not detected. Without this condition a target at the edge of
+two sectors would be missed twice.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ..snapshot import MAX_STAMP_NS, floats, integers, nested
 from ..types import FULL_TURN, Coverage
 from .factor import Factor, Look
 
-# A pass covers the sectors within this share of a turn.
+# A pass covers the sectors within this share of a revolution.
 SAME_PASS = 0.5
 WIDEST = SAME_PASS * FULL_TURN
 # Largest gap or overlap of adjoining sectors, radians; edges may be estimates.
@@ -31,7 +31,7 @@ LEAST_UNSEEN = 1e-3
 
 
 class AntennaPass(NamedTuple):
-    """The sectors that an antenna has passed within half a turn."""
+    """The sectors that an antenna has passed within half a revolution."""
 
     stamp_ns: Annotated[int, integers("", 0, MAX_STAMP_NS)]  # Stamp of the last sector
     # The azimuths that the sectors cover together, as in `Coverage`, radians.
@@ -50,22 +50,22 @@ class AntennaPass(NamedTuple):
         none, start = np.zeros(0, dtype=np.int64), math.remainder(sector.start, FULL_TURN)
         return AntennaPass(stamp_ns, start, sector.width, none, np.zeros(0), none)
 
-    def then(self, sector: Coverage, stamp_ns: int, turn_ns: float) -> AntennaPass | None:
+    def then(self, sector: Coverage, stamp_ns: int, revolution_ns: float) -> AntennaPass | None:
         """Return the pass with a later sector; None if it does not adjoin.
 
-        Detections more than half a turn earlier are forgotten. Two halves of a turn adjoin at both
-        ends, so that it is unknown which of them is earlier in the pass.
+        Detections more than half a revolution earlier are forgotten. Two halves of a revolution
+        adjoin at both ends, so that it is unknown which of them is earlier in the pass.
         """
         gap_after = sector.start - self.start - self.width
         gap_before = self.start - sector.start - sector.width
         follows = abs(math.remainder(gap_after, FULL_TURN)) <= MAX_GAP
         precedes = abs(math.remainder(gap_before, FULL_TURN)) <= MAX_GAP
-        recent = 0 < stamp_ns - self.stamp_ns < SAME_PASS * turn_ns
+        recent = 0 < stamp_ns - self.stamp_ns < SAME_PASS * revolution_ns
         if not recent or follows == precedes:
             return None
         width = min(self.width + sector.width, WIDEST)
         start = sector.start + sector.width - width if follows else sector.start
-        recently = self.seen_ns > stamp_ns - SAME_PASS * turn_ns
+        recently = self.seen_ns > stamp_ns - SAME_PASS * revolution_ns
         recent_columns = self.label[recently], self.unseen[recently], self.seen_ns[recently]
         return AntennaPass(stamp_ns, math.remainder(start, FULL_TURN), width, *recent_columns)
 
@@ -91,7 +91,7 @@ class EarlierSectors:
     continued: AntennaPass  # The pass that the report continues
 
     def factor(
-        self, label: IntArray, in_turn: FloatArray, measured: FloatArray
+        self, label: IntArray, in_revolution: FloatArray, measured: FloatArray
     ) -> FloatArray | None:
         """Return the factor on the probability of a detection; see `view.EarlierSectors`.
 
@@ -104,8 +104,8 @@ class EarlierSectors:
             return None
         unseen = np.ones(len(label))
         unseen[row] = np.maximum(self.continued.unseen[target], LEAST_UNSEEN)
-        by_row = unseen.reshape(-1, *(1,) * (in_turn.ndim - 1))
-        factor: FloatArray = by_row / np.maximum(1.0 - in_turn * measured, LEAST_UNSEEN)
+        by_row = unseen.reshape(-1, *(1,) * (in_revolution.ndim - 1))
+        factor: FloatArray = by_row / np.maximum(1.0 - in_revolution * measured, LEAST_UNSEEN)
         return factor
 
 
@@ -131,7 +131,7 @@ class Sectors(Factor):
     def learn(self, look: Look) -> Sectors:
         """Continue the pass with a sector and its detections."""
         view, sector = look.view, look.view.detections.coverage
-        if sector is None or not view.turn_ns or sector.width > WIDEST:
+        if sector is None or not view.revolution_ns or sector.width > WIDEST:
             return self
         earlier = view.earlier_sectors
         latest = AntennaPass.of(sector, view.stamp_ns)

@@ -33,7 +33,7 @@ from ..targets.motion import MotionModel
 from ..types import Estimates
 from .mixture import Mixture
 
-# Number of sets of intervals that are kept: the reports of whole turns have the same ones.
+# Number of sets of intervals that are kept: the reports of whole revolutions have the same ones.
 MOST_INTERVALS = 256
 # Number of thresholds whose detection probabilities are kept: one for each sensor, and those that
 # the factor `Limit` has raised.

@@ -94,8 +94,8 @@ class GaussianSteps:
             share = sensor.sector_probability(places[0], sector, places[1])
             return share.reshape(count, modes, 1)
 
-        in_turn = by_class if report.share == 1.0 else report.share * by_class
-        seen = report.detection_probability(mixture.row_label, in_turn, measured_in)
+        in_revolution = by_class if report.share == 1.0 else report.share * by_class
+        seen = report.detection_probability(mixture.row_label, in_revolution, measured_in)
         return PriorMixture(mixture, rows.parent, expected, report, self, probability, *seen)
 
     def with_newborns(
@@ -123,7 +123,7 @@ class PriorMixture:
     expected: Expected  # Measurements expected of the Gaussians
     report: View
     steps: GaussianSteps
-    probability: DetectionProbability  # In a whole turn
+    probability: DetectionProbability  # In a whole revolution
     detection_probability: FloatArray  # Probability that each Gaussian is detected, (H, R, C)
     # Factor of the earlier sectors, (H, R, C); see `View.detection_probability`.
     unseen: FloatArray | None

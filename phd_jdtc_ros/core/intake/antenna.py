@@ -2,7 +2,7 @@
 
 The antenna points at every detection, true or false, at the detection's time. Azimuth against time
 is therefore a line. After each report, the line is fitted again to the detections of the last two
-turns. Azimuths are circular, so that the line cannot slip by a whole turn.
+revolutions. Azimuths are circular, so that the line cannot slip by a whole revolution.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ REFINEMENT_GATES = (0.9, 0.5, 0.4)
 MIN_FIT = 0.7
 # Smallest sum of weights for a fit.
 MIN_WEIGHT = 3.0
-# Age in turns at which a detection's weight is halved.
+# Age in revolutions at which a detection's weight is halved.
 HALF_AGE = 0.5
-# Largest age of a detection in turns.
+# Largest age of a detection in revolutions.
 MAX_AGE = 2.2
-# Number of turns without detections after which the line is dropped, because wind changes an
+# Number of revolutions without detections after which the line is dropped, because wind changes an
 # antenna's speed.
 MAX_UNSEEN = 10.0
 # Rates that are tried when there is no line, relative to the latest or the nominal rate.
@@ -55,9 +55,9 @@ MIN_OUTLIER_S = 1.0
 # Largest number of detections that are used; of more, an even selection is used.
 MAX_SIGHTINGS = 250
 # Smallest number of detections that show the motion without older ones, and smallest share of a
-# turn over which they extend.
+# revolution over which they extend.
 MIN_SUFFICIENT = 20
-MIN_SUFFICIENT_TURN = 0.8
+MIN_SUFFICIENT_REVOLUTION = 0.8
 # Bounds of the search for an unknown rotation period, seconds.
 MIN_PERIOD_S = 0.5
 MAX_PERIOD_S = 60.0
@@ -70,10 +70,10 @@ MIN_COHERENCE = 0.85
 MIN_TURNING_ADVANTAGE = 15.0
 # The detections of this time are searched first, seconds: the antenna may have just started.
 FIRST_SEARCH_S = 15.0
-# Difference of the searched rates, in turns over the searched time.
+# Difference of the searched rates, in revolutions over the searched time.
 RATE_STEP = 0.1
-# Smallest number of turns in the searched time.
-MIN_TURNS = 1.5
+# Smallest number of revolutions in the searched time.
+MIN_REVOLUTIONS = 1.5
 # Interval between searches, as a share of the searched time.
 SEARCH_INTERVAL = 0.2
 # Largest interval between searches, seconds.
@@ -143,7 +143,7 @@ class Sightings(NamedTuple):
     def suffice(self, period_s: float) -> bool:
         """Return whether they suffice to show the antenna's motion."""
         return self.time_s.size >= MIN_SUFFICIENT and bool(
-            np.ptp(self.time_s) > MIN_SUFFICIENT_TURN * period_s
+            np.ptp(self.time_s) > MIN_SUFFICIENT_REVOLUTION * period_s
         )
 
 
@@ -234,10 +234,10 @@ class AntennaTrack(NamedTuple):
         for longest_s in (FIRST_SEARCH_S, MAX_PERIOD_S):
             latest = sightings.since(float(sightings.time_s.max()) - longest_s)
             count, span_s = len(latest.time_s), float(np.ptp(latest.time_s))
-            if count < MIN_SEARCHED or span_s < MIN_TURNS * min_period_s:
+            if count < MIN_SEARCHED or span_s < MIN_REVOLUTIONS * min_period_s:
                 continue
-            turns = np.arange(MIN_TURNS, span_s / min_period_s + RATE_STEP, RATE_STEP)
-            (fit, line), _ = search_lines(latest, np.ones(count), turns * FULL_TURN / span_s)
+            revolutions = np.arange(MIN_REVOLUTIONS, span_s / min_period_s + RATE_STEP, RATE_STEP)
+            (fit, line), _ = search_lines(latest, np.ones(count), revolutions * FULL_TURN / span_s)
             standing = float(np.abs(np.exp(1j * latest.azimuth).mean()))
             if fit >= MIN_COHERENCE and count * (fit**2 - standing**2) >= MIN_TURNING_ADVANTAGE:
                 track = AntennaTrack(line.period_s).follow(now_s, *latest)

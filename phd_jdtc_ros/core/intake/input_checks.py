@@ -19,21 +19,21 @@ from ..sensors.sensor import Sensor
 from ..types import FULL_TURN, Detections, Scan
 from .sectors import smallest_arc
 
-# Number of azimuth cells per turn.
+# Number of azimuth cells per revolution.
 CELLS = 72
 # Number of consecutive reports that can show sectors.
 SECTOR_REPORTS = 60
 # Smallest number of detections in such a report.
 SECTOR_DETECTIONS = 4
-# Largest arc of a report of a sector, in turns.
+# Largest arc of a report of a sector, in revolutions.
 SECTOR_ARC = 0.5
-# Smallest part of the turn that these reports cover together.
+# Smallest part of the revolution that these reports cover together.
 SECTORS_TOGETHER = 0.75
 # Smallest number of reports that can show a limited field of view.
 FIELD_REPORTS = 50
 # Smallest number of detections in all these reports.
 FIELD_DETECTIONS = 200
-# Largest arc of these detections, in turns.
+# Largest arc of these detections, in revolutions.
 FIELD_ARC = 0.4
 # Smallest number of reports, with `FIELD_DETECTIONS` together, whose extent shows their units.
 EXTENT_REPORTS = 20
@@ -52,11 +52,11 @@ NEAR, COPIES, LEAST_COMPARED = 0.1, 0.3, 20
 COMPARED, COMPARED_OF = 100, 1000
 # The findings that contradict what no recording shows; the others contradict what it does.
 NOT_IN_RECORDINGS = ("azimuths_in_radians", REPEATED, NEARLY_REPEATED)
-# A turn in radians, if it is taken for degrees.
+# A revolution in radians, if it is taken for degrees.
 RADIANS_AS_DEGREES = math.radians(FULL_TURN)
 # A radar with a longer rotation period, seconds, and a longer range, metres, is for aircraft, whose
 # height matters.
-SLOW_TURN = 3.0
+SLOW_REVOLUTION = 3.0
 FAR = 40e3
 # Number of scans with detections, and of nominal intervals, within which targets are expected.
 PATIENCE = 30
@@ -228,7 +228,7 @@ class ReportCheck:
         return bool(covered)
 
     def _is_field(self, azimuth: FloatArray) -> bool:
-        """Return whether all detections lie within a part of the turn; true at most once."""
+        """Return whether all detections lie within a part of the revolution; true at most once."""
         self._reports += 1
         self._detections += len(azimuth)
         self._all[_cells(azimuth)] = True

@@ -1,9 +1,9 @@
 """Checks the reported poses of a moving platform, and interpolates them to any time.
 
-Poses are ordered by their stamps. Between two poses the platform moves in a straight line and turns
-at a constant rate; after the last one its pose is extrapolated with its last velocity for a bounded
-time. A pose that the platform cannot have reached is ignored. If the next pose agrees with it, the
-platform has been relocated, and no pose is interpolated across the jump.
+Poses are ordered by their stamps. Between two poses the platform moves in a straight line and
+revolutions at a constant rate; after the last one its pose is extrapolated with its last velocity
+for a bounded time. A pose that the platform cannot have reached is ignored. If the next pose agrees
+with it, the platform has been relocated, and no pose is interpolated across the jump.
 
 The velocity is the measured one, if the poses have it. Otherwise it is the difference of two poses
 over an interval that suits their noise: a longer one averages the noise, and delays accelerations.

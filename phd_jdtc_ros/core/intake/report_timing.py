@@ -1,7 +1,7 @@
 """Estimates the end of the interval of time that each report of a radar covers.
 
-Radars stamp a report at the end of its sector, in the middle of its turn, or when it is sent. The
-detections' own times show which of these a radar does.
+Radars stamp a report at the end of its sector, in the middle of its revolution, or when it is sent.
+The detections' own times show which of these a radar does.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import numpy as np
 
 from ..arrays import FloatArray, median
 
-# Time for which reports are remembered, in turns.
-MEMORY_TURNS = 4.0
+# Time for which reports are remembered, in revolutions.
+MEMORY_REVOLUTIONS = 4.0
 # Smallest number of reports that are remembered.
 MIN_REPORTS = 8
 # Largest median relative deviation of the report intervals of a regular radar.
@@ -24,8 +24,8 @@ MIN_INTERVALS = 4
 # Detections farther than this beyond the expected end of a report do not move it, in report
 # intervals.
 MAX_BEYOND_INTERVALS = 0.75
-# The same bound in turns.
-MAX_BEYOND_TURNS = 0.06
+# The same bound in revolutions.
+MAX_BEYOND_REVOLUTIONS = 0.06
 
 
 class ReportTiming(NamedTuple):
@@ -53,7 +53,7 @@ class ReportTiming(NamedTuple):
         if time_s.size:
             time_s = self._plausible_times(stamp_s, time_s, period_s)
             timing[1:] = time_s.min() - self.last_s, time_s.max() - stamp_s
-        recent = self.timings[:, 0] > stamp_s - MEMORY_TURNS * period_s
+        recent = self.timings[:, 0] > stamp_s - MEMORY_REVOLUTIONS * period_s
         recent[-MIN_REPORTS:] = True
         timings = np.concatenate([self.timings[recent], [timing]])
         intervals = timings[1:, 0] - timings[:-1, 0]
@@ -66,7 +66,7 @@ class ReportTiming(NamedTuple):
         return ReportTiming(timings, stamp_s, interval_s, regular, lead_s)
 
     def _plausible_times(self, stamp_s: float, time_s: FloatArray, period_s: float) -> FloatArray:
-        """Return the times that are plausible for a report, without those off by a turn.
+        """Return the times that are plausible for a report, without those off by a revolution.
 
         If most are elsewhere than expected, the radar has changed its way of reporting, and all
         are used.
@@ -74,7 +74,7 @@ class ReportTiming(NamedTuple):
         if math.isnan(self.lead_s) or not self.interval_s:
             return time_s
         end_s, begin_s = stamp_s + self.lead_s, self.last_s + self.lead_s
-        beyond_s = min(MAX_BEYOND_INTERVALS * self.interval_s, MAX_BEYOND_TURNS * period_s)
+        beyond_s = min(MAX_BEYOND_INTERVALS * self.interval_s, MAX_BEYOND_REVOLUTIONS * period_s)
         near = (time_s > begin_s - beyond_s) & (time_s < end_s + beyond_s)
         plausible = time_s[near]
         return plausible if 2 * plausible.size > time_s.size else time_s

@@ -5,9 +5,9 @@ A scan is closed when every live radar has reported its stamp, or when a later s
 radar that has missed two scans is not live until its next report. A caller that cannot wait for a
 later stamp closes the pending scans with `close_all`.
 
-Asynchronous radars that report whole turns send reports as old as their turns are long. For these
-radars scans can be held back by time: until every live radar has reported the stamp or a later
-one, or the newest stamp is later by more than that time.
+Asynchronous radars that report whole revolutions send reports as old as their revolutions are long.
+For these radars scans can be held back by time: until every live radar has reported the stamp or a
+later one, or the newest stamp is later by more than that time.
 """
 
 from __future__ import annotations

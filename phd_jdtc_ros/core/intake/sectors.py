@@ -1,7 +1,7 @@
-"""The sectors of a turn: their numbers and the azimuths that they cover.
+"""The sectors of a revolution: their numbers and the azimuths that they cover.
 
-A radar that reports n sectors to a turn numbers them from 0 in the direction in which it counts
-azimuths, from its azimuth zero on.
+A radar that reports n sectors to a revolution numbers them from 0 in the direction in which it
+counts azimuths, from its azimuth zero on.
 """
 
 from __future__ import annotations

@@ -11,12 +11,12 @@ import numpy as np
 from ..arrays import FloatArray
 from ..types import FULL_TURN, UNKNOWN_COVERAGE, Coverage, Detections
 
-# Fewest slices per turn, and their usual length, seconds. Detections are predicted to their own
-# times as if a target flew straight: in half a slice, a turn with 3 g departs by 8 m from that.
+# Fewest slices per revolution, and their usual length, seconds. Detections are predicted to their
+# own times as if a target flew straight: in half a slice, a turn with 3 g departs by 8 m from that.
 FEWEST_SLICES, SLICE_S = 3, 1.5
 # Fewest slices of a moving radar, which has one pose in a slice: a boat that yaws at 5 degrees a
-# second turns by 0.8 degrees in half a slice of a turn of 2.5 s. Also for particles, which follow a
-# turn better in small steps.
+# second turns by 0.8 degrees in half a slice of a revolution of 2.5 s. Also for particles, which
+# follow a turn better in small steps.
 FEWEST_FINE = 8
 
 Slice = tuple[int, Detections]
@@ -49,8 +49,8 @@ class RadarReport(NamedTuple):
         return RadarReport(stamp_ns, detections, stamp_s, time_s is not None, detection_s, azimuth)
 
 
-def slices_per_turn(period_s: float, fine: bool = False) -> int:
-    """Return the number of slices of a turn of this duration; see `FEWEST_FINE` for `fine`."""
+def slices_per_revolution(period_s: float, fine: bool = False) -> int:
+    """Return the number of slices of a revolution this long; see `FEWEST_FINE` for `fine`."""
     return max(FEWEST_FINE if fine else FEWEST_SLICES, round(period_s / SLICE_S))
 
 

@@ -1,4 +1,4 @@
-"""Sources of detections that compete with the known targets: clutter and unknown targets."""
+"""Sources of detections that compete with the known targets: clutter and undetected targets."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from .tracker_model import TrackerModel
 
 @dataclass(frozen=True)
 class CompetingSources:
-    """The intensity of clutter and of unknown targets at each detection."""
+    """The intensity of clutter and of undetected targets at each detection."""
 
     # Log of the common divisor of the intensities and of the known targets' likelihoods, which is
     # their maximum, (M,). Without it the clutter density underflows above an amplitude of 38.
     log_scale: FloatArray
-    # Intensities of clutter and of unknown targets by class, (1 + C, M); (1, M) without births at
-    # detections.
+    # Intensities of clutter and of undetected targets by class, (1 + C, M); (1, M) without births
+    # at detections.
     intensity: FloatArray
 
     @property
@@ -33,7 +33,7 @@ class CompetingSources:
         return total
 
     def newborn(self, claimed: FloatArray, report: View, least_mass: float) -> Newborn:
-        """Return the probabilities that unclaimed detections are unknown targets.
+        """Return the probabilities that unclaimed detections are undetected targets.
 
         `claimed` has the probability that a known target is the source of each detection, (M,).
         Detections with a smaller newborn mass than `least_mass` are left out.
@@ -62,8 +62,8 @@ def log_intensities(
     if model.detection_births.enabled:
         births = model.detection_births
         log_birth = births.log_intensity(report, model.modes, dt, earlier, looks)
-        log_unknown = 0.0 if evidence is None else evidence.log_unknown
-        log_other = np.concatenate([log_other, log_birth + log_unknown])
+        log_undetected = 0.0 if evidence is None else evidence.log_undetected
+        log_other = np.concatenate([log_other, log_birth + log_undetected])
     return log_other
 
 

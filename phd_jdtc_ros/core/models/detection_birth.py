@@ -1,11 +1,11 @@
 """Births at detections, for targets that appear at unknown places.
 
-Unknown targets have a uniform intensity in every sensor's own coordinates. In the update, they
-compete with clutter and with the known targets for each detection. The probability that an unknown
-target is the source is the detection's newborn mass. A new target of this mass is added at the
-detection's position, with the radar's noise and a broad distribution of velocity. A range rate
-determines the radial velocity up to its ambiguity. Where other radars have looked since a radar's
-previous report, only the unknown targets that they missed remain for it.
+Undetected targets have a uniform intensity in every sensor's own coordinates. In the update, they
+compete with clutter and with the known targets for each detection. The probability that an
+undetected target is the source is the detection's newborn mass. A new target of this mass is added
+at the detection's position, with the radar's noise and a broad distribution of velocity. A range
+rate determines the radial velocity up to its ambiguity. Where other radars have looked since a
+radar's previous report, only the undetected targets that they missed remain for it.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class EarlierLooks(NamedTuple):
 
 @dataclass(frozen=True)
 class DetectionBirthModel(ReadOnly):
-    """The rate of unknown targets, and the distribution of their velocity."""
+    """The rate of undetected targets, and the distribution of their velocity."""
 
     # Expected births in a radar's field per nominal interval and class, (C,); all zero for none.
     rate: FloatArray
@@ -56,7 +56,7 @@ class DetectionBirthModel(ReadOnly):
         earlier: Sequence[Newborn] = (),
         looks: EarlierLooks | None = None,
     ) -> FloatArray:
-        """Return the log intensity of unknown targets at each detection, shape (C, M).
+        """Return the log intensity of undetected targets at each detection, shape (C, M).
 
         These targets appeared since the sensor's previous report, and the looks of other sensors in
         between missed them, see `EarlierLooks`. If the previous report is unknown, they appeared in
@@ -84,7 +84,7 @@ class DetectionBirthModel(ReadOnly):
     def _unseen_s(
         report: View, modes: ModeSpace, dt: float, looks: EarlierLooks | None
     ) -> FloatArray | float:
-        """Return the seconds in which unknown targets appeared, (C, M) or one for all detections.
+        """Return the seconds in which such targets appeared, (C, M) or one for all detections.
 
         The seconds before each look count with the probability that the look missed a target.
         """

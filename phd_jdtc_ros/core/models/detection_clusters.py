@@ -65,7 +65,7 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
         height=None if height is None else _mean(group, height, count),
         code=_first_known(group, detections.code, count),
         address=_first_known(group, detections.address, count),
-        sensor_type=_highest_type(group, detections.sensor_type, count),
+        detection_type=_highest_type(group, detections.detection_type, count),
     )
 
 
@@ -145,12 +145,12 @@ def _first_known(group: IntArray, value: IntArray | None, count: int) -> IntArra
     return first
 
 
-def _highest_type(group: IntArray, sensor_type: IntArray | None, count: int) -> IntArray | None:
-    """Return the sensor type of each group: the highest, which includes most of the lower ones."""
-    if sensor_type is None:
+def _highest_type(group: IntArray, detection_type: IntArray | None, count: int) -> IntArray | None:
+    """Return the detection type of each group: the highest, which includes most lower ones."""
+    if detection_type is None:
         return None
     richest = np.full(count, UNKNOWN)
-    np.maximum.at(richest, group, sensor_type)
+    np.maximum.at(richest, group, detection_type)
     return richest
 
 

@@ -24,7 +24,7 @@ from .amplitude_model import AmplitudeModel
 from .detection_birth import DetectionBirthModel
 from .detection_clusters import merge_clusters
 
-# Where unknown targets are rarer than `least_mass` allows, targets are born with at least this
+# Where undetected targets are rarer than `least_mass` allows, targets are born with at least this
 # share of their usual probability.
 LEAST_SHARE = 0.5
 
@@ -109,7 +109,7 @@ class TrackerModel(ReadOnly):
 
     @cached_property
     def _unknown_density(self) -> dict[str, float]:
-        """Density of unknown targets among each sensor's detections, before anything is learned."""
+        """Density of undetected targets among each sensor's detections, before learning."""
         return {sensor.name: self._unknown_density_of(sensor) for sensor in self.radars}
 
     def _unknown_density_of(self, sensor: Sensor) -> float:
@@ -118,8 +118,8 @@ class TrackerModel(ReadOnly):
         middle[:, columns] = sensor.limits[1][first].mean(axis=1)
         p_d = sensor.configured_detection_probability(middle)
         p_d = of_classes(sensor.threshold, self.modes.classes) if p_d is None else p_d
-        turns = (sensor.rotation_s or self.modes.interval_s) / self.modes.interval_s
-        return turns * float((self.detection_births.rate * p_d).sum()) / sensor.field_size
+        revolutions = (sensor.rotation_s or self.modes.interval_s) / self.modes.interval_s
+        return revolutions * float((self.detection_births.rate * p_d).sum()) / sensor.field_size
 
     @cached_property
     def _latest(self) -> list[tuple[Scan, list[View]]]:

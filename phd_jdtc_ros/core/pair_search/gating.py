@@ -42,7 +42,8 @@ class Cells(NamedTuple):
 class _Gates(NamedTuple):
     """Gates of detections, each with the cells from `first` to `last` that it touches, (G,).
 
-    Detections are repeated one turn to either side, so that gates across +-pi need no special case.
+    Detections are repeated one revolution to either side, so that gates across +-pi need no special
+    case.
     """
 
     detection: IntArray
@@ -80,10 +81,14 @@ def _gates(measured: FloatArray, range_gate: float, azimuth_gate: float) -> tupl
     low, high = (
         np.floor((azimuth + sign * reach + np.pi) * (azimuths / FULL_TURN)) for sign in (-1.0, 1.0)
     )
-    in_turn = np.flatnonzero((high >= 0.0) & (low < azimuths))
-    detection, distance, azimuth = detection[in_turn], distance[in_turn], azimuth[in_turn]
-    first_azimuth = np.maximum(low[in_turn], 0.0).astype(np.int64)
-    last_azimuth = np.minimum(high[in_turn], azimuths - 1).astype(np.int64)
+    in_revolution = np.flatnonzero((high >= 0.0) & (low < azimuths))
+    detection, distance, azimuth = (
+        detection[in_revolution],
+        distance[in_revolution],
+        azimuth[in_revolution],
+    )
+    first_azimuth = np.maximum(low[in_revolution], 0.0).astype(np.int64)
+    last_azimuth = np.minimum(high[in_revolution], azimuths - 1).astype(np.int64)
     reach = range_gate * MARGIN
     first_range = (np.maximum(distance - reach, 0.0) / range_width).astype(np.int64)
     last_range = np.minimum((distance + reach) / range_width, ranges - 1).astype(np.int64)
@@ -153,7 +158,7 @@ def near_detections(
         square = range_error * range_error
         square += azimuth_error * azimuth_error
         is_near = square <= sigmas * sigmas
-        # Half open: a detection exactly half a turn away is found on one side only.
+        # Half open: a detection exactly half a revolution away is found on one side only.
         is_near &= azimuth_error >= -scaled_gate
         is_near &= azimuth_error < scaled_gate
         inside = np.flatnonzero(is_near)

@@ -150,7 +150,9 @@ class RadarModel(Sensor):
 
     def log_uniform_clutter(self, rate: float) -> float:
         """Return the log intensity of uniform false detections over (range, azimuth)."""
-        return float(np.log(self.clutter_of_turn(rate) / (FULL_TURN * self.clutter_max_range)))
+        return float(
+            np.log(self.clutter_of_revolution(rate) / (FULL_TURN * self.clutter_max_range))
+        )
 
     @property
     def clutter_share(self) -> float:
@@ -158,8 +160,8 @@ class RadarModel(Sensor):
         far = 1.0 - self.visibility.min_range / self.clutter_max_range
         return max(far * self.visibility.clear_share, LEAST_CLUTTER_SHARE)
 
-    def clutter_of_turn(self, rate: float) -> float:
-        """Return the uniform clutter of a whole turn, scaled up from the field of view; above 0."""
+    def clutter_of_revolution(self, rate: float) -> float:
+        """Return the uniform clutter of a revolution, scaled up from the field of view; above 0."""
         # A rate of zero is allowed; the floor keeps the update's quotient defined.
         return max(rate, TINY) * FULL_TURN / self.visibility.fov.width
 

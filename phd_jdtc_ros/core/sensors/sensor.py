@@ -45,8 +45,8 @@ class Sensor(ReadOnly, ABC):
     position: tuple[float, float]  # In the world frame, metres
     yaw: float  # Direction of the sensor's x axis in the world frame, radians counter-clockwise
     threshold: float  # Detection threshold tau on the amplitude
-    # Expected uniform false detections in the field of view per turn of the antenna, or per scan if
-    # it does not turn; those at rejected ranges are included.
+    # Expected uniform false detections in the field of view per revolution of the antenna, or per
+    # scan if it does not turn; those at rejected ranges are included.
     clutter_rate: float
     # In the world frame, metres per second; range rates are relative to it.
     velocity: tuple[float, float] = (0.0, 0.0)
@@ -150,7 +150,7 @@ class Sensor(ReadOnly, ABC):
     @property
     @abstractmethod
     def field_size(self) -> float:
-        """Size of the field of view, in which unknown targets are uniform, in measurement units."""
+        """Size of the field of view, in measurement units; undetected targets are uniform in it."""
 
     def coverage_probability(
         self, predicted: FloatArray, coverage: Coverage | None, std: FloatArray | None = None

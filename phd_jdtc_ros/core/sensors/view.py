@@ -63,14 +63,14 @@ class LocalClutter(Protocol):
 
 
 class FixedClutter(Protocol):
-    """False detections that return from the same places in every turn."""
+    """False detections that return from the same places in every revolution."""
 
     @property
     def speed(self) -> float:
         """Targets slower than this are such clutter, metres per second."""
 
     def around(self, view: View, measured: FloatArray, world: FloatArray) -> FloatArray:
-        """Return the detections per turn around places beyond uniform clutter, (M,).
+        """Return the detections per revolution around places beyond uniform clutter, (M,).
 
         `measured` has the measurements of the places, (M, Z), and `world` their positions, metres,
         (M, 2). The result is infinite outside the field of view.
@@ -108,13 +108,13 @@ class EarlierSectors(Protocol):
         """Their azimuths."""
 
     def factor(
-        self, label: IntArray, in_turn: FloatArray, measured: FloatArray
+        self, label: IntArray, in_revolution: FloatArray, measured: FloatArray
     ) -> FloatArray | None:
         """Return the factor on the probability of a detection, shape (N, ...).
 
         It is None if these sectors cannot have detected any of the targets. `label` has the label
-        of each row's target, (N,), `in_turn` the probability that a whole turn detects the target,
-        and `measured` the probability that it is measured in these sectors, (N, ...).
+        of each row's target, (N,), `in_revolution` the probability that a whole revolution detects
+        the target, and `measured` the probability that it is measured in these sectors, (N, ...).
         """
 
 
@@ -141,8 +141,8 @@ class View(ReadOnly):
 
     sensor: Sensor  # At its pose, with its learned noise
     detections: Detections  # M detections; a report without detections is valid
-    # Expected uniform false detections in the field of view per turn of the antenna, or per scan if
-    # it does not turn; those at rejected ranges are included.
+    # Expected uniform false detections in the field of view per revolution of the antenna, or per
+    # scan if it does not turn; those at rejected ranges are included.
     clutter_rate: float
     stamp_ns: int = 0  # Stamp of the scan
     # Share of the detections that are used, if they have no amplitudes; see `factors.limit`.
@@ -175,39 +175,41 @@ class View(ReadOnly):
         return self if detections is self.detections else self.changed(detections=detections)
 
     @property
-    def part_of_turn(self) -> float:
-        """Part of a turn that the report covers; 0 if it is unknown."""
+    def part_of_revolution(self) -> float:
+        """Part of a revolution that the report covers; 0 if it is unknown."""
         coverage = self.detections.coverage
-        return 1.0 if coverage is None else coverage.part_of_turn
+        return 1.0 if coverage is None else coverage.part_of_revolution
 
     @property
-    def turn_ns(self) -> float:
-        """Duration of a turn if the report is of a sector, nanoseconds; otherwise 0."""
+    def revolution_ns(self) -> float:
+        """Duration of a revolution if the report is of a sector, nanoseconds; otherwise 0."""
         sector = self.detections.coverage
-        return 0.0 if sector is None or not sector.part_of_turn else 1e9 * self.sensor.rotation_s
+        return (
+            0.0 if sector is None or not sector.part_of_revolution else 1e9 * self.sensor.rotation_s
+        )
 
     def detection_probability(
         self,
         label: IntArray,
-        in_turn: FloatArray,
+        in_revolution: FloatArray,
         measured_in: Callable[[Coverage], FloatArray],
     ) -> tuple[FloatArray, FloatArray | None]:
         """Return the probability that each target is detected, and the earlier sectors' factor.
 
         The factor is None if no earlier sector can have detected a target; see
-        `EarlierSectors.factor`, also for `label` and `in_turn`. `measured_in` returns the
+        `EarlierSectors.factor`, also for `label` and `in_revolution`. `measured_in` returns the
         probability that each target is measured in a sector.
         """
         sector, earlier = self.detections.coverage, self.earlier_sectors
         if sector is None:
-            return in_turn, None
+            return in_revolution, None
         measured = measured_in(sector)
         if earlier is None:
-            return in_turn * measured, None
+            return in_revolution * measured, None
         before = measured_in(earlier.coverage)
-        factor = earlier.factor(label, in_turn, before)
+        factor = earlier.factor(label, in_revolution, before)
         # Sectors with estimated edges may overlap a little, but a target is measured once.
-        probability = in_turn * np.minimum(measured, 1.0 + ROUNDING - before)
+        probability = in_revolution * np.minimum(measured, 1.0 + ROUNDING - before)
         return probability if factor is None else probability * factor, factor
 
     @property

@@ -12,7 +12,7 @@ from ..arrays import FloatArray, IntArray, wrap_angle
 from ..types import FULL_TURN, Coverage
 
 WHOLE_TURN = Coverage(-np.pi, FULL_TURN)
-# Tolerance with which a sector counts as a whole turn, radians: degrees in files are rounded.
+# Tolerance with which a sector counts as a whole revolution, radians: degrees in files are rounded.
 TURN_TOLERANCE = 1e-9
 # A larger standard deviation makes an azimuth practically uniform, radians.
 WIDEST_STD = np.pi
@@ -125,8 +125,8 @@ class Visibility:
     def limits(self) -> tuple[IntArray, FloatArray]:
         """Intervals of the ranges and of the azimuths of the field of view; see `Sensor.limits`.
 
-        Azimuths are those of three turns, so that each is inside at any multiple of a turn; there
-        are no intervals if all azimuths are clear.
+        Azimuths are those of three revolutions, so that each is inside at any multiple of a
+        revolution; there are no intervals if all azimuths are clear.
         """
         nearest = self.min_range if self.min_range > 0.0 else -np.inf
         sides = np.array([(arc.start, arc.start + arc.width) for arc in self._arcs or ()])

@@ -18,7 +18,8 @@ from ..arrays import FloatArray
 MIN_SPEED_STD = 0.1
 # Smallest standard deviation of a velocity, as a share of the bound.
 MIN_SPEED_STD_SHARE = 0.05
-# Excess, in detections per turn, at which a neighbourhood is fixed clutter with probability 0.5.
+# Excess, in detections per revolution, at which a neighbourhood is fixed clutter with probability
+# 0.5.
 EVEN_EXCESS = 0.5
 
 
@@ -61,6 +62,6 @@ def among_reflectors(probability: FloatArray, reflectors: FloatArray) -> FloatAr
 def among_fixed_clutter(excess: FloatArray) -> FloatArray:
     """Return the probability that a neighbourhood is fixed clutter, elementwise.
 
-    `excess` is its number of detections per turn beyond uniform clutter and one reflector.
+    `excess` is its number of detections per revolution beyond uniform clutter and one reflector.
     """
     return excess / (excess + EVEN_EXCESS)

@@ -40,15 +40,15 @@ from .reporting_rule import MIN_EXISTENCE, ReportingRule
 # A target that a scan misses with a larger probability than this counts as not covered: neither as
 # missed nor as detected.
 MAX_MISS_PROBABILITY = 0.98
-# Intervals or turns without coverage after which a track is coasting.
+# Intervals or revolutions without coverage after which a track is coasting.
 PATIENCE = 1.5
 # Largest probability of being stationary, with clutter maps, with which a track is confirmed. The
 # probability is one half if nothing is known.
 MAX_STATIONARY_TO_CONFIRM = 0.85
 # Largest probability of being stationary with which a confirmed track stays confirmed.
 MAX_STATIONARY_CONFIRMED = 0.9
-# Scans less than this share of a turn apart may belong to the same pass of the antenna.
-SAME_TURN = 0.5
+# Scans less than this share of a revolution apart may belong to the same pass of the antenna.
+SAME_REVOLUTION = 0.5
 EPSILON = float(np.finfo(float).eps)
 
 
@@ -153,7 +153,7 @@ class _Durations(NamedTuple):
     """Durations that confirmation depends on, nanoseconds."""
 
     interval: float  # Nominal interval of the survival probabilities
-    same_turn: float  # Scans less apart may belong to the same pass of the antenna
+    same_revolution: float  # Scans less apart may belong to the same pass of the antenna
     patience: float  # See `PATIENCE`
     coasting: float  # See `ReportingRule.coasting_s`
 
@@ -272,8 +272,8 @@ def _next_records(
             survival = rule.survival[class_id] ** intervals
             lower = odds < _odds(before.existence[record] * survival)
             # A target at the edge of two slices is detected in one of them; the other is no miss.
-            same_turn = stamp_ns - detected_ns < durations.same_turn
-            is_missed = covered and lower and not same_turn
+            same_revolution = stamp_ns - detected_ns < durations.same_revolution
+            is_missed = covered and lower and not same_revolution
         is_detected = not has_record or (covered and not lower)
         pseudo_count = rule.record_weight[class_id]
         if is_missed:
@@ -354,11 +354,11 @@ class TrackStates:
     ) -> tuple[IntArray, BoolArray]:
         """Continue the records; return the state of each estimate, and whether it is reported."""
         rule, modes = self.rule, model.modes
-        turns_s = [radar.rotation_s for radar in model.radars if radar.rotation_s]
+        revolutions_s = [radar.rotation_s for radar in model.radars if radar.rotation_s]
         durations = _Durations(
             interval=1e9 * modes.interval_s,
-            same_turn=1e9 * SAME_TURN * min(turns_s, default=0.0),
-            patience=1e9 * PATIENCE * max([modes.interval_s, *turns_s]),
+            same_revolution=1e9 * SAME_REVOLUTION * min(revolutions_s, default=0.0),
+            patience=1e9 * PATIENCE * max([modes.interval_s, *revolutions_s]),
             coasting=1e9 * rule.coasting_s,
         )
         numbers = rule.confirm, rule.delete, rule.hidden, rule.reported, rule.record_weight

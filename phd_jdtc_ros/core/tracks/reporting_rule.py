@@ -75,8 +75,8 @@ def rule_of(
 ) -> ReportingRule:
     """Return the rule of given thresholds; thresholds of 0 are derived from the model.
 
-    `coasting_scans` is `ReportingRule.coasting_s` in intervals, or in turns if these are longer,
-    and the others are parameters of the same name, or with ``_probability``.
+    `coasting_scans` is `ReportingRule.coasting_s` in intervals, or in revolutions if these are
+    longer, and the others are parameters of the same name, or with ``_probability``.
 
     In each scan a false report costs as much as a missed target. Withdrawing or resuming a report
     costs as much again. With detection probability p, a track that was deleted although its target
@@ -136,5 +136,5 @@ def _record_weight(missed: FloatArray) -> float:
 
 
 def slowest_s(model: TrackerModel) -> float:
-    """Return the nominal interval or the longest turn, seconds."""
+    """Return the nominal interval or the longest revolution, seconds."""
     return max([model.modes.interval_s, *[radar.rotation_s for radar in model.radars]])

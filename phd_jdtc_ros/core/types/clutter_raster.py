@@ -13,8 +13,8 @@ class ClutterRaster(ReadOnly):
 
     corner: tuple[float, float]  # Least x and y, world frame, metres
     cell: float  # Side of a square, metres
-    # False detections per turn or scan and km^2, rows by y and columns by x. Each radar counts by
-    # its own turns, and the densities of several radars are added.
+    # False detections per revolution or scan and km^2, rows by y and columns by x. Each radar
+    # counts by its own revolutions, and the densities of several radars are added.
     density: FloatArray
 
     @property

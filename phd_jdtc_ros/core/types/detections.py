@@ -15,7 +15,7 @@ UNKNOWN = -1
 # The columns of detections with one number per detection.
 _PER_DETECTION = (
     *("amplitude", "time_s", "noise_correlation", "range_rate", "range_rate_std"),
-    *("height", "code", "address", "sensor_type"),
+    *("height", "code", "address", "detection_type"),
 )
 # The columns with one row per detection.
 _COLUMNS = ("measurement", "noise_std", *_PER_DETECTION)
@@ -40,8 +40,8 @@ class Coverage:
             )
 
     @cached_property
-    def part_of_turn(self) -> float:
-        """Part of a turn; 0 if the swept azimuths are unknown."""
+    def part_of_revolution(self) -> float:
+        """Part of a revolution; 0 if the swept azimuths are unknown."""
         return 0.0 if self == UNKNOWN_COVERAGE else self.width / FULL_TURN
 
 
@@ -100,7 +100,7 @@ class Detections(ReadOnly):
     address: IntArray | None = None
     # Sensor type, the TYP of I048/020, (M,): 1 primary, 2 secondary, 3 both, 4 and 5 Mode S, 6 and
     # 7 Mode S and primary; `UNKNOWN` otherwise. None if the radar reports none.
-    sensor_type: IntArray | None = None
+    detection_type: IntArray | None = None
     # Correlation of the errors of both components of a measurement, (M,); NaN, or None for all, if
     # it is unknown. Errors with an unknown correlation, and those of a polar radar, are taken as
     # independent.

@@ -42,7 +42,7 @@ class Attributes(ReadOnly):
     # Mode S address, (T,); `UNKNOWN` if there is none or none is probable enough.
     address: IntArray
     # Time of the last detection by each of `SENSORS`, nanoseconds, (T, S); `UNKNOWN` for never.
-    # None if no radar reports sensor types, and in smoothed estimates.
+    # None if no radar reports detection types, and in smoothed estimates.
     seen_ns: IntArray | None = None
 
     @staticmethod

@@ -24,8 +24,9 @@ from ..types import Scan
 
 # Radius of a target's position density, in standard deviations; hardly any mass is outside.
 SPREAD_SIGMA = 4.0
-# A label that no antenna has swept for this many turns or intervals is predicted nevertheless.
-MAX_UNSWEPT_TURNS = 1.5
+# A label that no antenna has swept for this many revolutions or intervals is predicted
+# nevertheless.
+MAX_UNSWEPT_REVOLUTIONS = 1.5
 
 Reports = Sequence[View]
 
@@ -43,7 +44,7 @@ def partition_swept(
     reports = model.reports(scan)
     if not unswept or _covers_all_fields(reports, model):
         return unswept, []
-    longest_s = MAX_UNSWEPT_TURNS * slowest_s(model)
+    longest_s = MAX_UNSWEPT_REVOLUTIONS * slowest_s(model)
     space = model.modes.space
     extents = [rows.entry.extents for rows in unswept]
     sizes = [extent.label.size for extent in extents]

@@ -95,10 +95,10 @@ def update(before: Updated, report: View, steps: GaussianSteps, dt: float, label
 def _unseen_since(
     view: View, model: TrackerModel, dt: float, factors: Factors
 ) -> tuple[float, EarlierLooks | None]:
-    """Return the seconds in which unknown targets may have appeared, and the looks since then.
+    """Return the seconds in which undetected targets may have appeared, and the looks since then.
 
     The looks are those since the previous report of the view's sensor; None if that is unknown, and
-    for a sector, whose births are those of a turn.
+    for a sector, whose births are those of a revolution.
     """
     looks, names = factors.looks, list(factors.by_sensor)
     if looks is None:

@@ -11,7 +11,7 @@ class OspaAccumulator(Accumulator):
     """The OSPA distance and its parts."""
 
     names = published = ("ospa", "localization", "cardinality")
-    plotted = ("ospa", "localization")
+    curves = ("ospa", "localization")
     metrics = (
         Metric(
             key="ospa",
@@ -119,7 +119,7 @@ class Numbers(Accumulator):
     """The numbers of targets and of estimates."""
 
     names = ("n_true", "n_est", "cardinality_abs_error")
-    published = plotted = ("n_true", "n_est")
+    published = curves = ("n_true", "n_est")
     metrics = (
         Metric(
             key="cardinality_abs_error",

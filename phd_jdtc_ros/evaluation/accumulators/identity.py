@@ -111,8 +111,8 @@ class Switches(LabelAccumulator):
             definition=(
                 "The same, except that a coasting track, which had no detection in its last scan, "
                 "keeps its target and is paired with no other. A track that coasts for one more "
-                "turn after its target has landed is therefore not paired with an aircraft that "
-                "takes off nearby. Tracks of unknown state count as not coasting."
+                "revolution after its target has landed is therefore not paired with an aircraft "
+                "that takes off nearby. Tracks of unknown state count as not coasting."
             ),
             group=TRACKS,
         ),

@@ -13,7 +13,7 @@ from ..accumulator import TRACKS, LabelAccumulator, Metric, Values, if_any, rati
 from ..comparison import LabelledPoints, PairedScan
 from ..metrics import ospa_of_distances
 
-# Scans of an OSPA(2) window: one minute of a radar with a turn of 6 s.
+# Scans of an OSPA(2) window: one minute of a radar with a revolution of 6 s.
 OSPA2_WINDOW = 10
 
 

@@ -78,7 +78,7 @@ def of_radar(at: Moment, number: int, state: RadarState) -> DiagnosticStatus:
         "plots": state.plots,
         "service_messages": state.services,
         "clouds": state.reports,
-        "turn_s": state.assembler.turn_s,
+        "revolution_s": state.assembler.revolution_s,
         "clock_offset_s": offset_s,
         "clock_shift_s": shift_s,
         **+state.counts,

@@ -22,7 +22,7 @@ from std_msgs.msg import Float64
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.encoding.errors import RejectedMessageError, quote
 from msg_adapters.incoming.moving_radars import TYPES
-from msg_adapters.outgoing import diagnostics, outputs, plots
+from msg_adapters.outgoing import curves, diagnostics, outputs
 from msg_adapters.targets import estimates, truth
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.configuration.parameters import replaced
@@ -83,9 +83,9 @@ class Evaluator(RunnableNode):
         self._warnings = ThrottledWarnings(self.get_logger())
         qos = topics.reliable(OUTPUT_DEPTH)
         self._scores = self.create_publisher(DiagnosticArray, "~/ospa", qos)
-        self._plots = {
+        self._curves = {
             quantity: self.create_publisher(Float64, f"~/plot/{quantity}", qos)
-            for quantity in plots.of_evaluator(self._classes)
+            for quantity in curves.of_evaluator(self._classes)
         }
         self._engine: str | None = None
         self._has_parameters = False
@@ -244,8 +244,8 @@ class Evaluator(RunnableNode):
     def _publish(self, scores: Sequence[ScanScore]) -> None:
         for score in scores:
             self._scores.publish(diagnostics.score_to_msg(score, self._values["cutoff"], ORDER))
-            for quantity, message in plots.score_to_msgs(score).items():
-                self._plots[quantity].publish(message)
+            for quantity, message in curves.score_to_msgs(score).items():
+                self._curves[quantity].publish(message)
 
     def _check(self) -> None:
         """Log the connection to the tracker and missing matches, and end when complete."""

@@ -17,7 +17,7 @@ from ..common.health import Rhythm, Rises, first, status_of
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 # First guess of the interval between clouds: no surveillance radar turns more slowly, seconds.
-LONGEST_TURN_S = 12.0
+LONGEST_REVOLUTION_S = 12.0
 
 
 @dataclass
@@ -33,7 +33,7 @@ class TrackerHealth:
     clock_offset_s: float | None = None
     left_out: bool = False  # True if the latest cloud is not in the picture
     last_s: float | None = None  # Time of the last cloud by the steady clock
-    _rhythm: Rhythm = field(default_factory=lambda: Rhythm(LONGEST_TURN_S))
+    _rhythm: Rhythm = field(default_factory=lambda: Rhythm(LONGEST_REVOLUTION_S))
     _rises: Rises = field(default_factory=Rises)
 
     def take(self, source: str, now_s: float) -> None:

@@ -66,7 +66,7 @@ class StepHealth:
     engine: str = "gaussian"
     step_ms: float | None = None
     scans: int = 0
-    epoch: int = 0
+    run: int = 0
     closed_by_wait: int = 0
     scans_without_targets: int = 0
     sums: Counter[str] = field(default_factory=Counter)
@@ -124,7 +124,7 @@ class StepHealth:
             "scan_interval_ms": 1e3 * interval_s,
             "busy": busy,
             "scans": self.scans,
-            "epoch": self.epoch,
+            "run": self.run,
             "closed_by_wait": self.closed_by_wait,
             **self.sums,
         }

@@ -57,8 +57,8 @@ class InputHealth:
     detections: int = 0  # Of its reports, dropped ones included
     deadlines_missed: int = 0
     incompatible_qos: int = 0
-    # Estimated time of a turn that is not configured, seconds; 0 if there is none.
-    turn_found_s: float = 0.0
+    # Estimated time of a revolution that is not configured, seconds; 0 if there is none.
+    revolution_found_s: float = 0.0
     anomalies: Counter[str] = field(default_factory=Counter)
     # Detections or messages that were not used, by reason.
     dropped: Counter[str] = field(default_factory=Counter)
@@ -176,8 +176,8 @@ class InputHealth:
             **{f"dropped_{reason}": count for reason, count in sorted(self.dropped.items())},
             **dict(sorted(self.anomalies.items())),
         }
-        if self.turn_found_s:
-            values["turn_found_ms"] = round(1e3 * self.turn_found_s)
+        if self.revolution_found_s:
+            values["revolution_found_ms"] = round(1e3 * self.revolution_found_s)
         if self.clock_offset_s is not None:
             values["clock_offset_s"] = self.clock_offset_s
         if self.fit is not None and self.fit.innovations:

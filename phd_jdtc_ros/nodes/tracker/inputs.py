@@ -198,14 +198,14 @@ class Inputs:
                 continue
             self._warnings.warn((source.name, what), f"{source.topic}: {text}")
 
-    def on_turn_period(self, radar: int, turn_s: float) -> None:
-        """Record a radar's estimated time of a turn, seconds, or 0; warn of a new estimate."""
+    def on_revolution_period(self, radar: int, revolution_s: float) -> None:
+        """Record a radar's estimated rotation period, seconds, or 0; warn of a new estimate."""
         health, source = self.radars[radar], self._settings.config.inputs[radar]
-        if turn_s and turn_s != health.turn_found_s:
-            text = anomalies.turn_found(source, turn_s)
+        if revolution_s and revolution_s != health.revolution_found_s:
+            text = anomalies.revolution_found(source, revolution_s)
             health.warn(text)
-            self._warnings.warn((source.name, "turn_found"), f"{source.topic}: {text}")
-        health.turn_found_s = turn_s
+            self._warnings.warn((source.name, "revolution_found"), f"{source.topic}: {text}")
+        health.revolution_found_s = revolution_s
 
     def on_unreadable_pose(self, topic: str, error: RejectedMessageError) -> None:
         """Count a message that is not a valid pose."""

@@ -258,7 +258,7 @@ class LiveTracker:
         """Publish the pending smoothed estimates, and begin a new run."""
         if event.reset is not None:
             self._node.get_logger().warning(anomalies.started_again(event.reset))
-            self._step_health.epoch += 1
+            self._step_health.run += 1
         for smoothed in event.smoothed:
             self._outputs.publish(SMOOTHED, smoothed.stamp_ns, smoothed)
         self._forget_run()

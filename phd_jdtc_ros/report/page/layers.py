@@ -43,7 +43,7 @@ def shades_of(plots: AllPlots) -> IntArray:
     return shades
 
 
-# Ends of the opacity scale: decimal logarithms of false detections per turn and km^2.
+# Ends of the opacity scale: decimal logarithms of false detections per revolution and km^2.
 FAINTEST, STRONGEST = 0.0, 3.0
 # Number of steps of the opacity.
 OPACITIES = 100

@@ -35,7 +35,7 @@ from ..units import Clock, MapScale
 
 # Approximate number of ellipses and time dots per track.
 MARKS_PER_TRACK = 10
-# Clutter density of the palest colour, false detections per turn and km^2.
+# Clutter density of the palest colour, false detections per revolution and km^2.
 CLUTTER_LEAST = 0.01
 TIME_STEPS_S = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 43200, 86400)
 
@@ -148,7 +148,7 @@ def clutter(record: Record) -> Figure:
     axes.set(xlim=edges[:2], ylim=edges[2:])
     axes.set_aspect("equal", adjustable="box")
     bar = figure.colorbar(image, ax=axes, shrink=0.8, pad=0.02, aspect=32)
-    bar.set_label("false detections per turn and km² (log scale)")
+    bar.set_label("false detections per revolution and km² (log scale)")
     _legend(axes, [_handle("truth", lw=0.8)])
     return figure
 

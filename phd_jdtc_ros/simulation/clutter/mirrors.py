@@ -1,7 +1,8 @@
 """Surfaces that reflect a target's replies to a radar; the block ``mirrors`` of a scenario.
 
-A hangar's wall makes a radar detect an aircraft twice in a turn: at its position, and as a false
-plot with its code, address and height in the direction of the wall, farther away by the detour.
+A hangar's wall makes a radar detect an aircraft twice in a revolution: at its position, and as a
+false plot with its code, address and height in the direction of the wall, farther away by the
+detour.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class Mirror:
         360.0, "Width of these azimuths, degrees.", (SMALL, 360.0), "width_deg", required=True
     )
     probability: float = parameter(
-        0.1, "Probability of a reflection in each turn.", (0.0, 1.0), required=True
+        0.1, "Probability of a reflection in each revolution.", (0.0, 1.0), required=True
     )
 
     def reflects(

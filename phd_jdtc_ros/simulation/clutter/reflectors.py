@@ -34,7 +34,10 @@ class ReflectorBlock:
         [0.0, 0.0], "x and y of points, world frame, m.", (-1e7, 1e7), required=True
     )
     detection_probability: float = parameter(
-        0.5, "Detection probability of each reflector per scan or turn.", (0.0, 1.0), required=True
+        0.5,
+        "Detection probability of each reflector per scan or revolution.",
+        (0.0, 1.0),
+        required=True,
     )
     spacing: float = parameter(
         0.0,
@@ -63,7 +66,7 @@ class Reflectors:
     """Reflectors of one kind."""
 
     points: tuple[tuple[float, float], ...]  # Positions in the world frame, metres
-    # Probability of detection of a point per scan or turn if it is in a radar's coverage.
+    # Probability of detection of a point per scan or revolution if it is in a radar's coverage.
     detection_probability: float
     law: ClutterLaw = NOISE  # Law of the envelopes
 

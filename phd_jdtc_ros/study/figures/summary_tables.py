@@ -76,8 +76,8 @@ def _sheets(
     for case, variants in summary["cases"].items():
         if any(KINDS[found["kind"]].turning for found in variants.values()):
             first = Sheet(
-                "targets that are scored, by lag in turns",
-                "Targets in the air, at the end of each turn; lags in turns.",
+                "targets that are scored, by lag in revolutions",
+                "Targets in the air, at the end of each revolution; lags in revolutions.",
                 ["variant", "runs", "lag", *(metric.heading for metric in SURVEYED)],
                 list(_figure_rows(variants, SURVEYED)),
             )

@@ -25,8 +25,8 @@ YOUNG_SCANS = 5
 # A target should be reported by this scan of its life, counted from 1.
 PROMPT_SCANS = 4
 # An estimate closer than this to a reflector counts as false there, unless a target is as close,
-# metres; the first turns, in which reflectors are unknown, do not count.
-ON_REFLECTOR, LEARNING_TURNS = 100.0, 20
+# metres; the first revolutions, in which reflectors are unknown, do not count.
+ON_REFLECTOR, LEARNING_REVOLUTIONS = 100.0, 20
 # A target counts as found if an estimate is within this distance, metres.
 FOUND = 200.0
 
@@ -35,7 +35,7 @@ class RunAccumulator(Accumulator):
     """Values of scans of a simulated run.
 
     `cutoff` and `order` are c, metres, and p; `age` has the age of each target in scans, (T,), by
-    scan, and `cpu_ms` is the CPU time per turn, milliseconds, NaN if unknown.
+    scan, and `cpu_ms` is the CPU time per revolution, milliseconds, NaN if unknown.
     """
 
     def __init__(
@@ -164,17 +164,17 @@ class Promptness(RunAccumulator):
 
 
 class CpuTime(RunAccumulator):
-    """The CPU time per turn, equal for all turns of a run."""
+    """The CPU time per revolution, equal for all revolutions of a run."""
 
     names = ("cpu_ms",)
     metrics = (
         Metric(
             key="cpu_ms",
-            heading="CPU per turn",
+            heading="CPU per revolution",
             unit="ms",
             form=".0f",
             of_run=mean("cpu_ms"),
-            definition="CPU time per turn of the antenna, filter and smoother together.",
+            definition="CPU time per revolution of the antenna, filter and smoother together.",
             group=STUDY,
         ),
     )
@@ -188,7 +188,7 @@ class ReflectorsAndDelays(RunAccumulator):
     """Estimates of reflectors, and targets found late.
 
     ``five_scans_old`` counts targets at the end of their first `YOUNG_SCANS` scans, and ``late``
-    the ones among them without an estimate in any of these scans. The turn in which a target
+    the ones among them without an estimate in any of these scans. The revolution in which a target
     appears does not count, because the antenna may have passed before.
     """
 
@@ -201,8 +201,8 @@ class ReflectorsAndDelays(RunAccumulator):
             form=".3f",
             of_run=mean("on_reflectors"),
             definition=(
-                "Mean number per turn, after the first twenty, of estimates within 100 m of a "
-                "reflector such as a quay, and farther than that from every target."
+                "Mean number per revolution, after the first twenty, of estimates within 100 m of "
+                "a reflector such as a quay, and farther than that from every target."
             ),
             group=STUDY,
         ),
@@ -214,7 +214,7 @@ class ReflectorsAndDelays(RunAccumulator):
             of_run=share("late", "five_scans_old"),
             definition=(
                 "Share of the targets to which no estimate within 200 m was assigned in their "
-                "first five scans or turns."
+                "first five scans or revolutions."
             ),
             group=STUDY,
         ),
@@ -227,7 +227,7 @@ class ReflectorsAndDelays(RunAccumulator):
         truth, estimates, age = self.run.truth[self.index], scan.estimate, self.age[self.index]
         scenario = self.run.scenario
         turning = any(radar.rotation_s > 0.0 for radar in scenario.radars)
-        # Targets of the first turn already existed before it.
+        # Targets of the first revolution already existed before it.
         unseen = age < self.index if turning else 0
         grown = {*truth.track_id[age - unseen >= YOUNG_SCANS].tolist()} - self._before
         self._before |= grown
@@ -236,7 +236,7 @@ class ReflectorsAndDelays(RunAccumulator):
         self._seen |= {*truth.track_id[target].tolist()}
         points = [point for kind in scenario.reflectors for point in kind.points]
         on_reflectors = math.nan
-        if points and self.index >= LEARNING_TURNS:
+        if points and self.index >= LEARNING_REVOLUTIONS:
             everything = truth_after(scenario, (truth.stamp_ns - scenario.start_ns) * 1e-9)
             near = _near(estimates.position, np.array(points))
             own = _near(estimates.position, everything.position)

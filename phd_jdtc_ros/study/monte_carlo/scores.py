@@ -39,10 +39,10 @@ def score(
 ) -> Scores:
     """Return the scores of a variant at the lags that its tracker supports.
 
-    The cutoff is c of OSPA and GOSPA, metres, and `cpu_ms` the CPU time per turn, milliseconds, NaN
-    if unknown. Values are rounded to a thousandth, so that files are short and values are read back
-    exactly. The values of gaps count the gaps that ended in the scan; all gaps end in the last
-    scan.
+    The cutoff is c of OSPA and GOSPA, metres, and `cpu_ms` the CPU time per revolution,
+    milliseconds, NaN if unknown. Values are rounded to a thousandth, so that files are short and
+    values are read back exactly. The values of gaps count the gaps that ended in the scan; all gaps
+    end in the last scan.
     """
     lags = tuple(lag for lag in variant.lags if lag in tracks)
     if not lags:

@@ -164,23 +164,27 @@ def _set_layout(proposed: Proposal, state: RadarState) -> None:
         f"{radar}.frame": radar,
         f"{radar}.azimuth_convention": "enu_ccw",
     }
-    known = {"height": seen.heights, "code": seen.codes, "address": seen.addresses}
-    for name, count in {**known, "kind": seen.kinds}.items():
+    # Quantities with the names of their columns, and the numbers of plots that have them.
+    known = {"height": ("height", seen.heights), "code": ("code", seen.codes)}
+    known |= {"address": ("address", seen.addresses)}
+    known |= {"detection_type": ("kind", seen.detection_types)}
+    for quantity, (column, count) in known.items():
         if count:
-            proposed.set(f"{radar}.fields.{name}", name, f"in {count} of {state.plots} plots")
+            origin = f"in {count} of {state.plots} plots"
+            proposed.set(f"{radar}.fields.{quantity}", column, origin)
     assembler = state.assembler
     by_sector = assembler.by_sector > assembler.by_time
-    turn_s = round(assembler.turn_s, 4)
+    revolution_s = round(assembler.revolution_s, 4)
     if by_sector:
         proposed.values[f"{radar}.fields.sector"] = "sector"
-        origin = "mean of its turns, from its sector crossings"
-    elif assembler.finder.turn_s:
-        origin = "mean of its turns, from azimuths and times of its plots"
-    elif turn_s:
+        origin = "mean of its revolutions, from its sector crossings"
+    elif assembler.finder.revolution_s:
+        origin = "mean of its revolutions, from azimuths and times of its plots"
+    elif revolution_s:
         origin = "as the radar reports"
     else:
         origin = "the tracker estimates it"
-    proposed.set(f"{radar}.rotation_s", turn_s, origin)
+    proposed.set(f"{radar}.rotation_s", revolution_s, origin)
     sectors = assembler.sectors if by_sector else 0
     kind = "clouds are sectors" if by_sector else "clouds are slices of time"
     proposed.set(f"{radar}.sectors", sectors, kind)
@@ -250,12 +254,12 @@ def _leave_place_open(proposed: Proposal, state: RadarState) -> None:
 
 
 def _set_times(proposed: Proposal, together: Sequence[RadarState]) -> None:
-    """Set the times that depend on the longest turn."""
-    turn_s = max(round(state.assembler.turn_s, 4) for state in together)
-    if turn_s:
-        proposed.set("interval_s", turn_s, "the longest turn")
-        proposed.set("estimates_period_s", turn_s, "the longest turn")
-        proposed.set("lag_s", round(5.0 * turn_s, 4), "five of the longest turns")
+    """Set the times that depend on the longest revolution."""
+    revolution_s = max(round(state.assembler.revolution_s, 4) for state in together)
+    if revolution_s:
+        proposed.set("interval_s", revolution_s, "the longest revolution")
+        proposed.set("estimates_period_s", revolution_s, "the longest revolution")
+        proposed.set("lag_s", round(5.0 * revolution_s, 4), "five of the longest revolutions")
 
 
 def _set_equipped_probability(

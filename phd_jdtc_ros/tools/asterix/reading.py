@@ -19,7 +19,7 @@ from phd_jdtc_ros.asterix_bridge import clouds
 from phd_jdtc_ros.asterix_bridge.settings import Bridge
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
-from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns
+from phd_jdtc_ros.calibration.tuning.rotation import PlotRevolutions
 from phd_jdtc_ros.parameter_files import bag_parameters
 from phd_jdtc_ros.quoting import counts_text
 
@@ -58,12 +58,12 @@ class Conversion:
     def lines(self) -> Iterator[str]:
         """Yield the counts of each radar, and the reasons for messages that are not used."""
         for state in self.radars():
-            name, turn_s = state.settings.name, state.assembler.turn_s
-            turn = f", a turn of {turn_s:.4f} s" if turn_s else ""
+            name, revolution_s = state.settings.name, state.assembler.revolution_s
+            revolution = f", a revolution of {revolution_s:.4f} s" if revolution_s else ""
             listed = counts_text(state.counts)
             yield (
                 f"{name}: {state.plots} plots, {state.services} service messages, "
-                f"{state.reports} clouds{turn}{f'; {listed}' if listed else ''}"
+                f"{state.reports} clouds{revolution}{f'; {listed}' if listed else ''}"
             )
             if state.counts["second_source"]:
                 own = " and ".join(dict.fromkeys(state.sources.values()))
@@ -233,7 +233,7 @@ def _reports(
     kept = done.radars()
     yield from (found for found in done.stream.finish() if found[0] in kept)
     for state in done.stream.radars.values():
-        if isinstance(state.assembler.finder, PlotTurns):
+        if isinstance(state.assembler.finder, PlotRevolutions):
             state.assembler.finder.find()
 
 

@@ -74,7 +74,7 @@ def _blocks(
     """Yield time of receipt, nanoseconds since the epoch, and bytes of a radar's data blocks."""
     radar = TurningRadar(run, index, layout)
     plots, detections = plots_with_replies(radar, seed)
-    time_s = radar.times_at(plots.turns)
+    time_s = radar.times_at(plots.revolutions)
     source = OWN_SAC << 8 | index + 1
     records = _plots(detections, layout, source)
     own_ns = round(sending.clock_ahead_s * 1e9) + run.bias(index).offset_ns
@@ -88,8 +88,8 @@ def _blocks(
         passed_ns = run.ns_after(passed_s)
         if sending.services:
             azimuth = FULL_TURN * (number % sectors) / sectors
-            turn_s = radar.model.rotation_s
-            service = plots_out.service_block(source, passed_ns + own_ns, azimuth, turn_s)
+            revolution_s = radar.model.rotation_s
+            service = plots_out.service_block(source, passed_ns + own_ns, azimuth, revolution_s)
             yield passed_ns + round(SERVICE_DELAY_S * 1e9), service
         for begin in range(row, last, sending.plots):
             some = range(begin, min(begin + sending.plots, last))
@@ -108,6 +108,6 @@ def _plots(found: Detections, layout: RadarParameters, number: int) -> list[Plot
         distance = np.hypot(distance, np.nan_to_num(above - layout.height))
     else:
         azimuth = azimuth - layout.site.yaw_from_east
-    kind = np.maximum(fill(found.sensor_type, len(found), 0), 0)
-    sent = replace(found, amplitude=None, sensor_type=kind)
+    detection_type = np.maximum(fill(found.detection_type, len(found), 0), 0)
+    sent = replace(found, amplitude=None, detection_type=detection_type)
     return plots_of(sent, number, distance, azimuth, above + layout.datum)

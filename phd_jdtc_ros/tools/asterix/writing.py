@@ -29,8 +29,8 @@ from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.intake.revolutions import Revolutions
 from phd_jdtc_ros.core.intake.scans import Rejection
-from phd_jdtc_ros.core.intake.turns import Turns
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Coverage, Detections
 
 # SAC of radars without an identifier in the bridge's parameters; their SIC is their index from 1.
@@ -185,7 +185,7 @@ class _Radar:
         # On the earth, azimuths are from true north, and not from the map's.
         site = self._input.site
         self._yaw = config.model.radars[index].yaw if site is None else site.yaw_from_east
-        self._turns: Turns = config.turns()[index]
+        self._revolutions: Revolutions = config.revolutions()[index]
         self._number = number
 
     def blocks(self, bag: BagReader, done: ConversionCounts) -> Iterator[tuple[int, bytes]]:
@@ -197,7 +197,7 @@ class _Radar:
             except RejectedMessageError as error:
                 done.dropped[error.reason] += 1
                 continue
-            slices = self._turns.split(report.stamp_ns, report.detections, report.sector)
+            slices = self._revolutions.split(report.stamp_ns, report.detections, report.sector)
             if isinstance(slices, Rejection):
                 done.dropped[slices.value] += 1
                 continue
@@ -222,9 +222,9 @@ class _Radar:
             end_ns += round(part * self._input.rotation_s * 1e9)
         for block in plots_out.plot_blocks(plots):
             yield end_ns, block
-        if coverage is None or coverage.part_of_turn:
-            turn_s = self._input.rotation_s
-            yield end_ns, plots_out.service_block(self._number, end_ns, azimuth, turn_s)
+        if coverage is None or coverage.part_of_revolution:
+            revolution_s = self._input.rotation_s
+            yield end_ns, plots_out.service_block(self._number, end_ns, azimuth, revolution_s)
 
     def _plots(self, stamp_ns: int, found: Detections) -> list[tuple[int, Plot]]:
         above = fill(found.height, len(found), math.nan)
@@ -251,17 +251,28 @@ def plots_of(
     Slant ranges and heights (NaN: unknown) are in metres, and azimuths in radians clockwise from
     north. A noise level of NaN leaves amplitudes out.
     """
-    code, address, kind = (
+    code, address, detection_type = (
         fill(column, len(found), UNKNOWN).astype(int)
-        for column in (found.code, found.address, found.sensor_type)
+        for column in (found.code, found.address, found.detection_type)
     )
     replied = (code != UNKNOWN) | (address != UNKNOWN)
-    kind = np.where(kind != UNKNOWN, kind, np.where(replied, COMBINED, PRIMARY))
+    detection_type = np.where(
+        detection_type != UNKNOWN, detection_type, np.where(replied, COMBINED, PRIMARY)
+    )
     level = fill(found.amplitude, len(found), math.nan)
     dbm = np.full(len(found), math.nan)
     seen = level > 0.0
     dbm[seen] = 20.0 * np.log10(level[seen] / math.sqrt(2.0)) + noise_dbm
     # Absent codes and addresses are -1 in detections and in plots.
-    columns = (slant, azimuth, height, code, address, kind, dbm, np.full(len(found), math.nan))
+    columns = (
+        slant,
+        azimuth,
+        height,
+        code,
+        address,
+        detection_type,
+        dbm,
+        np.full(len(found), math.nan),
+    )
     rows = zip(*(column.tolist() for column in columns), strict=True)
     return [Plot(number, NONE, DAY, *row) for row in rows]

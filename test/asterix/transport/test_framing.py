@@ -21,7 +21,7 @@ LARGE = bytes(60_000)
 
 @pytest.fixture(scope="module")
 def blocks():
-    return [*made.turns(1, sectors=8, seen=[(40.0, 10.0), (200.0, 20.0)])]
+    return [*made.revolutions(1, sectors=8, seen=[(40.0, 10.0), (200.0, 20.0)])]
 
 
 def read(data, midnight_ns=None):

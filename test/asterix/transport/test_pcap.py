@@ -15,7 +15,7 @@ START = 1_764_410_400 * NS
 
 @pytest.fixture(scope="module")
 def blocks():
-    return [*made.turns(1, seen=[(20.0 * k, 10.0 + k) for k in range(18)])]
+    return [*made.revolutions(1, seen=[(20.0 * k, 10.0 + k) for k in range(18)])]
 
 
 def packets(blocks, start_ns=START):

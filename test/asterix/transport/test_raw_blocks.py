@@ -15,7 +15,7 @@ SEEN = [(20.0 * k, 10.0 + k) for k in range(18)]
 
 @pytest.fixture(scope="module")
 def blocks():
-    return [*made.turns(3, seen=SEEN)]
+    return [*made.revolutions(3, seen=SEEN)]
 
 
 def read(data):

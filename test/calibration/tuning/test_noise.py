@@ -1,4 +1,4 @@
-"""The noise and the turns of radars, found in plots."""
+"""The noise and the revolutions of radars, found in plots."""
 
 from dataclasses import replace
 from functools import partial
@@ -20,7 +20,7 @@ from phd_jdtc_ros.calibration.tuning.plots import (
     sectors,
 )
 from phd_jdtc_ros.calibration.tuning.rates import clutter_rate, detection_probability, ends
-from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns, Timing, timing_of
+from phd_jdtc_ros.calibration.tuning.rotation import PlotRevolutions, Timing, timing_of
 from phd_jdtc_ros.calibration.tuning.tracking import linking, noise
 from phd_jdtc_ros.calibration.tuning.tracking.noise import Noise, find_outliers, fit_noise
 from phd_jdtc_ros.calibration.tuning.tracking.tracks import LinkModel, Tracks, link_plots
@@ -230,29 +230,29 @@ def swept(rotation_s, seconds, per_s, wobble=0.0, seed=1, begin_s=0.0):
 
 
 def found(*plots):
-    turns = PlotTurns()
+    revolutions = PlotRevolutions()
     for time_s, azimuth in plots:
         for each_s, own in zip(time_s, azimuth, strict=True):
-            turns.add(own, round((BEGIN_S + each_s) * NS))
-    turns.find()
-    return turns.turn_s
+            revolutions.add(own, round((BEGIN_S + each_s) * NS))
+    revolutions.find()
+    return revolutions.revolution_s
 
 
 @pytest.mark.parametrize(
     ("rotation_s", "per_s"), [(1.008, 5.0), (4.0016, 12.0), (7.63, 10.0), (12.03, 8.0)]
 )
-def test_turn_of_an_even_antenna_is_exact(rotation_s, per_s):
+def test_revolution_of_an_even_antenna_is_exact(rotation_s, per_s):
     assert found(swept(rotation_s, 1200.0, per_s)) == pytest.approx(rotation_s, abs=1e-4)
 
 
 @pytest.mark.parametrize(("rotation_s", "wobble"), [(1.008, 0.01), (4.0016, 0.005), (12.03, 0.005)])
-def test_mean_turn_of_an_antenna_that_wanders_is_found(rotation_s, wobble):
-    # Whole periods, so that the mean of the turns is that of an even antenna.
-    turn_s = found(swept(rotation_s, 1800.0, 8.0, wobble))
-    assert turn_s == pytest.approx(rotation_s, rel=2e-4)
+def test_mean_revolution_of_an_antenna_that_wanders_is_found(rotation_s, wobble):
+    # Whole periods, so that the mean of the revolutions is that of an even antenna.
+    revolution_s = found(swept(rotation_s, 1800.0, 8.0, wobble))
+    assert revolution_s == pytest.approx(rotation_s, rel=2e-4)
 
 
-def test_turn_is_followed_over_gaps_and_switches():
+def test_revolution_is_followed_over_gaps_and_switches():
     plots = [swept(4.0016, 300.0, 12.0, seed=k, begin_s=1000.0 * k) for k in range(4)]
     assert found(*plots) == pytest.approx(4.0016, abs=1e-4)
     slow = swept(4.0016, 300.0, 12.0)
@@ -263,12 +263,12 @@ def test_turn_is_followed_over_gaps_and_switches():
     assert found((time_s, azimuth)) == pytest.approx(4.0016, abs=1e-3)
 
 
-def test_turns_are_known_after_a_minute_where_there_are_any():
-    turns = PlotTurns()
+def test_revolutions_are_known_after_a_minute_where_there_are_any():
+    revolutions = PlotRevolutions()
     time_s, azimuth = swept(4.0016, 61.0, 12.0)
     for each_s, own in zip(time_s, azimuth, strict=True):
-        turns.add(own, round(each_s * NS))
-    assert turns.turn_s == pytest.approx(4.0016, abs=0.01)
+        revolutions.add(own, round(each_s * NS))
+    assert revolutions.revolution_s == pytest.approx(4.0016, abs=0.01)
     assert found(swept(4.0, 30.0, 12.0)) == pytest.approx(4.0, abs=0.01)
     rng = np.random.default_rng(3)
     time_s = np.sort(rng.uniform(0.0, 600.0, 3000))
@@ -286,13 +286,13 @@ def test_sectors_and_direction_are_those_of_the_antenna(timed, clockwise):
         times_s.append(np.sort(rng.uniform(0.0, 0.25, 3)))
         azimuth = way * 2.0 * np.pi * (0.25 * cloud + times_s[-1]) / 3.0
         clouds.append(np.stack([rng.uniform(1e3, 9e3, 3), azimuth], axis=1))
-    turn = timing_of(recorded(clouds, 0.25, times_s if timed else None))
-    assert turn.rotation_s == pytest.approx(3.0, rel=3e-3)
-    assert (turn.sectors, turn.clockwise) == (12, clockwise)
+    revolution = timing_of(recorded(clouds, 0.25, times_s if timed else None))
+    assert revolution.rotation_s == pytest.approx(3.0, rel=3e-3)
+    assert (revolution.sectors, revolution.clockwise) == (12, clockwise)
 
 
 def test_no_more_sectors_are_proposed_than_are_allowed():
-    # An antenna that turns in 3 s: each of the 300 plots of a turn is a cloud.
+    # An antenna that turns in 3 s: each of the 300 plots of a revolution is a cloud.
     distance = np.random.default_rng(1).uniform(1e3, 9e3, (2000, 1))
     azimuth = -2.0 * np.pi * 0.01 * np.arange(2000).reshape(-1, 1) / 3.0
     clouds = np.stack([distance, azimuth], axis=2)
@@ -300,7 +300,7 @@ def test_no_more_sectors_are_proposed_than_are_allowed():
     assert plots.timed
     assert timing_of(plots).rotation_s == pytest.approx(3.0, rel=3e-3)
     assert timing_of(plots).sectors == 0
-    with pytest.raises(TuningError, match=r"about 300 clouds in a turn of 3 s, must be"):
+    with pytest.raises(TuningError, match=r"about 300 clouds in a revolution of 3 s, must be"):
         findings(recorded(clouds, 0.01))
 
 

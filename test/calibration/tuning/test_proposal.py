@@ -1,4 +1,4 @@
-"""A recording's turns, noise, detections and clutter, against how it was simulated."""
+"""A recording's revolutions, noise, detections and clutter, against how it was simulated."""
 
 import math
 from dataclasses import replace
@@ -116,7 +116,9 @@ def test_parameters_of_a_radar_that_reports_sectors_are_estimated_from_its_plots
     assert found.levels is None
 
 
-def test_parameters_of_a_radar_that_reports_whole_turns_are_estimated_from_its_plots(estimated):
+def test_parameters_of_a_radar_that_reports_whole_revolutions_are_estimated_from_its_plots(
+    estimated,
+):
     config, found = estimated
     assert_estimated(found, config.model.radars[0], 0.85)
     assert (found.timing.sectors, found.timing.clockwise) == (0, True)

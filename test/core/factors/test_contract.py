@@ -54,7 +54,7 @@ THRESHOLD = RADAR.threshold
 PLACES = np.array([[6e3, 0.4], [6.5e3, 0.4], [14e3, 0.75 * np.pi]])
 STD = 0.15 * lone.STD
 EXISTENCE = np.array([0.95, 0.9, 0.8])
-# Whether each of them is detected, by turn; their misses go together.
+# Whether each of them is detected, by revolution; their misses go together.
 HITS = np.array(
     [
         [1, 1, 1, 1, 0, 0, 0, 1, 1, 1],
@@ -63,11 +63,11 @@ HITS = np.array(
     ],
     dtype=bool,
 ).T
-TURNS, SECTORS = len(HITS), 8
-# Reflectors that answer in every turn, one of them near a target, and the number of further false
-# detections.
+REVOLUTIONS, SECTORS = len(HITS), 8
+# Reflectors that answer in every revolution, one of them near a target, and the number of further
+# false detections.
 REFLECTORS, FALSE = np.array([[13.85e3, 2.36], [8.1e3, 0.9], [11e3, -1.0]]), 12
-BURST = 150  # False detections of the last turn
+BURST = 150  # False detections of the last revolution
 STAMP_NS = 10**12
 
 
@@ -80,7 +80,7 @@ class Case:
     # Whether it changes reports of which nothing was learned, because what it assumes is configured
     # or because it depends on the targets of the report alone.
     changes: bool = False
-    sectors: bool = False  # Whether it is of the sectors of a turn
+    sectors: bool = False  # Whether it is of the sectors of a revolution
     from_others: bool = False  # Whether it learns from the looks of other sensors
 
 
@@ -128,15 +128,15 @@ def mixture():
 
 @cache
 def reports(sectors):
-    """Return the detections of some turns, and their stamps."""
+    """Return the detections of some revolutions, and their stamps."""
     rng, found = np.random.default_rng(8), []
-    for turn in range(TURNS):
-        false = BURST if turn == TURNS - 1 else FALSE
-        seen = np.concatenate([PLACES[HITS[turn]], REFLECTORS])
+    for revolution in range(REVOLUTIONS):
+        false = BURST if revolution == REVOLUTIONS - 1 else FALSE
+        seen = np.concatenate([PLACES[HITS[revolution]], REFLECTORS])
         seen = seen + rng.standard_normal(seen.shape) * RADAR.noise_std
         place = np.concatenate([seen, rng.uniform([1e3, -np.pi], [4e4, np.pi], (false, 2))])
         amplitude = np.sqrt(THRESHOLD**2 + 2.0 * rng.exponential(3.0, len(place)))
-        stamp_ns = STAMP_NS + round(1e9 * turn * lone.INTERVAL_S)
+        stamp_ns = STAMP_NS + round(1e9 * revolution * lone.INTERVAL_S)
         if not sectors:
             found.append((Detections(place, amplitude), stamp_ns))
             continue

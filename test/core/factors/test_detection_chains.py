@@ -15,7 +15,7 @@ from phd_jdtc_ros.core.factors.correlated_misses import (
 
 CORRELATION = 0.7
 USUAL = 0.6
-TURN_NS = 4e9
+REVOLUTION_NS = 4e9
 LABEL = np.array([3])
 HIT, MISS = USUAL + CORRELATION * (1.0 - USUAL), USUAL * (1.0 - CORRELATION)
 MEAN = 0.7
@@ -27,17 +27,17 @@ def look(detected=0.0, covered=1.0, expected=0.0, label=LABEL, existence=1.0):
     return Trial(label, *every, existence, existence >= 0.7)
 
 
-def after(looks, stamps=None, turn_ns=0.0):
+def after(looks, stamps=None, revolution_ns=0.0):
     chains = DetectionChains()
     for number, each in enumerate(looks):
         stamp_ns = number if stamps is None else round(stamps[number])
-        prediction = chains.predict(stamp_ns, turn_ns, CORRELATION)
-        chains = chains.after(each, prediction, stamp_ns, turn_ns)
+        prediction = chains.predict(stamp_ns, revolution_ns, CORRELATION)
+        chains = chains.after(each, prediction, stamp_ns, revolution_ns)
     return chains
 
 
-def next_probability(chains, stamp_ns=10, turn_ns=0.0, label=LABEL):
-    prediction = chains.predict(stamp_ns, turn_ns, CORRELATION)
+def next_probability(chains, stamp_ns=10, revolution_ns=0.0, label=LABEL):
+    prediction = chains.predict(stamp_ns, revolution_ns, CORRELATION)
     return of_next(prediction, np.full(len(label), USUAL), label)
 
 
@@ -77,16 +77,20 @@ def test_looks_that_do_not_cover_the_target_are_looks_of_the_chain():
     np.testing.assert_allclose(found, [expected])
 
 
-def test_sectors_of_a_turn_are_one_look_and_turns_without_one_weaken_it():
-    """A target at the edge of two sectors is looked at once per turn."""
-    stamps = np.array([0.0, 0.1, 1.0, 1.1]) * TURN_NS
+def test_sectors_of_a_revolution_are_one_look_and_revolutions_without_one_weaken_it():
+    """A target at the edge of two sectors is looked at once per revolution."""
+    stamps = np.array([0.0, 0.1, 1.0, 1.1]) * REVOLUTION_NS
     parts = [look(1.0), look(0.0, covered=0.0), look(0.0, covered=0.5), look(0.0, covered=0.5)]
-    chains = after(parts, stamps, TURN_NS)
-    within = next_probability(after(parts[:3], stamps, TURN_NS), round(stamps[3]), TURN_NS)
+    chains = after(parts, stamps, REVOLUTION_NS)
+    within = next_probability(
+        after(parts[:3], stamps, REVOLUTION_NS), round(stamps[3]), REVOLUTION_NS
+    )
     np.testing.assert_allclose(within, [HIT])
-    np.testing.assert_allclose(next_probability(chains, round(2.0 * TURN_NS), TURN_NS), [MISS])
-    chains = after([look(1.0)], [0.0], TURN_NS)
-    found = next_probability(chains, round(3.0 * TURN_NS), TURN_NS)
+    np.testing.assert_allclose(
+        next_probability(chains, round(2.0 * REVOLUTION_NS), REVOLUTION_NS), [MISS]
+    )
+    chains = after([look(1.0)], [0.0], REVOLUTION_NS)
+    found = next_probability(chains, round(3.0 * REVOLUTION_NS), REVOLUTION_NS)
     np.testing.assert_allclose(found, [USUAL + CORRELATION**3 * (1.0 - USUAL)])
 
 

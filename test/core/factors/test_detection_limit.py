@@ -205,11 +205,11 @@ def test_a_group_has_the_identity_that_is_known_and_the_kind_of_the_most_sensors
         at((50, 0), (51, 0), (90, 9)),
         None,
         code=np.array([UNKNOWN, 0o1234, UNKNOWN]),
-        sensor_type=np.array([1, 3, 1]),
+        detection_type=np.array([1, 3, 1]),
     )
     found = merge_clusters(report, RADAR)
     assert found.code.tolist() == [0o1234, UNKNOWN]
-    assert found.sensor_type.tolist() == [3, 1]
+    assert found.detection_type.tolist() == [3, 1]
 
 
 def test_detections_with_other_codes_or_addresses_stay_apart():

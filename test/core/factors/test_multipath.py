@@ -34,7 +34,7 @@ RADAR = {
     "radar.clutter_max_range": 3000.0,
     "radar.detection_probability": 0.9,
 }
-RATE, TURNS = 5.0, 60
+RATE, REVOLUTIONS = 5.0, 60
 
 
 def config_of(**given):
@@ -83,48 +83,48 @@ def test_no_known_target_leaves_uniform_clutter():
 
 
 def run_of(seed, positions, echoes, wall_std=10.0):
-    """Return scans of targets with echoes behind the first one, and the targets, by turn.
+    """Return scans of targets with echoes behind the first one, and the targets, by revolution.
 
     Parameters
     ----------
     positions : function
         Of the time in seconds; returns the targets' positions, (T, 2).
     echoes : float
-        Expected number of echoes of the first target in a turn.
+        Expected number of echoes of the first target in a revolution.
     wall_std : float
         Standard deviation of their distances behind the target, metres.
     """
     rng, found = np.random.default_rng(seed), []
-    for turn in range(TURNS):
-        at = positions(2.0 * turn)
+    for revolution in range(REVOLUTIONS):
+        at = positions(2.0 * revolution)
         polar = np.stack([np.hypot(*at.T), np.arctan2(at[:, 1], at[:, 0])], axis=1)
         noise = np.array([5.0, np.radians(1.0)])
         seen = polar[rng.random(len(at)) < 0.9]
         seen = seen + noise * rng.standard_normal(seen.shape)
         # Echoes by way of a wall, whose distance behind the target changes slowly.
         count = rng.poisson(echoes)
-        wall = 250.0 + 100.0 * np.sin(0.05 * turn) + wall_std * rng.standard_normal(count)
+        wall = 250.0 + 100.0 * np.sin(0.05 * revolution) + wall_std * rng.standard_normal(count)
         azimuth = polar[0, 1] + noise[1] * rng.standard_normal(count)
         behind = np.stack([polar[0, 0] + wall, azimuth], axis=1)
         uniform = rng.uniform([0.0, -np.pi], [3000.0, np.pi], (rng.poisson(RATE), 2))
         detections = Detections(np.concatenate([seen, behind, uniform]), None)
-        found.append((at, Scan((turn + 1) * 2_000_000_000, (detections,))))
+        found.append((at, Scan((revolution + 1) * 2_000_000_000, (detections,))))
     return found
 
 
 def missed_and_false(run, learn):
-    """Return missed targets and false estimates per turn after twenty turns, filtered."""
+    """Return missed targets and false estimates per revolution after twenty, filtered."""
     given = {"radar.clutter_rate": 5.0, "radar.learn": learn}
     tracker = new_engine(resolve({**RADAR, **given}))
     missed = false = 0
-    for turn, (at, scan) in enumerate(run):
+    for revolution, (at, scan) in enumerate(run):
         (estimates,) = tracker.step(scan).filtered
-        if turn < 20:
+        if revolution < 20:
             continue
         near = np.linalg.norm(estimates.position[:, None] - at, axis=2) < 60.0
         missed += int((~near.any(axis=0)).sum())
         false += int((~near.any(axis=1)).sum())
-    return np.array([missed, false]) / (TURNS - 20)
+    return np.array([missed, false]) / (REVOLUTIONS - 20)
 
 
 def one_target(time_s):

@@ -189,7 +189,7 @@ def differs(one, other):
     )
 
 
-def in_turn(count):
+def in_revolution(count):
     """Return scans of the radars, of the second one alone every third time."""
     run = run_of(3, scans=count, **TRUTH)
     return [
@@ -200,7 +200,7 @@ def in_turn(count):
 
 
 def test_restored_engine_goes_on_with_what_was_learned_until_it_is_reset():
-    first, second = restored_after([0, 1, 12], learning, in_turn(16))
+    first, second = restored_after([0, 1, 12], learning, in_revolution(16))
     assert learned(first, Bursts) == learned(second, Bursts)
     assert len(second.forward.factors.looks.stamp_ns) > 16
     nothing = learning()
@@ -217,7 +217,7 @@ def test_restored_engine_goes_on_with_the_share_of_outliers():
 
 
 def test_reprocessed_scans_teach_what_they_would_have_in_order():
-    straight = reprocessed_from(10, learning, in_turn(16))
+    straight = reprocessed_from(10, learning, in_revolution(16))
     for kind in LEARNED:
         assert all(differs(*each) for each in of_both(kind, straight, learning()))
 

@@ -182,7 +182,7 @@ class Notebook(ClutterMap):
         self.looks.append(look)
         return super().learn(look)
 
-    def after(self, measured, world, weight, turns):
+    def after(self, measured, world, weight, revolutions):
         self.learned.append((measured, weight))
         return self
 

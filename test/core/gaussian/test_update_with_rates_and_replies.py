@@ -43,7 +43,7 @@ class Reply:
 
     log_factor: np.ndarray
     log_clutter: np.ndarray
-    log_unknown: np.ndarray
+    log_undetected: np.ndarray
     column: np.ndarray
 
     def take(self, pairs):

@@ -124,7 +124,7 @@ def test_add_loses_nothing_where_all_sensors_jump(to):
 
 
 def test_add_loses_nothing_of_a_short_recording_that_starts_again():
-    once = [(0, 4 * turn) for turn in range(5)]
+    once = [(0, 4 * revolution) for revolution in range(5)]
     compared = Clocks(1, 12.0, 60.0)
     assert fed(compared, *once, *once, *once) == ([*once, *once, *once], [])
 

@@ -313,7 +313,7 @@ def test_codes_and_heights_are_those_of_the_timely_run():
     assert len(pairs) == len({mine for mine, _ in pairs}) == len({theirs for _, theirs in pairs})
 
 
-TURNS = 6
+REVOLUTIONS = 6
 TURNING = {
     "late_reports": "rework",
     "lag_s": 2.0 * sweep.ROTATION_S,
@@ -324,8 +324,8 @@ TURNING = {
 @pytest.mark.parametrize(("timed", "period_s"), [(True, 0.0), (True, 1.7), (False, 1.7)])
 def test_a_late_sector_changes_nothing_that_is_still_to_come(timed, period_s):
     given = {**TURNING, "estimates_period_s": period_s}
-    reports = sweep.sector_reports(TURNS, timed)
-    # A sector of the fourth turn comes six sectors late.
+    reports = sweep.sector_reports(REVOLUTIONS, timed)
+    # A sector of the fourth revolution comes six sectors late.
     index = 3 * sweep.SECTORS + 3
     run = Run(sweep.configuration(given)).feed(late(reports, [index], 6)).finished()
     whole = Run(sweep.configuration(given)).feed(reports).finished()
@@ -335,7 +335,7 @@ def test_a_late_sector_changes_nothing_that_is_still_to_come(timed, period_s):
 
 
 def test_a_sector_that_comes_twice_or_before_all_is_refused():
-    reports = sweep.sector_reports(TURNS, timed=True)
+    reports = sweep.sector_reports(REVOLUTIONS, timed=True)
     run = Run(sweep.configuration(TURNING))
     run.feed(reports[:80]).feed([reports[76], reports[40]])
     assert run.refused == [Rejection.DUPLICATE, Rejection.LATE]

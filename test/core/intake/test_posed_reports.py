@@ -147,7 +147,7 @@ def test_a_run_that_begins_again_is_tracked_again():
 
 
 @pytest.mark.parametrize("sectors", [0, 8])
-def test_slices_of_a_turn_have_poses_of_their_own(sectors):
+def test_slices_of_a_revolution_have_poses_of_their_own(sectors):
     rotation_s = 4.0
     settings = moving.config(
         **{"mast.rotation_s": rotation_s, "mast.sectors": sectors, "mast.fields.time": "time"}
@@ -316,7 +316,7 @@ def test_range_rates_need_the_velocity_of_the_radar():
     mount = Mount((0.0, 3.0), 0.3)
     poses = track(*((0.05 * k, 0.5 * k, 0.0, 0.01 * k) for k in range(9)))
     found, _ = Platform(poses, mount).with_pose(round(0.2 * S), rated([1.0]))
-    # By the turn, the velocity to the right of a place to the left is backwards.
+    # By the revolution, the velocity to the right of a place to the left is backwards.
     assert found.pose.velocity == pytest.approx((10.0 - 0.2 * 3.0, -0.2 * 3.0 * 0.03), abs=0.02)
     assert found.range_rate.tolist() == [1.0]
     poses = track(*((0.05 * k, 0.5 * k, 0.0, 0.0) for k in range(9)))

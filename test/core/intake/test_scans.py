@@ -87,9 +87,9 @@ STREAMS = [
         """,
     ),
 ]
-TURNS = 6
+REVOLUTIONS = 6
 NONE = Detections(np.zeros((0, 2)), None, np.zeros(0))
-# The sector in which the second target is, in the last turn and the one before.
+# The sector in which the second target is, in the last revolution and the one before.
 PASSED = 8
 GIVEN = {
     "lag_s": 4.0,
@@ -316,11 +316,11 @@ def waiting(radars=2, seconds=6.0):
     offsets=st.lists(st.floats(0.0, 6.0), min_size=3, max_size=3),
     slices=st.integers(1, 8),
 )
-def test_add_by_time_loses_nothing_of_whole_turns_that_are_cut(periods, offsets, slices):
+def test_add_by_time_loses_nothing_of_whole_revolutions_that_are_cut(periods, offsets, slices):
     arrivals = []
     for radar, (period, offset) in enumerate(zip(periods, offsets, strict=False)):
-        for turn in range(8):
-            end = offset + period * (turn + 1)
+        for revolution in range(8):
+            end = offset + period * (revolution + 1)
             arrivals += [(end, radar, [end - period * k / slices for k in range(slices)][::-1])]
     group = waiting(len(periods), 2.0 * max(periods) + 6.0)
     stream = [(radar, second) for _, radar, cut in sorted(arrivals) for second in cut]
@@ -333,7 +333,7 @@ def test_add_by_time_loses_nothing_of_whole_turns_that_are_cut(periods, offsets,
 
 @pytest.mark.parametrize("compass", [False, True])
 @pytest.mark.parametrize("sectors", [1, 2, 3, 16, 32])
-def test_sectors_share_the_turn_and_are_found_again(sectors, compass):
+def test_sectors_share_the_revolution_and_are_found_again(sectors, compass):
     azimuth = np.random.default_rng(0).uniform(-np.pi, np.pi, 500)
     seen = sum(
         sector_probability(azimuth, coverage_of(k, sectors, compass)) for k in range(sectors)
@@ -346,7 +346,7 @@ def test_sectors_share_the_turn_and_are_found_again(sectors, compass):
 def test_sectors_are_counted_as_azimuths_are():
     east, north_east = np.radians([1.0]), np.radians([89.0])
     assert sector_probability(east, coverage_of(0, 4, compass=False)) == 1.0
-    # Clockwise from north, the first quarter turn ends in the east.
+    # Clockwise from north, the first quarter revolution ends in the east.
     assert sector_probability(north_east, coverage_of(0, 4, compass=True)) == 1.0
     assert sector_probability(-east, coverage_of(1, 4, compass=True)) == 1.0
 
@@ -379,9 +379,11 @@ def of_target(estimates, target=1):
 
 @pytest.mark.parametrize("numbered", [True, False])
 def test_a_lost_sector_is_no_miss_and_an_empty_one_is(numbered):
-    reports = sweep.sector_reports(TURNS, timed=True)
-    begin = (TURNS - 2) * sweep.SECTORS
-    passed = [begin + turn * sweep.SECTORS + PASSED + k for turn in (0, 1) for k in (-1, 0)]
+    reports = sweep.sector_reports(REVOLUTIONS, timed=True)
+    begin = (REVOLUTIONS - 2) * sweep.SECTORS
+    passed = [
+        begin + revolution * sweep.SECTORS + PASSED + k for revolution in (0, 1) for k in (-1, 0)
+    ]
     empty = [
         (*report[:2], NONE, report[3]) if index in passed else report
         for index, report in enumerate(reports)

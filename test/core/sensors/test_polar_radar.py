@@ -315,7 +315,7 @@ def test_within_counts_every_azimuth_once():
 
 
 @pytest.mark.parametrize("width", [0.0, -1.0, 7.0, np.nan])
-def test_coverage_must_be_a_part_of_a_turn(width):
+def test_coverage_must_be_a_part_of_a_revolution(width):
     with pytest.raises(ValueError, match="coverage"):
         Coverage(0.0, width)
 

@@ -100,7 +100,7 @@ def test_errors_that_are_added_are_those_that_are_removed():
     stamp_ns, wrong = BIAS.apply_to(10**12, FOUND)
     assert stamp_ns == 10**12 + 5 * 10**8
     assert_allclose(wrong.measurement[:, 0], [1082.0, 90e3 * 1.002 + 80.0])
-    # Beyond half a turn it is counted from the other side.
+    # Beyond half a revolution it is counted from the other side.
     assert_allclose(wrong.measurement[0, 1], 3.14 + np.radians(0.3) - 2 * np.pi)
     assert wrong.time_s is not None
     again_ns, right = BIAS.remove_from(stamp_ns, wrong)

@@ -242,7 +242,7 @@ def test_smoothed_targets_are_reported_back_to_where_they_begin_to_exist():
     assert states == [{}, {1: TENTATIVE}, {1: CONFIRMED}, {1: COASTING}, {}]
 
 
-def test_track_of_another_turn_keeps_its_state_until_it_is_swept():
+def test_track_of_another_revolution_keeps_its_state_until_it_is_swept():
     tracks = Tracks(confirm=0.8, delete=0.3)
     tracks.add(t1=0.9, t2=0.9)
     tracks.add(t2=0.5)
@@ -255,7 +255,7 @@ def test_target_at_the_edge_of_a_slice_is_not_missed_by_the_other_slice():
     missed = after_a_miss(0.999, MISSED)
     tracks.add(t1=0.9)
     tracks.add(t1=0.999)
-    # Six seconds later, and then half a turn of 48 s later.
+    # Six seconds later, and then half a revolution of 48 s later.
     assert tracks.add(t1=missed) == {1: CONFIRMED}
     tracks.add(t1=missed - 0.01)
     tracks.add(t1=missed - 0.02)

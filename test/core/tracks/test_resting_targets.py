@@ -13,7 +13,7 @@ from phd_jdtc_ros.core.tracks.confirmation import TrackStates
 from phd_jdtc_ros.core.tracks.reporting_rule import rule_of
 from phd_jdtc_ros.core.types import Detections, Scan
 
-TURN_NS = 1_680_000_000
+REVOLUTION_NS = 1_680_000_000
 SCANS = 45
 SETS_OFF = 22
 # Where the reflector, the boat that moves and the boat that sets off are at first, metres.
@@ -73,7 +73,7 @@ def scans_of(seed):
         noise = rng.standard_normal((len(measured), 2)) * [5.0, np.radians(1.0)]
         false = rng.uniform([0.0, -np.pi], [500.0, np.pi], (rng.poisson(1.0), 2))
         found = np.concatenate([np.reshape(measured, (-1, 2)) + noise, false])
-        scans.append(Scan(TURN_NS * (index + 1), (Detections(found, None),)))
+        scans.append(Scan(REVOLUTION_NS * (index + 1), (Detections(found, None),)))
     return scans
 
 
@@ -159,7 +159,7 @@ def states_by_scan(model):
 
 
 def with_answers(model, answers):
-    """Return the model with a map of a quay at 5 km, of reflectors that answer every turn."""
+    """Return the model with a map of a quay at 5 km, of reflectors that answer every revolution."""
     (radar,) = model.radars
     (places,) = (each for each in model.factors[radar.name] if isinstance(each, ClutterMap))
     azimuth = 2.0 * np.pi / places.grid.columns * (4 + np.arange(answers))

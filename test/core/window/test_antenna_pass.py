@@ -61,7 +61,7 @@ def swept(sectors, plots, between_s=0.25):
 
 @cache
 def exact(name):
-    """Return the existence probability after a turn: at most one of all plots is the target's."""
+    """Return the existence probability after a revolution: at most one plot is the target's."""
     measured = RADAR.measure(MEAN + STD * np.random.default_rng(7).standard_normal((400_000, 5)))
     clutter = np.exp(RADAR.log_uniform_clutter(RADAR.clutter_rate))
     exists = EXISTENCE * (1.0 - DETECTION_PROBABILITY)
@@ -75,7 +75,7 @@ def exact(name):
 
 @pytest.mark.parametrize("name", PLOTS)
 @pytest.mark.parametrize("clockwise", [False, True])
-def test_existence_after_two_sectors_is_that_of_a_whole_turn(name, clockwise):
+def test_existence_after_two_sectors_is_that_of_a_whole_revolution(name, clockwise):
     way = -1 if clockwise else 1
     found = swept(SECTORS[::way], PLOTS[name][::way])
     assert found == pytest.approx(exact(name), abs=0.03)
@@ -90,7 +90,7 @@ def test_sectors_that_overlap_pass_a_target_once(name, overlap):
         assert found == pytest.approx(exact(name), abs=0.03)
 
 
-def test_miss_of_the_next_turn_counts_again():
+def test_miss_of_the_next_revolution_counts_again():
     found = swept(SECTORS[:1] * 2, ([], []), between_s=4.0)
     once = swept(SECTORS[:1], ([],))
     assert found < once - 0.05
@@ -121,7 +121,7 @@ def test_sector_that_does_not_adjoin_is_not_conditioned():
     assert (continued.label.tolist(), continued.unseen.tolist()) == ([3], [pytest.approx(0.3)])
 
 
-def test_pass_remembers_half_a_turn():
+def test_pass_remembers_half_a_revolution():
     sectors = Sectors()
     for sector in range(20):
         coverage = Coverage(wrap_angle(np.array(0.4 * sector)).item(), 0.4)
@@ -131,7 +131,7 @@ def test_pass_remembers_half_a_turn():
     assert sectors.latest.label.tolist() == list(range(12, 20))
 
 
-def test_halves_of_a_turn_are_not_conditioned():
+def test_halves_of_a_revolution_are_not_conditioned():
     first, second = (Coverage(start, np.pi) for start in (-np.pi, 0.0))
     sectors = after(Sectors(), report_of(first, 10**12), [3], [0.7])
     assert sectors.expect(report_of(second, 10**12 + 10**9)).earlier_sectors is None

@@ -2,21 +2,21 @@
 
 import numpy as np
 import pytest
-from four_places import CONFIG, MODEL, SLICE_NS, SLICES, engine, rule, slice_of, turn_of
+from four_places import CONFIG, MODEL, SLICE_NS, SLICES, engine, revolution_of, rule, slice_of
 from runs import assert_same, equal, stepped, stored_and_read
 from sweep import configuration
 
 from phd_jdtc_ros.core.factors import ClutterMap
 
-# Scans of whole turns before those of slices; the second one confirms all targets.
-TURNS = 3
+# Scans of whole revolutions before those of slices; the second one confirms all targets.
+REVOLUTIONS = 3
 # Stamp of the last of the scans in snapshots that are changed.
-LAST = (TURNS + 2) * SLICE_NS
+LAST = (REVOLUTIONS + 2) * SLICE_NS
 MOST = CONFIG.bounds.most
 
 
 def scan_of(index):
-    return (turn_of if index < TURNS else slice_of)(index)
+    return (revolution_of if index < REVOLUTIONS else slice_of)(index)
 
 
 def stepped_through(of, first, last, scan=scan_of):
@@ -42,7 +42,7 @@ def test_window_forgets_stamps_and_links_that_nothing_needs():
     stepped_through(of, 0, 5 * SLICES)
     assert len(of._window) <= 4 + SLICES + 1
     of = engine(lag=2)
-    stepped_through(of, 0, 12, turn_of)
+    stepped_through(of, 0, 12, revolution_of)
     held = of.snapshot()
     # The last two scans have no estimates yet; the source of the first one has left.
     assert held.names_below("stored") == {"0", "1"}
@@ -60,7 +60,7 @@ def test_restored_engine_goes_on_and_an_interrupted_one_uses_no_number_again():
             np.testing.assert_array_equal(ours.weight, theirs.weight)
             np.testing.assert_array_equal(ours.track_id, theirs.track_id)
     assert lengths(first.flush()) == lengths(second.interrupt()) == [4] * 4
-    after, _ = stepped_through(second, 12, 14, turn_of)
+    after, _ = stepped_through(second, 12, 14, revolution_of)
     assert sorted(after[-1].track_id) == [5, 6, 7, 8]
 
 
@@ -111,8 +111,8 @@ def put(name, value):
         (put("stored.3.source_ns", [LAST, LAST]), "stored.3.source_ns: "),
         (put("stored.1.size", [MOST + 1]), f"stored.1.size: {MOST + 1} rows, at most {MOST}"),
         (put("stored.3.listed", [0, 0]), "stored.3.rows: "),
-        (put(f"current.{TURNS * SLICE_NS}.rows", [99]), "rows: 99 given, must be below"),
-        (put(f"current.{TURNS * SLICE_NS}.rows", [1, 0]), "rows: must increase"),
+        (put(f"current.{REVOLUTIONS * SLICE_NS}.rows", [99]), "rows: 99 given, must be below"),
+        (put(f"current.{REVOLUTIONS * SLICE_NS}.rows", [1, 0]), "rows: must increase"),
         (lambda stored: stored.arrays.pop(f"filtered.{LAST}.weight"), "weight: missing"),
         (put(f"filtered.{LAST}.state", np.ones((1, 6))), r"shape \(1, 6\), expected \(T, 5\)"),
         (

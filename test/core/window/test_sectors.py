@@ -1,4 +1,4 @@
-"""Radars whose scans are sectors: a target is passed, reported and missed once a turn."""
+"""Radars whose scans are sectors: a target is passed, reported and missed once a revolution."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.smoothing.smoother import backward_pass
 
 PERIOD = {"estimates_period_s": ROTATION_S, "lag": 3}
-# Turns of the run with the defaults, and those after which tests go on from it.
+# Revolutions of the run with the defaults, and those after which tests go on from it.
 LONGEST = 24
 COPIED = (8, 10, 12, 20, LONGEST)
 
@@ -26,25 +26,25 @@ def engine_of(**given):
     return new_engine(configuration({**PERIOD, **given}))
 
 
-def run(turns=12, sectors=SECTORS, **given):
+def run(revolutions=12, sectors=SECTORS, **given):
     """Return the engine after the scans, and all filtered and smoothed estimates."""
     engine = engine_of(**given)
-    return engine, *stepped(engine, scans(turns, sectors=sectors))
+    return engine, *stepped(engine, scans(revolutions, sectors=sectors))
 
 
 @pytest.fixture(scope="module")
 def default_run():
-    """Return a run with the defaults, by the number of its turns; engines are restored."""
+    """Return a run with the defaults, by the number of its revolutions; engines are restored."""
     engine, filtered, smoothed, at = engine_of(), [], [], {}
     every = scans(LONGEST)
-    for turn in range(1, LONGEST + 1):
-        estimates = stepped(engine, every[(turn - 1) * SECTORS : turn * SECTORS])
+    for revolution in range(1, LONGEST + 1):
+        estimates = stepped(engine, every[(revolution - 1) * SECTORS : revolution * SECTORS])
         filtered, smoothed = filtered + estimates[0], smoothed + estimates[1]
-        if turn in COPIED:
-            at[turn] = engine.snapshot(), filtered, smoothed
+        if revolution in COPIED:
+            at[revolution] = engine.snapshot(), filtered, smoothed
 
-    def after(turns):
-        snapshot, *estimates = at[turns]
+    def after(revolutions):
+        snapshot, *estimates = at[revolutions]
         restored = engine_of()
         restored.restore(snapshot)
         return restored, *estimates
@@ -63,10 +63,10 @@ def apart(position, estimates):
     return np.hypot(*distance.transpose(2, 0, 1)).min(axis=1, initial=np.inf)
 
 
-def test_every_target_is_reported_once_a_turn_at_a_common_stamp():
+def test_every_target_is_reported_once_a_revolution_at_a_common_stamp():
     _, filtered, smoothed = run()
     stamps = [round(seconds_of(estimates.stamp_ns), 6) for estimates in filtered]
-    assert stamps == [ROTATION_S * turn for turn in range(1, 12)]
+    assert stamps == [ROTATION_S * revolution for revolution in range(1, 12)]
     assert [e.stamp_ns for e in smoothed] == [e.stamp_ns for e in filtered[: len(smoothed)]]
     for estimates in (*filtered[4:], *smoothed[3:]):
         assert len(estimates) == len(TARGETS)
@@ -101,7 +101,7 @@ def test_scan_leaves_targets_alone_that_the_antenna_did_not_pass(default_run):
     assert alive - swept <= now
 
 
-def test_missed_target_is_missed_once_a_turn_and_not_by_every_sector(default_run):
+def test_missed_target_is_missed_once_a_revolution_and_not_by_every_sector(default_run):
     engine, filtered, _ = default_run(10)
     reported, _ = stepped(engine, scans(11, missed=1.0)[10 * SECTORS :])
     # p_D is 0.95: one miss leaves an existence probability near 0.95, sixteen would leave none.
@@ -166,16 +166,16 @@ def test_number_of_sectors_makes_no_difference_to_the_errors(default_run, sector
     assert 0.75 < np.sqrt(found) < 1.33
 
 
-def test_sectors_and_whole_turns_with_plot_times_give_about_the_same_gaussians():
+def test_sectors_and_whole_revolutions_with_plot_times_give_about_the_same_gaussians():
     def position_std(estimates):
         return np.sqrt(np.diagonal(estimates.covariance, axis1=1, axis2=2)[:, [0, 2]].T)
 
     pairs = zip(run(14)[1:], run(14, 1)[1:], strict=True)
-    for first, (parts, turns) in zip((6, 4), pairs, strict=True):
-        assert len(parts) == len(turns) > 2 * first
-        for ours, theirs in zip(parts[first:], turns[first:], strict=True):
+    for first, (parts, revolutions) in zip((6, 4), pairs, strict=True):
+        assert len(parts) == len(revolutions) > 2 * first
+        for ours, theirs in zip(parts[first:], revolutions[first:], strict=True):
             assert len(ours) == len(theirs) == len(TARGETS)
-            # A whole turn is stamped in its middle and the plots move straight on within it.
+            # A whole revolution is stamped in its middle and the plots move straight on within it.
             assert (apart(ours.position, theirs) < 0.5 * np.hypot(*position_std(ours))).all()
             if ours.lag:
                 np.testing.assert_allclose(position_std(ours), position_std(theirs), rtol=0.2)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from four_places import EVERY, MODEL, PLACES, SLICE_NS, SLICES, engine, slice_of, turn_of
+from four_places import EVERY, MODEL, PLACES, SLICE_NS, SLICES, engine, revolution_of, slice_of
 from runs import stored_and_read
 
 from phd_jdtc_ros.core.engine import Lag
@@ -23,8 +23,8 @@ LONGEST = 40
 
 
 def mixed_of(index, targets=EVERY):
-    """Return whole turns at first, whose sets then lose one target after the other."""
-    return (turn_of if index < 3 else slice_of)(index, targets)
+    """Return whole revolutions at first, whose sets then lose one target after the other."""
+    return (revolution_of if index < 3 else slice_of)(index, targets)
 
 
 class Stored(NamedTuple):
@@ -125,7 +125,7 @@ def restored(of, make):
 
 
 @pytest.mark.parametrize(
-    "scan_of", [slice_of, turn_of, mixed_of], ids=["by slice", "by turn", "by both"]
+    "scan_of", [slice_of, revolution_of, mixed_of], ids=["by slice", "by revolution", "by both"]
 )
 @pytest.mark.parametrize("period_ns", [0, 700_000_000, 3_000_000_000])
 @pytest.mark.parametrize("lag", [Lag(0), Lag(5), Lag(0, seconds=2.6)], ids=str)

@@ -56,8 +56,8 @@ def sector(azimuth_deg, time_s, **who):
 
 
 def north(time_s, rotation_s=None, **who):
-    turn = {} if rotation_s is None else {"i041": round(rotation_s * 128)}
-    return service(1, time_s, **turn, **who)
+    revolution = {} if rotation_s is None else {"i041": round(rotation_s * 128)}
+    return service(1, time_s, **revolution, **who)
 
 
 def site(latitude, longitude, height, **who):
@@ -65,11 +65,12 @@ def site(latitude, longitude, height, **who):
     return service(1, 0.0, i120=(("HGT", height), ("LAT", latitude), ("LON", longitude)), **who)
 
 
-def turns(count, sectors=32, rotation_s=4.0, start_s=1000.0, seen=(), **who):
-    """Yield the data blocks of some turns from north on, each sector's plots and then its
+def revolutions(count, sectors=32, rotation_s=4.0, start_s=1000.0, seen=(), **who):
+    """Yield the data blocks of some revolutions from north on, each sector's plots and then its
     crossing.
 
-    `seen` are pairs of azimuth and range, degrees and nautical miles, that are seen in every turn.
+    `seen` are pairs of azimuth and range, degrees and nautical miles, that are seen in every
+    revolution.
     """
     yield north(start_s, rotation_s=rotation_s, **who)
     width = 360.0 / sectors

@@ -1,10 +1,10 @@
-"""Detections of an antenna that turns, as reports of whole turns or of sectors."""
+"""Detections of an antenna that turns, as reports of whole revolutions or of sectors."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from phd_jdtc_ros.core.intake.turns import Turns
+from phd_jdtc_ros.core.intake.revolutions import Revolutions
 from phd_jdtc_ros.core.sensors.visibility import sector_probability
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
@@ -34,7 +34,8 @@ class TurningRadar:
     """An antenna and how it reports.
 
     `stamp_at` is the place of the stamp in what a report covers, from 0 to 1; `cut` is the phase
-    at which reports begin; `seen` is the part of the turn in which there is anything to detect.
+    at which reports begin; `seen` is the part of the revolution in which there is anything to
+    detect.
     """
 
     rotation_s: float = 4.0
@@ -49,36 +50,36 @@ class TurningRadar:
     seen: tuple = (0.0, 1.0)
 
     @property
-    def per_turn(self):
+    def per_revolution(self):
         return max(self.sectors, 1)
 
-    def reports(self, turns, seed=0, lengths=None):
-        """Return the reports of some turns, of the given lengths in seconds."""
+    def reports(self, revolutions, seed=0, lengths=None):
+        """Return the reports of some revolutions, of the given lengths in seconds."""
         rng = np.random.default_rng(seed)
-        lengths = [self.rotation_s] * turns if lengths is None else lengths
+        lengths = [self.rotation_s] * revolutions if lengths is None else lengths
         begins = np.concatenate([[0.0], np.cumsum(lengths)])
         sent = []
-        for turn, length in enumerate(lengths):
+        for revolution, length in enumerate(lengths):
             share = rng.uniform(*self.seen, rng.poisson(self.plots))
-            for part in range(self.per_turn):
-                inside = np.sort(share[(share * self.per_turn).astype(int) == part])
-                sent.append(self._report(turn, part, begins[turn], length, inside, rng))
+            for part in range(self.per_revolution):
+                inside = np.sort(share[(share * self.per_revolution).astype(int) == part])
+                sent.append(self._report(revolution, part, begins[revolution], length, inside, rng))
         return sent
 
-    def _report(self, turn, part, begin_s, length_s, share, rng):
+    def _report(self, revolution, part, begin_s, length_s, share, rng):
         time_s = begin_s + length_s * share
         if self.time_step_s:
             time_s = np.round(time_s / self.time_step_s) * self.time_step_s
         phase = self.cut + FULL_TURN * share + self.noise * rng.standard_normal(len(share))
-        stamp_s = begin_s + length_s * (part + self.stamp_at) / self.per_turn
-        distance = 1000.0 + 100.0 * np.arange(len(share)) + turn
+        stamp_s = begin_s + length_s * (part + self.stamp_at) / self.per_revolution
+        distance = 1000.0 + 100.0 * np.arange(len(share)) + revolution
         measurement = np.stack([distance, self.azimuth(phase)], axis=1)
-        first = self.cut + FULL_TURN * part / self.per_turn
+        first = self.cut + FULL_TURN * part / self.per_revolution
         return Sent(
             START_NS + round(stamp_s * 1e9),
             Detections(measurement, None, time_s - stamp_s if self.timed else None),
             part,
-            np.mod(self.phase(GRID) - first, FULL_TURN) < FULL_TURN / self.per_turn,
+            np.mod(self.phase(GRID) - first, FULL_TURN) < FULL_TURN / self.per_revolution,
         )
 
     def azimuth(self, phase):
@@ -102,24 +103,29 @@ def degrees_off(sent, pieces):
     return float(np.abs(covered(pieces) - sent.passed).sum()) * 360.0 / len(GRID)
 
 
-def widest_gap(reports, per_turn):
-    """Return the largest angle between successive azimuths of any turn's detections, degrees."""
-    turns = [reports[first : first + per_turn] for first in range(0, len(reports), per_turn)]
-    azimuths = [
-        np.concatenate([sent.detections.measurement[:, 1] for sent in turn]) for turn in turns
+def widest_gap(reports, per_revolution):
+    """Return the largest angle between successive azimuths in any revolution, degrees."""
+    revolutions = [
+        reports[first : first + per_revolution] for first in range(0, len(reports), per_revolution)
     ]
-    around = [np.sort(np.append(turn, turn.min() + FULL_TURN)) for turn in azimuths]
-    return float(np.degrees(max(np.diff(turn).max() for turn in around)))
+    azimuths = [
+        np.concatenate([sent.detections.measurement[:, 1] for sent in revolution])
+        for revolution in revolutions
+    ]
+    around = [
+        np.sort(np.append(revolution, revolution.min() + FULL_TURN)) for revolution in azimuths
+    ]
+    return float(np.degrees(max(np.diff(revolution).max() for revolution in around)))
 
 
-def turns_of(radar, **changes):
+def revolutions_of(radar, **changes):
     given = {"compass": False, "reset_threshold_s": 3.0 * radar.rotation_s, **changes}
-    return Turns(radar.rotation_s, radar.sectors, **given)
+    return Revolutions(radar.rotation_s, radar.sectors, **given)
 
 
-def fed(turns, reports, numbers=False):
+def fed(revolutions, reports, numbers=False):
     return [
-        turns.split(sent.stamp_ns, sent.detections, sent.sector if numbers else None)
+        revolutions.split(sent.stamp_ns, sent.detections, sent.sector if numbers else None)
         for sent in reports
     ]
 

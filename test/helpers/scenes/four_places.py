@@ -1,6 +1,7 @@
 """Four targets that stay 50 km away, each in its own direction, and a radar that turns.
 
-The radar reports slices of a turn, every other one with a target in its middle, or whole turns.
+The radar reports slices of a revolution, every other one with a target in its middle, or whole
+revolutions.
 """
 
 import numpy as np
@@ -16,8 +17,8 @@ from phd_jdtc_ros.core.window.forward_filter import ForwardFilter
 # To the east, north, west and south, metres.
 PLACES = 50e3 * np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 SLICES = 2 * len(PLACES)
-TURN_NS = round(ROTATION_S * 1e9)
-SLICE_NS = TURN_NS // SLICES
+REVOLUTION_NS = round(ROTATION_S * 1e9)
+SLICE_NS = REVOLUTION_NS // SLICES
 CONFIG = configuration({"radar.sectors": SLICES})
 MODEL = CONFIG.model
 (RADAR,) = MODEL.radars
@@ -33,14 +34,14 @@ def measured(targets):
 
 
 def slice_of(index, targets=EVERY):
-    """Return the scan of one slice of a turn, with a detection of the target in it, if any."""
+    """Return the scan of a slice of a revolution, with a detection of its target, if any."""
     coverage = Coverage((index % SLICES - 0.5) * FULL_TURN / SLICES, FULL_TURN / SLICES)
     seen = [target for target in targets if index % SLICES == 2 * target]
     return Scan((index + 1) * SLICE_NS, (Detections(measured(seen), None, coverage=coverage),))
 
 
-def turn_of(index, targets=EVERY):
-    """Return the scan of a whole turn, as often as slices."""
+def revolution_of(index, targets=EVERY):
+    """Return the scan of a whole revolution, as often as slices."""
     return Scan((index + 1) * SLICE_NS, (Detections(measured(targets), None),))
 
 

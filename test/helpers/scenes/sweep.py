@@ -60,17 +60,17 @@ def azimuth_at(seconds):
     return -FULL_TURN * seconds / ROTATION_S
 
 
-def plots(turns, seed, missed=0.0):
+def plots(revolutions, seed, missed=0.0):
     """Return (time, range, azimuth) of every plot, by ascending time."""
     rng = np.random.default_rng(seed)
     found = []
-    for turn in range(turns):
+    for revolution in range(revolutions):
         for target in range(len(TARGETS)):
-            seconds = (turn + 0.5) * ROTATION_S
+            seconds = (revolution + 0.5) * ROTATION_S
             for _ in range(5):
                 x, y = position_at(seconds)[target]
                 phase = np.mod(-np.arctan2(y, x), FULL_TURN) / FULL_TURN
-                seconds = (turn + phase) * ROTATION_S
+                seconds = (revolution + phase) * ROTATION_S
             if rng.random() >= missed:
                 distance = np.hypot(x, y) + 40.0 * rng.standard_normal()
                 azimuth = np.arctan2(y, x) + np.radians(0.1) * rng.standard_normal()
@@ -78,12 +78,12 @@ def plots(turns, seed, missed=0.0):
     return np.array(sorted(found)).reshape(-1, 3)
 
 
-def scans(turns, seed=0, missed=0.0, sectors=SECTORS):
-    """Return the scans of some turns, one per sector, stamped in the middle of each."""
-    table = plots(turns, seed, missed)
+def scans(revolutions, seed=0, missed=0.0, sectors=SECTORS):
+    """Return the scans of some revolutions, one per sector, stamped in the middle of each."""
+    table = plots(revolutions, seed, missed)
     length = ROTATION_S / sectors
     found = []
-    for index in range(turns * sectors):
+    for index in range(revolutions * sectors):
         begin, middle, end = (length * (index + part) for part in (0.0, 0.5, 1.0))
         inside = table[(table[:, 0] >= begin) & (table[:, 0] < end)]
         detections = Detections(
@@ -96,13 +96,13 @@ def scans(turns, seed=0, missed=0.0, sectors=SECTORS):
     return found
 
 
-def sector_reports(turns, timed, seed=5, clutter=3):
+def sector_reports(revolutions, timed, seed=5, clutter=3):
     """Return (radar, stamp, detections, sector) of every sector, with some false ones in each."""
-    table = plots(turns, seed)
+    table = plots(revolutions, seed)
     rng = np.random.default_rng(seed)
     length = ROTATION_S / SECTORS
     reports = []
-    for index in range(turns * SECTORS):
+    for index in range(revolutions * SECTORS):
         begin, end = length * index, length * (index + 1)
         inside = table[(table[:, 0] >= begin) & (table[:, 0] < end)]
         time_s = rng.uniform(begin, end, clutter)

@@ -188,7 +188,7 @@ def test_from_msg_azimuths_are_above_minus_pi_and_at_most_pi(azimuth, compass):
     assert -np.pi < found <= np.pi
 
 
-def test_from_msg_counts_azimuths_beyond_a_turn_that_probably_are_degrees():
+def test_from_msg_counts_azimuths_beyond_a_revolution_that_probably_are_degrees():
     points = [(1e3, azimuth, 4.0) for azimuth in (-359.0, -6.3, -6.2, 0.0, 6.2, 6.3, 359.0)]
     assert read(points).anomalies == {"azimuths_beyond_a_turn": 4}
     assert not read(points, azimuth_in_degrees=True).anomalies
@@ -209,7 +209,7 @@ def test_from_msg_counts_ranges_and_azimuths_that_are_swapped(azimuth_in_degrees
 
 
 @pytest.mark.parametrize("compass", [False, True])
-def test_from_msg_counts_no_azimuth_of_one_turn_whatever_its_rounding(compass):
+def test_from_msg_counts_no_azimuth_of_one_revolution_whatever_its_rounding(compass):
     points = [(1e3, azimuth, 4.0) for azimuth in (0.0, np.pi, 2.0 * np.pi, np.nextafter(0.0, -1.0))]
     report = adapter.from_msg(polar(points), radar(compass=compass))
     assert not report.anomalies

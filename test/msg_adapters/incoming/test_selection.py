@@ -73,7 +73,7 @@ def test_times_may_be_a_minute_off_in_any_order_and_precise():
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("bad", [NAN, INF, -INF, 6.01, -6.01, 1e300])
-def test_a_time_beyond_the_turn_drops_its_detection(bad):
+def test_a_time_beyond_the_revolution_drops_its_detection(bad):
     report = timed(0.0, bad, 5.99, rotation_s=4.0)
     assert report.dropped == {"time": 1}
     assert report.detections.time_s.tolist() == [0.0, 5.99]
@@ -108,7 +108,7 @@ def test_a_field_that_is_configured_and_missing_is_an_anomaly(parameter, anomaly
     assert report.anomalies == {anomaly: 1}
     found = report.detections
     assert found.time_s is found.noise_std is found.range_rate is found.range_rate_std is None
-    assert found.height is found.code is found.address is found.sensor_type is None
+    assert found.height is found.code is found.address is found.detection_type is None
     assert report.detections.measurement.tolist() == [[1000.0, 0.5]]
 
 

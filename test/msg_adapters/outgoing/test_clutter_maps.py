@@ -18,7 +18,7 @@ from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
 SHOWN = ClutterRaster((-1500.0, 300.0), 50.0, np.array([[0.0, 0.01, 0.1], [1.0, 1000.0, 1e5]]))
 NAMES = ("x", "y", "z", "amplitude", "radar_index")
 FIRST, SECOND = resolve({}).model.radars
-# Half a turn and a quarter, so that axes cannot be confused.
+# Half a revolution and a quarter, so that axes cannot be confused.
 RADARS = (replace(FIRST, yaw=np.pi), replace(SECOND, position=(0.0, 50.0), yaw=np.pi / 2.0))
 STAMP_NS = 1_700_000_000_123_456_789
 HITS = Detections(np.array([[100.0, 0.0], [200.0, np.pi / 2.0]]), np.array([4.0, 30.0]))

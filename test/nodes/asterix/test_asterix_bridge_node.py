@@ -56,7 +56,7 @@ def free_port():
 
 
 def today_s(before_s=0.0):
-    """Return a time of day some seconds ago, far enough from midnight for a few turns."""
+    """Return a time of day some seconds ago, far enough from midnight for a few revolutions."""
     now = time.time() % 86_400
     return (now - before_s) % 86_400
 
@@ -126,7 +126,7 @@ def unicast(processes, peer):
 
 def test_datagrams_become_clouds(site):
     site.start()
-    site.send(made.turns(2, start_s=today_s(), seen=SEEN, rotation_s=4.0))
+    site.send(made.revolutions(2, start_s=today_s(), seen=SEEN, rotation_s=4.0))
     assert site.peer.spin_until(lambda: len(site.clouds) >= 64)
     radar = resolve(LAYOUT).inputs[0]
     reports = [detections.from_msg(cloud, radar) for cloud in site.clouds]
@@ -148,11 +148,11 @@ def test_estimates_of_plots_by_udp_are_those_of_the_recording(unicast, peer, tmp
     """The same bytes as of ``asterix_bridge`` and ``track_bag``, with what the bridge found out."""
     rng = np.random.default_rng(5)
     blocks = []
-    for turn in range(20):
-        azimuth = 3.0 + 0.4 * turn + 60.0 * np.arange(6) + rng.normal(0.0, 0.05, 6)
-        far = 20.0 + 0.2 * turn + rng.normal(0.0, 0.02, 6)
+    for revolution in range(20):
+        azimuth = 3.0 + 0.4 * revolution + 60.0 * np.arange(6) + rng.normal(0.0, 0.05, 6)
+        far = 20.0 + 0.2 * revolution + rng.normal(0.0, 0.02, 6)
         seen = [*zip(azimuth, far, strict=True)]
-        own = made.turns(1, start_s=1000.0 + 4.0 * turn, seen=seen)
+        own = made.revolutions(1, start_s=1000.0 + 4.0 * revolution, seen=seen)
         blocks += [block for block in own if block[0] == 48]
     recording, bag, tracked = (tmp_path / name for name in ("recording.ast", "bag", "tracked"))
     recording.write_bytes(b"".join(blocks))
@@ -207,7 +207,7 @@ def test_tracks_are_of_one_radar_until_another_reports(unicast, peer):
     found = estimate_sets.of_tracks({1: (0.0, 0.0)}, variance=np.ones(5), stamp_ns=10**9)
     said = []
     for sic in (2, 3):
-        unicast.send(made.turns(1, start_s=today_s(), sic=sic))
+        unicast.send(made.revolutions(1, start_s=today_s(), sic=sic))
         unicast.health.until(f"radar_1_{sic}", lambda status, values: int(values["clouds"]) > 0)
         publisher.publish(estimates.to_msg(found, "map"))
         records = []
@@ -224,7 +224,7 @@ def test_tracks_are_of_one_radar_until_another_reports(unicast, peer):
 def test_hostile_datagrams_are_counted_and_change_nothing(unicast):
     process = unicast.start()
     rng = made.rng(5)
-    good = [*made.turns(1, start_s=today_s(), seen=SEEN)]
+    good = [*made.revolutions(1, start_s=today_s(), seen=SEEN)]
     for block in good:
         unicast.send([block, rng.bytes(int(rng.integers(1, 200))), b"\x30\xff\xff" + bytes(100)])
         unicast.send([b"\x30\x00\x05\xff\xff", block[:-1]])
@@ -237,7 +237,7 @@ def test_hostile_datagrams_are_counted_and_change_nothing(unicast):
 
 def test_second_radar_of_a_number_and_a_wrong_clock_are_reported(unicast):
     unicast.start("-p", "max_clock_offset_s:=10.0")
-    blocks = [*made.turns(1, start_s=today_s(7200.0))]
+    blocks = [*made.revolutions(1, start_s=today_s(7200.0))]
     first, second = unicast.radar(), unicast.radar("127.0.0.2")
     for block in blocks:
         unicast.send([block], first)
@@ -269,7 +269,7 @@ def test_bridge_stops_and_starts_again_on_request(unicast):
     assert not bridge("ACTIVATE")
     other.close()
     assert bridge("ACTIVATE")
-    unicast.send(made.turns(1, start_s=today_s()))
+    unicast.send(made.revolutions(1, start_s=today_s()))
     unicast.health.until("radar_1_2", lambda _, values: values["clouds"] == "32")
     process.terminate()
     assert process.wait(10.0) == 0

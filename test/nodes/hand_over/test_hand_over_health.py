@@ -26,13 +26,13 @@ def status(heard, now_s, silent=False, behind_s=0.0):
     return heard.status("/hand_over", "west", "/west/tracker", behind_s, silent, now_s)
 
 
-def test_a_tracker_is_silent_after_its_usual_turn_and_not_after_one_pause():
-    for turn_s in (6.0, 12.0):
-        heard = history_at(*(turn_s * turn for turn in range(4)))
-        last_s = 3.0 * turn_s + 0.1
-        assert status(heard, last_s + turn_s + LIMIT_S - 0.1).level == DiagnosticStatus.OK
-        found = status(heard, last_s + turn_s + LIMIT_S + 0.1)
-        assert found.message == f"silent for {turn_s + LIMIT_S + 0.1:.1f} s"
+def test_a_tracker_is_silent_after_its_usual_revolution_and_not_after_one_pause():
+    for revolution_s in (6.0, 12.0):
+        heard = history_at(*(revolution_s * revolution for revolution in range(4)))
+        last_s = 3.0 * revolution_s + 0.1
+        assert status(heard, last_s + revolution_s + LIMIT_S - 0.1).level == DiagnosticStatus.OK
+        found = status(heard, last_s + revolution_s + LIMIT_S + 0.1)
+        assert found.message == f"silent for {revolution_s + LIMIT_S + 0.1:.1f} s"
     assert status(history_at(0.0), 12.0).level == DiagnosticStatus.OK
     assert status(history_at(0.0), 18.0).level == DiagnosticStatus.WARN
     heard = history_at(0.0, 1.0, 2.0, 3.0, 300.0)

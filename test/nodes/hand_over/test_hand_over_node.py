@@ -92,7 +92,7 @@ class Stack:
 
     def connect(self):
         """Send scans without plots until both trackers are in the picture."""
-        # A tracker waits for a second report after a gap of more than fifteen turns.
+        # A tracker waits for a second report after a gap of more than fifteen revolutions.
         for scan in range(-10, 0):
             self.send(scan)
             if self.peer.spin_until(lambda: self.joint[FILTERED], 5.0):
@@ -216,7 +216,7 @@ class Replayed:
 
 @pytest.mark.live
 def test_picture_goes_on_without_a_silent_tracker_with_a_warning(processes, peer):
-    # All parameters have their defaults, and turns take 6 s.
+    # All parameters have their defaults, and revolutions take 6 s.
     rig = Replayed(processes, peer)
     for count, stamp in enumerate((100, 106), start=1):
         rig.outputs["west"].publish(said(stamp, [(5, -2e3)]))

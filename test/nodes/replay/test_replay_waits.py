@@ -41,7 +41,7 @@ def test_replay_waits_for_its_subscribers(processes, peer):
     assert peer.spin_until(lambda: process.poll() is not None and late.scans == 80)
 
 
-def test_replay_in_lock_step_keeps_it_from_turn_to_turn_of_a_loop(processes, peer, listener):
+def test_replay_in_lock_step_keeps_it_from_revolution_to_turn_of_a_loop(processes, peer, listener):
     topic = names.estimates("filtered", "/west/tracker")
     answer = replies(peer, topic)
     remapped = ("-r", f"{ESTIMATES}:={topic}")
@@ -56,11 +56,11 @@ def test_replay_in_lock_step_keeps_it_from_turn_to_turn_of_a_loop(processes, pee
 
     first = played(1)
     answer(first)
-    # The last scan has not been answered, so the next turn does not begin.
+    # The last scan has not been answered, so the next revolution does not begin.
     last = played(2)
     answer(last)
     assert played(3) == first
-    # An estimate that is late comes from the turn before and answers nothing of this one.
+    # An estimate that is late comes from the revolution before and answers nothing of this one.
     answer(last)
     assert played(3) == first
     answer(first)

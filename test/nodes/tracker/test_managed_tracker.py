@@ -82,7 +82,7 @@ def test_markers_are_taken_back_when_they_are_switched_off_and_at_a_reset(radars
         return late and [m.action for m in late[-1].markers] == [Marker.DELETEALL]
 
     def switch(shown):
-        outputs = ["detections", "frames", "plots", *(["markers"] if shown else [])]
+        outputs = ["detections", "frames", "curves", *(["markers"] if shown else [])]
         parameter = Parameter("outputs", value=outputs).to_parameter_msg()
         request = SetParameters.Request(parameters=[parameter])
         assert peer.call(SetParameters, "/tracker/set_parameters", request).results[0].successful

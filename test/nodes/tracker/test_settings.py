@@ -52,7 +52,7 @@ def test_changed_gives_what_a_start_with_it_gives():
     changes = {
         "radar_2.clutter_rate": 40,
         "confirm_probability": 0.7,
-        "outputs": ["detections", "frames", "plots"],
+        "outputs": ["detections", "frames", "curves"],
     }
     found, fresh = change(USUAL, changes), resolve(changes)
     assert found.values == fresh.values

@@ -65,10 +65,10 @@ def test_plots_of_reflectors_are_measured_when_the_antenna_points_at_them(platfo
     found, (layout,) = scene(2.5, platform=platform)
     plots = plots_of(TurningRadar(found, 0, layout), np.random.default_rng(2))
     assert not plots.source.any()
-    # Each is passed once a turn, and once more or less where the ship turns by a part of one.
-    assert 15 * 21 <= len(plots.turns) <= 17 * 21
-    antenna, time_s = found.antennas[0], plots.turns * 2.5
-    azimuth = np.pi / 2.0 - FULL_TURN * plots.turns
+    # Each is passed once a revolution, and once more or less where the ship turns by a part of one.
+    assert 15 * 21 <= len(plots.revolutions) <= 17 * 21
+    antenna, time_s = found.antennas[0], plots.revolutions * 2.5
+    azimuth = np.pi / 2.0 - FULL_TURN * plots.revolutions
     off = wrap_angle(plots.measurement[:, 1] - azimuth)
     assert antenna.bearing == 0.0
     assert np.abs(off).max() < 1e-6

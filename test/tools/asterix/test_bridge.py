@@ -43,13 +43,13 @@ def reports(bag, topic=TOPIC):
 
 
 def test_recording_becomes_a_bag_that_a_tracker_reads(bridge):
-    data = b"".join(made.turns(3, seen=SEEN))
+    data = b"".join(made.revolutions(3, seen=SEEN))
     status, out, said = bridge(data, "--date", "2026-11-22")
     assert status == 0
     assert said.err == ""
     assert said.out.splitlines() == [
         f"{out}: 96 clouds, 12 plots",
-        "radar_1_2: 12 plots, 97 service messages, 96 clouds, a turn of 4.0000 s",
+        "radar_1_2: 12 plots, 97 service messages, 96 clouds, a revolution of 4.0000 s",
         "left out: none",
         "the position of radar_1_2 is unknown: shapes and distances are right on the round earth, "
         "but there are no latitudes and longitudes; set radar_1_2.geodetic and world_origin",
@@ -74,7 +74,7 @@ def test_recording_becomes_a_bag_that_a_tracker_reads(bridge):
 
 def test_slices_between_sectors_have_the_field_of_the_sectors(bridge):
     parts = [
-        *made.turns(2, seen=SEEN),
+        *made.revolutions(2, seen=SEEN),
         *map(made.plots, [made.plot(90.0, 1030.0 + k) for k in range(9)]),
     ]
     status, out, _ = bridge(b"".join(parts))
@@ -88,13 +88,13 @@ def test_slices_between_sectors_have_the_field_of_the_sectors(bridge):
 def test_identities_heights_and_kinds_are_in_the_clouds(bridge):
     known = made.plot(5.0, 1000.06, i070=(0, 0, 0, 0, 0o7700), i090=(0, 0, -40), i220=0xABCDEF)
     bare = made.plot(6.0, 1000.07)
-    parts = [*made.turns(1)]
+    parts = [*made.revolutions(1)]
     status, out, _ = bridge(b"".join([parts[0], made.plots(known, bare), *parts[1:]]))
     assert status == 0
     found = reports(out)[0].detections
     assert found.code.tolist() == [0o7700, -1]
     assert found.address.tolist() == [0xABCDEF, -1]
-    assert found.sensor_type.tolist() == [3, 3]
+    assert found.detection_type.tolist() == [3, 3]
     np.testing.assert_allclose(found.height, [-304.8, np.nan], rtol=1e-6)
     (first, *_) = BagReader(out).messages([TOPIC])
     cloud = interfaces.decode(first.data, names.CLOUD)
@@ -105,7 +105,7 @@ def test_identities_heights_and_kinds_are_in_the_clouds(bridge):
 
 @pytest.mark.parametrize("kind", ["final", "pcap", "pcapng"])
 def test_framings_of_one_recording_give_the_same_bag(bridge, kind):
-    blocks = [*made.turns(2, seen=SEEN)]
+    blocks = [*made.revolutions(2, seen=SEEN)]
     _, plain, _ = bridge(b"".join(blocks), "--date", "2026-11-22", out="plain")
     if kind == "final":
         data = b"".join(made.final(block, 1000.0 + k / 8.0) for k, block in enumerate(blocks))
@@ -126,7 +126,9 @@ def test_radars_are_named_and_turned_by_the_parameters(bridge):
     data = b"".join(
         part
         for pair in zip(
-            made.turns(2, sic=1, seen=SEEN), made.turns(2, sic=9, seen=SEEN), strict=True
+            made.revolutions(2, sic=1, seen=SEEN),
+            made.revolutions(2, sic=9, seen=SEEN),
+            strict=True,
         )
         for part in pair
     )
@@ -144,7 +146,7 @@ def test_radars_are_named_and_turned_by_the_parameters(bridge):
 
 
 def test_only_a_port_of_a_capture_is_read_where_asked(bridge):
-    blocks = [*made.turns(1, seen=[(100.0, 30.0)])]
+    blocks = [*made.revolutions(1, seen=[(100.0, 30.0)])]
     packets = [(k * 10**8, made.packet(block)) for k, block in enumerate(blocks)]
     packets += [(k * 10**8, made.packet(block, port=9)) for k, block in enumerate(blocks)]
     # Recordings without ports are read whatever is asked.
@@ -159,7 +161,7 @@ def test_only_a_port_of_a_capture_is_read_where_asked(bridge):
 
 @pytest.mark.parametrize(("ports", "expected"), [([9], 3), ([9, 8600], 0)])
 def test_port_without_datagrams_is_named_with_those_that_have_some(bridge, ports, expected):
-    blocks = made.turns(1, seen=SEEN)
+    blocks = made.revolutions(1, seen=SEEN)
     packets = [(k * 10**8, made.packet(block)) for k, block in enumerate(blocks)]
     words = [word for port in ports for word in ("--port", str(port))]
     status, _, said = bridge(made.pcap(packets), *words)
@@ -170,7 +172,7 @@ def test_port_without_datagrams_is_named_with_those_that_have_some(bridge, ports
 
 
 def test_wrong_source_is_reported_with_the_radars_of_the_recording(bridge):
-    data = b"".join(made.turns(1))
+    data = b"".join(made.revolutions(1))
     status, _, said = bridge(data, "-p", "radars:=[a]", "-p", "a.source:=[9, 9]")
     assert status == 3
     assert said.err.endswith("left out: unknown_radar 33; SAC/SIC of unknown radars: 1/2 (33)\n")
@@ -190,7 +192,7 @@ def test_impossible_port_is_refused(bridge, given, capsys):
 
 
 def test_wrong_clock_and_second_source_are_reported(bridge):
-    blocks = [*made.turns(1, start_s=1000.0, seen=[(359.0, 30.0)])]
+    blocks = [*made.revolutions(1, start_s=1000.0, seen=[(359.0, 30.0)])]
     packets = []
     for k, block in enumerate(blocks):
         time_ns = round((2000.0 + min(k, 32) / 8.0) * 1e9)
@@ -221,7 +223,7 @@ def test_recording_of_which_less_than_half_of_the_plots_can_be_used_fails(bridge
     # The recording has 16 plots, and ten times as many tracks of another tracker, which do not
     # count.
     seen = [(azimuth, 20.0) for azimuth in range(5, 360, 23)]
-    data = b"".join([*made.turns(1, seen=seen), *[BROKEN] * broken, *tracks(160)])
+    data = b"".join([*made.revolutions(1, seen=seen), *[BROKEN] * broken, *tracks(160)])
     status, out, said = bridge(data)
     assert status == expected
     assert (f"16 of {16 + broken} plots could be used" in said.err) == bool(expected)
@@ -238,9 +240,9 @@ def without_times(data):
 @pytest.mark.parametrize(
     ("data", "expected"),
     [
-        (b"".join(made.turns(1)), "has no plots; 33 of 33 records could be used"),
+        (b"".join(made.revolutions(1)), "has no plots; 33 of 33 records could be used"),
         (
-            b"".join([*made.turns(1), BROKEN * 9]),
+            b"".join([*made.revolutions(1), BROKEN * 9]),
             "0 of 9 plots could be used; all records: CAT034 33, CAT048 9; left out: "
             "explicit_length 9",
         ),
@@ -260,7 +262,7 @@ def test_recording_of_which_no_plot_can_be_used_fails_with_the_reason(bridge, da
 
 
 def test_foreign_categories_are_counted_and_skipped_by_their_length(bridge):
-    parts = [*made.turns(2, seen=SEEN)]
+    parts = [*made.revolutions(2, seen=SEEN)]
     _, plain, _ = bridge(b"".join(parts), out="plain")
     foreign = [bytes([category, 0, 9]) + bytes(6) for category in (4, 16, 30, 129, 240, 253)]
     data = b"".join(part + foreign[k % 6] for k, part in enumerate(parts))
@@ -277,7 +279,7 @@ def test_foreign_categories_are_counted_and_skipped_by_their_length(bridge):
 
 @pytest.mark.parametrize("kept", [slice(None), slice(None, -20)], ids=["whole", "cut"])
 def test_packed_recording_is_unpacked(bridge, kept):
-    packed = gzip.compress(b"".join(made.turns(2, seen=SEEN)))[kept]
+    packed = gzip.compress(b"".join(made.revolutions(2, seen=SEEN)))[kept]
     status, out, said = bridge(packed)
     assert "left out: none" in said.out or status
     assert BagReader(out).counts[TOPIC] > 20
@@ -287,7 +289,7 @@ def test_packed_recording_is_unpacked(bridge, kept):
 
 
 def test_radar_of_a_single_message_beside_others_is_left_out(bridge):
-    parts = [*made.turns(2, seen=SEEN)]
+    parts = [*made.revolutions(2, seen=SEEN)]
     stray = made.plots(made.plot(20.0, 1002.0, sic=77))
     status, out, said = bridge(b"".join([*parts[:20], stray, *parts[20:]]))
     assert status == 0
@@ -299,14 +301,14 @@ def test_radar_of_a_single_message_beside_others_is_left_out(bridge):
 
 
 def test_recording_whose_end_is_missing_is_used_and_fails(bridge):
-    status, out, said = bridge(b"".join(made.turns(1, seen=SEEN))[:-3])
+    status, out, said = bridge(b"".join(made.revolutions(1, seen=SEEN))[:-3])
     assert status == 3
     assert "is damaged in 1 place: " in said.err
     assert BagReader(out).counts[TOPIC] > 0
 
 
 def test_trailers_of_datagrams_are_reported_and_no_faults(bridge):
-    blocks = [*made.turns(1, seen=SEEN)]
+    blocks = [*made.revolutions(1, seen=SEEN)]
     packets = [
         (round((1000.0 + k / 8.0) * 1e9), made.packet(block + b"\xee\xff\0\1" + bytes([k] * 4)))
         for k, block in enumerate(blocks)
@@ -353,6 +355,6 @@ def test_wrong_arguments_are_named(bridge, capsys, arguments, expected):
 
 def test_existing_bag_is_not_overwritten(bridge, tmp_path):
     (tmp_path / "out").mkdir()
-    status, _, said = bridge(b"".join(made.turns(1)))
+    status, _, said = bridge(b"".join(made.revolutions(1)))
     assert status == 2
     assert "already exists" in said.err

@@ -35,7 +35,7 @@ def test_bag_without_clouds_is_a_failure(tmp_path, what, capsys):
 
 @pytest.fixture(scope="module")
 def by_sector(tmp_path_factory):
-    """Return a simulated bag of a radar that turns, of two aircraft and three turns."""
+    """Return a simulated bag of a radar that turns, of two aircraft and three revolutions."""
     scenario = tmp_path_factory.mktemp("turning") / "scenario.yaml"
     scenario.write_text(
         """
@@ -79,11 +79,11 @@ def test_call_signs_of_plots_are_those_of_the_tracks(tmp_path):
     """Of an aircraft with an address; they reach tracks by it, through the tracker's bag."""
     seen = {"i070": (0, 0, 0, 0, 0o1234), "i220": 0x484C3A, "i240": "KLM1023 "}
     blocks = []
-    for turn in range(12):
+    for revolution in range(12):
         for k in range(8):
             name = seen if not k else {}
-            azimuth, far = 10.0 + 0.3 * turn + 45.0 * k, 30.0 + 0.2 * turn
-            time_s = 1000.0 + 4.0 * (turn + azimuth / 360.0)
+            azimuth, far = 10.0 + 0.3 * revolution + 45.0 * k, 30.0 + 0.2 * revolution
+            time_s = 1000.0 + 4.0 * (revolution + azimuth / 360.0)
             blocks.append(made.plots(made.plot(azimuth, time_s, far, **name)))
     recording, bag, tracked, out = (tmp_path / name for name in ("r.ast", "b", "t", "o.ast"))
     recording.write_bytes(b"".join(blocks))

@@ -66,14 +66,14 @@ def sweep(
 ):
     """Return times, and plots by data blocks of some, of targets that stand at azimuths and ranges.
 
-    `targets` are pairs of azimuth (turns) and range (m).
+    `targets` are pairs of azimuth (revolutions) and range (m).
     """
     rng = np.random.default_rng(seed)
-    turns = np.arange(int(seconds / rotation_s) + 1)
+    revolutions = np.arange(int(seconds / rotation_s) + 1)
     seen = []
     for part, far in targets:
-        times = begin_s + (turns + part) * rotation_s
-        jitter = rng.normal(0.0, 1e-3, len(turns))
+        times = begin_s + (revolutions + part) * rotation_s
+        jitter = rng.normal(0.0, 1e-3, len(revolutions))
         kind = PRIMARY if code == NONE else SECONDARY
         seen += [
             (
@@ -196,9 +196,9 @@ def test_clutter_does_not_count_as_aircraft_without_a_transponder(bridged, monke
     rng, count = np.random.default_rng(6), 30
     place, velocity = rng.uniform(-80e3, 80e3, (count, 2)), rng.normal(0.0, 150.0, (count, 2))
     plots = []
-    for turn in range(60):
+    for revolution in range(60):
         found = np.flatnonzero(rng.random(count) < 0.95)
-        east, north = (place + 4.0 * turn * velocity)[found].T
+        east, north = (place + 4.0 * revolution * velocity)[found].T
         far = np.hypot(east, north) + rng.normal(0.0, 30.0, len(found))
         azimuth = np.arctan2(east, north) + rng.normal(0.0, 1e-3, len(found))
         replies = (found < share * count) & (rng.random(len(found)) < 0.95)
@@ -213,7 +213,7 @@ def test_clutter_does_not_count_as_aircraft_without_a_transponder(bridged, monke
                 *(0x0102, NONE, DAY, distance, angle, np.nan),
                 *(int(own), NONE, kind, np.nan, np.nan),
             )
-            plots.append((round((1000.0 + 4.0 * (turn + angle / (2.0 * np.pi))) * NS), plot))
+            plots.append((round((1000.0 + 4.0 * (revolution + angle / (2.0 * np.pi))) * NS), plot))
     plots.sort(key=lambda entry: entry[0])
     blocks = [plots_out.plot_blocks(plots[k : k + 10]) for k in range(0, len(plots), 10)]
     _, _, _, given = bridged(b"".join(block for group in blocks for block in group))
@@ -277,7 +277,7 @@ def test_radars_of_unknown_places_are_not_tracked_together(bridged, tmp_path):
 
 @pytest.mark.parametrize(("seconds", "tuned"), [(8.0, False), (120.0, True)])
 def test_surface_radar_is_over_a_flat_earth_and_hinted_at(bridged, monkeypatch, seconds, tuned):
-    # A turn takes 1 s and has about 5 plots; the tool `tune` is named if it can use them.
+    # A revolution takes 1 s and has about 5 plots; the tool `tune` is named if it can use them.
     monkeypatch.setattr(parameters, "findings", findings)
     _, data = sweep(seconds, 1.008, targets(5, 3000.0))
     _, bag, said, given = bridged(data)

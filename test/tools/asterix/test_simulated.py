@@ -45,7 +45,7 @@ class Recorded:
         self.plots = [self.messages[k] for k in rows]
         self.plots_received = [self.received[k] for k in rows]
         self.own, self.answers = plots_with_replies(self.hour.turning, seed)
-        self.time_s = self.hour.turning.times_at(self.own.turns)
+        self.time_s = self.hour.turning.times_at(self.own.revolutions)
 
     def column(self, name):
         return np.array([getattr(plot, name) for plot in self.plots])

@@ -20,7 +20,8 @@ from phd_jdtc_ros.core.compilation import (
 
 from .filter_steps import copy, innovate, predict, update
 
-# The beam passes a target once a turn: two plots of a track are at least this share of it apart.
+# The beam passes a target once a revolution: two plots of a track are at least this share of it
+# apart.
 LEAST_SPACING = 0.5
 # Prior probability that the target manoeuvres before a plot.
 MANOEUVRE_PROBABILITY = 0.1
@@ -62,7 +63,7 @@ class Numbers(NamedTuple):
 
 @inner
 def _looks(plots: Columns, earlier: int, later: int, rotation_s: float) -> float:
-    """Return the number of looks between two plots; turns are not rounded."""
+    """Return the number of looks between two plots; a part counts as a part."""
     if rotation_s > 0.0:
         return float((plots.time_s[later] - plots.time_s[earlier]) / rotation_s)
     return float(plots.cloud[later] - plots.cloud[earlier])
@@ -194,7 +195,7 @@ def _add_plot(
 @inner
 def _goes_on(plots: Columns, track: int, plot: int, numbers: Numbers) -> bool:
     """Return whether a track has few consecutive misses at the time of a plot."""
-    # A look is missed half a turn after it was due, or when the next cloud has come.
+    # A look is missed half a revolution after it was due, or when the next cloud has come.
     missed = _looks(plots, plots.last[track], plot, numbers.rotation_s)
     missed -= 0.5 if numbers.rotation_s > 0.0 else 1.0
     tentative = plots.hits[track] < OWNING_HITS

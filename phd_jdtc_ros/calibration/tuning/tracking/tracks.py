@@ -16,7 +16,7 @@ from .. import kinematics
 from ..plots import Plots
 from ..rotation import Timing
 
-# Share of a turn whose plots are assigned together.
+# Share of a revolution whose plots are assigned together.
 BATCH = 1.0 / 12.0
 # Gate, in standard deviations.
 GATE = 4.5
@@ -137,7 +137,7 @@ def _accepted(tracks: list[IntArray], scores: FloatArray) -> Tracks:
 def _batches(plots: Plots, timing: Timing) -> tuple[IntArray, IntArray]:
     """Return the plots batch by batch, and the first of each batch, and their number.
 
-    Those of a batch are assigned together: those of a cloud, or of a share of a turn.
+    Those of a batch are assigned together: those of a cloud, or of a share of a revolution.
     """
     number: FloatArray = plots.cloud.astype(np.float64)
     if timing.rotation_s:

@@ -109,7 +109,8 @@ class Learned(Factor):
         `weight` has the probability that no target is the source of each detection.
 
         Earlier detections fade by the weights of later ones. The memory is therefore independent
-        of the division of a turn into scans, and lasts longer for a radar with little clutter.
+        of the division of a revolution into scans, and lasts longer for a radar with little
+        clutter.
         """
         is_known = np.isfinite(amplitude)
         level = level_db(np.maximum(amplitude[is_known], SMALLEST_AMPLITUDE))

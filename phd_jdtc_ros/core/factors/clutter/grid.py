@@ -13,7 +13,7 @@ from ...types import FULL_TURN
 
 # Size of a cell in standard deviations of a detection.
 CELL_SIGMA = 3.0
-# Largest number of cells in a turn: far more than the azimuth noise of any antenna needs.
+# Largest number of cells in a revolution: far more than the azimuth noise of any antenna needs.
 MAX_AZIMUTH_CELLS = 10**6
 # Number of squares in each direction from the world's zero.
 HALF = 1 << 26
@@ -55,7 +55,7 @@ class PolarGrid:
     """Cells of range and azimuth."""
 
     range_cell: Annotated[float, floats("", 1e-9, 1e12)]  # Extent of a cell in range, metres
-    columns: Annotated[int, integers("", 3, MAX_AZIMUTH_CELLS)]  # Number of cells in a turn
+    columns: Annotated[int, integers("", 3, MAX_AZIMUTH_CELLS)]  # Number of cells in a revolution
 
     @classmethod
     def of_noise(cls, range_std: float, azimuth_std: float) -> PolarGrid:

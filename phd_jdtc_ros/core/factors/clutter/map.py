@@ -1,6 +1,6 @@
 """Clutter map of a radar: clutter density by cell, learned from unclaimed detections.
 
-Quays, wind turbines and land return echoes from the same place in every turn. Only cells with
+Quays, wind turbines and land return echoes from the same place in every revolution. Only cells with
 clutter are stored, so that the map of a precise radar with a long range is small.
 """
 
@@ -32,21 +32,21 @@ GATHERED = 6.0
 # Number of detections that a moving target leaves before it has a track; a reflector must have more
 # in its cell, and rain in its neighbourhood.
 PASSING = 2.0
-# Share of turns with a detection below which a cell probably contains no reflector.
+# Share of revolutions with a detection below which a cell probably contains no reflector.
 MIN_SHARE = 0.15
-# Weight of the prior density, in turns.
-PRIOR_TURNS = 5.0
-# Memory of the map, in turns.
-MEMORY_TURNS = 100.0
-# Delay, in turns, until a detection counts: a moving target has left the cell by then.
-RECENT_TURNS = 6.0
+# Weight of the prior density, in revolutions.
+PRIOR_REVOLUTIONS = 5.0
+# Memory of the map, in revolutions.
+MEMORY_REVOLUTIONS = 100.0
+# Delay, in revolutions, until a detection counts: a moving target has left the cell by then.
+RECENT_REVOLUTIONS = 6.0
 # Cells with a smaller count are dropped, and the smallest ones beyond MAX_CELLS.
 MIN_COUNT = 1e-3
 MAX_CELLS = 1 << 16
 # Upper bound of a cell's count accepted in a snapshot: detections of one report add up in one cell.
 MAX_IN_CELL = 1e9
-# Upper bound of the turns accepted in a snapshot: rounding may slightly exceed the memory.
-MAX_TURNS = 1.001 * MEMORY_TURNS
+# Upper bound of the revolutions accepted in a snapshot: rounding may slightly exceed the memory.
+MAX_REVOLUTIONS = 1.001 * MEMORY_REVOLUTIONS
 
 
 class Place(NamedTuple):
@@ -61,21 +61,22 @@ class ClutterMap(Factor):
     """False detections remembered by cell.
 
     A cell's clutter is the sum of uniform clutter with a known rate and of local clutter. A
-    detection counts k turns later with exp(-k / MEMORY_TURNS) - exp(-k / RECENT_TURNS). With n
-    detections in T turns that count, the local rate is::
+    detection counts k revolutions later with exp(-k / MEMORY_REVOLUTIONS) - exp(-k /
+    RECENT_REVOLUTIONS). With n detections in T revolutions that count, the local rate is::
 
-        (PRIOR_TURNS GATHERED A / CELLS + b n^2 / (n + PASSING + MIN_SHARE T)) / (PRIOR_TURNS + T)
+        (PRIOR_REVOLUTIONS GATHERED A / CELLS + b n^2 / (n + PASSING + MIN_SHARE T)) /
+        (PRIOR_REVOLUTIONS + T)
 
     This is the posterior mean with a Gamma prior, except for the two factors of n: b keeps quays
     from becoming targets, and n / (n + ...) keeps moving ships from being masked by their own first
-    detections. The neighbourhood determines the prior: A is its number of detections per turn
+    detections. The neighbourhood determines the prior: A is its number of detections per revolution
     beyond one reflector and uniform clutter, counted without delay, and b rises with A from
     ALONE_FACTOR to REFLECTOR_FACTOR; see `neighbourhood`. Rain is nowhere long enough for this: the
     local rate is at least B / CELLS times s / (s + PASSING). B is the number of the neighbourhood's
-    recent detections per turn, with the memory RECENT_TURNS, beyond uniform clutter. The surplus s
-    is the number of recent detections less PASSING, for one new target, and less the number that
-    is usual there. This is known from earlier detections: at least that of uniform clutter, and at
-    most that of uniform clutter and one reflector.
+    recent detections per revolution, with the memory RECENT_REVOLUTIONS, beyond uniform clutter.
+    The surplus s is the number of recent detections less PASSING, for one new target, and less the
+    number that is usual there. This is known from earlier detections: at least that of uniform
+    clutter, and at most that of uniform clutter and one reflector.
 
     The sea and rain that lasts fill an area evenly, and ships cross it. There the local rate is
     A / CELLS: with the probability w of such an area, the geometric mean of both rates with the
@@ -94,11 +95,11 @@ class ClutterMap(Factor):
     cell: Annotated[IntArray, integers("K", 0, ascending=True)] = zeros_field(0, dtype=np.int64)
     # Remembered detections of each cell, (K,).
     count: Annotated[FloatArray, floats("K", 0.0, MAX_IN_CELL)] = zeros_field(0)
-    # Remembered turns; a scan of the whole field is one.
-    turns: Annotated[float, floats("", 0.0, MAX_TURNS)] = 0.0
+    # Remembered revolutions; a scan of the whole field is one.
+    revolutions: Annotated[float, floats("", 0.0, MAX_REVOLUTIONS)] = 0.0
     # Detections of each cell that do not count yet, (K,).
     recent: Annotated[FloatArray, floats("K", 0.0, MAX_IN_CELL)] = zeros_field(0)
-    recent_turns: Annotated[float, floats("", 0.0, MAX_TURNS)] = 0.0  # Turns that do not count yet
+    recent_revolutions: Annotated[float, floats("", 0.0, MAX_REVOLUTIONS)] = 0.0  # Not counted yet
     # Detections of targets slower than this are learned as clutter, metres per second.
     speed: float = 0.0
 
@@ -112,22 +113,22 @@ class ClutterMap(Factor):
         return log_factor + self.log_density(
             measurement,
             radar.to_world(measurement),
-            radar.clutter_of_turn(view.clutter_rate),
+            radar.clutter_of_revolution(view.clutter_rate),
             radar.clutter_max_range,
             alone=self.speed > 0.0,
         )
 
     def learn(self, look: Look) -> ClutterMap:
         """Learn from unclaimed detections, and from those of targets at rest if `speed` is set."""
-        view, turns = look.view, look.view.part_of_turn
-        if not (turns and view.complete):
+        view, revolutions = look.view, look.view.part_of_revolution
+        if not (revolutions and view.complete):
             return self
         claims, targets = look.association.claims, look.targets
         slower = claims.share_of(targets.probability_slower(self.speed))
         resting = targets.at_even_odds(slower, self.speed)
         weight = 1.0 - look.association.claimed_probability * (1.0 - resting)
         measurement = view.detections.measurement
-        return self.after(measurement, view.sensor.to_world(measurement), weight, turns)
+        return self.after(measurement, view.sensor.to_world(measurement), weight, revolutions)
 
     def continuing(self, earlier: ClutterMap) -> ClutterMap:
         """Return this configured map with the cells of an earlier one, and their counts."""
@@ -161,12 +162,12 @@ class ClutterMap(Factor):
         return learned
 
     def around(self, view: View, measured: FloatArray, world: FloatArray) -> FloatArray:
-        """Return the detections per turn around places; see `view.FixedClutter`.
+        """Return the detections per revolution around places; see `view.FixedClutter`.
 
         The cells of a moving radar are fixed in the world, in which it has no field of view.
         """
         (radar,) = polar_radars([view.sensor])
-        uniform = radar.clutter_of_turn(view.clutter_rate), radar.clutter_max_range
+        uniform = radar.clutter_of_revolution(view.clutter_rate), radar.clutter_max_range
         excess = self.neighbourhood_excess(measured, world, *uniform)
         if isinstance(self.grid, GroundGrid):
             return excess
@@ -184,9 +185,10 @@ class ClutterMap(Factor):
         """Return the log density of all clutter relative to the uniform one, (M,); at least 0.
 
         Measurements are range and azimuth, metres and radians, (M, 2); `world` has the same places
-        in the world frame, metres. `rate` is the number of expected false detections per turn,
-        above 0, which are uniform in azimuth and in range up to `max_range`, metres. With `alone`
-        a place with repeated detections is clutter also where there is no other clutter.
+        in the world frame, metres. `rate` is the number of expected false detections per
+        revolution, above 0, which are uniform in azimuth and in range up to `max_range`, metres.
+        With `alone` a place with repeated detections is clutter also where there is no other
+        clutter.
         """
         cell, share = corners(self.grid, self.grid.places(measurement, world))
         lasting, begun, around, area = self._excesses(measurement, world, rate, max_range)
@@ -197,20 +199,20 @@ class ClutterMap(Factor):
             counted = known * self.count[index]
             cell_count = known * np.maximum(self.count[index] - self.recent[index], 0.0)
         local_count = cell_count.sum(axis=0)
-        turns = max(self.turns - self.recent_turns, 0.0)
+        revolutions = max(self.revolutions - self.recent_revolutions, 0.0)
         among = stationary.among_fixed_clutter((1.0 - area) * lasting)
         alone_factor = np.full(len(measurement), ALONE_FACTOR)
         if not alone:
-            own = counted.sum(axis=0) / max(self.turns, 1.0)
+            own = counted.sum(axis=0) / max(self.revolutions, 1.0)
             alone_factor *= around / np.maximum(around + own, MIN_COUNT)
         factor = alone_factor + (REFLECTOR_FACTOR - alone_factor) * among
         mean = lasting / neighbourhood.CELLS
-        local = factor * local_count**2 / (local_count + PASSING + MIN_SHARE * turns)
-        local += PRIOR_TURNS * GATHERED * mean
+        local = factor * local_count**2 / (local_count + PASSING + MIN_SHARE * revolutions)
+        local += PRIOR_REVOLUTIONS * GATHERED * mean
         # A cell with many more detections than the others of an area is a reflector there.
-        surplus = np.maximum(local_count - mean * turns - PASSING, 0.0)
-        area *= mean * turns / np.maximum(mean * turns + surplus, MIN_COUNT)
-        local = (local / (PRIOR_TURNS + turns)) ** (1.0 - area) * mean**area
+        surplus = np.maximum(local_count - mean * revolutions - PASSING, 0.0)
+        area *= mean * revolutions / np.maximum(mean * revolutions + surplus, MIN_COUNT)
+        local = (local / (PRIOR_REVOLUTIONS + revolutions)) ** (1.0 - area) * mean**area
         local = np.maximum(local, begun / neighbourhood.CELLS)
         log_uniform = np.log(rate) + self.grid.log_share(measurement, max_range)
         with np.errstate(divide="ignore"):  # cells without detections
@@ -220,7 +222,7 @@ class ClutterMap(Factor):
     def neighbourhood_excess(
         self, measurement: FloatArray, world: FloatArray, rate: float, max_range: float
     ) -> FloatArray:
-        """Return the detections per turn in the neighbourhood of each place, (M,).
+        """Return the detections per revolution in the neighbourhood of each place, (M,).
 
         Those of one reflector and of uniform clutter are subtracted. For the arguments see
         `log_density`.
@@ -231,7 +233,7 @@ class ClutterMap(Factor):
     def _excesses(
         self, measurement: FloatArray, world: FloatArray, rate: float, max_range: float
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return numbers of detections per turn in the neighbourhood of each place, (M,).
+        """Return numbers of detections per revolution in the neighbourhood of each place, (M,).
 
         They are those beyond one reflector and uniform clutter, the clutter that has begun, and all
         beyond uniform clutter. The last column is `neighbourhood.probability_of_area`. A surplus of
@@ -246,26 +248,32 @@ class ClutterMap(Factor):
         share = neighbourhood.CELLS * np.exp(self.grid.log_share(measurement, max_range))
         uniform = rate * np.minimum(share, 1.0)
         expected = neighbourhood.UNCOUNTED + uniform
-        usual = count / max(self.turns, 1.0)
+        usual = count / max(self.revolutions, 1.0)
         # The recent detections do not explain themselves, only the earlier ones do.
-        earlier = np.maximum(count - recent, 0.0) / max(self.turns - self.recent_turns, 1.0)
-        turns = max(self.recent_turns, 1.0)
-        known = turns * np.clip(earlier, uniform, expected)
+        earlier = np.maximum(count - recent, 0.0) / max(
+            self.revolutions - self.recent_revolutions, 1.0
+        )
+        revolutions = max(self.recent_revolutions, 1.0)
+        known = revolutions * np.clip(earlier, uniform, expected)
         surplus = np.maximum(recent - known - PASSING, 0.0)
-        begun = surplus / (surplus + PASSING) * np.maximum(recent / turns - uniform, 0.0)
+        begun = surplus / (surplus + PASSING) * np.maximum(recent / revolutions - uniform, 0.0)
         area = neighbourhood.probability_of_area(count, square, usual / neighbourhood.CELLS)
         lasting = usual - np.minimum(usual, expected)
         return lasting, begun, np.maximum(usual - uniform, 0.0), area
 
     def after(
-        self, measurement: FloatArray, world: FloatArray, weight: FloatArray, turns: float
+        self, measurement: FloatArray, world: FloatArray, weight: FloatArray, revolutions: float
     ) -> ClutterMap:
         """Return the map after a further report.
 
         `weight` has the probability that no target is the source of each detection, (M,), and
-        `turns` is the part of a turn that the report covers; for the others see `log_density`.
+        `revolutions` is the part of a revolution that the report covers; for the others see
+        `log_density`.
         """
-        retention, recent_retention = np.exp(-turns / MEMORY_TURNS), np.exp(-turns / RECENT_TURNS)
+        retention, recent_retention = (
+            np.exp(-revolutions / MEMORY_REVOLUTIONS),
+            np.exp(-revolutions / RECENT_REVOLUTIONS),
+        )
         corner, share = corners(self.grid, self.grid.places(measurement, world))
         new_cell, index = np.unique(corner.ravel(), return_inverse=True)
         added = np.bincount(
@@ -286,9 +294,9 @@ class ClutterMap(Factor):
         return self.changed(
             cell=cell[enough],
             count=count[enough],
-            turns=retention * self.turns + turns,
+            revolutions=retention * self.revolutions + revolutions,
             recent=recent[enough],
-            recent_turns=recent_retention * self.recent_turns + turns,
+            recent_revolutions=recent_retention * self.recent_revolutions + revolutions,
         )
 
 

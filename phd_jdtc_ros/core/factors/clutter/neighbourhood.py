@@ -18,14 +18,14 @@ REACH = 8
 OWN = 2
 # Number of cells of a neighbourhood without the place itself.
 CELLS = (2 * REACH + 1) ** 2 - (2 * OWN + 1) ** 2
-# Detections per turn that are not counted: those of one reflector, or of one other ship without a
-# track.
+# Detections per revolution that are not counted: those of one reflector, or of one other ship
+# without a track.
 UNCOUNTED = 1.0
 # Shares of a neighbourhood's cells that its detections fill, up to which it is a line of reflectors
 # and from which on it is an area of clutter, as of the sea or of rain.
 LINE, AREA = 1.0 / 6.0, 0.5
-# Detections per turn and cell up to which an area may be the sea, and from which on it is land:
-# the sea would hide all targets there.
+# Detections per revolution and cell up to which an area may be the sea, and from which on it is
+# land: the sea would hide all targets there.
 SEA, LAND = 0.25, 0.5
 
 
@@ -47,8 +47,8 @@ def probability_of_area(around: FloatArray, square: FloatArray, density: FloatAr
     """Return the weight of an area of clutter without reflectors, from 0 to 1, elementwise.
 
     `around` is the number of detections in a neighbourhood, `square` the sum of the squares of its
-    cells' numbers, and `density` the detections per turn and cell. The square of the sum over the
-    sum of squares is the number of cells that the detections fill.
+    cells' numbers, and `density` the detections per revolution and cell. The square of the sum over
+    the sum of squares is the number of cells that the detections fill.
     """
     filled = around**2 / np.maximum(CELLS * square, 1e-12)
     even: FloatArray = np.clip((filled - LINE) / (AREA - LINE), 0.0, 1.0)

@@ -68,7 +68,7 @@ def _points(
             ]
         )
         count = np.repeat(learned.count, POINTS**2)
-        rate = count / (POINTS**2 * max(learned.turns, 1.0))
+        rate = count / (POINTS**2 * max(learned.revolutions, 1.0))
         yield learned.grid.world(cell_position, radar), rate, count
 
 

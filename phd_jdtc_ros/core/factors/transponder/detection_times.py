@@ -1,6 +1,6 @@
 """Time of each target's last detection by primary radar, by secondary radar and by Mode S.
 
-A plot of a combined radar, with an echo and a reply, counts for several sensor types.
+A plot of a combined radar, with an echo and a reply, counts for several detection types.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def never(targets: int) -> IntArray:
 
 
 def sensors_of(detections: Detections) -> BoolArray:
-    """Return a mask of the sensor types of each detection, shape (M, S).
+    """Return a mask of the detection types of each detection, shape (M, S).
 
     Without a given type, a detection with an address counts as Mode S, one with a code as
     secondary radar, and any other as primary radar.
@@ -42,9 +42,9 @@ def sensors_of(detections: Detections) -> BoolArray:
     none = np.full(len(detections), UNKNOWN)
     code = none if detections.code is None else detections.code
     address = none if detections.address is None else detections.address
-    sensor_type = none if detections.sensor_type is None else detections.sensor_type
+    detection_type = none if detections.detection_type is None else detections.detection_type
     implied = np.where(address != UNKNOWN, 4, np.where(code != UNKNOWN, 2, 1))
-    return OF_TYPE[np.where(sensor_type > 0, sensor_type, implied)]
+    return OF_TYPE[np.where(detection_type > 0, detection_type, implied)]
 
 
 def times_of(detections: Detections, stamp_ns: int) -> IntArray:

@@ -86,8 +86,8 @@ class Evidence:
     # state, (P,).
     log_factor: FloatArray
     log_clutter: FloatArray  # Log factor of the clutter intensity at each detection, (M,)
-    # Log factor of the intensity of unknown targets at each detection, (M,).
-    log_unknown: FloatArray
+    # Log factor of the intensity of undetected targets at each detection, (M,).
+    log_undetected: FloatArray
     edge_of_pair: IntArray  # Edge of each pair, (P,)
     target: IntArray  # Row in `before` of each edge's target, (E,)
     column: IntArray  # Detection of each edge, (E,)
@@ -142,7 +142,7 @@ def edges_of(
 def log_clutter_factor(detections: Detections, model: AttributeModel) -> FloatArray:
     """Return the log factor of the clutter at each detection, (M,).
 
-    Clutter with a reply shows identities as unknown targets do.
+    Clutter with a reply shows identities as undetected targets do.
     """
     if detections.code is None and detections.address is None:
         return np.zeros(len(detections))

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...arrays import BoolArray, FloatArray, IntArray, sum_by
 
-# Width of the uniform density of garbled heights and of heights of unknown targets, metres.
+# Width of the uniform density of garbled heights and of heights of undetected targets, metres.
 SPAN = 15e3
 
 
@@ -84,7 +84,7 @@ class HeightUpdate(NamedTuple):
     new: FloatArray
     posterior: Heights  # Known height of each edge's target, updated by the measurement
     first: Heights  # Height of each edge's target from the measurement alone
-    # Log likelihood ratio of each edge's detection against an unknown target, (E,).
+    # Log likelihood ratio of each edge's detection against an undetected target, (E,).
     log_factor: FloatArray
 
     @property

@@ -53,16 +53,16 @@ class IdentityModel:
 
     @property
     def reply_probability(self) -> float:
-        """Probability that a detection of an unknown target has a reply."""
+        """Probability that a detection of an undetected target has a reply."""
         return self.equipped * self.reply + (1.0 - self.equipped) * self.garbled
 
     def genuine_probability(self, identity: IntArray) -> FloatArray:
-        """Return the probability that an unknown target's reply is not garbled, elementwise."""
+        """Return the probability that an undetected target's reply is not garbled, elementwise."""
         genuine = self.equipped * self.reply * (1.0 - self.garbled) * self.prior(identity)
         return np.where(identity < 0, 0.0, genuine / self.unknown_target_likelihood(identity))
 
     def unknown_target_likelihood(self, identity: IntArray) -> FloatArray:
-        """Return the likelihood of each reply, or of its absence, from an unknown target.
+        """Return the likelihood of each reply, or of its absence, from an undetected target.
 
         Same shape as `identity`.
         """
@@ -115,7 +115,7 @@ class ReplyLikelihood(NamedTuple):
     prior: Belief
     # Likelihood of each edge's reply for each column of the belief, (E, L + 2).
     likelihood: FloatArray
-    # Log likelihood ratio of each edge's detection against an unknown target, (E,).
+    # Log likelihood ratio of each edge's detection against an undetected target, (E,).
     log_factor: FloatArray
 
 

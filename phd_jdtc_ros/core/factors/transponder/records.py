@@ -23,12 +23,14 @@ class AttributeModel:
     address: IdentityModel
     height: HeightModel
     clutter_reply: float = 0.05  # Probability that a false detection has a reply
-    ages: bool = False  # Whether estimates have the time of the last detection by each sensor type
+    ages: bool = (
+        False  # Whether estimates have the time of the last detection by each detection type
+    )
     replies: bool = True  # Whether any sensor reports identities
 
     @property
     def reply_odds(self) -> tuple[float, float]:
-        """Odds of a false detection against one of an unknown target, without and with a reply."""
+        """Odds of a false detection against an undetected target's, without and with a reply."""
         false, true = self.clutter_reply, self.code.reply_probability
         return (1.0 - false) / (1.0 - true), false / true
 
@@ -73,7 +75,7 @@ class AttributeRecords(NamedTuple):
     height_known: Annotated[FloatArray, floats("T", 0.0, 1.0)]
     height: Annotated[FloatArray, floats("TA", -MAX_STATE, MAX_STATE)]
     height_covariance: Annotated[FloatArray, covariances("TAA", MAX_STATE)]
-    # Time of the last detection by each sensor type, (T, S); see `Attributes`.
+    # Time of the last detection by each detection type, (T, S); see `Attributes`.
     seen_ns: Annotated[IntArray, integers("TS", UNKNOWN, MAX_STAMP_NS)]
 
     @staticmethod

@@ -147,11 +147,11 @@ class Transponders(ReadOnly):
     def evidence(self, targets: Targets, pairs: Paired, view: View) -> Evidence | None:
         """Return the likelihoods of the identities and heights of one report.
 
-        The result is None if the radar reports neither identities, heights nor sensor types, and
+        The result is None if the radar reports neither identities, heights nor detection types, and
         the model has no `ages`.
         """
         model, size, detections = self.model, len(view), view.detections
-        reported = detections.code, detections.address, detections.height, detections.sensor_type
+        reported = detections.code, detections.address, detections.height, detections.detection_type
         if all(values is None for values in reported) and not model.ages:
             return None
         target = targets.target.take(pairs.row)
@@ -184,7 +184,7 @@ class Transponders(ReadOnly):
         return Evidence(
             log_factor=log_factor[edge_of_pair],
             log_clutter=log_clutter,
-            log_unknown=conflicts.log_unknown,
+            log_undetected=conflicts.log_undetected,
             edge_of_pair=edge_of_pair,
             target=target_index,
             column=column,

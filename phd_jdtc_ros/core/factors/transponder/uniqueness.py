@@ -24,8 +24,8 @@ class Conflicts(NamedTuple):
 
     # Probability that a target other than the edge's has the identity, (E,).
     by_another: FloatArray
-    # Log factor of the intensity of unknown targets at each detection, (M,).
-    log_unknown: FloatArray
+    # Log factor of the intensity of undetected targets at each detection, (M,).
+    log_undetected: FloatArray
 
 
 def identity_conflicts(
@@ -52,8 +52,8 @@ def identity_conflicts(
     log_free = np.log1p(-np.minimum(undetected[target] * probability, MAX_CONFLICT))
     log_free_of_all = sum_by(column, log_free, len(reply))
     by_another = -np.expm1(log_free_of_all[column] - log_free)
-    log_unknown = np.log1p(model.genuine_probability(reply) * np.expm1(log_free_of_all))
-    return Conflicts(np.maximum(by_another, 0.0), log_unknown)
+    log_undetected = np.log1p(model.genuine_probability(reply) * np.expm1(log_free_of_all))
+    return Conflicts(np.maximum(by_another, 0.0), log_undetected)
 
 
 def find_out_of_gate(

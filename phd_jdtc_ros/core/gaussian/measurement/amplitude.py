@@ -34,7 +34,7 @@ def detection_probability(
     dynamics: Dynamics,
     prediction: tuple[FloatArray, FloatArray] | None = None,
 ) -> DetectionProbability:
-    """Return the probability that a target is detected in a whole turn.
+    """Return the probability that a target is detected in a whole revolution.
 
     It is the mean over each Gaussian's density, so that a target near a limit of the field of view
     may be missed because it is outside.
@@ -124,7 +124,7 @@ def _relative_to_largest(log_likelihood: Float3) -> Amplitudes:
 def snr_after(
     prior: Hypotheses,
     detection_probability: Float3,
-    in_turn: DetectionProbability,
+    in_revolution: DetectionProbability,
     amplitudes: Amplitudes,
     prior_row: Int1,
     pair: Int1,
@@ -138,8 +138,8 @@ def snr_after(
         Before the update.
     detection_probability : array of shape (H, R, C)
         Probability of detection in this report, of each Gaussian and class.
-    in_turn : DetectionProbability
-        In a whole turn.
+    in_revolution : DetectionProbability
+        In a whole revolution.
     amplitudes : Amplitudes
     prior_row, pair : int arrays of shape (K,)
         Hypothesis before the update, and its pair; -1 for a missed detection.
@@ -147,7 +147,7 @@ def snr_after(
         Detection of each pair.
     """
     snr, weight, relative = prior.snr, prior.weight, amplitudes.relative
-    cell_probability, mean_probability = in_turn.cell, in_turn.mean
+    cell_probability, mean_probability = in_revolution.cell, in_revolution.mean
     classes, cells = snr.shape[1:]
     posterior = np.empty((len(prior_row), classes, cells))
     for row in range(len(prior_row)):

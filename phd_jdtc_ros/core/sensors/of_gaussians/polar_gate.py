@@ -42,12 +42,12 @@ class Plots(NamedTuple):
 
 
 class _Turns(NamedTuple):
-    """The plots of two turns by azimuth from 0 on, so that those of a gate are a single run."""
+    """The plots of two revolutions by azimuth, so that those of a gate are a single run."""
 
     azimuth: Float1  # (2 M,)
     distance: Float1  # (2 M,)
     order: Int1  # Index of each plot, (2 M,)
-    start: Int1  # The place where each of equal parts of the first turn begins, (M + 1,)
+    start: Int1  # The place where each of equal parts of the first revolution begins, (M + 1,)
     widest: Float1  # The largest standard deviations of the plots, (2,)
     latest: float  # Their largest distance in time from the stamp, seconds
 

@@ -105,7 +105,7 @@ def test_memory_is_bounded_and_taught_by_unclaimed_known_detections_alone():
     assert half.count.sum() == pytest.approx(0.75, rel=2e-3)
 
 
-def test_a_turn_teaches_the_same_in_one_report_as_in_sectors():
+def test_a_revolution_teaches_the_same_in_one_report_as_in_sectors():
     levels = np.random.default_rng(3).uniform(9.0, 25.0, 32)
     whole, parts = taught(levels), Learned(TAU)
     for part in np.split(levels, 16):

@@ -17,7 +17,7 @@ from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
 RADAR = small().model.radars[0]
-USUAL, FEW_TURNS = 30, int(Bursts.KNOWN_TURNS)
+USUAL, FEW_REVOLUTIONS = 30, int(Bursts.KNOWN_REVOLUTIONS)
 NONE = np.zeros(0, dtype=np.int64)
 
 
@@ -59,12 +59,14 @@ def test_usual_numbers_change_nothing(usual):
         bursts = after_report(bursts, report_of(number))
 
 
-@pytest.mark.parametrize(("turns", "known"), [(0, False), (1, False), (FEW_TURNS + 1, True)])
-def test_nothing_is_usual_at_the_start(turns, known):
-    assert (clutter_rate(after(*[USUAL] * turns), 1000) > RADAR.clutter_rate) == known
+@pytest.mark.parametrize(
+    ("revolutions", "known"), [(0, False), (1, False), (FEW_REVOLUTIONS + 1, True)]
+)
+def test_nothing_is_usual_at_the_start(revolutions, known):
+    assert (clutter_rate(after(*[USUAL] * revolutions), 1000) > RADAR.clutter_rate) == known
 
 
-def test_sectors_are_compared_with_their_part_of_a_turn_if_known():
+def test_sectors_are_compared_with_their_part_of_a_revolution_if_known():
     sector = Coverage(0.0, FULL_TURN / 16.0)
     bursts = Bursts()
     for _ in range(16 * 20):

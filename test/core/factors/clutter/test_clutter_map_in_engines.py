@@ -58,15 +58,15 @@ SLOW_VELOCITY = np.array([[-2.0, 4.0], [3.0, 3.0], [3.5, -2.0]])
 
 
 def harbour(count, seed, poses=None, course=(START, VELOCITY)):
-    """Return where the ships are and what the radar reports, turn by turn."""
+    """Return where the ships are and what the radar reports, revolution by revolution."""
     rng = np.random.default_rng(seed)
     mast = small(HARBOUR).model.radars[0]
     east = np.linspace(-1500.0, 1500.0, 40)
     quay = np.stack([east, 4000.0 + rng.uniform(-20.0, 20.0, 40)], axis=1)
     run = []
-    for turn in range(count):
-        ships = course[0] + 2.5 * turn * course[1]
-        pose = None if poses is None else poses[turn]
+    for revolution in range(count):
+        ships = course[0] + 2.5 * revolution * course[1]
+        pose = None if poses is None else poses[revolution]
         radar = mast.at(pose)
         seen = np.concatenate([quay[rng.random(40) < 0.7], ships[rng.random(3) < 0.9]])
         state = np.zeros((len(seen), 5))
@@ -77,12 +77,12 @@ def harbour(count, seed, poses=None, course=(START, VELOCITY)):
         report = Detections(
             np.concatenate([found, false]), np.concatenate([high, amplitude]), pose=pose
         )
-        run.append((ships, Scan((turn + 1) * 2_500_000_000, (report,))))
+        run.append((ships, Scan((revolution + 1) * 2_500_000_000, (report,))))
     return run
 
 
 def followed(count, poses=None, course=(START, VELOCITY), **given):
-    """Return by turn how many tracks there are on the quay, and how many ships are found."""
+    """Return by revolution how many tracks there are on the quay, and how many ships are found."""
     tracker = new_engine(small({**HARBOUR, **given}))
     quay, ships = [], []
     for true, scan in harbour(count, 1, poses, course):
@@ -96,19 +96,26 @@ def followed(count, poses=None, course=(START, VELOCITY), **given):
 
 @pytest.mark.parametrize("moves", [False, True], ids=["fixed", "on a ship that turns"])
 def test_a_quay_becomes_no_targets_and_hides_no_ships(moves):
-    poses = [Pose((10.0 * turn, -4.0 * turn), 0.03 * turn) for turn in range(50)] if moves else None
+    poses = (
+        [
+            Pose((10.0 * revolution, -4.0 * revolution), 0.03 * revolution)
+            for revolution in range(50)
+        ]
+        if moves
+        else None
+    )
     given = {"mast.pose": "/ship/odometry"} if moves else {}
     plain, _ = followed(10, poses, **given)
     assert plain[-1] > 15
     quay, ships = followed(50, poses, **given, **MAPPED)
     assert quay[20:].max() <= 1
     assert quay[30:].max() == 0
-    # Each is detected in nine turns of ten.
+    # Each is detected in nine revolutions of ten.
     assert ships[5:].mean() > 2.85
 
 
 def test_slow_ships_are_reported_at_once_and_do_not_hide_behind_their_own_detections():
-    """They move by a third of a cell in a turn."""
+    """They move by a third of a cell in a revolution."""
     quay, ships = followed(25, course=(SLOW_START, SLOW_VELOCITY), **MAPPED)
     assert ships[10:].mean() > 2.7
     # They are alone at sea, and tracked from the second detection on.
@@ -118,16 +125,16 @@ def test_slow_ships_are_reported_at_once_and_do_not_hide_behind_their_own_detect
 
 @pytest.mark.parametrize("bound", [2.5, 0.0])
 def test_rain_that_begins_and_moves_makes_no_targets_and_hides_no_ships(bound):
-    """The turns before it are dry, and tracks that are born in it claim most of its detections."""
+    """The revolutions before are dry, and tracks born in it claim most of its detections."""
     given = {**HARBOUR, **MAPPED, "amplitude": "none"}
     given["mast.clutter_map_speed"] = bound
     tracker, rng, false, seen = new_engine(small(given)), np.random.default_rng(6), [], []
     mast = small(HARBOUR).model.radars[0]
-    for turn in range(50):
-        ships = START + 2.5 * turn * VELOCITY
+    for revolution in range(50):
+        ships = START + 2.5 * revolution * VELOCITY
         place = [ships[rng.random(3) < 0.9]]
-        if turn >= 25:
-            centre = np.array([5000.0 - 30.0 * turn, -5000.0])
+        if revolution >= 25:
+            centre = np.array([5000.0 - 30.0 * revolution, -5000.0])
             place.append(centre + 500.0 * rng.standard_normal((rng.poisson(20.0), 2)))
         state = np.zeros((sum(map(len, place)), 5))
         state[:, [0, 2]] = np.concatenate(place)
@@ -135,11 +142,13 @@ def test_rain_that_begins_and_moves_makes_no_targets_and_hides_no_ships(bound):
         found += rng.standard_normal(found.shape) * mast.noise_std
         noise, _ = false_detections(mast, rng.poisson(10.0), rng, NOISE)
         report = Detections(np.concatenate([found, noise]), None)
-        position = tracker.step(Scan((turn + 1) * 2_500_000_000, (report,))).filtered[0].position
+        position = (
+            tracker.step(Scan((revolution + 1) * 2_500_000_000, (report,))).filtered[0].position
+        )
         away = np.hypot(*(position[:, None] - ships).transpose(2, 0, 1)).reshape(-1, 3)
         false.append(int(np.count_nonzero(away.min(axis=1) > 200.0)))
         seen.append(int(np.count_nonzero(away.min(axis=0, initial=1e9) < 200.0)))
-    # By the average over all remembered turns, it is 47 and more.
+    # By the average over all remembered revolutions, it is 47 and more.
     assert sum(false) < 10
     assert np.mean(seen[5:]) > 2.85
 
@@ -168,12 +177,12 @@ def test_ships_at_rest_that_are_missed_at_first_are_found_if_they_may_be(bound, 
     state[:, [0, 2]] = START
     place = mast.measure(state)
     found = []
-    for turn in range(25):
-        seen = place[: 0 if turn == 1 else None]
+    for revolution in range(25):
+        seen = place[: 0 if revolution == 1 else None]
         seen = seen + rng.standard_normal(seen.shape) * mast.noise_std
         false, _ = false_detections(mast, rng.poisson(10.0), rng, NOISE)
         report = Detections(np.concatenate([seen, false]), None)
-        ships = tracker.step(Scan((turn + 1) * 2_500_000_000, (report,))).filtered[0].position
+        ships = tracker.step(Scan((revolution + 1) * 2_500_000_000, (report,))).filtered[0].position
         away = np.hypot(*(ships[:, None] - START).transpose(2, 0, 1)).reshape(-1, 3)
         found.append(int(np.count_nonzero(away.min(axis=0, initial=1e9) < 200.0)))
     assert max(found[-5:]) == min(found[-5:]) == expected
@@ -204,7 +213,10 @@ def part(name, value):
 
 MAP_FORGERIES = {
     "place": (part("pose", [1.0, 2.0, 0.0]), r"of a radar at \[1.0, 2.0, 0.0\]"),
-    "turns": (part("turns", 1e9), "clutter_map.mast.turns: 1000000000.0 given outside"),
+    "revolutions": (
+        part("revolutions", 1e9),
+        "clutter_map.mast.revolutions: 1000000000.0 given outside",
+    ),
     "nan": (part("grid.range_cell", np.nan), "clutter_map.mast.grid.range_cell: nan given"),
     "columns": (part("grid.columns", 0), "clutter_map.mast.grid.columns: 0 given"),
     "missing": (lambda held: held.arrays.pop("clutter_map.mast.cell"), "mast.cell: missing"),
@@ -214,7 +226,10 @@ MAP_FORGERIES = {
     "infinite": (part("count", [np.inf]), "clutter_map.mast.count: "),
     "recent": (part("recent", [-1.0]), "clutter_map.mast.recent: "),
     "recent length": (part("recent", np.zeros(3)), "clutter_map.mast.recent: shape"),
-    "recent turns": (part("recent_turns", -1.0), "clutter_map.mast.recent_turns: -1.0 given"),
+    "recent revolutions": (
+        part("recent_revolutions", -1.0),
+        "clutter_map.mast.recent_revolutions: -1.0 given",
+    ),
 }
 
 
@@ -225,7 +240,7 @@ def test_a_map_of_another_radar_or_place_is_refused_with_the_reason(name, map_st
     change(held)
     with pytest.raises(ValueError, match=reason):
         tracker.restore(held)
-    assert not learned(tracker, ClutterMap)["mast"].turns
+    assert not learned(tracker, ClutterMap)["mast"].revolutions
 
 
 @pytest.mark.parametrize(

@@ -28,11 +28,11 @@ def radar(name="mast", pose=TURNED):
     return replace(small().model.radars[0], name=name).at(pose)
 
 
-def learned(grid, seen_from, places=PLACES, turns=20):
-    """Return the map after reflectors at places have answered, from a pose for each turn."""
+def learned(grid, seen_from, places=PLACES, revolutions=20):
+    """Return the map after reflectors at places have answered, from a pose for each revolution."""
     found = ClutterMap(grid)
-    for turn in range(turns):
-        own = seen_from[turn % len(seen_from)]
+    for revolution in range(revolutions):
+        own = seen_from[revolution % len(seen_from)]
         state = np.zeros((len(places), 5))
         state[:, [0, 2]] = places
         seen = own.measure(state)
@@ -67,7 +67,7 @@ def test_a_reflector_is_drawn_where_it_is(grid, seen_from):
 
 
 @pytest.mark.parametrize("grid", [POLAR, GROUND], ids=["polar", "ground"])
-def test_densities_are_detections_per_turn_and_area(grid):
+def test_densities_are_detections_per_revolution_and_area(grid):
     shown = raster({"mast": learned(grid, [radar()])}, [radar()])
     area = shown.cell**2 * 1e-6
     assert shown.density.sum() * area == pytest.approx(3.0, rel=1e-6)

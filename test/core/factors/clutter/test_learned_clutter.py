@@ -124,7 +124,7 @@ def of_another_radar(held):
 
 
 def other_part(held):
-    return {f"{NAME}.radar_1.turns": held.arrays.pop(COUNT)}
+    return {f"{NAME}.radar_1.revolutions": held.arrays.pop(COUNT)}
 
 
 def with_count(array):
@@ -174,7 +174,7 @@ def test_another_threshold_keeps_what_has_been_learned():
     assert law.count.sum() > before["radar_1"]
 
 
-def test_the_sectors_of_a_turn_teach_the_radars_law_and_map():
+def test_the_sectors_of_a_revolution_teach_the_radars_law_and_map():
     given = {"radar.clutter_amplitude": "learned", "radar.clutter_map": True, "amplitude": "band"}
     config = configuration(given)
     tracker = new_engine(config)
@@ -193,7 +193,7 @@ def test_the_sectors_of_a_turn_teach_the_radars_law_and_map():
     assert isinstance(law, Learned)
     assert 90.0 < law.count.sum() <= 128.0
     places = learned(tracker, ClutterMap)["radar"]
-    assert places.turns == pytest.approx(4.0, rel=0.03)
+    assert places.revolutions == pytest.approx(4.0, rel=0.03)
     assert 90.0 < places.count.sum() <= 128.0
 
 

@@ -12,7 +12,7 @@ from sweep import configuration
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.factors.clutter.rate import MEMORY_TURNS, START_RATE, ClutterRate
+from phd_jdtc_ros.core.factors.clutter.rate import MEMORY_REVOLUTIONS, START_RATE, ClutterRate
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Scan
 from phd_jdtc_ros.evaluation.metrics import ospa
@@ -88,12 +88,12 @@ def test_learning_begins_with_the_given_rate(rate):
     assert count.rate == pytest.approx(rate)
 
 
-def test_count_forgets_and_takes_sectors_for_one_turn():
+def test_count_forgets_and_takes_sectors_for_one_revolution():
     count = ClutterRate()
     for _ in range(200):
         count = count.after(3.0, 1.0)
     assert count.rate == pytest.approx(3.0, rel=0.02)
-    assert count.turns < 1.02 * MEMORY_TURNS
+    assert count.revolutions < 1.02 * MEMORY_REVOLUTIONS
     for _ in range(3):
         count = count.after(0.0, 1.0)
     assert 2.5 < count.rate < 2.9
@@ -104,7 +104,7 @@ def test_count_forgets_and_takes_sectors_for_one_turn():
 
 
 @pytest.mark.parametrize("clutter_map", [False, True])
-def test_the_rate_of_a_radar_that_reports_sectors_is_that_of_a_turn(clutter_map):
+def test_the_rate_of_a_radar_that_reports_sectors_is_that_of_a_revolution(clutter_map):
     given = {"radar.learn": ["clutter"], "radar.clutter_map": clutter_map}
     tracker, rng, width = new_engine(configuration(given)), np.random.default_rng(4), FULL_TURN / 16
     for step in range(16 * 6):
@@ -155,8 +155,12 @@ FORGERIES = {
     "shape": ("radar_1.count", [3.0], "clutter_rate.radar_1.count: shape"),
     "nan": ("radar_1.count", np.nan, "clutter_rate.radar_1.count: nan given"),
     "negative": ("radar_1.count", -1.0, "clutter_rate.radar_1.count: -1.0 given"),
-    "no turns": ("radar_1.turns", 0.0, "clutter_rate.radar_1.turns: 0.0 given"),
-    "turns": ("radar_1.turns", 1e6, "clutter_rate.radar_1.turns: 1000000.0 given"),
+    "no revolutions": ("radar_1.revolutions", 0.0, "clutter_rate.radar_1.revolutions: 0.0 given"),
+    "revolutions": (
+        "radar_1.revolutions",
+        1e6,
+        "clutter_rate.radar_1.revolutions: 1000000.0 given",
+    ),
 }
 
 

@@ -34,19 +34,19 @@ def log_factor(places, at, rate):
     return places.log_density(at, world(at), rate, MAX_RANGE)
 
 
-def after(places, seen, weight, turns):
-    return places.after(seen, world(seen), weight, turns)
+def after(places, seen, weight, revolutions):
+    return places.after(seen, world(seen), weight, revolutions)
 
 
 def factor(places, at):
     return np.exp(log_factor(places, at, RATE))
 
 
-def answered(turns, place=PLACE, places=None, rng=None):
-    """Return the map after a reflector has answered in so many turns."""
+def answered(revolutions, place=PLACE, places=None, rng=None):
+    """Return the map after a reflector has answered in so many revolutions."""
     rng = rng or np.random.default_rng(0)
     places = places or empty()
-    for _ in range(turns):
+    for _ in range(revolutions):
         seen = place + rng.standard_normal(place.shape) * STD
         places = after(places, seen, np.ones(len(place)), 1.0)
     return places
@@ -85,10 +85,10 @@ def test_uniform_clutter_makes_no_places(rate):
     assert 1.0 <= np.exp(log_factor(places, anywhere, rate)).mean() < 1.5
 
 
-def sea(density, turns, rng, places=None):
-    """Return the map after so many turns of an area of 40 by 40 cells that clutter fills evenly."""
+def sea(density, revolutions, rng, places=None):
+    """Return the map after some revolutions of an area of 40 by 40 cells with even clutter."""
     places = places or empty()
-    for _ in range(turns):
+    for _ in range(revolutions):
         count = rng.poisson(density * 40 * 40)
         seen = PLACE + rng.uniform(-20.0, 20.0, (count, 2)) * CELL
         places = after(places, seen, np.ones(count), 1.0)
@@ -131,8 +131,8 @@ def test_few_detections_make_no_place():
         later = after(later, np.zeros((0, 2)), np.zeros(0), 1.0)
     assert factor(passed, PLACE)[0] < 0.5 * factor(later, PLACE)[0]
     seldom = answered(4)
-    for turn in range(76):
-        seen = PLACE if turn % 20 == 19 else np.zeros((0, 2))
+    for revolution in range(76):
+        seen = PLACE if revolution % 20 == 19 else np.zeros((0, 2))
         seldom = after(seldom, seen, np.ones(len(seen)), 1.0)
     assert factor(seldom, PLACE)[0] < 0.05 * factor(answered(80), PLACE)[0]
 
@@ -144,7 +144,7 @@ def test_reflectors_nearby_make_a_place_likely_to_answer():
     # One reflector makes no quay.
     single = answered(2, QUAY[:1])
     assert factor(single, PLACE)[0] == 1.0
-    # A slow ship answers from the same place for some turns.
+    # A slow ship answers from the same place for some revolutions.
     alone, among = answered(4), answered(4, np.concatenate([PLACE, QUAY]))
     assert factor(alone, PLACE)[0] < 0.2 * factor(among, PLACE)[0]
     assert factor(answered(30), PLACE)[0] > 10.0 * factor(alone, PLACE)[0]
@@ -152,10 +152,10 @@ def test_reflectors_nearby_make_a_place_likely_to_answer():
 
 @pytest.mark.parametrize(("rate", "share"), [(5.0, 0.6), (20.0, 0.8)])
 def test_rain_that_begins_is_not_explained_by_itself(rate, share):
-    """It has most of its density after twenty turns; a passing target has none."""
+    """It has most of its density after twenty revolutions; a passing target has none."""
     rng, places, extent = np.random.default_rng(4), answered(0), 15.5 * CELL
-    for turn in range(60):
-        count = rng.poisson(rate) if turn >= 40 else 0
+    for revolution in range(60):
+        count = rng.poisson(rate) if revolution >= 40 else 0
         seen = PLACE + rng.uniform(-1.0, 1.0, (count, 2)) * extent
         places = after(places, seen, np.ones(count), 1.0)
     inside = PLACE + rng.uniform(-0.5, 0.5, (300, 2)) * extent
@@ -166,7 +166,7 @@ def test_rain_that_begins_is_not_explained_by_itself(rate, share):
     assert factor(passed, PLACE)[0] == 1.0
 
 
-def test_sectors_and_neighbours_count_as_parts_of_a_turn_that_closes():
+def test_sectors_and_neighbours_count_as_parts_of_a_revolution_that_closes():
     quay = answered(30, QUAY)
     (about,) = quay.neighbourhood_excess(PLACE, world(PLACE), RATE, MAX_RANGE)
     assert about == pytest.approx(6.0 - 1.0, rel=0.05)
@@ -178,9 +178,9 @@ def test_sectors_and_neighbours_count_as_parts_of_a_turn_that_closes():
     for sector in range(16):
         seen = PLACE if sector == 5 else np.zeros((0, 2))
         parts = after(parts, seen, np.ones(len(seen)), 1.0 / 16.0)
-    assert parts.turns == pytest.approx(whole.turns, rel=0.01)
+    assert parts.revolutions == pytest.approx(whole.revolutions, rel=0.01)
     assert parts.count.sum() == pytest.approx(1.0, rel=0.01)
-    assert parts.recent_turns == pytest.approx(whole.recent_turns, rel=0.1)
+    assert parts.recent_revolutions == pytest.approx(whole.recent_revolutions, rel=0.1)
 
 
 def test_a_place_that_no_longer_answers_is_forgotten():
@@ -192,7 +192,7 @@ def test_a_place_that_no_longer_answers_is_forgotten():
     for _ in range(1000):
         places = after(places, np.zeros((0, 2)), np.zeros(0), 1.0)
     assert len(places.cell) == 0
-    assert places.turns == pytest.approx(clutter_map.MEMORY_TURNS, rel=0.01)
+    assert places.revolutions == pytest.approx(clutter_map.MEMORY_REVOLUTIONS, rel=0.01)
 
 
 def test_claimed_detections_are_not_in_the_map():
@@ -224,8 +224,8 @@ def test_a_map_is_possible_for_any_noise(std):
 def test_squares_of_the_world_stay_where_they_are_while_the_radar_moves():
     places = ClutterMap(GroundGrid.of_noise(*STD, MAX_RANGE))
     reflector, rng = np.array([[3000.0, 4000.0]]), np.random.default_rng(3)
-    for turn in range(20):
-        line = reflector - [100.0 * turn, 0.0]
+    for revolution in range(20):
+        line = reflector - [100.0 * revolution, 0.0]
         seen = np.stack([np.hypot(*line.T), np.arctan2(*line.T[::-1])], axis=1)
         noise = 10.0 * rng.standard_normal((1, 2))
         places = places.after(seen, reflector + noise, np.ones(1), 1.0)
@@ -270,7 +270,7 @@ def stored(grid, rows, columns, count):
     [(PolarGrid(30.0, 50), (0, 0)), (PolarGrid(30.0, 7), (0, 0)), (GroundGrid(60.0), (HALF, HALF))],
 )
 def test_it_is_the_number_of_detections_in_the_square_without_the_place_itself(grid, first):
-    """Also at the seam of the azimuths and at the radar, and if the square is wider than a turn."""
+    """Also at the seam of the azimuths and at the radar, and if the square is wider than that."""
     rng = np.random.default_rng(4)
     wide = min(grid.columns, 60)
     rows, columns = rng.integers(0, 40, 400), rng.integers(0, wide, 400)

@@ -210,7 +210,7 @@ def detections(**columns):
 
 
 def test_a_plot_is_of_the_sensors_that_its_kind_names():
-    found = detection_times.sensors_of(detections(sensor_type=np.arange(1, 8)))
+    found = detection_times.sensors_of(detections(detection_type=np.arange(1, 8)))
     named = [
         {name for name, of in zip(("psr", "ssr", "mds"), row, strict=True) if of} for row in found
     ]
@@ -229,12 +229,12 @@ def test_without_a_kind_a_plot_is_of_what_its_identity_needs():
     given = detections(code=np.array([UNKNOWN, 0, 5]), address=np.array([UNKNOWN, UNKNOWN, 7]))
     assert np.argmax(detection_times.sensors_of(given), axis=1).tolist() == [0, 1, 2]
     assert detection_times.sensors_of(given).sum(axis=1).tolist() == [1, 1, 1]
-    said = detections(code=np.array([0, 0]), sensor_type=np.array([UNKNOWN, 1]))
+    said = detections(code=np.array([0, 0]), detection_type=np.array([UNKNOWN, 1]))
     assert detection_times.sensors_of(said).tolist() == [[False, True, False], [True, False, False]]
 
 
 def test_only_a_plot_that_is_probably_the_targets_updates_it():
-    given = detections(sensor_type=np.array([3, 1]), time_s=np.array([-1.5, -0.5]))
+    given = detections(detection_type=np.array([3, 1]), time_s=np.array([-1.5, -0.5]))
     after = detection_times.update(
         detection_times.never(2),
         np.array([0, 0, 1]),
@@ -245,7 +245,7 @@ def test_only_a_plot_that_is_probably_the_targets_updates_it():
     )
     assert after.tolist() == [[8.5 * NS, 8.5 * NS, UNKNOWN], [UNKNOWN] * 3]
     # A second radar's older plot does not make it older.
-    older = detections(sensor_type=np.array([1]), time_s=np.array([-3.0]))
+    older = detections(detection_type=np.array([1]), time_s=np.array([-3.0]))
     again = detection_times.update(
         after, np.zeros(1, int), np.zeros(1, int), np.ones(1), older, 10 * NS
     )
@@ -263,7 +263,7 @@ def run_with_times(parameters, kinds):
             None,
             np.array([-0.25]),
             code=np.array([0o4521]) if kind in (2, 3) else np.array([UNKNOWN]),
-            sensor_type=np.array([kind]) if parameters["tower.fields.kind"] else None,
+            detection_type=np.array([kind]) if parameters["tower.fields.detection_type"] else None,
         )
         if not kind:
             given = given.take(np.zeros(0, dtype=int))
@@ -274,7 +274,7 @@ def run_with_times(parameters, kinds):
 
 
 def test_estimates_have_the_times_of_sensors_and_are_the_same_but_for_them():
-    found = run_with_times({**TOWER, "tower.fields.kind": "kind"}, [3, 3, 3, 3, 1, 1, 0])
+    found = run_with_times({**TOWER, "tower.fields.detection_type": "kind"}, [3, 3, 3, 3, 1, 1, 0])
     last = found[FILTERED][-1]
     ages = (last.stamp_ns - last.attributes.seen_ns) / NS
     # Nothing saw it in the last scan; the last answer was in the third one before that.
@@ -282,8 +282,8 @@ def test_estimates_have_the_times_of_sensors_and_are_the_same_but_for_them():
     assert last.attributes.seen_ns[0, 2] == UNKNOWN
     assert all(own.attributes.seen_ns is None for own in found[SMOOTHED])
     kinds = [3, 3, 3, 1, 3, 3]
-    with_times = run_with_times({**TOWER, "tower.fields.kind": "kind"}, kinds)[FILTERED]
-    without = run_with_times({**TOWER, "tower.fields.kind": ""}, kinds)[FILTERED]
+    with_times = run_with_times({**TOWER, "tower.fields.detection_type": "kind"}, kinds)[FILTERED]
+    without = run_with_times({**TOWER, "tower.fields.detection_type": ""}, kinds)[FILTERED]
     for one, other in zip(with_times, without, strict=True):
         np.testing.assert_array_equal(one.state, other.state)
         assert other.attributes.seen_ns is None

@@ -28,8 +28,8 @@ ADDRESS_SIZE = 5
 UNIQUENESS = IdentityModel(ADDRESS_SIZE, equipped=0.8, reply=0.9, garbled=0.0, unique=True)
 SHOWN = 3
 EXISTENCE, DETECTED = np.array([0.7, 0.9]), np.array([0.6, 0.95])
-# Likelihoods of the detection: each target's state, then clutter and unknown targets.
-LIKELIHOOD, CLUTTER, UNKNOWN_TARGETS = np.array([2.0, 0.1]), 0.3, 0.2
+# Likelihoods of the detection: each target's state, then clutter and undetected targets.
+LIKELIHOOD, CLUTTER, UNDETECTED_TARGETS = np.array([2.0, 0.1]), 0.3, 0.2
 
 
 def prior_of(code):
@@ -210,7 +210,7 @@ def test_joint_association_and_identities_are_those_of_the_sum_over_all(shown):
         prior, _ = textbook.predict(textbook.initial(motion, mean, STD), motion, seconds)
         for j in range(2):
             kinematic[t, j] = detection * np.exp(textbook.update(prior, radar, measurement[j])[1])
-    # Clutter answers less often than unknown targets, with the same codes.
+    # Clutter answers less often than undetected targets, with the same codes.
     reply = MODEL.unknown_target_likelihood(np.arange(SIZE)).sum()
     odds = [0.9 / (1.0 - reply) if c == UNKNOWN else 0.1 / reply for c in shown]
     clutter = rate / (2.0 * np.pi * 2e4) * MODEL.unknown_target_likelihood(np.array(shown)) * odds
@@ -250,7 +250,7 @@ def by_state(weight, candidates):
 
 
 def weights_of_all_events():
-    """Return the weight of each source: the targets, clutter and an unknown target.
+    """Return the weight of each source: the targets, clutter and an undetected target.
 
     The sum over who exists, what they have and which were missed. No other target has what
     the source of the detection has.
@@ -273,7 +273,7 @@ def weights_of_all_events():
             shows = UNIQUENESS.reply
             weight["clutter"] += prior * np.prod(missed) * CLUTTER
             if SHOWN not in taken:
-                one = UNKNOWN_TARGETS * fresh[SHOWN] * shows
+                one = UNDETECTED_TARGETS * fresh[SHOWN] * shows
                 weight["unknown"] += prior * np.prod(missed) * one
             for i in range(2):
                 other = 1 - i
@@ -302,7 +302,7 @@ def test_sources_of_a_detection_have_the_weight_of_all_events():
         for i in range(2)
     }
     found["clutter"] = CLUTTER * alone.prod()
-    found["unknown"] = UNKNOWN_TARGETS * nobodys * np.exp(taken.log_unknown[0]) * alone.prod()
+    found["unknown"] = UNDETECTED_TARGETS * nobodys * np.exp(taken.log_undetected[0]) * alone.prod()
     expected = weights_of_all_events()
     for source, weight in expected.items():
         assert found[source] == pytest.approx(weight, rel=1e-12), source
@@ -315,14 +315,14 @@ def test_taken_is_of_unique_identities_and_leaves_what_is_garbled():
     found = uniqueness.identity_conflicts(belief, one, one, np.array([SHOWN]), np.ones(1), model)
     garbled = 1.0 - model.genuine_probability(np.array([SHOWN]))[0]
     assert 0.01 < garbled < 0.012
-    assert np.exp(found.log_unknown[0]) == pytest.approx(garbled, rel=1e-9)
+    assert np.exp(found.log_undetected[0]) == pytest.approx(garbled, rel=1e-9)
     model = IdentityModel(ADDRESS_SIZE, unique=False)
     one = np.zeros(2, dtype=np.int64)
     found = uniqueness.identity_conflicts(
         beliefs(), np.arange(2), one, np.array([SHOWN]), np.ones(2), model
     )
     assert found.by_another.tolist() == [0.0, 0.0]
-    assert found.log_unknown.tolist() == [0.0]
+    assert found.log_undetected.tolist() == [0.0]
 
 
 def test_addresses_are_unique_and_codes_are_not():

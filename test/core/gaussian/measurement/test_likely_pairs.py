@@ -252,9 +252,9 @@ def test_snr_after_a_detection_is_bayes_rule_however_improbable_the_class_is(sca
     prior, likelihood = np.array([[[0.2, 0.5, 0.3]]]), np.array([[[1.0, 4.0, 2.0]]])
     one, first = np.ones((1, 1, 1)), np.zeros(1, dtype=np.int64)
     mixture = Mixture(first, one, np.zeros((1, 1, 5)), np.eye(5)[None, None], prior)
-    in_turn = frozen(DetectionProbability(one, np.ones((1, 3)), np.ones((1, 1))))
+    in_revolution = frozen(DetectionProbability(one, np.ones((1, 3)), np.ones((1, 1))))
     amplitudes = frozen(Amplitudes(np.zeros(1), scale * likelihood))
-    found = snr_after(mixture.hypotheses, one, in_turn, amplitudes, first, first, first)
+    found = snr_after(mixture.hypotheses, one, in_revolution, amplitudes, first, first, first)
     expected = prior * likelihood
     np.testing.assert_allclose(found, expected / expected.sum(), rtol=1e-10)
 

@@ -17,17 +17,17 @@ from phd_jdtc_ros.simulation.simulate import simulate
 SECTORED = {"estimates_period_s": ROTATION_S, "lag": 4}
 
 
-def window(turns, least_existence=None, wide_turns=0):
-    """Return what an engine holds after some turns by sector, the first of them by half."""
+def window(revolutions, least_existence=None, wide_revolutions=0):
+    """Return what an engine holds after some revolutions by sector, the first of them by half."""
     engine = new_engine(configuration(SECTORED))
     if least_existence is not None:
         bounds = replace(engine.forward.bounds, least_existence=least_existence)
         engine.forward.bounds = bounds
-    narrow_ns = START_NS + round(wide_turns * ROTATION_S * 1e9)
-    for scan in scans(turns, sectors=2):
+    narrow_ns = START_NS + round(wide_revolutions * ROTATION_S * 1e9)
+    for scan in scans(revolutions, sectors=2):
         if scan.stamp_ns < narrow_ns:
             engine.step(scan)
-    for scan in scans(turns):
+    for scan in scans(revolutions):
         if scan.stamp_ns > narrow_ns:
             engine.step(scan)
     return engine._window
@@ -86,17 +86,19 @@ def check_as_each_alone(entries):
             np.testing.assert_allclose(own.covariance, expected.covariance, rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize(("turns", "wide_turns"), [(3, 0), (7, 0), (5, 3)])
+@pytest.mark.parametrize(("revolutions", "wide_revolutions"), [(3, 0), (7, 0), (5, 3)])
 @pytest.mark.parametrize("existence", [None, 0.2], ids=["all", "doubtful ones dropped"])
-def test_targets_of_all_sectors_are_smoothed_as_each_alone(turns, wide_turns, existence):
-    entries = window(turns, existence, wide_turns)
+def test_targets_of_all_sectors_are_smoothed_as_each_alone(
+    revolutions, wide_revolutions, existence
+):
+    entries = window(revolutions, existence, wide_revolutions)
     parts = [source.rows is not None for entry in entries for source in entry.sources]
-    assert any(parts) == (wide_turns > 0)
+    assert any(parts) == (wide_revolutions > 0)
     check_as_each_alone(entries)
 
 
 def test_scans_whose_sources_have_left_are_smoothed_or_filtered_as_the_others():
-    entries = window(5, wide_turns=3)
+    entries = window(5, wide_revolutions=3)
     for first in range(1, len(entries)):
         check_as_each_alone(entries[first:])
     entries = [entry.unlinked for entry in window(4)]

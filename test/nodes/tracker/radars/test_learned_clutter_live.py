@@ -16,7 +16,7 @@ from phd_jdtc_ros.report import load
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.tools import simulate, track_bag
 
-TURNS = 32
+REVOLUTIONS = 32
 PARAMETERS = {
     "sensors": ["mast"],
     "births": [],
@@ -44,9 +44,9 @@ QUAY = {
     "detection_probability": 0.7,
     "amplitude": {"law": "log_normal", "level_db": 16.0, "std_db": 5.0},
 }
-SHIP = {"class_id": 0, "snr_db": 35.0, "first_scan": 0, "last_scan": TURNS - 1}
+SHIP = {"class_id": 0, "snr_db": 35.0, "first_scan": 0, "last_scan": REVOLUTIONS - 1}
 SHIP |= {"position": [2000.0, 1000.0], "velocity": [-6.0, 5.0]}
-DOCUMENT = {"interval_s": 2.5, "scans": TURNS, "targets": [SHIP], "reflectors": [QUAY]}
+DOCUMENT = {"interval_s": 2.5, "scans": REVOLUTIONS, "targets": [SHIP], "reflectors": [QUAY]}
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +89,7 @@ def test_offline_tracks_of_a_quay_end_and_its_picture_is_recorded(bag, offline, 
     track_bag.track_bag(BagReader(path), plain, tmp_path / "plain")
     assert min(on_the_quay(found) for found in recorded(tmp_path / "plain")[24:]) > 5
     quay = [on_the_quay(found) for found in recorded(offline)]
-    assert len(quay) == TURNS
+    assert len(quay) == REVOLUTIONS
     assert sum(quay[24:]) == 0
     record = load.record(offline, config)
     assert is_of_the_quay(record.clutter)

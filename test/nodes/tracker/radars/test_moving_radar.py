@@ -78,8 +78,8 @@ def test_offline_faults_of_poses_are_counted_and_reported(tmp_path):
     assert tracker.tally.dropped == {"pose_missing": 2, "pose_jump": 1, "pose_frame": 1}
     said = [line for line in tracker.warnings() if "extrapolated" in line]
     assert said == [
-        f"{CLOUDS}: 2 clouds, or parts of turns, are later than the poses on {moving.ODOMETRY}; "
-        "the platform's pose is extrapolated with its last velocity"
+        f"{CLOUDS}: 2 clouds, or parts of revolutions, are later than the poses on "
+        f"{moving.ODOMETRY}; the platform's pose is extrapolated with its last velocity"
     ]
 
 

@@ -17,7 +17,7 @@ from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
 START_NS = 1_700_000_000 * 10**9
-ROTATION_S, TURNS = 4.0, 6
+ROTATION_S, REVOLUTIONS = 4.0, 6
 # East, north and velocities at the start; two aircraft far apart.
 AIRCRAFT = np.array([[20e3, 5e3, -200.0, 0.0], [-12e3, -15e3, 100.0, 150.0]])
 CLUTTER = 12
@@ -49,31 +49,31 @@ PARAMETERS = {
 }
 
 
-def passed(world, turn):
-    """Return the azimuths of places, and when the antenna passes them in a turn from north."""
+def passed(world, revolution):
+    """Return the azimuths of places, and when an antenna that begins north passes them."""
     azimuth = np.arctan2(world[:, 1], world[:, 0])
-    return azimuth, ROTATION_S * (turn + np.mod(np.pi / 2 - azimuth, FULL_TURN) / FULL_TURN)
+    return azimuth, ROTATION_S * (revolution + np.mod(np.pi / 2 - azimuth, FULL_TURN) / FULL_TURN)
 
 
-def plots(turn, clutter, rng):
-    """Return ranges, azimuths and times (s since the start) of a turn's plots, clockwise."""
+def plots(revolution, clutter, rng):
+    """Return ranges, azimuths and times (s since the start) of a revolution's plots, clockwise."""
     radius, angle = rng.uniform(5e3, 38e3, clutter), rng.uniform(0.0, FULL_TURN, clutter)
     false = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
-    _, time_s = passed(AIRCRAFT[:, :2] + AIRCRAFT[:, 2:] * turn * ROTATION_S, turn)
+    _, time_s = passed(AIRCRAFT[:, :2] + AIRCRAFT[:, 2:] * revolution * ROTATION_S, revolution)
     world = np.concatenate([AIRCRAFT[:, :2] + AIRCRAFT[:, 2:] * time_s[:, None], false])
-    azimuth, time_s = passed(world, turn)
+    azimuth, time_s = passed(world, revolution)
     distance = np.hypot(*world.T) + 30.0 * rng.standard_normal(len(world))
     return distance, azimuth + np.radians(0.1) * rng.standard_normal(len(azimuth)), time_s
 
 
-def clouds(config, per_turn, clutter=CLUTTER):
+def clouds(config, per_revolution, clutter=CLUTTER):
     """Return the clouds as the radar's driver would publish them, each at the end of its part."""
     rng, radar, sent = np.random.default_rng(4), config.inputs[0], []
-    for turn in range(TURNS):
-        distance, azimuth, time_s = plots(turn, clutter, rng)
-        for part in range(per_turn):
-            end_s = ROTATION_S * (turn + (part + 1) / per_turn)
-            inside = (time_s >= end_s - ROTATION_S / per_turn) & (time_s < end_s)
+    for revolution in range(REVOLUTIONS):
+        distance, azimuth, time_s = plots(revolution, clutter, rng)
+        for part in range(per_revolution):
+            end_s = ROTATION_S * (revolution + (part + 1) / per_revolution)
+            inside = (time_s >= end_s - ROTATION_S / per_revolution) & (time_s < end_s)
             measurement = np.stack([distance[inside], azimuth[inside]], axis=1)
             found = Detections(measurement, None, time_s[inside] - end_s)
             if radar.fields.sector:
@@ -110,7 +110,7 @@ def tracker(processes, peer, tmp_path):
     return start
 
 
-def test_a_radar_that_sends_whole_turns_is_tracked_live_as_offline(tracker, peer):
+def test_a_radar_that_sends_whole_revolutions_is_tracked_live_as_offline(tracker, peer):
     config, output, found, _ = tracker(**{"tower.sectors": 0, "tower.fields.sector": ""})
     sent = clouds(config, 1)
     expected = offline(config, sent)
@@ -141,8 +141,8 @@ def assert_true(heard):
     assert (away.min(axis=0) < 200.0).all()
 
 
-def test_a_turn_that_is_not_configured_is_found_and_reported(tracker, peer):
+def test_a_revolution_that_is_not_configured_is_found_and_reported(tracker, peer):
     layout = {"tower.sectors": 0, "tower.rotation_s": 0.0, "tower.fields.sector": ""}
     config, output, found, log = tracker(**layout, **{"tower.clutter_rate": 150.0})
     answered(peer, output, found, clouds(config, 16, clutter=150)[:40])
-    assert peer.spin_until(lambda: "the estimated time of a turn is " in log.read_text())
+    assert peer.spin_until(lambda: "the estimated time of a revolution is " in log.read_text())

@@ -1,9 +1,9 @@
 """Cuts the reports of a turning radar into slices, and determines the coverage of each slice.
 
-A surveillance antenna takes some seconds for a turn, and a target is missed only if the antenna has
-passed it. A report covers the time since the previous one. If its detections have times of their
-own, this time is cut into slices of some 1.5 s, and each detection belongs to the slice of its
-time. The coverage of a slice follows from the antenna's motion (see `antenna`), or from the
+A surveillance antenna takes some seconds for a revolution, and a target is missed only if the
+antenna has passed it. A report covers the time since the previous one. If its detections have times
+of their own, this time is cut into slices of some 1.5 s, and each detection belongs to the slice of
+its time. The coverage of a slice follows from the antenna's motion (see `antenna`), or from the
 sector's number if the report has one. If neither is known, no target counts as missed.
 
 A detection's time is a measurement and is never changed. A detection whose time disagrees with its
@@ -12,7 +12,7 @@ azimuth, or comes after its slice has been processed, is counted and used as it 
 A radar that does not turn sees its whole field at once. Its reports are not cut, even if its
 detections have times of their own, because no slice could show what was missed. A radar that may
 turn is treated in the same way until its rotation period has been found, which takes about two
-turns.
+revolutions.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from .antenna import MIN_PERIOD_S, AntennaTrack
 from .report_timing import ReportTiming
 from .scans import Rejection
 from .sectors import coverage_of, is_sector, smallest_arc
-from .slices import RadarReport, Slice, UnstampedSlice, arc, cut, slices_per_turn
+from .slices import RadarReport, Slice, UnstampedSlice, arc, cut, slices_per_revolution
 
 # Directions of the antenna at the end of one report and at the start of the next are joined if they
 # differ by less than this, radians.
@@ -41,11 +41,11 @@ MIN_DETECTIONS = 5
 MIN_WHOLE_SPAN = 0.75 * FULL_TURN
 # The antenna may be standing still if they span less than this, radians.
 MAX_STANDING_SPAN = 0.25 * FULL_TURN
-# A detection is late if it precedes its report's interval by more than this share of a turn.
+# A detection is late if it precedes its report's interval by more than this share of a revolution.
 MAX_LATENESS = 0.0625
-# Longest coverage of one report in turns, even if the previous one was longer ago.
-MAX_COVERED_TURNS = 1.2
-# Smallest number of reports per turn from whose stamps the antenna's motion is estimated.
+# Longest coverage of one report in revolutions, even if the previous one was longer ago.
+MAX_COVERED_REVOLUTIONS = 1.2
+# Smallest number of reports per revolution from whose stamps the antenna's motion is estimated.
 LEAST_REPORTS = 1.9
 
 
@@ -69,7 +69,7 @@ class State:
 
 
 @dataclass
-class Turns:
+class Revolutions:
     """Cuts the reports of one radar.
 
     `anomalies` counts irregular reports and detections: ``clouds_missing``, ``sectors_repeated``,
@@ -78,7 +78,7 @@ class Turns:
 
     # Configured rotation period, seconds; 0 to find out whether the antenna turns.
     configured_period_s: float = 0.0
-    sectors: int = 0  # Number of reports per turn; 0 if it is unknown or varies
+    sectors: int = 0  # Number of reports per revolution; 0 if it is unknown or varies
     compass: bool = False  # Whether sectors are numbered clockwise from north; see `sectors`
     # A stamp that is further behind the latest than this begins a new run.
     reset_threshold_s: float = math.inf
@@ -118,8 +118,8 @@ class Turns:
         return min(self.state.timing.interval_s, self.period_s)
 
     @property
-    def _per_turn(self) -> int:
-        """Number of reports per turn; 1 if unknown."""
+    def _per_revolution(self) -> int:
+        """Number of reports per revolution; 1 if unknown."""
         return (
             max(round(self.period_s / self.report_duration_s), 1) if self.report_duration_s else 1
         )
@@ -137,9 +137,9 @@ class Turns:
         """Return the slices of a report, oldest first, each with its stamp and coverage.
 
         `time_s` is relative to the slice's stamp, and stamps increase over all reports. The
-        coverage is None if the report covers the radar's whole field. A report of a part of a turn
-        that has been cut already is rejected. `sector` is the number of the sector, if the report
-        has one.
+        coverage is None if the report covers the radar's whole field. A report of a part of a
+        revolution that has been cut already is rejected. `sector` is the number of the sector, if
+        the report has one.
         """
         sector = sector if self.sectors > 1 else None
         if self.is_behind(stamp_ns):
@@ -149,14 +149,18 @@ class Turns:
         report, unclear = RadarReport.of(stamp_ns, detections), self.state.track.unclear
         state = self.state = State(**vars(self.state))
         self._follow_antenna(report)
-        if not self.nominal_period_s or (not report.timed and self._per_turn == 1):
+        if not self.nominal_period_s or (not report.timed and self._per_revolution == 1):
             self._remember(report, report.detection_s)
             state.slice_ns = stamp_ns
             return [(stamp_ns, detections)]
         self.anomalies["antenna_unclear"] += state.track.unclear > unclear
         due, previous_number = self._reports_due(report.stamp_s), state.number
         number = self._sector_number(report, sector, due)
-        if due < 0.5 and self._per_turn > 1 and self._is_repeated(report, number, previous_number):
+        if (
+            due < 0.5
+            and self._per_revolution > 1
+            and self._is_repeated(report, number, previous_number)
+        ):
             self.anomalies["sectors_repeated"] += 1
             return self._stamp(report, [UnstampedSlice(stamp_ns, detections, UNKNOWN_COVERAGE)])
         start_s, end_s = self._covered_time(report, due)
@@ -183,7 +187,7 @@ class Turns:
         state = self.state
         previous_track, timing = state.track, state.timing
         track, timed = previous_track, not math.isnan(timing.lead_s)
-        # Without times of detections, fewer reports per turn do not show the motion.
+        # Without times of detections, fewer reports per revolution do not show the motion.
         shortest_s = LEAST_REPORTS * (timing.interval_s or report.stamp_s - timing.last_s)
         if report.timed:
             # Detections' own times replace a track that was estimated from stamps.
@@ -267,7 +271,7 @@ class Turns:
         lead_s = 0.0 if math.isnan(lead_s) else lead_s
         # No time is covered twice; for the first report `before_s` is NaN.
         end_s = float(np.fmax(report.stamp_s + lead_s, before_s))
-        start_s = end_s - MAX_COVERED_TURNS * period_s
+        start_s = end_s - MAX_COVERED_REVOLUTIONS * period_s
         lost = round(due) >= 2
         if lost or math.isnan(before_s):
             # A detection from the gap shows that its part of the gap was not lost.
@@ -306,7 +310,7 @@ class Turns:
         if not report.timed:
             return [UnstampedSlice(stamp_ns, detections, arc(start, end))], end
         period_s = self.state.period_s
-        length_s = period_s / slices_per_turn(period_s, self.fine)
+        length_s = period_s / slices_per_revolution(period_s, self.fine)
         return cut(report, length_s, (start_s, end_s), (start, end)), end
 
     def _unclear_coverage(self, report: RadarReport) -> Coverage | None:
@@ -314,7 +318,7 @@ class Turns:
         is_enough = len(report.detections) >= MIN_DETECTIONS
         span = smallest_arc(report.azimuth)[1] if is_enough else 0.0
         may_stand = is_enough and span < MAX_STANDING_SPAN
-        covers_field = span > MIN_WHOLE_SPAN or (self._per_turn == 1 and not may_stand)
+        covers_field = span > MIN_WHOLE_SPAN or (self._per_revolution == 1 and not may_stand)
         return None if covers_field else UNKNOWN_COVERAGE
 
     def _stamp(self, report: RadarReport, unstamped: list[UnstampedSlice]) -> list[Slice]:

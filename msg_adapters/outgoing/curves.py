@@ -1,6 +1,6 @@
-"""Figures as one number per message, each on the topic ``~/plot/NAME``, for plotting tools.
+"""Figures as one number per message, each on the topic ``~/plot/NAME``, for tools that draw curves.
 
-Such a message has no stamp; tools plot it at its time of arrival.
+Such a message has no stamp; tools draw it at its time of arrival.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 from std_msgs.msg import Float64
 
 from phd_jdtc_ros.core.types import SOURCES
-from phd_jdtc_ros.evaluation.metric_table import PLOTTED
+from phd_jdtc_ros.evaluation.metric_table import CURVES
 
 if TYPE_CHECKING:
     from phd_jdtc_ros.core.engine import Step
     from phd_jdtc_ros.evaluation.run_scores import ScanScore
 
 
-# Plotted figures of each engine.
+# Figures with a curve, of each engine.
 FIGURES = {
     "gaussian": ("hypotheses", "origins"),
     **dict.fromkeys(("phd", "phd_as_printed"), ("particles", "effective_sample_size")),
@@ -36,7 +36,7 @@ def of_evaluator(classes: int) -> tuple[str, ...]:
     """Return the names of the evaluator's numbers."""
     sets = ("all", *(f"class_{k}" for k in range(classes)))
     return tuple(
-        of_score(source, key, name) for source in SOURCES for key in sets for name in PLOTTED
+        of_score(source, key, name) for source in SOURCES for key in sets for name in CURVES
     )
 
 
@@ -57,7 +57,7 @@ def score_to_msgs(score: ScanScore) -> dict[str, Float64]:
     return {
         of_score(score.source, key, name): to_msg(value)
         for key, values in score.values.items()
-        for name in PLOTTED
+        for name in CURVES
         if (value := values[name]) is not None
     }
 

@@ -11,9 +11,9 @@ from collections import Counter
 from typing import NamedTuple
 
 from ..types import Detections
+from .revolutions import Revolutions, State
 from .scans import Rejection
 from .slices import Slice
-from .turns import State, Turns
 
 
 class _Record(NamedTuple):
@@ -34,25 +34,25 @@ class Recut(NamedTuple):
     slices: list[Slice]
 
 
-class TurnHistory:
-    """Cuts the reports of one radar, and inserts out-of-sequence reports; see `Turns.split`.
+class RevolutionHistory:
+    """Cuts the reports of one radar, and inserts out-of-sequence reports; see `Revolutions.split`.
 
     None can be inserted unless reports are `kept`.
     """
 
-    def __init__(self, turns: Turns, kept: bool = True) -> None:
-        self.turns, self.kept = turns, kept
+    def __init__(self, revolutions: Revolutions, kept: bool = True) -> None:
+        self.revolutions, self.kept = revolutions, kept
         self._records: list[_Record] = []
 
     def split(
         self, stamp_ns: int, detections: Detections, sector: int | None
     ) -> list[Slice] | Rejection:
         """Return the slices of a report that is in sequence."""
-        before = self.turns.state
-        slices = self.turns.split(stamp_ns, detections, sector)
+        before = self.revolutions.state
+        slices = self.revolutions.split(stamp_ns, detections, sector)
         if isinstance(slices, Rejection):
             return slices
-        if self.kept and self.turns.state is not before:
+        if self.kept and self.revolutions.state is not before:
             if self._records and stamp_ns < self._records[-1].stamp_ns:
                 self._records.clear()  # of another run
             self._records.append(_Record(stamp_ns, detections, sector, before, slices))
@@ -75,11 +75,11 @@ class TurnHistory:
         index = self._index(stamp_ns)
         later = self._records[index:]
         del self._records[index:]
-        anomalies, self.turns.state = Counter(self.turns.anomalies), later[0].before
+        anomalies, self.revolutions.state = Counter(self.revolutions.anomalies), later[0].before
         for report in ((stamp_ns, detections, sector), *(record[:3] for record in later)):
             self.split(*report)
         # The anomalies of the later reports were counted when they came.
-        self.turns.anomalies = anomalies
+        self.revolutions.anomalies = anomalies
         return Recut(
             [own_ns for record in later for own_ns, _ in record.slices],
             [slice_ for record in self._records[index:] for slice_ in record.slices],
