@@ -222,7 +222,7 @@ def test_antenna_reports_crossings_of_north_and_other_azimuths():
     for azimuth, kind in ((0.0, 1), (2.0 * math.pi, 1), (-math.pi, 2), (math.pi / 2, 2)):
         data = plots_out.service_block(0x1907, 5 * NS, azimuth, 4.0)
         (found,) = blocks.BlockReader(counts).messages(data)
-        assert (found.radar, found.time_of_day, found.detection_type) == (0x1907, 640, kind)
+        assert (found.radar, found.time_of_day, found.kind) == (0x1907, 640, kind)
         assert found.azimuth == pytest.approx(azimuth % (2.0 * math.pi))
         assert found.rotation_s == 4.0
         (record,) = decoded(data)

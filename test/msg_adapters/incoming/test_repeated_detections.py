@@ -42,7 +42,7 @@ def test_select_counts_identical_detections_once_and_reports_them():
         ("height", {"height_field": "height"}),
         ("code", {"code_field": "code"}),
         ("address", {"address_field": "address"}),
-        ("kind", {"kind_field": "kind"}),
+        ("detection_type", {"detection_type_field": "kind"}),
         ("range_std", {"range_std_field": "range_std"}),
         ("azimuth_std", {"azimuth_std_field": "azimuth_std"}),
         ("range_rate", {"range_rate_field": "range_rate"}),

@@ -100,7 +100,7 @@ def test_an_unknown_sector_is_no_anomaly(unknown):
         ("range_rate_std_field", "range_rate_std_missing"),
         ("code_field", "code_missing"),
         ("address_field", "address_missing"),
-        ("kind_field", "kind_missing"),
+        ("detection_type_field", "detection_type_missing"),
     ],
 )
 def test_a_field_that_is_configured_and_missing_is_an_anomaly(parameter, anomaly):
