@@ -1,4 +1,4 @@
 """Messages of sensors to `Detections` and `Pose`, and back for simulated bags.
 
-`readers` lists the messages of detections; `selection` keeps the valid points of any of them.
+`readers` lists the messages of detections; `phd_jdtc_ros.columns` keeps the valid points.
 """

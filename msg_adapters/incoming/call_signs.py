@@ -5,10 +5,10 @@ from __future__ import annotations
 from sensor_msgs.msg import PointCloud2
 
 from phd_jdtc_ros.asterix.call_signs import CallSigns
+from phd_jdtc_ros.columns.identities import NONE
 
 from ..encoding import interfaces, names, point_cloud
 from ..encoding.errors import RejectedMessageError
-from ..encoding.identities import NONE
 
 FIELDS = ("address", "call_sign_high", "call_sign_low")
 

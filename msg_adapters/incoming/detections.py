@@ -10,13 +10,13 @@ from functools import lru_cache
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
+from phd_jdtc_ros.columns import sent_columns
+from phd_jdtc_ros.columns.selection import Report, select
 from phd_jdtc_ros.configuration.parameters.radar import Fields, RadarParameters
 from phd_jdtc_ros.core.types import Detections
 
 from ..encoding import point_cloud, stamps
 from ..encoding.errors import RejectedMessageError, quote
-from . import sent_columns
-from .selection import Report, select
 
 # Numeric types of fields other than coordinates: some drivers send levels as whole decibels.
 NUMBERS = (*point_cloud.FLOATS, "i1", "u1", "i2", "u2", "i4", "u4")

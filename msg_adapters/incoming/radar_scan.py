@@ -14,6 +14,8 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
 
+from phd_jdtc_ros.columns import ground_ranges, sent_columns
+from phd_jdtc_ros.columns.selection import Report, select
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import Detections
@@ -21,9 +23,7 @@ from phd_jdtc_ros.core.types import Detections
 from ..encoding import cdr, stamps
 from ..encoding.errors import RejectedMessageError
 from ..encoding.point_cloud import MAX_POINTS
-from . import ground_ranges, sent_columns
 from .detections import require_frame
-from .selection import Report, select
 
 TYPE_NAME = "radar_msgs/msg/RadarScan"
 TYPE_HASH = "RIHS01_9d270e9c9d9e2509e93e7c688fd8a813d75e43a6a37ef982e63e24e80e535cdc"

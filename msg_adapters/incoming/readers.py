@@ -6,12 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.types import Detections
 
 from ..encoding import interfaces, names
 from . import detections, radar_scan
-from .selection import Report
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,12 @@ import numpy as np
 import numpy.typing as npt
 from sensor_msgs.msg import PointCloud2
 
+from phd_jdtc_ros.columns import identities
 from phd_jdtc_ros.core.arrays import IntArray
 from phd_jdtc_ros.core.state_space import OMEGA, PLANAR, VX, VY, X, Y
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, SENSORS, UNKNOWN, Attributes, Estimates
 
-from ..encoding import identities, point_cloud, stamps
+from ..encoding import point_cloud, stamps
 from ..encoding.errors import RejectedMessageError
 from . import vertical
 

@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from msg_adapters.incoming import selection, sent_columns
-from msg_adapters.incoming.selection import Report
+from phd_jdtc_ros.columns import selection, sent_columns
+from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray

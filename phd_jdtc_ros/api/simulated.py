@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msg_adapters.encoding import identities
-from msg_adapters.incoming import sent_columns
 from phd_jdtc_ros import resources
+from phd_jdtc_ros.columns import identities, sent_columns
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.schema import ConfigError

@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from msg_adapters.encoding.errors import RejectedMessageError
-from msg_adapters.incoming import anomalies
-from msg_adapters.incoming.selection import Report
 from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.calibration.registration.monitor import MeanResidual
+from phd_jdtc_ros.columns import anomalies
+from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.intake.clocks import CLOCK

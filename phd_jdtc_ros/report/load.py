@@ -15,12 +15,12 @@ from msg_adapters.incoming import moving_radars
 from msg_adapters.incoming.call_signs import learn_from_cdr
 from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import reader_of
-from msg_adapters.incoming.selection import Report
 from msg_adapters.outgoing import clutter_maps, diagnostics
 from msg_adapters.targets import estimates, truth
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
+from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.place_forms import TRANSFORM_TOPICS
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msg_adapters.incoming import anomalies
 from phd_jdtc_ros.asterix.call_signs import CallSigns, text
 from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
 from phd_jdtc_ros.core.factors.outliers import Outliers

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters.incoming.selection import Report as Received
+from phd_jdtc_ros.columns.selection import Report as Received
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.intake.posed_reports import RadarPose

@@ -12,10 +12,9 @@ from typing import Any
 
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.encoding.errors import RejectedMessageError
-from msg_adapters.incoming import anomalies, recognised
+from msg_adapters.incoming import recognised
 from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import READERS
-from msg_adapters.incoming.selection import Report
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, findings
@@ -26,6 +25,8 @@ from phd_jdtc_ros.calibration.tuning.plots import (
     limit_plots,
     plots_of,
 )
+from phd_jdtc_ros.columns import anomalies
+from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.intake.input_checks import NOT_IN_RECORDINGS
 from phd_jdtc_ros.core.types import Detections

@@ -32,7 +32,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msg_adapters.incoming import ground_ranges
+from phd_jdtc_ros.columns import ground_ranges
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from msg_adapters.incoming import anomalies
+from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.nodes.common import health as common
 
 ROOT = Path(__file__).parents[2]

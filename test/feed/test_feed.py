@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from msg_adapters.encoding.errors import RejectedMessageError
-from msg_adapters.incoming.selection import Report
+from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.core.intake.posed_reports import RadarPose
 from phd_jdtc_ros.core.pipeline import Drops

@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -49,9 +50,8 @@ MAX_COVERED_REVOLUTIONS = 1.2
 LEAST_REPORTS = 1.9
 
 
-@dataclass
-class State:
-    """State of a run, from which the next report is cut; it changes only while one is cut."""
+class State(NamedTuple):
+    """State of a run, from which the next report is cut."""
 
     track: AntennaTrack
     period_s: float  # Current estimate of the rotation period, seconds; 0 if unknown
@@ -61,7 +61,7 @@ class State:
     last_ns: int | None = None  # Stamp of the latest report
     slice_ns: int = 0  # Stamp of the latest slice
     # Timing of the reports, without those that repeated an earlier one.
-    timing: ReportTiming = field(default_factory=ReportTiming)
+    timing: ReportTiming = ReportTiming()
     end_s: float = math.nan  # End of the time that the reports cover, seconds; NaN if unknown
     end: float = math.nan  # Direction of the antenna at this time, radians; NaN if unknown
     number: int | None = None  # Number of the latest sector
@@ -147,14 +147,13 @@ class Revolutions:
         if self.state.last_ns is not None and stamp_ns < self.state.last_ns:
             self.reset()
         report, unclear = RadarReport.of(stamp_ns, detections), self.state.track.unclear
-        state = self.state = State(**vars(self.state))
         self._follow_antenna(report)
         if not self.nominal_period_s or (not report.timed and self._per_revolution == 1):
             self._remember(report, report.detection_s)
-            state.slice_ns = stamp_ns
+            self.state = self.state._replace(slice_ns=stamp_ns)
             return [(stamp_ns, detections)]
-        self.anomalies["antenna_unclear"] += state.track.unclear > unclear
-        due, previous_number = self._reports_due(report.stamp_s), state.number
+        self.anomalies["antenna_unclear"] += self.state.track.unclear > unclear
+        due, previous_number = self._reports_due(report.stamp_s), self.state.number
         number = self._sector_number(report, sector, due)
         if (
             due < 0.5
@@ -165,7 +164,7 @@ class Revolutions:
             return self._stamp(report, [UnstampedSlice(stamp_ns, detections, UNKNOWN_COVERAGE)])
         start_s, end_s = self._covered_time(report, due)
         slices, end = self._slices(report, number, start_s, end_s)
-        state.end_s, state.end = end_s, end
+        self.state = self.state._replace(end_s=end_s, end=end)
         return self._stamp(report, slices)
 
     def _out_of_order(
@@ -184,8 +183,7 @@ class Revolutions:
 
     def _follow_antenna(self, report: RadarReport) -> None:
         """Update the antenna's track by a report's detections."""
-        state = self.state
-        previous_track, timing = state.track, state.timing
+        previous_track, timing = self.state.track, self.state.timing
         track, timed = previous_track, not math.isnan(timing.lead_s)
         # Without times of detections, fewer reports per revolution do not show the motion.
         shortest_s = LEAST_REPORTS * (timing.interval_s or report.stamp_s - timing.last_s)
@@ -206,10 +204,10 @@ class Revolutions:
             if self.sectors > 1:
                 # Stamps give the period more accurately than azimuths that are known by sector.
                 track = track.with_period(self.sectors * timing.interval_s)
-        state.track, state.last_ns, period_s = track, report.stamp_ns, track.period_s
-        if period_s and not previous_track.period_s:
-            state.first_period_s = period_s
-        state.period_s = period_s or self.nominal_period_s
+        if track.period_s and not previous_track.period_s:
+            self.state = self.state._replace(first_period_s=track.period_s)
+        period_s = track.period_s or self.nominal_period_s
+        self.state = self.state._replace(track=track, last_ns=report.stamp_ns, period_s=period_s)
 
     def _reports_due(self, stamp_s: float) -> float:
         """Return the number of reports due since the previous one, including this one."""
@@ -235,7 +233,7 @@ class Revolutions:
         elif previous_number is not None and self.sectors > 2:
             adjacent_steps = {1: 1, self.sectors - 1: -1}
             step = adjacent_steps.get((sector - previous_number) % self.sectors, step)
-        self.state.number, self.state.step = sector, step
+        self.state = self.state._replace(number=sector, step=step)
         return sector
 
     def _is_repeated(
@@ -256,8 +254,8 @@ class Revolutions:
 
     def _remember(self, report: RadarReport, detection_s: FloatArray) -> None:
         """Update the timing by a report's stamp and its plausible detection times."""
-        state = self.state
-        state.timing = state.timing.after(report.stamp_s, detection_s, state.period_s)
+        timing = self.state.timing.after(report.stamp_s, detection_s, self.state.period_s)
+        self.state = self.state._replace(timing=timing)
 
     def _covered_time(self, report: RadarReport, due: float) -> tuple[float, float]:
         """Return the start and the end of the time that a report covers, seconds."""
@@ -330,5 +328,5 @@ class Revolutions:
             if time_s is not None:
                 time_s = time_s + (report.stamp_ns - stamp_ns) * 1e-9
             slices.append((stamp_ns, detections.changed(time_s=time_s, coverage=coverage)))
-        self.state.slice_ns = stamp_ns
+        self.state = self.state._replace(slice_ns=stamp_ns)
         return slices

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from msg_adapters.incoming import anomalies
+from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.core.types import FILTERED
 from phd_jdtc_ros.handover.picture import LATEST_STAMPS, JointPicture
 from phd_jdtc_ros.quoting import counts_text

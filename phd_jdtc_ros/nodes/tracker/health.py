@@ -11,8 +11,8 @@ from types import MappingProxyType
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters.encoding import names
-from msg_adapters.incoming import anomalies
 from phd_jdtc_ros.calibration.registration.monitor import LEAST, MeanResidual
+from phd_jdtc_ros.columns import anomalies
 
 from ..common.health import WARNING_MEMORY_S, Rhythm, Rises, first, status_of
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters.encoding import names
-from msg_adapters.incoming import anomalies
 from phd_jdtc_ros.calibration.innovations import Fit
+from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.quoting import counts_text
 
 from ..common.health import WARNING_MEMORY_S, Condition, Rhythm, Rises, first, status_of

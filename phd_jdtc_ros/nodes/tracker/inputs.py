@@ -14,10 +14,11 @@ from rclpy.lifecycle import LifecycleNode
 
 from msg_adapters.encoding import interfaces
 from msg_adapters.encoding.errors import RejectedMessageError
-from msg_adapters.incoming import anomalies, moving_radars
+from msg_adapters.incoming import moving_radars
 from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import Reader, reader_of
-from msg_adapters.incoming.selection import Report
+from phd_jdtc_ros.columns import anomalies
+from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.parameters.place_forms import STATIC_TRANSFORMS, TRANSFORM_TOPICS
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.configuration.schema import ConfigError

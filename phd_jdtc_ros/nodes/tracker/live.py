@@ -12,12 +12,12 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.lifecycle import LifecycleNode
 
-from msg_adapters.incoming import anomalies
 from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import Reader
 from msg_adapters.outgoing.outputs import SCAN, STEP, StepResult
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.calibration.registration.monitor import RegistrationMonitor
+from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.configuration.parameters.tracker import PHD
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped, start_cold

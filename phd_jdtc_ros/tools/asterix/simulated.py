@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from msg_adapters.incoming.sent_columns import fill
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.asterix.messages import Plot
 from phd_jdtc_ros.asterix.transport import pcap_out
 from phd_jdtc_ros.asterix.writing import plots as plots_out
+from phd_jdtc_ros.columns.sent_columns import fill
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.schema import ConfigError

@@ -14,10 +14,8 @@ import numpy as np
 
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.encoding.errors import RejectedMessageError
-from msg_adapters.incoming import ground_ranges
 from msg_adapters.incoming.call_signs import learn_from_cdr
 from msg_adapters.incoming.readers import reader_of
-from msg_adapters.incoming.sent_columns import fill
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.columns import NOISE_DBM
@@ -27,6 +25,8 @@ from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.asterix_bridge.settings import Bridge
 from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.columns import ground_ranges
+from phd_jdtc_ros.columns.sent_columns import fill
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.intake.revolutions import Revolutions

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from msg_adapters.incoming import anomalies
+from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.core.arrays import frozen
 from phd_jdtc_ros.core.association.evidence import NoiseEvidence
 from phd_jdtc_ros.core.factors.detection import (

@@ -12,7 +12,7 @@ import numpy as np
 from msg_adapters.encoding import interfaces, names, point_cloud, stamps
 from msg_adapters.incoming import readers
 from msg_adapters.incoming.readers import Reader
-from msg_adapters.incoming.selection import Report
+from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration import sensor_kinds
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.configuration.schema import POSITIVE, parameter

@@ -19,8 +19,8 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
 from msg_adapters.encoding import cdr, interfaces, stamps
-from msg_adapters.encoding.identities import ADDRESSES, CODES, NONE, encode, read
 from msg_adapters.incoming import detections as adapter
+from phd_jdtc_ros.columns.identities import ADDRESSES, CODES, NONE, encode, read
 from phd_jdtc_ros.core.types import UNKNOWN, Detections
 
 STORE = get_typestore(Stores.ROS2_JAZZY)

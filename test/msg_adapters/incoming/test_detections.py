@@ -8,8 +8,8 @@ from sensor_msgs.msg import PointCloud2, PointField
 
 from msg_adapters.encoding import point_cloud, stamps
 from msg_adapters.encoding.errors import RejectedMessageError
-from msg_adapters.incoming import anomalies
 from msg_adapters.incoming import detections as adapter
+from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.core.types import Detections
 
 F4, F8 = PointField.FLOAT32, PointField.FLOAT64

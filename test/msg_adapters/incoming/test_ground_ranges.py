@@ -16,8 +16,9 @@ from topocentric import seen_from
 
 from msg_adapters.encoding import interfaces, stamps
 from msg_adapters.encoding.errors import RejectedMessageError
-from msg_adapters.incoming import anomalies, platform_poses, radar_scan
 from msg_adapters.incoming import detections as adapter
+from msg_adapters.incoming import platform_poses, radar_scan
+from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.core.sensors.site import Site
 from phd_jdtc_ros.core.sensors.slant_range import HeightProjection
 from phd_jdtc_ros.core.types import Detections, Pose

@@ -7,8 +7,8 @@ from samples import FRAME, STAMP_NS, cloud, radar
 from sensor_msgs.msg import PointField
 
 from msg_adapters.encoding.errors import RejectedMessageError
-from msg_adapters.incoming import anomalies
 from msg_adapters.incoming import detections as adapter
+from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.configuration.parameters.radar import TIME_UNITS
 from phd_jdtc_ros.core.intake.sectors import coverage_of
 from phd_jdtc_ros.core.types import Detections

@@ -13,8 +13,7 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.intake.sectors import sector_of
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
-from ..encoding import identities
-from . import ground_ranges
+from . import ground_ranges, identities
 
 # This is defined here, because `stamps` imports ROS.
 NS_PER_S = 1_000_000_000

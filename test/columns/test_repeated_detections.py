@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from samples import STAMP_NS, radar
 
-from msg_adapters.incoming import anomalies
-from msg_adapters.incoming.selection import select
+from phd_jdtc_ros.columns import anomalies
+from phd_jdtc_ros.columns.selection import select
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
 NS = 10**9
-PROFILE = Path(__file__).parents[3] / "config" / "surveillance.yaml"
+PROFILE = Path(__file__).parents[2] / "config" / "surveillance.yaml"
 
 
 def columns(count, **more):

@@ -14,8 +14,7 @@ from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, wrap_angle
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
-from ..encoding import identities
-from . import ground_ranges, sent_columns
+from . import ground_ranges, identities, sent_columns
 
 # Largest envelope: 120 dB above the noise, more than any receiver reports.
 MAX_AMPLITUDE = 1e6
