@@ -59,6 +59,9 @@ setup(
             "pytest-timeout",
             "hypothesis",
             "rosbags",
+            # Readers of what the tracker sends to other programs.
+            "pynmea2",
+            "takproto",
         ],
         # Apart from the others, because numba imports it where it is installed.
         "coverage": ["coverage>=7.10.4"],

@@ -49,6 +49,7 @@ MODULES = (
     *("hostile_input.bombs", "operation.publishers", "operation.restarts"),
     *("operation.warm_restart", "hostile_input.forgeries", "reports.stamps_and_time"),
     *("operation.network", "operation.recordings", "operation.user_files"),
+    "operation.receivers",
     "hostile_input.asterix_recordings",
 )
 PARTS = {module.rpartition(".")[2]: module for module in MODULES}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from datetime import datetime, timezone
 
 from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
@@ -21,6 +22,13 @@ def from_ns(stamp_ns: int) -> Time:
     """Return the stamp message of a time in nanoseconds."""
     sec, nanosec = divmod(stamp_ns, NS_PER_S)
     return Time(sec=sec, nanosec=nanosec)
+
+
+def to_iso(stamp_ns: int) -> str:
+    """Return a stamp as ISO 8601 in UTC, with milliseconds."""
+    whole, rest = divmod(stamp_ns, NS_PER_S)
+    text = datetime.fromtimestamp(whole, timezone.utc).strftime("%Y-%m-%dT%H:%M:%S")
+    return f"{text}.{rest // 1_000_000:03d}Z"
 
 
 def header(stamp_ns: int, frame: str) -> Header:
@@ -52,6 +60,14 @@ def of_input(sent: Header) -> int:
     if not stamp_ns:
         raise RejectedMessageError("stamp_zero", "its stamp is 0, must be the time of measurement")
     return stamp_ns
+
+
+def restamped(data: bytes, stamp_ns: int) -> bytes:
+    """Return a serialised message that begins with a header, with another stamp."""
+    if len(data) < 12:
+        return data
+    stamp = struct.pack("<iI" if data[1] & 1 else ">iI", *divmod(stamp_ns, NS_PER_S))
+    return data[:4] + stamp + data[12:]
 
 
 def of_cdr(data: bytes, at: int = 4) -> int:

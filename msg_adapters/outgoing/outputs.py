@@ -1,7 +1,8 @@
-"""The table of the tracker's outputs: topic, type, trigger and encoder.
+"""The tables of the tracker's outputs: topics with type, trigger and encoder, and streams.
 
-Publishers, recordings, the list on the tracker's page and the SROS2 policies derive from it. A new
-output is a module with its encoder, and a row here.
+Publishers, recordings, the list on the tracker's page and the SROS2 policies derive from the first.
+A stream has the format of other programs and is sent by UDP or TCP. A new output is a module with
+its encoder, and a row here.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import uuid
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 from visualization_msgs.msg import Marker, MarkerArray
@@ -17,11 +18,11 @@ from visualization_msgs.msg import Marker, MarkerArray
 from phd_jdtc_ros.core.engine import Engine, Step
 from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.sensors.site import Plane
-from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates
+from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates, Pose
 
 from ..encoding import interfaces, names, stamps
 from ..targets import estimates, geo_json, markers, navsat, poses, radar_tracks, tracks, vision
-from . import clutter_maps, curves, detections_in_map, diagnostics
+from . import clutter_maps, cot, curves, detections_in_map, diagnostics, nmea, signal_k
 from .trails import Trails
 
 # Triggers besides the estimates of a source: a `Scan`, and a `StepResult`.
@@ -56,6 +57,11 @@ class View:
     trails: Trails
     has_clutter_map: bool = False
     run: uuid.UUID = field(default_factory=uuid.uuid4)  # Identifies the tracker's run
+    # Returns own ship's pose at a stamp, see `Pipeline.own_pose`.
+    own_pose: Callable[[int], Pose | None] = lambda stamp_ns: None
+    types: Sequence[str] = ()  # Types of the classes in Cursor on Target; empty for that of all
+    stale_s: float = 0.0  # Time after which a track that is not reported again is stale
+    numbers: nmea.TargetNumbers = field(default_factory=nmea.TargetNumbers)
 
     def begin_run(self) -> None:
         """Begin a new run, in which track numbers start again."""
@@ -90,6 +96,17 @@ class Output:
     # Returns the message that clears the display, for an output that may be switched off at run
     # time.
     clear: Callable[[View], Any] | None = None
+
+
+@dataclass(frozen=True)
+class Stream:
+    """An output in the format of other programs, sent by UDP or TCP."""
+
+    switch: str  # Name by which a user enables the output
+    form: str  # Its format, with which the names of its destinations begin
+    # Returns one message for each datagram, given own ship's pose if it is known.
+    encode: Callable[[Estimates, View, Pose | None], list[bytes]]
+    on_earth: bool = True  # True if the output needs the world frame's place on the earth
 
 
 def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
@@ -254,6 +271,43 @@ def _vision(found: Estimates, view: View) -> list[Any]:
     return [vision.to_msg(found, view.frame, view.class_names)]
 
 
+def _ttm(found: Estimates, view: View, own: Pose | None, relative: bool = False) -> list[bytes]:
+    if own is None:
+        return []
+    return nmea.ttm(view.numbers.of(found, own.position), own, view.plane, relative)
+
+
+def _tll(found: Estimates, view: View, own: Pose | None) -> list[bytes]:
+    targets = view.numbers.of(found, (0.0, 0.0) if own is None else own.position)
+    return [] if view.plane is None else nmea.tll(targets, view.plane)
+
+
+def _cot(found: Estimates, view: View, own: Pose | None) -> list[bytes]:
+    if view.plane is None:
+        return []
+    return cot.events(found, view.plane, view.class_names, view.types, view.run, view.stale_s)
+
+
+def _signal_k(found: Estimates, view: View, own: Pose | None) -> list[bytes]:
+    return [] if view.plane is None else signal_k.deltas(found, view.plane, view.types, view.run)
+
+
+# Output of relative bearings, which needs own ship's heading.
+RELATIVE = "ttm_relative"
+STREAMS = (
+    Stream("ttm", "nmea", _ttm, on_earth=False),
+    Stream(RELATIVE, "nmea", partial(_ttm, relative=True), on_earth=False),
+    Stream("tll", "nmea", _tll),
+    Stream("cot", "cot", _cot),
+    Stream("signalk", "signalk", _signal_k),
+)
+
 # The words of the outputs that a user enables, and those of them that need a place on the earth.
-SWITCHES = tuple(dict.fromkeys(row.switch for row in table(0) if row.switch))
-ON_THE_EARTH = tuple(row.switch for row in table(0) if row.on_earth)
+SWITCHES = (
+    *dict.fromkeys(row.switch for row in table(0) if row.switch),
+    *(row.switch for row in STREAMS),
+)
+ON_THE_EARTH = (
+    *(row.switch for row in table(0) if row.on_earth),
+    *(row.switch for row in STREAMS if row.on_earth),
+)

@@ -55,13 +55,15 @@ class BagReader:
 
     `types` has the type of each readable topic, `foreign` why each other topic cannot be read, and
     with which tool it can be converted, and `counts` the number of messages by topic. The first and
-    the last message have the log times `start_ns` and `end_ns`.
+    the last message have the log times `start_ns` and `end_ns`. Messages on the topics `restamped`,
+    which begin with a header, are yielded with their log time as their stamp.
 
     Raise `BagError` if the bag is missing, of another kind, or damaged without any readable topic.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.restamped: frozenset[str] = frozenset()
         files, self._missing = parts.find(path)
         self._parts = [Part.of(file) for file in files]
         filled = [part.index for part in self._parts if part.index.counts.total()]
@@ -148,8 +150,11 @@ class BagReader:
             if place >= 0:
                 waiting -= len(entry.data) + _MESSAGE_COST
                 data = reading.data(entry)
+                topic = reading.topic(entry)
+                if data is not None and topic in self.restamped:
+                    data = stamps.restamped(data, entry.log_time)
                 if data is not None:
-                    yield BagMessage(reading.topic(entry), entry.log_time, data)
+                    yield BagMessage(topic, entry.log_time, data)
                 continue
             for position, message in reading.messages(offset, entry, wanted):
                 waiting += len(message.data) + _MESSAGE_COST

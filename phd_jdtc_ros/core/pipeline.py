@@ -7,6 +7,7 @@ ends a run. The live node publishes the estimates, and the offline tracker write
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -307,6 +308,18 @@ class Pipeline:
         """
         fault = self._posed.add_pose(radar, stamp_ns, pose)
         return fault if fault is not None else self._events(self._group_released())
+
+    def own_pose(self, stamp_ns: int) -> Pose | None:
+        """Return own ship's pose at a stamp: the first sensor's place with its platform's heading.
+
+        It is the first of the sensors that move, or without one the first of all, at rest and
+        without a heading. None if it is unknown; see `Platform.own_pose`.
+        """
+        platforms = (sensor.platform for sensor in self._sensors)
+        platform = next((each for each in platforms if each is not None), None)
+        if platform is None:
+            return Pose(self._configured[0].radars[0].position, math.nan)
+        return platform.own_pose(stamp_ns)
 
     def take_drops(self) -> list[tuple[int, Drops]]:
         """Return what was dropped after `add` since the last call, with each radar's index."""

@@ -12,8 +12,10 @@ from typing import Any
 
 from phd_jdtc_ros import interruption
 from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration import scene
 from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.parameters.place_forms import TRANSFORM_TOPICS
 from phd_jdtc_ros.configuration.schema import SMALL, ConfigError
 from phd_jdtc_ros.exit_status import INTERRUPTED, USAGE, fail
 from phd_jdtc_ros.parameter_files import (
@@ -98,6 +100,24 @@ def add_cutoff_argument(parser: argparse.ArgumentParser) -> None:
         help=f"c of OSPA and GOSPA ({CUTOFF:g}): the distance at which an estimate no longer "
         "belongs to a target",
     )
+
+
+def add_clock_argument(parser: argparse.ArgumentParser) -> None:
+    """Add the argument that chooses the clock of recorded messages; see `use_clock`."""
+    parser.add_argument(
+        "--clock",
+        choices=("stamps", "arrival"),
+        default="stamps",
+        help="times of detections and poses: the stamps of their messages, or when these were "
+        "recorded, for drivers that stamp nothing (%(default)s)",
+    )
+
+
+def use_clock(bag: BagReader, config: TrackerConfig, clock: str) -> None:
+    """Let a bag's detections and poses have the stamps of a clock; transforms keep theirs."""
+    if clock == "arrival":
+        topics = {topic for each in config.inputs for topic in (each.topic, *each.pose.topics)}
+        bag.restamped = frozenset(topics - set(TRANSFORM_TOPICS))
 
 
 def at_least(least: float, unit: str) -> Callable[[str], float]:

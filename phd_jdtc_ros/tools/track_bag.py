@@ -276,6 +276,7 @@ def main(argv: Sequence[str]) -> int:
         help="smoothed tracks as rows: x and y, and with world_origin latitude and longitude",
     )
     command.add_cutoff_argument(parser)
+    command.add_clock_argument(parser)
     command.add_parameter_arguments(parser)
 
     def work(arguments: argparse.Namespace) -> int:
@@ -288,7 +289,9 @@ def main(argv: Sequence[str]) -> int:
                 "longitude of the world frame's origin"
             )
         output_files.require_new({f"--{n}": path for n, path in files.items()}, arguments.out)
-        tracker = track_bag(BagReader(source), config, arguments.out)
+        bag = BagReader(source)
+        command.use_clock(bag, config, arguments.clock)
+        tracker = track_bag(bag, config, arguments.out)
         status = _print_outcome(tracker, source, arguments.out)
         run = tracker.record()
         if files:

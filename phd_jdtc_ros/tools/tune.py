@@ -39,6 +39,7 @@ def main(argv: Sequence[str]) -> int:
         "bag is used, or else topics and fields are recognised by their names"
     )
     command.add_proposal_arguments(parser, files)
+    command.add_clock_argument(parser)
     return command.run(parser, argv, _work)
 
 
@@ -52,6 +53,7 @@ def _work(arguments: argparse.Namespace) -> int:
         None,
     )
     config = tracker_params.config(given)
+    command.use_clock(bag, config, arguments.clock)
     _note(f"reading {source}")
     recorded = recorded_plots.read(bag, config, arguments.seconds)
     console = Console()

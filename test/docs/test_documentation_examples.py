@@ -18,6 +18,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.handover import settings as hand_over
+from phd_jdtc_ros.nodes.tracker import settings as tracker_settings
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 from phd_jdtc_ros.simulation import scenario_file, sending
 from phd_jdtc_ros.simulation.sending import Sending
@@ -31,12 +32,15 @@ EXAMPLES = [
     for match in re.finditer(r"^```ya?ml\n(.*?)^```", page.read_text(), re.DOTALL | re.MULTILINE)
 ]
 SCENES = [(name, text) for name, text in EXAMPLES if name.startswith("docs/scenarios.md")]
-# Functions that read the examples of the pages of other nodes, and all others.
+# Functions that read the examples of pages on nodes' own parameters, and all others.
 RESOLVED = {
-    "asterix_bridge": lambda path: (
+    "nodes/asterix_bridge": lambda path: (
         settings.resolve(from_arguments.load(path, "asterix_bridge")).radars
     ),
-    "hand_over": lambda path: hand_over.resolve(from_arguments.load(path, "hand_over")).regions,
+    "nodes/hand_over": lambda path: (
+        hand_over.resolve(from_arguments.load(path, "hand_over")).regions
+    ),
+    "outputs": lambda path: tracker_settings.resolve(from_arguments.load(path)).config.inputs,
     "": lambda path: resolve(from_arguments.load(path), SystemPlane).inputs,
 }
 EXAMPLES = [example for example in EXAMPLES if example not in SCENES]
@@ -58,7 +62,7 @@ def test_pages_have_scenes():
 def test_every_example_is_a_parameter_file_that_resolves(tmp_path, name, text):
     path = tmp_path / "example.yaml"
     path.write_text(text)
-    node = next(node for node in RESOLVED if name.startswith(f"docs/nodes/{node}") or not node)
+    node = next(node for node in RESOLVED if name.startswith(f"docs/{node}") or not node)
     assert RESOLVED[node](path)
 
 

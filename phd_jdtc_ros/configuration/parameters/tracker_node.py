@@ -21,11 +21,30 @@ class Node:
     )
     outputs: list[str] = parameter(
         ["detections", "frames", "markers", "curves"],
-        "Optional outputs; the tracker's page lists their topics. navsat and geojson need "
-        "world_origin, and only markers can change while the tracker is configured.",
+        "Optional outputs; the tracker's page lists their topics, and the page of outputs what is "
+        "sent by UDP and TCP. Latitudes and longitudes need world_origin, and only markers can "
+        "change while the tracker is configured.",
         element=str,
         mutable=True,
         former=replaced.outputs,
+    )
+    destinations: list[str] = parameter(
+        [
+            "nmea+udp://127.0.0.1:10110",
+            "cot+udp://127.0.0.1:4242",
+            "signalk+udp://127.0.0.1:8375",
+        ],
+        "Where ttm, ttm_relative and tll in outputs (nmea), cot and signalk are sent: "
+        "FORMAT+udp:// or FORMAT+tcp:// with the HOST:PORT to send to, or FORMAT+listen:// with "
+        "that at which TCP clients connect.",
+        element=str,
+    )
+    cot_types: list[str] = parameter(
+        [],
+        "Types of the classes in Cursor on Target, in their order, such as a-u-S for vessels. "
+        "Empty for a-u-G, or a-u-A for a target with a code or an address.",
+        element=str,
+        repeats=True,
     )
     checkpoint_path: str = parameter(
         "",

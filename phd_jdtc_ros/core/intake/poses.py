@@ -326,6 +326,18 @@ class Platform:
         posed = replace(detections, measurement=measurement, pose=pose, range_rate=rate)
         return posed, extrapolated
 
+    def own_pose(self, stamp_ns: int) -> Pose | None:
+        """Return the radar's place and velocity with the platform's heading; None if unknown.
+
+        The heading is NaN if azimuths do not turn with the platform, and the velocity if unknown.
+        """
+        pose = self.track.at(stamp_ns)[0]
+        if pose is None:
+            return None
+        yaw = pose.yaw if self.track.yaw_applies else math.nan
+        velocity = self.velocity(stamp_ns) or (math.nan, math.nan)
+        return Pose(self.mount.on(pose).position, yaw, velocity)
+
     def velocity(self, stamp_ns: int) -> tuple[float, float] | None:
         """Return the radar's velocity at a stamp in the world frame, m/s; None if unknown.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -15,6 +15,7 @@ from phd_jdtc_ros.calibration.registration.monitor import LEAST, MeanResidual
 from phd_jdtc_ros.columns import anomalies
 
 from ..common.health import WARNING_MEMORY_S, Rhythm, Rises, first, status_of
+from .senders import Link
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 # The tracker is at its limit if it works for more than BUSY_SHARE of the time while scans are
@@ -140,18 +141,29 @@ class OutputHealth:
     refused: Counter[str] = field(default_factory=Counter)
     _rises: Rises = field(default_factory=Rises)
 
-    def status(self, node: str, now_s: float, unsaved: str = "") -> DiagnosticStatus:
+    def status(
+        self, node: str, now_s: float, unsaved: str = "", links: Sequence[Link] = ()
+    ) -> DiagnosticStatus:
         """Return the status of the outputs; `node` is the full name of the tracker.
 
-        `unsaved` is the reason why the last checkpoint was not written; empty if it was.
+        `unsaved` is the reason why the last checkpoint was not written; empty if it was. `links`
+        are those to destinations by UDP and TCP.
         """
         refused = self._rises.recent("refused", self.refused.total(), now_s)
+        stalled = self._rises.recent("stalled", sum(link.stalled for link in links), now_s)
+        fault = next((link.fault for link in links if link.fault), "")
         condition = first(
             (DiagnosticStatus.ERROR, unsaved, unsaved),
             (WARN, refused, "a subscription asks for incompatible QoS"),
+            (WARN, fault, fault),
+            (WARN, stalled, "a receiver that did not read was disconnected"),
             (OK, True, "served"),
         )
         values = {f"incompatible_qos {topic}": n for topic, n in sorted(self.refused.items())}
+        for link in links:
+            values[f"{link.where} receivers"] = link.receivers
+            values[f"{link.where} sent"] = link.sent
+            values[f"{link.where} stalled"] = link.stalled
         return status_of(node, "outputs", condition, values)
 
 

@@ -22,7 +22,7 @@ from phd_jdtc_ros.configuration.parameters.tracker import PHD
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped, start_cold
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
-from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Pose
 from phd_jdtc_ros.feed.feed import Feed, Monitor
 from phd_jdtc_ros.feed.step_clock import StepClock
 
@@ -59,7 +59,7 @@ class LiveTracker:
             self._registration = RegistrationMonitor(polar_radars(config.model.radars), nominal_s)
         self._active = False
         self._step_clock = StepClock()
-        self._outputs = Outputs(node, settings, self._output_health)
+        self._outputs = Outputs(node, settings, self._output_health, self._own_pose)
         # The timer is never started if scans wait without a limit.
         self._max_wait_s = settings.node["max_wait_s"]
         period_s = self._max_wait_s or 1.0
@@ -80,6 +80,9 @@ class LiveTracker:
         except Exception:
             self.destroy()
             raise
+
+    def _own_pose(self, stamp_ns: int) -> Pose | None:
+        return self._pipeline.own_pose(stamp_ns)
 
     def _make_checkpoints(self) -> Checkpoints | None:
         values = self._settings.node
@@ -284,6 +287,6 @@ class LiveTracker:
         return [
             *self.inputs.statuses(now_s),
             self._step_health.status(name, lost, busy),
-            self._output_health.status(name, now_s, unsaved),
+            self._output_health.status(name, now_s, unsaved, self._outputs.links),
             *(registration_status(found, name) for found in residuals),
         ]

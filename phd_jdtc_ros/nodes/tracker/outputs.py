@@ -1,4 +1,4 @@
-"""The publishers of the tracker, by the table in `msg_adapters.outgoing.outputs`.
+"""The publishers of the tracker, by the tables in `msg_adapters.outgoing.outputs`.
 
 Messages are encoded only if there are subscribers. The last message of a latched topic is encoded
 when the first subscriber joins.
@@ -6,7 +6,7 @@ when the first subscriber joins.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -18,10 +18,12 @@ from msg_adapters.outgoing.frames import Mounting
 from msg_adapters.outgoing.outputs import Output, View, table
 from msg_adapters.outgoing.trails import Trails
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.types import FILTERED, Pose
 
 from ..common import topics
 from . import endpoints
 from .health import OutputHealth
+from .senders import Link, Senders
 from .settings import Settings
 
 # Positions of a track in ~/tracks/path and ~/tracks/geojson: some ten minutes of a turning radar.
@@ -37,7 +39,13 @@ def _is_wanted(row: Output, values: Mapping[str, Any]) -> bool:
 class Outputs:
     """The tracker's publishers; silent while the node is not active."""
 
-    def __init__(self, node: LifecycleNode, settings: Settings, health: OutputHealth) -> None:
+    def __init__(
+        self,
+        node: LifecycleNode,
+        settings: Settings,
+        health: OutputHealth,
+        own_pose: Callable[[int], Pose | None],
+    ) -> None:
         self._node, self._health = node, health
         self._values = settings.node
         config = settings.config
@@ -50,7 +58,11 @@ class Outputs:
             config.plane,
             trails,
             config.model.has_clutter_map,
+            own_pose=own_pose,
+            types=self._values["cot_types"],
+            stale_s=config.reset_threshold_s,
         )
+        self._senders = Senders(self._values)
         self._publishers: dict[Output, Any] = {}
         # The outputs that are wanted, with their publishers, by trigger.
         self._wanted: dict[str, list[tuple[Output, Any]]] = {}
@@ -103,12 +115,18 @@ class Outputs:
         return publisher
 
     def destroy(self) -> None:
-        """Destroy all publishers."""
+        """Destroy all publishers, and close all connections."""
+        self._senders.close()
         while self._publishers:
             self._node.destroy_lifecycle_publisher(self._publishers.popitem()[1])
         if self._frames is not None:
             self._node.destroy_publisher(self._frames)
             self._frames = None
+
+    @property
+    def links(self) -> list[Link]:
+        """The links to the destinations of streams."""
+        return self._senders.links
 
     def begin_run(self) -> None:
         """Begin a new run; latched topics keep the end of the last, even without subscribers."""
@@ -140,7 +158,9 @@ class Outputs:
                 self._publishers[row].publish(row.clear(self._view))
 
     def publish(self, when: str, stamp_ns: int, data: Any) -> None:
-        """Publish data on all topics with this trigger; see `Output.when`."""
+        """Publish data on all topics with this trigger, see `Output.when`; send streams."""
+        if when == FILTERED:
+            self._senders.send(data, self._view)
         for row, publisher in self._wanted.get(when, ()):
             last_ns = self._last_ns.get(row)
             if last_ns is not None and stamp_ns - last_ns < row.period_s * 1e9:

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from msg_adapters.outgoing import outputs
+from msg_adapters.outgoing import cot, outputs
 from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
@@ -18,6 +18,8 @@ from phd_jdtc_ros.configuration.parameters.tracker_node import NAMES, Node
 from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check, table
 from phd_jdtc_ros.configuration.tables import schema
 from phd_jdtc_ros.earth import SystemPlane
+
+from . import senders
 
 # The words of `outputs`: the switches of the table, the radars' frames, and a monitor of their
 # registration. Only the markers may change in a running tracker.
@@ -59,12 +61,40 @@ def resolve(given: Mapping[str, Any]) -> Settings:
         wanted = [name for name in outputs.ON_THE_EARTH if name in node["outputs"]]
         place = ", whose latitude and longitude are unknown" if tracker.plane else ""
         faults += [f"outputs: {name} given, needs world_origin{place}" for name in wanted]
+    faults += _stream_faults(node, tracker)
     if "registration" in node["outputs"]:
         others = [each.name for each in tracker.inputs if not isinstance(each, RadarParameters)]
         faults += [f"outputs: registration given, {name} is not a radar" for name in others]
     if faults:
         raise ConfigError(*faults)
     return Settings(_table(of_tracker), tracker, node)
+
+
+def _stream_faults(node: Mapping[str, Any], tracker: TrackerConfig) -> list[str]:
+    """Return the faults of what is sent by UDP and TCP."""
+    faults, forms = [], set()
+    for text in node["destinations"]:
+        try:
+            forms.add(senders.destination(text).form)
+        except ValueError as error:
+            faults.append(f"destinations: {error}")
+    faults += [
+        f"outputs: {row.switch} given, needs {row.form}+... in destinations"
+        for row in outputs.STREAMS
+        if row.switch in node["outputs"] and row.form not in forms and not faults
+    ]
+    moving = next((each for each in tracker.inputs if each.pose.topic), None)
+    if outputs.RELATIVE in node["outputs"] and not (moving and moving.pose.yaw):
+        faults.append(f"outputs: {outputs.RELATIVE} given, needs pose of a radar, and its heading")
+    types, classes = node["cot_types"], tracker.classes
+    if types and len(types) != len(classes):
+        faults.append(f"cot_types: {types} given, must be empty or one for each of {classes}")
+    faults += [
+        f"cot_types: {kind} given, must be such as a-u-S"
+        for kind in types
+        if not cot.TYPE.fullmatch(kind)
+    ]
+    return faults
 
 
 def _table(given: Mapping[str, Any]) -> dict[str, Parameter]:

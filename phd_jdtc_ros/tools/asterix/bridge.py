@@ -9,11 +9,12 @@ from datetime import datetime, timezone
 from pathlib import Path
 
 from msg_adapters.encoding import names
-from phd_jdtc_ros import resources
+from phd_jdtc_ros import output_files, resources
 from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.parts import is_mcap
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import FILTERED, SOURCES
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params
@@ -31,19 +32,30 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _work(arguments: argparse.Namespace) -> int:
-    command.require_new("it", arguments.out)
+    if arguments.csv is None:
+        command.require_new("it", arguments.out)
+    else:
+        output_files.require_new({"--csv": arguments.csv})
     given = from_arguments.from_arguments(arguments.params_file, arguments.assignments, NAME)
     path = Path(arguments.source)
     if path.suffix not in ("", ".mcap") and not path.exists():
         raise BagError(f"{path}: no such recording or bag")
     if path.is_file() and not is_mcap(path):
-        return _to_bag(path, arguments, settings.resolve(given))
+        return _from_recording(path, arguments, settings.resolve(given))
+    if arguments.csv is not None:
+        raise ConfigError(
+            f"--csv: given with {path}, which must be a recording of ASTERIX; the tracks of a bag "
+            "are written by track_bag --csv"
+        )
     return _to_asterix(resources.bag(arguments.source), arguments, given)
 
 
-def _to_bag(path: Path, arguments: argparse.Namespace, bridge: settings.Bridge) -> int:
-    done = reading.convert(path, arguments.out, bridge, arguments.date, arguments.port)
-    print(f"{arguments.out}: {done.clouds} clouds, {done.plots} plots")
+def _from_recording(path: Path, arguments: argparse.Namespace, bridge: settings.Bridge) -> int:
+    read, out = reading.convert, arguments.out
+    if arguments.csv is not None:
+        read, out = reading.tabulate, arguments.csv
+    done = read(path, out, bridge, arguments.date, arguments.port)
+    print(f"{out}: {done.clouds} clouds, {done.plots} plots")
     for line in done.lines():
         print(line)
     faults = list(done.faults())
@@ -90,11 +102,15 @@ def _parser() -> ArgumentParser:
     parser.add_argument(
         "source", help=f"recording: ASTERIX, final, pcap or pcapng; or a {command.BAG}"
     )
-    parser.add_argument(
-        "--out",
+    written = parser.add_mutually_exclusive_group(required=True)
+    written.add_argument(
+        "--out", type=Path, help="directory of the new bag, or file of the new data blocks"
+    )
+    written.add_argument(
+        "--csv",
         type=Path,
-        required=True,
-        help="directory of the new bag, or file of the new data blocks",
+        metavar="FILE",
+        help="for a recording: write its decoded plots as a table, and no bag",
     )
     parser.add_argument(
         "--plots",

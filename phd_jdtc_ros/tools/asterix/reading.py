@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import csv
+import io
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from msg_adapters.encoding import interfaces, names
-from phd_jdtc_ros.asterix import records
+from phd_jdtc_ros import output_files
+from phd_jdtc_ros.asterix import call_signs, records
 from phd_jdtc_ros.asterix.clocks import StreamClock
+from phd_jdtc_ros.asterix.messages import NONE, Plot
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
 from phd_jdtc_ros.asterix.slices import SectorReport
 from phd_jdtc_ros.asterix.transport import datagram, framing
@@ -38,6 +44,13 @@ PLACES = (
 )
 OTHERS = {11: TRACKS, 30: TRACKS, 62: TRACKS, 20: PLACES, 21: PLACES}
 STATUS = "no target reports"
+# The table of decoded plots: seconds since 1970, slant ranges in metres, azimuths in degrees
+# clockwise from north, heights in metres, amplitudes in dBm, the TYP of I048/020, the Mode 3/A code
+# in octal digits and the Mode S address in hexadecimal ones.
+COLUMNS = (
+    *("time", "radar", "range", "azimuth", "height", "amplitude_dbm", "detection_type"),
+    *("mode_3a", "mode_s", "call_sign"),
+)
 
 
 @dataclass
@@ -183,6 +196,27 @@ def _most(counts: Counter[Any]) -> str:
     return ", ".join(f"{name} ({count})" for name, count in counts.most_common(MAX_LISTED))
 
 
+# What is in a recording: its counts, and the reports of its radars in order.
+_Recorded: TypeAlias = "tuple[Conversion, Iterator[tuple[RadarState, SectorReport]]]"
+
+
+@contextmanager
+def _recorded(
+    path: Path, bridge: Bridge, midnight_ns: int | None, ports: Iterable[int]
+) -> Iterator[_Recorded]:
+    """Open a recording; see `convert`."""
+    clock = StreamClock(midnight_ns or 0, bridge.values["max_clock_offset_s"])
+    done = Conversion(bridge.stream(clock), frozenset(ports))
+    try:
+        with framing.open_recording(path, done.recording) as data:
+            if not len(data):
+                raise BagError(f"{path}: is empty, nothing was recorded", corrupt=True)
+            framing.kind_of(data)
+            yield done, _reports(data, done, midnight_ns)
+    except RecordingError as error:
+        raise BagError(f"{path}: {error}") from error
+
+
 def convert(
     path: Path, out: Path, bridge: Bridge, midnight_ns: int | None, ports: Iterable[int]
 ) -> Conversion:
@@ -192,18 +226,9 @@ def convert(
     given, captured datagrams to other ports are left out. Raise `BagError` if the file is empty or
     no recording of ASTERIX, or the bag cannot be written.
     """
-    clock = StreamClock(midnight_ns or 0, bridge.values["max_clock_offset_s"])
-    done = Conversion(bridge.stream(clock), frozenset(ports))
-    try:
-        with framing.open_recording(path, done.recording) as data:
-            if not len(data):
-                raise BagError(f"{path}: is empty, nothing was recorded", corrupt=True)
-            framing.kind_of(data)
-            with BagWriter(out) as bag:
-                for state, report in _reports(data, done, midnight_ns):
-                    _write(bag, done, state, report)
-    except RecordingError as error:
-        raise BagError(f"{path}: {error}") from error
+    with _recorded(path, bridge, midnight_ns, ports) as (done, reports), BagWriter(out) as bag:
+        for state, report in reports:
+            _write(bag, done, state, report)
     states = done.radars()
     found = parameters.propose(states, done.disorder_ns * 1e-9)
     if found is not None:
@@ -216,6 +241,46 @@ def convert(
         parameters.write(out / bag_parameters.NAME, head, found)
         done.hints += found.hints
     return done
+
+
+def tabulate(
+    path: Path, out: Path, bridge: Bridge, midnight_ns: int | None, ports: Iterable[int]
+) -> Conversion:
+    """Write the plots of a recording as comma-separated values; see `convert` and `COLUMNS`.
+
+    They are in the order of the clouds that `convert` would write. Unknown values are empty.
+    """
+    with (
+        _recorded(path, bridge, midnight_ns, ports) as (done, reports),
+        output_files.opened(out) as stream,
+    ):
+        lines = io.TextIOWrapper(stream, "utf-8", newline="", write_through=True)
+        writer = csv.writer(lines, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        for state, report in reports:
+            done.clouds += 1
+            done.plots += len(report.plots)
+            for time_ns, plot in zip(report.times_ns, report.plots, strict=True):
+                writer.writerow(_cells(state.settings.name, time_ns, plot))
+        lines.detach()
+    return done
+
+
+def _cells(radar: str, time_ns: int, plot: Plot) -> list[str]:
+    """Return a plot as the cells of `COLUMNS`."""
+    echo = plot.secondary_dbm if math.isnan(plot.primary_dbm) else plot.primary_dbm
+    return [
+        f"{time_ns // 10**9}.{time_ns % 10**9 // 1000:06d}",
+        radar,
+        f"{plot.distance:.2f}",
+        f"{math.degrees(plot.azimuth):.4f}",
+        "" if math.isnan(plot.height) else f"{plot.height:.2f}",
+        "" if math.isnan(echo) else f"{echo:.0f}",
+        str(plot.detection_type) if plot.detection_type else "",
+        "" if plot.code == NONE else f"{plot.code:04o}",
+        "" if plot.address == NONE else f"{plot.address:06X}",
+        call_signs.text(plot.call_sign),
+    ]
 
 
 def _reports(

@@ -57,6 +57,27 @@ def test_a_pose_without_a_measured_velocity_leaves_it_to_the_positions():
     assert platform.velocity(5 * 10**8) == pytest.approx((10.0, 0.0))
 
 
+@pytest.mark.parametrize("stabilised", [False, True])
+def test_own_pose_has_the_radars_place_and_the_platforms_heading(stabilised):
+    mount = ((4.0, 0.0), 0.3)
+    platform = vehicle(np.arange(0.0, 10.0, INTERVAL_S), mount=mount, stabilised=stabilised)
+    pose = platform.own_pose(5 * 10**9)
+    x, y = SPEED / TURN_RATE * np.array([np.sin(0.5), 1.0 - np.cos(0.5)])
+    yaw = 0.0 if stabilised else 0.5
+    assert_allclose(pose.position, [x + 4.0 * np.cos(yaw), y + 4.0 * np.sin(yaw)], atol=1e-9)
+    assert_allclose(pose.yaw, np.nan if stabilised else 0.5)
+    assert_allclose(pose.velocity, velocity_at(5.0, 0.0 if stabilised else 4.0), atol=0.2)
+
+
+def test_own_pose_is_unknown_before_the_first_pose_and_its_velocity_after_it():
+    platform = Platform(PoseTrack(), Mount((0.0, 0.0), 0.0))
+    assert platform.own_pose(0) is None
+    platform.track.add(0, Pose((1.0, 2.0), 0.5))
+    pose = platform.own_pose(0)
+    assert (pose.position, pose.yaw) == ((1.0, 2.0), 0.5)
+    assert np.isnan(pose.velocity).all()
+
+
 def test_noisy_positions_are_differenced_over_a_longer_interval():
     times_s = np.arange(0.0, 20.0, INTERVAL_S)
     errors = []

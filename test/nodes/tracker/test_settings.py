@@ -77,6 +77,33 @@ def test_outputs_by_latitude_and_longitude_need_an_origin():
     assert fault.endswith("needs world_origin, whose latitude and longitude are unknown")
 
 
+ORIGIN = {"world_origin": [52.3, 4.8, 0.0]}
+
+
+def test_streams_need_sound_destinations_and_types_and_places():
+    assert faults_of(resolve, {"outputs": ["ttm", "tll", "cot", "signalk"]}) == [
+        f"outputs: {name} given, needs world_origin" for name in ("tll", "cot", "signalk")
+    ]
+    given = {"outputs": ["ttm", "cot"], **ORIGIN, "destinations": ["cot+tcp://there:1"]}
+    (fault,) = faults_of(resolve, given)
+    assert fault.startswith("destinations: cot+tcp://there:1 given, must be one of nmea, cot, ")
+    (fault,) = faults_of(resolve, {**given, "destinations": ["cot+tcp://127.0.0.1:1"]})
+    assert fault == "outputs: ttm given, needs nmea+... in destinations"
+    (fault,) = faults_of(resolve, {"cot_types": ["a-u-S"]})
+    assert fault.startswith("cot_types: ['a-u-S'] given, must be empty or one for each of")
+    (fault,) = faults_of(resolve, {"cot_types": ["a-u-S", "vessel"]})
+    assert fault == "cot_types: vessel given, must be such as a-u-S"
+    resolve({"cot_types": ["a-u-S-X-M", "a-u-S-X-M"]})
+
+
+def test_relative_bearings_need_a_heading():
+    moves = {"outputs": ["ttm_relative"], "radar_1.pose": "/odom"}
+    assert resolve(moves).node["outputs"] == ["ttm_relative"]
+    for given in ({**moves, "radar_1.pose": "fixed"}, {**moves, "radar_1.pose_yaw": False}):
+        (fault,) = faults_of(resolve, given)
+        assert fault == "outputs: ttm_relative given, needs pose of a radar, and its heading"
+
+
 def test_edited_checks_every_value_and_not_yet_the_whole():
     table, values = edit(USUAL.values, {"classes": ["a", "b", "c"], "lag": 9})
     assert (values["classes"], values["lag"], table["c.motions"].name) == (

@@ -1,4 +1,6 @@
+import csv
 import gzip
+from pathlib import Path
 
 import asterix_records as made
 import numpy as np
@@ -10,6 +12,7 @@ from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 
+ROOT = Path(__file__).parents[3]
 TOPIC = "/radar_1_2/detections"
 DAY_NS = 20_779 * 86_400 * 10**9
 # A plot with an impossible length of the field SP.
@@ -101,6 +104,56 @@ def test_identities_heights_and_kinds_are_in_the_clouds(bridge):
     kinds = [(field.offset, field.datatype) for field in cloud.fields if field.name == "kind"]
     assert [bytes(cloud.data)[offset] for offset, _ in kinds] == [3]
     assert [datatype for _, datatype in kinds] == [2]
+
+
+def test_csv_has_every_plot_as_a_row_without_a_bag(tmp_path, capsys):
+    known = made.plot(
+        5.0, 1000.06, i070=(0, 0, 0, 0, 0o7700), i090=(0, 0, -40), i220=0xABCDEF, i240="KLM123  "
+    )
+    bare = made.plot(359.0, 1003.99)
+    blocks = [*made.revolutions(1)]
+    path, out = tmp_path / "recording.ast", tmp_path / "plots.csv"
+    path.write_bytes(b"".join([blocks[0], made.plots(known), *blocks[1:], made.plots(bare)]))
+    given = [str(path), "--csv", str(out), "--date", "2026-11-22"]
+    assert run("asterix_bridge", given) == 0
+    assert capsys.readouterr().out.startswith(f"{out}: 32 clouds, 2 plots\n")
+    with out.open(newline="") as file:
+        first, second = csv.DictReader(file)
+    seconds = DAY_NS // 10**9
+    assert float(first.pop("time")) == pytest.approx(seconds + 1000.06, abs=1 / 128)
+    assert float(second.pop("time")) == pytest.approx(seconds + 1003.99, abs=1 / 128)
+    assert float(first["range"]) == pytest.approx(float(second["range"]))
+    assert float(first.pop("azimuth")) == pytest.approx(5.0, abs=0.006)
+    assert float(second.pop("azimuth")) == pytest.approx(359.0, abs=0.006)
+    assert first.pop("range") == second.pop("range")
+    own = {"height": "-304.80", "mode_3a": "7700", "mode_s": "ABCDEF", "call_sign": "KLM123"}
+    assert first == {"radar": "radar_1_2", "amplitude_dbm": "", "detection_type": "3", **own}
+    assert second == {**first, **dict.fromkeys(own, "")}
+    # An existing table stays.
+    assert run("asterix_bridge", given) == 2
+    assert "already exists" in capsys.readouterr().err
+
+
+def test_csv_has_the_plots_of_the_bag_in_their_order(bridge, tmp_path):
+    data = b"".join(made.revolutions(3, seen=SEEN))
+    _, out, _ = bridge(data)
+    table = tmp_path / "plots.csv"
+    assert run("asterix_bridge", [str(tmp_path / "recording.ast"), "--csv", str(table)]) == 0
+    rows = np.genfromtxt(table, delimiter=",", names=True, usecols=("range", "azimuth"))
+    found = [report.detections for report in reports(out) if len(report.detections)]
+    distance, azimuth = np.concatenate([each.measurement for each in found]).T
+    np.testing.assert_allclose(rows["range"], distance, atol=0.01)
+    np.testing.assert_allclose(rows["azimuth"], (90.0 - np.degrees(azimuth)) % 360.0, atol=1e-3)
+
+
+@pytest.mark.parametrize(("source", "status"), [("bag", 2), ("empty", 3), ("text", 2)])
+def test_csv_of_what_is_no_recording_is_refused(tmp_path, capsys, source, status):
+    path, out = tmp_path / "recording.ast", tmp_path / "plots.csv"
+    path.write_bytes(b"" if source == "empty" else b"no recording at all")
+    if source == "bag":
+        path = ROOT / "bags" / "paper_scenario"
+    found = run("asterix_bridge", [str(path), "--csv", str(out)])
+    assert (found, out.exists()) == (status, False), capsys.readouterr()
 
 
 @pytest.mark.parametrize("kind", ["final", "pcap", "pcapng"])
