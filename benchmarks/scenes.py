@@ -13,6 +13,7 @@ from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 from phd_jdtc_ros.core.types import Truth
+from phd_jdtc_ros.parameter_files import from_arguments
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario, truth_at
 from phd_jdtc_ros.simulation.traffic.targets import TargetScript
 
@@ -37,7 +38,8 @@ def configuration(
     grow, and the azimuth's standard deviation falls so that the error at the edge stays the same in
     metres. All scenes of at least `DENSEST` targets are thus equally ambiguous.
     """
-    usual, scale = resolve({}), _scale(targets)
+    known = from_arguments.profile(from_arguments.REFERENCE)
+    usual, scale = resolve(known), _scale(targets)
     radars = {
         f"{radar.name}.{name}": value
         for radar in usual.inputs
@@ -48,7 +50,7 @@ def configuration(
             "azimuth_std_deg": float(usual.values[f"{radar.name}.azimuth_std_deg"]) / scale,
         }.items()
     }
-    return resolve({"accuracy": accuracy, **radars})
+    return resolve({**known, "accuracy": accuracy, **radars})
 
 
 def _scale(targets: int) -> float:

@@ -195,8 +195,9 @@ def scenario_of(truth: Mapping[str, float]) -> Scenario:
 
 
 def of_radars(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return parameters that all radars have."""
-    return {f"{radar}.{name}": value for radar in RADARS for name, value in values.items()}
+    """Return the reference scenario's parameters, with some that all radars have."""
+    own = {f"{radar}.{name}": value for radar in RADARS for name, value in values.items()}
+    return from_arguments.scenario_parameters(None) | own
 
 
 def _distances(

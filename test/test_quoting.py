@@ -1,6 +1,6 @@
 import pytest
+from reference import resolve
 
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.quoting import LONGEST, LONGEST_WORD, counts_text, printable, short
 

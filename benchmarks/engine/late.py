@@ -14,6 +14,7 @@ from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import REPROCESSED, Stepped
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Detections
+from phd_jdtc_ros.parameter_files import from_arguments
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
@@ -32,7 +33,8 @@ Report = tuple[int, int, Detections]
 def measure(quick: bool) -> dict[str, Any]:
     """Return the cost of a step by delay, and the memory of a run."""
     count = QUICK if quick else SCANS
-    dropping, working = resolve({}), resolve({"late_reports": "rework"})
+    known = from_arguments.scenario_parameters(None)
+    dropping, working = resolve(known), resolve({**known, "late_reports": "rework"})
     scene = replace(paper_scenario(polar_radars(dropping.model.radars)), scans=count)
     reports = [
         (radar, scan.stamp_ns, found)

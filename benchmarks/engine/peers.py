@@ -9,13 +9,15 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
+from phd_jdtc_ros.parameter_files import from_arguments
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.study.runs import SimulatedRun, simulated_run
 from studies import peers
@@ -25,14 +27,15 @@ from .recursion import GAUSSIAN
 
 def measure(quick: bool) -> dict[str, Any]:
     """Return the mean CPU milliseconds per scan of each tracker, by run."""
-    scene = paper_scenario(polar_radars(resolve({}).model.radars))
+    config = resolve(from_arguments.scenario_parameters(None))
+    scene = paper_scenario(polar_radars(config.model.radars))
     if quick:
         scene = replace(scene, scans=15)
     trackers: dict[str, Callable[[SimulatedRun], object]] = {
-        GAUSSIAN: _own,
-        "GM-PHD": peers.gm_phd,
-        "GNN": peers.gnn,
-        "JPDA": peers.jpda,
+        GAUSSIAN: partial(_own, config),
+        "GM-PHD": partial(peers.gm_phd, model=config.model),
+        "GNN": partial(peers.gnn, model=config.model),
+        "JPDA": partial(peers.jpda, model=config.model),
     }
     cost: dict[str, list[float]] = {name: [] for name in trackers}
     for seed in range(1 if quick else 3):
@@ -46,7 +49,7 @@ def measure(quick: bool) -> dict[str, Any]:
     }
 
 
-def _own(run: SimulatedRun) -> None:
-    engine = new_engine(resolve({}))
+def _own(config: TrackerConfig, run: SimulatedRun) -> None:
+    engine = new_engine(config)
     for scan in run.scans:
         engine.step(scan)

@@ -13,6 +13,7 @@ import numpy as np
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Scan
+from phd_jdtc_ros.parameter_files import from_arguments
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
@@ -52,7 +53,7 @@ def measure(quick: bool) -> dict[str, Any]:
 
 def _reference(count: int | None) -> dict[str, Any]:
     """Return the figures of the reference scenario, or of its first `count` scans."""
-    config = resolve({})
+    config = resolve(from_arguments.scenario_parameters(None))
     scene = paper_scenario(polar_radars(config.model.radars))
     scans = [scan for _, scan in simulate(replace(scene, scans=count or scene.scans), seed=0)]
     return _measure({GAUSSIAN: TimedEngine(config)}, scans, config.lag.scans)

@@ -17,6 +17,7 @@ from typing import Any
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Scan
+from phd_jdtc_ros.parameter_files import from_arguments
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 from robustness.harness.rig import Node
@@ -48,7 +49,9 @@ def measure(quick: bool) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as directory, contextlib.ExitStack() as stack:
         log = Path(directory) / "tracker.log"
         stack.enter_context(node("tracker", log))
-        radars = stack.enter_context(contextlib.closing(Radars(resolve({}).radars)))
+        radars = stack.enter_context(
+            contextlib.closing(Radars(resolve(from_arguments.scenario_parameters(None)).radars))
+        )
         if not radars.connected(START_S):
             return {"value": None, "reason": f"no tracker was found: {log.read_text()[-500:]}"}
         latency = _latency(radars, scans, repeats=1 if quick else 6)
@@ -62,7 +65,12 @@ def measure(quick: bool) -> dict[str, Any]:
 
 
 def _scans(count: int) -> list[Scan]:
-    scene = replace(paper_scenario(polar_radars(resolve({}).model.radars)), scans=count)
+    scene = replace(
+        paper_scenario(
+            polar_radars(resolve(from_arguments.scenario_parameters(None)).model.radars)
+        ),
+        scans=count,
+    )
     return [scan for _, scan in simulate(scene, seed=0)]
 
 

@@ -40,7 +40,8 @@ _OF_RADARS = tuple(p for p in bridge.RADAR if p not in bridge.TABLE)
 _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
     (
         "tracker",
-        "The defaults are the reference scenario; `config/defaults.yaml` lists them all. "
+        "The defaults are two radars and targets of two classes that can appear anywhere; "
+        "`config/defaults.yaml` lists them all. "
         "QoS can be overridden: `qos_overrides.TOPIC.publisher.{reliability,history,depth}`, "
         "and `qos_overrides.TOPIC.subscription.{reliability,history,depth,deadline}` (ns).",
         TOP,
@@ -268,9 +269,9 @@ def _rewritten(title: str) -> list[tuple[str, str]]:
 
 
 _DEFAULTS = """\
-# All defaults: those of the reference scenario, two radars, two classes and births at four known
-# places. For your own radars start with a copy of this file, or of a profile beside it. Written by
-# `make parameters`; each parameter is explained where it first occurs.
+# All defaults: two radars, and targets of two classes that can appear anywhere. For your own radars
+# start with a copy of surveillance.yaml, which has the most important ones, or of another profile
+# beside it. Written by `make parameters`; each parameter is explained where it first occurs.
 /**/tracker:
   ros__parameters:
 """

@@ -22,19 +22,16 @@ from .reports import TIME
 from .supposed_radar import POSITION, Area
 from .tables import Columns
 
-# Defaults for tables. Those of the node describe a scenario with known birth places; these describe
-# targets of one class that may appear anywhere in the radars' coverage.
+# Defaults for tables. Those of the node describe two radars and two classes; these describe one of
+# each. Amplitudes and probabilities that are not known are not assumed.
 DEFAULTS: Mapping[str, Any] = {
     "sensors": ["radar"],
     "classes": ["target"],
     "amplitude": "none",
-    "births": [],
+    "detection_births.rates": [0.2],
     "detection_births.turn_rate_std": 0.02,
     "detection_births.least_probability": 0.005,
-    "spawn.rate": 0.0,
 }
-# Expected number of births of all classes per interval.
-BIRTHS = 0.2
 RADAR_DEFAULTS: Mapping[str, Any] = {
     "fields.amplitude": "",
     "detection_probability": 0.9,
@@ -113,9 +110,6 @@ class Parameters:
             return {**self.found, **self.given}
         known = {**self._usable(), **self.given}
         values = dict(DEFAULTS)
-        classes = known.get("classes", DEFAULTS["classes"])
-        if isinstance(classes, Sequence):
-            values["detection_births.rates"] = [BIRTHS / max(len(classes), 1)] * len(classes)
         for name in self.radars:
             values.update({f"{name}.{what}": value for what, value in RADAR_DEFAULTS.items()})
             # A given rate stays.

@@ -90,10 +90,10 @@ def _beyond_the_paper(top: Tracking) -> Faults:
 
 def _births(parts: Parts) -> Faults:
     top, count = parts.tracking, len(parts.classes)
-    if top.birth_rates and len(top.birth_rates) != count:
+    if len(top.birth_rates) not in (0, 1, count):
         yield (
-            f"detection_births.rates: {top.birth_rates} given, must be empty or {count} numbers, "
-            "one per class"
+            f"detection_births.rates: {top.birth_rates} given, must be empty, one number for all "
+            f"classes, or {count} numbers, one per class"
         )
     for name, own in parts.births.items():
         if len(own.rates) != count or sum(own.rates) <= 0.0:

@@ -70,7 +70,7 @@ def tracker_model(parts: Parts, inputs: Sequence[SensorParameters]) -> TrackerMo
         modes=modes,
         births=tuple(_birth(name, own, modes) for name, own in parts.births.items()),
         detection_births=DetectionBirthModel(
-            rate=np.array(top.birth_rates or [0.0] * len(classes)),
+            rate=np.array(top.birth_rates_of(len(classes))),
             velocity_std=top.birth_velocity_std,
             turn_rate_std=top.birth_turn_rate_std,
             least_mass=top.birth_least_probability,

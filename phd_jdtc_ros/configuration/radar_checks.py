@@ -11,7 +11,7 @@ from phd_jdtc_ros.core.sensors.site import MAX_SITE_DISTANCE
 
 from .parameters.place_forms import FIXED, TF
 from .parameters.radar import QUANTITIES, RadarParameters
-from .parameters.tracker import PHD, REFERENCE, Parts
+from .parameters.tracker import PHD, USUAL, Parts
 
 # Smallest ambiguity interval of range rates, in standard deviations: within a smaller interval all
 # range rates are equally likely.
@@ -140,7 +140,7 @@ def _place(radar: RadarParameters, parts: Parts) -> Iterator[str]:
                 f"{name}.geodetic: {place} given, is {apart / 1e3:.0f} km from world_origin, must "
                 f"be at most {MAX_SITE_DISTANCE / 1e3:.0f} km"
             )
-    if radar.position != (*REFERENCE.get(f"{name}.position", [0.0, 0.0]), 0.0):
+    if radar.position != (*USUAL.get(f"{name}.position", [0.0, 0.0]), 0.0):
         yield f"{name}.position: given beside geodetic, must be one of the two"
     if radar.pose.topic:
         yield (

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from .parameters.sensor import SensorParameters
-from .parameters.tracker import REFERENCE, Birth, Motion, Parts, TargetClass, Tracking
+from .parameters.tracker import USUAL, Birth, Motion, Parts, TargetClass, Tracking
 from .schema import Parameter, build, expand, table
 from .sensor_kinds import ALL, KINDS, parameters_of
 
@@ -31,9 +31,7 @@ def schema(given: Mapping[str, Any]) -> dict[str, Parameter]:
             return parameters_of(given.get(f"{name}.kind", next(iter(KINDS))))
         return GROUPS[group]
 
-    return expand(
-        TOP, GROUPS, members, given, lambda name, member: REFERENCE.get(name, member.default)
-    )
+    return expand(TOP, GROUPS, members, given, lambda name, member: USUAL.get(name, member.default))
 
 
 def parts_of(values: Mapping[str, Any]) -> Parts:

@@ -9,12 +9,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from phd_jdtc_ros import resources
+from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.configuration.schema import ConfigError, flatten, read_each
 from phd_jdtc_ros.parameter_files import sections, yaml_files
 from phd_jdtc_ros.parameter_files.sections import ParameterFile, Sections
 from phd_jdtc_ros.simulation import scenario_file
 
 _NODE = "tracker"
+# The profile of the reference scenario.
+REFERENCE = "reference"
 
 
 def load(path: Path, node: str = _NODE) -> dict[str, Any]:
@@ -49,17 +53,35 @@ def _sections_for(node: str, file: ParameterFile) -> Sections:
     return tuple(each for each in file.sections if each[0].rpartition("/")[2] in wanted)
 
 
-def scenario_parameters(document: Any) -> dict[str, Any]:
-    """Return the ``parameters`` and the radars' ``sites`` of a scenario, by dotted name.
+def profile(name: str) -> dict[str, Any]:
+    """Return the tracker's parameters of a shipped profile by dotted name, such as ``reference``.
 
-    Raise `ConfigError` if they are not a mapping, or a site is wrong.
+    Raise `ConfigError` if there is no such profile.
     """
+    try:
+        return load(resources.profile(name)[0])
+    except BagError as error:
+        raise ConfigError(f"profile: {error}") from error
+
+
+def scenario_parameters(document: Any) -> dict[str, Any]:
+    """Return the tracker's parameters of a scenario, by dotted name.
+
+    They are those of the shipped ``profile`` that it names, the radars' ``sites`` and its own
+    ``parameters``; later ones override. Without a document they are those of the reference
+    scenario. Raise `ConfigError` if they are not a mapping, or a profile or a site is wrong.
+    """
+    if document is None:
+        return profile(REFERENCE)
     if not isinstance(document, Mapping):
         return {}
-    given = document.get("parameters", {})
+    named, given = document.get("profile"), document.get("parameters", {})
     if not isinstance(given, Mapping):
         raise ConfigError("parameters: must be a mapping")
-    return scenario_file.site_parameters(document) | dict(flatten(given))
+    if not isinstance(named, str | None):
+        raise ConfigError("profile: must be the name of a shipped profile")
+    of_profile = {} if named is None else profile(named)
+    return of_profile | scenario_file.site_parameters(document) | dict(flatten(given))
 
 
 def from_arguments(

@@ -72,12 +72,12 @@ class Timing:
         return (self.scans - 1) * self.interval_s
 
 
-# The blocks, which their modules describe; ``parameters`` (of the tracker and the radars),
-# ``sites`` and ``sending`` are read elsewhere.
+# The blocks, which their modules describe; ``profile`` and ``parameters`` (of the tracker and the
+# radars), ``sites`` and ``sending`` are read elsewhere.
 BLOCKS = (
-    *("targets", "parameters", "traffic", "manoeuvres", "antennas", "biases", "clutter", "echoes"),
-    *("world_origin", "sites", "reflectors", "platform", "transponders", "gaps", "mirrors"),
-    "sending",
+    *("profile", "parameters", "targets", "traffic", "manoeuvres", "antennas", "biases", "clutter"),
+    *("echoes", "world_origin", "sites", "reflectors", "platform", "transponders", "gaps"),
+    *("mirrors", "sending"),
 )
 
 

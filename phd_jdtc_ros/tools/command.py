@@ -32,7 +32,7 @@ CUTOFF = 1000.0
 # Help of `--scenario` for tools that read a bag.
 SCENARIO = (
     "scenario file, whose parameters are used; without one and without --params-file those beside "
-    "the bag, or else the reference scenario's"
+    "the bag, or else the defaults"
 )
 # Help of arguments that name a bag.
 BAG = "rosbag2 directory, MCAP file, or the name of a shipped bag"

@@ -15,6 +15,7 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core import compilation
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
+from phd_jdtc_ros.parameter_files import from_arguments
 
 from . import command
 
@@ -71,8 +72,8 @@ def _compile(_: argparse.Namespace) -> int:
     with _compiling(others):
         for name in own:
             importlib.import_module(name)
-    for name in ("gaussian", "phd"):
-        new_engine(resolve({"engine": name}))
+    for name, profile in (("gaussian", "defaults"), ("phd", "phd")):
+        new_engine(resolve(from_arguments.profile(profile)))
         print(f"{name}: ready after {time.perf_counter() - begin:.1f} s")
     for name in TUNING:
         importlib.import_module(name)

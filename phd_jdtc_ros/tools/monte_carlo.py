@@ -20,8 +20,18 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
+from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.study import monte_carlo
-from phd_jdtc_ros.study.monte_carlo import KINDS, Kind, Outcome, Plan, Scene, Store, Study
+from phd_jdtc_ros.study.monte_carlo import (
+    KINDS,
+    REFERENCE,
+    Kind,
+    Outcome,
+    Plan,
+    Scene,
+    Store,
+    Study,
+)
 
 from . import command
 
@@ -38,6 +48,8 @@ def load_study(path: Path, assigned: Mapping[str, Any], kinds: Kinds = KINDS) ->
 
 
 def _load_scene(directory: Path, name: str) -> Scene:
+    if name == REFERENCE:
+        return from_arguments.scenario_parameters(None), paper_scenario
     document = yaml_files.load(directory / name)
     return from_arguments.scenario_parameters(document), partial(scenario_file.resolve, document)
 

@@ -12,6 +12,7 @@ from msg_adapters.incoming import detections
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
 from phd_jdtc_ros.core.types import Detections, Scan, Truth
+from phd_jdtc_ros.parameter_files import from_arguments
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 from phd_jdtc_ros.simulation.traffic.targets import TargetScript
@@ -27,7 +28,7 @@ _STAMP_OFFSET = 4
 
 
 def _radars() -> tuple[RadarModel, ...]:
-    return polar_radars(resolve({}).model.radars)
+    return polar_radars(resolve(from_arguments.scenario_parameters(None)).model.radars)
 
 
 @cache
@@ -96,7 +97,7 @@ def with_clutter(clutter_rate: float) -> tuple[tuple[bytes, bytes], ...]:
 
 def interval_ns() -> int:
     """Return the time between two scans of the reference scenario."""
-    return round(resolve({}).model.modes.interval_s * 1e9)
+    return round(resolve(from_arguments.scenario_parameters(None)).model.modes.interval_s * 1e9)
 
 
 def stamp_of_scan(index: int) -> int:

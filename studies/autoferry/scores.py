@@ -116,8 +116,8 @@ def scores_of(
     scenario = Scenario(scans[0].stamp_ns, interval_s, len(scans), (), polar_radars(model.radars))
     run = SimulatedRun(scenario, 0, tuple(truth), tuple(scans), ())
     tracks = {
-        "GNN": gnn(run, PEER_SETTINGS, (0, lag), model),
-        "JPDA": jpda(run, PEER_SETTINGS, (0, lag), model),
+        "GNN": gnn(run, model, PEER_SETTINGS, (0, lag)),
+        "JPDA": jpda(run, model, PEER_SETTINGS, (0, lag)),
     }
     for name, by_lag in tracks.items():
         found[name, FILTERED], found[name, SMOOTHED] = by_lag[0], by_lag[lag]

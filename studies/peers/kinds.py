@@ -33,7 +33,7 @@ class Peer:
         received = raised_threshold(run, LOUD_THRESHOLD) if self.loud else run
         own: dict[str, Any] = {"lags": lags} if self.smoothed else {}
         model = resolve(parameters).model
-        return TrackingResult(self.tracker(received, self.settings, model=model, **own))
+        return TrackingResult(self.tracker(received, model, self.settings, **own))
 
 
 # The peers of Stone Soup, by the name of their kind.

@@ -13,9 +13,7 @@ from .settings import GM_PHD, PhdSettings
 from .soup import Part, Soup
 
 
-def gm_phd(
-    run: SimulatedRun, settings: PhdSettings = GM_PHD, model: TrackerModel | None = None
-) -> Tracks:
+def gm_phd(run: SimulatedRun, model: TrackerModel, settings: PhdSettings = GM_PHD) -> Tracks:
     """Return the estimates of Stone Soup's Gaussian-mixture PHD filter, at lag 0.
 
     They are the components with a weight above ``settings.extract``, all of class 0; for the model

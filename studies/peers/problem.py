@@ -8,7 +8,6 @@ from datetime import datetime, timedelta
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
@@ -33,13 +32,9 @@ class Problem:
     updater: Part
 
     @staticmethod
-    def of(run: SimulatedRun, model: TrackerModel | None = None) -> Problem:
-        """Return the problem for a run; `model` is by default the reference configuration's.
-
-        The motion is the model's first one of constant velocity.
-        """
+    def of(run: SimulatedRun, model: TrackerModel) -> Problem:
+        """Return the problem for a run, with the model's first motion of constant velocity."""
         soup = require()
-        model = resolve({}).model if model is None else model
         straight = next(m for m in model.modes.motions if isinstance(m, ConstantVelocity))
         axis = soup.ConstantVelocity(straight.noise_density)
         motion = soup.CombinedLinearGaussianTransitionModel([axis, axis])

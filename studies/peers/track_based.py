@@ -28,9 +28,9 @@ from .soup import Part, Soup
 
 def gnn(
     run: SimulatedRun,
+    model: TrackerModel,
     settings: TrackSettings = AT_BIRTH_PLACES,
     lags: Iterable[int] = (0,),
-    model: TrackerModel | None = None,
 ) -> Tracks:
     """Return the estimates of global nearest neighbour tracking, by lag; see `Problem.of`."""
     problem = Problem.of(run, model)
@@ -42,9 +42,9 @@ def gnn(
 
 def jpda(
     run: SimulatedRun,
+    model: TrackerModel,
     settings: TrackSettings = AT_BIRTH_PLACES,
     lags: Iterable[int] = (0,),
-    model: TrackerModel | None = None,
 ) -> Tracks:
     """Return the estimates of joint probabilistic data association, by lag; as `gnn`.
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from estimate_sets import estimates, states
 from position_sensor import PositionSensor
+from reference import resolve
 
 from phd_jdtc_ros.calibration.innovations import LEAST_BROKEN, SAMPLE, InnovationMonitor
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.factors import Noise
 from phd_jdtc_ros.core.types import Coverage, Detections, Scan

@@ -1,6 +1,7 @@
 import time
 
 import pytest
+import reference
 
 from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.configuration.engines import new_engine
@@ -14,30 +15,30 @@ from phd_jdtc_ros.core.engine import Lag
 
 def faults_of(given):
     with pytest.raises(ConfigError) as caught:
-        build.resolve(given)
+        reference.resolve(given)
     return list(caught.value.faults)
 
 
 def test_resolve_keeps_values_and_what_it_was_given():
-    values = build.resolve({"lag": 3, "radar_1.range_std": 100}).values
+    values = reference.resolve({"lag": 3, "radar_1.range_std": 100}).values
     assert values["lag"] == 3
     assert values["radar_1.range_std"] == 100.0
     assert values["radar_2.range_std"] == 300.0
-    given = {"lag": 2, "start_1.position": [1, 2]}
+    given = {"lag": 2, "births": ["here"], "here.position": [1, 2]}
     build.resolve(given)
-    assert given == {"lag": 2, "start_1.position": [1, 2]}
+    assert given == {"lag": 2, "births": ["here"], "here.position": [1, 2]}
 
 
 def test_resolve_names_the_inputs_and_the_topic_of_one_platform():
-    first, second = build.resolve({"radar_2.topic": "/x", "radar_2.frame": "y"}).inputs
+    first, second = reference.resolve({"radar_2.topic": "/x", "radar_2.frame": "y"}).inputs
     assert (first.topic, first.frame) == ("/radar_1/detections", "radar_1")
     assert (second.topic, second.frame) == ("/x", "y")
     assert not first.compass
     assert not first.amplitude_in_db
-    config = build.resolve({"radar_1.pose": "/ship", "radar_2.pose": "/ship"})
+    config = reference.resolve({"radar_1.pose": "/ship", "radar_2.pose": "/ship"})
     assert config.radars_by_platform == {"/ship": [0, 1]}
     assert all(config.platforms())
-    assert build.resolve({}).platforms() == (None, None)
+    assert reference.resolve({}).platforms() == (None, None)
 
 
 def test_resolve_finds_no_faults_in_the_parameters_of_a_faulty_list():
@@ -206,7 +207,7 @@ def test_resolve_refuses_matrix_entries_that_are_no_numbers(entry):
     ],
 )
 def test_the_lag_is_of_scans_or_of_seconds(given, lag):
-    assert build.resolve(given).lag == lag
+    assert reference.resolve(given).lag == lag
 
 
 @pytest.mark.parametrize("given", ["", "x", -1, 101, 1.5, 3.0000001, True, [5]])
@@ -231,19 +232,22 @@ def test_no_parameter_of_before_is_one_of_now():
     [("fast", 8, 1500), ("normal", 8, 1500), ("high", 16, 3000)],
 )
 def test_accuracy_sets_hypotheses_and_particles(accuracy, hypotheses, particles):
-    config = build.resolve({"accuracy": accuracy})
+    config = reference.resolve({"accuracy": accuracy})
     assert (config.bounds.hypotheses, config.budget.per_target) == (hypotheses, particles)
-    assert build.resolve({"accuracy": accuracy, "particles_per_target": 77}).budget.per_target == 77
+    assert (
+        reference.resolve({"accuracy": accuracy, "particles_per_target": 77}).budget.per_target
+        == 77
+    )
 
 
 def test_grouper_and_engine_carry_the_configuration():
     given = {"interval_s": 4.0, "max_gap_scans": 10, "reorder_s": 1.5, "sensors": ["a", "b", "c"]}
-    grouper = build.resolve(given).grouper()
+    grouper = reference.resolve(given).grouper()
     assert (grouper.radars, grouper.reset_threshold_s) == (3, 12.0)
     assert (grouper.max_gap_s, grouper.reorder_s) == (40.0, 1.5)
-    usual = build.resolve({}).grouper()
+    usual = reference.resolve({}).grouper()
     assert (usual.max_gap_s, usual.reorder_s) == (90.0, 0.0)
-    resolved = build.resolve({"engine": "phd_as_printed", "seed": 9})
+    resolved = reference.resolve({"engine": "phd_as_printed", "seed": 9})
     engine = new_engine(resolved)
     assert engine.recursion.death_term.__name__ == "printed_death_term"
     assert engine.recursion.extraction.__name__ == "clusters"
@@ -291,13 +295,13 @@ def test_grouper_and_engine_carry_the_configuration():
 )
 def test_resolve_refuses_what_the_paper_does_not_have(given, fault, engine):
     assert faults_of({"engine": engine, **given}) == [f"{fault} with engine {engine}"]
-    assert build.resolve(given).inputs  # the default engine has it
+    assert reference.resolve(given).inputs  # the default engine has it
 
 
 def test_resolve_refuses_clutter_beyond_the_range_that_is_tracked():
-    assert build.resolve({"radar_1.clutter_max_range": 17e3}).inputs
+    assert reference.resolve({"radar_1.clutter_max_range": 17e3}).inputs
     with pytest.raises(ConfigError) as caught:
-        build.resolve({"radar_1.max_range": 200.0})
+        reference.resolve({"radar_1.max_range": 200.0})
     assert caught.value.faults == (
         "radar_1.clutter_max_range: 15000 given, must be at most max_range, 200, beyond which "
         "detections are ignored",
@@ -306,13 +310,15 @@ def test_resolve_refuses_clutter_beyond_the_range_that_is_tracked():
 
 def test_resolve_refuses_one_field_for_two_quantities():
     with pytest.raises(ConfigError) as caught:
-        build.resolve({"radar_1.fields.azimuth": "range", "radar_2.fields.elevation": "amplitude"})
+        reference.resolve(
+            {"radar_1.fields.azimuth": "range", "radar_2.fields.elevation": "amplitude"}
+        )
     assert caught.value.faults == (
         "radar_1.fields.azimuth: 'range' given, radar_1.fields.range has it too",
         "radar_2.fields.amplitude: 'amplitude' given, radar_2.fields.elevation has it too",
     )
     # They are not used for a message whose definition fixes its fields.
-    assert build.resolve(
+    assert reference.resolve(
         {"radar_1.message": "radar_scan", "radar_1.fields.azimuth": "range"}
     ).inputs
 
@@ -327,7 +333,7 @@ def test_resolve_refuses_one_field_for_two_quantities():
     ],
 )
 def test_answers_of_turning_radars_are_older_than_their_reports(given, expected):
-    assert build.resolve(given).answer_delay_s == pytest.approx(expected)
+    assert reference.resolve(given).answer_delay_s == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(
@@ -370,7 +376,7 @@ def test_resolve_lists_what_a_radars_pose_may_be(given, expected):
 def test_resolve_refuses_too_many_names_at_once(group, count):
     begin_s = time.process_time()
     try:
-        build.resolve({group: [f"n{index}" for index in range(count)]})
+        reference.resolve({group: [f"n{index}" for index in range(count)]})
         faults = ()
     except ConfigError as error:
         faults = error.faults
@@ -387,4 +393,4 @@ def test_resolve_takes_as_many_classes_as_there_may_be_each_with_its_own_matrix(
         stays = 0.95 - 0.005 * index
         given[f"{name}.mode_transition"] = [stays, 1.0 - stays, 1.0 - stays, stays]
     given |= {"spawn.rate": 0.0}
-    assert len(build.resolve(given).model.modes.classes) == MOST_CLASSES
+    assert len(reference.resolve(given).model.modes.classes) == MOST_CLASSES

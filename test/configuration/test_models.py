@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from reference import resolve
 
-from phd_jdtc_ros.configuration import build, scene
-from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration import scene
 from phd_jdtc_ros.configuration.scene import differences, other_places
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.factors.clutter.amplitude import Learned
@@ -23,8 +23,8 @@ ORIGIN, PLACE = [52.3, 4.8, 5.0], [53.1, 6.9, 40.0]
 ONE = {"sensors": ["north"], "world_origin": ORIGIN, "north.geodetic": PLACE}
 
 
-def test_resolve_of_nothing_is_the_reference_scene():
-    resolved = build.resolve({})
+def test_the_reference_scene_has_two_radars_and_births_at_four_places():
+    resolved = resolve({})
     model = resolved.model
     assert [radar.position for radar in model.radars] == [(1000.0, 0.0), (0.0, 0.0)]
     assert [c.snr_band for c in model.modes.classes] == [
@@ -49,7 +49,7 @@ def test_resolve_of_nothing_is_the_reference_scene():
 
 
 def test_resolve_converts_decibels_degrees_and_probabilities():
-    radar = build.resolve({"radar_1.yaw_deg": 90.0}).model.radars[0]
+    radar = resolve({"radar_1.yaw_deg": 90.0}).model.radars[0]
     assert radar.yaw == pytest.approx(math.pi / 2.0)
     assert radar.azimuth_std == pytest.approx(math.pi / 180.0)
     assert radar.threshold == pytest.approx(amplitude_density.threshold_for(1e-3))
@@ -61,7 +61,7 @@ def test_resolve_converts_decibels_degrees_and_probabilities():
 )
 def test_field_of_view_is_counted_as_the_radar_counts(convention, seen, hidden):
     given = {"radar_1.azimuth_convention": convention, "radar_1.fov_deg": [0.0, 90.0]}
-    radar = build.resolve(given).model.radars[0]
+    radar = resolve(given).model.radars[0]
     for azimuths, expected in ((seen, 1.0), (hidden, 0.0)):
         measured = np.stack([np.full(2, 5e3), np.radians(azimuths)], axis=1)
         assert radar.visibility.probability_in_view(measured).tolist() == [expected] * 2
@@ -79,7 +79,7 @@ def test_resolve_builds_three_classes_of_different_motions():
         "wild.noise_density": 50.0,
         **{f"start_{n}.rates": [0.004, 0.003, 0.0] for n in range(1, 5)},
     }
-    model = build.resolve(given).model
+    model = resolve(given).model
     np.testing.assert_array_equal(model.modes.class_of, [0, 0, 1, 2, 2, 2])
     assert model.modes.motions[5] == ConstantVelocity(50.0)
     rates = np.array([8.0, 4.0, 9.0, 0.0, 0.0, 0.0]) * 1e-3 / 3.0
@@ -87,7 +87,7 @@ def test_resolve_builds_three_classes_of_different_motions():
 
 
 def test_the_law_of_clutter_is_that_of_noise_or_learned():
-    model = build.resolve({"radar_1.clutter_amplitude": "learned"}).model
+    model = resolve({"radar_1.clutter_amplitude": "learned"}).model
     nothing = Detections(np.zeros((0, 2)), None)
     first, second = model.expected(Scan(0, (nothing, nothing)))
     assert isinstance(first.clutter_amplitude, Learned)
@@ -95,7 +95,7 @@ def test_the_law_of_clutter_is_that_of_noise_or_learned():
 
 
 def test_a_spawned_target_has_its_parents_motion_as_a_rule():
-    model = build.resolve({}).model
+    model = resolve({}).model
     same = [[0.45, 0.05], [0.05, 0.45]]
     np.testing.assert_allclose(model.spawn.transition, np.tile(same, (2, 2)))
 
@@ -110,7 +110,7 @@ def test_a_spawned_target_has_its_parents_motion_wherever_its_class_lists_it():
         **{f"start_{n}.rates": [0.004, 0.003, 0.0] for n in range(1, 5)},
     }
     cv, ct = [0.9, 0.1, 0.1, 0.9, 1.0], [0.1, 0.9, 0.9, 0.1, 1.0]
-    model = build.resolve(given).model
+    model = resolve(given).model
     np.testing.assert_allclose(model.spawn.transition, np.array([cv, ct, ct, cv, ct]) / 3)
 
 
@@ -124,7 +124,7 @@ def test_a_spawned_target_of_a_class_without_its_parents_motion_has_any_of_it():
         "calm.noise_density": 0.5,
     }
     from_a, from_b = [[0.45, 0.05], [0.05, 0.45]], np.full((2, 2), 0.25)
-    model = build.resolve(given).model
+    model = resolve(given).model
     np.testing.assert_allclose(
         model.spawn.transition, np.block([[np.array(from_a), from_b], [from_b, np.array(from_a)]])
     )

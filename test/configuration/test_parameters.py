@@ -101,7 +101,7 @@ def test_schema_gives_every_named_part_its_group_parameters():
     assert "ct.model" not in table
     groups = {**GROUPS, "sensors": plain}
     assert len(table) == len(TOP) + sum(
-        len(members) * count for members, count in zip(groups.values(), (1, 2, 1, 4), strict=True)
+        len(members) * count for members, count in zip(groups.values(), (1, 2, 1, 0), strict=True)
     )
 
 
@@ -112,12 +112,13 @@ def test_schema_has_the_entries_of_a_mapping_and_defaults_of_faulty_lists():
     assert "radar_1.range_std" in schema({"sensors": 3})
 
 
-def test_schema_holds_the_reference_scene():
+def test_schema_has_values_of_the_usual_names():
     table = schema({})
     assert table["radar_1.position"].default == [1000.0, 0.0]
     assert table["class_0.snr_band_db"].default == [30.0, 50.0]
     assert table["class_1.snr_band_db"].default == [10.0, 30.0]
-    assert table["start_4.position"].default == [1400.0, 8000.0]
+    assert table["ct.model"].default == "coordinated_turn"
+    assert table["calm.noise_density"].default < table["cv.noise_density"].default
 
 
 @pytest.mark.parametrize(("name", "parameter"), schema({}).items())

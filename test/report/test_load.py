@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 from records import SHORT, record_of, shrunk
+from reference import resolve
 from unfolded import columns_of
 
 from msg_adapters.encoding import names
@@ -15,7 +16,6 @@ from msg_adapters.outgoing import diagnostics
 from msg_adapters.targets import estimates, poses, truth
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.factors.outliers import Outliers
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.page import score_words

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reference import resolve
 from scenario_blocks import exact
 
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.sensors.visibility import sector_probability
 from phd_jdtc_ros.core.types import FULL_TURN

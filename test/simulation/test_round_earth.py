@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from reference import resolve
 from scenario_blocks import exact
 from topocentric import seen_from
 
 from msg_adapters.encoding import point_cloud
 from msg_adapters.incoming import detections as adapter
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports

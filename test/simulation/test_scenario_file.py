@@ -4,10 +4,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from lone import lone
+from reference import resolve as resolve_config
 from refusals import faults_of
 from scenario_blocks import FLIGHT, QUAY, RACE, SHIP, TARGET, TURN, UNIFORM, turning
 
-from phd_jdtc_ros.configuration.build import resolve as resolve_config
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 from phd_jdtc_ros.simulation import scenario, scenario_file

@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from reference import resolve
 from scenario_blocks import exact
 from scenes import reference_scenario
 
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.sensors.visibility import Visibility, sector_probability
 from phd_jdtc_ros.core.state_space import PLANAR
 from phd_jdtc_ros.core.types import UNKNOWN, Truth

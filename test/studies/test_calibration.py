@@ -3,8 +3,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from reference import resolve
 
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import Estimates, Truth
 from studies.calibration.drawn_truth import drawn_run
 from studies.calibration.scores import (

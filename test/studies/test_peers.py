@@ -4,8 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import reference
+from reference import resolve
 
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.study.runs import simulated_run
@@ -25,14 +26,15 @@ LAG = 3
 SETTLED = 3
 NEAR_M = 500.0
 # The noise with which they are studied.
-NOISE = {"cv.noise_density": 1.0}
+NOISE = reference.parameters({"cv.noise_density": 1.0})
+MODEL = resolve({}).model
 every_peer = pytest.mark.parametrize("contender", peers.PEERS.values(), ids=peers.PEERS)
 
 
 def short_run(clutter_rate=1.0, yaws_deg=(0.0, 0.0), targets=slice(3), seed=1):
     radars = [
         replace(radar, clutter_rate=clutter_rate, yaw=math.radians(yaw))
-        for radar, yaw in zip(resolve({}).model.radars, yaws_deg, strict=True)
+        for radar, yaw in zip(MODEL.radars, yaws_deg, strict=True)
     ]
     scenario = paper_scenario(tuple(radars))
     return simulated_run(
@@ -88,7 +90,7 @@ def test_peer_takes_scans_without_detections(contender):
 
 
 def test_nearest_turn_is_less_than_half_a_turn_from_the_prediction():
-    problem = Problem.of(short_run())
+    problem = Problem.of(short_run(), MODEL)
     stamp, looks = next(problem.scans())
     sensor = measurement_model(problem.soup, looks[0][0])
     place = problem.soup.GaussianState([-9000.0, 0.0, -1.0, 0.0], np.eye(4), timestamp=stamp)
@@ -110,13 +112,15 @@ def run_from_elsewhere():
 
 
 def test_gnn_anywhere_starts_tracks_anywhere(run_from_elsewhere):
-    found = peers.gnn(run_from_elsewhere, ANYWHERE, (LAG,))[LAG]
+    found = peers.gnn(run_from_elsewhere, MODEL, ANYWHERE, (LAG,))[LAG]
     assert missed(run_from_elsewhere, found) <= 1
 
 
 @pytest.mark.parametrize("name", ["gnn", "gnn_loud"])
 def test_gnn_starts_tracks_at_birth_places_alone(name, run_from_elsewhere):
-    (points,) = peers.PEERS[name](run_from_elsewhere, {}, (LAG,)).tracks.values()
+    (points,) = peers.PEERS[name](
+        run_from_elsewhere, reference.parameters(), (LAG,)
+    ).tracks.values()
     assert [len(found) for found in points] == [0] * SCANS
 
 
@@ -124,7 +128,7 @@ def test_gnn_starts_tracks_at_birth_places_alone(name, run_from_elsewhere):
 def test_loud_peers_take_strong_detections_alone(name):
     run = short_run(clutter_rate=20.0)
     (whole,), (strong,) = (
-        peers.PEERS[name](given, {}, (0,)).tracks.values()
+        peers.PEERS[name](given, reference.parameters(), (0,)).tracks.values()
         for given in (run, raised_threshold(run, LOUD_THRESHOLD))
     )
     for found, expected in zip(whole, strong, strict=True):
@@ -156,4 +160,4 @@ def test_raised_threshold_refuses_lower_ones_and_no_amplitudes():
 def test_peers_name_what_to_install(monkeypatch):
     monkeypatch.setattr(soup, "PARTS", {"no_such_part": ("Anything",)})
     with pytest.raises(ImportError, match="pip install 'stonesoup"):
-        peers.gm_phd(short_run())
+        peers.gm_phd(short_run(), MODEL)

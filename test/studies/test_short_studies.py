@@ -123,7 +123,7 @@ def few(monkeypatch):
 
 
 def test_aircraft_cross_the_seam_in_both_directions():
-    scenario = scene(resolve({}), 0)
+    scenario = scene(resolve(scenario_parameters(None)), 0)
     begin, end = (truth_after(scenario, s).position[:, 0] > handover.SEAM for s in (0.0, 179.0))
     east, west = (~begin & end).sum(), (begin & ~end).sum()
     assert min(east, west) >= 10

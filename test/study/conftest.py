@@ -7,6 +7,7 @@ from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.tools.monte_carlo import load_study
 
 SCENARIO = """
+profile: reference
 scans: 6
 parameters:
   particles_per_target: 100

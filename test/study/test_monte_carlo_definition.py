@@ -16,7 +16,12 @@ from phd_jdtc_ros.tools.monte_carlo import load_study
 from studies import peers
 
 ROOT = Path(__file__).parents[2]
-ONE_CLASS = {"classes": ["only"], **{f"start_{k}.rates": [0.01] for k in range(1, 5)}}
+ONE_CLASS = {
+    "classes": ["only"],
+    "only.motions": ["cv"],
+    "only.mode_transition": [1.0],
+    **{f"start_{k}.rates": [0.01] for k in range(1, 5)},
+}
 # The variants of the study that name an engine, and the engines.
 PHD_VARIANTS = {"corrected": "phd", "as printed": "phd_as_printed", "fewer": "phd"}
 SOURCES = Path(studies.__file__).parents[1]
@@ -194,7 +199,8 @@ def test_merged_forgets_parts_that_a_later_layer_leaves_out():
         {"births": ["west"]},
     )
     assert found == {"births": ["west"], "west.rates": [2.0], "lag": 3}
-    assert merge_layers({"start_1.rates": [1.0]}, {"births": []}) == {"births": []}
+    known = {"births": ["gate"], "gate.rates": [1.0]}
+    assert merge_layers(known, {"births": []}) == {"births": []}
 
 
 def test_merged_gives_every_class_what_is_given_for_all():

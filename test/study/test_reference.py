@@ -2,9 +2,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reference import resolve
 from scipy.optimize import minimize
 
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.targets.motion import ConstantVelocity, sample
 from phd_jdtc_ros.core.types import Detections, Scan, Truth

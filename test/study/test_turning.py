@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 import yaml
+from reference import resolve
 from samples import layout
 
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.metrics import ospa

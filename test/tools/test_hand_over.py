@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from bag_content import recorded, write
 from estimate_sets import of_tracks
+from reference import resolve
 
 from msg_adapters.encoding import names
 from msg_adapters.targets import estimates
 from phd_jdtc_ros.__main__ import run
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 from phd_jdtc_ros.parameter_files import bag_parameters
 

@@ -130,7 +130,7 @@ class RadarParameters(SensorParameters):
         (0.0, 60.0),
     )
     learn: list[str] = parameter(
-        [],
+        ["noise", "outliers", "detection", "clutter"],
         "What is learned from the detections, beginning with the values of the parameters: noise "
         "(range_std, azimuth_std_deg and range_rate_std, within a factor of 4), outliers (the "
         "share of detections with several times that noise), detection (by which factor "

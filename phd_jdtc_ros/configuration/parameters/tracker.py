@@ -2,8 +2,8 @@
 
 Parameters are flat dotted names with plain values, as in ROS. Four lists name the parts (`sensors`,
 `classes`, `motions`, `births`), and every name in them has parameters of its own, such as
-``radar_1.range_std``. The defaults are the reference scenario. Units are SI unless a suffix names
-another.
+``radar_1.range_std``. The defaults are two radars and targets of two classes that can appear
+anywhere. Units are SI unless a suffix names another.
 """
 
 from __future__ import annotations
@@ -50,13 +50,10 @@ class Tracking:
         ["class_0", "class_1"], "Names of the target classes.", element=str, most=MOST_CLASSES
     )
     motions: list[str] = parameter(
-        ["cv", "ct"], "Names of the motion models.", element=str, most=MOST_MOTIONS
+        ["calm", "cv", "ct"], "Names of the motion models.", element=str, most=MOST_MOTIONS
     )
     births: list[str] = parameter(
-        ["start_1", "start_2", "start_3", "start_4"],
-        "Names of the birth terms.",
-        element=str,
-        most=MOST_BIRTHS,
+        [], "Names of the birth terms, at known places.", element=str, most=MOST_BIRTHS
     )
     interval_s: float = parameter(
         6.0,
@@ -102,7 +99,7 @@ class Tracking:
         former=replaced.engine,
     )
     accuracy: str = parameter(
-        "normal",
+        "fast",
         "Accuracy against CPU time: fast mixes the motion models in every scan, high doubles the "
         "number of hypotheses, and for a PHD filter that of particles.",
         choices=("fast", "normal", "high"),
@@ -165,9 +162,10 @@ class Tracking:
         (0, 2**20),
     )
     birth_rates: list[float] = parameter(
-        [],
-        "Expected births per interval anywhere in the coverage, one number per class; the targets "
-        "start at detections. Empty for births at the birth terms only.",
+        [0.1],
+        "Expected births per interval anywhere in the coverage, one number per class, or one for "
+        "all classes, which share it; the targets start at detections. Empty for births at the "
+        "birth terms only.",
         (0.0, 1e3),
         name="detection_births.rates",
     )
@@ -204,8 +202,13 @@ class Tracking:
         mutable=True,
     )
     spawn_rate: float = parameter(
-        0.01, "Expected spawned targets per target and interval.", (0.0, 1.0), name="spawn.rate"
+        0.0, "Expected spawned targets per target and interval.", (0.0, 1.0), name="spawn.rate"
     )
+
+    def birth_rates_of(self, classes: int) -> list[float]:
+        """Return the expected births at detections of each of so many classes, per interval."""
+        rates = self.birth_rates or [0.0]
+        return rates if len(rates) == classes else [rates[0] / classes] * classes
 
     @property
     def lag(self) -> Lag:
@@ -220,9 +223,9 @@ class TargetClass:
     snr_band_db: list[float] = parameter(
         [10.0, 50.0], "Lowest and highest mean SNR, dB.", (-100.0, 200.0), length=2
     )
-    motions: list[str] = parameter(["cv", "ct"], "Motion models of the class.", element=str)
+    motions: list[str] = parameter(["calm", "cv", "ct"], "Motion models of the class.", element=str)
     mode_transition: list[float] = parameter(
-        [0.95, 0.05, 0.1, 0.9],
+        [0.96, 0.02, 0.02, 0.1, 0.85, 0.05, 0.1, 0.1, 0.8],
         "Transition probabilities between the motion models per interval, row by row. If a matrix "
         "has no generator (matrix logarithm), intervals are rounded to whole nominal ones.",
         (0.0, 1.0),
@@ -290,18 +293,14 @@ class Parts(NamedTuple):
     births: dict[str, Birth]
 
 
-# Values of the reference scenario that differ from the defaults of their group.
-REFERENCE: dict[str, Any] = {
+# Values of the usual names that differ from the defaults of their group. The classes' bands are
+# those of the reference scenario. The motions, with their mode matrix, were tuned on seeds from
+# 9000 on of that scenario and of turning targets.
+USUAL: dict[str, Any] = {
     "radar_1.position": [1000.0, 0.0],
     "class_0.snr_band_db": [30.0, 50.0],
     "class_1.snr_band_db": [10.0, 30.0],
-    # These two values were tuned, with the mode matrices and the noise of turns, on seeds from 9000
-    # on of the reference scenario and of turning targets; config/paper_scenario.yaml has the
-    # paper's values.
-    "cv.noise_density": 0.2,
+    "calm.noise_density": 0.01,
     "ct.model": "coordinated_turn",
-    "start_1.position": [-10e3, 10e3],
-    "start_2.position": [-10e3, -10e3],
-    "start_3.position": [-10e3, -10.5e3],
-    "start_4.position": [1.4e3, 8e3],
+    "ct.turn_noise_density": 1e-5,
 }

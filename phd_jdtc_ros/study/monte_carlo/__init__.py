@@ -26,7 +26,7 @@ of the tracker (`kinds`).
 from phd_jdtc_ros.evaluation.comparison import ALL
 
 from .definition import Study
-from .document import Scene, resolve
+from .document import REFERENCE, Scene, resolve
 from .execution import Report, run_on_dask, run_on_processes
 from .kinds import KINDS, Kind
 from .results import Mean, Result, collect, summarise, write_csv
@@ -36,6 +36,7 @@ from .tasks import Outcome, Plan, Task, plan
 __all__ = [
     "ALL",
     "KINDS",
+    "REFERENCE",
     "Kind",
     "Mean",
     "Outcome",

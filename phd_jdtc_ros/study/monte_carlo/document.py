@@ -11,20 +11,21 @@ from phd_jdtc_ros.configuration import build as tracker_config
 from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, Form, Parameter, flatten, number
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
 from phd_jdtc_ros.simulation.checked import mapping, mappings, take
-from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
+from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.transponder import transponders
 
 from ..runs import TAXIING, IgnoredTargets
 from .definition import FIGURES, OWN, Case, Goal, Study, Variant, merge_layers
 from .kinds import KINDS, Kind
 
-BUILT_IN_SCENARIO = "paper_scenario"
+# The reference scenario, which is built in.
+REFERENCE = "paper_scenario"
 SOURCE = Parameter(
     "scenario",
     "",
     "",
     form=Form(
-        f"{BUILT_IN_SCENARIO} or a scenario file",
+        f"{REFERENCE} or a scenario file",
         lambda given: given if isinstance(given, str) else None,
     ),
     required=True,
@@ -160,8 +161,7 @@ def _case(
     if source is None:
         return None
     try:
-        built_in = source == BUILT_IN_SCENARIO
-        in_file, build = ({}, paper_scenario) if built_in else load_scene(source)
+        in_file, build = load_scene(source)
         parameters = merge_layers(in_file, of_case, assigned)
         model = tracker_config.resolve(parameters).model
         scenario, classes = build(polar_radars(model.radars)), len(model.modes.classes)

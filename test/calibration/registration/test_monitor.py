@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from estimate_sets import estimates, states
+from reference import resolve
 
 from phd_jdtc_ros.calibration.registration.monitor import LEAST, MEMORY, RegistrationMonitor
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.types import (

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from plot_recordings import one_target, recorded
+from reference import resolve
 from scenes import small
 
 from phd_jdtc_ros.calibration.tuning import proposal, unspecified
@@ -13,7 +14,6 @@ from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.calibration.tuning.plots import plots_of
 from phd_jdtc_ros.calibration.tuning.rates import crowded, outside_land
 from phd_jdtc_ros.calibration.tuning.rotation import Timing
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import Detections, Pose
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate

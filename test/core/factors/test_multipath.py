@@ -2,9 +2,9 @@
 
 import lone
 import numpy as np
+from reference import resolve
 from runs import learned
 
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.factors import ClutterRate, Multipath
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics

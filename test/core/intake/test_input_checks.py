@@ -3,8 +3,8 @@ from collections import Counter
 import numpy as np
 import pytest
 from antennas import TurningRadar
+from reference import resolve
 
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.engine import Step
 from phd_jdtc_ros.core.intake.input_checks import (
     FIELD_DETECTIONS,

@@ -2,9 +2,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reference import resolve
 from scenes import small
 
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import GaussianSteps

@@ -5,9 +5,9 @@ from dataclasses import replace
 import estimate_sets
 import numpy as np
 import pytest
+from reference import resolve
 from scenes import seen_with, small
 
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.targets.motion import CoordinatedTurn
 from phd_jdtc_ros.core.tracks.common_stamp import Schedule, at_stamp, interpolate, predict

@@ -1,4 +1,4 @@
-"""Configurations with what no parameter sets: bounds and budgets.
+"""The reference configuration, changed, with what no parameter sets: bounds and budgets.
 
 Keys such as ``budget.least`` stand beside the parameters: ``bounds`` are those of the Gaussian
 engine, ``budget`` those of the paper's particles, and ``spawning`` and ``memory`` those of the
@@ -7,7 +7,8 @@ models of spawning and of targets' own SNRs.
 
 from dataclasses import replace
 
-from phd_jdtc_ros.configuration import build
+import reference
+
 from phd_jdtc_ros.core.models.amplitude_model import Memory
 
 OF_CONFIG = ("bounds", "budget")
@@ -22,7 +23,7 @@ def resolve(given=None, *plane):
         prefix, _, name = key.partition(".")
         if prefix in own:
             own[prefix][name] = parameters.pop(key)
-    config = build.resolve(parameters, *plane)
+    config = reference.resolve(parameters, *plane)
     parts = {name: replace(getattr(config, name), **own[name]) for name in OF_CONFIG}
     model = replace(
         config.model,

@@ -3,13 +3,13 @@
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+from reference import resolve
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from msg_adapters.encoding import names
 from msg_adapters.incoming import detections
 from msg_adapters.outgoing import diagnostics
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 

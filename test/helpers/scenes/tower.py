@@ -23,4 +23,5 @@ PARAMETERS = {
     "tower.max_range": 60e3,
     "tower.clutter_rate": 2.0,
     "tower.clutter_max_range": 60e3,
+    "tower.learn": [],
 }

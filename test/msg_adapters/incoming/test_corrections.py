@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from reference import resolve
 
 from msg_adapters.incoming.readers import reader_of
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import Detections
 

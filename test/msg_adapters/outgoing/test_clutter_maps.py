@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message
+from reference import resolve
 from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import PointCloud2
 
@@ -11,7 +12,6 @@ from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.outgoing import clutter_maps, detections_in_map, frames
 from msg_adapters.outgoing.frames import Mounting
 from msg_adapters.outgoing.trails import UNSEEN_SCANS, Trails
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import Detections, Estimates, Scan
 from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
 

@@ -8,6 +8,7 @@ import yaml
 from bag_content import messages, write
 from diagnostic_msgs.msg import DiagnosticStatus
 from live_radars import Health, options
+from reference import resolve
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 from two_regions import MARGIN, REGIONS, given
@@ -17,7 +18,6 @@ from msg_adapters.incoming import detections as plots
 from msg_adapters.outgoing import diagnostics
 from msg_adapters.targets import estimates
 from phd_jdtc_ros.__main__ import run
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Detections
 from phd_jdtc_ros.handover import settings
 from phd_jdtc_ros.parameter_files import bag_parameters

@@ -3,12 +3,15 @@
 import signal
 import time
 
+import reference
 from live_radars import SCANS, connected, options, start_tracker
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 CLAIMS = "/tracker/_instance"
 LATCHED = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+# With so many particles a step takes seconds.
+BUSY = {"engine": "phd", "particles_per_target": 30000}
 SAID = "another tracker runs as /tracker: this one ends"
 
 
@@ -57,7 +60,7 @@ def test_second_tracker_of_a_name_ends_and_leaves_the_checkpoint(processes, peer
 
 def test_second_tracker_ends_beside_one_that_is_busy(processes, peer):
     # With so many particles it would answer a request only after several scans.
-    first = started(processes, peer, *options(engine="phd", particles_per_target=30000))
+    first = started(processes, peer, *options(**reference.parameters(BUSY)))
     radars = connected(peer)
     sent, end = 10, time.monotonic() + 60.0
     # Its queue holds as many, so that it is busy before the second comes.

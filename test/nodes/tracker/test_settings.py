@@ -15,6 +15,7 @@ from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
 USUAL = resolve({})
+BORN = resolve({"births": ["gate"]})
 SMALL = {"lag": 2}
 # Values of parameters whose bounds leave out those that the others can have.
 OTHERS = {
@@ -44,7 +45,7 @@ def test_resolve_lists_the_faults_of_both():
 
 def test_mutable_names_are_there():
     assert USUAL.mutable <= USUAL.table.keys()
-    assert {"confirm_probability", "radar_2.clutter_rate", "start_3.rates"} <= USUAL.mutable
+    assert {"confirm_probability", "radar_2.clutter_rate", "gate.rates"} <= BORN.mutable
     assert not {"lag", "sensors", "autostart", "radar_1.topic", "checkpoint.path"} & USUAL.mutable
 
 
@@ -64,8 +65,8 @@ def test_changes_are_refused_by_the_whole_configuration():
     (fault,) = faults_of(change, USUAL, {"outputs": ["markers", "paths"]})
     assert fault == "outputs: only markers may come and go while the tracker is configured"
     # Each number is allowed; one target a scan at the most is what they add up to.
-    (fault,) = faults_of(change, USUAL, {"start_1.rates": [0.7, 0.7]})
-    assert fault.startswith("start_1.rates: [0.7, 0.7] given, must sum to at most 1")
+    (fault,) = faults_of(change, BORN, {"gate.rates": [0.7, 0.7]})
+    assert fault.startswith("gate.rates: [0.7, 0.7] given, must sum to at most 1")
 
 
 def test_outputs_by_latitude_and_longitude_need_an_origin():
@@ -105,15 +106,15 @@ def test_relative_bearings_need_a_heading():
 
 
 def test_edited_checks_every_value_and_not_yet_the_whole():
-    table, values = edit(USUAL.values, {"classes": ["a", "b", "c"], "lag": 9})
+    table, values = edit(BORN.values, {"classes": ["a", "b", "c"], "lag": 9})
     assert (values["classes"], values["lag"], table["c.motions"].name) == (
         ["a", "b", "c"],
         9,
         "c.motions",
     )
-    assert values["start_1.rates"] == [0.005, 0.005]  # too few, which `resolve` reports
+    assert values["gate.rates"] == [0.005, 0.005]  # too few, which `resolve` reports
     assert not {name for name in values if name.startswith("class_")}
-    assert any(fault.startswith("start_1.rates: ") for fault in faults_of(resolve, values))
+    assert any(fault.startswith("gate.rates: ") for fault in faults_of(resolve, values))
 
 
 def test_edited_and_changed_list_every_fault():
@@ -150,7 +151,8 @@ def test_changed_parameter_can_be_taken_over_by_a_running_engine(name):
 
 
 def test_retuned_engine_steps_like_one_that_was_always_so():
-    small = resolve(SMALL)
+    # Learning goes on from what was learned, and not from a new first guess.
+    small = resolve({**SMALL, "radar_1.learn": [], "radar_2.learn": []})
     scans = [scan for _, scan in simulate(paper_scenario(small.config.model.radars), 0)[:3]]
     other = change(small, {"radar_1.clutter_rate": 60.0, "confirm_probability": 0.3})
     engine, fresh = new_engine(small.config), new_engine(other.config)

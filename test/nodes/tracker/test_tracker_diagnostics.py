@@ -4,6 +4,7 @@ import itertools
 import time
 
 import pytest
+import reference
 from diagnostic_msgs.msg import DiagnosticStatus
 from live_radars import (
     SCANS,
@@ -156,6 +157,8 @@ def test_wrong_and_remapped_topics_are_reported_with_the_existing_ones(processes
 
 def test_noise_set_much_too_large_is_reported(processes, peer):
     wide = {"range_std": 3000.0, "azimuth_std_deg": 10.0}
+    # Noise that is learned becomes the true one.
+    wide["learn"] = []
     given = {f"radar_{k}.{name}": value for k in (1, 2) for name, value in wide.items()}
     start_tracker(processes, *options(**given))
     group = connected(peer)
@@ -174,7 +177,8 @@ def test_noise_set_much_too_large_is_reported(processes, peer):
 
 def test_overload_is_the_trackers_fault_and_not_a_silent_radars(processes, peer):
     """Two radars of some 50 Hz, and so many particles that a step takes several of their scans."""
-    many = options(engine="phd", particles_per_target=8000)
+    given = {"engine": "phd", "particles_per_target": 8000}
+    many = options(**reference.parameters(given))
     tracker = start_tracker(processes, *many, qos=())
     group = connected(peer)
     for index in range(3000):

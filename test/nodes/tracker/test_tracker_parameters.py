@@ -89,7 +89,7 @@ def test_every_parameter_may_change_after_a_cleanup(tracker, peer):
             "lag": 3,
             "sensors": ["radar_1", "north"],
             "north.topic": "/north/plots",
-            "detection_births.rates": [0.1],
+            "detection_births.rates": [0.1, 0.1, 0.1],
             "births": [],
             "outputs": ["paths"],
         },

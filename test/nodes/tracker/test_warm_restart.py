@@ -2,6 +2,7 @@
 
 import os
 
+import reference
 from altered_nodes import failing_tracker
 from live_radars import FAST, RELIABLE, Radars, connected, options, start_tracker
 from std_srvs.srv import Trigger
@@ -97,7 +98,8 @@ def test_checkpoint_path_of_something_else_is_a_bad_parameter(processes, tmp_pat
 
 def test_checkpoint_of_a_filter_that_keeps_no_state_is_a_bad_parameter(processes, tmp_path):
     path = tmp_path / "tracker.ckpt"
-    process = start_tracker(processes, *storing(path, 1, engine="phd_gaussian"))
+    known = {**reference.parameters(), "engine": "phd_gaussian"}
+    process = start_tracker(processes, *storing(path, 1, **known))
     assert process.wait(20.0) == 2
     fault = f"checkpoint.path: {path} given, must be empty with engine phd_gaussian\n"
     assert fault in process.log.read_text()

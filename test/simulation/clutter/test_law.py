@@ -3,11 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from lone import lone
+from reference import resolve
 from scenario_blocks import UNIFORM
 from scipy.stats import norm
 from sweep import configuration
 
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
 from phd_jdtc_ros.core.state_space import PLANAR
 from phd_jdtc_ros.core.targets.amplitude_density import level_db, threshold_for

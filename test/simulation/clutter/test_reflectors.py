@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from reference import resolve
 from scenario_blocks import QUAY, SHIP, exact
 
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.factors.clutter.amplitude import level_db
 from phd_jdtc_ros.core.intake.poses import Mount

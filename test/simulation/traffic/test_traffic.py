@@ -3,8 +3,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reference import resolve
 
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.traffic import gaps
 from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg

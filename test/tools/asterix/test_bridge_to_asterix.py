@@ -56,7 +56,8 @@ parameters:
   lag_s: 8.0
   engine: gaussian
   classes: [aircraft]
-  aircraft: {mode_transition: [0.95, 0.05, 0.1, 0.9]}
+  motions: [cv, ct]
+  aircraft: {motions: [cv, ct], mode_transition: [0.95, 0.05, 0.1, 0.9]}
   births: []
   detection_births: {rates: [0.2], velocity_std: 100.0}
   spawn: {rate: 0.0}

@@ -1,9 +1,9 @@
 """What the demo's tracker and evaluator are given, by profile and bag."""
 
 import pytest
+import reference
 
 from phd_jdtc_ros.configuration import scene
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.exit_status import FAILED
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 from phd_jdtc_ros.resources import bag
@@ -128,4 +128,4 @@ def test_poses_of_a_radar_that_moves_are_recorded_with_its_detections(given, tmp
     ],
 )
 def test_demo_compares_the_papers_filters_that_can_track_the_bag(given, engines):
-    assert [each.engine for each in demo.papers_filters(resolve(given))] == engines
+    assert [each.engine for each in demo.papers_filters(reference.resolve(given))] == engines

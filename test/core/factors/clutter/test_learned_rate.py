@@ -6,11 +6,11 @@ import lone
 import numpy as np
 import pytest
 import runs
+from reference import resolve
 from runs import stored_and_read
 from scenes import small
 from sweep import configuration
 
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.factors.clutter.rate import MEMORY_REVOLUTIONS, START_RATE, ClutterRate
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics

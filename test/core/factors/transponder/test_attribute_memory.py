@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import tower
 from lone import lone, scan_at
+from reference import resolve
 from runs import equal, reprocessed_from, restored_after, stepped, stored_and_read
 from tower import PERIOD_S
 
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.factors.transponder import detection_times

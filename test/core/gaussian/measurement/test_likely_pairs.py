@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from lone import MEAN, STD, lone, mixture_of
+from reference import resolve
 
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.arrays import contiguous, frozen, wrap_angle
 from phd_jdtc_ros.core.association.marginals import LEAST_CLUTTER
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
