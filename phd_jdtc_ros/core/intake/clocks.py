@@ -138,12 +138,15 @@ class Clocks(Generic[SentT]):
         own = self._clocks[sent.sensor]
         own.ahead_of_receipt_ns = None if received_ns is None else sent.stamp_ns - received_ns
         if self._is_near(sent) and not self._continues_jump_back(own, sent):
-            # Time may have passed the stamps that were ahead of it.
+            # Time may have passed the first stamps that were ahead of it.
             since_ns = sent.stamp_ns if self._newest_ns is None else self._newest_ns
             until_ns = sent.stamp_ns + AHEAD * self._patience_ns(own)
-            due = [*self._release(self._held_within(since_ns - self._reach_ns, until_ns)), sent]
+            passed = self._held_within(since_ns - self._reach_ns, until_ns, first=True)
+            due = [*self._release(passed), sent]
             self._leave_out(own)
-            self._contradict_held()
+            # The first report of a sensor does not show that it goes on.
+            if own.last_ns is not None:
+                self._contradict_held()
             self._follow(due)
             return due
         if own.held and not self._continues(own.held[-1][1], sent):
@@ -202,13 +205,13 @@ class Clocks(Generic[SentT]):
         step_ns = sent.stamp_ns - before.stamp_ns
         return step_ns != 0 and -self._reach_ns <= step_ns <= self._gap_ns
 
-    def _held_within(self, since_ns: float, until_ns: float) -> list[_Clock[SentT]]:
-        """Return the sensors whose reports are held back, the latest ones in an interval."""
-        return [
-            clock
-            for clock in self._clocks
-            if clock.held and not clock.early and since_ns <= clock.held[-1][1].stamp_ns <= until_ns
-        ]
+    def _held_within(
+        self, since_ns: float, until_ns: float, first: bool = False
+    ) -> list[_Clock[SentT]]:
+        """Return the sensors of whose held reports the latest, or the first, is in an interval."""
+        which = 0 if first else -1
+        held = [clock for clock in self._clocks if clock.held and not clock.early]
+        return [each for each in held if since_ns <= each.held[which][1].stamp_ns <= until_ns]
 
     def _goes_on(self, clock: _Clock[SentT], own: _Clock[SentT], sent: SentT) -> bool:
         """Return whether a sensor may still go on as before, by the time that `own` waits."""

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phd_jdtc_ros.core.intake.clocks import Clocks, SentReport
+from phd_jdtc_ros.core.intake.clocks import AHEAD, Clocks, SentReport
 from phd_jdtc_ros.core.types import Detections
 
 S = 1_000_000_000
@@ -158,13 +158,29 @@ def test_reset_leaves_out_what_is_held_back():
     assert fed(compared, (0, 5)) == ([(0, 5)], [(0, 1000)])
 
 
+def test_the_first_report_of_a_sensor_contradicts_nobody():
+    # The second sensor is late, and the third has two reports before its first one.
+    reports = [(0, 0.0), (2, 0.0), (2, 1.75), (1, 0.0), (2, 3.5), (1, 2.0), (0, 5.0)]
+    compared = clocks(3)
+    due, left_out = fed(compared, *reports)
+    assert (sorted(due), left_out) == (sorted(reports), [])
+
+
+def test_a_sensor_is_right_once_time_passes_the_first_stamp_that_was_ahead():
+    reports = [(1, 0.0), (0, 0.0), (1, 2.2), (1, 4.4), (0, 2.5), (1, 6.6), (0, 5.0)]
+    compared = clocks(2)
+    due, left_out = fed(compared, *reports)
+    assert (sorted(due), left_out) == (sorted(reports), [])
+
+
 @st.composite
 def streams(draw):
     """Return sensors with right clocks, and their reports as they come, with pauses of some."""
     sensors = draw(st.integers(1, 4))
     arrivals = []
     for sensor in range(sensors):
-        period_s, late_s = draw(st.floats(0.2, 6.0)), draw(st.floats(0.0, 2.0))
+        # A report that is later than others' by more is ahead of theirs by more than it may be.
+        period_s, late_s = draw(st.floats(0.2, 6.0)), draw(st.floats(0.0, 0.95 * AHEAD * REACH_S))
         pause = draw(st.integers(0, 40))
         for number in range(round(30.0 / period_s)):
             second = round(number * period_s, 3)
