@@ -28,8 +28,7 @@ from phd_jdtc_ros.evaluation.comparison import LabelledPoints, PointSet
 from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.parameter_files import sections
 from phd_jdtc_ros.simulation.scenario import Scenario
-from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
-from phd_jdtc_ros.simulation.traffic.geodesy import STANDARD_GRAVITY
+from phd_jdtc_ros.simulation.traffic.flight import STANDARD_GRAVITY, Flight, Leg
 from phd_jdtc_ros.study.runs import SimulatedRun
 from phd_jdtc_ros.study.turning import track, turning_run
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.asterix import blocks
+from phd_jdtc_ros.asterix import plot_stream
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
 from phd_jdtc_ros.asterix.writing import plots as plots_out
@@ -88,7 +88,7 @@ def _by_library(datagrams: list[bytes]) -> int:
 
 def _to_plots(datagrams: list[bytes]) -> int:
     counts: Counter[str] = Counter()
-    found = sum(len(list(blocks.BlockReader(counts).messages(data))) for data in datagrams)
+    found = sum(len(list(plot_stream.BlockReader(counts).messages(data))) for data in datagrams)
     # Each datagram without plots is a service message.
     return found - sum(data[0] == 34 for data in datagrams)
 

@@ -21,7 +21,7 @@ from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates, Pose
 
 from ..encoding import interfaces, names, stamps
-from ..targets import estimates, geo_json, markers, navsat, poses, radar_tracks, tracks, vision
+from ..targets import estimates, geo_json, geodetic, markers, poses, radar_tracks, tracks, vision
 from . import clutter_maps, cot, curves, detections_in_map, diagnostics, nmea, signal_k
 from .trails import Trails
 
@@ -252,7 +252,7 @@ def _odometry(found: Estimates, view: View) -> list[Any]:
 
 
 def _fixes(found: Estimates, view: View) -> list[Any]:
-    return [] if view.plane is None else navsat.to_msgs(found, view.plane)
+    return [] if view.plane is None else geodetic.to_msgs(found, view.plane)
 
 
 def _geojson(found: Estimates, view: View) -> list[Any]:

@@ -1,17 +1,81 @@
-"""Finds the files of a bag: a recorder may split it into several MCAP files, its parts."""
+"""Finds the files of a bag: a recorder may split it into several MCAP files, its parts.
+
+Supported are MCAP files whose messages are CDR, as ROS 2 records them. Recordings of other kinds
+are recognised, and the command that converts them is named: a specific fault helps more than "no
+such topic".
+"""
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import yaml
+from mcap.records import Channel, Schema
 
-from . import foreign
 from .chunks import DamageError
 from .errors import BagError
 from .mcap_index import MAGIC
+
+CDR = "cdr"
+_SQLITE, _ZSTD, _ROS1 = b"SQLite format 3\0", b"\x28\xb5\x2f\xfd", b"#ROSBAG V"
+_GZIP = b"\x1f\x8b"
+_LONGEST = max(map(len, (_SQLITE, _ZSTD, _ROS1)))
+_NO_CONVERTER = "no command converts it; docs/offline_tools.md shows how a script does"
+# Description of encodings other than CDR, by their MCAP names.
+_ENCODINGS = {
+    "ros1": (
+        "a ROS 1 message",
+        "convert the .bag that it comes from: rosbags-convert --src FILE.bag --dst DIR "
+        "--dst-typestore ros2_jazzy --dst-storage mcap",
+    ),
+    "protobuf": ("a protobuf message", _NO_CONVERTER),
+    "json": ("a JSON message", _NO_CONVERTER),
+}
+
+
+def file_fault(path: Path) -> str:
+    """Return the actual kind of a file with its converter; empty if the kind is unknown."""
+    with path.open("rb") as stream:
+        begin = stream.read(_LONGEST)
+    name = shlex.quote(str(path))
+    if begin.startswith((_ZSTD, _GZIP)):
+        unpacked = shlex.quote(str(path.with_suffix("")))
+        others = len(list(path.parent.glob(f"*{path.suffix}"))) > 1
+        return f"is compressed as a file; unpack it{', and all others like it' * others}: " + (
+            f"zstd -d {name} -o {unpacked}"
+            if begin.startswith(_ZSTD)
+            else f"gzip -dc {name} > {unpacked}"
+        )
+    if begin.startswith(_ROS1):
+        out = shlex.quote(str(path.with_suffix("")))
+        return (
+            f"is a ROS 1 bag; convert it: rosbags-convert --src {name} --dst {out} "
+            "--dst-typestore ros2_jazzy --dst-storage mcap"
+        )
+    if begin == _SQLITE:
+        bag, out = path.parent, f"{path.parent.resolve().name}_mcap"
+        return (
+            f"is a bag in SQLite; convert it: echo 'output_bags: [{{uri: {out}, storage_id: mcap, "
+            f"all: true}}]' > convert.yaml && ros2 bag convert -i {shlex.quote(str(bag))} -o "
+            f"convert.yaml, or without ROS: rosbags-convert --src {shlex.quote(str(bag))} --dst "
+            f"{shlex.quote(out)} --dst-storage mcap"
+        )
+    return ""
+
+
+def topic_fault(channel: Channel, schema: Schema | None) -> str:
+    """Return the kind of a channel's messages with their converter; empty if they are supported."""
+    if channel.message_encoding == CDR and schema is not None:
+        return ""
+    kind = f"{channel.message_encoding or 'no'} encoding"
+    known, way = _ENCODINGS.get(channel.message_encoding, (f"of {kind}", _NO_CONVERTER))
+    if schema is None:
+        return f"{known} without a type; {way}"
+    return f"{known} ({schema.name}); {way}"
+
 
 METADATA = "metadata.yaml"
 # Extension of files that are compressed as a whole.
@@ -50,7 +114,7 @@ def find(path: Path) -> tuple[list[Path], list[str]]:
             raise BagError(f"{path}: no such bag")
         for file in files:
             if not is_mcap(file):
-                raise BagError(f"{file}: {foreign.file_fault(file) or 'is not an MCAP file'}")
+                raise BagError(f"{file}: {file_fault(file) or 'is not an MCAP file'}")
     return files, missing
 
 
@@ -74,7 +138,7 @@ def _by_name(directory: Path) -> list[Path]:
     files = sorted(filter(Path.is_file, directory.iterdir()))
     found = [file for file in files if file.suffix.lower() == ".mcap"]
     for file in () if found else files:
-        if fault := foreign.file_fault(file):
+        if fault := file_fault(file):
             raise BagError(f"{file}: {fault}")
     if not found:
         raise BagError(f"{directory}: contains no MCAP file")

@@ -15,6 +15,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
+import numpy as np
+
 from phd_jdtc_ros.core.types import Estimates
 
 # Estimates of one stamp, by the index of their tracker.
@@ -155,3 +157,46 @@ class Gathering:
         stamps = sorted(stamp for stamp in self._pending if stamp <= until_ns)
         self._closed_ns = stamps[-1] if stamps else self._closed_ns
         return [self._pending.pop(stamp) for stamp in stamps]
+
+
+# Largest number of targets of one stamp, which bounds work and memory.
+MOST_TARGETS = 10_000
+# FLOAT32 rounding does not make an eigenvalue of a correlation matrix smaller than this.
+ROUNDING = -1e-6
+# Matching adds this to each axis; half of it belongs to each estimate.
+_SLACK = 0.5
+
+
+def fault_of(found: Estimates) -> tuple[str, str] | None:
+    """Return why estimates cannot be joined, as a key and a sentence; None if they can.
+
+    Tracks must have unique numbers. Covariances of position and velocity must be positive
+    semidefinite, because a distance between two estimates is undefined otherwise. There may be at
+    most `MOST_TARGETS` of them.
+    """
+    if len(found) > MOST_TARGETS:
+        return "oversize", f"{len(found)} targets, at most {MOST_TARGETS} are allowed"
+    tracks, counts = np.unique(found.track_id, return_counts=True)
+    if (tracks <= 0).any():
+        count = int(counts[tracks <= 0].sum())
+        return "unlabelled", (
+            f"{count} of {len(found)} targets have track_id 0, must be above 0: a tracker with "
+            "engine: phd has no tracks"
+        )
+    if (counts > 1).any():
+        return "schema", f"track_id {tracks[counts > 1][0]} is given twice, must be once"
+    axes = [*found.space.position, *found.space.velocity]
+    covariance = found.covariance[:, axes][:, :, axes]
+    variance = np.einsum("tii->ti", covariance)
+    lowest = np.full(len(found), -np.inf)
+    usable = (variance >= 0.0).all(axis=1)
+    scale = np.sqrt(variance[usable] + _SLACK)
+    whole = covariance[usable] + _SLACK * np.eye(len(axes))
+    lowest[usable] = np.linalg.eigvalsh(whole / (scale[:, :, None] * scale[:, None]))[:, 0]
+    bad = np.flatnonzero(lowest < ROUNDING)
+    if len(bad):
+        return "covariance", (
+            f"the covariance of track {found.track_id[bad[0]]} has a negative eigenvalue, must be "
+            "positive semidefinite"
+        )
+    return None

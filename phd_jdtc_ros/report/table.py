@@ -24,7 +24,7 @@ from phd_jdtc_ros.evaluation.accumulator import (
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.evaluation.metric_table import BY_KEY, GLOBAL_METRICS, GROUPS, reduction
 
-from .sets import Sets
+from .record import Sets
 
 Columns = Sequence[Metric]
 

@@ -18,9 +18,8 @@ from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 from phd_jdtc_ros.core.types import UNKNOWN, Detections, Pose, Truth
 
 from .antenna import Antenna, default_antenna
-from .clutter.echoes import Echoes
+from .clutter.echoes import Echoes, Mirror
 from .clutter.law import NOISE, ClutterLaw
-from .clutter.mirrors import Mirror
 from .clutter.reflectors import Reflectors
 from .platform import MovingPlatform
 from .traffic.flight import Flight

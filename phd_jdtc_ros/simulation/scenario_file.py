@@ -14,13 +14,12 @@ from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from .antenna import Antenna, default_antenna
 from .checked import mapping, place, read, read_by_radar, read_list
 from .clutter import echoes, law
-from .clutter.mirrors import Mirror
+from .clutter.echoes import Mirror
 from .clutter.reflectors import reflectors
 from .platform import platform
 from .scenario import Scenario
-from .traffic import gaps, generators, targets
-from .traffic.flight import Flight
-from .traffic.geodesy import east_north
+from .traffic import gaps, targets, traffic
+from .traffic.flight import Flight, east_north
 from .transponder import transponders
 
 # Limit of a stamp's seconds, which are signed 32-bit integers.
@@ -97,9 +96,9 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     replies = transponders(document, faults)
     reflecting = read_list(Mirror, document, "mirrors", "", faults)
     duration_s = 0.0 if timing is None or faults else timing.duration_s
-    all_targets += generators.traffic(mapping(document, "traffic", faults), duration_s, faults)
+    all_targets += traffic.traffic(mapping(document, "traffic", faults), duration_s, faults)
     given = mapping(document, "manoeuvres", faults)
-    all_targets += generators.manoeuvres(given, _origin(document, faults), duration_s, faults)
+    all_targets += traffic.manoeuvres(given, _origin(document, faults), duration_s, faults)
     interval_s = timing.interval_s if timing else 1.0
     flights = [t if isinstance(t, Flight) else t.flight(interval_s) for t in all_targets]
     unseen = gaps.of_targets(document, flights, faults)

@@ -23,7 +23,7 @@ from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import reader_of
 from msg_adapters.outgoing import clutter_maps, diagnostics
-from msg_adapters.targets import estimates, navsat, truth
+from msg_adapters.targets import estimates, geodetic, truth
 from phd_jdtc_ros import interruption, output_files, resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
@@ -36,8 +36,7 @@ from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates
 from phd_jdtc_ros.evaluation.evaluation import ORDER
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser, fail
-from phd_jdtc_ros.feed.feed import Feed
-from phd_jdtc_ros.feed.step_clock import StepClock
+from phd_jdtc_ros.feed.feed import Feed, StepClock
 from phd_jdtc_ros.feed.tally import Tally
 from phd_jdtc_ros.parameter_files import bag_parameters
 from phd_jdtc_ros.quoting import counts_text
@@ -160,7 +159,7 @@ class OfflineTracker:
             self._estimates[source].append(data)
             self._bag.write(names.estimates(source), data, values.stamp_ns)
             if source == FILTERED and self._config.known_plane is not None:
-                for fix in navsat.to_msgs(values, self._config.known_plane):
+                for fix in geodetic.to_msgs(values, self._config.known_plane):
                     self._bag.write(names.fixes(), interfaces.encode(fix), values.stamp_ns)
 
 

@@ -32,7 +32,7 @@ from phd_jdtc_ros.core.types import SENSORS, SOURCES, Attributes, Detections, Es
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.handover import checks
+from phd_jdtc_ros.handover import synchroniser
 from phd_jdtc_ros.handover.picture import JointPicture
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
@@ -276,7 +276,7 @@ def _truth(stamp_ns: int) -> Truth:
 def _hand_over(cloud: PointCloud2) -> None:
     """Join the estimates of two trackers, one of which sends a spoilt cloud."""
     found = estimates.from_msg(cloud)
-    if checks.fault_of(found) is not None:
+    if synchroniser.fault_of(found) is not None:
         return
     picture = JointPicture(REGIONS, 2e3, 0.0, 5.0)
     done = []

@@ -8,11 +8,11 @@ from asterix import base
 from asterix_records import block, category, plot, random_record, rng
 from asterix_reference import value
 
-from phd_jdtc_ros.asterix import blocks, call_signs, specification
-from phd_jdtc_ros.asterix.blocks import TRAILERS, BlockReader
+from phd_jdtc_ros.asterix import call_signs, plot_stream, specification
 from phd_jdtc_ros.asterix.call_signs import MOST, CallSigns
 from phd_jdtc_ros.asterix.item_rules import Fixed, MalformedError
 from phd_jdtc_ros.asterix.messages import DAY, NONE, TRUNCATED, Plot, ServiceMessage
+from phd_jdtc_ros.asterix.plot_stream import TRAILERS, BlockReader
 from phd_jdtc_ros.asterix.specification import layouts
 from phd_jdtc_ros.asterix.transport import framing
 
@@ -25,7 +25,7 @@ CATEGORIES = (1, 2, 10, 34, 48, 62, 65)
 def read(data):
     """Return the messages of data blocks, and what was left out."""
     counts = Counter()
-    return list(blocks.BlockReader(counts).messages(data)), +counts
+    return list(plot_stream.BlockReader(counts).messages(data)), +counts
 
 
 def one(**items):

@@ -12,9 +12,8 @@ from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes
 from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.report.page import estimate_rows, picture_words
-from phd_jdtc_ros.report.page.estimate_rows import Frames
-from phd_jdtc_ros.report.page.picture import picture_of
+from phd_jdtc_ros.report.page import picture_words
+from phd_jdtc_ros.report.page.picture import Frames, picture_of
 from phd_jdtc_ros.report.record import RadarPlots
 from phd_jdtc_ros.report.style import RADIUS_95
 
@@ -52,7 +51,7 @@ def test_frames_are_stamps_of_estimates_or_of_what_there_is():
 
 
 def test_frames_of_a_long_run_are_some_of_its_stamps(monkeypatch):
-    monkeypatch.setattr(estimate_rows, "MOST", 5)
+    monkeypatch.setattr("phd_jdtc_ros.report.page.picture.MOST", 5)
     assert Frames.of(record_of()).stamp_ns.tolist() == [stamp_ns(k) for k in (0, 3, 6, 9)]
 
 

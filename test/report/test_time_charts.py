@@ -4,7 +4,7 @@ from records import SCANS, estimates_of, record_of, stamp_ns, truth_of
 
 from msg_adapters.targets.palette import class_colour
 from phd_jdtc_ros.core.types import Estimates
-from phd_jdtc_ros.report.page import class_chart, html, time_charts
+from phd_jdtc_ros.report.page import charts, html
 
 TIMES = [6.0 * k for k in range(SCANS)]
 NOTHING = tuple(estimates_of(k, 2, 0, 0) for k in range(SCANS))
@@ -33,7 +33,7 @@ def titles(figure):
 def test_ospa_has_the_scores_of_all_and_of_each_class(source):
     record = record_of(2)
     scores = record.evaluate(1000.0, 2.0).scores[source]
-    figure = chart(time_charts.ospa, record).figure
+    figure = chart(charts.ospa, record).figure
     for row, key in enumerate(("all", "class_0", "class_1"), 1):
         drawn = line(figure, source, row)
         expected = [scores[stamp_ns(k)].values[key]["ospa"] for k in range(SCANS)]
@@ -44,9 +44,9 @@ def test_ospa_has_the_scores_of_all_and_of_each_class(source):
 def test_charts_have_titles_of_means_and_class_colours():
     record = record_of(2, filtered=())
     mean = record.evaluate(1000.0, 2.0).summary()["smoothed"]["all"]["ospa"]
-    shown = titles(chart(time_charts.ospa, record).figure)
+    shown = titles(chart(charts.ospa, record).figure)
     assert shown[0] == f"<b>all classes</b> \N{MIDDLE DOT} mean {mean:.0f} m smoothed"
-    figure = chart(time_charts.ospa, record_of(3)).figure
+    figure = chart(charts.ospa, record_of(3)).figure
     assert [line(figure, "smoothed", row).line.color for row in (2, 3, 4)] == [
         class_colour(k) for k in range(3)
     ]
@@ -54,13 +54,13 @@ def test_charts_have_titles_of_means_and_class_colours():
 
 def test_numbers_count_truth_and_estimates():
     record = record_of(2, truth=tuple(truth_of(k, 2 if k < 6 else 1) for k in range(SCANS)))
-    figure = time_charts.numbers(record).figure
+    figure = charts.numbers(record).figure
     assert list(line(figure, "truth", 1).y) == [2] * 6 + [1] * 6
     assert list(line(figure, "truth", 3).y) == [1] * 6 + [0] * 6
     assert list(line(figure, "filtered", 1).y) == [2, 1] * 6
     assert list(line(figure, "filtered", 2).y) == [1] * 12
     assert list(line(figure, "smoothed", 3).y) == [1] * 12
-    drawn = time_charts.numbers(record_of(truth=()))
+    drawn = charts.numbers(record_of(truth=()))
     assert {trace.name for trace in drawn.figure.data} == {"filtered", "smoothed"}
     assert "true number" not in drawn.caption
 
@@ -70,7 +70,7 @@ def test_numbers_count_truth_and_estimates():
 )
 def test_numbers_have_round_ticks(highest, step):
     found = estimates_of(0, highest, 0)
-    figure = time_charts.numbers(record_of(1, truth=(), filtered=(found,), smoothed=())).figure
+    figure = charts.numbers(record_of(1, truth=(), filtered=(found,), smoothed=())).figure
     assert figure.layout.yaxis.dtick == step
 
 
@@ -84,7 +84,7 @@ def unsure(scan, first, track_id=(0, 0)):
 
 def test_class_probabilities_follow_the_true_targets():
     record = record_of(2, smoothed=tuple(unsure(k, 0.5 + 0.04 * k) for k in range(SCANS)))
-    figure = chart(class_chart.class_probabilities, record).figure
+    figure = chart(charts.class_probabilities, record).figure
     first = line(figure, "smoothed, truly class 0", 1)
     assert list(first.x) == TIMES
     np.testing.assert_allclose(first.y, [0.5 + 0.04 * k for k in range(SCANS)])
@@ -97,26 +97,26 @@ def test_class_probabilities_follow_the_true_targets():
 
 def test_class_probabilities_separate_estimates_near_no_target():
     record = record_of(2, truth=tuple(truth_of(k, 1) for k in range(SCANS)))
-    figure = chart(class_chart.class_probabilities, record).figure
+    figure = chart(charts.class_probabilities, record).figure
     false = line(figure, "smoothed, near no target", 2)
     assert list(false.y) == [1.0] * SCANS
     assert false.mode == "markers"
 
 
 def test_class_probabilities_are_shown_without_truth():
-    figure = chart(class_chart.class_probabilities, record_of(2, truth=())).figure
+    figure = chart(charts.class_probabilities, record_of(2, truth=())).figure
     assert line(figure, "smoothed, class 1", 2).marker.color == class_colour(1)
     assert line(figure, "smoothed, class 1", 2).mode == "markers"
     record = record_of(2, truth=(), smoothed=tuple(unsure(k, 0.9, (7, 9)) for k in range(SCANS)))
-    figure = chart(class_chart.class_probabilities, record).figure
+    figure = chart(charts.class_probabilities, record).figure
     followed = lines(figure, "smoothed, class 0", 1)
     assert [trace.mode for trace in followed] == ["lines+markers"] * 2
     assert [list(trace.y) for trace in followed] == [[0.9] * SCANS, [0.75] * SCANS]
 
 
 def test_filtered_class_probabilities_stand_behind_smoothed_ones_or_for_themselves():
-    behind = chart(class_chart.class_probabilities, record_of(1)).figure
-    alone = chart(class_chart.class_probabilities, record_of(1, smoothed=())).figure
+    behind = chart(charts.class_probabilities, record_of(1)).figure
+    alone = chart(charts.class_probabilities, record_of(1, smoothed=())).figure
     assert [trace.name for trace in behind.data] == ["filtered", "smoothed, truly class 0"]
     assert [trace.name for trace in alone.data] == ["filtered, truly class 0"]
 

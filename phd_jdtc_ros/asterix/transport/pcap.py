@@ -16,8 +16,7 @@ from collections import Counter, deque
 from collections.abc import Iterator, Mapping
 from typing import Literal, Protocol
 
-from .datagram import Datagram
-from .entries import Entry, follow
+from .datagram import Datagram, Entry, follow
 from .network import Packet, datagram_of
 
 # The first four bytes of a pcap file: byte order, and units of the times per second.

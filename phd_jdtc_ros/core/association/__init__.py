@@ -10,7 +10,7 @@
       |  sums over all matchings               frontier
       |  clusters beyond all bounds            belief_propagation
     probability of every edge, and of no detection: marginals
-      |  factors on the rows' weights        shares, bernoulli
+      |  factors on the rows' weights        shares
 
-An engine gives `claims.Claims` to `bernoulli.bernoulli`, or, if it is compiled, to `shares`.
+An engine gives `claims.Claims` to `shares`, in compiled code.
 """

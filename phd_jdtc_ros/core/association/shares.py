@@ -1,4 +1,8 @@
-"""Factors from prior to posterior weights of Bernoulli targets; `bernoulli` has the interface."""
+"""Factors from prior to posterior weights of Bernoulli targets.
+
+A target consists of weighted rows, such as Gaussians, whose weights sum to its existence
+probability. Only the target index of each row matters here.
+"""
 
 from __future__ import annotations
 
@@ -70,7 +74,17 @@ def posterior_shares(
 ) -> Shares:
     """Return the factors by which detections change the weights of Bernoulli targets.
 
-    For the parameters see `bernoulli.bernoulli` and `marginals.edge_probabilities`.
+    `target_of`, (N,), is the target of each row, below `targets`, T, and `weight` its prior weight;
+    for `most_work` see `marginals.edge_probabilities`.
+
+    Let r be the existence probability of the target, r p_D the probability that it is detected, and
+    p_z and p_0 the marginal probabilities of its association with detection z and with none. Then
+    w <- w [p_0 (1 - p_D) / (1 - r p_D) + sum_z p_z p_D L_z / sum_s p_D L_z w].
+
+    References
+    ----------
+    Meyer et al., "Message passing algorithms for scalable multitarget tracking", Proceedings of
+    the IEEE 106(2), 2018, for the same marginals in a particle filter of Bernoulli targets.
     """
     row, column, mass, other, detection_probability = claims
     # Rounding in the reduction of a set may leave a mass slightly above one.

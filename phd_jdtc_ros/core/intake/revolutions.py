@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -31,23 +31,6 @@ from .report_timing import ReportTiming
 from .scans import Rejection
 from .sectors import coverage_of, is_sector, smallest_arc
 from .slices import RadarReport, Slice, UnstampedSlice, arc, cut, slices_per_revolution
-
-# Directions of the antenna at the end of one report and at the start of the next are joined if they
-# differ by less than this, radians.
-MAX_EDGE_DIFFERENCE = 0.3
-# Smallest number of detections whose azimuths show which part of the field a report covers, while
-# the antenna's motion is unknown.
-MIN_DETECTIONS = 5
-# Such a report covers the whole field if its azimuths span more than this, radians.
-MIN_WHOLE_SPAN = 0.75 * FULL_TURN
-# The antenna may be standing still if they span less than this, radians.
-MAX_STANDING_SPAN = 0.25 * FULL_TURN
-# A detection is late if it precedes its report's interval by more than this share of a revolution.
-MAX_LATENESS = 0.0625
-# Longest coverage of one report in revolutions, even if the previous one was longer ago.
-MAX_COVERED_REVOLUTIONS = 1.2
-# Smallest number of reports per revolution from whose stamps the antenna's motion is estimated.
-LEAST_REPORTS = 1.9
 
 
 class State(NamedTuple):
@@ -75,6 +58,24 @@ class Revolutions:
     `anomalies` counts irregular reports and detections: ``clouds_missing``, ``sectors_repeated``,
     ``sector_numbers_wrong``, ``antenna_unclear``, ``times_disagree`` and ``detections_late``.
     """
+
+    # Directions of the antenna at the end of one report and at the start of the next are joined if
+    # they differ by less than this, radians.
+    MAX_EDGE_DIFFERENCE: ClassVar[float] = 0.3
+    # Smallest number of detections whose azimuths show which part of the field a report covers,
+    # while the antenna's motion is unknown.
+    MIN_DETECTIONS: ClassVar[int] = 5
+    # Such a report covers the whole field if its azimuths span more than this, radians.
+    MIN_WHOLE_SPAN: ClassVar[float] = 0.75 * FULL_TURN
+    # The antenna may be standing still if they span less than this, radians.
+    MAX_STANDING_SPAN: ClassVar[float] = 0.25 * FULL_TURN
+    # A detection is late if it precedes its report's interval by more than this share of a
+    # revolution.
+    MAX_LATENESS: ClassVar[float] = 0.0625
+    # Longest coverage of one report in revolutions, even if the previous one was longer ago.
+    MAX_COVERED_REVOLUTIONS: ClassVar[float] = 1.2
+    # Smallest number of reports per revolution from whose stamps the antenna's motion is estimated.
+    LEAST_REPORTS: ClassVar[float] = 1.9
 
     # Configured rotation period, seconds; 0 to find out whether the antenna turns.
     configured_period_s: float = 0.0
@@ -186,7 +187,7 @@ class Revolutions:
         previous_track, timing = self.state.track, self.state.timing
         track, timed = previous_track, not math.isnan(timing.lead_s)
         # Without times of detections, fewer reports per revolution do not show the motion.
-        shortest_s = LEAST_REPORTS * (timing.interval_s or report.stamp_s - timing.last_s)
+        shortest_s = self.LEAST_REPORTS * (timing.interval_s or report.stamp_s - timing.last_s)
         if report.timed:
             # Detections' own times replace a track that was estimated from stamps.
             track = previous_track if timed else AntennaTrack(self.nominal_period_s)
@@ -204,9 +205,10 @@ class Revolutions:
             if self.sectors > 1:
                 # Stamps give the period more accurately than azimuths that are known by sector.
                 track = track.with_period(self.sectors * timing.interval_s)
-        if track.period_s and not previous_track.period_s:
-            self.state = self.state._replace(first_period_s=track.period_s)
-        period_s = track.period_s or self.nominal_period_s
+        period_s = track.period_s
+        if period_s and not previous_track.period_s:
+            self.state = self.state._replace(first_period_s=period_s)
+        period_s = period_s or self.nominal_period_s
         self.state = self.state._replace(track=track, last_ns=report.stamp_ns, period_s=period_s)
 
     def _reports_due(self, stamp_s: float) -> float:
@@ -269,7 +271,7 @@ class Revolutions:
         lead_s = 0.0 if math.isnan(lead_s) else lead_s
         # No time is covered twice; for the first report `before_s` is NaN.
         end_s = float(np.fmax(report.stamp_s + lead_s, before_s))
-        start_s = end_s - MAX_COVERED_REVOLUTIONS * period_s
+        start_s = end_s - self.MAX_COVERED_REVOLUTIONS * period_s
         lost = round(due) >= 2
         if lost or math.isnan(before_s):
             # A detection from the gap shows that its part of the gap was not lost.
@@ -277,7 +279,7 @@ class Revolutions:
         start_s = float(np.fmax(start_s, before_s))
         if lost and not math.isnan(before_s):
             self.anomalies["clouds_missing"] += round((start_s - before_s) / length_s)
-        late = detection_s < start_s - MAX_LATENESS * period_s
+        late = detection_s < start_s - self.MAX_LATENESS * period_s
         self.anomalies["detections_late"] += detection_s[late].size
         return start_s, end_s
 
@@ -303,7 +305,7 @@ class Revolutions:
             if start_s == self.state.end_s and not math.isnan(self.state.end):
                 # With joined edges, no azimuth between two reports is left out or covered twice.
                 difference = math.remainder(start - self.state.end, FULL_TURN)
-                start -= difference if abs(difference) < MAX_EDGE_DIFFERENCE else 0.0
+                start -= difference if abs(difference) < self.MAX_EDGE_DIFFERENCE else 0.0
             start = start if (end - start) * antenna.rate > 0.0 else end
         if not report.timed:
             return [UnstampedSlice(stamp_ns, detections, arc(start, end))], end
@@ -313,10 +315,10 @@ class Revolutions:
 
     def _unclear_coverage(self, report: RadarReport) -> Coverage | None:
         """Return the coverage of a report while the antenna's motion is unknown."""
-        is_enough = len(report.detections) >= MIN_DETECTIONS
+        is_enough = len(report.detections) >= self.MIN_DETECTIONS
         span = smallest_arc(report.azimuth)[1] if is_enough else 0.0
-        may_stand = is_enough and span < MAX_STANDING_SPAN
-        covers_field = span > MIN_WHOLE_SPAN or (self._per_revolution == 1 and not may_stand)
+        may_stand = is_enough and span < self.MAX_STANDING_SPAN
+        covers_field = span > self.MIN_WHOLE_SPAN or (self._per_revolution == 1 and not may_stand)
         return None if covers_field else UNKNOWN_COVERAGE
 
     def _stamp(self, report: RadarReport, unstamped: list[UnstampedSlice]) -> list[Slice]:

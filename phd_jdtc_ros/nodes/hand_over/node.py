@@ -15,7 +15,7 @@ from msg_adapters.encoding.errors import RejectedMessageError, quote
 from msg_adapters.targets import estimates
 from phd_jdtc_ros.core.intake.clocks import CLOCK, Clocks
 from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates
-from phd_jdtc_ros.handover import checks, settings
+from phd_jdtc_ros.handover import settings, synchroniser
 from phd_jdtc_ros.handover.picture import Joint, JointPicture
 from phd_jdtc_ros.handover.synchroniser import Refusal
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
@@ -149,7 +149,7 @@ class HandOver(RunnableNode):
             raise RejectedMessageError(
                 "classes", f"{classes} classes, must be {self._classes} as in the first estimates"
             )
-        reason = checks.fault_of(found)
+        reason = synchroniser.fault_of(found)
         if reason is not None:
             raise RejectedMessageError(*reason)
         self._frame = allowed

@@ -30,10 +30,9 @@ from phd_jdtc_ros.parameter_files.sensor_replay import SEEK
 from ..common import arguments, parameters, runtime, topics
 from ..common.callbacks import serve
 from ..common.runtime import RunnableNode
-from . import playable, scene_check
+from . import playable
 from .lock_step import GIVE_UP_S, LockStep
-from .playback import BagClock, Group, Playback
-from .progress_line import ProgressLine
+from .playback import BagClock, Group, Playback, ProgressLine
 
 DEPTH = 50
 CLOCK_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -110,7 +109,7 @@ class SensorReplay(RunnableNode):
         parameters.declare(self, seek, {SEEK.name: SEEK.default}, frozenset(seek))
         self.add_on_set_parameters_callback(self._check_seek)
         self.add_post_set_parameters_callback(self._seek)
-        scene_check.begin(self, bag.path, self._estimates)
+        playable.begin(self, bag.path, self._estimates)
         self.create_timer(CLOCK_PERIOD_S, self._publish_clock)
         self.create_timer(TICK_S, self._tick)
 

@@ -10,14 +10,22 @@ from pathlib import Path
 from typing import Any
 
 from rclpy.exceptions import InvalidTopicNameException
+from rclpy.node import Node
 from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.incoming.readers import READERS
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.configuration import scene
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import FILTERED
+from phd_jdtc_ros.earth import SystemPlane
+from phd_jdtc_ros.parameter_files import bag_parameters
 from phd_jdtc_ros.quoting import short
+
+from ..common.tracker_parameters import TrackerParameters
 
 # Transient local topics, whose messages from before the selected part are published too.
 LATCHED = (names.STATIC_FRAMES,)
@@ -112,3 +120,27 @@ def _message_class(type_name: str) -> Any:
     except (ImportError, AttributeError):
         return None
     return found if hasattr(found, "get_fields_and_field_types") else None
+
+
+def begin(node: Node, bag: Path, estimates_topic: str) -> None:
+    """Compare the parameters beside a bag, if any, with the tracker's, once it is there."""
+    tracker, found, _ = estimates_topic.rpartition(names.estimates("filtered", ""))
+    try:
+        recorded = bag_parameters.read(bag)
+        if recorded is None or not found:
+            return
+        expected = resolve(recorded, SystemPlane).values
+    except ConfigError as error:
+        # The bag can be played all the same.
+        node.get_logger().warning(f"the parameters beside the bag are not compared: {error}")
+        return
+
+    def compare(given: dict[str, Any]) -> None:
+        wrong = scene.differences(expected, given)
+        if wrong:
+            node.get_logger().warning(
+                f"the bag was recorded with other parameters than {tracker} has: "
+                f"{'; '.join(wrong)}; those of the bag are in {bag_parameters.path_of(bag)}"
+            )
+
+    TrackerParameters(node, tracker, compare)

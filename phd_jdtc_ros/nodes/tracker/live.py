@@ -23,8 +23,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped, start_cold
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Pose
-from phd_jdtc_ros.feed.feed import Feed, Monitor
-from phd_jdtc_ros.feed.step_clock import StepClock
+from phd_jdtc_ros.feed.feed import Feed, Monitor, StepClock
 
 from ..common.callbacks import steady_timer
 from ..common.health import WARNING_MEMORY_S, Rhythm

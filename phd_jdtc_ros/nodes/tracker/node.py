@@ -6,29 +6,80 @@ A managed node. Its lifecycle and its parameters are here; the processing of sca
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Collection, Sequence
+import threading
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticStatus
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.context import Context
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
 
 from msg_adapters.encoding import names
+from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core import compilation
 from phd_jdtc_ros.exit_status import USAGE
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
 from ..common import arguments, parameters, runtime
 from ..common.callbacks import serve
-from ..common.health import Condition, HealthReports, status_of
+from ..common.health import DEPTH, PERIOD_S, Condition, HealthReports, status_of, summary
 from ..common.managed import ManagedNode
-from . import compiling, manager_bond, settings
+from ..common.topics import reliable
+from . import manager_bond, settings
 from .live import LiveTracker
 from .manager_bond import ManagerBond
 from .name_claim import NameClaim
+
+TEXT = "the tracker is compiling, once for each installation"
+# The longest time that the end of the reports may take, seconds.
+END_S = 5.0
+
+
+@contextmanager
+def report_compilation(argv: Sequence[str]) -> Iterator[None]:
+    """Report each second from the moment that something is compiled until the block ends.
+
+    `argv` includes the ROS arguments, which give the tracker its name.
+    """
+    ended = threading.Event()
+    thread = threading.Thread(target=_report, args=(list(argv), ended), daemon=True)
+    compilation.ON_COMPILATION.append(thread.start)
+    try:
+        yield
+    finally:
+        compilation.ON_COMPILATION.remove(thread.start)
+        ended.set()
+        if thread.is_alive():
+            thread.join(END_S)
+
+
+def _report(argv: list[str], ended: threading.Event) -> None:
+    """Publish the status until the event; the tracker itself reports faults of its arguments."""
+    context = Context()
+    rclpy.init(args=argv, context=context, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = Node("tracker", context=context, enable_rosout=False, start_parameter_services=False)
+        name = node.get_fully_qualified_name()
+        line = status_of(name, "step time", Condition(DiagnosticStatus.STALE, TEXT))
+        lines = [summary(name, [line]), line]
+        output = node.create_publisher(DiagnosticArray, names.DIAGNOSTICS, reliable(DEPTH))
+        is_ended = False
+        while not is_ended:
+            output.publish(diagnostics.array(node.get_clock().now().nanoseconds, lines))
+            is_ended = ended.wait(PERIOD_S)
+        node.destroy_node()
+    finally:
+        context.try_shutdown()
+
 
 # The file in `config` that has the defaults.
 DEFAULT_PROFILE = "defaults"
@@ -273,6 +324,6 @@ def main(argv: Sequence[str]) -> int:
     """Run the tracker node."""
     files = arguments.check("tracker", __doc__, argv)
     # This loads all compiled functions while a signal still ends the process at once.
-    with compiling.report_compilation(argv):
+    with report_compilation(argv):
         importlib.import_module("phd_jdtc_ros.core.window.fixed_lag")
     return runtime.run("tracker", lambda: Tracker(files), argv)

@@ -23,8 +23,8 @@ from phd_jdtc_ros.evaluation.evaluation import Evaluation
 
 from ..record import Record
 from ..units import Clock
-from . import class_chart, picture_words, score_words, time_charts
-from .chart import Chart, times
+from . import picture_words, score_words
+from .charts import Chart, class_probabilities, numbers, ospa, times
 from .layers import AMPLITUDE_SCALES
 from .packing import pack
 from .picture import Picture, picture_of
@@ -43,12 +43,12 @@ def charts_of(record: Record, evaluation: Evaluation) -> list[Chart]:
     charts = []
     estimated = any(len(run) for source in SOURCES for run in record.of_source(source))
     if any(evaluation.scores[source] for source in SOURCES):
-        charts.append(time_charts.ospa(record, evaluation))
+        charts.append(ospa(record, evaluation))
     if record.filtered or record.smoothed or record.truth:
-        charts.append(time_charts.numbers(record))
+        charts.append(numbers(record))
     # A single class has probability 1 throughout.
     if estimated and not record.sets.one_class:
-        charts.append(class_chart.class_probabilities(record, evaluation))
+        charts.append(class_probabilities(record, evaluation))
     return charts
 
 

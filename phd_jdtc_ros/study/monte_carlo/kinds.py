@@ -28,7 +28,10 @@ ELSEWHERE = "it runs with `python -m studies monte_carlo` in the repository"
 SHARED = (
     *(
         f"phd_jdtc_ros.{name}"
-        for name in ("calibration", "configuration", "core", "evaluation", "feed", "simulation")
+        for name in (
+            *("calibration", "columns", "configuration", "core", "evaluation", "feed"),
+            "simulation",
+        )
     ),
     "phd_jdtc_ros.quoting",
     *(

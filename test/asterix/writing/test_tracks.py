@@ -6,7 +6,7 @@ import asterix_records as made
 import pytest
 from asterix_reference import decoded, value
 
-from phd_jdtc_ros.asterix import blocks
+from phd_jdtc_ros.asterix import plot_stream
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
 from phd_jdtc_ros.asterix.writing import encoding
 from phd_jdtc_ros.asterix.writing import plots as plots_out
@@ -205,7 +205,7 @@ def test_plots_are_read_again_to_their_resolution():
     rng, counts = made.rng(3), Counter()
     plots = [(int(rng.integers(86_400 * NS)), random_plot(rng)) for _ in range(100)]
     data = b"".join(plots_out.plot_blocks(plots))
-    found = list(blocks.BlockReader(counts).messages(data))
+    found = list(plot_stream.BlockReader(counts).messages(data))
     assert not counts
     for (time_ns, plot), again, record in zip(plots, found, decoded(data), strict=True):
         assert again.time_of_day == pytest.approx(time_ns * 128 / NS, abs=0.5001)
@@ -221,7 +221,7 @@ def test_antenna_reports_crossings_of_north_and_other_azimuths():
     counts = Counter()
     for azimuth, kind in ((0.0, 1), (2.0 * math.pi, 1), (-math.pi, 2), (math.pi / 2, 2)):
         data = plots_out.service_block(0x1907, 5 * NS, azimuth, 4.0)
-        (found,) = blocks.BlockReader(counts).messages(data)
+        (found,) = plot_stream.BlockReader(counts).messages(data)
         assert (found.radar, found.time_of_day, found.kind) == (0x1907, 640, kind)
         assert found.azimuth == pytest.approx(azimuth % (2.0 * math.pi))
         assert found.rotation_s == 4.0
@@ -231,5 +231,5 @@ def test_antenna_reports_crossings_of_north_and_other_azimuths():
 
 
 def test_revolution_that_is_not_known_is_left_out():
-    (found,) = blocks.BlockReader(Counter()).messages(plots_out.service_block(1, 0, 0.0, 0.0))
+    (found,) = plot_stream.BlockReader(Counter()).messages(plots_out.service_block(1, 0, 0.0, 0.0))
     assert math.isnan(found.rotation_s)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from phd_jdtc_ros.calibration.registration import observability
+from phd_jdtc_ros.calibration.registration import solution
 from phd_jdtc_ros.calibration.registration.common import Sequences, common_targets
 from phd_jdtc_ros.calibration.registration.filtering import (
     ANY_SPEED,
@@ -18,8 +18,7 @@ from phd_jdtc_ros.calibration.registration.filtering import (
     filter_targets,
     smooth_targets,
 )
-from phd_jdtc_ros.calibration.registration.observability import analyse
-from phd_jdtc_ros.calibration.registration.solution import register
+from phd_jdtc_ros.calibration.registration.solution import analyse, register
 from phd_jdtc_ros.calibration.registration.tracked_radars import RegistrationError
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 
@@ -126,7 +125,7 @@ def test_radars_that_see_nothing_together_are_refused(sensors):
 
 @pytest.mark.filterwarnings("error")
 def test_nothing_observable_is_said_without_warnings(sensors, monkeypatch):
-    monkeypatch.setattr(observability, "OBSERVABLE_SHARE", 1e-9)
+    monkeypatch.setattr(solution, "OBSERVABLE_SHARE", 1e-9)
     with pytest.raises(RegistrationError, match="east: no bias is observable"):
         register(sensors[:2], "west")
 

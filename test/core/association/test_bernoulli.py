@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.core.association import bernoulli
+from phd_jdtc_ros.core.arrays import contiguous, frozen
+from phd_jdtc_ros.core.association import marginals
 from phd_jdtc_ros.core.association.claims import Claims
+from phd_jdtc_ros.core.association.shares import posterior_shares
 
 
 def scene(seed=0, rows=12, targets=4, detections=3):
@@ -18,9 +20,15 @@ def scene(seed=0, rows=12, targets=4, detections=3):
     return target, weight, Claims(row, column, mass, rng.uniform(0.1, 1.0, detections), p_d)
 
 
+def shares_of(target, targets, weight, claims):
+    """Return the factors by which the detections change the weights, as an engine gets them."""
+    claims = frozen(Claims(*contiguous(*claims)))
+    return posterior_shares(marginals.MOST_WORK, targets, *contiguous(target, weight), claims)
+
+
 def posterior(target, weight, claims):
     """Return the mass of each row that was missed, and that of each pair."""
-    shares = bernoulli.bernoulli(target, 4, weight, claims)
+    shares = shares_of(target, 4, weight, claims)
     missed = shares.prior * (1.0 - claims.detection_probability) * shares.missed[target]
     return missed, claims.mass * shares.pair, shares.claimed
 
@@ -92,9 +100,9 @@ def test_detection_of_a_certain_target_is_weighed_against_clutter_as_by_bayes_ru
 
 def test_no_rows_and_no_detections_are_valid():
     none, empty = np.zeros(0, dtype=np.int64), np.zeros(0)
-    shares = bernoulli.bernoulli(none, 0, empty, Claims(none, none, empty, np.ones(2), empty))
+    shares = shares_of(none, 0, empty, Claims(none, none, empty, np.ones(2), empty))
     np.testing.assert_array_equal(shares.claimed, [0.0, 0.0])
-    shares = bernoulli.bernoulli(
+    shares = shares_of(
         np.zeros(2, dtype=np.int64),
         1,
         np.array([0.3, 0.2]),
@@ -115,10 +123,10 @@ def test_shares_say_how_many_clusters_are_too_large_for_exact_sums():
     targets = detections = 14
     row, column = np.divmod(np.arange(targets * detections), detections)
     claims = Claims(row, column, np.full(len(row), 0.1), np.ones(detections), np.full(targets, 0.9))
-    shares = bernoulli.bernoulli(np.arange(targets), targets, np.full(targets, 0.5), claims)
+    shares = shares_of(np.arange(targets), targets, np.full(targets, 0.5), claims)
     assert shares.approximate == 1
     small = Claims(row[:2], column[:2], np.ones(2), np.ones(detections), np.full(targets, 0.9))
-    shares = bernoulli.bernoulli(np.arange(targets), targets, np.full(targets, 0.5), small)
+    shares = shares_of(np.arange(targets), targets, np.full(targets, 0.5), small)
     assert shares.approximate == 0
 
 
@@ -138,9 +146,9 @@ def test_pair_of_a_row_that_is_not_detected_has_no_mass():
     # The second target is out of the radar's sight, but within the gate.
     weight, p_d = np.array([0.5, 0.6]), np.array([0.9, 0.0])
     claims = Claims(np.arange(2), np.zeros(2, dtype=int), weight * p_d, np.ones(1), p_d)
-    shares = bernoulli.bernoulli(np.arange(2), 2, weight, claims)
+    shares = shares_of(np.arange(2), 2, weight, claims)
     alone = Claims(np.arange(1), np.zeros(1, dtype=int), weight[:1] * p_d[:1], np.ones(1), p_d[:1])
-    expected = bernoulli.bernoulli(np.arange(1), 1, weight[:1], alone)
+    expected = shares_of(np.arange(1), 1, weight[:1], alone)
     np.testing.assert_array_equal(shares.pair, [expected.pair[0], 0.0])
     np.testing.assert_array_equal(shares.claimed, expected.claimed)
     np.testing.assert_allclose(shares.missed, [expected.missed[0], 1.0], rtol=1e-12)

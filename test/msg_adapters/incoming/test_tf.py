@@ -6,7 +6,7 @@ import pytest
 import transform_messages as tf_messages
 
 from msg_adapters.encoding.errors import RejectedMessageError
-from msg_adapters.incoming import tf
+from msg_adapters.incoming import moving_radars
 from msg_adapters.outgoing import frames
 from phd_jdtc_ros.core.intake.transforms import Placement
 
@@ -27,26 +27,26 @@ def test_transforms_are_those_that_another_implementation_wrote(little_endian):
         ("a", "bc", 10**9, PLACED),
     ]
     data = tf_messages.message(*given, little_endian=little_endian)
-    assert tf.from_cdr(data, lambda frame: True) == given
-    assert tf.from_cdr(tf_messages.message(), lambda frame: True) == []
+    assert moving_radars.from_cdr(data, lambda frame: True) == given
+    assert moving_radars.from_cdr(tf_messages.message(), lambda frame: True) == []
 
 
 def test_own_static_frames_are_read_as_written():
     data = frames.to_cdr([frames.Mounting("radar", (4.0, 5.0), 1.0)], STAMP, "map")
-    ((parent, child, stamp_ns, placed),) = tf.from_cdr(data, lambda frame: True)
+    ((parent, child, stamp_ns, placed),) = moving_radars.from_cdr(data, lambda frame: True)
     assert (parent, child, stamp_ns) == ("map", "radar", STAMP)
     assert placed.pose().position == (4.0, 5.0)
     assert placed.pose().yaw == pytest.approx(1.0)
 
 
 def test_a_leading_slash_of_a_frame_means_nothing():
-    ((parent, child, *_),) = tf.from_cdr(sent("/map", "/radar"), lambda frame: True)
+    ((parent, child, *_),) = moving_radars.from_cdr(sent("/map", "/radar"), lambda frame: True)
     assert (parent, child) == ("map", "radar")
 
 
 def test_a_quaternion_that_is_nearly_of_norm_1_is_normalised():
     placed = Placement((0.0, 0.0, 0.0), (0.0, 0.0, 0.9, 1.2))
-    ((*_, found),) = tf.from_cdr(sent(placed=placed), lambda frame: True)
+    ((*_, found),) = moving_radars.from_cdr(sent(placed=placed), lambda frame: True)
     assert found.rotation == pytest.approx((0.0, 0.0, 0.6, 0.8))
 
 
@@ -70,9 +70,9 @@ def test_unusable_transforms_are_refused_and_those_of_other_frames_left_out(chan
     given = {"parent": "map", "child": "radar", "stamp_ns": STAMP, "placed": PLACED, **changes}
     data = tf_messages.message(tuple(given.values()), sound)
     with pytest.raises(RejectedMessageError) as caught:
-        tf.from_cdr(data, lambda frame: True)
+        moving_radars.from_cdr(data, lambda frame: True)
     assert caught.value.reason == reason
-    assert tf.from_cdr(data, lambda frame: frame == "robot") == [sound]
+    assert moving_radars.from_cdr(data, lambda frame: frame == "robot") == [sound]
 
 
 def test_damaged_bytes_are_refused_or_read_and_nothing_else():
@@ -87,7 +87,7 @@ def test_damaged_bytes_are_refused_or_read_and_nothing_else():
     refused = 0
     for data in damaged:
         try:
-            tf.from_cdr(data, lambda frame: True)
+            moving_radars.from_cdr(data, lambda frame: True)
         except RejectedMessageError:
             refused += 1
     assert refused >= len(whole)

@@ -10,7 +10,7 @@ from pyproj import Geod
 from samples import STAMP_NS, estimates, nothing
 
 from msg_adapters.encoding import stamps
-from msg_adapters.targets import geo_json, geodetic, navsat
+from msg_adapters.targets import geo_json, geodetic
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes
 from phd_jdtc_ros.earth import SystemPlane
 
@@ -47,13 +47,13 @@ def test_unknown_places_are_nan_and_none_of_nothing():
     assert np.isnan([found.course[0], found.height[0]]).all()
     assert found.speed[0] == 0.0
     assert all(column.shape == (0,) for column in geodetic.of(nothing(), PLANE))
-    assert navsat.to_msgs(nothing(), PLANE) == []
+    assert geodetic.to_msgs(nothing(), PLANE) == []
     assert geo_json.of_scan(nothing(), PLANE, NAMES, {})["features"] == []
 
 
 def test_fixes_are_of_the_labelled_tracks_in_order():
     given = replace(estimates(), track_id=np.array([12, 0, 5]))
-    first, second = navsat.to_msgs(given, PLANE)
+    first, second = geodetic.to_msgs(given, PLANE)
     assert [first.header.frame_id, second.header.frame_id] == ["track_5", "track_12"]
     assert {stamps.to_ns(message.header.stamp) for message in (first, second)} == {STAMP_NS}
     places = geodetic.of(given, PLANE)
@@ -72,7 +72,7 @@ def test_covariances_of_fixes_are_to_true_east_and_north():
     axes = np.array([[cos, -sin], [sin, cos]])
     covariance = np.zeros((1, 5, 5))
     covariance[0][np.ix_([0, 2], [0, 2])] = axes @ np.diag([400.0, 25.0]) @ axes.T
-    (message,) = navsat.to_msgs(at((x, 10.0, y, 0.0), covariance=covariance), PLANE)
+    (message,) = geodetic.to_msgs(at((x, 10.0, y, 0.0), covariance=covariance), PLANE)
     found = np.reshape(message.position_covariance, (3, 3))
     np.testing.assert_allclose(found[:2, :2], np.diag([400.0, 25.0]), rtol=0.0, atol=1e-9)
     assert found[2, 2] == 1e6
@@ -88,7 +88,7 @@ def test_estimated_heights_are_above_the_origins():
         np.full(2, UNKNOWN),
     )
     given = at((0.0, 10.0, 0.0, 0.0), (1e3, 10.0, 0.0, 0.0), attributes=known)
-    first, second = navsat.to_msgs(given, PLANE)
+    first, second = geodetic.to_msgs(given, PLANE)
     assert first.altitude == 3005.0
     assert math.isnan(second.altitude)
     assert (first.position_covariance[8], second.position_covariance[8]) == (100.0, 1e6)

@@ -4,7 +4,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from phd_jdtc_ros.core import compilation
-from phd_jdtc_ros.nodes.tracker import compiling
+from phd_jdtc_ros.nodes.tracker import node
 
 pytestmark = pytest.mark.live
 ARGUMENTS = ["--ros-args", "-r", "__ns:=/coast"]
@@ -19,17 +19,17 @@ def announced_again():
 
 def test_reported_says_that_the_tracker_compiles_under_its_own_name(peer):
     found = peer.collect(DiagnosticArray, "/diagnostics")
-    with compiling.report_compilation(ARGUMENTS):
+    with node.report_compilation(ARGUMENTS):
         compilation._announce()
         assert peer.spin_until(lambda: found)
     summary, line = found[0].status
     assert [summary.name, line.name] == ["/coast/tracker: summary", "/coast/tracker: step time"]
-    assert (line.level, line.message) == (DiagnosticStatus.STALE, compiling.TEXT)
-    assert (summary.level, summary.message) == (line.level, f"step time: {compiling.TEXT}")
+    assert (line.level, line.message) == (DiagnosticStatus.STALE, node.TEXT)
+    assert (summary.level, summary.message) == (line.level, f"step time: {node.TEXT}")
     assert peer.spin_until(lambda: not peer.node.count_publishers("/diagnostics"))
 
 
 def test_reported_makes_no_node_where_nothing_is_compiled(peer):
-    with compiling.report_compilation(ARGUMENTS):
+    with node.report_compilation(ARGUMENTS):
         assert not peer.spin_until(lambda: peer.node.count_publishers("/diagnostics"), 1.0)
     assert compilation.ON_COMPILATION == []

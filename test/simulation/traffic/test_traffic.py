@@ -7,9 +7,8 @@ from reference import resolve
 
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.traffic import gaps
-from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
+from phd_jdtc_ros.simulation.traffic.flight import EARTH_RADIUS, Flight, Leg, east_north
 from phd_jdtc_ros.simulation.traffic.gaps import Gap
-from phd_jdtc_ros.simulation.traffic.geodesy import EARTH_RADIUS, east_north
 from phd_jdtc_ros.simulation.traffic.targets import TargetScript, Turn
 from phd_jdtc_ros.simulation.traffic.traffic import APRON, Traffic, draw
 from studies.runner import until

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros import resources
-from phd_jdtc_ros.asterix import blocks
+from phd_jdtc_ros.asterix import plot_stream
 from phd_jdtc_ros.asterix.messages import NONE, NORTH, SECTOR, Plot
 from phd_jdtc_ros.asterix.transport import pcap
 from phd_jdtc_ros.configuration.schema import ConfigError
@@ -38,7 +38,7 @@ class Recorded:
             sent = [(None, data)]
         self.received, self.messages = [], []
         for received_ns, block in sent:
-            found = list(blocks.BlockReader(self.counts).messages(block))
+            found = list(plot_stream.BlockReader(self.counts).messages(block))
             self.messages += found
             self.received += [received_ns] * len(found)
         rows = [k for k, each in enumerate(self.messages) if isinstance(each, Plot)]
@@ -85,7 +85,7 @@ def test_approach_radar_sends_some_plots_a_block_and_no_antenna_messages(approac
     data, at, sizes = approach.path.read_bytes(), 0, []
     while at < len(data):
         length = int.from_bytes(data[at + 1 : at + 3], "big")
-        sizes.append(len(list(blocks.BlockReader(Counter()).messages(data[at : at + length]))))
+        sizes.append(len(list(plot_stream.BlockReader(Counter()).messages(data[at : at + length]))))
         at += length
     assert max(sizes) == 10
     assert 5.0 < np.mean(sizes) < 10.0
@@ -169,4 +169,4 @@ def test_capture_is_chosen_by_the_name_of_the_file(en_route, tmp_path):
     assert Path(hours.RECORDINGS["en_route_hour"]).suffix == simulated_asterix.CAPTURE
     with pytest.raises(ConfigError):
         hours.record(en_route.hour, en_route.config, {"sending": {"other": {}}}, raw)
-    assert list(blocks.BlockReader(Counter()).messages(raw.read_bytes())) == en_route.messages
+    assert list(plot_stream.BlockReader(Counter()).messages(raw.read_bytes())) == en_route.messages

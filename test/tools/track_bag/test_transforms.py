@@ -9,7 +9,7 @@ from moving_messages import CLOUDS, sent
 from transform_messages import LIVE, STATIC
 
 from msg_adapters.encoding import names
-from msg_adapters.incoming import platform_poses, tf
+from msg_adapters.incoming import moving_radars, platform_poses
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import Topic
@@ -22,7 +22,7 @@ CONFIG = moving.config(**tf_messages.PARAMETERS)
 def child_of(message):
     """Return the frame whose transform a message has; None for a cloud."""
     topic, data, _ = message
-    return None if topic == CLOUDS else tf.from_cdr(data, lambda frame: True)[0].child
+    return None if topic == CLOUDS else moving_radars.from_cdr(data, lambda frame: True)[0].child
 
 
 def tracked(path, messages, config=CONFIG, topics=(LIVE, STATIC)):

@@ -10,7 +10,7 @@ import numpy as np
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.compilation import Float1, Float2, Float3, Float4, Int1, compiled, inner
 
-from .filter_steps import copy, innovate, predict, update
+from .linking import copy, innovate, predict, update
 
 # Transition probabilities [mode, mode at the next plot], and the probabilities of the modes at a
 # track's first plot.
@@ -45,7 +45,7 @@ class _Scratch(NamedTuple):
     """Working arrays for one update."""
 
     parts: Float1  # Log weight of each component, and of clutter, (C + 1,)
-    found: Float2  # Results of `filter_steps.innovate` for each component, (C, 4)
+    found: Float2  # Results of `linking.innovate` for each component, (C, 4)
     step: Float4  # (C, 2, 2, 4)
 
 
