@@ -37,6 +37,9 @@ listed at once, and the node then ends with status 2.
 _OF_ALL = ", ".join(f"`{p.name}`" for p in bridge.RADAR if p in bridge.TABLE)
 _OF_RADARS = tuple(p for p in bridge.RADAR if p not in bridge.TABLE)
 
+# Parameters of sensors of positions that radars have too.
+_OF_POSITIONS = ", ".join(f"`{p.name}`" for p in TABLES["position"] if p in TABLES["radar"])
+
 _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
     (
         "tracker",
@@ -46,13 +49,15 @@ _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
         "and `qos_overrides.TOPIC.subscription.{reliability,history,depth,deadline}` (ns).",
         TOP,
     ),
-    *(
-        (
-            f"tracker, for every {kind} in `sensors`",
-            f"`kind` is {kind}. Names are prefixed: `radar_1.position`.",
-            own,
-        )
-        for kind, own in TABLES.items()
+    (
+        "tracker, for every radar in `sensors`",
+        "`kind` is radar. Names are prefixed: `radar_1.position`.",
+        TABLES["radar"],
+    ),
+    (
+        "tracker, for every position in `sensors`",
+        f"`kind` is position. Of a radar's parameters it has {_OF_POSITIONS} too.",
+        tuple(p for p in TABLES["position"] if p not in TABLES["radar"]),
     ),
     *((f"tracker, for every name in `{name}`", "", PARTS[name]) for name in list(PARTS)[1:]),
     ("tracker, as a node", "The offline executables do not have these.", tracker.TABLE),

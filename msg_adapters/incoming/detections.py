@@ -13,6 +13,7 @@ from sensor_msgs.msg import PointCloud2
 from phd_jdtc_ros.columns import sent_columns
 from phd_jdtc_ros.columns.selection import Report, select
 from phd_jdtc_ros.configuration.parameters.radar import Fields, RadarParameters
+from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.types import Detections
 
 from ..encoding import point_cloud, stamps
@@ -131,7 +132,7 @@ def _wanted_fields(
     return wanted, tuple(what for what in missing if what != "amplitude")
 
 
-def require_frame(frame: str, radar: RadarParameters) -> None:
-    """Raise `RejectedMessageError` if a message is not in its radar's frame."""
-    if frame != radar.frame:
-        raise RejectedMessageError("frame", f"frame_id {quote(frame)}, must be {radar.frame!r}")
+def require_frame(frame: str, sensor: SensorParameters) -> None:
+    """Raise `RejectedMessageError` if a message is not in its sensor's frame."""
+    if frame != sensor.frame:
+        raise RejectedMessageError("frame", f"frame_id {quote(frame)}, must be {sensor.frame!r}")

@@ -11,7 +11,7 @@ from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.types import Detections
 
 from ..encoding import interfaces, names
-from . import detections, radar_scan
+from . import detections, positions, radar_scan
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,12 @@ READERS = {
         radar_scan.to_cdr,
         radar_scan.DEFINITION,
         radar_scan.TYPE_HASH,
+    ),
+    "positions": Reader(
+        names.CLOUD,
+        positions.from_msg,
+        lambda data, sensor: positions.from_msg(interfaces.decode(data, names.CLOUD), sensor),
+        positions.to_cdr,
     ),
 }
 

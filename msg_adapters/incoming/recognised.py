@@ -1,4 +1,4 @@
-"""Infers how a radar's clouds are read from the names and values of their fields."""
+"""Infers how a sensor's clouds are read from the names and values of their fields."""
 
 from __future__ import annotations
 
@@ -38,11 +38,36 @@ FARTHEST_S, FARTHEST_INTERVALS = 60.0, 20.0
 LEAST_S = 1e-4
 
 
-def parameters(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:
-    """Return the parameters for reading a radar's clouds, None if range or azimuth is missing.
+# Usual names of the fields of positions, likewise.
+POSITIONS: Mapping[str, Sequence[str]] = {
+    "fields.x": ("x", "pos_x", "position_x"),
+    "fields.y": ("y", "pos_y", "position_y"),
+    "fields.x_std": ("x_std", "sigma_x", "std_x"),
+    "fields.y_std": ("y_std", "sigma_y", "std_y"),
+    "fields.correlation": ("correlation", "correlation_xy", "rho_xy"),
+    "fields.vx": ("vx", "velocity_x", "vel_x"),
+    "fields.vy": ("vy", "velocity_y", "vel_y"),
+    "fields.time": NAMES["fields.time"],
+}
+# Fields of what trackers publish: tracks, and detections of other sensors.
+OF_TRACKERS = {"track_id", "radar_index"}
+# Clouds with more points are not detections, but what a lidar measures of all surfaces.
+MOST_DETECTIONS = 2000
 
-    They are ``fields.range`` and so on, units and conventions, without the radar's name. At least
-    one of the clouds, which are of one topic, must have points.
+
+def is_of_positions(fields: Sequence[str]) -> bool:
+    """Return whether a cloud with these fields has positions, and no ranges and azimuths."""
+    present = {name.lower() for name in fields}
+    polar = ("fields.range", "fields.azimuth")
+    return {"x", "y"} <= present and not any(present & {*NAMES[name]} for name in polar)
+
+
+def parameters(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:
+    """Return the parameters for reading a sensor's clouds, None if they have no known place.
+
+    A range and an azimuth are a radar's, and x and y without both are positions. The parameters are
+    ``fields.range`` and so on, units and conventions, without the sensor's name. At least one of
+    the clouds, which are of one topic, must have points.
     """
     full = [cloud for cloud in clouds if cloud.width * cloud.height]
     if not full:
@@ -54,7 +79,7 @@ def parameters(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:
         if usable:
             found[parameter] = usable[0]
     if not {"fields.range", "fields.azimuth"} <= set(found):
-        return None
+        return _of_positions(full) if {"fields.range", "fields.azimuth"}.isdisjoint(found) else None
     found.setdefault("fields.amplitude", "")
     if "fields.elevation" in found and not _has_elevations(full, found["fields.elevation"]):
         del found["fields.elevation"]  # all elevations are zero, so ranges are ground ranges
@@ -67,6 +92,30 @@ def parameters(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:
             del found["fields.time"]
         else:
             found.update(times)
+    return found
+
+
+def _of_positions(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:
+    """Return the parameters for reading clouds of positions, None if they have none."""
+    found: dict[str, Any] = {"kind": "position", "frame": clouds[0].header.frame_id}
+    if OF_TRACKERS.intersection(point_cloud.field_names(clouds[0])):
+        return None
+    if np.median([cloud.width * cloud.height for cloud in clouds]) > MOST_DETECTIONS:
+        return None
+    for parameter, names in POSITIONS.items():
+        present = _present(clouds[0], names)
+        usable = [name for name in present if _column(clouds, parameter, name) is not None]
+        if usable and usable[0] != names[0]:
+            found[parameter] = usable[0]
+        elif not usable and parameter in ("fields.x", "fields.y"):
+            return None
+        elif usable and parameter == "fields.time":
+            found[parameter] = usable[0]
+    if "fields.time" in found:
+        times = _times(clouds, found["fields.time"])
+        found |= times or {}
+        if times is None:
+            del found["fields.time"]
     return found
 
 

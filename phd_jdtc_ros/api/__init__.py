@@ -4,8 +4,7 @@
 
     tables       a user's table as columns: mapping, data frame, structured array, CSV
       |          latitudes and longitudes become x and y                places
-      |          the radar that is supposed beside x and y              supposed_radar
-      |          split into the reports of the radars                   reports
+      |          split into the reports of the sensors                  reports
     tracker      `Tracker`: parameters, `fit`, `track`, `update`, `flush`
       |          runs the core's pipeline, as the live node does
     tables       estimates as a structured array

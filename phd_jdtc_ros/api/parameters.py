@@ -12,14 +12,15 @@ from typing import Any
 from phd_jdtc_ros.calibration.tuning import proposal, unspecified
 from phd_jdtc_ros.calibration.tuning.findings import Findings
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
-from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, flatten, number
+from phd_jdtc_ros.configuration.schema import ConfigError, flatten
+from phd_jdtc_ros.configuration.sensor_kinds import parameters_of
 from phd_jdtc_ros.configuration.tables import GROUPS, schema
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
-from . import places, supposed_radar
+from . import places
+from .places import POSITION
 from .reports import TIME
-from .supposed_radar import POSITION, Area
 from .tables import Columns
 
 # Defaults for tables. Those of the node describe two radars and two classes; these describe one of
@@ -32,17 +33,29 @@ DEFAULTS: Mapping[str, Any] = {
     "detection_births.turn_rate_std": 0.02,
     "detection_births.least_probability": 0.005,
 }
-RADAR_DEFAULTS: Mapping[str, Any] = {
-    "fields.amplitude": "",
-    "detection_probability": 0.9,
+# Those of sensors, by kind.
+SENSOR_DEFAULTS: Mapping[str, Mapping[str, Any]] = {
+    "radar": {"fields.amplitude": "", "detection_probability": 0.9},
+    "position": {},
 }
-# Parameters without a default; the user or a recording must provide them.
-REQUIRED, REQUIRED_OF_RADARS = ("interval_s",), ("range_std", "azimuth_std_deg", "max_range")
-# Optional columns, named like the parameters of `fields`, that are used if present.
-RECOGNISED = (
-    *("amplitude", "elevation", "height", "code", "address", "detection_type", "sector"),
-    *("range_std", "azimuth_std", "range_rate", "range_rate_std"),
-)
+# Parameters without a default; the user or a recording must provide them. Those of sensors by kind.
+REQUIRED = ("interval_s",)
+REQUIRED_OF_SENSORS: Mapping[str, Sequence[str]] = {
+    "radar": ("range_std", "azimuth_std_deg", "max_range"),
+    "position": ("position_std", "area"),
+}
+# Optional columns, named like the parameters of `fields`, that are used if present, by kind.
+RECOGNISED: Mapping[str, Sequence[str]] = {
+    "radar": (
+        *("amplitude", "elevation", "height", "code", "address", "detection_type", "sector"),
+        *("range_std", "azimuth_std", "range_rate", "range_rate_std"),
+    ),
+    "position": ("velocity_std", "amplitude", "height", "code", "address", "detection_type"),
+}
+# Parameters that only a sensor of positions has.
+OF_POSITIONS = {own.name for own in parameters_of("position")} - {
+    own.name for own in parameters_of("radar")
+}
 
 
 @dataclass(frozen=True)
@@ -54,8 +67,6 @@ class Parameters:
     for_node: bool = False
     # Values estimated from a recording; given parameters take precedence.
     found: Mapping[str, Any] = field(default_factory=dict)
-    # Area of each supposed radar whose recording has positions.
-    areas: Mapping[str, Area] = field(default_factory=dict)
 
     @staticmethod
     def of(given: Any) -> Parameters:
@@ -81,12 +92,13 @@ class Parameters:
         Noise, range and interval may be missing in an `incomplete` one, which only reads tables.
         """
         values = self.values(columns)
-        faults = [] if self.for_node or incomplete else self._missing(values, columns)
-        of_radars = {parameter.name for parameter in GROUPS["sensors"]}
+        faults = [*self._of_radars(values)]
+        faults += [] if self.for_node or incomplete else self._missing(values)
+        of_sensors = {parameter.name for parameter in GROUPS["sensors"]}
         faults += [
             f"{name}: unknown parameter, did you mean {self.radars[0]}.{name}?"
             for name in self.given
-            if name in of_radars and self.radars
+            if name in of_sensors and self.radars
         ]
         faults += [
             f"{name}.pose: {values[f'{name}.pose']!r} given, must be fixed: tables have no poses"
@@ -111,32 +123,48 @@ class Parameters:
         known = {**self._usable(), **self.given}
         values = dict(DEFAULTS)
         for name in self.radars:
-            values.update({f"{name}.{what}": value for what, value in RADAR_DEFAULTS.items()})
+            kind = known.get(f"{name}.kind", self._kind_of(name, columns))
+            kind = kind if kind in SENSOR_DEFAULTS else next(iter(SENSOR_DEFAULTS))
+            usual = {**SENSOR_DEFAULTS[kind], **_fields(kind, columns)}
+            values.update({f"{name}.{what}": value for what, value in usual.items()})
             # A given rate stays.
-            values[f"{name}.learn"] = [] if f"{name}.clutter_rate" in known else ["clutter"]
-            values.update(_fields(name, columns))
+            is_given = f"{name}.clutter_rate" in known
+            if kind == "position":
+                values[f"{name}.kind"] = kind
+                if f"{name}.clutter_rate" in self.given:
+                    values[f"{name}.learn"] = ["noise", "detection"]
+            else:
+                values[f"{name}.learn"] = [] if is_given else ["clutter"]
+                if f"{name}.max_range" in known:
+                    values[f"{name}.clutter_max_range"] = known[f"{name}.max_range"]
             if known.get(f"{name}.fields.time") == TIME:
                 values[f"{name}.time_reference"] = "epoch"
-            if f"{name}.max_range" in known:
-                values[f"{name}.clutter_max_range"] = known[f"{name}.max_range"]
-        return {**values, **known, **self._supposed(columns)}
+        return {**values, **known}
 
-    def _supposed(self, columns: Collection[str]) -> dict[str, Any]:
-        """Return the parameters of the supposed radars, beside the areas of positions."""
-        areas = {**self._given_areas(columns), **self.areas}
-        rates = {name: self.given.get(f"{name}.clutter_rate") for name in areas}
-        found: dict[str, Any] = {}
-        for name, area in areas.items():
-            found |= supposed_radar.parameters(name, area, rates[name])
-        return found
+    def _kind_of(self, name: str, columns: Collection[str]) -> str:
+        """Return the kind of a sensor whose table has these columns, or that has such parameters.
 
-    def _given_areas(self, columns: Collection[str]) -> dict[str, Area]:
-        """Return the area about (0, 0) of each supposed radar with a given maximum range."""
-        reach = {
-            name: number(self.given.get(f"{name}.max_range"), SMALL)
-            for name in supposed_radar.names(self.radars, self.given, columns)
-        }
-        return {name: Area(0.0, 0.0, far, far) for name, far in reach.items() if far is not None}
+        Positions beside ranges are not used.
+        """
+        if not columns:
+            is_given = any(f"{name}.{what}" in self.given for what in OF_POSITIONS)
+            return "position" if is_given else "radar"
+        x, y, distance = (
+            self.given.get(f"{name}.fields.{what}", what) for what in (*POSITION, "range")
+        )
+        return "position" if distance not in columns and {x, y} <= {*columns} else "radar"
+
+    def _of_radars(self, values: Mapping[str, Any]) -> Iterator[str]:
+        """Yield a fault for each parameter of a radar that is given for positions."""
+        for name in [] if self.for_node else self.radars:
+            if values.get(f"{name}.kind") != "position" or f"{name}.kind" in self.given:
+                continue
+            for what in REQUIRED_OF_SENSORS["radar"]:
+                if f"{name}.{what}" in self.given:
+                    yield (
+                        f"{name}.{what}: given, but the table has x and y and no range: positions, "
+                        "with position_std and area"
+                    )
 
     def with_origin(self, columns: Columns) -> Parameters:
         """Return a copy for a recording, with the middle of its latitudes and longitudes."""
@@ -148,15 +176,6 @@ class Parameters:
         known = {**self.found, **self.given}
         return places.in_plane(columns, known.get("world_origin", ()))
 
-    def with_areas(self, columns: Columns) -> Parameters:
-        """Return a copy for a recording, whose positions determine areas that are not given."""
-        if self.for_node:
-            return self
-        names = supposed_radar.names(self.radars, self.given, columns)
-        area = supposed_radar.area_of(columns) if names else None
-        found = {} if area is None else dict.fromkeys(names, area)
-        return replace(self, areas={**found, **self._given_areas(columns)})
-
     def _usable(self) -> dict[str, Any]:
         """Return the estimated parameters that fit the given classes and motion models."""
         table = schema({**DEFAULTS, **self.found, **self.given})
@@ -165,18 +184,16 @@ class Parameters:
             found.pop("detection_births.rates", None)
         return found
 
-    def _missing(self, values: Mapping[str, Any], columns: Collection[str]) -> list[str]:
+    def _missing(self, values: Mapping[str, Any]) -> list[str]:
         """Return a fault for each required parameter that is missing."""
-        positions = {*POSITION} <= {*columns}
-        of_radars = [
-            f"{radar}.{what}"
-            for radar in self.radars
-            for what in REQUIRED_OF_RADARS
-            if not (positions and what == "azimuth_std_deg")
+        of_sensors = [
+            f"{name}.{what}"
+            for name in self.radars
+            for what in REQUIRED_OF_SENSORS.get(values.get(f"{name}.kind", "radar"), ())
         ]
         return [
             f"{name}: is missing, must be given or estimated by fit"
-            for name in (*REQUIRED, *of_radars)
+            for name in (*REQUIRED, *of_sensors)
             if name not in values
         ]
 
@@ -201,9 +218,10 @@ class Parameters:
         found["interval_s"] = proposal.interval_s(findings)
         for radar, each in findings.items():
             if not self.for_node:
-                found.update(_fields(radar, columns))
-            known = {**self.given, **self._supposed(columns)}
-            rows = proposal.rows(each, known, radar)
+                kind = "position" if each.of_places else "radar"
+                own = {"kind": kind, **_fields(kind, columns)}
+                found.update({f"{radar}.{what}": value for what, value in own.items()})
+            rows = proposal.rows(each, self.given, radar)
             found.update({f"{radar}.{row.name}": row.value for row in rows if row.proposed})
         return replace(self, found=found)
 
@@ -225,9 +243,9 @@ def _for_tables(given: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _fields(radar: str, columns: Collection[str]) -> dict[str, str]:
-    """Return the field parameters of a radar for the recognised columns."""
-    names = {what: what for what in RECOGNISED if what in columns}
+def _fields(kind: str, columns: Collection[str]) -> dict[str, str]:
+    """Return the field parameters of a sensor of a kind for the recognised columns."""
+    names = {what: what for what in RECOGNISED[kind] if what in columns}
     if "kind" in columns:  # as in the clouds of ASTERIX plots
         names.setdefault("detection_type", "kind")
-    return {f"{radar}.fields.{what}": column for what, column in names.items()}
+    return {f"fields.{what}": column for what, column in names.items()}

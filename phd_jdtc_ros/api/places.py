@@ -8,9 +8,10 @@ import numpy as np
 
 from phd_jdtc_ros.earth import SystemPlane
 
-from .supposed_radar import POSITION
 from .tables import Columns, numbers, place_of, with_column
 
+# Columns of positions.
+POSITION = ("x", "y")
 # Columns in degrees, with the largest magnitude of each.
 NAMES = (("lat", "lon"), ("latitude", "longitude"))
 MOST_DEG = (90.0, 360.0)

@@ -1,24 +1,24 @@
-"""Splits tables of detections into reports of radars."""
+"""Splits tables of detections into reports of sensors."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
-from phd_jdtc_ros.columns import selection, sent_columns
+from phd_jdtc_ros.columns import position_selection, selection, sent_columns
+from phd_jdtc_ros.columns.position_selection import unlimited
 from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.parameters.position import PositionParameters
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.sensors.polar_geometry import MIN_RANGE
-from phd_jdtc_ros.core.sensors.sensor import Sensor
+from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
+from phd_jdtc_ros.core.arrays import IntArray
 
-from .supposed_radar import POSITION
+from .places import POSITION
 from .tables import (
-    MOST_METRES,
     Columns,
     numbers,
     place_of,
@@ -45,11 +45,11 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[tuple[int, Repor
     time_ns = stamps_ns(columns)
     columns = with_column(columns, TIME, time_ns / 1e9)
     found = []
-    for index, rows in enumerate(_rows_of_radars(columns, config.radars)):
+    for index, rows in enumerate(_rows_of_radars(columns, config.inputs)):
         if not len(rows):
             continue
-        radar = config.radars[index]
-        sent = _columns_of(rows_of(columns, rows), config, index)
+        radar = config.inputs[index]
+        sent = _columns_of(rows_of(columns, rows), radar)
         timed = radar.fields.time == TIME
         stamp_ns = _ends_ns(time_ns[rows], radar) if timed else time_ns[rows]
         parts = {int(stamp_ns[part[0]]): part for part in rows_by_stamp(stamp_ns)}
@@ -63,12 +63,13 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[tuple[int, Repor
 def report_of(stamp_ns: int, columns: Columns, config: TrackerConfig, index: int) -> Report:
     """Return one radar's report, by its index; `columns` are empty without detections."""
     count = len(next(iter(columns.values()), ()))
-    none: FloatArray = np.zeros(0)
-    sent = _columns_of(columns, config, index) if count else {"range": none, "azimuth": none}
-    return _report(stamp_ns, sent, np.arange(count), config.radars[index])
+    sensor = config.inputs[index]
+    nothing = dict.fromkeys(_place_of(sensor), np.zeros(0))
+    sent = _columns_of(columns, sensor) if count else nothing
+    return _report(stamp_ns, sent, np.arange(count), sensor)
 
 
-def _rows_of_radars(columns: Columns, radars: Sequence[RadarParameters]) -> Iterator[IntArray]:
+def _rows_of_radars(columns: Columns, radars: Sequence[SensorParameters]) -> Iterator[IntArray]:
     count = len(columns[TIME])
     if len(radars) == 1 and "radar" not in columns:
         yield np.arange(count)
@@ -89,11 +90,11 @@ def _rows_of_radars(columns: Columns, radars: Sequence[RadarParameters]) -> Iter
         yield np.flatnonzero(name == each)
 
 
-def _step_ns(radar: RadarParameters) -> int:
+def _step_ns(radar: SensorParameters) -> int:
     return round((radar.rotation_s / PARTS_OF_A_REVOLUTION or DEFAULT_PART_S) * 1e9)
 
 
-def _ends_ns(time_ns: IntArray, radar: RadarParameters) -> IntArray:
+def _ends_ns(time_ns: IntArray, radar: SensorParameters) -> IntArray:
     """Return the end of the part of a revolution of each detection time."""
     return (time_ns // _step_ns(radar) + 1) * _step_ns(radar)
 
@@ -107,11 +108,15 @@ def _empty_ns(ends_ns: Sequence[int], step_ns: int) -> list[int]:
     return empty_ns
 
 
-def _columns_of(columns: Columns, config: TrackerConfig, index: int) -> selection.Columns:
-    """Return the columns of one radar by quantity, in the radar's convention."""
-    radar = config.radars[index]
-    names = sent_columns.names_of(radar.fields)
-    if radar.fields.time == TIME:
+def _place_of(sensor: SensorParameters) -> tuple[str, str]:
+    """Return the quantities of the place of a sensor's detections."""
+    return POSITION if isinstance(sensor, PositionParameters) else ("range", "azimuth")
+
+
+def _columns_of(columns: Columns, sensor: SensorParameters) -> selection.Columns:
+    """Return the columns of one sensor by quantity, in the sensor's convention."""
+    names, place = sent_columns.names_of(sensor.fields), _place_of(sensor)
+    if sensor.fields.time == TIME:
         # Reports are split by time here, and not by the radar's sectors.
         names.pop("sector", None)
     found = {
@@ -119,57 +124,33 @@ def _columns_of(columns: Columns, config: TrackerConfig, index: int) -> selectio
         for what, name in names.items()
         if name in columns
     }
-    if radar.fields.range not in columns and {*POSITION} <= columns.keys():
-        found |= _of_positions(columns, radar, config.model.radars[index])
-    elif not {"range", "azimuth"} & found.keys() and {*POSITION} & columns.keys():
+    if place == POSITION and POSITION_STD in columns:
+        std = numbers(columns, POSITION_STD)
+        found = {"x_std": std, "y_std": std, **found}
+    elif not {*place} & found.keys() and {*POSITION} & columns.keys():
         for name in POSITION:
             require_column(columns, name)
-    for what in ("range", "azimuth"):
+    for what in place:
         if what not in found:
             require_column(columns, names[what])
-    return found
-
-
-def _of_positions(columns: Columns, radar: RadarParameters, model: Sensor) -> selection.Columns:
-    """Convert positions, whose noise is equal along both axes, to ranges and azimuths."""
-    if radar.site is not None:
-        raise ValueError(
-            f"x, y: given, must be {radar.fields.range} and {radar.fields.azimuth} for "
-            f"{radar.name}, because it has geodetic"
-        )
-    x, y = (
-        np.clip(numbers(columns, name), -2.0 * MOST_METRES, 2.0 * MOST_METRES) - zero
-        for name, zero in zip(POSITION, model.position, strict=True)
-    )
-    distance = np.hypot(x, y)
-    std = np.full(len(x), float(model.noise_std[0]))
-    if POSITION_STD in columns:
-        std = numbers(columns, POSITION_STD)
-    across = np.clip(std / np.maximum(distance, MIN_RANGE), *selection.AZIMUTH_STDS)
-    return {
-        "range": distance,
-        "azimuth": sent_columns.azimuth(np.arctan2(y, x) - model.yaw, radar),
-        "range_std": std,
-        "azimuth_std": np.degrees(across) if radar.azimuth_in_degrees else across,
-    }
+    # The quantities of the place come first.
+    return {**{what: found[what] for what in place}, **found}
 
 
 def _report(
-    stamp_ns: int, sent: selection.Columns, rows: IntArray, radar: RadarParameters
+    stamp_ns: int, sent: selection.Columns, rows: IntArray, sensor: SensorParameters
 ) -> Report:
     """Return a report of rows; rows without a position mark a scan without detections."""
-    seen = rows[~(np.isnan(sent["range"][rows]) & np.isnan(sent["azimuth"][rows]))]
+    one, other = (sent[what][rows] for what in _place_of(sensor))
+    seen = rows[~(np.isnan(one) & np.isnan(other))]
     own = {what: column[seen] for what, column in sent.items()}
-    return selection.select(stamp_ns, radar, own)
+    if isinstance(sensor, PositionParameters):
+        return position_selection.select(stamp_ns, sensor, own)
+    if not isinstance(sensor, RadarParameters):
+        raise TypeError(f"{sensor.name}: {sensor.kind} given, tables have radars and positions")
+    return selection.select(stamp_ns, sensor, own)
 
 
-def without_max_range(config: TrackerConfig, supposed: Collection[str]) -> TrackerConfig:
-    """Return a configuration that also reads detections beyond the radars' maximum ranges.
-
-    Those of `supposed` radars are bounds of the positions.
-    """
-    inputs = tuple(
-        radar if radar.name in supposed else replace(radar, max_range=MOST_METRES)
-        for radar in config.radars
-    )
-    return replace(config, inputs=inputs)
+def everywhere(config: TrackerConfig) -> TrackerConfig:
+    """Return a configuration that also reads detections beyond the sensors' limits."""
+    return replace(config, inputs=tuple(map(unlimited, config.inputs)))

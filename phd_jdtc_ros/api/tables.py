@@ -43,7 +43,7 @@ LONGEST_STEP_S, SHORTEST_STEP_S = 2.0, 0.06
 SURELY_COARSE_S = 32.0
 UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 EARLIEST_S = 3e8  # In times since 1970 of which the unit is sought
-# No coordinate or range of a target is larger, metres.
+# No coordinate of a target is larger, metres.
 MOST_METRES = 1e9
 # A date and a time, and its offset from UTC in hours and minutes.
 _OFFSET = re.compile(r"(.*:.*)([+-])(\d\d):?(\d\d)?")

@@ -11,20 +11,22 @@ from typing import Any, NamedTuple
 
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.calibration.registration.monitor import RegistrationMonitor
-from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
+from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, findings
 from phd_jdtc_ros.calibration.tuning.plots import limit_plots, plots_of
+from phd_jdtc_ros.calibration.tuning.rates import area_of
 from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.intake.input_checks import NOT_IN_RECORDINGS
 from phd_jdtc_ros.core.pipeline import Event, RunEnded
-from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.types import Detections, Estimates
-from phd_jdtc_ros.feed.feed import Feed
+from phd_jdtc_ros.feed.feed import Feed, Monitor
 from phd_jdtc_ros.feed.tally import DetectionCounts, Tally
 
-from . import places, supposed_radar
+from . import places
 from .parameters import Parameters
-from .reports import TIME, report_of, reports_of, without_max_range
+from .reports import TIME, everywhere, report_of, reports_of
 from .tables import Column, Table, columns_of, stamps_ns, table_of
 
 
@@ -45,7 +47,8 @@ class Tracker:
         The tracker's parameters, by dotted or nested names, see ``docs/parameters.md``. The
         defaults here are one radar, named ``radar``, and one class of targets, ``target``, that may
         appear anywhere. ``interval_s`` and each radar's ``range_std``, ``azimuth_std_deg`` and
-        ``max_range`` must be given, or estimated by `fit`. Without `fit` also set
+        ``max_range``, or for positions ``position_std`` and ``area``, must be given, or estimated
+        by `fit`. Without `fit` also set
         ``detection_births.velocity_std``, because targets that are several times faster than its
         40 m/s may not be found. A str or a path is a parameter file of the node, with the node's
         defaults.
@@ -68,8 +71,10 @@ class Tracker:
     of CSV files. Their columns are ``time`` (seconds, or dates), ``radar`` (its name; with several
     radars), and either ``range`` and ``azimuth`` (metres; radians counter-clockwise from the
     radar's x axis, or as ``azimuth_unit`` and ``azimuth_convention`` define) or ``x`` and ``y``
-    (metres, in the world frame, with the standard deviation ``position_std`` or else
-    ``range_std``) or ``lat`` and ``lon`` (degrees; they become x and y about ``world_origin``).
+    (metres, in the sensor's frame, which is the world's unless ``position`` and ``yaw_deg`` are
+    given) or ``lat`` and ``lon`` (degrees; they become x and y about ``world_origin``). Positions
+    may have deviations, ``x_std``, ``y_std`` and ``correlation``, or ``position_std`` along both
+    axes, and velocities over ground, ``vx`` and ``vy`` (m/s).
     Further columns are named by ``fields``. Columns with the names of its
     parameters (``amplitude``, ``height``, ``code``, ``range_rate`` and so on) are used if present;
     others are ignored.
@@ -140,9 +145,8 @@ class Tracker:
         columns = columns_of(detections)
         parameters = self._parameters.with_origin(columns)
         columns = parameters.in_plane(columns)
-        parameters = parameters.with_areas(columns)
         config = parameters.config(columns, incomplete=True)
-        config = without_max_range(config, parameters.areas)
+        fields, config = config.model.radars, everywhere(config)
         tally = Tally(config)
         reports: dict[int, list[tuple[int, Detections]]] = {}
         counts = [DetectionCounts() for _ in config.inputs]
@@ -167,19 +171,10 @@ class Tracker:
             try:
                 if index not in reports:
                     raise TuningError("no detections")
-                field = polar_radars(config.model.radars)[index].visibility
-                plots = plots_of(reports[index])
-                plots = replace(plots, fov=field.fov.width, min_range=field.min_range)
-                plots = limit_plots(plots)
-                each = findings(plots)
-                polar = config.radars[index].fields.range in columns
-                found[name] = each if polar else each.isotropic()
-                timed[name] = plots.timed
+                found[name], timed[name] = _findings(reports[index], fields[index])
             except TuningError as error:
                 reason = counts[index].fault()
                 reasons = [str(error), *([reason] if reason else ()), *about.get(index, ())]
-                if name in parameters.areas:
-                    reasons.append(supposed_radar.words(parameters.areas[name]))
                 faults.append(f"{name}: {'; '.join(reasons)}")
         if faults:
             raise TuningError("; ".join(faults))
@@ -280,6 +275,21 @@ class Tracker:
             warnings.warn(warning, stacklevel=3)
 
 
+def _findings(reports: list[tuple[int, Detections]], sensor: Sensor) -> tuple[Findings, bool]:
+    """Return the findings of a sensor's reports, and whether detections have times of their own."""
+    if isinstance(sensor, RadarModel):
+        field, plots = sensor.visibility, plots_of(reports)
+        plots = replace(plots, fov=field.fov.width, min_range=field.min_range)
+    else:
+        plots = plots_of(reports, places=True)
+    part = limit_plots(plots)
+    found = findings(part)
+    if part.places:
+        # A few detections show the noise, but only all of them the area.
+        found = replace(found, field=replace(found.field, area=area_of(plots.measurement)))
+    return found, plots.timed
+
+
 def _index_of(radar: str | None, names: list[str]) -> int:
     """Return the index of a radar by its name, which a single radar does not need."""
     if radar is None and len(names) == 1:
@@ -295,11 +305,14 @@ class _Run:
     def __init__(self, config: TrackerConfig) -> None:
         self.config, self.tally = config, Tally(config)
         self._innovations = InnovationMonitor(config.model)
-        self._registration = RegistrationMonitor(
-            polar_radars(config.model.radars), config.model.modes.interval_s
+        radars = [each for each in config.model.radars if isinstance(each, RadarModel)]
+        # It compares radars with each other, and knows no other sensors.
+        compared = len(radars) == len(config.inputs) > 1
+        self._registration = (
+            RegistrationMonitor(tuple(radars), config.model.modes.interval_s) if compared else None
         )
-        several = [self._registration] if len(config.inputs) > 1 else []
-        self._feed = Feed(config, self.tally, [self._innovations, *several])
+        monitors: list[Monitor] = [self._innovations, *filter(None, [self._registration])]
+        self._feed = Feed(config, self.tally, monitors)
         self._filtered: list[Estimates] = []
         self._smoothed: list[Estimates] = []
 
@@ -325,9 +338,8 @@ class _Run:
         if counts.lost:
             yield counts.unused(self.tally.dropped)
         yield from (f"{each.name}: silent, without a row" for each in self.tally.silent())
-        for radar, text in self.tally.about_radars(
-            self._innovations.fits(), self._registration.mean_residuals()
-        ):
+        residuals = [] if self._registration is None else self._registration.mean_residuals()
+        for radar, text in self.tally.about_radars(self._innovations.fits(), residuals):
             yield f"{self.config.inputs[radar].name}: {text}"
         yield from self.tally.about_run()
 

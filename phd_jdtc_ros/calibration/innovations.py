@@ -54,6 +54,11 @@ FEW = 10
 LEAST_BROKEN, BROKEN, FAR = 6, 0.6, 5.0
 
 
+# Smaller differences, in standard deviations of the noise, are rounding errors: the detections are
+# rounded, or are those of a track themselves, and show no noise.
+EXACT = 1e-4
+
+
 class Fit(NamedTuple):
     """Comparison of a radar's configured noise with its detections of tracks."""
 
@@ -215,7 +220,7 @@ def _nearest_two(places: FloatArray, others: FloatArray) -> tuple[FloatArray, In
 
 
 def _squares(radar: Sensor, paths: FloatArray) -> FloatArray:
-    """Return squared third differences relative to the noise, (Q, 2); NaN for rounded components.
+    """Return squared third differences relative to the noise, (Q, 2); NaN where they are `EXACT`.
 
     They are along the components of a measurement. `paths`, (Q, 4, 8), is as in `_Memory`.
     """
@@ -228,10 +233,10 @@ def _squares(radar: Sensor, paths: FloatArray) -> FloatArray:
     _, slope = radar.linearise(paths[:, -1, 1:3])
     along = (slope @ difference[:, :, None])[:, :, 0]
     variance = np.einsum("qij,qjk,qik->qi", slope, covariance, slope)
-    # A component that stays the same is rounded, and shows no noise.
-    same = np.ptp(paths[:, :, 6:], axis=1) == 0.0
-    squares: FloatArray = np.where(same, np.nan, along**2 / variance)
-    return squares
+    squares = along**2 / variance
+    # A component that stays the same is rounded.
+    shows_none = (np.ptp(paths[:, :, 6:], axis=1) == 0.0) | (squares < EXACT**2)
+    return np.where(shows_none, np.nan, squares)
 
 
 def _roots(squares: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:

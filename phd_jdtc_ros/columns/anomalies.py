@@ -8,6 +8,7 @@ from typing import Any
 
 from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.calibration.registration.monitor import MeanResidual
+from phd_jdtc_ros.configuration.parameters.position import PositionParameters
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
@@ -26,14 +27,19 @@ OF_DETECTIONS = frozenset(
         *("azimuths_beyond_a_turn", "azimuths_no_angles", "ranges_negative", "detections_repeated"),
         *("heights_unknown", "deviations_unusable", "identities_unusable", "range_rates_unusable"),
         *("range_rates_beyond_ambiguity", "times_disagree", "detections_late"),
+        *("velocities_unusable", "positions_far"),
     }
 )
 OF_CLOUDS = frozenset({"slices_late", "late_reworked", "poses_extrapolated"})
 # Largest share of them that is normal, if it is not MANY: heights come with the replies of
 # transponders, so that primary plots and false ones have none.
 MANY, NORMAL = 0.05, {"heights_unknown": 0.5}
-# Parameters of the noise of components, if their names are not COMPONENT_std.
-DEVIATIONS = {"azimuth": "azimuth_std_deg"}
+# Parameters of the noise of the components of all kinds of sensors.
+DEVIATIONS = {
+    component: parameter
+    for kind in (RadarParameters, PositionParameters)
+    for component, (parameter, _) in kind.noise_parameters.items()
+}
 
 
 def of(sensor: SensorParameters, counts: Mapping[str, int]) -> Iterator[str]:
@@ -128,13 +134,19 @@ def _of_noise(fit: Fit, wrong: str, which: BoolArray, factor: FloatArray) -> str
     numbers = which.nonzero()[0].tolist()
     names = [DEVIATIONS.get(each, f"{each}_std") for each in fit.components]
     deviations = ", ".join(
-        f"{fit.components[k]}s are off by {fit.noise[k]:.2g} times {names[k]}" for k in numbers
+        f"{_plural(fit.components[k])} off by {fit.noise[k]:.2g} times {names[k]}" for k in numbers
     )
+    checked = " and ".join(dict.fromkeys(names[k] for k in numbers))
     return (
         f"innovations are {factor[which].max():.2g} times {wrong} than the noise predicts "
-        f"({deviations}); check {fit.radar}.{' and '.join(names[k] for k in numbers)}, or the "
+        f"({deviations}); check {fit.radar}.{checked}, or the "
         "fields of standard deviations; tune finds them in a recording"
     )
+
+
+def _plural(component: str) -> str:
+    """Return the words for the values of a component: "ranges are", but "x is"."""
+    return f"{component} is" if len(component) == 1 else f"{component}s are"
 
 
 def of_registration(found: MeanResidual) -> str | None:
@@ -215,8 +227,21 @@ def _missing(sensor: SensorParameters, field: str, treatment: str) -> str:
     return f"the field named by {sensor.name}.fields.{field} is missing; {treatment}"
 
 
-def _without_height(radar: RadarParameters) -> str:
-    """Return the treatment of slant ranges without a height."""
+def _deviations_of(sensor: SensorParameters) -> str:
+    """Return the words for what is unusable of a sensor's noise, and what replaces it."""
+    *others, last = dict.fromkeys(name for name, _ in sensor.noise_parameters.values())
+    instead = f"{', '.join(others)} and {last}" if others else last
+    singular = "" if others else ", or covariances that are not positive definite"
+    return (
+        f"standard deviations that are zero, negative or absurd{singular}; {sensor.name}.{instead} "
+        f"replace{'' if others else 's'} them"
+    )
+
+
+def _without_height(radar: Any) -> str:
+    """Return the treatment of detections without a height."""
+    if not isinstance(radar, RadarParameters):
+        return "they are used without one"
     if radar.site is None:
         return "slant ranges are used as ground ranges"
     if radar.assumed_height is None:
@@ -235,6 +260,10 @@ _MISSING = {
     "azimuth_std_missing": "azimuth_std_deg is used",
     "range_rate_missing": "its range rates are unknown",
     "range_rate_std_missing": "range_rate_std is used",
+    **dict.fromkeys(("x_std_missing", "y_std_missing"), "position_std is used"),
+    "correlation_missing": "errors in x and y are taken as independent",
+    **dict.fromkeys(("vx_missing", "vy_missing"), "its velocities are unknown"),
+    "velocity_std_missing": "velocity_std is used",
 }
 # The warnings by anomaly, each of the parameters of a sensor of the kind that has it.
 _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
@@ -274,9 +303,13 @@ _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
     "heights_unknown": lambda radar, count: (
         f"{count} detections without a height; {_without_height(radar)}"
     ),
-    "deviations_unusable": lambda radar, count: (
-        f"{count} standard deviations that are zero, negative or absurd; {radar.name}.range_std, "
-        "azimuth_std_deg and range_rate_std replace them"
+    "deviations_unusable": lambda sensor, count: f"{count} {_deviations_of(sensor)}",
+    "velocities_unusable": lambda _, count: (
+        f"{count} velocities that are infinite or absurd; their detections are used without them"
+    ),
+    "positions_far": lambda _, count: (
+        f"{count} positions 1000 km or more from the sensor, where single precision rounds to 0.06 "
+        "m or more; let the driver subtract a place nearby, and set position to it"
     ),
     "range_rates_unusable": lambda radar, count: (
         f"{count} range rates that are infinite or absurd; their detections are used without them"

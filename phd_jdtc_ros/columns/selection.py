@@ -9,6 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from phd_jdtc_ros.configuration.parameters.position import PositionParameters
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, wrap_angle
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS
@@ -90,20 +91,20 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         most = MAX_REVOLUTIONS_OFF * radar.rotation_s if radar.rotation_s else MAX_SECONDS_OFF
         passed["time"] = np.abs(time) <= most  # False for NaN
     if "amplitude" in columns:
-        amplitude = _linear_amplitude(columns["amplitude"], radar)
+        amplitude = linear_amplitude(columns["amplitude"], radar)
         possible = (amplitude >= 0.0) & (amplitude <= MAX_AMPLITUDE)
         passed["amplitude"] = possible | np.isnan(amplitude)
-    kept, dropped = _kept_and_dropped(passed)
+    kept, dropped = kept_and_dropped(passed)
     repeated = 0
-    if (repeats := _repeats(columns)) is not None:
+    if (repeats := repeats_of(columns)) is not None:
         repeated = _count(kept & repeats)
         kept &= ~repeats
 
-    range_std, bad_ranges = _kept_values(columns, "range_std", kept, RANGE_STDS)
+    range_std, bad_ranges = kept_values(columns, "range_std", kept, RANGE_STDS)
     scale = np.pi / 180.0 if radar.azimuth_in_degrees else 1.0
-    azimuth_std, bad_azimuths = _kept_values(columns, "azimuth_std", kept, AZIMUTH_STDS, scale)
-    rate_std, bad_rate_stds = _kept_values(columns, "range_rate_std", kept, RANGE_RATE_STDS)
-    rate, bad_rates = _kept_values(columns, "range_rate", kept, (-MAX_RANGE_RATE, MAX_RANGE_RATE))
+    azimuth_std, bad_azimuths = kept_values(columns, "azimuth_std", kept, AZIMUTH_STDS, scale)
+    rate_std, bad_rate_stds = kept_values(columns, "range_rate_std", kept, RANGE_RATE_STDS)
+    rate, bad_rates = kept_values(columns, "range_rate", kept, (-MAX_RANGE_RATE, MAX_RANGE_RATE))
     interval = radar.range_rate_ambiguity or np.inf
     code, bad_codes = identities.read(columns.get("code"), kept, identities.CODES)
     address, bad_addresses = identities.read(columns.get("address"), kept, identities.ADDRESSES)
@@ -151,10 +152,10 @@ def _count(which: BoolArray) -> int:
     return int(np.count_nonzero(which))
 
 
-def _repeats(columns: Columns) -> BoolArray | None:
+def repeats_of(columns: Columns) -> BoolArray | None:
     """Return which points repeat an earlier point in all columns, bit for bit.
 
-    The result is None if no two ranges are equal.
+    The result is None if no two values of the first column, range or x, are equal.
 
     A driver that sends its buffer twice would otherwise make each target appear as a group in
     formation: three copies of each detection made four targets out of one. Noise in double or
@@ -164,8 +165,8 @@ def _repeats(columns: Columns) -> BoolArray | None:
     250 m by 1.4 degrees (uniform, 20,000 revolutions). The detection probability falls by that
     share, which costs less than the copies do.
     """
-    # Different ranges, the common case, exclude repetitions at the lowest cost.
-    ordered = columns["range"].copy()
+    # Different values, the common case, exclude repetitions at the lowest cost.
+    ordered = next(iter(columns.values())).copy()
     ordered.sort()
     if (ordered[1:] != ordered[:-1]).all():
         return None
@@ -188,7 +189,7 @@ def _finite(columns: Columns) -> BoolArray:
     return finite
 
 
-def _kept_values(
+def kept_values(
     columns: Columns,
     quantity: str,
     kept: BoolArray,
@@ -229,7 +230,7 @@ def _sector(column: FloatArray | None, radar: RadarParameters) -> tuple[int | No
     return int(number), 0
 
 
-def _kept_and_dropped(passed: Mapping[str, BoolArray]) -> tuple[BoolArray, Counter[str]]:
+def kept_and_dropped(passed: Mapping[str, BoolArray]) -> tuple[BoolArray, Counter[str]]:
     """Return which points pass every test, and the number of points that each test fails first."""
     tests = np.array([*passed.values()])
     kept: BoolArray = np.logical_and.reduce(tests)
@@ -239,14 +240,14 @@ def _kept_and_dropped(passed: Mapping[str, BoolArray]) -> tuple[BoolArray, Count
     return kept, Counter({what: count for what, count in zip(passed, failed, strict=True) if count})
 
 
-def _linear_amplitude(raw: FloatArray, radar: RadarParameters) -> FloatArray:
+def linear_amplitude(raw: FloatArray, sensor: RadarParameters | PositionParameters) -> FloatArray:
     """Convert amplitudes to envelopes in units of the noise's standard deviation per quadrature.
 
     An envelope a has the SNR a^2 / 2.
     """
     with np.errstate(over="ignore"):  # an absurd level becomes infinite and is then dropped
-        if radar.amplitude_in_db:
-            from_db: FloatArray = np.sqrt(2.0 * 10.0 ** ((raw + radar.amplitude_offset_db) / 10.0))
+        if sensor.amplitude_in_db:
+            from_db: FloatArray = np.sqrt(2.0 * 10.0 ** ((raw + sensor.amplitude_offset_db) / 10.0))
             return from_db
-        scaled: FloatArray = raw * 10.0 ** (radar.amplitude_offset_db / 20.0)
+        scaled: FloatArray = raw * 10.0 ** (sensor.amplitude_offset_db / 20.0)
         return scaled

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from phd_jdtc_ros.configuration.parameters.radar import Fields, RadarParameters
+from phd_jdtc_ros.configuration.parameters.position import PositionParameters
+from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
+from phd_jdtc_ros.configuration.parameters.sensor import Fields
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.intake.sectors import sector_of
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
@@ -20,7 +22,7 @@ NS_PER_S = 1_000_000_000
 
 
 def names_of(fields: Fields) -> dict[str, str]:
-    """Return the radar's names of its columns by quantity."""
+    """Return a sensor's names of its columns by quantity."""
     return {quantity: name for quantity, name in vars(fields).items() if name}
 
 
@@ -90,7 +92,9 @@ _COLUMNS: Mapping[str, Callable[[Detections, int, RadarParameters], npt.NDArray[
 }
 
 
-def relative_time(sent: FloatArray, stamp_ns: int, radar: RadarParameters) -> FloatArray:
+def relative_time(
+    sent: FloatArray, stamp_ns: int, radar: RadarParameters | PositionParameters
+) -> FloatArray:
     """Convert times from the radar's convention to seconds from the stamp.
 
     Times since the epoch keep the resolution of doubles, 0.24 us today.
@@ -103,7 +107,9 @@ def relative_time(sent: FloatArray, stamp_ns: int, radar: RadarParameters) -> Fl
     return since_second - nanoseconds * 1e-9
 
 
-def sent_time(time_s: FloatArray, stamp_ns: int, radar: RadarParameters) -> FloatArray:
+def sent_time(
+    time_s: FloatArray, stamp_ns: int, radar: RadarParameters | PositionParameters
+) -> FloatArray:
     """Convert seconds from the stamp to the radar's convention: the inverse of `relative_time`."""
     per_second = _per_second(radar)
     if not radar.time_since_epoch:
@@ -112,7 +118,7 @@ def sent_time(time_s: FloatArray, stamp_ns: int, radar: RadarParameters) -> Floa
     return (time_s + nanoseconds * 1e-9) * per_second + float(seconds) * per_second
 
 
-def _per_second(radar: RadarParameters) -> float:
+def _per_second(radar: RadarParameters | PositionParameters) -> float:
     """Return the number of the radar's time units per second."""
     return float(round(1.0 / radar.time_unit_s))
 
@@ -123,8 +129,8 @@ def azimuth(angle: FloatArray, radar: RadarParameters) -> FloatArray:
     return np.degrees(converted) if radar.azimuth_in_degrees else converted
 
 
-def level(detections: Detections, radar: RadarParameters) -> FloatArray:
-    """Convert amplitudes to the radar's convention: the inverse of `select`.
+def level(detections: Detections, radar: RadarParameters | PositionParameters) -> FloatArray:
+    """Convert amplitudes to the sensor's convention: the inverse of `select`.
 
     Raise `ValueError` if the detections have no amplitudes.
     """

@@ -163,9 +163,9 @@ class TrackerConfig(Tracking):
                 azimuth_bias=radar.bias.azimuth,
                 # Filters without labels update all targets at once, so that revolutions are not
                 # cut.
-                min_period_s=MIN_PERIOD_S if self.rule.labelled and model.may_turn else math.inf,
+                min_period_s=MIN_PERIOD_S if self.rule.labelled and radar.may_turn else math.inf,
             )
-            for radar, model in zip(self.inputs, self.model.radars, strict=True)
+            for radar in self.inputs
         )
 
     @property

@@ -18,6 +18,7 @@ from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack
 from phd_jdtc_ros.core.models.amplitude_model import AmplitudeModel, Band, Ignored, Memory
 from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
+from phd_jdtc_ros.core.sensors.position import PositionSensor
 from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.targets import amplitude_density
 from phd_jdtc_ros.core.targets.birth import BirthTerm
@@ -184,4 +185,5 @@ def platform_of(
     if not sensor.pose.topic:
         return None
     track = PoseTrack(sensor.pose.yaw, sensor.pose_max_age_s, POSE_MAX_SPEED, reset_threshold_s)
-    return Platform(track, Mount(model.position, model.yaw))
+    positions = isinstance(model, PositionSensor)
+    return Platform(track, Mount(model.position, model.yaw), positions)

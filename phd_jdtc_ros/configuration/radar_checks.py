@@ -10,7 +10,9 @@ from phd_jdtc_ros.core.sensors import wgs84
 from phd_jdtc_ros.core.sensors.site import MAX_SITE_DISTANCE
 
 from .parameters.place_forms import FIXED, TF
+from .parameters.position import PositionParameters
 from .parameters.radar import QUANTITIES, RadarParameters
+from .parameters.sensor import SensorParameters
 from .parameters.tracker import PHD, USUAL, Parts
 
 # Smallest ambiguity interval of range rates, in standard deviations: within a smaller interval all
@@ -87,10 +89,14 @@ def _beyond_the_paper(radar: RadarParameters, parts: Parts) -> Iterator[str]:
 
 
 def _fields(radar: RadarParameters, parts: Parts) -> Iterator[str]:
+    return repeated_fields(radar, parts) if radar.named_fields else iter(())
+
+
+def repeated_fields(sensor: SensorParameters, parts: Parts) -> Iterator[str]:
     """Yield a fault for each quantity of a cloud whose field another quantity has too."""
     taken: dict[str, str] = {}
-    for quantity in QUANTITIES if radar.named_fields else ():
-        key, field = f"{radar.name}.fields.{quantity}", getattr(radar.fields, quantity)
+    for quantity, field in vars(sensor.fields).items():
+        key = f"{sensor.name}.fields.{quantity}"
         if field and field in taken:
             yield f"{key}: {field!r} given, {taken[field]} has it too"
         elif field:
@@ -109,7 +115,8 @@ def _range_rates(radar: RadarParameters, parts: Parts) -> Iterator[str]:
         yield f"{radar.name}.fields.range_rate: '' given, must be a name with range_rate_std"
 
 
-def _pose(radar: RadarParameters, parts: Parts) -> Iterator[str]:
+def pose(radar: RadarParameters | PositionParameters, parts: Parts) -> Iterator[str]:
+    """Yield the faults of the poses of a sensor's platform."""
     key, (topic, message, _) = f"{radar.name}.pose", radar.pose
     detections = {other.topic: other.name for other in parts.sensors.values()}
     first = next((other for other in parts.sensors.values() if other.pose.topic), radar)
@@ -157,6 +164,6 @@ CHECKS = (
     _beyond_the_paper,
     _fields,
     _range_rates,
-    _pose,
+    pose,
     _place,
 )

@@ -26,7 +26,7 @@ from phd_jdtc_ros.core.intake.input_checks import (
     FAR,
     RADIANS_AS_DEGREES,
     SLOW_REVOLUTION,
-    ReportCheck,
+    RadarReportCheck,
 )
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
@@ -139,7 +139,7 @@ def _sector(begin_deg: float, end_deg: float, compass: bool) -> Coverage:
     return Coverage(math.radians(start), min(math.radians(width), FULL_TURN))
 
 
-def report_check(radar: RadarParameters) -> ReportCheck:
+def report_check(radar: RadarParameters) -> RadarReportCheck:
     """Return the checks of a radar's reports against its configuration."""
     visibility = _visibility(radar)
     whole = visibility.fov.width > FULL_TURN - TURN_TOLERANCE
@@ -149,7 +149,7 @@ def report_check(radar: RadarParameters) -> ReportCheck:
         or not radar.named_fields
         or radar.assumed_height is not None
     )
-    return ReportCheck(
+    return RadarReportCheck(
         reports_sectors=radar.sectors > 1,
         sees_whole_turn=whole and not visibility.blind and not radar.rotation_s,
         lacks_ground_ranges=radar.rotation_s > SLOW_REVOLUTION

@@ -9,18 +9,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from .parameters.radar import LEARNED
+from .parameters import position, radar
+from .sensor_kinds import TABLES, parameters_of
 from .tables import GROUPS, topic_or_frame
 
 # Scene parameters of the whole tracker, and the parameters that place a radar.
 OF_ALL = ("world_origin",)
 PLACE = ("position", "geodetic", "yaw_deg", "pose", "pose_message", "pose_yaw")
-# The entries of a sensor's mappings, with their usual values.
-_ENTRIES = {
-    f"{each.name}.{key}": getattr(each.default, key)
-    for each in GROUPS["sensors"]
-    for key in each.keys
-}
+# The entries of a sensor's mappings, of any kind.
+_ENTRIES = tuple(
+    dict.fromkeys(
+        f"{each.name}.{key}" for own in TABLES.values() for each in own for key in each.keys
+    )
+)
 # What a tracker finds out about a radar is not part of the scene: what it learns, and the biases,
 # which are estimated from a recording.
 NOT_SCENE = ("learn", "biases")
@@ -81,12 +82,20 @@ def _value(values: Mapping[str, Any], part: str, member: str) -> Any:
     """Return a parameter's value; an empty topic or frame equals its default."""
     if member in ("topic", "frame"):
         return topic_or_frame(values, part, member)
-    return values.get(f"{part}.{member}", _ENTRIES.get(member, ""))
+    name, _, key = member.partition(".")
+    own = parameters_of(values.get(f"{part}.kind"))
+    usual = next((getattr(each.default, key, "") for each in own if each.name == name), "")
+    return values.get(f"{part}.{member}", usual)
 
 
 def _learned(values: Mapping[str, Any], sensor: str) -> set[str]:
     """Return the parameters whose values a sensor's tracker learns."""
-    return {own for word in values.get(f"{sensor}.learn", ()) for own in LEARNED.get(word, ())}
+    return {
+        own
+        for word in values.get(f"{sensor}.learn", ())
+        for kind in (radar, position)
+        for own in kind.LEARNED.get(word, ())
+    }
 
 
 def _text(value: Any) -> str:

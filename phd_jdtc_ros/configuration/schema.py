@@ -178,6 +178,12 @@ def parameter(
     return field(default_factory=lambda: usual, metadata={_DECLARED: declared})
 
 
+def shared(declared: Any, name: str) -> Any:
+    """Return a field of a dataclass that is the same parameter as a field of another one."""
+    (entry,) = (each for each in fields(declared) if each.name == name)
+    return field(default_factory=entry.default_factory, metadata=entry.metadata)
+
+
 def _parameters_of(declared: Any) -> Iterator[tuple[str, Parameter]]:
     """Yield each field of a dataclass that is a parameter, with the parameter."""
     for entry in fields(declared):

@@ -14,7 +14,8 @@ from phd_jdtc_ros.core.factors import Factor
 from phd_jdtc_ros.core.intake.input_checks import ReportCheck
 from phd_jdtc_ros.core.sensors.sensor import Sensor
 
-from . import radar_checks
+from . import position_models, radar_checks
+from .parameters.position import PositionParameters
 from .parameters.radar import RadarParameters
 from .parameters.sensor import SensorParameters
 from .parameters.tracker import Parts
@@ -43,6 +44,13 @@ KINDS: Mapping[str, SensorKind[Any]] = {
     "radar": SensorKind(
         RadarParameters, radar_model, radar_factors, radar_checks.CHECKS, report_check
     ),
+    "position": SensorKind(
+        PositionParameters,
+        position_models.position_model,
+        position_models.position_factors,
+        position_models.CHECKS,
+        position_models.report_check,
+    ),
 }
 
 
@@ -64,6 +72,6 @@ ALL: Mapping[str, Parameter] = {
 
 
 def parameters_of(kind: Any) -> tuple[Parameter, ...]:
-    """Return the parameters of a sensor with this `kind`, those of all kinds if there is none."""
+    """Return the parameters of a sensor with this `kind`, those of the first if there is none."""
     known = isinstance(kind, str) and kind in TABLES
-    return TABLES[kind] if known else tuple(ALL.values())
+    return TABLES[kind if known else next(iter(TABLES))]

@@ -8,7 +8,7 @@ from typing import Any
 from .parameters.sensor import SensorParameters
 from .parameters.tracker import USUAL, Birth, Motion, Parts, TargetClass, Tracking
 from .schema import Parameter, build, expand, table
-from .sensor_kinds import ALL, KINDS, parameters_of
+from .sensor_kinds import ALL, KINDS, TABLES, parameters_of
 
 TOP = table(Tracking)
 # The parameters of each name in a list; a sensor has those of its kind.
@@ -28,7 +28,7 @@ def schema(given: Mapping[str, Any]) -> dict[str, Parameter]:
 
     def members(group: str, name: str) -> tuple[Parameter, ...]:
         if group == "sensors":
-            return parameters_of(given.get(f"{name}.kind", next(iter(KINDS))))
+            return parameters_of(given.get(f"{name}.kind"))
         return GROUPS[group]
 
     return expand(TOP, GROUPS, members, given, lambda name, member: USUAL.get(name, member.default))
@@ -61,8 +61,12 @@ def entries(given: Mapping[str, Any]) -> set[str]:
     """Return the names of all entries that the sensors' mappings may have."""
     listed = next(own for own in TOP if own.name == "sensors")
     names = listed.coerce(given.get("sensors", listed.default)) or ()
-    mappings = [member for member in GROUPS["sensors"] if member.keys]
-    return {f"{name}.{own.name}.{key}" for name in names for own in mappings for key in own.keys}
+    return {
+        f"{name}.{own.name}.{key}"
+        for name in names
+        for own in parameters_of(given.get(f"{name}.kind"))
+        for key in own.keys
+    }
 
 
 def unlisted(given: Mapping[str, Any], name: str) -> str:
@@ -82,6 +86,13 @@ def unlisted(given: Mapping[str, Any], name: str) -> str:
         if member.partition(".")[0] in {own.name for own in members}
     ]
     if having and any(part in names for names in listed.values()):
-        return f"{member} is a parameter of {' and '.join(having)}"
+        own_name, _, key = member.partition(".")
+        kinds = [
+            kind
+            for kind, own in TABLES.items()
+            if any(each.name == own_name and key in (*each.keys, "") for each in own)
+        ]
+        of_kinds = f" of kind {' or '.join(kinds)}" if having == ["sensors"] else ""
+        return f"{member} is a parameter of {' and '.join(having)}{of_kinds}"
     lacking = [f"{group} ({', '.join(listed[group])})" for group in having]
     return f"{part} is not in {' or '.join(lacking)}" if lacking else ""

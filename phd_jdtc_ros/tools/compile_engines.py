@@ -20,13 +20,15 @@ from phd_jdtc_ros.parameter_files import from_arguments
 from . import command
 
 CORE = "phd_jdtc_ros.core"
+# The compiled functions of sensors of positions, which the engines load with the first of these.
+POSITIONS = f"{CORE}.sensors.of_gaussians.planar"
 # The compiled functions of `tune`.
 TRACKING = "phd_jdtc_ros.calibration.tuning.tracking"
 TUNING = (f"{TRACKING}.linking", f"{TRACKING}.likelihood")
 # Nearly all compiled functions, in parts that take about equally long and have few in common.
 PARTS = (
     (f"{CORE}.gaussian.measurement.pair_association",),
-    (f"{CORE}.gaussian.smoothing.backward_step",),
+    (f"{CORE}.gaussian.smoothing.backward_step", POSITIONS),
     (f"{CORE}.gaussian.new_targets", f"{CORE}.gaussian.reduction"),
     (*TUNING, f"{CORE}.sensors.of_gaussians.polar", f"{CORE}.tracks.confirmation"),
 )
@@ -75,7 +77,7 @@ def _compile(_: argparse.Namespace) -> int:
     for name, profile in (("gaussian", "defaults"), ("phd", "phd")):
         new_engine(resolve(from_arguments.profile(profile)))
         print(f"{name}: ready after {time.perf_counter() - begin:.1f} s")
-    for name in TUNING:
+    for name in (POSITIONS, *TUNING):
         importlib.import_module(name)
     print(f"tune: ready after {time.perf_counter() - begin:.1f} s")
     if compilation.NOT_STORED:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.encoding.errors import RejectedMessageError
@@ -17,6 +18,7 @@ from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import READERS
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.calibration.tuning import proposal, unspecified
 from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, findings
 from phd_jdtc_ros.calibration.tuning.plots import (
     DENSE_CLOUDS,
@@ -25,11 +27,18 @@ from phd_jdtc_ros.calibration.tuning.plots import (
     limit_plots,
     plots_of,
 )
+from phd_jdtc_ros.calibration.tuning.proposal import Row
+from phd_jdtc_ros.calibration.tuning.rates import area_of
 from phd_jdtc_ros.columns import anomalies
+from phd_jdtc_ros.columns.position_selection import unlimited
 from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.parameters.position import PositionParameters
+from phd_jdtc_ros.configuration.tables import schema
+from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.intake.input_checks import NOT_IN_RECORDINGS
 from phd_jdtc_ros.core.types import Detections
+from phd_jdtc_ros.parameter_files import tracker_params
 from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.report.load import Intact, input_types, posed_reports
 
@@ -47,7 +56,8 @@ class RecordedPlots:
     dropped: dict[str, Counter[str]]  # Unused messages and points, by reason
     # Number of usable detections without copies, of which `plots` may be the first.
     offered: dict[str, int]
-    farthest: dict[str, float]  # Largest range of all of these, metres
+    # Largest range of all of these, metres; or their area, see `rates.area_of`.
+    reach: dict[str, float | tuple[float, ...]]
     # Contradictions of the configuration, by radar.
     warnings: dict[str, list[str]] = field(default_factory=dict)
     damage: BagError | None = None  # Damage of the bag; all intact messages were used
@@ -61,7 +71,7 @@ def read(
     The bag is read for some seconds, or to its end: some radars need hours for enough detections.
     Raises `BagError` if the bag lacks a topic of the configuration.
     """
-    inputs = [replace(radar, max_range=math.inf) for radar in config.radars]
+    inputs = [unlimited(sensor) for sensor in config.inputs]
     bag.require(input_types(config, bag))
     reports: list[list[tuple[int, Detections]]] = [[] for _ in inputs]
     dropped: list[Counter[str]] = [Counter() for _ in inputs]
@@ -73,6 +83,7 @@ def read(
         found[radar].update(report.anomalies + Counter(noticed))
 
     kept, unread, farthest = [0 for _ in inputs], [0 for _ in inputs], [0.0 for _ in inputs]
+    places: list[list[FloatArray]] = [[] for _ in inputs]
     intact, moving = Intact(bag), MovingRadars(config)
     without: dict[int, str] = {}  # Why a radar has no pose where it first has none
     until_ns = None if seconds is None else bag.start_ns + round(seconds * 1e9)
@@ -82,6 +93,8 @@ def read(
             without.setdefault(report.radar, moving.missing(report.radar))
             continue
         radar, detections = report.radar, report.detections
+        if isinstance(inputs[radar], PositionParameters):
+            places[radar].append(detections.measurement)
         farthest[radar] = max(farthest[radar], detections.measurement[:, 0].max(initial=0.0))
         # Copies among the detections are left out later.
         if kept[radar] > 2 * most and len(reports[radar]) >= 2 * DENSE_CLOUDS:
@@ -89,7 +102,11 @@ def read(
             continue
         kept[radar] += len(detections)
         reports[radar].append((report.stamp_ns, detections))
-    plots = [plots_of(own) if own else None for own in reports]
+    plots = [
+        plots_of(own, isinstance(sensor, PositionParameters)) if own else None
+        for sensor, own in zip(inputs, reports, strict=True)
+    ]
+    areas = [area_of(np.concatenate(own)) if any(map(len, own)) else None for own in places]
     return RecordedPlots(
         {
             radar.name: whole and limit_plots(whole, most)
@@ -100,7 +117,10 @@ def read(
             radar.name: len(whole or ()) + more
             for radar, whole, more in zip(inputs, plots, unread, strict=True)
         },
-        {radar.name: far for radar, far in zip(inputs, farthest, strict=True)},
+        {
+            sensor.name: far if area is None else area
+            for sensor, far, area in zip(inputs, farthest, areas, strict=True)
+        },
         {
             radar.name: [*anomalies.of(radar, own), *filter(None, [without.get(index)])]
             for index, (radar, own) in enumerate(zip(inputs, found, strict=True))
@@ -132,11 +152,50 @@ def findings_of(
             faults.append(f"{radar}: {'; '.join(texts)}{suffix}")
             continue
         # A few detections show the noise, but only all of them the coverage.
-        coverage = replace(own.field, max_range=recorded.farthest[radar])
-        found[radar] = replace(own, field=coverage)
+        reach = recorded.reach[radar]
+        changed = {"area": reach} if isinstance(reach, tuple) else {"max_range": reach}
+        found[radar] = replace(own, field=replace(own.field, **changed))
     if faults:
         raise BagError(f"{source}: {'; '.join(faults)}")
     return found
+
+
+def proposed(
+    given: Mapping[str, Any],
+    found: Mapping[str, Findings],
+    rows: Mapping[str, Sequence[Row]],
+    recorded: RecordedPlots,
+    specified: bool,
+) -> dict[str, Any]:
+    """Return parameters with all proposed values; `specified` if some were given before."""
+    timed = {radar: plots is not None and plots.timed for radar, plots in recorded.plots.items()}
+    values = dict(given)
+    if not specified:
+        values.update(unspecified.parameters(found, timed))
+    values["interval_s"] = proposal.interval_s(found)
+    for radar, own in rows.items():
+        values.update({f"{radar}.{row.name}": row.value for row in own if row.proposed})
+        # Antennas turn clockwise. One that seems to turn counter-clockwise has azimuths that count
+        # clockwise. The default is written too, because a wrong convention mirrors the picture.
+        convention = f"{radar}.azimuth_convention"
+        timing, is_polar = found[radar].timing, not found[radar].of_places
+        if not specified and is_polar and convention not in values:
+            compass = timing.rotation_s and not timing.clockwise
+            values[convention] = "compass_cw" if compass else schema(values)[convention].default
+    return values
+
+
+def parameters_of(source: Path) -> dict[str, Any]:
+    """Return parameters for a bag of which nothing is known, as `tune` proposes them.
+
+    Raise `BagError` if none of its topics is a sensor, or it is too short to tell their noise.
+    """
+    bag = BagReader(source)
+    given = {**recognised_radars(bag), "births": []}
+    recorded = read(bag, tracker_params.config(given))
+    found = findings_of(source, recorded)
+    rows = {name: proposal.rows(each, given, name) for name, each in found.items()}
+    return proposed(given, found, rows, recorded, specified=False)
 
 
 def recognised_radars(bag: BagReader) -> dict[str, Any]:
@@ -160,9 +219,9 @@ def recognised_radars(bag: BagReader) -> dict[str, Any]:
         found.update({f"{name}.topic": topic} | {f"{name}.{key}": given[key] for key in given})
     if not found["sensors"]:
         raise BagError(
-            f"{bag.path}: has no cloud with a range and an azimuth that are recognised by their "
-            f"names; it has {'; '.join(seen) or 'no clouds at all'}. Name them in a parameter file "
-            "and give it as --params-file"
+            f"{bag.path}: has no cloud with a range and an azimuth, or with x and y, that are "
+            f"recognised by their names; it has {'; '.join(seen) or 'no clouds at all'}. Name them "
+            "in a parameter file and give it as --params-file"
         )
     return found
 

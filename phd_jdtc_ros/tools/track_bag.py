@@ -38,14 +38,14 @@ from phd_jdtc_ros.evaluation.evaluation import ORDER
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser, fail
 from phd_jdtc_ros.feed.feed import Feed, StepClock
 from phd_jdtc_ros.feed.tally import Tally
-from phd_jdtc_ros.parameter_files import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.report import track_files
 from phd_jdtc_ros.report.load import by_stamp, input_types
 from phd_jdtc_ros.report.record import Record
 from phd_jdtc_ros.report.table import score_tables
 
-from . import command
+from . import command, recorded_plots
 
 # Formats of track files, by option.
 WRITERS = {"geojson": track_files.to_geojson, "csv": track_files.to_csv}
@@ -260,6 +260,24 @@ def _write_track_files(
         output_files.write(path, WRITERS[name](rows))
 
 
+def _config(arguments: argparse.Namespace, source: Path) -> TrackerConfig:
+    """Return the configuration that was given or recorded, or else what the bag shows.
+
+    A bag with the topics of the default configuration has that one.
+    """
+    known = arguments.params_file or arguments.assignments or arguments.scenario
+    if not known and bag_parameters.read(source) is None:
+        bag, usual = BagReader(source), tracker_params.config({})
+        if not any(own.topic in bag.types for own in usual.inputs):
+            print(
+                f"track_bag: {source} has no parameters; its topics, fields and noise are found as "
+                "by tune",
+                file=sys.stderr,
+            )
+            return tracker_params.config(recorded_plots.parameters_of(source))
+    return command.tracker_config(arguments, source)
+
+
 def main(argv: Sequence[str]) -> int:
     """Run the offline tracker."""
     parser = ArgumentParser("track_bag", description=__doc__)
@@ -280,7 +298,7 @@ def main(argv: Sequence[str]) -> int:
 
     def work(arguments: argparse.Namespace) -> int:
         source = resources.bag(arguments.bag)
-        config = command.tracker_config(arguments, source)
+        config = _config(arguments, source)
         files = {name: getattr(arguments, name) for name in WRITERS if getattr(arguments, name)}
         if "geojson" in files and config.known_plane is None:
             raise ConfigError(

@@ -20,10 +20,9 @@ from rich.table import Table
 
 from phd_jdtc_ros import output_files, resources
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.calibration.tuning import proposal, unspecified
+from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import Findings
 from phd_jdtc_ros.calibration.tuning.proposal import Row
-from phd_jdtc_ros.configuration.tables import schema
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
 from phd_jdtc_ros.parameter_files import tracker_params
 
@@ -69,7 +68,7 @@ def _work(arguments: argparse.Namespace) -> int:
     found = recorded_plots.findings_of(source, recorded, _note)
     _note(f"done in {time.perf_counter() - begin:.1f} s")
     # Without a parameter file, the convention is the only setting that was assumed.
-    assumed = [f"{radar.name}.azimuth_convention" for radar in config.inputs]
+    assumed = [f"{radar.name}.azimuth_convention" for radar in config.inputs if radar.may_turn]
     now = config.values if where else {name: config.values[name] for name in assumed}
     rows = {radar: proposal.rows(each, now, radar) for radar, each in found.items()}
     for radar, each in found.items():
@@ -77,7 +76,7 @@ def _work(arguments: argparse.Namespace) -> int:
         console.print(_table(radar, topic, each, rows[radar], recorded))
         for text in (*recorded.warnings[radar], *proposal.remarks(each, given, radar)):
             console.print(f"{radar}: {text}", soft_wrap=True, markup=False, highlight=False)
-    proposed = _proposal(given, found, rows, recorded, where is not None)
+    proposed = recorded_plots.proposed(given, found, rows, recorded, where is not None)
     tracker_params.config(proposed)
     status = OK if recorded.damage is None else fail("tune", recorded.damage)
     comments = _comments(rows, where is None)
@@ -121,31 +120,6 @@ def _text(value: Any) -> str:
     if isinstance(value, list):
         return ", ".join(map(str, value)) or "none"
     return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _proposal(
-    given: Mapping[str, Any],
-    found: Mapping[str, Findings],
-    rows: Mapping[str, Sequence[Row]],
-    recorded: RecordedPlots,
-    specified: bool,
-) -> dict[str, Any]:
-    """Return a configuration with all proposed values."""
-    timed = {radar: plots is not None and plots.timed for radar, plots in recorded.plots.items()}
-    values = dict(given)
-    if not specified:
-        values.update(unspecified.parameters(found, timed))
-    values["interval_s"] = proposal.interval_s(found)
-    for radar, own in rows.items():
-        values.update({f"{radar}.{row.name}": row.value for row in own if row.proposed})
-        # Antennas turn clockwise. One that seems to turn counter-clockwise has azimuths that count
-        # clockwise. The default is written too, because a wrong convention mirrors the picture.
-        convention = f"{radar}.azimuth_convention"
-        timing = found[radar].timing
-        if not specified and convention not in values:
-            compass = timing.rotation_s and not timing.clockwise
-            values[convention] = "compass_cw" if compass else schema(values)[convention].default
-    return values
 
 
 def _head(source: Path, where: Path | None) -> str:

@@ -121,7 +121,7 @@ def test_fit_takes_the_larger_deviation_for_both_axes_of_positions():
     given = crossing.cartesian(DETECTIONS)
     for axis in "xy":
         table = {**given, axis: given[axis] + noise}
-        found = Tracker().fit(table).parameters["radar.range_std"]
+        found = Tracker().fit(table).parameters["radar.position_std"]
         assert found == pytest.approx(20.0, rel=0.4)
     # Positions are not used beside ranges and azimuths.
     found = Tracker().fit({**DETECTIONS, **table}).parameters["radar.range_std"]
@@ -156,9 +156,9 @@ def test_fit_counts_absurd_positions_and_tracks_as_without_them():
     more = {name: np.append(column, [12.0, 13.0]) for name, column in table.items()}
     more["x"][-2:], more["y"][-2:] = [1e160, 50.0], [70.0, 1e20]
     tracker = Tracker()
-    with pytest.warns(UserWarning, match="2 of .* detections were not used: range 2"):
+    with pytest.warns(UserWarning, match="2 of .* detections were not used: area 1, not_finite 1"):
         tracker.fit(more)
-    with pytest.warns(UserWarning, match="2 of .* detections were not used: range 2"):
+    with pytest.warns(UserWarning, match="2 of .* detections were not used: area 1, not_finite 1"):
         assert len(tracker.track(more).smoothed) == len(usual)
 
 

@@ -43,12 +43,49 @@ def test_track_finds_two_targets_that_cross(tracked):
     assert set(tracked.smoothed["class"]) == {"target"}
 
 
-@pytest.mark.parametrize(
-    "changes", [{}, {"position": [-300.0, 200.0], "yaw_deg": 70.0, "max_range": 3000.0}]
-)
-def test_positions_are_tracked_in_the_world_wherever_the_sensor_is(changes):
-    found = Tracker(with_radar(**changes)).track(crossing.cartesian(DETECTIONS)).smoothed
+# A sensor of the same detections as positions.
+PLACES = {
+    "interval_s": 1.0,
+    "radar": {
+        "position_std": 6.0,
+        "area": [-1500.0, -1500.0, 1500.0, 1500.0],
+        "clutter_rate": 2.0,
+    },
+    "detection_births": {"velocity_std": 15.0},
+}
+
+
+def test_positions_are_tracked_in_the_world_and_from_where_a_sensor_is():
+    table = crossing.cartesian(DETECTIONS)
+    found = Tracker(PLACES).track(table).smoothed
     assert evaluate(TRUTH, found, cutoff=50.0)["ospa"] < 8.0
+    turned = {"x": table["y"] - 200.0, "y": -300.0 - table["x"]}
+    given = {**PLACES, "radar": {**PLACES["radar"], "position": [-300.0, 200.0], "yaw_deg": 90.0}}
+    given["radar"]["area"] = [-2000.0, -2000.0, 2000.0, 2000.0]
+    found = Tracker(given).track({"time": table["time"], **turned}).smoothed
+    assert evaluate(TRUTH, found, cutoff=50.0)["ospa"] < 8.0
+
+
+def test_parameters_of_a_radar_are_refused_for_positions():
+    with pytest.raises(ConfigError) as raised:
+        Tracker(crossing.PARAMETERS).track(crossing.cartesian(DETECTIONS))
+    assert raised.value.faults[0] == (
+        "radar.range_std: given, but the table has x and y and no range: positions, with "
+        "position_std and area"
+    )
+
+
+def test_velocities_of_a_table_are_used():
+    rng, table = np.random.default_rng(1), crossing.cartesian(DETECTIONS)
+    seen = {name: TRUTH[name] + 6.0 * rng.standard_normal(len(TRUTH["x"])) for name in ("x", "y")}
+    speeds = {name: TRUTH[name] + rng.standard_normal(len(TRUTH["x"])) for name in ("vx", "vy")}
+    given = {**PLACES, "radar": {**PLACES["radar"], "velocity_std": 1.0}}
+    table = {"time": TRUTH["time"], **seen}
+    error = {}
+    for name, columns in {"without": table, "with": {**table, **speeds}}.items():
+        found = Tracker(given).track(columns).filtered
+        error[name] = evaluate(TRUTH, found, cutoff=50.0)["position_rms"]
+    assert error["with"] < 0.8 * error["without"]
 
 
 def test_csv_gives_what_arrays_give_in_any_order_of_rows(tmp_path, tracked):
@@ -73,7 +110,7 @@ def test_positions_have_deviations_of_their_own():
 
     def spread(std):
         given = {**table, "position_std": np.full(len(table["x"]), std)}
-        found = Tracker(crossing.PARAMETERS).track(given).filtered
+        found = Tracker(PLACES).track(given).filtered
         return np.median(found["covariance"][:, 0, 0])
 
     assert spread(20.0) > 10.0 * spread(2.0)
@@ -92,7 +129,7 @@ def test_updates_and_flush_give_what_track_gives(tracked):
 
 
 def test_scans_before_the_first_detection_count():
-    parameters = {"interval_s": 1.0, "radar": {"range_std": 5.0, "max_range": 1500.0}}
+    parameters = {"interval_s": 1.0, "radar": PLACES["radar"]}
     table, tracker = crossing.cartesian(DETECTIONS), Tracker(parameters)
     table = {name: column[table["time"] < 25.0] for name, column in table.items()}
     tracker.update(1.0)

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from estimate_sets import estimates, states
-from position_sensor import PositionSensor
+from mast import mast
 from reference import resolve
 
 from phd_jdtc_ros.calibration.innovations import LEAST_BROKEN, SAMPLE, InnovationMonitor
+from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.factors import Noise
 from phd_jdtc_ros.core.types import Coverage, Detections, Scan
@@ -103,9 +104,7 @@ def test_detection_is_a_tracks_if_it_is_beyond_doubt(measurements, coverage, see
 
 
 def test_differences_are_compared_with_the_whole_covariance_of_the_noise():
-    sensor = PositionSensor(
-        name="mast", position=(0.0, 0.0), yaw=0.0, threshold=3.0, clutter_rate=2.0
-    )
+    sensor = mast(position=(0.0, 0.0))
     root = np.linalg.cholesky([[1.0, 0.9], [0.9, 1.0]])
     errors = 50.0 * np.random.default_rng(3).normal(size=(200, 2)) @ root.T
     monitor = InnovationMonitor(replace(ALONE, radars=(sensor,)))
@@ -121,6 +120,38 @@ def test_differences_are_compared_with_the_whole_covariance_of_the_noise():
         monitor.add_scan(Scan(begin_ns + 10**8, (found,)), ())
     (fit,) = monitor.fits()
     np.testing.assert_allclose(fit.noise, 0.5, atol=0.1)
+
+
+def positions_of(offset):
+    """Return the comparison of a sensor of positions with a track, given each detection's error."""
+    sensor = mast(3.0, position=(0.0, 0.0))
+    monitor = InnovationMonitor(replace(ALONE, radars=(sensor,)))
+    for number, error in enumerate(offset):
+        begin_ns = number * 10**9
+        found = Detections(np.array([5e3 + 2.0 * number, 0.5 * number])[None] + error, None)
+        monitor.add_scan(Scan(begin_ns, (None,)), (replace(STILL, stamp_ns=begin_ns),))
+        monitor.add_scan(Scan(begin_ns + 10**8, (found,)), ())
+    return monitor.fits()[0]
+
+
+def test_smoothed_positions_do_not_show_that_the_noise_is_too_large():
+    # Those of a driver's own tracker, and those of a vehicle at rest in whole metres.
+    for offset in (np.zeros((200, 2)), -np.array([[2.0, 0.5]]) * np.arange(200)[:, None]):
+        fit = positions_of(offset)
+        assert fit.innovations > 50
+        assert not fit.too_large.any()
+        assert anomalies.of_noise(fit) is None
+
+
+def test_wrong_noise_of_positions_names_its_parameter():
+    fit = positions_of(0.3 * np.random.default_rng(5).standard_normal((300, 2)))
+    text = anomalies.of_noise(fit)
+    assert text.startswith("innovations are ")
+    assert "x is off by " in text
+    assert text.endswith(
+        "times position_std); check mast.position_std, or the fields of standard deviations; tune "
+        "finds them in a recording"
+    )
 
 
 def test_detections_between_two_tracks_are_of_neither():

@@ -1,4 +1,3 @@
-import position_sensor
 import pytest
 from scenes import short_scenario, small
 
@@ -10,7 +9,7 @@ from phd_jdtc_ros.configuration.tables import TOP
 from phd_jdtc_ros.nodes.tracker import settings
 from phd_jdtc_ros.simulation.simulate import simulate
 
-GIVEN = {"sensors": ["ais", "radar_1"], "ais.kind": "position", "ais.std": 9.0}
+GIVEN = {"sensors": ["ais", "radar_1"], "ais.kind": "position", "ais.position_std": 9.0}
 
 
 def test_engines_are_what_the_parameter_may_be():
@@ -61,20 +60,10 @@ def test_a_lag_in_seconds_may_be_longer_than_the_time_between_estimates():
     assert [found.stamp_ns // 10**9 for found in engine.flush()] == [1056]
 
 
-def faults(own, parts):
-    if own.std > 100.0:
-        yield f"{own.name}.std: {own.std:g} given, must be at most 100"
-
-
-@pytest.fixture
-def a_second_kind(monkeypatch):
-    position_sensor.register(monkeypatch, (faults,))
-
-
 def test_a_kind_is_refused_with_those_that_there_are():
     with pytest.raises(ConfigError) as refused:
         build.resolve({"radar_1.kind": "sonar", "radar_1.range_std": 9.0})
-    assert refused.value.faults == ("radar_1.kind: 'sonar' given, must be one of radar",)
+    assert refused.value.faults == ("radar_1.kind: 'sonar' given, must be one of radar, position",)
 
 
 @pytest.mark.parametrize("kind", [3, ["radar"], ""])
@@ -83,52 +72,56 @@ def test_what_is_no_name_of_a_kind_is_refused(kind):
         build.resolve({"radar_1.kind": kind})
 
 
-@pytest.mark.usefixtures("a_second_kind")
 def test_each_sensor_has_the_parameters_and_the_model_of_its_kind():
     table = tables.schema(GIVEN)
-    assert {"ais.std", "ais.topic", "radar_1.range_std"} <= table.keys()
-    assert not {"ais.range_std", "radar_1.std"} & table.keys()
+    assert {"ais.position_std", "ais.topic", "radar_1.range_std"} <= table.keys()
+    assert not {"ais.range_std", "radar_1.position_std"} & table.keys()
     config = build.resolve(GIVEN)
-    assert [sensor.may_turn for sensor in config.model.radars] == [False, True]
-    assert (config.inputs[0].topic, config.model.radars[0].std) == ("/ais/detections", 9.0)
+    assert [sensor.may_turn for sensor in config.inputs] == [False, True]
+    assert (config.inputs[0].topic, config.model.radars[0].std) == ("/ais/detections", (9.0, 9.0))
     assert config.revolutions()[0].period_s == 0.0
 
 
-@pytest.mark.usefixtures("a_second_kind")
 def test_checks_and_names_are_those_of_the_kind():
     with pytest.raises(ConfigError) as refused:
-        build.resolve({**GIVEN, "ais.std": 1000.0})
-    assert refused.value.faults == ("ais.std: 1000 given, must be at most 100",)
-    with pytest.raises(ConfigError, match=r"ais\.range_std: unknown parameter"):
-        build.resolve({**GIVEN, "ais.range_std": 1.0})
+        build.resolve({**GIVEN, "ais.fields.vx": "", "ais.fields.x": "", "engine": "phd"})
+    assert {
+        "ais.kind: position given, must be radar with engine phd",
+        "ais.fields.x: '' given, must be a name",
+        "ais.fields.vx: '' given, must be a name with fields.vy",
+    } <= {*refused.value.faults}
+    with pytest.raises(ConfigError) as refused:
+        build.resolve({**GIVEN, "ais.range_std": 1.0, "ais.fields.range": "r"})
+    assert refused.value.faults == (
+        "ais.range_std: unknown parameter, range_std is a parameter of sensors of kind radar",
+        "ais.fields.range: unknown parameter, fields.range is a parameter of sensors of kind radar",
+    )
 
 
-@pytest.mark.usefixtures("a_second_kind")
+@pytest.mark.parametrize("area", [[], [0, 0, 0, 9], [0, 0, 9], [0, 0, 5, 5, 9, 9], [0, 0, 1e9, 1]])
+def test_an_area_has_a_size(area):
+    with pytest.raises(ConfigError, match=r"ais\.area: .* given, must be \[x_min, y_min, x_max"):
+        build.resolve({**GIVEN, "ais.area": area})
+
+
 def test_what_supports_radars_only_refuses_other_kinds():
     with pytest.raises(ConfigError, match=r"^ais\.kind: position given, must be radar here$"):
         _ = build.resolve(GIVEN).radars
 
 
-@pytest.mark.usefixtures("a_second_kind")
 def test_input_checks_of_azimuths_are_only_for_radars():
-    none, _ = build.resolve(GIVEN).report_checks()
-    assert (none.reports_sectors, none.sees_whole_turn, none.lacks_ground_ranges) == (
-        True,
-        False,
-        False,
-    )
+    checks = build.resolve(GIVEN).report_checks()
+    assert [type(each).__name__ for each in checks] == ["PositionReportCheck", "RadarReportCheck"]
 
 
-@pytest.mark.usefixtures("a_second_kind")
 def test_another_kind_changes_the_parameters_of_a_live_tracker():
     values = settings.resolve({"sensors": ["radar_1"], "radar_1.topic": "/here"}).values
     table, edited = settings.edit(values, {"radar_1.kind": "position"})
     assert "radar_1.range_std" not in table
-    names = ("topic", "message", "std")
-    assert [edited[f"radar_1.{name}"] for name in names] == ["/here", "positions", 5.0]
+    names = ("topic", "message", "position_std")
+    assert [edited[f"radar_1.{name}"] for name in names] == ["/here", "positions", 0.5]
 
 
-@pytest.mark.usefixtures("a_second_kind")
 def test_the_registration_of_other_kinds_is_refused():
     with pytest.raises(ConfigError, match=r"^outputs: registration given, ais is not a radar$"):
         settings.resolve({**GIVEN, "outputs": ["registration"]})

@@ -9,6 +9,7 @@ from reference_pages import declared as declared_in_all
 
 from msg_adapters.encoding import names
 from msg_adapters.outgoing import outputs
+from phd_jdtc_ros.configuration.sensor_kinds import parameters_of
 from phd_jdtc_ros.configuration.tables import GROUPS, TOP
 from phd_jdtc_ros.nodes.asterix.node import AsterixBridge
 from phd_jdtc_ros.nodes.evaluator.node import Evaluator
@@ -39,7 +40,7 @@ SEVERAL_WAYS = {
     name
     for prefixes, table in (
         ([""], (*TOP, *tracker_node.TABLE, *sensor_replay.TABLE, *evaluator.TABLE)),
-        (["radar_1.", "radar_2."], GROUPS["sensors"]),
+        (["radar_1.", "radar_2."], parameters_of("radar")),
         ([f"start_{number}." for number in range(1, 5)], GROUPS["births"]),
     )
     for parameter in table
@@ -75,6 +76,8 @@ def rows(node, values):
             continue
         group = re.search(r"in `(\w+)`", title)
         prefixes = [f"{name}." for name in values[group[1]][1]] if group else [""]
+        if group and group[1] == "sensors":
+            prefixes = [p for p in prefixes if f"every {values[f'{p}kind'][1]} in" in title]
         for name, mark, text in re.findall(
             r"^\| `([\w.]+)`( \*)? \| `.*?` \| .*? \| (.*) \|$", section, re.MULTILINE
         ):

@@ -191,8 +191,15 @@ RHO = np.array([100.0, 200.0, 300.0, 400.0])
 
 
 def test_names_are_recognised_whatever_their_case():
-    assert recognised.parameters([cloud(x=RHO, y=RHO)]) is None
+    assert recognised.parameters([cloud(X=RHO, vel_x=RHO)]) is None
     assert recognised.parameters([]) is None
+    found = recognised.parameters([cloud(x=RHO, Y=RHO, vel_x=RHO, vel_y=RHO, x_std=RHO)])
+    named = {"fields.y": "Y", "fields.vx": "vel_x", "fields.vy": "vel_y"}
+    assert found == {"kind": "position", "frame": "mast", **named}
+    # Tracks are no detections, and the points of all surfaces neither.
+    assert recognised.parameters([cloud(x=RHO, y=RHO, track_id=RHO)]) is None
+    many = np.linspace(0.0, 1.0, 2001)
+    assert recognised.parameters([cloud(x=many, y=many)]) is None
     found = recognised.parameters([cloud(Rho=RHO, THETA=AZIMUTH, SNR=RHO)])
     assert (found["fields.range"], found["fields.azimuth"]) == ("Rho", "THETA")
     assert (found["fields.amplitude"], found["amplitude_unit"]) == ("SNR", "db")

@@ -25,6 +25,7 @@ from .rates import (
     field_of,
     looks_of,
     outside_land,
+    velocity_noise,
     without_neighbours,
 )
 from .resting import moving, slow_speed
@@ -87,6 +88,8 @@ class Findings:
     slow_speed: float
     crowded: float  # Share of the plots in areas of dense clutter, land excepted
     beside: float  # Share of the tracks' plots with a further plot of the same target
+    # Standard deviation of measured velocities along each axis, m/s; None without any.
+    velocity: Rate | None = None
 
     @property
     def false_share(self) -> float:
@@ -99,18 +102,10 @@ class Findings:
         """The noise with outliers if that is clearly more likely."""
         return self.with_outliers or self.noise
 
-    def isotropic(self) -> Findings:
-        """Return a copy for positions, whose `range_std` is their noise along both axes.
-
-        Where that differs, the larger one counts, because a smaller one breaks tracks.
-        """
-        factor = max(self.across_std / self.noise.range_std, 1.0)
-        noise, heavy = self.noise, self.with_outliers
-        return replace(
-            self,
-            noise=replace(noise, range_std=factor * noise.range_std),
-            with_outliers=heavy and replace(heavy, range_std=factor * heavy.range_std),
-        )
+    @property
+    def of_places(self) -> bool:
+        """Whether the detections are positions."""
+        return bool(self.field.area)
 
 
 def findings(plots: Plots) -> Findings:
@@ -176,7 +171,7 @@ def _findings(plots: Plots) -> Findings:
         timing,
         noise,
         find_outliers(plots, tracks, noise, SPEED_MARGIN * speed_std, ratio),
-        noise.azimuth_std * float(np.median(plots.measurement[tracks.claimed, 0])),
+        plots.across(noise.azimuth_std, tracks.claimed),
         detection_probability(plots, timing, tracks),
         ends(plots, timing, tracks),
         clutter,
@@ -191,6 +186,7 @@ def _findings(plots: Plots) -> Findings:
         slow,
         share,
         beside(plots, timing, tracks, noise.range_std, noise.azimuth_std, kept),
+        velocity_noise(plots, tracks, max(noise.range_std, noise.azimuth_std)),
     )
 
 
@@ -289,20 +285,28 @@ def _require_tracks(plots: Plots, timing: Timing, tracks: Tracks) -> None:
 
 def _units(plots: Plots) -> str:
     """Return the extent of plots without targets, and whether longer ranges would have some."""
-    width = math.degrees(smallest_arc(plots.measurement[:, 1])[1])
-    extent = (
-        f"the largest range is {plots.measurement[:, 0].max():.3g} m, and azimuths span "
-        f"{width:.3g} degrees"
-    )
+    what, scale = "ranges", np.array([KILO, 1.0])
+    if plots.places:
+        what, scale = "x and y", np.array([KILO, KILO])
+        low, high = plots.measurement.min(axis=0), plots.measurement.max(axis=0)
+        extent = (
+            f"x is from {low[0]:.6g} to {high[0]:.6g} m and y from {low[1]:.6g} to {high[1]:.6g} m"
+        )
+    else:
+        width = math.degrees(smallest_arc(plots.measurement[:, 1])[1])
+        extent = (
+            f"the largest range is {plots.measurement[:, 0].max():.3g} m, and azimuths span "
+            f"{width:.3g} degrees"
+        )
     if not plots.timed and np.median(np.bincount(plots.cloud)) <= 1.0:
         extent += (
             "; most clouds have one detection: all those of a scan must have the same stamp, or "
             "fields.time must name their own times"
         )
-    longer = replace(plots, measurement=plots.measurement * [KILO, 1.0])
+    longer = replace(plots, measurement=plots.measurement * scale)
     if count := _plausible_targets(longer):
         return (
-            f"{extent}; {count} targets are found if ranges are {KILO:g} times as large: ranges "
+            f"{extent}; {count} targets are found if {what} are {KILO:g} times as large: {what} "
             "must be in metres, probably they are in kilometres, or times are in milliseconds"
         )
     # A revolution of the antenna is found in seconds only.

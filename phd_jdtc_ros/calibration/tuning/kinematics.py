@@ -1,4 +1,4 @@
-"""Nearly constant velocity and polar measurements for arrays of Gaussians.
+"""Nearly constant velocity, and measurements of range and azimuth or of places, for Gaussians.
 
 The state is x, y, vx, vy in the frame of the radar's poses, metres and metres per second. Leading
 axes are free.
@@ -46,8 +46,13 @@ def linearise(position: FloatArray, pose: FloatArray) -> tuple[FloatArray, Float
     return polar_geometry.linearise(position, pose[..., :2], pose[..., 2])
 
 
-def positions(measurement: FloatArray, pose: FloatArray) -> FloatArray:
-    """Return the positions (..., 2) of (range, azimuth) plots from poses (..., 3)."""
+def positions(measurement: FloatArray, pose: FloatArray, places: bool = False) -> FloatArray:
+    """Return the positions (..., 2) of (range, azimuth) or (x, y) plots from poses (..., 3)."""
+    if places:
+        cos, sin = np.cos(pose[..., 2]), np.sin(pose[..., 2])
+        x, y = measurement[..., 0], measurement[..., 1]
+        turned: FloatArray = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+        return pose[..., :2] + turned
     bearing = measurement[..., 1] + pose[..., 2]
     along = np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
     position: FloatArray = pose[..., :2] + measurement[..., :1] * along
@@ -107,19 +112,24 @@ def inverse(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def initial_state(
-    measurement: FloatArray, pose: FloatArray, variance: FloatArray, speed_std: float
+    measurement: FloatArray,
+    pose: FloatArray,
+    variance: FloatArray,
+    speed_std: float,
+    places: bool = False,
 ) -> tuple[FloatArray, FloatArray]:
     """Return mean and covariance after a first detection, with a velocity of mean 0.
 
     `measurement` (..., 2) and `pose` (..., 3); `variance`, shape (..., 2), in square metres and
-    square radians; `speed_std` is the standard deviation of the velocity along each axis, m/s.
+    square radians, or both in square metres for `places`; `speed_std` is the standard deviation of
+    the velocity along each axis, m/s.
     """
-    bearing = measurement[..., 1] + pose[..., 2]
+    bearing = pose[..., 2] if places else measurement[..., 1] + pose[..., 2]
     along = np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
     across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
     mean = np.zeros((*bearing.shape, 4))
-    mean[..., :2] = positions(measurement, pose)
-    distance = np.maximum(measurement[..., 0], MIN_RANGE)
+    mean[..., :2] = positions(measurement, pose, places)
+    distance = np.maximum(measurement[..., 0], MIN_RANGE) if not places else np.ones_like(bearing)
     spread = variance[..., 0][..., None, None] * along[..., :, None] * along[..., None, :]
     sideways = (distance**2 * variance[..., 1])[..., None, None]
     spread = spread + sideways * across[..., :, None] * across[..., None, :]

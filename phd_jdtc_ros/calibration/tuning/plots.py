@@ -1,4 +1,4 @@
-"""One radar's recorded detections as columns, ordered by time."""
+"""One sensor's recorded detections as columns, ordered by time."""
 
 from __future__ import annotations
 
@@ -9,8 +9,15 @@ from itertools import pairwise
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.intake.input_checks import COPIED_DETECTIONS, NearCopies, is_copy
+from phd_jdtc_ros.core.intake.input_checks import (
+    COPIED_DETECTIONS,
+    REPEATED,
+    NearCopies,
+    PositionReportCheck,
+    is_copy,
+)
 from phd_jdtc_ros.core.intake.sectors import smallest_arc
+from phd_jdtc_ros.core.sensors.polar_geometry import to_plane
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
 from . import kinematics
@@ -30,7 +37,8 @@ class Plots:
     cloud_s: FloatArray  # Stamps of the clouds, ascending, seconds after the first, (K,)
     cloud: IntArray  # The cloud of each detection, (N,)
     time_s: FloatArray  # Time of each detection, ascending, seconds after the first stamp, (N,)
-    # Range and azimuth, metres and radians counter-clockwise from the radar's x axis, (N, 2).
+    # Range and azimuth, metres and radians counter-clockwise from the radar's x axis, (N, 2); or x
+    # and y in the sensor's frame, metres, if these are `places`.
     measurement: FloatArray
     amplitude: FloatArray | None  # Linear envelopes, (N,); NaN where unknown
     # Position, metres, and yaw, radians, of the radar at each detection, (N, 3); zeros if it does
@@ -40,6 +48,10 @@ class Plots:
     # Configured bounds of the field of view: width, radians, and least range, metres.
     fov: float = FULL_TURN
     min_range: float = 0.0
+    places: bool = False  # Whether these are positions
+    # Measured velocities in the frame of the poses, metres per second, (N, 2); NaN where unknown.
+    # None without any.
+    velocity: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -52,7 +64,18 @@ class Plots:
     @property
     def position(self) -> FloatArray:
         """Positions in the frame of the poses, metres, shape (N, 2)."""
-        return kinematics.positions(self.measurement, self.pose)
+        return kinematics.positions(self.measurement, self.pose, self.places)
+
+    @property
+    def bearing(self) -> FloatArray:
+        """Directions from the sensor, radians from the x axis of the poses' frame, (N,)."""
+        x, y = self.measurement.T
+        bearing: FloatArray = (np.arctan2(y, x) if self.places else y) + self.pose[:, 2]
+        return bearing
+
+    def across(self, azimuth_std: float, rows: IntArray) -> float:
+        """Return the second standard deviation of plots at their median range, metres."""
+        return azimuth_std * (1.0 if self.places else float(np.median(self.measurement[rows, 0])))
 
     def until(self, time_s: float) -> Plots:
         """Return the plots of the clouds up to a time, seconds after the first stamp."""
@@ -69,6 +92,7 @@ class Plots:
             measurement=self.measurement[rows],
             amplitude=None if self.amplitude is None else self.amplitude[rows],
             pose=self.pose[rows],
+            velocity=None if self.velocity is None else self.velocity[rows],
         )
 
 
@@ -95,7 +119,7 @@ def sectors(plots: Plots, most: int = MOST_PLOTS) -> Iterator[tuple[Plots, IntAr
     if not _dense(plots, most):
         yield plots, np.arange(len(plots))
         return
-    bearing = plots.measurement[:, 1] + plots.pose[:, 2]
+    bearing = plots.bearing
     start, _ = smallest_arc(bearing)
     along = (bearing - start) % FULL_TURN
     parts = np.array_split(np.argsort(along, kind="stable"), -(-len(plots) // most))
@@ -110,12 +134,13 @@ def _dense(plots: Plots, most: int) -> bool:
     return len(plots) > most and int(plots.cloud[most]) < LEAST_CLOUDS - 1
 
 
-def plots_of(reports: Sequence[tuple[int, Detections]]) -> Plots:
-    """Return the detections of a radar's reports with their stamps, ns, in any order.
+def plots_of(reports: Sequence[tuple[int, Detections]], places: bool = False) -> Plots:
+    """Return the detections of a sensor's reports with their stamps, ns, in any order.
 
     Those that repeat the one before are left out, because their errors are not independent.
+    `places` tells whether they are positions.
     """
-    ordered = _without_copies(sorted(reports, key=lambda report: report[0]))
+    ordered = _without_copies(sorted(reports, key=lambda report: report[0]), places)
     zero_ns = ordered[0][0]
     cloud_s = np.array([(stamp_ns - zero_ns) * 1e-9 for stamp_ns, _ in ordered])
     sizes = [len(found) for _, found in ordered]
@@ -139,6 +164,14 @@ def plots_of(reports: Sequence[tuple[int, Detections]]) -> Plots:
                 for _, found in ordered
             ]
         )[order]
+    pose = np.concatenate([_poses(found) for _, found in ordered])[order]
+    velocity = None
+    if places and any(found.velocity is not None for _, found in ordered):
+        nothing = [np.full((len(found), 2), np.nan) for _, found in ordered]
+        own = [found.velocity for _, found in ordered]
+        known = [none if each is None else each for none, each in zip(nothing, own, strict=True)]
+        turn = pose * [0.0, 0.0, 1.0]
+        velocity = kinematics.positions(np.concatenate(known)[order], turn, places)
     return Plots(
         zero_ns=zero_ns,
         cloud_s=cloud_s,
@@ -146,15 +179,23 @@ def plots_of(reports: Sequence[tuple[int, Detections]]) -> Plots:
         time_s=time_s[order],
         measurement=np.concatenate([found.measurement for _, found in ordered])[order],
         amplitude=amplitude,
-        pose=np.concatenate([_poses(found) for _, found in ordered])[order],
+        pose=pose,
         timed=timed,
+        places=places,
+        velocity=velocity,
     )
 
 
-def _without_copies(reports: list[tuple[int, Detections]]) -> list[tuple[int, Detections]]:
+def _without_copies(
+    reports: list[tuple[int, Detections]], places: bool
+) -> list[tuple[int, Detections]]:
     """Return reports without those that repeat the one before, if chance does not explain these."""
+    if places:
+        check_of_places = PositionReportCheck()
+        noticed = [(report, check_of_places.add(report[1])) for report in reports]
+        return [report for report, findings in noticed if REPEATED not in findings]
     check = NearCopies()
-    near = [check.add(found) for _, found in reports]
+    near = [check.add(to_plane(found.measurement, (0.0, 0.0), 0.0)) for _, found in reports]
     if check.sure:
         return [report for report, is_near in zip(reports, near, strict=True) if not is_near]
     copies = {

@@ -14,6 +14,7 @@ from phd_jdtc_ros.configuration.schema import Value
 from phd_jdtc_ros.core.sensors.site import LEAST_STD
 
 from .findings import MOST_BESIDE, MOST_CROWDED, MOST_LAND, Findings
+from .rates import MARGIN
 from .tracking.noise import Noise
 
 # A configured table of detection probability over range is kept if the estimate lies within its
@@ -31,6 +32,7 @@ SLOWER = 0.5
 # Clutter counts as noise if its mean level is within this factor of the noise level.
 NOISE_FACTOR = 1.25
 MOST_PROBABILITY = 0.999
+LEAST_VELOCITY_STD = 1e-3  # The smallest value that the parameter may have
 # The parameters of the noise.
 NOISE = ("range_std", "azimuth_std_deg")
 # The motion model of a class of things at rest.
@@ -60,10 +62,12 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
     def now(name: str) -> Any:
         return values.get(f"{radar}.{name}")
 
-    by_band = found.levels is not None and values.get("amplitude", "none") != "none"
-    max_range, fov = _max_range(found, now("max_range")), [*_fov(found, now)]
     gaussian = values.get("engine", GAUSSIAN) == GAUSSIAN
     noise = found.likelier_noise if gaussian else found.noise
+    by_band = found.levels is not None and values.get("amplitude", "none") != "none"
+    if found.of_places:
+        return [*_of_places(found, noise, now), *_amplitudes(found, now), *_motion(found)]
+    max_range, fov = _max_range(found, now("max_range")), [*_fov(found, now)]
     detection = [*_detection(found, now, by_band)]
     return [
         *_rotation(found, now),
@@ -102,6 +106,47 @@ def _rotation(found: Findings, now: Now) -> Iterator[Row]:
         # The rotation is not observable from plots that share one time.
         note = "as configured: not observable from the plots"
         yield Row("rotation_s", given, note, given, proposed=False)
+
+
+def _of_places(found: Findings, noise: Noise, now: Now) -> Iterator[Row]:
+    """Yield the figures of a sensor of positions.
+
+    Its noise is the same along both axes; the larger of the two that were found counts, because a
+    smaller one breaks tracks. It goes on learning what depends on the place and the time of day.
+    """
+    given = now("learn")
+    if noise.outliers and "outliers" not in (given or ()):
+        words = [*(("noise", "detection", "clutter") if given is None else given), "outliers"]
+        yield Row("learn", words, _tracks(found), given)
+    value, std = noise.range_std, noise.range_std * float(noise.log_std.max())
+    value = max(value, noise.azimuth_std)
+    yield Row("position_std", round_to_std(value, std), _tracks(found), now("position_std"), std)
+    if found.velocity is not None:
+        speed, source = found.velocity, f"{found.velocity.count} velocities of tracks"
+        shown = max(round_to_std(speed.value, speed.std), LEAST_VELOCITY_STD)
+        yield Row("velocity_std", shown, source, now("velocity_std"), speed.std)
+    yield from _clusters(found, now)
+    rate = found.detection
+    probability = min(round_to_std(rate.value, 0.01), MOST_PROBABILITY)
+    source = f"{rate.count} looks"
+    yield Row("detection_probability", probability, source, now("detection_probability"), rate.std)
+    area, given = found.field.area, now("area")
+    source = f"{found.plots} plots"
+    yield Row("area", [*area], source, given, proposed=not _covers(given, area))
+    clutter = found.clutter
+    value, source = round_to_std(clutter.value, clutter.std), f"{clutter.count} untracked plots"
+    yield Row("clutter_rate", value, source, now("clutter_rate"), clutter.std)
+
+
+def _covers(given: Any, area: Sequence[float]) -> bool:
+    """Return whether a configured rectangle contains the places and is not much larger."""
+    if not isinstance(given, (list, tuple)) or len(given) != len(area):
+        return False
+    own, found = np.reshape(given, (2, 2)), np.reshape(area, (2, 2))
+    # The area that was found is larger than that of the places.
+    inner = 0.5 * (found[0] + found[1]) + (found - 0.5 * (found[0] + found[1])) / MARGIN
+    contains = (own[0] <= inner[0]).all() and (own[1] >= inner[1]).all()
+    return bool(contains and np.ptp(own, axis=0).prod() <= MOST_BEYOND**2 * np.ptp(found, 0).prod())
 
 
 def _learned(found: Findings, noise: Noise, now: Now) -> Iterator[Row]:

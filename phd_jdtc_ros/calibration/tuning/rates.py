@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.spatial import cKDTree
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
@@ -38,6 +40,13 @@ BESIDE_SIGMA, BESIDE_LOOKS = 3.0, 0.5
 # Plots of two tracks of one target are mostly nearer than this many such standard deviations, and
 # those of targets side by side are not.
 SAME_SIGMA = 1.0
+# Half the windows of positions whose slope is compared with a measured velocity, in plots; the
+# least number of such comparisons; and the median of the square of a normal number.
+WINDOWS, LEAST_COMPARED, ONE = (2, 4, 8, 16), 30, 0.4549
+# The area of places is larger than theirs by this factor, and at least this half length, metres.
+MARGIN, LEAST_HALF = 1.1, 1.0
+# Places farther from the median than this many times the distance of MOST of them are errors.
+FAR, MOST = 30.0, 0.9
 # The number of plots beside tracks must differ by this many standard deviations from chance.
 SURE_SIGMA = 4.0
 
@@ -132,15 +141,17 @@ class Field:
     # First azimuth and counter-clockwise width of the coverage, radians; None if plots are all
     # around.
     arc: tuple[float, float] | None
+    # Least x and y, and largest x and y, of the area of places, metres; empty for ranges.
+    area: tuple[float, ...] = ()
 
 
 def outside_land(plots: Plots, looks: float, range_std: float, azimuth_std: float) -> IntArray:
     """Return the plots outside land clutter, which recurs in the same cells of a stationary radar.
 
-    The recording has `looks` revolutions or clouds; the standard deviations are those of a plot,
-    metres and radians.
+    Places have no map of clutter: what recurs among them may be people who stand. The recording has
+    `looks` revolutions or clouds; the standard deviations are those of a plot, metres and radians.
     """
-    if np.ptp(plots.pose, axis=0).any():
+    if np.ptp(plots.pose, axis=0).any() or plots.places:
         return np.arange(len(plots))
     row = np.floor(plots.measurement[:, 0] / (CELL_SIGMA * range_std))
     column = np.floor((plots.measurement[:, 1] + np.pi) / (CELL_SIGMA * azimuth_std))
@@ -168,7 +179,7 @@ def crowded(plots: Plots, free: IntArray) -> IntArray:
     `free` has the indices of the untracked plots. Rain, sea or a town fill such areas without
     returning from the same places.
     """
-    if np.ptp(plots.pose, axis=0).any() or not len(free):
+    if np.ptp(plots.pose, axis=0).any() or plots.places or not len(free):
         return np.zeros(0, dtype=np.int64)
     distance, azimuth = plots.measurement.T
     start, width = smallest_arc(azimuth)
@@ -255,11 +266,46 @@ def _scaled(plots: Plots, reach: tuple[float, float], look_s: float) -> FloatArr
     return scaled
 
 
+def velocity_noise(plots: Plots, tracks: Tracks, std: float) -> Rate | None:
+    """Return the standard deviation of measured velocities along each axis; None if it is unknown.
+
+    A velocity is compared with the slope of its track's positions, whose noise is `std`, around it:
+    in the shortest window in which the slope is more precise than that. Medians are robust against
+    manoeuvres and wrong links.
+    """
+    if plots.velocity is None:
+        return None
+    found, position = None, plots.position
+    for half in WINDOWS:
+        long = [own for own in tracks.plots if len(own) > 2 * half]
+        if not long:
+            break
+        window = np.concatenate([sliding_window_view(own, 2 * half + 1) for own in long])
+        off = plots.time_s[window]
+        off = off - off.mean(axis=1, keepdims=True)
+        spread = (off**2).sum(axis=1)
+        slope = (off[:, :, None] * position[window]).sum(axis=1) / spread[:, None]
+        square = (plots.velocity[window[:, half]] - slope) ** 2
+        square = square[np.isfinite(square).all(axis=1)]
+        if len(square) < LEAST_COMPARED:
+            break
+        total, of_slope = float(np.median(square)) / ONE, std**2 * float(np.median(1.0 / spread))
+        value = float(np.sqrt(max(total - of_slope, 0.1 * total)))
+        found = Rate(value, value / float(np.sqrt(len(square))), len(square))
+        if of_slope < 0.3 * total:
+            break
+    return found
+
+
 def field_of(plots: Plots, claimed: IntArray) -> Field:
     """Return the coverage of the radar, from at least one plot.
 
     `claimed` has the indices of the plots that belong to a track.
     """
+    if plots.places:
+        distance = np.hypot(*plots.measurement.T)
+        farthest = float(distance.max())
+        return Field(float(distance.min()), farthest, farthest, None, area_of(plots.measurement))
     distance, azimuth = plots.measurement.T
     free = np.setdiff1d(np.arange(len(plots)), claimed)
     clutter = float(distance.max())
@@ -274,3 +320,19 @@ def field_of(plots: Plots, claimed: IntArray) -> Field:
     return Field(
         float(distance.min()), float(distance.max()), clutter, (start, width) if partly else None
     )
+
+
+def area_of(place: FloatArray) -> tuple[float, ...]:
+    """Return least and largest coordinates of an area around places, (N, 2), from at least one.
+
+    Fill values and errors, far from all other places, are left out. The area is larger than that of
+    the others, for targets that come later.
+    """
+    away = np.abs(place - np.median(place, axis=0)).max(axis=1)
+    near = max(FAR * float(np.quantile(away, MOST, method="lower")), LEAST_HALF)
+    low, high = (bound(place[away <= near], axis=0) for bound in (np.min, np.max))
+    middle, half = 0.5 * (low + high), np.maximum(MARGIN * 0.5 * (high - low), LEAST_HALF)
+    # Values of two digits are read more easily in a parameter file.
+    step = 10.0 ** (math.floor(math.log10(half.max())) - 1)
+    middle, half = step * np.rint(middle / step), step * np.ceil(half / step)
+    return tuple(float(f"{edge:.10g}") for edge in (*(middle - half), *(middle + half)))

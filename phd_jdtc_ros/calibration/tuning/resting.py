@@ -33,7 +33,7 @@ def moving(plots: Plots, tracks: Tracks, noise: NoiseModel) -> tuple[Tracks, Flo
         time_s = plots.time_s[own]
         off = time_s - time_s.mean()
         velocity = off @ (position[own] - position[own].mean(axis=0)) / (off @ off)
-        across = noise.azimuth_std * float(np.median(plots.measurement[own, 0]))
+        across = plots.across(noise.azimuth_std, own)
         std, speed = max(noise.range_std, across), float(np.hypot(*velocity))
         if speed * np.ptp(time_s) > MOVED_SIGMA * std:
             found.append(own)

@@ -56,7 +56,7 @@ def timing_of(plots: Plots) -> Timing:
     """Return the times of a radar's looks, given plots of at least two clouds."""
     interval_s = float(np.median(np.diff(plots.cloud_s)))
     still = Timing(_look_interval_s(plots.cloud_s))
-    if interval_s <= 0.0:
+    if interval_s <= 0.0 or plots.places:
         return still
     clouds = _by_cloud(plots)
     azimuth = plots.measurement[:, 1] + plots.pose[:, 2]

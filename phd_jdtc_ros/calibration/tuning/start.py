@@ -19,6 +19,8 @@ from .tracking.tracks import LinkModel, Tracks, link_plots
 RANGES = (2.5e-4, 1e-3, 4e-3, 1.6e-2)
 AZIMUTHS_DEG = (0.06, 0.25, 1.0, 4.0)
 USUAL_SPEED, SPEEDS = 40.0, (8.0, 160.0)
+# The same speeds for places, which may be of people.
+OF_PLACES = (2.0, 8.0, 160.0)
 # Number of the best noise guesses that are combined with every speed.
 BEST = 3
 # Guesses are compared on the first LOOKS looks of a recording, or on fewer, at least LEAST_LOOKS,
@@ -34,8 +36,7 @@ def guess_of(
     plots: Plots, timing: Timing, range_std: float, azimuth_std: float, speed_std: float
 ) -> LinkModel:
     """Return a guess with process noise that matches its measurement noise."""
-    middle = float(np.median(plots.measurement[:, 0]))
-    across = middle * azimuth_std
+    across = plots.across(azimuth_std, np.arange(len(plots)))
     position = min(range_std, across) if across > 0.0 else range_std
     looks = plots.duration_s / timing.look_s + 1.0
     density = float(3.0 * (OFF_COURSE * position) ** 2 / timing.look_s**3)
@@ -56,10 +57,7 @@ def first_guess(plots: Plots, timing: Timing) -> tuple[LinkModel, Tracks]:
     part = plots.until(looks * timing.look_s)
     if not len(part):
         part = plots
-    farthest = float(np.quantile(plots.measurement[:, 0], 0.99))
-    noises = [
-        (share * farthest, float(np.radians(deg))) for share, deg in product(RANGES, AZIMUTHS_DEG)
-    ]
+    noises, speeds = _noises(plots), OF_PLACES if plots.places else SPEEDS
     no_amplitudes = np.zeros(len(part))
 
     def link(noise: tuple[float, float], speed: float) -> tuple[Tracks, LinkModel]:
@@ -71,7 +69,7 @@ def first_guess(plots: Plots, timing: Timing) -> tuple[LinkModel, Tracks]:
     best += [
         link((guess.range_std, guess.azimuth_std), speed)
         for _, guess in first[:BEST]
-        for speed in SPEEDS
+        for speed in speeds
     ]
     best = sorted(best, key=_score, reverse=True)[:BEST]
     whole = [
@@ -80,6 +78,18 @@ def first_guess(plots: Plots, timing: Timing) -> tuple[LinkModel, Tracks]:
     ]
     tracks, guess = max(whole, key=_score)
     return guess, tracks
+
+
+def _noises(plots: Plots) -> list[tuple[float, float]]:
+    """Return the grid of both standard deviations; those of places are equal and fill the area."""
+    if plots.places:
+        middle = np.median(plots.measurement, axis=0)
+        reach = float(np.quantile(np.abs(plots.measurement - middle).max(axis=1), 0.99))
+        return [(share * max(reach, 1.0),) * 2 for share in RANGES]
+    farthest = float(np.quantile(plots.measurement[:, 0], 0.99))
+    return [
+        (share * farthest, float(np.radians(deg))) for share, deg in product(RANGES, AZIMUTHS_DEG)
+    ]
 
 
 def _score(found: tuple[Tracks, LinkModel]) -> float:

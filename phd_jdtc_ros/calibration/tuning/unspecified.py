@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from .findings import SPEED_MARGIN, Findings
+from .findings import LEAST_DENSITY, SPEED_MARGIN, Findings
 from .proposal import ALARMS, round_to_std
 
 # Looks of the smoother's lag, and least displacement by acceleration in this time, as a share of
@@ -36,7 +36,7 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
     ]
     noise = first.likelier_noise
     floor = 3.0 * (LEAST_OFF_COURSE * noise.range_std) ** 2 / (LAG_LOOKS * look_s) ** 3
-    calm = max(noise.densities[0], floor)
+    calm = max(noise.densities[0], floor, LEAST_DENSITY)
     hard = max(noise.densities[1], LEAST_RATIO * calm)
     given: dict[str, Any] = {
         "engine": "gaussian",

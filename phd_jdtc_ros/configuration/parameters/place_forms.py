@@ -6,6 +6,9 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from phd_jdtc_ros.core.sensors.area import Area
 from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.tracks.region import Region
 
@@ -35,6 +38,13 @@ class PoseSource(NamedTuple):
 
 
 NO_POSE = PoseSource("", POSE_MESSAGES[0], True)
+
+
+def pose_source(topic: str, message: str, yaw: bool = True) -> PoseSource:
+    """Return the source of the poses that the parameters `pose` and `pose_message` name."""
+    if topic == FIXED:
+        return NO_POSE
+    return PoseSource(TRANSFORMS, TF, yaw) if topic == TF else PoseSource(topic, message, yaw)
 
 
 def _pose(given: Any) -> str | None:
@@ -71,6 +81,12 @@ def is_region(region: Sequence[float]) -> bool:
     )
 
 
+def _area(given: Sequence[float]) -> Area:
+    if len(given) == 4:
+        return Area.rectangle(given[0], given[1], given[2], given[3])
+    return Area(np.reshape(given, (-1, 2)))
+
+
 # Largest biases: range, m; range gain, m per m; azimuth, degrees; time, s.
 MOST_BIAS = (1e5, 0.5, 180.0, 60.0)
 POSITION = _list_form(
@@ -99,6 +115,17 @@ REGION = _list_form(
     "first and the fourth above the second, all from -1e6 to 1e6",
     lambda given: not given or (is_region(given) and max(map(abs, given)) <= 1e6),
     lambda given: Region(*given) if given else None,
+)
+AREA = _list_form(
+    "[x_min, y_min, x_max, y_max], or x and y of at least 3 corners of a polygon, within 1e7 m and "
+    "with a size above 0",
+    lambda given: (
+        len(given) >= 4
+        and len(given) % 2 == 0
+        and max(map(abs, given)) <= 1e7
+        and (is_region(given) if len(given) == 4 else abs(_area(given).signed_size) > 0.0)
+    ),
+    _area,
 )
 BIASES = _list_form(
     "4 numbers: range within 100000 m, gain within 0.5, azimuth within 180 degrees, time within "

@@ -77,6 +77,7 @@ class RadarParameters(SensorParameters):
         "azimuth": ("azimuth_std_deg", "\N{DEGREE SIGN}"),
         "range_rate": ("range_rate_std", "m/s"),
     }
+    may_turn: ClassVar[bool] = True
     measures_amplitude: ClassVar[bool] = True
 
     message: str = parameter(
@@ -87,7 +88,7 @@ class RadarParameters(SensorParameters):
     )
     position: tuple[float, ...] = parameter(
         [0.0, 0.0],
-        "Position of the radar in the world frame, x and y, and optionally the height of its "
+        "Position of the sensor in the world frame, x and y, and optionally the height of its "
         "antenna above the world's zero, m.",
         form=place_forms.POSITION,
     )
@@ -100,7 +101,7 @@ class RadarParameters(SensorParameters):
     )
     yaw_deg: float = parameter(
         0.0,
-        "Direction of the radar's x axis, degrees counter-clockwise from the x axis of the world "
+        "Direction of the sensor's x axis, degrees counter-clockwise from the x axis of the world "
         "frame, or from true east with geodetic.",
         (-360.0, 360.0),
     )
@@ -216,8 +217,8 @@ class RadarParameters(SensorParameters):
     )
     cluster_distance: float = parameter(
         0.0,
-        "Distance within which detections of a scan with consistent range rates are merged, m. Set "
-        "it for radars with several detections per vehicle; 0 merges none.",
+        "Distance within which detections of a scan with consistent range rates or velocities are "
+        "merged, m. Set it for sensors with several detections per target; 0 merges none.",
         (0.0, 1e4),
         mutable=True,
     )
@@ -332,11 +333,7 @@ class RadarParameters(SensorParameters):
     @cached_property
     def pose(self) -> place_forms.PoseSource:
         """The topic of the platform's poses, and their use."""
-        if self.pose_topic == place_forms.FIXED:
-            return place_forms.NO_POSE
-        if self.pose_topic == place_forms.TF:
-            return place_forms.PoseSource(place_forms.TRANSFORMS, place_forms.TF, self.pose_yaw)
-        return place_forms.PoseSource(self.pose_topic, self.pose_message, self.pose_yaw)
+        return place_forms.pose_source(self.pose_topic, self.pose_message, self.pose_yaw)
 
     def on_earth(self, plane: Plane) -> RadarParameters:
         """Return the radar with its site and the datum of its heights."""

@@ -40,13 +40,15 @@ class SensorParameters:
 
     # Parameter and unit of the noise of each component of a measurement that may be learned.
     noise_parameters: ClassVar[Mapping[str, tuple[str, str]]] = {}
+    # True if its antenna may turn: the rotation is then estimated from the azimuths of detections.
+    may_turn: ClassVar[bool] = False
     # True if a message without amplitudes deserves a warning, as classes are inferred from them.
     measures_amplitude: ClassVar[bool] = False
 
     kind: str = parameter("radar", "Kind of the sensor.")
     message: str = parameter("", "Type of the messages.")
     topic: str = parameter("", "Topic of the detections; empty for /NAME/detections.")
-    frame: str = parameter("", "frame_id of the messages; empty for the radar's name.")
+    frame: str = parameter("", "frame_id of the messages; empty for the sensor's name.")
     name: str = ""
 
     fields = Fields()

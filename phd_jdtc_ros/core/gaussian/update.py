@@ -32,7 +32,7 @@ from .measurement.amplitude import (
     snr_after,
 )
 from .measurement.gating import gate_pairs
-from .measurement.iterated_update import PairUpdate, coarse_rates, iterated_update
+from .measurement.iterated_update import PairUpdate, coarse_motion, iterated_update
 from .measurement.likely_pairs import select_likely
 from .measurement.missed import after_miss, missed_and_measured
 from .measurement.newborn import newborn_mixture
@@ -246,12 +246,8 @@ class PriorMixture:
 
     def _coarse_log_likelihood(self, pairs: Paired, readings: View) -> FloatArray:
         """Return the log likelihoods of pairs, linearised at the predicted means, (P, R)."""
-        if (rates := readings.range_rates) is None:
-            return pairs.log_likelihood
-        log_rates = coarse_rates(
-            self.mixture, pairs.row, pairs.projected_index, rates, readings.sensor
-        )
-        return pairs.log_likelihood + log_rates
+        log_motion = coarse_motion(self.mixture, pairs.row, pairs.projected_index, readings)
+        return pairs.log_likelihood if log_motion is None else pairs.log_likelihood + log_motion
 
     def _log_factor(self, pairs: Paired, evidence: PairEvidence | None) -> FloatArray:
         """Return the log likelihoods of pairs besides measurement and amplitude, (P,)."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -83,10 +84,9 @@ class NearCopies:
     _before: FloatArray = zeros_field(0, 2)  # Positions of the previous report, metres
     _distances: tuple[float, float] = field(init=False, default=(0.0, 0.0))
 
-    def add(self, found: Detections) -> bool:
-        """Return whether a report is nearly a copy of the one before."""
-        before, place = self._before, to_plane(found.measurement, (0.0, 0.0), 0.0)
-        self._before = place
+    def add(self, place: FloatArray) -> bool:
+        """Return whether a report, of detections at these places, is nearly a copy of the last."""
+        before, self._before = self._before, place
         if not len(place) or not len(before):
             return False
         farthest = float(cKDTree(before).query(place)[0].max())
@@ -101,6 +101,27 @@ class NearCopies:
     def sure(self) -> bool:
         """Whether chance does not explain the near copies."""
         return self.compared >= LEAST_COMPARED and self.copies >= COPIES * self.compared
+
+
+@dataclass
+class Rounding:
+    """Finds positions that are rounded, so that those of targets at rest repeat exactly."""
+
+    # Step that rounded coordinates have, metres, and the largest share of it that they are off by.
+    step: float = 0.01
+    tolerance: float = 1e-3
+    repeats: int = field(init=False, default=0)  # Of positions, in reports that are no copies
+
+    def note(self, place: FloatArray, before: FloatArray) -> None:
+        """Note the positions, (M, 2), that a report has in common with the one before."""
+        if self.repeats < COPIED_DETECTIONS:
+            self.repeats += int(np.isin(place[:, 0], before[:, 0]).sum())
+
+    def explains(self, place: FloatArray) -> bool:
+        """Return whether a report of such positions may repeat the one before by itself."""
+        steps = place / self.step
+        whole = bool((np.abs(steps - np.rint(steps)) < self.tolerance).all())
+        return whole or self.repeats >= COPIED_DETECTIONS
 
 
 @dataclass
@@ -145,8 +166,60 @@ class TwinCheck:
 
 @dataclass
 class ReportCheck:
-    """Checks the reports of one radar."""
+    """Checks the reports of one sensor for copies of the one before."""
 
+    polar: ClassVar[bool] = False  # Whether measurements are ranges and azimuths, and not positions
+    _before: Detections | None = field(init=False, default=None)  # The previous report
+    _copied: bool = field(init=False, default=False)  # True once a report is clearly a copy
+    _near_copies: NearCopies = field(init=False, default_factory=NearCopies)
+    _added: int = field(init=False, default=0)  # Number of reports
+
+    def add(self, detections: Detections) -> list[str]:
+        """Return the names of the findings in a report: `REPEATED` or `NEARLY_REPEATED`."""
+        noticed, before = list[str](), self._before
+        if before is not None and is_copy(detections, before) and self._shows_copy(detections):
+            self._copied |= len(detections) >= COPIED_DETECTIONS
+            noticed += [REPEATED] if self._copied else []
+        elif self._is_compared():
+            place = detections.measurement
+            place = to_plane(place, (0.0, 0.0), 0.0) if self.polar else place
+            near = self._near_copies.add(place) and self._near_copies.sure
+            noticed += [NEARLY_REPEATED] if near else []
+        self._before = detections
+        self._added += 1
+        return noticed
+
+    def _shows_copy(self, detections: Detections) -> bool:
+        """Return whether a report that repeats the one before shows that it is a copy."""
+        return True
+
+    def _is_compared(self) -> bool:
+        """Return whether the next report is compared with the one before for near copies."""
+        return self._near_copies.sure or self._added % COMPARED_OF < COMPARED
+
+
+@dataclass
+class PositionReportCheck(ReportCheck):
+    """Checks the reports of a sensor of positions, which may be rounded."""
+
+    _rounding: Rounding = field(init=False, default_factory=Rounding)
+
+    def add(self, detections: Detections) -> list[str]:
+        """Return the names of the findings in a report; see `ReportCheck`."""
+        if self._before is not None and not is_copy(detections, self._before):
+            self._rounding.note(detections.measurement, self._before.measurement)
+        return super().add(detections)
+
+    def _shows_copy(self, detections: Detections) -> bool:
+        """Return whether rounding does not explain that a report repeats the one before."""
+        return not self._rounding.explains(detections.measurement)
+
+
+@dataclass
+class RadarReportCheck(ReportCheck):
+    """Checks the reports of one polar radar."""
+
+    polar: ClassVar[bool] = True
     reports_sectors: bool = True  # Whether the radar is configured to report by sectors
     sees_whole_turn: bool = False  # Whether it is configured to see all azimuths at once
     # True if its ground ranges are unknown although it is probably a radar for aircraft.
@@ -162,25 +235,14 @@ class ReportCheck:
     _together: BoolArray = zeros_field(CELLS, dtype=np.bool_)
     # Measurements of the first reports; None once their extent is checked.
     _first: list[FloatArray] | None = field(init=False, default_factory=list)
-    _before: Detections | None = field(init=False, default=None)  # The previous report
-    _copied: bool = field(init=False, default=False)  # True once a report is clearly a copy
-    _near_copies: NearCopies = field(init=False, default_factory=NearCopies)
-    _added: int = field(init=False, default=0)  # Number of reports
 
     def add(self, detections: Detections) -> list[str]:
         """Return the names of the findings in a report.
 
-        They are `REPEATED`, `NEARLY_REPEATED`, ``sectors_not_configured``, and once
+        They are those of `ReportCheck`, ``sectors_not_configured``, and once
         ``fov_not_configured``, ``slant_ranges``, ``azimuths_in_radians`` and ``ranges_near``.
         """
-        noticed, measurement = [], detections.measurement
-        if self._before is not None and is_copy(detections, self._before):
-            self._copied |= len(measurement) >= COPIED_DETECTIONS
-            noticed += [REPEATED] if self._copied else []
-        elif self._is_compared() and self._near_copies.add(detections) and self._near_copies.sure:
-            noticed.append(NEARLY_REPEATED)
-        self._before = detections
-        self._added += 1
+        noticed, measurement = super().add(detections), detections.measurement
         if self.lacks_ground_ranges and len(detections):
             self.lacks_ground_ranges = False
             noticed.append("slant_ranges")
@@ -196,10 +258,6 @@ class ReportCheck:
         if self.near and self._first is not None:
             noticed += self._wrong_units(self._first, measurement)
         return noticed
-
-    def _is_compared(self) -> bool:
-        """Return whether the next report is compared with the one before for near copies."""
-        return self._near_copies.sure or self._added % COMPARED_OF < COMPARED
 
     def _wrong_units(self, first: list[FloatArray], measurement: FloatArray) -> list[str]:
         """Return the findings about the extent of the first reports, polar; at most once."""

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import wrap_angle
+from ..arrays import FloatArray, wrap_angle
 from ..types import Detections, Pose
 
 # Tolerance of a plausible change of position in addition to the motion, metres.
@@ -274,12 +274,20 @@ def _between(first: _StampedPose, second: _StampedPose, stamp_ns: int) -> Pose:
     )
 
 
+def _turned(vector: FloatArray, angle: FloatArray | float) -> FloatArray:
+    """Return vectors, (M, 2), turned counter-clockwise by angles, radians."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    x, y = vector.T
+    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
+
+
 @dataclass
 class Platform:
-    """A moving platform with its radar."""
+    """A moving platform with its sensor."""
 
     track: PoseTrack
     mount: Mount
+    positions: bool = False  # Whether the sensor measures positions, and not range and azimuth
 
     def with_pose(self, stamp_ns: int, detections: Detections) -> tuple[Detections | None, bool]:
         """Return detections with the radar's pose at their stamp, and whether it is extrapolated.
@@ -311,6 +319,14 @@ class Platform:
             poses.append((*mounted.position, mounted.yaw))
             extrapolated |= is_extrapolated
         x, y, yaw = np.transpose(poses)
+        if self.positions:
+            origin = np.stack([x, y], axis=1) - pose.position
+            place = _turned(_turned(detections.measurement, yaw) + origin, -pose.yaw)
+            turned = detections.velocity
+            if turned is not None:
+                turned = _turned(turned, yaw - pose.yaw)
+            detections = replace(detections, measurement=place, velocity=turned, pose=pose)
+            return detections, extrapolated
         distance, azimuth = detections.measurement.T
         bearing = azimuth + yaw
         toward = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)

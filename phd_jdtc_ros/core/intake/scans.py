@@ -2,8 +2,9 @@
 
 Stamps define time; the time of arrival does not matter. Reports with the same stamp form one scan.
 A scan is closed when every live radar has reported its stamp, or when a later stamp arrives. A
-radar that has missed two scans is not live until its next report. A caller that cannot wait for a
-later stamp closes the pending scans with `close_all`.
+radar that has missed two scans is not live until its next report, or until this is due by the
+radar's own interval: one that reports once a second is waited for once a second. A caller that
+cannot wait for a later stamp closes the pending scans with `close_all`.
 
 Asynchronous radars that report whole revolutions send reports as old as their revolutions are long.
 For these radars scans can be held back by time: until every live radar has reported the stamp or a
@@ -19,8 +20,11 @@ from enum import Enum
 
 from ..types import Detections, Scan
 
-# Number of missed scans after which a radar is silent.
+# Number of missed scans, or of own intervals, after which a radar is silent.
 MISSES_UNTIL_SILENT = 2
+# Share of its interval by which a radar's report may be early or late, and by which longer
+# intervals change the estimate, so that missed reports hardly do.
+IRREGULAR, FORGETTING = 0.05, 0.1
 
 
 class Rejection(Enum):
@@ -70,6 +74,9 @@ class ScanGrouper:
         self._misses = [0] * self.radars
         self._last_stamp: list[int | None] = [None] * self.radars
         self._first_stamp: int | None = None
+        # Stamp of each radar's newest report, also of a late one, and its interval, nanoseconds.
+        self._heard: list[int | None] = [None] * self.radars
+        self._interval_ns: list[float | None] = [None] * self.radars
 
     @property
     def waiting(self) -> bool:
@@ -88,6 +95,16 @@ class ScanGrouper:
         if newest is not None and stamp_ns < newest - self.reset_threshold_s * 1e9:
             events = [*self.close_all(), Reset((stamp_ns - newest) * 1e-9)]
             self.reset()
+        heard, known_ns = self._heard[radar], self._interval_ns[radar]
+        if heard is None or stamp_ns > heard:
+            self._heard[radar] = stamp_ns
+        if heard is not None and stamp_ns > heard:
+            # A shorter interval counts at once.
+            step_ns = float(stamp_ns - heard)
+            slowly_ns = (
+                step_ns if known_ns is None else known_ns + FORGETTING * (step_ns - known_ns)
+            )
+            self._interval_ns[radar] = min(step_ns, slowly_ns)
         last = self._last_stamp[radar]
         if stamp_ns == last or radar in self._pending.get(stamp_ns, ()):
             return Rejection.DUPLICATE
@@ -99,6 +116,14 @@ class ScanGrouper:
             self._first_stamp = stamp_ns
         self._pending.setdefault(stamp_ns, {})[radar] = detections
         return events + self._close_complete()
+
+    def _is_due(self, radar: int, stamp_ns: int) -> bool:
+        """Return whether a radar's next report, or the one after it, has about this stamp."""
+        heard, interval_ns = self._heard[radar], self._interval_ns[radar]
+        if heard is None or interval_ns is None:
+            return False
+        since = (stamp_ns - heard) / interval_ns
+        return 1.0 - IRREGULAR <= since <= MISSES_UNTIL_SILENT * (1.0 + IRREGULAR)
 
     def note_live(self, radar: int) -> None:
         """Wait for a radar's next reports, although it has no new one."""
@@ -160,7 +185,11 @@ class ScanGrouper:
         return True
 
     def _is_complete(self, stamp_ns: int) -> bool:
-        live = {r for r in range(self.radars) if self._misses[r] < MISSES_UNTIL_SILENT}
+        live = {
+            radar
+            for radar in range(self.radars)
+            if self._misses[radar] < MISSES_UNTIL_SILENT or self._is_due(radar, stamp_ns)
+        }
         return live <= self._pending[stamp_ns].keys()
 
     def _close(self, stamp_ns: int) -> list[Scan | Reset]:

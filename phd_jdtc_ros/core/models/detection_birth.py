@@ -62,8 +62,8 @@ class DetectionBirthModel(ReadOnly):
         between missed them, see `EarlierLooks`. If the previous report is unknown, they appeared in
         the last `dt` seconds; if the report covers a sector, since the antenna's previous pass. The
         intensity is the product of the birth rate over the field of view, of p_D g^tau of each
-        class, of the density of the range rate, and of the probability that the scan's earlier
-        reports missed the target. `earlier` has the newborn targets of these reports.
+        class, of the density of the range rate or the velocity, and of the probability that the
+        scan's earlier reports missed the target. `earlier` has the newborn targets of these.
         """
         sensor = report.sensor
         since = self._unseen_s(report, modes, dt, looks)
@@ -78,6 +78,10 @@ class DetectionBirthModel(ReadOnly):
         if (measured := report.range_rates) is not None:
             toward = line_of_sight(report.position, sensor.position)[0]
             intensity = intensity + self.log_range_rate(toward, measured, sensor)
+        velocities = None if report.detections.velocity is None else report.velocities
+        if velocities is not None:
+            spread = velocities.noise + self.velocity_std**2 * np.eye(2)
+            intensity = intensity + velocities.model.log_density(velocities.velocity, spread)
         return intensity
 
     @staticmethod

@@ -1,4 +1,4 @@
-"""Merges detections that are close together, for radars that resolve points of one vehicle.
+"""Merges detections that are close together, for sensors that resolve points of one vehicle.
 
 In the update a target has at most one detection. Further detections of it would look like clutter
 or like another target.
@@ -11,10 +11,15 @@ from dataclasses import replace
 import numpy as np
 
 from ..arrays import TINY, FloatArray, IntArray, sum_by, wrap_angle
-from ..sensors.polar_geometry import to_plane
+from ..sensors.gaussians import PlanePlots
+from ..sensors.polar_radar import RadarModel
 from ..sensors.range_rate import Rates, rates_of
 from ..sensors.sensor import Sensor
-from ..types import UNKNOWN, Detections
+from ..sensors.velocity import Velocities
+from ..types import UNKNOWN, Detections, Pose
+
+# A sensor at this pose measures in its own frame.
+OWN_FRAME = Pose((0.0, 0.0), 0.0)
 
 # Gate, in standard deviations, on the difference of the range rates of one object.
 RATE_SIGMA = 4.0
@@ -26,7 +31,8 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
     """Return detections with each group merged to one at its centre.
 
     The detections of a group are within the sensor's `cluster_distance`, plus noise, of the one
-    with the most neighbours, and their range rates, codes and addresses agree with its own. With a
+    with the most neighbours, and their range rates or velocities, codes and addresses agree with
+    its own. With a
     distance of 0 the detections are returned unchanged.
 
     A merged detection has the largest amplitude of the group, the first known identity, and the
@@ -35,9 +41,9 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
     """
     if not sensor.cluster_distance or len(detections) < 2:
         return detections
-    position = to_plane(detections.measurement, (0.0, 0.0), 0.0)
-    rates = rates_of(sensor.range_rate, detections)
-    pairs = _close_pairs(position, detections, sensor)
+    own = sensor.at(OWN_FRAME)
+    plots, rates = own.in_plane(detections), rates_of(sensor.range_rate, detections)
+    pairs = _agreeing(_close_pairs(plots, sensor.cluster_distance), own.velocities_of(detections))
     known = np.zeros(len(detections), dtype=np.int64)
     for identity in (detections.code, detections.address):
         if identity is not None:
@@ -48,8 +54,10 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
     count = int(group.max()) + 1
     if count == len(detections):
         return detections
-    x, y = (_mean(group, axis, count) for axis in position.T)
-    measurement = np.stack([np.hypot(x, y), wrap_angle(np.arctan2(y, x))], axis=1)
+    x, y = (_mean(group, axis, count) for axis in plots.position.T)
+    measurement = np.stack([x, y], axis=1)
+    if isinstance(sensor, RadarModel):
+        measurement = np.stack([np.hypot(x, y), wrap_angle(np.arctan2(y, x))], axis=1)
     std, rate_std = detections.noise_std, detections.range_rate_std
     time_s, height = detections.time_s, detections.height
     correlation = detections.noise_correlation
@@ -58,10 +66,12 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
         measurement=measurement,
         amplitude=_largest(group, detections.amplitude, count),
         time_s=None if time_s is None else _mean(group, time_s, count),
-        noise_std=None if std is None else np.stack([_mean(group, s, count) for s in std.T], 1),
+        noise_std=_mean_pairs(group, std, count),
         noise_correlation=None if correlation is None else _mean(group, correlation, count),
         range_rate=_mean_rate(group, rates, count),
         range_rate_std=None if rate_std is None else _mean(group, rate_std, count),
+        velocity=_mean_pairs(group, detections.velocity, count),
+        velocity_std=_mean_pairs(group, detections.velocity_std, count),
         height=None if height is None else _mean(group, height, count),
         code=_first_known(group, detections.code, count),
         address=_first_known(group, detections.address, count),
@@ -69,25 +79,36 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
     )
 
 
-def _close_pairs(position: FloatArray, detections: Detections, sensor: Sensor) -> IntArray:
+def _close_pairs(plots: PlanePlots, cluster_distance: float) -> IntArray:
     """Return the pairs of detections within the cluster distance and their noise, (P, 2)."""
-    std = sensor.noise_std_of(detections)
-    sides = np.stack([std[:, 0], std[:, 1] * detections.measurement[:, 0]], axis=1)
-    reach = sensor.cluster_distance + NOISE_SIGMA * np.sqrt(2.0) * float(sides.max())
-    # Few radars need it, and a tracker starts the sooner without.
+    position, sides = plots.position, plots.std
+    reach = cluster_distance + NOISE_SIGMA * np.sqrt(2.0) * float(sides.max())
+    # Few sensors need it, and a tracker starts the sooner without.
     from scipy.spatial import cKDTree
 
     pairs: IntArray = cKDTree(position).query_pairs(reach, output_type="ndarray")
     first, second = pairs.T
     difference = position[second] - position[first]
     distance = np.hypot(difference[:, 0], difference[:, 1])
-    azimuth = detections.measurement[first, 1]
-    along = np.abs(np.cos(azimuth) * difference[:, 0] + np.sin(azimuth) * difference[:, 1])
+    axis = plots.axes[first, :, 0]
+    along = np.abs(axis[:, 0] * difference[:, 0] + axis[:, 1] * difference[:, 1])
     cosine = np.minimum(along / np.maximum(distance, TINY), 1.0)
     square = sides[first] ** 2 + sides[second] ** 2
     noise = np.sqrt(cosine**2 * square[:, 0] + (1.0 - cosine**2) * square[:, 1])
-    close: IntArray = pairs[distance <= sensor.cluster_distance + NOISE_SIGMA * noise]
+    close: IntArray = pairs[distance <= cluster_distance + NOISE_SIGMA * noise]
     return close
+
+
+def _agreeing(pairs: IntArray, velocities: Velocities | None) -> IntArray:
+    """Return the pairs of detections whose velocities agree; an unknown one agrees with all."""
+    if velocities is None:
+        return pairs
+    first, second = pairs.T
+    apart = velocities.velocity[first] - velocities.velocity[second]
+    noise = velocities.noise[first] + velocities.noise[second]
+    square = (apart * np.linalg.solve(noise, apart[..., None])[..., 0]).sum(axis=1)
+    agreeing: IntArray = pairs[~(square > RATE_SIGMA**2)]
+    return agreeing
 
 
 def _groups(known: IntArray, pairs: IntArray, rates: Rates | None) -> IntArray:
@@ -125,6 +146,11 @@ def _mean(group: IntArray, value: FloatArray, count: int) -> FloatArray:
     number = sum_by(group, is_known.astype(np.float64), count)
     total = sum_by(group, np.where(is_known, value, 0.0), count)
     return np.where(number > 0.0, total / np.maximum(number, 1.0), np.nan)
+
+
+def _mean_pairs(group: IntArray, value: FloatArray | None, count: int) -> FloatArray | None:
+    """Return the means of each group's known values in each column, (M, 2) to (count, 2)."""
+    return None if value is None else np.stack([_mean(group, v, count) for v in value.T], axis=1)
 
 
 def _largest(group: IntArray, value: FloatArray | None, count: int) -> FloatArray | None:

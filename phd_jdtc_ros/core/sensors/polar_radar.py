@@ -18,6 +18,7 @@ from .of_gaussians.linearised import Linearised
 from .polar_gate import DETECTION_GATE_SIGMA
 from .polar_geometry import MIN_RANGE
 from .sensor import Sensor
+from .slant_range import HeightProjection
 from .visibility import Visibility, sector_probability
 
 # Lower bound of the share of the uniform clutter by which counts of it are divided.
@@ -32,13 +33,15 @@ class RadarModel(Sensor):
     wrapped.
     """
 
-    may_turn: ClassVar[bool] = True
     components: ClassVar[tuple[str, ...]] = ("range", "azimuth")
 
     range_std: float  # Standard deviation of ranges, metres
     azimuth_std: float  # Standard deviation of azimuths, radians
     visibility: Visibility  # Field of view, and detection probability if it is given
     clutter_max_range: float  # Largest range of the uniform clutter, metres
+    # Projection of its detections to the plane, given their heights; None if the measurements do
+    # not depend on heights.
+    height_projection: HeightProjection | None = None
 
     def with_scaled_noise(self, of_std: FloatArray) -> RadarModel:
         """Return the radar with deviations of its noise multiplied by factors; see `Sensor`."""
@@ -57,7 +60,7 @@ class RadarModel(Sensor):
         from .of_gaussians.polar import PolarGaussians
 
         pose = np.array([*self.position, math.cos(self.yaw), math.sin(self.yaw)])
-        return PolarGaussians(self, pose)
+        return PolarGaussians(self, pose, self.max_range)
 
     @property
     def max_range(self) -> float:
@@ -82,6 +85,20 @@ class RadarModel(Sensor):
     def linearise(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return (range, azimuth) of positions and Jacobians; see `polar_geometry.linearise`."""
         return polar_geometry.linearise(position, self.position, self.yaw)
+
+    def range_rate_of(self, state: FloatArray, time_s: FloatArray | None = None) -> FloatArray:
+        """Return the noise-free range rate of each state, m/s; shape (N, D) to (N,).
+
+        `time_s` has the time of each measurement relative to the stamp of the states, seconds,
+        (N,).
+        """
+        velocity = state[:, list(self.space.velocity)]
+        line = state[:, list(self.space.position)] - np.asarray(self.position)
+        if time_s is not None:
+            line = line + time_s[:, None] * velocity
+        distance = np.maximum(np.sqrt((line**2).sum(axis=1)), MIN_RANGE)
+        radial: FloatArray = (line * (velocity - self.velocity)).sum(axis=1) / distance
+        return radial
 
     def wrap(self, error: FloatArray) -> FloatArray:
         """Return differences of (range, azimuth) with wrapped azimuths; (..., 2)."""

@@ -1,13 +1,13 @@
 """Base class of sensors: measurements, noise, coverage, positions in the plane.
 
-`polar_radar.RadarModel` is the only subclass. The engine, births, the region, the factors and the
-reporting rule depend only on this class. A new kind of sensor implements the abstract members; the
-other ones have defaults for a sensor that measures without a turning antenna and sees all targets.
+Its subclasses are `polar_radar.RadarModel` and `position.PositionSensor`. The engine, births, the
+region, the factors and the reporting rule depend only on this class. A new kind of sensor
+implements the abstract members; the other ones have defaults for a sensor that measures without a
+turning antenna and sees all targets.
 """
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -21,9 +21,8 @@ from ..types import Coverage, Detections, Pose
 from . import polar_geometry
 from .gaussians import HeavyTails, PlanePlots
 from .of_gaussians.linearised import Linearised
-from .polar_geometry import MIN_RANGE
 from .range_rate import RangeRateModel
-from .slant_range import HeightProjection
+from .velocity import Velocities
 
 SensorT = TypeVar("SensorT", bound="Sensor")
 
@@ -36,8 +35,6 @@ class Sensor(ReadOnly, ABC):
     are in the world frame.
     """
 
-    # True if its antenna may turn: the rotation is then estimated from the azimuths of detections.
-    may_turn: ClassVar[bool] = False
     # Names of the components of a measurement.
     components: ClassVar[tuple[str, ...]] = ()
 
@@ -56,9 +53,6 @@ class Sensor(ReadOnly, ABC):
     range_rate: RangeRateModel | None = None
     # Distance within which detections are merged, metres; 0 for none. See `detection_clusters`.
     cluster_distance: float = 0.0
-    # Projection of its detections to the plane, given their heights; None if the measurements do
-    # not depend on heights.
-    height_projection: HeightProjection | None = None
     # Smallest plausible noise of its components; no larger one is too large, (Z,). Zeros for any.
     least_std: tuple[float, ...] = (0.0, 0.0)
     # Outliers among its measurements; None without any.
@@ -130,11 +124,6 @@ class Sensor(ReadOnly, ABC):
         return error
 
     @property
-    def max_range(self) -> float:
-        """Largest range of a detection, metres."""
-        return math.inf
-
-    @property
     def limits(self) -> tuple[IntArray, FloatArray]:
         """Intervals of components of a measurement in which targets are detected, (I, 2).
 
@@ -194,19 +183,9 @@ class Sensor(ReadOnly, ABC):
         largest = self.largest_detection_probability
         return None if largest is None else np.full(len(measured), largest)
 
-    def range_rate_of(self, state: FloatArray, time_s: FloatArray | None = None) -> FloatArray:
-        """Return the noise-free range rate of each state, m/s; shape (N, D) to (N,).
-
-        `time_s` has the time of each measurement relative to the stamp of the states, seconds,
-        (N,).
-        """
-        velocity = state[:, list(self.space.velocity)]
-        line = state[:, list(self.space.position)] - np.asarray(self.position)
-        if time_s is not None:
-            line = line + time_s[:, None] * velocity
-        distance = np.maximum(np.sqrt((line**2).sum(axis=1)), MIN_RANGE)
-        radial: FloatArray = (line * (velocity - self.velocity)).sum(axis=1) / distance
-        return radial
+    def velocities_of(self, detections: Detections) -> Velocities | None:
+        """Return the velocities of detections in the world frame; None without usable ones."""
+        return None
 
     @abstractmethod
     def log_uniform_clutter(self, rate: float) -> float:

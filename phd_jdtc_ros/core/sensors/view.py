@@ -21,6 +21,7 @@ from ..types import Coverage, Detections
 from .gaussians import PlanePlots
 from .range_rate import Rates, rates_of
 from .sensor import Sensor
+from .velocity import Velocities
 
 # Rounding error of the sum of the probabilities of adjoining sectors.
 ROUNDING = 1e-12
@@ -250,6 +251,11 @@ class View(ReadOnly):
         """Range rates of the detections; None without usable ones."""
         return rates_of(self.sensor.range_rate, self.detections)
 
+    @cached_property
+    def velocities(self) -> Velocities | None:
+        """Velocities of the detections in the world frame; None without usable ones."""
+        return self.sensor.velocities_of(self.detections)
+
     def sensors_own_rate_std(self, rates: Rates) -> FloatArray:
         """Return the sensor's standard deviations of the detections' range rates, (M,).
 
@@ -341,13 +347,17 @@ class View(ReadOnly):
     def log_clutter(self) -> FloatArray:
         """Log intensity of false detections at each detection, shape (M,).
 
-        For an unknown amplitude or range rate it is the intensity over the other components.
+        For an unknown amplitude, range rate or velocity it is the intensity over the other
+        components.
         """
         detections = self.detections
         log_intensity = self.log_uniform_clutter + self.log_clutter_factor(detections.measurement)
         if (measured := self.range_rates) is not None:
             log_width = np.log(measured.model.clutter_width)
             log_intensity -= np.where(np.isnan(measured.rate), 0.0, log_width)
+        velocities = None if detections.velocity is None else self.velocities
+        if velocities is not None:
+            log_intensity -= np.where(velocities.is_known, velocities.model.log_clutter_area, 0.0)
         if detections.amplitude is None:
             return log_intensity
         law = self.clutter_amplitude

@@ -18,7 +18,7 @@ _PER_DETECTION = (
     *("height", "code", "address", "detection_type"),
 )
 # The columns with one row per detection.
-_COLUMNS = ("measurement", "noise_std", *_PER_DETECTION)
+_COLUMNS = ("measurement", "noise_std", "velocity", "velocity_std", *_PER_DETECTION)
 # Sensor types of detections: primary radar, secondary radar, Mode S.
 SENSORS = ("psr", "ssr", "mds")
 
@@ -65,10 +65,10 @@ class Pose:
 
 @dataclass(frozen=True)
 class Detections(ReadOnly):
-    """Detections of one radar in one scan, in the frame of that radar."""
+    """Detections of one sensor in one scan, in the frame of that sensor."""
 
     # (M, Z). For the polar radar, range in metres and azimuth in radians counter-clockwise from the
-    # sensor's x axis.
+    # sensor's x axis; for a sensor of positions, x and y in metres.
     measurement: FloatArray
     # Linear envelope in units of the noise's standard deviation per quadrature, (M,); NaN where
     # unknown. None if the radar reports none: the class likelihood is then neutral.
@@ -105,6 +105,12 @@ class Detections(ReadOnly):
     # it is unknown. Errors with an unknown correlation, and those of a polar radar, are taken as
     # independent.
     noise_correlation: FloatArray | None = None
+    # Velocity over ground along the axes of the sensor, metres per second, (M, Z); NaN where
+    # unknown. None if the sensor reports none.
+    velocity: FloatArray | None = None
+    # Its standard deviations, metres per second, (M, Z). NaN, or None for all, stands for the
+    # sensor model's.
+    velocity_std: FloatArray | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

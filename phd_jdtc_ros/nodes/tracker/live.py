@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.lifecycle import LifecycleNode
 
 from msg_adapters.incoming.moving_radars import MovingRadars
-from msg_adapters.incoming.readers import Reader
+from msg_adapters.incoming.readers import Reader, reader_of
 from msg_adapters.outgoing.outputs import SCAN, STEP, StepResult
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.calibration.registration.monitor import RegistrationMonitor
@@ -40,11 +40,17 @@ CHECKPOINT_MAX_AGE_S = 60.0
 class LiveTracker:
     """Subscribes to every radar, steps the engine scan by scan, and publishes the estimates.
 
+    `holds` takes a message that the sensor's kind cannot read, and returns whether it has.
     Invalid names of topics, and invalid QoS overrides, raise `ConfigError`.
     """
 
-    def __init__(self, node: LifecycleNode, settings: Settings) -> None:
-        self._node = node
+    def __init__(
+        self,
+        node: LifecycleNode,
+        settings: Settings,
+        holds: Callable[[int, Any, Mapping[str, int]], bool] = lambda sensor, message, info: False,
+    ) -> None:
+        self._node, self._holds = node, holds
         self._settings = settings
         config = settings.config
         nominal_s = config.model.modes.interval_s
@@ -176,7 +182,7 @@ class LiveTracker:
         self, index: int, reader: Reader, message: Any, info: Mapping[str, int]
     ) -> None:
         """Take in a report of a radar, and process the scans that it closes."""
-        if not self._active:
+        if not self._active or self._holds(index, message, info):
             return
         self.inputs.take_poses(lambda: self._pipeline.awaited_pose)
         begin_s = time.monotonic()
@@ -191,6 +197,10 @@ class LiveTracker:
                 closed = self._handle(events)
                 self._update_max_wait_timer(new_scan=bool(closed) or not waiting)
         self._load.add(begin_s, time.monotonic())
+
+    def take(self, index: int, message: Any, info: Mapping[str, int]) -> None:
+        """Take in a message of a sensor, by its index, that was held until now."""
+        self._on_message(index, reader_of(self._settings.config.inputs[index]), message, info)
 
     def _on_pose(self, topic: str, data: bytes, info: Mapping[str, int]) -> None:
         """Take in poses of platforms, and process the scans that waited for them.

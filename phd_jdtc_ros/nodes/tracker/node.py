@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import importlib
 import threading
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -30,7 +30,7 @@ from phd_jdtc_ros.exit_status import USAGE
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
 from ..common import arguments, parameters, runtime
-from ..common.callbacks import serve
+from ..common.callbacks import serve, steady_timer
 from ..common.health import DEPTH, PERIOD_S, Condition, HealthReports, status_of, summary
 from ..common.managed import ManagedNode
 from ..common.topics import reliable
@@ -38,6 +38,7 @@ from . import manager_bond, settings
 from .live import LiveTracker
 from .manager_bond import ManagerBond
 from .name_claim import NameClaim
+from .recognition import Recognition
 
 TEXT = "the tracker is compiling, once for each installation"
 # The longest time that the end of the reports may take, seconds.
@@ -83,6 +84,8 @@ def _report(argv: list[str], ended: threading.Event) -> None:
 
 # The file in `config` that has the defaults.
 DEFAULT_PROFILE = "defaults"
+# Interval between looks at clouds that wait for the kind of their sensor, seconds.
+LOOK_S = 0.1
 
 _DONE = SetParametersResult(successful=True)
 
@@ -100,7 +103,9 @@ class Tracker(ManagedNode):
         self._claim = NameClaim(self, self._give_way)
         given = parameters.given_values(self, files)
         self._source = _source(given, parameters.sources(self, files))
-        self._settings = settings.resolve(given)
+        self._settings, self._given = settings.resolve(given), given
+        self._recognition = Recognition(self._settings.config, given)
+        self._look = steady_timer(self, LOOK_S, self._recognise, autostart=False)
         # While the tracker is not configured, these may differ from the settings and be invalid.
         self._values = self._settings.values
         parameters.declare(self, self._settings.table, self._values, frozenset(self._values))
@@ -139,7 +144,8 @@ class Tracker(ManagedNode):
         """Make the engine and all topics; if that fails, stay unconfigured."""
         try:
             self._settings = settings.resolve(self._values)
-            self._live = LiveTracker(self, self._settings)
+            self._recognition = Recognition(self._settings.config, self._given)
+            self._live = LiveTracker(self, self._settings, self._holds)
         except Exception as error:
             return self.refuse("not configured", error)
         model = self._settings.config.model
@@ -158,6 +164,46 @@ class Tracker(ManagedNode):
         if not self._settings.node["autostart"]:
             self._bond = manager_bond.form(self)
         return done
+
+    def _holds(self, sensor: int, message: Any, info: Mapping[str, int]) -> bool:
+        """Return whether a message waits because its sensor is none of the configured kind."""
+        holds = self._recognition.holds(sensor, message, info)
+        if holds and self._look.is_canceled():
+            self._look.reset()
+        return holds
+
+    def _recognise(self) -> None:
+        """Track a sensor of positions as such, once its clouds have shown its parameters."""
+        recognition = self._recognition
+        if not (self.is_active and recognition.held):
+            self._look.cancel()
+            return
+        changes = recognition.found()
+        if changes is None:
+            return
+        self._look.cancel()
+        name, held = recognition.sensor.name, recognition.held
+        try:
+            table, values = settings.edit(self._values, changes)
+            settings.resolve(values)
+        except ConfigError as error:
+            recognition.give_up()
+            faults = "; ".join(error.faults)
+            self.get_logger().error(f"{name}: its clouds have positions, x and y: {faults}")
+            return
+        own = ", ".join(f"{key} {new}" for key, new in changes.items() if key.startswith(name))
+        self.get_logger().info(
+            f"{name}: its clouds have x and y and no range: tracked as positions, as the first "
+            f"{len(held)} show: {own}"
+        )
+        self.trigger_deactivate()
+        self.trigger_cleanup()
+        parameters.redeclare(self, table, values, changes)
+        self._values, self._given = values, {**self._given, **changes}
+        self.trigger_configure()
+        self.trigger_activate()
+        for sensor, cloud, info in held if self.is_active else ():
+            self._configured.take(sensor, cloud, info)
 
     def _description(self) -> str:
         config = self._settings.config

@@ -1,4 +1,4 @@
-"""The Gaussian engine with sensors without compiled functions, through the interface `Sensor`."""
+"""The Gaussian engine with other sensors than polar radars, compiled and in array operations."""
 
 from dataclasses import fields, replace
 from functools import partial
@@ -6,24 +6,26 @@ from functools import partial
 import numpy as np
 import pytest
 from lone import GIVEN, INTERVAL_S, MEAN, TWO_MOTIONS, lone, path, scan_at, started
-from position_sensor import MAST, PositionSensor, covariance_of
+from mast import REACH, LinearisedPositions, mast
 from scipy.stats import multivariate_normal, norm
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.algebra import kalman
 from phd_jdtc_ros.core.gaussian.smoothing.smoother import backward_pass
-from phd_jdtc_ros.core.sensors.gaussians import PlanePlots
+from phd_jdtc_ros.core.sensors.gaussians import PlanePlots, noise_covariance
 from phd_jdtc_ros.core.sensors.of_gaussians.linearised import (
     Linearised,
     Measured,
     WeightedGaussians,
 )
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.sensors.position import PositionSensor
+from phd_jdtc_ros.core.sensors.velocity import VelocityModel
 from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.types import Detections
 
 SECONDS = INTERVAL_S * np.arange(1.0, 9.0)
-STD, CLUTTER, FIELD = 30.0, 4, 2e4
+STD, CLUTTER = 30.0, 4
 
 
 class LinearisedRadar(RadarModel):
@@ -64,14 +66,39 @@ def test_linearised_radar_gives_the_mixtures_of_the_compiled_one(monkeypatch, ti
         np.testing.assert_allclose(other.covariance, compiled.covariance, rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.parametrize("timed", [False, True], ids=["at the stamp", "at their own times"])
+def test_compiled_positions_give_the_mixtures_of_array_operations(timed):
+    config, rng = lone(TWO_MOTIONS), np.random.default_rng(5)
+    turned = {"yaw": 0.7, "velocity_model": VelocityModel(2.0)}
+    sensors = [mast(STD, kind, **turned) for kind in (PositionSensor, LinearisedPositions)]
+    engines = [started(with_sensor(config, sensor)) for sensor in sensors]
+    for seconds, state in zip(SECONDS, path(SECONDS, 0.01), strict=True):
+        near = sensors[0].measure(state[None]) + 3.0 * STD * rng.standard_normal((4, 2))
+        velocity = np.array([30.0, -30.0]) + 5.0 * rng.standard_normal((4, 2))
+        velocity[0] = np.nan
+        own = {
+            "time_s": rng.uniform(-1.0, 0.0, 4) if timed else None,
+            "noise_std": rng.uniform(0.5 * STD, 2.0 * STD, (4, 2)),
+            "noise_correlation": np.array([0.8, -0.5, np.nan, 0.0]),
+            "velocity": velocity,
+        }
+        for engine in engines:
+            engine.step(scan_at(seconds, near, **own))
+    for compiled, other in zip(*map(smoothed, engines), strict=True):
+        np.testing.assert_array_equal(other.row_label, compiled.row_label)
+        np.testing.assert_allclose(other.weight, compiled.weight, rtol=1e-6, atol=1e-12)
+        np.testing.assert_allclose(other.mean, compiled.mean, rtol=1e-8, atol=1e-8)
+        np.testing.assert_allclose(other.covariance, compiled.covariance, rtol=1e-6, atol=1e-6)
+
+
 def test_target_born_at_positions_is_tracked_more_exactly_than_measured():
     births = {"detection_births.rates": [0.05]}
-    sensor = PositionSensor(**MAST, std=STD)
+    sensor = mast(STD)
     engine = new_engine(with_sensor(lone({**GIVEN, **births, "lag": len(SECONDS)}), sensor))
     rng, states, plots = np.random.default_rng(7), path(SECONDS), []
     for seconds, state in zip(SECONDS, states, strict=True):
         plots.append(sensor.measure(state[None]) + STD * rng.standard_normal((1, 2)))
-        false = rng.uniform(-FIELD, FIELD, (CLUTTER, 2))
+        false = rng.uniform(-REACH, REACH, (CLUTTER, 2))
         engine.step(scan_at(seconds, np.concatenate([plots[-1], false])))
     found = engine.flush()
     assert [len(estimates) for estimates in found] == [1] * len(SECONDS)
@@ -82,15 +109,18 @@ def test_target_born_at_positions_is_tracked_more_exactly_than_measured():
     assert np.hypot(*(found[-1].velocity[0] - MEAN[[1, 3]])) < 10.0
 
 
-def test_correlated_errors_of_positions_update_as_in_a_kalman_filter():
-    sensor, std, correlation = PositionSensor(**MAST), np.array([[10.0, 40.0]]), np.array([0.8])
+@pytest.mark.parametrize("kind", [PositionSensor, LinearisedPositions])
+def test_correlated_errors_of_positions_update_as_in_a_kalman_filter(kind):
+    sensor, std, correlation = mast(sensor=kind), np.array([[10.0, 40.0]]), np.array([0.8])
     place = np.eye(5)[[0, 2]]
     root = np.random.default_rng(3).standard_normal((5, 5)) * [[20.0], [2.0], [30.0], [3.0], [0.01]]
     mean, covariance = MEAN, root @ root.T
     noise = np.array([[100.0, 320.0], [320.0, 1600.0]])
     measured = place @ mean - sensor.position + [15.0, -25.0]
     seen = Detections(measured[None], None, noise_std=std, noise_correlation=correlation)
-    np.testing.assert_allclose(covariance_of(sensor, seen), noise[None])
+    np.testing.assert_allclose(
+        noise_covariance(sensor.noise_std_of(seen), correlation), noise[None]
+    )
     np.testing.assert_allclose(PlanePlots.of(measured[None], noise[None]).covariance, noise[None])
     prior = mean[None], covariance[None]
     alone = Measured(measured[None], std, correlation)
@@ -109,12 +139,12 @@ def test_correlated_errors_of_positions_update_as_in_a_kalman_filter():
     np.testing.assert_allclose(gated, [[expected]])
 
 
-class EastSensor(PositionSensor):
+class EastSensor(LinearisedPositions):
     """Measures the first coordinate of a position alone."""
 
     @property
     def noise_std(self):
-        return np.full(1, self.std)
+        return np.array(self.std[:1])
 
     def linearise(self, position):
         position, jacobian = super().linearise(position)
@@ -122,7 +152,7 @@ class EastSensor(PositionSensor):
 
 
 def test_one_component_updates_as_in_a_kalman_filter():
-    sensor, covariance = EastSensor(**MAST, std=STD), np.diag(STD**2 * np.arange(1.0, 6.0))
+    sensor, covariance = mast(STD, EastSensor), np.diag(STD**2 * np.arange(1.0, 6.0))
     covariance[0, 1] = covariance[1, 0] = 0.5 * STD**2
     prior, measured = (MEAN[None], covariance[None]), MEAN[:1] - sensor.position[0] + 15.0
     seen = Measured(measured[None], sensor.noise_std[None])
@@ -136,7 +166,7 @@ def test_one_component_updates_as_in_a_kalman_filter():
 
 
 def test_sensor_of_positions_updates_targets_without_detections():
-    engine = started(with_sensor(lone(), PositionSensor(**MAST, std=STD)))
+    engine = started(with_sensor(lone(), mast(STD)))
     engine.step(scan_at(SECONDS[0], np.zeros((0, 2))))
     (mixture,) = smoothed(engine)[-1:]
     expected = MEAN[0] + SECONDS[0] * MEAN[1]

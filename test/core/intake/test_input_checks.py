@@ -11,12 +11,14 @@ from phd_jdtc_ros.core.intake.input_checks import (
     FIELD_REPORTS,
     PATIENCE,
     SECTOR_REPORTS,
-    ReportCheck,
+    PositionReportCheck,
+    RadarReportCheck,
     ResultCheck,
 )
 from phd_jdtc_ros.core.types import Detections, Scan
 
 S = 1_000_000_000
+LIDAR = {"sensors": ["lidar"], "lidar.kind": "position"}
 
 
 def at(azimuth):
@@ -100,7 +102,7 @@ def test_a_report_that_repeats_the_one_before_is_noticed():
 
 
 def test_the_field_of_view_is_checked_once_by_many_directions():
-    assert not noticed(ReportCheck(reports_sectors=False), uniform(100, 20, 0.0, 1.0))
+    assert not noticed(RadarReportCheck(reports_sectors=False), uniform(100, 20, 0.0, 1.0))
     reports = uniform(FIELD_DETECTIONS - 1, 1, -1.0, 1.0)
     assert not noticed(check_of(), reports)
     few = FIELD_REPORTS - 1
@@ -180,3 +182,34 @@ def test_targets_are_overdue_after_scans_with_detections_alone():
     assert sum(overdue) == 1
     check = ResultCheck(4.0)
     assert not any(check.note_step(scan, step(0, due=False)) for scan in scans(3 * PATIENCE, 5))
+
+
+def places(*rows):
+    return Detections(np.array(rows, dtype=float), None)
+
+
+def test_copies_of_positions_are_noticed_but_not_rounded_ones_of_targets_at_rest():
+    rng = np.random.default_rng(4)
+    drawn = [places(*rng.uniform(-50.0, 50.0, (6, 2))) for _ in range(3)]
+    twice = [each for each in drawn for _ in range(2)]
+    assert noticed(PositionReportCheck(), twice) == {"reports_repeated": 3}
+    # Vehicles that stand, in whole metres.
+    standing = [places(*np.rint(drawn[0].measurement))] * 5
+    assert not noticed(PositionReportCheck(), standing)
+
+
+def test_targets_at_rest_show_that_other_positions_are_rounded_too():
+    # Degrees that were rounded, and then converted: no step of metres, but the same again.
+    rng = np.random.default_rng(6)
+    rest = rng.uniform(-50.0, 50.0, (6, 2))
+    check = PositionReportCheck()
+    passing = [places(*rest, 50.0 * rng.random(2)) for _ in range(3)]
+    assert not noticed(check, [*passing, places(*rest), places(*rest)])
+
+
+def test_positions_have_no_azimuths():
+    # All in one direction, from x and y whose second column is no angle.
+    rng = np.random.default_rng(8)
+    found = [places(*rng.uniform(0.0, 0.3, (5, 2))) for _ in range(120)]
+    assert not noticed(resolve(LIDAR).report_checks()[0], found)
+    assert noticed(check_of(), [at(each.measurement[:, 1]) for each in found])

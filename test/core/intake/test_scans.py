@@ -29,6 +29,10 @@ STREAMS = [
             0@0 1@0 0@6 0@12 0@18 | 1@24; 0@24: 24/01; 0@30; 1@30: 30/01
         a radar whose first report back is late is waited for again:
             0@0 1@0 0@6 0@12 0@18 | 1@18: late; 0@24; 1@24: 24/01
+        a radar that reports at every fifth stamp is waited for then:
+            1@0 0@0 1@5 0@5 0@6 0@7 0@8 0@9 | 0@10; 1@10: 10/01; 0@11; 0@12: 11/0
+        a radar that has missed two of its own intervals is not waited for:
+            1@0 0@0 1@5 0@5 0@8 0@9 0@10 0@14 0@15 0@16 | 0@17: 17/0; 0@20: 20/0
         a duplicate is rejected before its scan closed and after:
             | 0@0; 0@0: duplicate; 1@0: 0/01; 1@0: duplicate; 0@0: duplicate
         a late report is rejected:
@@ -402,3 +406,15 @@ def test_a_lost_sector_is_no_miss_and_an_empty_one_is(numbered):
     truth = sweep.position_at(sweep.seconds_of(missed.stamp_ns))[1]
     near = np.hypot(*(missed.position - truth).T) < 1000.0
     assert (1.0 - missed.weight[near] > 1.5 * (1.0 - weight[1])).all()
+
+
+def test_slow_radar_beside_a_fast_sensor_with_equal_stamps_loses_no_more_than_its_first_reports():
+    grouper, late, scans = ScanGrouper(2, 3.0), 0, 0
+    for tick in range(600):
+        # The fast sensor's cloud of each stamp comes first.
+        for sensor in (0, 1) if tick % 10 == 3 else (0,):
+            found = grouper.add(sensor, START + tick * S // 10, report(tick))
+            late += found is Rejection.LATE
+            scans += 0 if isinstance(found, Rejection) else len(found)
+    assert late <= 2
+    assert scans + len(grouper.close_all()) == 600

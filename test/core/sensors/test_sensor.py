@@ -1,23 +1,22 @@
-"""A sensor of the abstract members only, its reports and biases."""
+"""What all sensors have in common: noise, reports and biases."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from mast import mast
 from numpy.testing import assert_allclose
-from position_sensor import PositionSensor, covariance_of
 from scenes import small
 
 from phd_jdtc_ros.core.factors.detection import CELLS, Detection, TrialSums
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
+from phd_jdtc_ros.core.sensors.gaussians import noise_covariance
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.sensors.view import View
-from phd_jdtc_ros.core.types import UNKNOWN_COVERAGE, Detections, Pose
+from phd_jdtc_ros.core.types import Detections, Pose
 
 STATE = np.array([[100.0, 3.0, 200.0, -4.0, 0.0], [0.0, 0.0, 50.0, 1.0, 0.0]])
-SENSOR = PositionSensor(
-    name="mast", position=(10.0, 20.0), yaw=0.0, threshold=3.0, clutter_rate=2.0
-)
+SENSOR = mast(position=(10.0, 20.0))
 DETECTIONS = Detections(
     np.array([[90.0, 180.0], [0.0, 0.0]]), None, noise_std=np.array([[1.0, 2.0], [np.nan, np.nan]])
 )
@@ -35,26 +34,15 @@ def test_measurements_and_noise_follow_from_the_linearised_measurement():
     np.testing.assert_array_equal(SENSOR.measure(STATE), [[90.0, 180.0], [-10.0, 30.0]])
     np.testing.assert_array_equal(SENSOR.noise_std_of(DETECTIONS), [[1.0, 2.0], [5.0, 5.0]])
     correlated = replace(DETECTIONS, noise_correlation=np.array([0.5, np.nan]))
-    covariance = covariance_of(SENSOR, correlated)
+    covariance = noise_covariance(SENSOR.noise_std_of(correlated), correlated.noise_correlation)
     np.testing.assert_array_equal(covariance, [[[1.0, 1.0], [1.0, 4.0]], 25.0 * np.eye(2)])
-
-
-def test_sensor_without_coverage_or_map_sees_everything_in_uniform_clutter():
-    measured = SENSOR.measure(STATE)
-    assert SENSOR.coverage_probability(measured, UNKNOWN_COVERAGE).tolist() == [1.0, 1.0]
-    assert SENSOR.may_have_swept(STATE[:, :2], np.ones(2), DETECTIONS).all()
-    assert SENSOR.configured_detection_probability(measured) is None
-    assert SENSOR.largest_detection_probability is None
-    uniform = replace(SENSOR, detection_probability=0.8)
-    assert uniform.configured_detection_probability(measured).tolist() == [0.8, 0.8]
-    np.testing.assert_allclose(View.of(SENSOR, DETECTIONS).log_clutter, np.log(2e-6))
 
 
 def test_detection_probability_is_learned_by_range_and_azimuth_from_the_sensor():
     trials = TrialSums(np.full(CELLS, 99.0), np.full(CELLS, 90.0), np.arange(float(CELLS)))
     factor, sensor = Detection(1000.0).after(trials), replace(SENSOR, yaw=0.5)
     place = np.array([[200.0, 0.3], [900.0, 2.0]])
-    azimuth = place[:, 1] + sensor.yaw
+    azimuth = place[:, 1]
     measured = place[:, :1] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
     np.testing.assert_allclose(sensor.polar_place(measured), place)
     view = factor.expect(View.of(sensor, Detections(measured, None)))
@@ -65,7 +53,7 @@ def test_detection_probability_is_learned_by_range_and_azimuth_from_the_sensor()
 def test_pose_moves_the_sensor_and_keeps_the_rest():
     moved = SENSOR.at(Pose((1.0, 2.0), 0.5, (3.0, 4.0)))
     assert (moved.position, moved.yaw, moved.velocity) == ((1.0, 2.0), 0.5, (3.0, 4.0))
-    assert (moved.std, moved.name, moved.may_turn) == (5.0, "mast", False)
+    assert (moved.std, moved.name) == ((5.0, 5.0), "mast")
 
 
 def test_deviations_and_shares_are_the_detections_own():
@@ -89,11 +77,8 @@ def test_covariances_in_the_plane_are_those_of_their_roots():
 
 
 def test_polar_radars_refuse_a_sensor_of_another_kind():
-    class Other:
-        name = "harbour"
-
-    with pytest.raises(TypeError, match="harbour: Other given, must be a polar radar"):
-        polar_radars([RADAR, Other()])
+    with pytest.raises(TypeError, match="mast: PositionSensor given, must be a polar radar"):
+        polar_radars([RADAR, SENSOR])
 
 
 def test_errors_that_are_added_are_those_that_are_removed():

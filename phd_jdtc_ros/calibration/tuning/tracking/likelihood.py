@@ -39,6 +39,7 @@ class Plots(NamedTuple):
     # Log density of clutter in the gate relative to the peak of a target's density with the usual
     # noise, (K,).
     log_clutter: Float1
+    places: bool  # See `plots.Plots`
 
 
 class _Scratch(NamedTuple):
@@ -89,7 +90,7 @@ def _update(
     (parts, found, step), count = scratch, len(log_share)
     for c in range(count):
         found[c, 0], found[c, 1], found[c, 2], found[c, 3] = innovate(
-            mean, covariance, measured, pose, variance[c], step[c]
+            mean, covariance, measured, pose, variance[c], plots.places, step[c]
         )
         log_peak = -0.5 * math.log(4.0 * math.pi**2 * found[c, 3])
         if c == 0:

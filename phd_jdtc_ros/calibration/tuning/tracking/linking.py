@@ -12,8 +12,8 @@ from phd_jdtc_ros.core.compilation import Float1, Float2, Float3, Int1, Writeabl
 from phd_jdtc_ros.core.sensors.of_gaussians.angles import wrapped
 from phd_jdtc_ros.core.sensors.polar_geometry import MIN_RANGE
 
-# Range error, azimuth error, and the squared Mahalanobis distance and the determinant of the
-# covariance of both.
+# Errors of range and azimuth or of x and y, and the squared Mahalanobis distance and the
+# determinant of the covariance of both.
 Innovation = tuple[float, float, float, float]
 
 
@@ -52,9 +52,10 @@ def innovate(
     measured: FloatArray,
     pose: FloatArray,
     variance: FloatArray,
+    places: bool,
     step: FloatArray,
 ) -> Innovation:
-    """Return a plot's innovation; `variance` is that of range and azimuth.
+    """Return a plot's innovation; `variance` is that of range and azimuth, or of x and y.
 
     Write its covariance with the state, and the gain: both are (2, 4).
     """
@@ -64,6 +65,12 @@ def innovate(
     ahead, left = cos * east + sin * north, cos * north - sin * east
     distance = max(math.sqrt(ahead * ahead + left * left), MIN_RANGE)
     along, across = east / distance, north / distance
+    range_error, azimuth_error = measured[0] - distance, 0.0
+    if places:  # the rows of the Jacobian are the sensor's axes, as at a range of 1
+        distance, along, across = 1.0, cos, sin
+        range_error, azimuth_error = measured[0] - ahead, measured[1] - left
+    else:
+        azimuth_error = wrapped(measured[1] - math.atan2(left, ahead))
     for i in range(4):
         cross[0, i] = covariance[i, 0] * along + covariance[i, 1] * across
         cross[1, i] = (covariance[i, 1] * along - covariance[i, 0] * across) / distance
@@ -74,8 +81,6 @@ def innovate(
     for i in range(4):
         gain[0, i] = (d * cross[0, i] - b * cross[1, i]) / determinant
         gain[1, i] = (a * cross[1, i] - b * cross[0, i]) / determinant
-    range_error = measured[0] - distance
-    azimuth_error = wrapped(measured[1] - math.atan2(left, ahead))
     square = d * range_error * range_error + a * azimuth_error * azimuth_error
     square = (square - 2.0 * b * range_error * azimuth_error) / determinant
     return range_error, azimuth_error, square, determinant
@@ -138,6 +143,7 @@ class Numbers(NamedTuple):
     least_hits: int  # A track with so many plots is confirmed
     log_miss: float
     log_detection: float  # Log density of a detection relative to that of clutter
+    places: bool  # See `plots.Plots`
 
 
 @inner
@@ -161,7 +167,8 @@ def _may_be_near(plots: Columns, track: int, plot: int, numbers: Numbers) -> boo
     trace = 2.0 * (place + dt * dt * (covariance[2, 2] + covariance[3, 3]))
     trace += numbers.densities[1] * dt * dt * dt + numbers.variance[0]
     # The variance across the line of sight, at the plot's range.
-    trace += plots.measurement[plot, 0] ** 2 * numbers.variance[1]
+    distance = 1.0 if numbers.places else plots.measurement[plot, 0]
+    trace += distance**2 * numbers.variance[1]
     return bool(east * east + north * north < (1.5 * numbers.gate) ** 2 * trace)
 
 
@@ -191,6 +198,7 @@ def _score_pairs(
                     plots.measurement[plot],
                     plots.pose[plot],
                     numbers.variance,
+                    numbers.places,
                     step,
                 )
                 nearest = min(nearest, square)
@@ -265,7 +273,7 @@ def _add_plot(
     mean, covariance = plots.mean[track], plots.covariance[track]
     predict(mean, covariance, plots.time_s[plot] - plots.time_s[plots.last[track]], density)
     measured, pose = plots.measurement[plot], plots.pose[plot]
-    found = innovate(mean, covariance, measured, pose, numbers.variance, step)
+    found = innovate(mean, covariance, measured, pose, numbers.variance, numbers.places, step)
     update(1.0, found, step, mean, covariance)
     plots.last[track] = plot
     plots.hits[track] += 1

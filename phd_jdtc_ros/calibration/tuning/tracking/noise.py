@@ -39,8 +39,9 @@ MOST_PLOTS = 1000
 # Logarithmic distance of the search's bounds from its start: for the measurement noise, and for
 # the spectral densities.
 SEARCH_WIDTH, DENSITY_SEARCH_WIDTH = np.log(30.0), np.log(1e4)
-# Smallest standard deviations, m and rad: only synthetic plots are more accurate.
-LEAST_STD = (0.01, 1e-5)
+# Smallest standard deviations, m and rad, and those of places: only synthetic plots are more
+# accurate.
+LEAST_STD, LEAST_OF_PLACES = (0.01, 1e-5), (0.001, 0.001)
 # Step of the finite differences, and least logarithmic ratio of the second density to the first.
 STEP, LEAST_RATIO = 1e-3, np.log(4.0)
 
@@ -65,10 +66,11 @@ class _Sequences:
 
     first: IntArray  # The first plot of each track, and the number of plots, (T + 1,)
     time_s: FloatArray  # Ascending in each track, seconds, (K,)
-    measurement: FloatArray  # Ranges and azimuths, (K, 2)
+    measurement: FloatArray  # Ranges and azimuths, or places, (K, 2)
     pose: FloatArray  # Pose of the radar at each plot, (K, 3)
     log_ratio: FloatArray  # Log likelihood ratios of the amplitudes, (K,)
     speed_std: float  # See `fit_noise`
+    places: bool  # See `Plots`
     components: tuple[tuple[float, ...], tuple[float, ...]] = USUAL
 
 
@@ -82,7 +84,7 @@ def fit_noise(
     plot's amplitude, target to clutter.
     """
     sequences = _sequences(plots, tracks, log_ratio, speed_std)
-    begin, bounds = _start(start)
+    begin, bounds = _start(start, plots.places)
     # The likelihood is flat far from its maximum: a grid search first finds a start near it.
     grid = begin + _GRID
     grid[:, :3] = np.maximum(grid[:, :3], [lowest for lowest, _ in bounds[:3]])
@@ -99,16 +101,17 @@ def find_outliers(
     `noise` is the estimate without them; for the other parameters see `fit_noise`.
     """
     usual = _sequences(plots, tracks, log_ratio, speed_std)
-    begin, bounds = _start(noise)
+    begin, bounds = _start(noise, plots.places)
     (without,) = _log_likelihood(usual, begin[None])
     likelihood, found = _search(replace(usual, components=WITH_OUTLIERS), begin, bounds)
     return found if likelihood - without > LEAST_EVIDENCE else None
 
 
-def _start(noise: Noise) -> tuple[FloatArray, list[tuple[float, float]]]:
+def _start(noise: Noise, places: bool) -> tuple[FloatArray, list[tuple[float, float]]]:
     """Return the start of a search at an estimate, and its bounds; see `_log_likelihood`."""
     ratio = np.log(noise.densities[1] / noise.densities[0])
-    least = np.log([*LEAST_STD, np.finfo(float).tiny])
+    smallest = LEAST_OF_PLACES if places else LEAST_STD
+    least = np.log([*smallest, np.finfo(float).tiny])
     begin = np.maximum(np.log([noise.range_std, noise.azimuth_std, noise.densities[0]]), least)
     reach = np.array([SEARCH_WIDTH, SEARCH_WIDTH, DENSITY_SEARCH_WIDTH])
     lowest = np.maximum(begin - reach, least)
@@ -181,6 +184,7 @@ def _sequences(plots: Plots, tracks: Tracks, log_ratio: FloatArray, speed_std: f
         plots.pose[rows],
         log_ratio[rows],
         speed_std,
+        plots.places,
     )
 
 
@@ -197,13 +201,17 @@ def _log_likelihood(sequences: _Sequences, points: FloatArray) -> FloatArray:
     density = np.exp(np.stack([points[:, 2], points[:, 2] + points[:, 3]], axis=1))
     first = sequences.first[:-1]
     plots = sequences.measurement[first], sequences.pose[first]
-    start = kinematics.initial_state(*plots, variance[:, None], sequences.speed_std)
+    start = kinematics.initial_state(
+        *plots, variance[:, None], sequences.speed_std, sequences.places
+    )
     share, ratio = sequences.components
     log_share = np.log((1.0 - CLUTTER_PROBABILITY) * np.array(share))
     log_clutter = math.log(2.0 * CLUTTER_PROBABILITY / GATE**2) - sequences.log_ratio
     components = variance[:, None] * np.array(ratio)[:, None]
     at_points = Points(*map(read_only, (*start, components, density)))
     columns = sequences.time_s, sequences.measurement, sequences.pose, log_clutter
-    sequence_plots = Plots(read_only(sequences.first, np.int64), *map(read_only, columns))
+    time_s, measurement, pose, clutter = map(read_only, columns)
+    first = read_only(sequences.first, np.int64)
+    sequence_plots = Plots(first, time_s, measurement, pose, clutter, sequences.places)
     likelihood: FloatArray = filter_tracks(at_points, log_share, sequence_plots)
     return likelihood

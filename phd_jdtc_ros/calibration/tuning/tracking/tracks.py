@@ -33,7 +33,7 @@ IMPROBABLE, LEAST_MISSES, MOST_MISSES = 0.005, 3, 6
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """Measurement noise and process noise."""
+    """Measurement noise and process noise; of places the first two are those of x and y, metres."""
 
     range_std: float  # Standard deviation of a range, metres
     azimuth_std: float  # Standard deviation of an azimuth, radians
@@ -84,9 +84,7 @@ def link_plots(plots: Plots, timing: Timing, model: LinkModel, log_ratio: FloatA
     from .linking import Columns, Numbers, link
 
     misses = np.log(IMPROBABLE) / np.log(max(1.0 - model.detection_probability, 1e-3))
-    farthest = float(plots.measurement[:, 0].max(initial=1.0))
-    field_size = plots.fov * max(farthest - plots.min_range, 1e-3 * farthest)
-    log_clutter = np.log(max(model.clutter_rate, 0.1) / field_size)
+    log_clutter = np.log(max(model.clutter_rate, 0.1) / _field_size(plots))
     numbers = Numbers(
         timing.rotation_s,
         float(np.clip(np.ceil(misses), LEAST_MISSES, MOST_MISSES)),
@@ -96,6 +94,7 @@ def link_plots(plots: Plots, timing: Timing, model: LinkModel, log_ratio: FloatA
         LEAST_HITS,
         model.log_miss,
         float(np.log(model.detection_probability) - log_clutter - np.log(2.0 * np.pi)),
+        plots.places,
     )
     count = len(plots)
     measured = plots.measurement, plots.pose
@@ -106,7 +105,7 @@ def link_plots(plots: Plots, timing: Timing, model: LinkModel, log_ratio: FloatA
             *measured,
             plots.position,
             log_ratio,
-            *kinematics.initial_state(*measured, model.variance, model.speed_std),
+            *kinematics.initial_state(*measured, model.variance, model.speed_std, plots.places),
             np.arange(count),
             np.ones(count, dtype=np.int64),
             LOG_NEW + log_ratio,
@@ -118,6 +117,14 @@ def link_plots(plots: Plots, timing: Timing, model: LinkModel, log_ratio: FloatA
     order = np.flatnonzero(kept)[np.argsort(track[kept], kind="stable")]
     starts = np.flatnonzero(np.diff(track[order], prepend=-1))
     return _accepted(np.split(plot[order], starts[1:]), columns.score[track[order[starts]]])
+
+
+def _field_size(plots: Plots) -> float:
+    """Return the size of the field of view in units of a measurement."""
+    if plots.places:
+        return float(np.maximum(np.ptp(plots.measurement, axis=0), 1.0).prod())
+    farthest = float(plots.measurement[:, 0].max(initial=1.0))
+    return plots.fov * max(farthest - plots.min_range, 1e-3 * farthest)
 
 
 def _accepted(tracks: list[IntArray], scores: FloatArray) -> Tracks:

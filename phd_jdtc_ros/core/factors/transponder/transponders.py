@@ -10,6 +10,7 @@ import numpy as np
 from ...arrays import IntArray, ReadOnly, matches
 from ...association.claims import undetected
 from ...association.evidence import Gate, OutOfGate, Paired, pair_as_reported
+from ...sensors.polar_radar import RadarModel
 from ...sensors.view import View
 from ...snapshot import ROUNDING, Snapshot, from_snapshot, to_snapshot
 from ...types import SENSORS, UNKNOWN, Attributes, Detections, Estimates
@@ -128,7 +129,8 @@ class Transponders(ReadOnly):
 
     def pair(self, gate: Gate, targets: Targets, view: View) -> Paired:
         """Return the pairs in gates, with false heights replaced by those of the targets."""
-        projection, detections = view.sensor.height_projection, view.detections
+        sensor, detections = view.sensor, view.detections
+        projection = sensor.height_projection if isinstance(sensor, RadarModel) else None
         if projection is None or detections.height is None:
             return pair_as_reported(gate, detections)
         heights = self.predict(targets.label, view.stamp_ns).beliefs.heights

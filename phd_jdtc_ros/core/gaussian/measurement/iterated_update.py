@@ -1,4 +1,4 @@
-"""The update of pairs of Gaussians and detections: first positions, then range rates."""
+"""The update of pairs of Gaussians and detections: first positions, then rates or velocities."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ from typing import NamedTuple
 
 from ...arrays import FloatArray, IntArray
 from ...sensors.of_gaussians.linearised import Measured, WeightedGaussians, gaussians_of_groups
-from ...sensors.range_rate import Rates
-from ...sensors.sensor import Sensor
 from ...sensors.view import View
 from ..algebra import heavy_tails, kalman, range_rate
 from ..mixture import Mixture
+from .velocity import VelocityUpdate, update_velocities
 
 
 class PairUpdate(NamedTuple):
@@ -20,8 +19,8 @@ class PairUpdate(NamedTuple):
     innovation: kalman.Innovation
     # `innovation`, or that of the mixture of usual noise and outliers: `heavy_tails.mix_noises`.
     matched: kalman.Innovation
-    # The Gaussians updated with range rates; None if the report has none.
-    rate_update: range_rate.RateUpdate | None
+    # The Gaussians updated with range rates or velocities too; None if the report has none.
+    motion_update: range_rate.RateUpdate | VelocityUpdate | None
     # Probability that each detection is an outlier if it is the Gaussian's; None without outliers.
     outlier: FloatArray | None
     row: IntArray  # Hypothesis of each pair, (P,)
@@ -30,10 +29,10 @@ class PairUpdate(NamedTuple):
 
     @property
     def log_likelihood(self) -> FloatArray:
-        """Log likelihood of the measurement, including any range rate, shape (P R,)."""
-        if self.rate_update is None:
+        """Log likelihood of the measurement, including any rate or velocity, shape (P R,)."""
+        if self.motion_update is None:
             return self.matched.log_likelihood
-        return self.matched.log_likelihood + self.rate_update.log_likelihood
+        return self.matched.log_likelihood + self.motion_update.log_likelihood
 
     def updated_gaussians(
         self, mixture: Mixture, row: IntArray, pair: IntArray
@@ -49,7 +48,7 @@ class PairUpdate(NamedTuple):
         """
         modes, size = mixture.mean.shape[1:]
         gaussians = mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size)
-        if self.rate_update is None:
+        if self.motion_update is None:
             times = self.report.detections.time_s
             time_s = None if times is None else times[self.column].repeat(modes)
             mean, covariance = kalman.update(
@@ -60,8 +59,8 @@ class PairUpdate(NamedTuple):
             updated = gaussians_of_groups(pair, modes)
             mean, covariance = gaussians[0][gaussian], gaussians[1][gaussian]
             detected = updated >= 0
-            mean[detected] = self.rate_update.mean[updated[detected]]
-            covariance[detected] = self.rate_update.covariance[updated[detected]]
+            mean[detected] = self.motion_update.mean[updated[detected]]
+            covariance[detected] = self.motion_update.covariance[updated[detected]]
         return mean.reshape(-1, modes, size), covariance.reshape(-1, modes, size, size)
 
 
@@ -78,7 +77,9 @@ def iterated_update(
     row, column : int arrays of shape (P,)
         Hypothesis and detection of each pair.
     """
-    detections, sensor, rates = report.detections, report.sensor, report.range_rates
+    detections, sensor = report.detections, report.sensor
+    rates = report.range_rates
+    velocities = None if detections.velocity is None else report.velocities
     modes, size = mixture.mean.shape[1:]
     mean, covariance = mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size)
     gaussians = WeightedGaussians.of(mean, covariance, mixture.mode_weight.reshape(-1))
@@ -88,26 +89,40 @@ def iterated_update(
     matched, outlier = innovation, None
     if sensor.outliers is not None:
         matched, outlier = heavy_tails.mix_noises(innovation, sensor.outliers, *noise, column)
-    rate_update = None
-    if rates is not None:
+    motion_update: range_rate.RateUpdate | VelocityUpdate | None = None
+    if rates is not None or velocities is not None:
         gaussian, detection = gaussians_of_groups(row, modes), column.repeat(modes)
         time_s = None if detections.time_s is None else detections.time_s[detection]
         updated = kalman.update(mean[gaussian], covariance[gaussian], sensor, matched, time_s)
-        rate_update = range_rate.update_rates(*updated, sensor, rates.take(detection), time_s)
-    return PairUpdate(innovation, matched, rate_update, outlier, row, column, report)
+        if rates is not None:
+            own_rates = rates.take(detection)
+            motion_update = range_rate.update_rates(*updated, sensor, own_rates, time_s)
+        elif velocities is not None:
+            motion_update = update_velocities(*updated, sensor.space, velocities.take(detection))
+    return PairUpdate(innovation, matched, motion_update, outlier, row, column, report)
 
 
-def coarse_rates(
-    mixture: Mixture, row: IntArray, column: IntArray, rates: Rates, sensor: Sensor
-) -> FloatArray:
-    """Return the log likelihood of the range rates of pairs at the predicted means, (P, R).
+def coarse_motion(
+    mixture: Mixture, row: IntArray, column: IntArray, report: View
+) -> FloatArray | None:
+    """Return the log likelihood of the rates or velocities of pairs at the predicted means, (P, R).
 
-    The times of detections are ignored.
+    The times of detections are ignored. The result is None if the report has neither.
     """
+    rates = report.range_rates
+    if rates is None and report.detections.velocity is None:
+        return None
     modes, size = mixture.mean.shape[1:]
-    expected = range_rate.expected_rates(
-        mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size), sensor
-    )
-    rate, variance = (part.reshape(-1, modes) for part in (expected.rate, expected.variance))
-    error = rates.rate[column][:, None] - rate[row]
-    return rates.model.log_density(error, variance[row] + rates.std[column][:, None] ** 2)
+    mean, covariance = mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size)
+    if rates is not None:
+        expected = range_rate.expected_rates(mean, covariance, report.sensor)
+        rate, variance = (part.reshape(-1, modes) for part in (expected.rate, expected.variance))
+        error = rates.rate[column][:, None] - rate[row]
+        return rates.model.log_density(error, variance[row] + rates.std[column][:, None] ** 2)
+    if (measured := report.velocities) is not None:
+        axes = list(report.sensor.space.velocity)
+        gaussian, detection = gaussians_of_groups(row, modes), column.repeat(modes)
+        error = measured.velocity[detection] - mean[gaussian][:, axes]
+        spread = covariance[gaussian][:, axes][:, :, axes] + measured.noise[detection]
+        return measured.model.log_density(error, spread).reshape(-1, modes)
+    return None

@@ -1,4 +1,4 @@
-"""Gaussians of targets born at detections, from range, azimuth, range rate and amplitude."""
+"""Gaussians of targets born at detections, from position, range rate or velocity, and amplitude."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from ..algebra import range_rate
 from ..dynamics import Dynamics
 from ..mixture import Mixture
 from .amplitude import log_amplitude
+from .velocity import update_velocities
 
 # Folds of a range rate beyond this many standard deviations of the birth velocity are left out.
 BIRTH_SIGMA = 5.0
@@ -39,6 +40,12 @@ def newborn_mixture(newborn: Newborn, dynamics: Dynamics, label: int) -> Mixture
         row, share, mean, covariance = _split_by_fold(newborn, rates, mean, covariance)
         newborn = newborn.take(row)
         newborn = replace(newborn, mass=newborn.mass * share[:, None])
+    elif (
+        newborn.report.detections.velocity is not None
+        and (velocities := newborn.report.velocities) is not None
+    ):
+        space = dynamics.model.modes.space
+        mean, covariance, _ = update_velocities(mean, covariance, space, velocities)
     supported = dynamics.supported[:, :, None] * dynamics.supported[:, None, :]
     class_weight = dynamics.birth_weight
     classes, modes = class_weight.shape[:2]

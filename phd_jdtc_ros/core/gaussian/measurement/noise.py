@@ -11,6 +11,7 @@ from ...arrays import FloatArray, contiguous, frozen
 from ...association.evidence import COMPONENTS, KNOWN_EXISTENCE, NoiseEvidence, OutlierEvidence
 from ...compilation import Float1, Float2, Int1, compiled
 from ..algebra.kalman import Innovation
+from ..algebra.range_rate import RateUpdate
 from ..mixture import Hypotheses, Mixture
 from .evidence import LIMITED_MEAN, evidence_of, limited_mean
 from .iterated_update import PairUpdate
@@ -71,9 +72,11 @@ def _rate_squares(update: PairUpdate, modes: int) -> _Rates:
 
     A range rate updates a Gaussian after the position, so that its innovation has one dimension.
     """
-    report, rate_update = update.report, update.rate_update
+    report, rate_update = update.report, update.motion_update
     factor, rates = report.noise, report.range_rates
-    if rate_update is None or rates is None or factor is None or not factor.learned[-1]:
+    if not isinstance(rate_update, RateUpdate) or rates is None:
+        return frozen(_Rates(NONE, NONE))
+    if factor is None or not factor.learned[-1]:
         return frozen(_Rates(NONE, NONE))
     sensor_std = report.sensors_own_rate_std(rates)[update.column].repeat(modes)
     variance = rate_update.variance

@@ -1,6 +1,6 @@
 """Measurements of Gaussians, which are linearised by `Sensor.linearise`, in array operations.
 
-`polar` has compiled functions for range and azimuth.
+`polar` has compiled functions for range and azimuth, and `planar` for positions.
 """
 
 from __future__ import annotations
@@ -46,10 +46,6 @@ class Measuring(Protocol):
     @property
     def noise_std(self) -> FloatArray:
         """Standard deviations of a measurement, (Z,)."""
-
-    @property
-    def max_range(self) -> float:
-        """Largest range of a detection, metres."""
 
     @property
     def outliers(self) -> HeavyTails | None:

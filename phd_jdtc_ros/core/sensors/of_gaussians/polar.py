@@ -31,11 +31,12 @@ class PolarGaussians(Linearised):
     """Measurements of Gaussians by a polar radar; see `Linearised` for the parameters."""
 
     pose: FloatArray  # Position of the radar, and the cosine and the sine of its yaw, (4,)
+    max_range: float  # Largest range of a detection, metres
 
     @cached_property
     def _radar(self) -> Radar:
         axes = read_only(self.sensor.space.planar_axes, np.int64)
-        return Radar(float(self.sensor.max_range), axes, read_only(self.pose))
+        return Radar(float(self.max_range), axes, read_only(self.pose))
 
     def expected(self, mean: FloatArray, covariance: FloatArray) -> Expected:
         """Return the expected measurements of Gaussians."""

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 import textbook
 from lone import MEAN, STD, lone
-from position_sensor import MAST, PositionSensor, covariance_of
+from mast import mast
 
 from phd_jdtc_ros.core.factors.outliers import Outliers
 from phd_jdtc_ros.core.gaussian.algebra import heavy_tails, kalman
+from phd_jdtc_ros.core.sensors.gaussians import noise_covariance
 from phd_jdtc_ros.core.sensors.of_gaussians.linearised import Measured, WeightedGaussians
 from phd_jdtc_ros.core.types import Detections
 
@@ -18,7 +19,7 @@ COVARIANCE = 0.5 * (COVARIANCE + COVARIANCE.T)
 
 
 # A sensor, and the correlation of the errors of its measurements.
-SENSORS = {"radar": (RADAR, None), "positions": (PositionSensor(**MAST, std=200.0), 0.6)}
+SENSORS = {"radar": (RADAR, None), "positions": (mast(200.0), 0.6)}
 
 
 def detection(name, sigma):
@@ -48,7 +49,7 @@ def component(sensor, seen, ratio):
     expected, slope = sensor.linearise(MEAN[position])
     jacobian = np.zeros((2, 5))
     jacobian[:, position] = slope
-    noise = ratio**2 * covariance_of(sensor, seen)[0]
+    noise = ratio**2 * noise_covariance(sensor.noise_std_of(seen), seen.noise_correlation)[0]
     total = jacobian @ COVARIANCE @ jacobian.T + noise
     error = seen.measurement[0] - expected
     gain = COVARIANCE @ jacobian.T @ np.linalg.inv(total)

@@ -1,12 +1,10 @@
-"""A kind of sensor that a test helper defines, from recorded messages to estimates.
+"""A sensor of positions, alone and beside a radar, from recorded messages to estimates.
 
 The target has the tracker's own model of motion, and the reported positions have errors with a
 covariance that changes from report to report.
 """
 
 import numpy as np
-import position_sensor
-import pytest
 from bag_content import recorded, write
 
 from msg_adapters.incoming.readers import reader_of
@@ -36,8 +34,8 @@ TRACKER = {
 SENSORS = {
     "ais": {
         "kind": "position",
-        "std": 500.0,  # far from the deviations of the reports, which count
-        "width": WIDTH,
+        "position_std": 500.0,  # far from the deviations of the reports, which count
+        "area": [-WIDTH / 2.0, -WIDTH / 2.0, WIDTH / 2.0, WIDTH / 2.0],
         "clutter_rate": CLUTTER,
         "detection_probability": PROBABILITY,
     },
@@ -54,11 +52,6 @@ SENSORS = {
 }
 # Scans after which the target is confirmed, and its velocity known.
 SETTLED = 10
-
-
-@pytest.fixture(autouse=True)
-def second_kind(monkeypatch):
-    position_sensor.register(monkeypatch)
 
 
 def parameters(sensors):

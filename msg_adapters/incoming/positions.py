@@ -1,0 +1,119 @@
+"""A position sensor's point cloud to and from `Detections`."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from sensor_msgs.msg import PointCloud2
+
+from phd_jdtc_ros.columns import identities, sent_columns
+from phd_jdtc_ros.columns.position_selection import select
+from phd_jdtc_ros.columns.selection import Report
+from phd_jdtc_ros.configuration.parameters.position import Fields, PositionParameters
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.types import Detections
+
+from ..encoding import point_cloud, stamps
+from .detections import DOUBLES, NUMBERS, require_frame
+
+# Quantities whose fields a cloud may lack under their usual names.
+OPTIONAL = ("x_std", "y_std", "correlation", "vx", "vy")
+# Columns that may have integer types.
+WHOLE = ("amplitude", "code", "address", "detection_type")
+
+
+def from_msg(cloud: PointCloud2, own: PositionParameters) -> Report:
+    """Decode the detections of a cloud: x, y, and what else its fields have.
+
+    Coordinates, deviations, correlations, velocities, times and heights are floats; amplitude,
+    code, address and detection type may also be integers. A field that the configuration names and
+    the cloud lacks is an anomaly. A cloud with neither points nor fields is a report without
+    detections.
+
+    Raise `RejectedMessageError`: ``frame`` if the cloud is in another frame than the sensor's;
+    otherwise see `stamps.of_input` and `point_cloud.decode`.
+    """
+    require_frame(cloud.header.frame_id, own)
+    present = frozenset(point_cloud.field_names(cloud))
+    stamp_ns = stamps.of_input(cloud.header)
+    if not (present or cloud.width * cloud.height or len(cloud.data)):
+        return select(stamp_ns, own, {"x": np.zeros(0), "y": np.zeros(0)})
+    names = present.intersection(vars(own.fields).values())
+    wanted, missing = _wanted_fields(own.fields, names, own.time_since_epoch)
+    found = point_cloud.decode(cloud, dict(wanted.values()))
+    # Converting a signalling NaN warns. Such a value is handled like any other NaN.
+    with np.errstate(invalid="ignore"):
+        columns = {what: found[name].astype(np.float64) for what, (name, _) in wanted.items()}
+    report = select(stamp_ns, own, columns)
+    return replace(report, anomalies=report.anomalies + Counter(missing)) if missing else report
+
+
+@lru_cache(maxsize=64)
+def _wanted_fields(
+    fields: Fields, present: frozenset[str], time_since_epoch: bool
+) -> tuple[dict[str, tuple[str, tuple[str, ...]]], tuple[str, ...]]:
+    """Return the name and the allowed types of the fields to read, and the anomalies."""
+    types: dict[str, tuple[str, ...]] = dict.fromkeys(WHOLE, NUMBERS)
+    if time_since_epoch:
+        types["time"] = DOUBLES
+    named = sent_columns.names_of(fields)
+    missing = [what for what, name in named.items() if name not in present]
+    wanted = {
+        what: (name, types.get(what, point_cloud.FLOATS))
+        for what, name in named.items()
+        if what in ("x", "y") or what not in missing
+    }
+    noted = {*missing} - {"x", "y", "amplitude", *(w for w in OPTIONAL if named.get(w) == w)}
+    return wanted, tuple(f"{what}_missing" for what in missing if what in noted)
+
+
+def to_cdr(detections: Detections, stamp_ns: int, own: PositionParameters) -> bytes:
+    """Serialise detections as the cloud that the sensor would publish.
+
+    All fields are FLOAT32, except for code and address (UINT32), detection type (UINT8), and times
+    since the epoch (FLOAT64). Fields of optional quantities that the detections lack are left out.
+
+    Raise `ValueError` if the sensor has amplitudes and the detections do not.
+    """
+    count, columns = len(detections), _columns(detections)
+    names = sent_columns.names_of(own.fields)
+    if "time" in names:
+        time_s = sent_columns.fill(detections.time_s, count, 0.0)
+        columns["time"] = sent_columns.sent_time(time_s, stamp_ns, own)
+    if "amplitude" in names:
+        columns["amplitude"] = sent_columns.level(detections, own)
+    if "height" in names:
+        columns["height"] = sent_columns.fill(detections.height, count, np.nan) + own.datum
+    kind = sent_columns.fill(detections.detection_type, count, 0.0)
+    columns |= {
+        "code": identities.encode(detections.code, count),
+        "address": identities.encode(detections.address, count),
+        "detection_type": np.maximum(kind, 0).astype(np.uint8),
+    }
+    sent = {name: columns[what] for what, name in names.items() if what in columns}
+    wide = {own.fields.time} if own.time_since_epoch else frozenset()
+    return point_cloud.to_cdr(stamp_ns, own.frame, sent, wide)
+
+
+def _columns(detections: Detections) -> dict[str, npt.NDArray[Any]]:
+    """Return the columns of places, deviations and velocities that detections have."""
+    pairs: Mapping[tuple[str, str], FloatArray | None] = {
+        ("x", "y"): detections.measurement,
+        ("x_std", "y_std"): detections.noise_std,
+        ("vx", "vy"): detections.velocity,
+    }
+    columns: dict[str, npt.NDArray[Any]] = {}
+    for names, found in pairs.items():
+        if found is not None:
+            columns |= dict(zip(names, found.T, strict=True))
+    if detections.noise_correlation is not None:
+        columns["correlation"] = detections.noise_correlation
+    if detections.velocity_std is not None:
+        columns["velocity_std"] = detections.velocity_std.max(axis=1)
+    return columns

@@ -1,0 +1,84 @@
+"""The models that the parameters of a sensor of positions describe, and checks of these."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from phd_jdtc_ros.core.factors import (
+    Bursts,
+    ClutterRate,
+    Detection,
+    Factor,
+    Limit,
+    Noise,
+    Outliers,
+)
+from phd_jdtc_ros.core.intake.input_checks import PositionReportCheck
+from phd_jdtc_ros.core.sensors.area import farthest
+from phd_jdtc_ros.core.sensors.position import PositionSensor
+from phd_jdtc_ros.core.sensors.velocity import VelocityModel
+from phd_jdtc_ros.core.targets import amplitude_density
+
+from . import radar_checks
+from .parameters.position import PositionParameters
+from .parameters.tracker import PHD, Parts
+
+
+def position_model(own: PositionParameters) -> PositionSensor:
+    """Return the model of a sensor's detections and measurements."""
+    return PositionSensor(
+        name=own.name,
+        position=(own.position[0], own.position[1]),
+        yaw=math.radians(own.yaw_deg),
+        threshold=amplitude_density.threshold_for(own.false_alarm_probability),
+        clutter_rate=own.clutter_rate,
+        cluster_distance=own.cluster_distance,
+        std=(own.position_std, own.position_std),
+        area=own.area,
+        detection_probability=own.detection_probability,
+        velocity_model=VelocityModel(own.velocity_std) if own.fields.vx and own.fields.vy else None,
+    )
+
+
+def position_factors(own: PositionParameters) -> tuple[Factor, ...]:
+    """Return what else is assumed of a sensor's detections, in the order in which it applies."""
+    learn = set(own.learn)
+    found = (
+        "detection" in learn and Detection(farthest(own.area)),
+        "noise" in learn and Noise(np.array([True, True, False])),
+        "outliers" in learn and Outliers(),
+        "clutter" in learn and ClutterRate.beginning_with(own.clutter_rate),
+        Limit(),
+        Bursts(),
+    )
+    return tuple(factor for factor in found if isinstance(factor, Factor))
+
+
+def report_check(own: PositionParameters) -> PositionReportCheck:
+    """Return the checks of a sensor's reports."""
+    return PositionReportCheck()
+
+
+def _engine(own: PositionParameters, parts: Parts) -> Iterator[str]:
+    if parts.tracking.engine in PHD:
+        yield (
+            f"{own.name}.kind: position given, must be radar with engine {parts.tracking.engine}"
+        )
+
+
+def _velocity(own: PositionParameters, parts: Parts) -> Iterator[str]:
+    for one, other in (("vx", "vy"), ("vy", "vx")):
+        if getattr(own.fields, one) and not getattr(own.fields, other):
+            yield f"{own.name}.fields.{other}: '' given, must be a name with fields.{one}"
+
+
+def _place(own: PositionParameters, parts: Parts) -> Iterator[str]:
+    for what in ("x", "y"):
+        if not getattr(own.fields, what):
+            yield f"{own.name}.fields.{what}: '' given, must be a name"
+
+
+CHECKS = (_engine, _place, _velocity, radar_checks.pose, radar_checks.repeated_fields)
