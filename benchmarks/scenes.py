@@ -94,16 +94,19 @@ def mixture(scene: Scenario, config: TrackerConfig) -> Mixture:
     """
     before, dynamics = truth_at(scene, 0), Dynamics(config.model)
     space = config.model.modes.space
-    std = np.zeros(len(space))
+    supported, count = dynamics.supported, len(before.state)
+    # The engine has more axes than the plane.
+    size = supported.shape[1]
+    std, state = np.zeros(size), np.zeros((count, size))
+    state[:, : len(space)] = _earlier(before, scene, config)
     std[list(space.position)], std[list(space.velocity)] = POSITION_STD, VELOCITY_STD
     std[space.turn_rate] = TURN_RATE_STD
-    supported, count = dynamics.supported, len(before.state)
     covariance = supported[:, :, None] * np.diag(std**2)
     # Ascending labels, negative because those of births count from 0.
     return Mixture(
         np.arange(-count, 0),
         dynamics.birth_weight[before.class_id],
-        _earlier(before, scene, config)[:, None] * supported,
+        state[:, None] * supported,
         np.broadcast_to(covariance, (count, *covariance.shape)),
         dynamics.unknown_snr(count),
     )

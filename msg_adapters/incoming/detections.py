@@ -42,19 +42,21 @@ OWN_LAYOUT = RadarParameters()
 def to_msg(
     detections: Detections, stamp_ns: int, frame: str, radar: RadarParameters = OWN_LAYOUT
 ) -> PointCloud2:
-    """Encode a planar radar's detections as the cloud that the radar's driver would publish.
+    """Encode a radar's detections as the cloud that the radar's driver would publish.
 
     The fields are ``x y z`` in the sensor's frame, then ``range azimuth elevation amplitude`` under
     the radar's names, and then those of time, sector, height, code, address, detection type, range
     rate and standard deviations that the radar has. All are FLOAT32, except for sector, code and
     address (UINT32), detection type (UINT8), and times since the epoch (FLOAT64). The elevation is
-    0; so is the height above the antenna if the detections have no height.
+    0 in the plane; so is the height above the antenna if the detections have no height.
 
     Raise `ValueError` if the radar has amplitudes or sectors and the detections do not.
     """
-    distance, azimuth = detections.measurement.T
-    place = {"x": distance * np.cos(azimuth), "y": distance * np.sin(azimuth)}
-    place["z"] = np.zeros(len(detections))
+    distance, azimuth, *elevation = detections.measurement.T
+    up = elevation[0] if elevation else np.zeros(len(detections))
+    level = distance * np.cos(up) if elevation else distance
+    place = {"x": level * np.cos(azimuth), "y": level * np.sin(azimuth)}
+    place["z"] = distance * np.sin(up)
     columns = {**place, **sent_columns.of(detections, stamp_ns, radar)}
     wide = {radar.fields.time} if radar.time_since_epoch else frozenset()
     return point_cloud.encode(stamp_ns, frame, columns, wide)

@@ -10,8 +10,8 @@ import numpy.typing as npt
 from sensor_msgs.msg import PointCloud2
 
 from phd_jdtc_ros.columns import identities
-from phd_jdtc_ros.core.arrays import IntArray
-from phd_jdtc_ros.core.state_space import OMEGA, PLANAR, VX, VY, X, Y
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.state_space import OMEGA, PLANAR, SPATIAL, VX, VY, X, Y
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, SENSORS, UNKNOWN, Attributes, Estimates
 
 from ..encoding import point_cloud, stamps
@@ -22,8 +22,15 @@ _UPPER = tuple(zip(*np.triu_indices(len(PLANAR)), strict=True))
 _COVARIANCE = [f"cov_{row}{column}" for row, column in _UPPER]
 # Indices of each covariance of height and climb rate, by field.
 _VERTICAL = {"cov_zz": (0, 0), "cov_zvz": (0, 1), "cov_vzvz": (1, 1)}
+# Covariances of the planar axes with height and climb rate, by field.
+_CROSS = {
+    f"cov_{one}{other}": (row, column)
+    for row, one in enumerate(PLANAR.axes)
+    for other, column in zip(SPATIAL.axes[len(PLANAR) :], SPATIAL.vertical, strict=True)
+}
 _IDENTITIES = {"code": identities.CODES, "address": identities.ADDRESSES}
 _AGES = tuple(f"age_{sensor}" for sensor in SENSORS)
+_UNKNOWN_AS_NAN = ("z", "vz", *_VERTICAL, *_CROSS, *_AGES)
 _STATE = (("x", X), ("y", Y), ("vx", VX), ("vy", VY), ("omega", OMEGA))
 
 
@@ -39,6 +46,9 @@ def to_msg(estimates: Estimates, frame: str) -> PointCloud2:
     address``. Unknown heights are 0 with NaN covariances; unknown identities are 4294967295. If a
     radar reports the kind of sensor, FLOAT32 ``age_psr age_ssr age_mds`` follow: the time since
     each kind of sensor last detected the target, seconds; NaN for never.
+
+    Estimates in space end with FLOAT32 ``cov_xz cov_xvz cov_vxz ... cov_omegavz``, the ten
+    covariances of the plane's axes with height and climb rate; NaN for an unknown height.
     """
     return point_cloud.encode(estimates.stamp_ns, frame, _columns_of(estimates))
 
@@ -78,6 +88,10 @@ def _columns_of(estimates: Estimates) -> dict[str, npt.NDArray[Any]]:
         columns["address"] = identities.encode(known.address, len(estimates))
         if known.seen_ns is not None:
             columns |= dict(zip(_AGES, known.ages_s(estimates.stamp_ns).T, strict=True))
+        if estimates.space.vertical:
+            unknown = np.isnan(known.height[:, 0])
+            for name, (one, other) in _CROSS.items():
+                columns[name] = np.where(unknown, np.nan, estimates.covariance[:, one, other])
     return columns
 
 
@@ -107,6 +121,9 @@ def from_msg(cloud: PointCloud2) -> Estimates:
         whole += _IDENTITIES
         if _AGES[0] in point_cloud.field_names(cloud):
             floats += _AGES
+    in_space = attributed and {*_CROSS} <= {*point_cloud.field_names(cloud)}
+    if in_space:
+        floats += _CROSS
     columns = point_cloud.decode(
         cloud,
         dict.fromkeys(floats, point_cloud.FLOATS) | dict.fromkeys(whole, point_cloud.UNSIGNED),
@@ -114,7 +131,7 @@ def from_msg(cloud: PointCloud2) -> Estimates:
     stamp_ns = stamps.of_header(cloud.header)
     known = _attributes(columns, stamp_ns) if attributed else None
     point_cloud.require_finite(
-        {n: column for n, column in columns.items() if n not in ("z", "vz", *_VERTICAL, *_AGES)}
+        {n: column for n, column in columns.items() if n not in _UNKNOWN_AS_NAN}
     )
     size = len(columns["x"])
     track_state = columns.get("state", np.full(size, CONFIRMED)).astype(np.int64)
@@ -126,12 +143,15 @@ def from_msg(cloud: PointCloud2) -> Estimates:
         raise RejectedMessageError(
             "schema", f"class_id is {columns['class_id'].max()}, must be below {len(classes)}"
         )
-    state = np.zeros((size, len(PLANAR)))
+    space = SPATIAL if in_space else PLANAR
+    state = np.zeros((size, len(space)))
     for name, index in _STATE:
         state[:, index] = columns[name]
-    covariance = np.zeros((size, len(PLANAR), len(PLANAR)))
+    covariance = np.zeros((size, len(space), len(space)))
     for name, (row, column) in zip(_COVARIANCE, _UPPER, strict=True):
         covariance[:, row, column] = covariance[:, column, row] = columns[name]
+    if in_space and known is not None:
+        _fill_space(state, covariance, known, columns)
     return Estimates(
         stamp_ns=stamp_ns,
         lag=int(columns["lag"][0]) if size else 0,
@@ -141,9 +161,26 @@ def from_msg(cloud: PointCloud2) -> Estimates:
         class_probability=np.stack([columns[name] for name in classes], axis=1),
         class_id=columns["class_id"].astype(np.int64),
         track_id=columns["track_id"].astype(np.int64),
+        space=space,
         track_state=track_state,
         attributes=known,
     )
+
+
+def _fill_space(
+    state: FloatArray,
+    covariance: FloatArray,
+    known: Attributes,
+    columns: Mapping[str, npt.NDArray[Any]],
+) -> None:
+    """Write height and climb rate with their covariances; 0 where the height is unknown."""
+    axes = np.array(SPATIAL.vertical)
+    state[:, axes] = vertical.known_or_zero(known.height)
+    covariance[:, axes[:, None], axes] = vertical.known_or_zero(known.height_covariance)
+    unknown = np.isnan(known.height[:, 0])
+    for name, (row, column) in _CROSS.items():
+        cross = np.where(unknown, 0.0, vertical.known_or_zero(columns[name].astype(np.float64)))
+        covariance[:, row, column] = covariance[:, column, row] = cross
 
 
 def _attributes(columns: Mapping[str, npt.NDArray[Any]], stamp_ns: int) -> Attributes:

@@ -30,9 +30,9 @@ def of_scan(
     `trails` has, by track number, the positions up to the present one: x, y and height above the
     plane's zero, metres, shape (N, 3). A line has heights if none of them is NaN.
 
-    Foxglove shows the properties ``name`` and ``style``. The name contains the flight level and the
-    code, or the address if the code is unknown. ``code``, ``address`` and ``flight_level`` are
-    present if known.
+    Foxglove shows the properties ``name`` and ``style``. The name contains the flight level, or in
+    space the height, and the code, or the address if the code is unknown. ``code``, ``address`` and
+    ``flight_level`` are present if known.
     """
     places = geodetic.of(estimates, plane)
     words, names = vertical.words(estimates, plane.origin[2]), vertical.identities(estimates)
@@ -51,7 +51,7 @@ def of_scan(
             "course": round_number(places.course[row], METRE_DIGITS),
             "height": round_number(places.height[row], METRE_DIGITS),
             **{key: text for key, text in identity if text},
-            **level(places.height[row]),
+            **({} if estimates.space.vertical else level(places.height[row])),
             "style": style,
         }
         point = {"type": "Point", "coordinates": positions(*here)[0]}

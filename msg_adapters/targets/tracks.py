@@ -11,7 +11,7 @@ from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Twist, Vecto
 from nav_msgs.msg import Odometry, Path
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.state_space import OMEGA, PLANAR, VX, VY, X, Y
+from phd_jdtc_ros.core.state_space import OMEGA, VX, VY, X, Y
 from phd_jdtc_ros.core.types import Estimates
 
 from ..encoding import stamps
@@ -120,7 +120,7 @@ def pose_of(state: FloatArray, height: float = 0.0) -> Pose:
 
 def _pose_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return the (6, 6) covariance of x, y, z, roll, pitch, yaw."""
-    to_pose = np.zeros((6, len(PLANAR)))
+    to_pose = np.zeros((6, len(state)))
     to_pose[0, X] = to_pose[1, Y] = 1.0
     square = max(state[VX] ** 2 + state[VY] ** 2, np.finfo(float).tiny)
     to_pose[5, VX], to_pose[5, VY] = -state[VY] / square, state[VX] / square
@@ -137,7 +137,7 @@ def _pose_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:
 def _twist_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return the (6, 6) covariance of vx, vy, vz and the three rates, in the track's frame."""
     yaw = math.atan2(state[VY], state[VX])
-    to_twist = np.zeros((6, len(PLANAR)))
+    to_twist = np.zeros((6, len(state)))
     to_twist[0, [VX, VY]] = math.cos(yaw), math.sin(yaw)
     to_twist[1, [VX, VY]] = -math.sin(yaw), math.cos(yaw)
     to_twist[5, OMEGA] = 1.0

@@ -41,18 +41,27 @@ def known_or_zero(values: FloatArray) -> FloatArray:
 
 
 def words(estimates: Estimates, datum: float = 0.0) -> list[str]:
-    """Return the flight level and the code, or else the address, of each target; empty if unknown.
+    """Return the height and the code, or else the address, of each target; empty if unknown.
+
+    Reported heights are flight levels, and those of states in space are in metres.
 
     `datum` is the height of the world's zero in the scale of flight levels, metres.
     """
     if estimates.attributes is None:
         return [""] * len(estimates)
     return [
-        " ".join(filter(None, (_level(datum + height), code or address)))
+        " ".join(filter(None, (_text(estimates, datum + height), code or address)))
         for height, (code, address) in zip(
             estimates.known_attributes.height[:, 0].tolist(), identities(estimates), strict=True
         )
     ]
+
+
+def _text(estimates: Estimates, height: float) -> str:
+    """Return a height as text: geometric in space, in metres, and otherwise a flight level."""
+    if estimates.space.vertical:
+        return f"{height:.0f} m" if np.isfinite(height) else ""
+    return _level(height)
 
 
 def flight_level(height: float) -> int | None:

@@ -329,6 +329,9 @@ def table_of(found: Sequence[Estimates], class_names: Sequence[str]) -> Column:
         ("code", np.int64),
         ("address", np.int64),
         ("covariance", np.float64, (4, 4)),
+        ("z", np.float64),
+        ("vz", np.float64),
+        ("covariance_space", np.float64, (6, 6)),
     ]
     return structured_array(dtype, [(len(each), _columns(each, class_names)) for each in found])
 
@@ -359,4 +362,7 @@ def _columns(found: Estimates, class_names: Sequence[str]) -> Mapping[str, Any]:
         "height": known.height[:, 0],
         "code": known.code,
         "address": known.address,
+        "z": known.height[:, 0],
+        "vz": known.height[:, 1],
+        "covariance_space": found.covariance_in_space,
     }

@@ -118,7 +118,8 @@ class InnovationMonitor:
         self._memories = [_Memory() for _ in model.radars]
         unknown, no = np.full(2, np.nan), np.zeros(2, dtype=np.bool_)
         self._fits = [
-            Fit(radar.name, radar.components, 0, unknown, unknown, no, no) for radar in model.radars
+            Fit(radar.name, radar.components[:2], 0, unknown, unknown, no, no)
+            for radar in model.radars
         ]
         self._tracks: Estimates | None = None
         self._rng = np.random.default_rng(0)
@@ -150,7 +151,9 @@ class InnovationMonitor:
             for memory, radar, found in zip(
                 self._memories, self._model.radars, scan.detections, strict=True
             ):
-                if found is not None and len(found):
+                # In space the noise of three components is not compared.
+                in_plane = not radar.space.vertical
+                if found is not None and len(found) and in_plane:
                     self._compare(memory, radar.at(found.pose), found, tracks, since_s)
         if filtered:
             self._tracks = filtered[-1]
@@ -255,7 +258,7 @@ def _fit(radar: Sensor, memory: _Memory, before: Fit, learned: BoolArray) -> Fit
     limit = math.log(WRONG) + np.where(learned, math.log(MOST), 0.0)
     with np.errstate(divide="ignore"):
         log_ratio = np.log(noise)
-        log_plausible = np.log(np.maximum(noise, radar.least_std / radar.noise_std))
+        log_plausible = np.log(np.maximum(noise, np.divide(radar.least_std, radar.noise_std)[:2]))
     too_small = log_ratio - np.where(before.too_small, 0.0, sure) > limit
     surely = sure * (1.0 + FEW / np.maximum(count, 1))
     too_large = ~learned & (log_plausible + np.where(before.too_large, 0.0, surely) < -limit)
@@ -264,5 +267,5 @@ def _fit(radar: Sensor, memory: _Memory, before: Fit, learned: BoolArray) -> Fit
         far = (axes > FAR) & ~(np.abs(log_ratio - limit) > sure)
         noise, too_small, too_large = np.where(far, axes, noise), too_small | far, too_large & ~far
     return Fit(
-        radar.name, radar.components, len(memory.innovations), axes, noise, too_small, too_large
+        radar.name, radar.components[:2], len(memory.innovations), axes, noise, too_small, too_large
     )

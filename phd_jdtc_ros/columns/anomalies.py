@@ -26,6 +26,7 @@ OF_DETECTIONS = frozenset(
     {
         *("azimuths_beyond_a_turn", "azimuths_no_angles", "ranges_negative", "detections_repeated"),
         *("heights_unknown", "deviations_unusable", "identities_unusable", "range_rates_unusable"),
+        *("elevations_unusable", "elevations_zero"),
         *("range_rates_beyond_ambiguity", "times_disagree", "detections_late"),
         *("velocities_unusable", "positions_far"),
     }
@@ -310,6 +311,14 @@ _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
     "positions_far": lambda _, count: (
         f"{count} positions 1000 km or more from the sensor, where single precision rounds to 0.06 "
         "m or more; let the driver subtract a place nearby, and set position to it"
+    ),
+    "elevations_unusable": lambda radar, count: (
+        f"{count} elevations beyond the zenith, which are used as unknown; {radar.name}."
+        "fields.elevation has to be in radians above the horizon"
+    ),
+    "elevations_zero": lambda radar, count: (
+        f"{count} elevations of 0, in clouds without another one, which are used as unknown; if "
+        f"{radar.name} measures none, {radar.name}.fields.elevation has to be empty"
     ),
     "range_rates_unusable": lambda radar, count: (
         f"{count} range rates that are infinite or absurd; their detections are used without them"

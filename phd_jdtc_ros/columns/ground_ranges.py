@@ -6,14 +6,19 @@ import numpy as np
 
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.core.arrays import FloatArray, wrap_angle
-from phd_jdtc_ros.core.sensors.slant_range import (
+from phd_jdtc_ros.core.sensors.site import (
     MAX_HEIGHT,
+    MAX_SLANT_RANGE,
     MIN_SLANT_RANGE,
     Ground,
     to_ground,
     to_slant,
 )
+from phd_jdtc_ros.core.sensors.spatial_radar import linearise
 from phd_jdtc_ros.core.types import Detections
+
+# Bending of rays in the standard atmosphere: half of a quarter of the earth's curvature, per metre.
+REFRACTION = 0.125
 
 
 def read(
@@ -43,6 +48,33 @@ def read(
     else:
         found = _flat(distance, azimuth, elevation, height, radar.height + radar.datum)
     return found._replace(possible=found.possible | ~finite | (distance < 0.0))
+
+
+def in_space(
+    distance: FloatArray, azimuth: FloatArray, elevation: FloatArray | None, radar: RadarParameters
+) -> FloatArray:
+    """Return measurements as the radar's model in space has them, (M, 3); NaN for no elevation.
+
+    The model's earth is a sphere in the coordinates of the plane. With a site, points are projected
+    to the plane exactly and are measured there; the difference hardly depends on the elevation, so
+    that a point without one is corrected as if it were at 0. Rays bend toward the earth by a
+    quarter of its curvature, by which elevations appear too large.
+    """
+    nothing = np.full(len(distance), np.nan)
+    elevation = nothing if elevation is None else elevation
+    if radar.site is None or radar.height_prior is None:
+        return np.stack([distance, azimuth, elevation], axis=1)
+    usable = np.isfinite(distance) & np.isfinite(azimuth) & (np.abs(distance) <= MAX_SLANT_RANGE)
+    slant, direction = (np.where(usable, each, 0.0) for each in (distance, azimuth))
+    slant = np.maximum(slant, MIN_SLANT_RANGE)
+    true = elevation - REFRACTION * radar.curvature * slant
+    known = np.isfinite(true)
+    place = radar.site.to_world(slant, direction, np.sin(np.where(known, true, 0.0)))
+    place[:, 2] -= radar.datum
+    origin = np.array([*radar.site.position, radar.height])
+    measured, _ = linearise(place, origin, radar.site.yaw, radar.curvature)
+    measured[:, 2] = np.where(known, measured[:, 2], np.nan)
+    return np.where(usable[:, None], measured, np.stack([distance, azimuth, elevation], axis=1))
 
 
 def _flat(

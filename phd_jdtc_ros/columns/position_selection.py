@@ -11,7 +11,7 @@ import numpy as np
 from phd_jdtc_ros.configuration.parameters.position import PositionParameters
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
-from phd_jdtc_ros.core.sensors.area import Area
+from phd_jdtc_ros.core.sensors.position import Area
 from phd_jdtc_ros.core.types import Detections
 
 from . import identities, sent_columns

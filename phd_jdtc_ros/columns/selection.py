@@ -13,6 +13,7 @@ from phd_jdtc_ros.configuration.parameters.position import PositionParameters
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, wrap_angle
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS
+from phd_jdtc_ros.core.sensors.spatial_radar import UNKNOWN_STD
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
 from . import ground_ranges, identities, sent_columns
@@ -31,6 +32,8 @@ MAX_SECONDS_OFF = 60.0
 # Plausible standard deviations of ranges, m, and of azimuths, rad.
 RANGE_STDS = (1e-3, 1e5)
 AZIMUTH_STDS = (1e-6, np.pi)
+# Plausible standard deviations of elevations, rad.
+ELEVATION_STDS = (1e-6, 0.5 * np.pi)
 # Upper bound of range rates, m/s; targets of such a radar are slower.
 MAX_RANGE_RATE = 5e3
 # Factor on the ambiguity interval, because single precision may round a range rate beyond it.
@@ -75,14 +78,20 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         azimuth = np.pi / 2.0 - azimuth
     if radar.bias.azimuth:
         azimuth = azimuth - radar.bias.azimuth
-    ground = ground_ranges.read(distance, azimuth, columns.get("elevation"), height, radar)
+    elevation, all_zero = columns.get("elevation"), 0
+    if radar.height_prior is None:
+        ground = ground_ranges.read(distance, azimuth, elevation, height, radar)
+        reach, possible = ground.distance, ground.possible
+        measurement = np.stack([ground.distance, ground.azimuth], axis=1)
+    else:
+        elevation, all_zero = _measured_elevation(elevation)
+        measurement = ground_ranges.in_space(distance, azimuth, elevation, radar)
+        reach, possible = distance, np.ones(len(distance), dtype=bool)
     passed = {
-        "not_finite": _finite(columns),
-        "height": ground.possible,
+        "not_finite": _finite(columns, in_space=radar.height_prior is not None),
+        "height": possible,
         # An elevation beyond the zenith is invalid, and makes the ground range negative.
-        "range": (distance >= 0.0)
-        & (ground.distance >= radar.min_range)
-        & (ground.distance <= radar.max_range),
+        "range": (distance >= 0.0) & (reach >= radar.min_range) & (reach <= radar.max_range),
         "azimuth": azimuth_size <= MAX_TURNS * FULL_TURN,
     }
     time = amplitude = None
@@ -109,11 +118,19 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     code, bad_codes = identities.read(columns.get("code"), kept, identities.CODES)
     address, bad_addresses = identities.read(columns.get("address"), kept, identities.ADDRESSES)
     sector, bad_sectors = _sector(columns.get("sector"), radar)
+    measurement = measurement[kept]
+    measurement[:, 1] = wrap_angle(measurement[:, 1])
+    bad_elevations = 0
+    if radar.height_prior is not None:
+        own_std, bad = kept_values(columns, "elevation_std", kept, ELEVATION_STDS)
+        bad_elevations = _count(np.abs(measurement[:, 2]) > 0.5 * np.pi)
+        noise_std = _spatial_noise(measurement, range_std, azimuth_std, own_std)
+        bad_azimuths += bad
     detections = Detections(
-        np.array([ground.distance[kept], wrap_angle(ground.azimuth[kept])]).T,
+        measurement,
         None if amplitude is None else amplitude[kept],
         None if time is None else time[kept],
-        _noise_std(range_std, azimuth_std),
+        _noise_std(range_std, azimuth_std) if radar.height_prior is None else noise_std,
         range_rate=rate,
         range_rate_std=None if rate is None else rate_std,
         height=None if height is None else height[kept] - radar.datum,
@@ -137,6 +154,8 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         "ranges_negative": _count(columns["range"] < 0.0) if dropped else 0,
         "heights_unknown": 0 if height is None else _count(~np.isfinite(height[kept])),
         "deviations_unusable": bad_ranges + bad_azimuths + bad_rate_stds,
+        "elevations_unusable": bad_elevations,
+        "elevations_zero": all_zero,
         "sectors_unusable": bad_sectors,
         "identities_unusable": bad_codes + bad_addresses,
         "range_rates_unusable": bad_rates,
@@ -178,10 +197,13 @@ def repeats_of(columns: Columns) -> BoolArray | None:
     return repeats
 
 
-def _finite(columns: Columns) -> BoolArray:
-    """Return which points have finite coordinates and a finite or unknown amplitude."""
+def _finite(columns: Columns, in_space: bool) -> BoolArray:
+    """Return which points have finite coordinates and a finite or unknown amplitude.
+
+    In space an elevation may be unknown too.
+    """
     finite: BoolArray = np.isfinite(columns["range"]) & np.isfinite(columns["azimuth"])
-    if "elevation" in columns:
+    if "elevation" in columns and not in_space:
         finite &= np.isfinite(columns["elevation"])
     if "amplitude" in columns:
         # A level of -inf dB would become a valid envelope of zero.
@@ -216,6 +238,39 @@ def _noise_std(range_std: FloatArray | None, azimuth_std: FloatArray | None) -> 
     sides = [unknown if side is None else side for side in (range_std, azimuth_std)]
     noise_std: FloatArray = np.stack(sides, axis=1)
     return noise_std if np.isfinite(noise_std).any() else None
+
+
+def _measured_elevation(elevation: FloatArray | None) -> tuple[FloatArray | None, int]:
+    """Return elevations, None if a driver fills the field with zeros, and the number of these.
+
+    Measured elevations have noise, so that those of a whole message are not all exactly 0.
+    """
+    if elevation is None:
+        return None, 0
+    zeros = elevation == 0.0
+    all_zero = bool(zeros.any()) and bool((zeros | np.isnan(elevation)).all())
+    return (None, _count(zeros)) if all_zero else (elevation, 0)
+
+
+def _spatial_noise(
+    measurement: FloatArray,
+    range_std: FloatArray | None,
+    azimuth_std: FloatArray | None,
+    elevation_std: FloatArray | None,
+) -> FloatArray | None:
+    """Return the standard deviations of each point in space, (M, 3); None if all are unknown.
+
+    An unknown or impossible elevation becomes 0 in `measurement`, with `UNKNOWN_STD`.
+    """
+    sides = [range_std, azimuth_std, elevation_std]
+    unknown = ~(np.abs(measurement[:, 2]) <= 0.5 * np.pi)
+    measurement[unknown, 2] = 0.0
+    if not unknown.any() and all(side is None for side in sides):
+        return None
+    nothing = np.full(len(measurement), np.nan)
+    noise_std: FloatArray = np.stack([nothing if side is None else side for side in sides], axis=1)
+    noise_std[unknown, 2] = UNKNOWN_STD
+    return noise_std
 
 
 def _sector(column: FloatArray | None, radar: RadarParameters) -> tuple[int | None, int]:

@@ -29,16 +29,20 @@ def names_of(fields: Fields) -> dict[str, str]:
 def of(
     detections: Detections, stamp_ns: int, radar: RadarParameters
 ) -> dict[str, npt.NDArray[Any]]:
-    """Return the columns of a planar radar's detections, under the radar's names.
+    """Return the columns of a radar's detections, under the radar's names.
 
-    There is always an elevation, which is 0; `stamp_ns` is the report's.
+    There is always an elevation, which is 0 in the plane; `stamp_ns` is the report's.
 
     Raise `ValueError` if the radar has amplitudes or sectors and the detections do not.
     """
-    slant, measured = ground_ranges.measure(detections, radar)
+    elevation = np.zeros(len(detections))
+    if radar.height_prior is None:
+        slant, measured = ground_ranges.measure(detections, radar)
+    else:
+        slant, measured, elevation = detections.measurement.T
     columns = {radar.fields.range: slant, radar.fields.azimuth: azimuth(measured, radar)}
     # The radar may use the default name of elevations for another field.
-    columns.setdefault(radar.fields.elevation or "elevation", np.zeros(len(detections)))
+    columns.setdefault(radar.fields.elevation or "elevation", elevation)
     for quantity, name in names_of(radar.fields).items():
         if quantity in _COLUMNS:
             columns[name] = _COLUMNS[quantity](detections, stamp_ns, radar)
@@ -68,7 +72,7 @@ def _azimuth_std(detections: Detections, _: int, radar: RadarParameters) -> Floa
 
 def _noise_std(detections: Detections) -> FloatArray:
     own = detections.noise_std
-    return np.full((len(detections), 2), np.nan) if own is None else own
+    return np.full(detections.measurement.shape, np.nan) if own is None else own
 
 
 def fill(column: npt.NDArray[Any] | None, count: int, unknown: float) -> npt.NDArray[Any]:
@@ -87,6 +91,7 @@ _COLUMNS: Mapping[str, Callable[[Detections, int, RadarParameters], npt.NDArray[
     "detection_type": _detection_type,
     "range_std": lambda own, _, __: _noise_std(own)[:, 0],
     "azimuth_std": _azimuth_std,
+    "elevation_std": lambda own, _, __: _noise_std(own)[:, 2],
     "range_rate": lambda own, _, __: fill(own.range_rate, len(own), np.nan),
     "range_rate_std": lambda own, _, __: fill(own.range_rate_std, len(own), np.nan),
 }

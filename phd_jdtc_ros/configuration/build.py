@@ -25,7 +25,7 @@ from .models import platform_of, tracker_model
 from .parameters import replaced
 from .parameters.radar import RadarParameters
 from .parameters.sensor import SensorParameters
-from .parameters.tracker import LABELLED, Parts, Tracking
+from .parameters.tracker import LABELLED, SPACE, Parts, Tracking
 from .schema import ConfigError, Parameter, build, check
 from .schema import name_faults as schema_faults
 from .sensor_kinds import KINDS
@@ -99,6 +99,11 @@ class TrackerConfig(Tracking):
                 )
             )
         return radars
+
+    def require_plane(self) -> None:
+        """Raise `ConfigError` in space, for what is estimated in the plane only."""
+        if self.state == SPACE:
+            raise ConfigError(f"state: {SPACE} given, must be plane for estimated parameters")
 
     @property
     def classifies_by_amplitude(self) -> bool:
@@ -245,9 +250,12 @@ def _config(values: dict[str, Any], parts: Parts, plane: Plane | None) -> Tracke
     inputs = tuple(
         sensor if plane is None else sensor.on_earth(plane) for sensor in parts.sensors.values()
     )
+    if top.state == SPACE:
+        inputs = tuple(sensor.in_space(top.height_prior) for sensor in inputs)
     level, model = ACCURACY[top.accuracy], tracker_model(parts, inputs)
     labelled, per_target = top.engine in LABELLED, top.particles_per_target or level.per_target
-    thresholds = (top.confirm_probability, top.delete_probability, top.coasting_scans)
+    thresholds = (top.confirm_probability, top.delete_probability)
+    limits = (top.coasting_scans, top.coasting_gates)
     return build(
         TrackerConfig,
         values,
@@ -268,6 +276,6 @@ def _config(values: dict[str, Any], parts: Parts, plane: Plane | None) -> Tracke
             per_birth_term=top.particles_per_birth or level.per_birth,
             most=MOST_PARTICLES,
         ),
-        rule=rule_of(model, labelled, *thresholds, report_resting=top.report_resting),
+        rule=rule_of(model, labelled, *thresholds, *limits, top.report_resting),
         plane=plane,
     )

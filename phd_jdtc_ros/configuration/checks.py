@@ -82,6 +82,7 @@ def _beyond_the_paper(top: Tracking) -> Faults:
         ("estimates_period_s", top.estimates_period_s, (0.0,)),
         ("detection_births.rates", top.birth_rates, ([],)),
         ("amplitude", top.amplitude, ("auto", "band", "none")),
+        ("state", top.state, ("plane",)),
     ):
         if given not in allowed:
             words = " or ".join(map(str, allowed))

@@ -20,6 +20,7 @@ from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 from phd_jdtc_ros.core.sensors.position import PositionSensor
 from phd_jdtc_ros.core.sensors.sensor import Sensor
+from phd_jdtc_ros.core.state_space import PLANAR, SPATIAL, StateSpace
 from phd_jdtc_ros.core.targets import amplitude_density
 from phd_jdtc_ros.core.targets.birth import BirthTerm
 from phd_jdtc_ros.core.targets.modes import ClassModel, ModeSpace
@@ -27,7 +28,7 @@ from phd_jdtc_ros.core.targets.motion import MOTIONS, MotionModel
 from phd_jdtc_ros.core.targets.spawn import SpawnModel
 
 from .parameters.sensor import SensorParameters
-from .parameters.tracker import LABELLED, Birth, Motion, Parts, TargetClass
+from .parameters.tracker import LABELLED, SPACE, Birth, Motion, Parts, TargetClass, Tracking
 from .sensor_kinds import KINDS
 
 # A pose that implies a larger speed is a jump, m/s: no ship or vehicle is as fast.
@@ -64,16 +65,18 @@ SPAWN_SAME_MOTION, SPAWN_OTHER_MOTION = 0.9, 0.1
 def tracker_model(parts: Parts, inputs: Sequence[SensorParameters]) -> TrackerModel:
     """Return the models of targets and sensors."""
     top = parts.tracking
-    motions = {name: _motion(own) for name, own in parts.motions.items()}
+    space = SPATIAL if top.state == SPACE else PLANAR
+    motions = {name: _motion(own, space) for name, own in parts.motions.items()}
     classes = tuple(_class(name, own, motions) for name, own in parts.classes.items())
     modes = ModeSpace(classes, top.interval_s)
     return TrackerModel(
         modes=modes,
-        births=tuple(_birth(name, own, modes) for name, own in parts.births.items()),
+        births=tuple(_birth(name, own, modes, top) for name, own in parts.births.items()),
         detection_births=DetectionBirthModel(
             rate=np.array(top.birth_rates_of(len(classes))),
             velocity_std=top.birth_velocity_std,
             turn_rate_std=top.birth_turn_rate_std,
+            climb_std=top.birth_climb_std,
             least_mass=top.birth_least_probability,
         ),
         spawn=_spawn(top.spawn_rate, modes),
@@ -81,6 +84,7 @@ def tracker_model(parts: Parts, inputs: Sequence[SensorParameters]) -> TrackerMo
         radars=tuple(KINDS[sensor.kind].model(sensor) for sensor in inputs),
         factors={sensor.name: KINDS[sensor.kind].factors(sensor) for sensor in inputs},
         attributes=_attributes(parts),
+        height_prior=top.height_prior if space.vertical else None,
     )
 
 
@@ -131,10 +135,10 @@ def _amplitudes(parts: Parts, inputs: Sequence[SensorParameters]) -> AmplitudeMo
     return Band() if use == "band" else Ignored()
 
 
-def _motion(own: Motion) -> MotionModel:
+def _motion(own: Motion, space: StateSpace) -> MotionModel:
     kind = MOTIONS[own.model]
     used = {entry.name for entry in fields(kind)} & {entry.name for entry in fields(own)}
-    return kind(**{name: getattr(own, name) for name in used})
+    return kind(space=space, **{name: getattr(own, name) for name in used})
 
 
 def _class(name: str, own: TargetClass, motions: Mapping[str, MotionModel]) -> ClassModel:
@@ -149,11 +153,13 @@ def _class(name: str, own: TargetClass, motions: Mapping[str, MotionModel]) -> C
     )
 
 
-def _birth(name: str, own: Birth, modes: ModeSpace) -> BirthTerm:
+def _birth(name: str, own: Birth, modes: ModeSpace, top: Tracking) -> BirthTerm:
+    prior, climb_std = top.height_prior, top.birth_climb_std
+    position_std, velocity_std, turn_std = own.std
     return BirthTerm(
         name=name,
-        mean=modes.space.state(own.position, own.velocity, 0.0),
-        std=modes.space.state(*own.std),
+        mean=modes.space.state(own.position, own.velocity, 0.0, (prior.mean, 0.0)),
+        std=modes.space.state(position_std, velocity_std, turn_std, (prior.std, climb_std)),
         rate=np.array(own.rates)[modes.class_of] * modes.motion_share,
     )
 
@@ -173,7 +179,7 @@ def _spawn(rate: float, modes: ModeSpace) -> SpawnModel:
     return SpawnModel(
         rate=rate,
         transition=transition,
-        std=modes.space.state(*SPAWN_STD),
+        std=modes.space.state(*SPAWN_STD, SPAWN_STD[:2]),
         particles_per_target=SPAWN_PARTICLES,
     )
 

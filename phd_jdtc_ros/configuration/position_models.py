@@ -17,14 +17,13 @@ from phd_jdtc_ros.core.factors import (
     Outliers,
 )
 from phd_jdtc_ros.core.intake.input_checks import PositionReportCheck
-from phd_jdtc_ros.core.sensors.area import farthest
-from phd_jdtc_ros.core.sensors.position import PositionSensor
-from phd_jdtc_ros.core.sensors.velocity import VelocityModel
+from phd_jdtc_ros.core.sensors.position import PositionSensor, farthest
+from phd_jdtc_ros.core.sensors.range_rate import VelocityModel
 from phd_jdtc_ros.core.targets import amplitude_density
 
 from . import radar_checks
 from .parameters.position import PositionParameters
-from .parameters.tracker import PHD, Parts
+from .parameters.tracker import PHD, SPACE, Parts
 
 
 def position_model(own: PositionParameters) -> PositionSensor:
@@ -62,11 +61,12 @@ def report_check(own: PositionParameters) -> PositionReportCheck:
     return PositionReportCheck()
 
 
-def _engine(own: PositionParameters, parts: Parts) -> Iterator[str]:
-    if parts.tracking.engine in PHD:
-        yield (
-            f"{own.name}.kind: position given, must be radar with engine {parts.tracking.engine}"
-        )
+def _tracker(own: PositionParameters, parts: Parts) -> Iterator[str]:
+    top = parts.tracking
+    others = (top.engine in PHD, f"engine {top.engine}"), (top.state == SPACE, f"state: {SPACE}")
+    for is_given, other in others:
+        if is_given:
+            yield f"{own.name}.kind: position given, must be radar with {other}"
 
 
 def _velocity(own: PositionParameters, parts: Parts) -> Iterator[str]:
@@ -81,4 +81,4 @@ def _place(own: PositionParameters, parts: Parts) -> Iterator[str]:
             yield f"{own.name}.fields.{what}: '' given, must be a name"
 
 
-CHECKS = (_engine, _place, _velocity, radar_checks.pose, radar_checks.repeated_fields)
+CHECKS = (_tracker, _place, _velocity, radar_checks.pose, radar_checks.repeated_fields)

@@ -13,12 +13,14 @@ from .parameters.place_forms import FIXED, TF
 from .parameters.position import PositionParameters
 from .parameters.radar import QUANTITIES, RadarParameters
 from .parameters.sensor import SensorParameters
-from .parameters.tracker import PHD, USUAL, Parts
+from .parameters.tracker import PHD, SPACE, USUAL, Parts
 
 # Smallest ambiguity interval of range rates, in standard deviations: within a smaller interval all
 # range rates are equally likely.
 LEAST_INTERVAL = 4.0
 LEARNED = "learned"  # The law of the clutter's amplitudes that is estimated
+# The words of `learn` that are for ranges and azimuths in the plane.
+PLANAR_LEARNING = ("noise", "outliers", "multipath")
 # The quantities of a detection in the paper, with their own noise.
 PAPER_QUANTITIES = ("range", "azimuth", "amplitude", "range_std", "azimuth_std")
 
@@ -156,7 +158,30 @@ def _place(radar: RadarParameters, parts: Parts) -> Iterator[str]:
         )
 
 
+def _in_space(radar: RadarParameters, parts: Parts) -> Iterator[str]:
+    """Yield the faults of elevations, and of what radars have only in the plane."""
+    name, (low, high) = radar.name, radar.fov_elevation_deg
+    if low >= high:
+        yield f"{name}.fov_elevation_deg: [{low}, {high}] given, the second must be larger"
+    if radar.fields.elevation_std and not radar.fields.elevation:
+        yield f"{name}.fields.elevation: '' given, must be a name with elevation_std"
+    if parts.tracking.state != SPACE:
+        return
+    planar = [word for word in radar.learn if word in PLANAR_LEARNING]
+    given = (
+        (planar, "learn", f"without {', '.join(PLANAR_LEARNING)}"),
+        (radar.clutter_map and "true", "clutter_map", "false"),
+        (radar.fields.height and repr(radar.fields.height), "fields.height", "''"),
+        (radar.assumed_height is not None and radar.assumed_height, "assumed_height", "empty"),
+        (not radar.named_fields and radar.message, "message", "point_cloud"),
+    )
+    for value, key, allowed in given:
+        if value:
+            yield f"{name}.{key}: {value} given, must be {allowed} with state: {SPACE}"
+
+
 CHECKS = (
+    _in_space,
     _detection,
     _clutter,
     _visibility,

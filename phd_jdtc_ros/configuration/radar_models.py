@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -30,9 +31,10 @@ from phd_jdtc_ros.core.intake.input_checks import (
 )
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
-from phd_jdtc_ros.core.sensors.site import LEAST_STD
-from phd_jdtc_ros.core.sensors.slant_range import HeightProjection
+from phd_jdtc_ros.core.sensors.site import LEAST_STD, HeightProjection
+from phd_jdtc_ros.core.sensors.spatial_radar import UNKNOWN_STD, HeightPrior, SpatialRadar
 from phd_jdtc_ros.core.sensors.visibility import TURN_TOLERANCE, Visibility
+from phd_jdtc_ros.core.state_space import SPATIAL
 from phd_jdtc_ros.core.targets import amplitude_density
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage
 
@@ -48,12 +50,9 @@ NEAR = 0.002
 def radar_model(radar: RadarParameters) -> RadarModel:
     """Return the model of a radar's detections and measurements."""
     threshold = amplitude_density.threshold_for(radar.false_alarm_probability)
-    range_std, azimuth_std, fields = (
-        radar.range_std,
-        math.radians(radar.azimuth_std_deg),
-        radar.fields,
-    )
-    return RadarModel(
+    range_std, azimuth_std = radar.range_std, math.radians(radar.azimuth_std_deg)
+    named = radar.fields
+    model = RadarModel(
         name=radar.name,
         position=radar.site.position if radar.site else (radar.position[0], radar.position[1]),
         yaw=radar.site.yaw if radar.site else math.radians(radar.yaw_deg),
@@ -66,14 +65,34 @@ def radar_model(radar: RadarParameters) -> RadarModel:
         rotation_s=radar.rotation_s,
         least_std=LEAST_STD if radar.site else (0.0, 0.0),
         range_rate=RangeRateModel(radar.range_rate_std, radar.range_rate_ambiguity, RANGE_RATE_SPAN)
-        if fields.range_rate
+        if named.range_rate
         else None,
         cluster_distance=radar.cluster_distance,
         height_projection=HeightProjection(
             radar.height, radar.datum, radar.site, radar.assumed_height
         )
-        if fields.height and not fields.elevation
+        if named.height and not named.elevation and radar.height_prior is None
         else None,
+    )
+    return model if radar.height_prior is None else _in_space(radar, radar.height_prior, model)
+
+
+def _in_space(radar: RadarParameters, prior: HeightPrior, model: RadarModel) -> SpatialRadar:
+    """Return the model of a radar whose slant ranges and elevations are measurements."""
+    low, high = map(math.radians, radar.fov_elevation_deg)
+    std = math.radians(radar.elevation_std_deg) if radar.fields.elevation else UNKNOWN_STD
+    common = {entry.name: getattr(model, entry.name) for entry in fields(model)}
+    common |= {
+        "space": SPATIAL,
+        "visibility": replace(model.visibility, elevations=(low, high)),
+        "least_std": (*model.least_std, 0.0),
+    }
+    return SpatialRadar(
+        **common,
+        height=radar.height,
+        elevation_std=std,
+        height_prior=prior,
+        curvature=radar.curvature,
     )
 
 
@@ -144,7 +163,8 @@ def report_check(radar: RadarParameters) -> RadarReportCheck:
     visibility = _visibility(radar)
     whole = visibility.fov.width > FULL_TURN - TURN_TOLERANCE
     ground_known = (
-        radar.fields.height
+        radar.height_prior is not None
+        or radar.fields.height
         or radar.fields.elevation
         or not radar.named_fields
         or radar.assumed_height is not None

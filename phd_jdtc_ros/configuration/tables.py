@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from .parameters.sensor import SensorParameters
-from .parameters.tracker import USUAL, Birth, Motion, Parts, TargetClass, Tracking
+from .parameters.tracker import IMPLIED, USUAL, Birth, Motion, Parts, TargetClass, Tracking
 from .schema import Parameter, build, expand, table
 from .sensor_kinds import ALL, KINDS, TABLES, parameters_of
 
@@ -31,7 +32,19 @@ def schema(given: Mapping[str, Any]) -> dict[str, Parameter]:
             return parameters_of(given.get(f"{name}.kind"))
         return GROUPS[group]
 
-    return expand(TOP, GROUPS, members, given, lambda name, member: USUAL.get(name, member.default))
+    # What the paper's filters and targets in space do not have is no default with them.
+    implied = {
+        name: value
+        for (chosen, choice), own in IMPLIED.items()
+        if given.get(chosen) == choice
+        for name, value in own.items()
+    }
+    top = [replace(each, default=implied.get(each.name, each.default)) for each in TOP]
+
+    def usual(name: str, member: Parameter) -> Any:
+        return USUAL.get(name, implied.get(member.name, member.default))
+
+    return expand(top, GROUPS, members, given, usual)
 
 
 def parts_of(values: Mapping[str, Any]) -> Parts:

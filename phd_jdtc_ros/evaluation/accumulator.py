@@ -93,6 +93,7 @@ NEES = Group("NEES / 2 of positions, by age in scans")
 OUTSIDE = Group("positions outside 3 sigma, by age in scans")
 # Metrics that need labels of all targets and estimates.
 TRACKS = Group("tracks", of_sets=False)
+SPACE = Group("space", of_sets=False)
 WHOLE, CLASSES = Group("all targets", of_sets=False), Group("classes", of_sets=False)
 
 

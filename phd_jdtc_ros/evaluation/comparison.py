@@ -49,11 +49,15 @@ class PointSet:
     coasting: BoolArray | None = None
     # Covariance of the velocities, (m/s)^2, (T, 2, 2); None if unknown.
     velocity_covariance: FloatArray | None = None
+    climb: FloatArray | None = None  # Climb rate, m/s, (T,); as `height`
+    # Covariance of x, y, z and their velocities, (T, 6, 6); NaN where the height is unknown, None
+    # for the truth and for estimates in the plane.
+    space_covariance: FloatArray | None = None
 
     @staticmethod
     def of(targets: Truth | Estimates) -> PointSet:
         """Return the points of targets or estimates."""
-        covariance, heights, coasting = None, None, None
+        covariance, heights, coasting, in_space = None, None, None, None
         if isinstance(targets, Truth):
             heights = targets.height
         else:
@@ -61,6 +65,8 @@ class PointSet:
             coasting = targets.track_state == COASTING
             if targets.attributes is not None:
                 heights = targets.attributes.height
+            if targets.space.vertical:
+                in_space = targets.covariance_in_space
         return PointSet(
             targets.position,
             targets.class_id,
@@ -69,10 +75,26 @@ class PointSet:
             covariance=covariance,
             height=None if heights is None else heights[:, 0],
             coasting=coasting,
+            climb=None if heights is None else heights[:, 1],
+            space_covariance=in_space,
         )
 
     def __len__(self) -> int:
         return len(self.position)
+
+    @property
+    def place(self) -> FloatArray:
+        """Positions with heights, metres, (T, 3); NaN for an unknown height."""
+        height = np.full(len(self), np.nan) if self.height is None else self.height
+        return np.column_stack([self.position, height])
+
+    @property
+    def motion(self) -> FloatArray:
+        """Velocities with climb rates, metres per second, (T, 3); NaN for what is unknown."""
+        unknown = np.full((len(self), 3), np.nan)
+        if self.velocity is None or self.climb is None:
+            return unknown
+        return np.column_stack([self.velocity, self.climb])
 
     def of_class(self, class_id: int) -> PointSet:
         """Return the points of one class."""
@@ -108,9 +130,20 @@ def expected_speed(velocity: FloatArray, covariance: FloatArray | None) -> Float
     return np.asarray(np.sqrt(length**2 + variance))
 
 
+def are_in_space(truth: PointSet, estimate: PointSet) -> bool:
+    """Return whether estimates are in space and all true heights are known."""
+    if estimate.space_covariance is None or truth.height is None:
+        return False
+    return bool(np.isfinite(truth.height).all())
+
+
 @dataclass(frozen=True)
 class PairedScan:
-    """The targets of a stamp and one source's estimates, paired by position alone."""
+    """The targets of a stamp and one source's estimates, paired by position alone.
+
+    Where estimates in space and all true heights are known, a position has a height: targets one
+    above the other are at one place in the plane.
+    """
 
     stamp_ns: int
     truth: PointSet
@@ -120,9 +153,13 @@ class PairedScan:
     @staticmethod
     def of(stamp_ns: int, truth: PointSet, estimate: PointSet, cutoff: float) -> PairedScan:
         """Pair targets and estimates that are closer than `cutoff`, metres."""
-        return PairedScan(
-            stamp_ns, truth, estimate, assign(truth.position, estimate.position, cutoff)
-        )
+        true, found = truth.position, estimate.position
+        if are_in_space(truth, estimate):
+            # The plane decides on an estimate without a height.
+            true, found = truth.place, estimate.place
+            if np.isnan(found).any():
+                true, found = truth.position, estimate.position
+        return PairedScan(stamp_ns, truth, estimate, assign(true, found, cutoff))
 
 
 @dataclass(frozen=True)

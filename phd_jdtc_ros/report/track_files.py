@@ -60,6 +60,8 @@ def fixes(
             class_name = class_names[int(found.class_id[row])]
             state = TRACK_STATES[int(found.track_state[row])]
             level = str(geo_json.level(places.height[row]).get("flight_level", ""))
+            if found.space.vertical:
+                level = ""  # of the pressure, which is not known in space
             words, number = (class_name, state, *names[row], level), int(found.track_id[row])
             yield Fix._make((found.stamp_ns, number, *numbers[row], *words, run))
 

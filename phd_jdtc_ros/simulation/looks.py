@@ -10,7 +10,7 @@ import numpy as np
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray, wrap_angle
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
-from phd_jdtc_ros.core.sensors.slant_range import MIN_SLANT_RANGE
+from phd_jdtc_ros.core.sensors.site import MIN_SLANT_RANGE
 
 from .antenna import Antenna
 from .scenario import Scenario

@@ -8,13 +8,13 @@ import numpy as np
 
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, wrap_angle
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.sensors.spatial_radar import UNKNOWN_STD
 
 
 class Observation(NamedTuple):
     """A radar's measurements of targets or reflectors."""
 
-    # Range and azimuth with noise, metres and radians, (N, 2); ranges are not negative, azimuths
-    # are in (-pi, pi].
+    # With noise, metres and radians, (N, Z); ranges are not negative, azimuths are in (-pi, pi].
     measurement: FloatArray
     amplitude: FloatArray  # Envelopes, (N,)
     seen: BoolArray  # True where the radar detects the target, (N,)
@@ -26,10 +26,16 @@ class Observation(NamedTuple):
 
 
 def with_noise(exact: FloatArray, radar: RadarModel, rng: np.random.Generator) -> FloatArray:
-    """Return true ranges and azimuths with the radar's noise, metres and radians; shape (N, 2)."""
-    return polar(exact + rng.standard_normal(exact.shape) * radar.noise_std)
+    """Return true measurements with the radar's noise, metres and radians; shape (N, Z).
+
+    A radar without elevations has none to add noise to: they stay, and are not sent.
+    """
+    std = radar.noise_std
+    std[2:] = np.where(std[2:] < UNKNOWN_STD, std[2:], 0.0)
+    return polar(exact + rng.standard_normal(exact.shape) * std)
 
 
 def polar(measurement: FloatArray) -> FloatArray:
     """Return measurements with ranges that are not negative and azimuths in (-pi, pi]."""
-    return np.stack([np.abs(measurement[:, 0]), wrap_angle(measurement[:, 1])], axis=1)
+    distance, azimuth = np.abs(measurement[:, 0]), wrap_angle(measurement[:, 1])
+    return np.column_stack([distance, azimuth, measurement[:, 2:]])

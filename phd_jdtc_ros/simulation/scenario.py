@@ -59,6 +59,11 @@ class Scenario:
     def __post_init__(self) -> None:
         if self.biases and not self.turning:
             raise ConfigError("biases: given, must be none where no radar turns")
+        in_space = any(radar.space.vertical for radar in self.radars)
+        if in_space and (self.turning or self.platform is not None):
+            raise ConfigError(
+                "state: space given, must be plane where a radar turns or is on a platform"
+            )
         if not self.antennas:
             usual = tuple(default_antenna(index) for index in range(len(self.radars)))
             object.__setattr__(self, "antennas", usual)
@@ -124,7 +129,7 @@ class Scenario:
         """Return the heights of a target, by number from 1, at times after scan 0, metres, (N,)."""
         if self.transponders is not None:
             return self.replies_of[number].height(time_s)[:, 0]
-        return np.full(len(time_s), self.flights[number - 1].height)
+        return self.flights[number - 1].heights(time_s)[:, 0]
 
     @cached_property
     def replies_of(self) -> dict[int, ReplyContent]:
@@ -189,6 +194,9 @@ def _truth(scenario: Scenario, elapsed_s: float, states: Iterable[FloatArray | N
         now = np.array([elapsed_s])
         heights = [scenario.replies_of[row + 1].height(now)[0] for row, _ in alive]
         height = np.reshape(heights, (-1, 2))
+    elif any(radar.space.vertical for radar in scenario.radars):
+        now = np.array([elapsed_s])
+        height = np.reshape([scenario.flights[row].heights(now)[0] for row, _ in alive], (-1, 2))
     return Truth(
         stamp_ns=scenario.ns_after(elapsed_s),
         state=np.reshape([state for _, state in alive], (-1, len(NOISE_FREE.space))),

@@ -8,6 +8,7 @@ import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.sensors.spatial_radar import SpatialRadar
 from phd_jdtc_ros.core.types import FULL_TURN, Detections, Scan, Truth
 
 from .clutter.echoes import Echoes
@@ -34,10 +35,10 @@ def detect(
     The envelopes of targets are Rayleigh with sigma^2 = 1 + d, and of noise with sigma^2 = 1; only
     envelopes above the radar's threshold are reported. The clutter rate counts reported detections.
     """
-    exact = radar.measure(truth.state)
-    observed = observe(exact, snr, radar, rng)
+    states = states_for(radar, truth)
+    observed = observe(radar.measure(states), snr, radar, rng)
     clutter = false_detections(radar, rng.poisson(radar.clutter_rate), rng, law)
-    state, target = truth.state[observed.seen], truth.track_id[observed.seen]
+    state, target = states[observed.seen], truth.track_id[observed.seen]
     parts = [observed.detected]
     if echoes is not None:
         echo, row = echoes.sources(state, truth.space, rng)
@@ -56,6 +57,17 @@ def detect(
     source = np.append(target, np.zeros(false, dtype=np.int64))
     order = rng.permutation(len(source))
     return found.take(order), source[order]
+
+
+def states_for(radar: RadarModel, truth: Truth) -> FloatArray:
+    """Return the states of targets with the axes that a radar measures, (T, D)."""
+    vertical = list(radar.space.vertical)
+    if not vertical:
+        return truth.state
+    states = np.zeros((len(truth.state), len(radar.space)))
+    states[:, : truth.state.shape[1]] = truth.state
+    states[:, vertical] = 0.0 if truth.height is None else truth.height
+    return states
 
 
 def range_rates(
@@ -78,13 +90,13 @@ def range_rates(
 def observe(
     exact: FloatArray, snr: FloatArray, radar: RadarModel, rng: np.random.Generator
 ) -> Observation:
-    """Return the measurements of targets with these true ranges and azimuths, (N, 2), m and rad.
+    """Return the measurements of targets with these true ones, (N, Z), metres and radians.
 
     `snr`, shape (N,), has mean signal-to-noise ratios, linear. A target is detected if its
     envelope exceeds the threshold. If the radar has a detection probability, detection follows
     it, and the envelope is drawn above the threshold.
     """
-    visible = radar.visibility.probability_in_view(exact) > 0.0
+    visible = radar.coverage_probability(exact, None) > 0.0
     envelope = rng.rayleigh(np.sqrt(1.0 + snr))
     noisy = with_noise(exact, radar, rng)
     if radar.visibility.probabilities:
@@ -99,16 +111,21 @@ def observe(
 def false_detections(
     radar: RadarModel, count: int, rng: np.random.Generator, law: ClutterLaw
 ) -> tuple[FloatArray, FloatArray]:
-    """Return measurements of clutter, shape (count, 2), and their envelopes, shape (count,).
+    """Return measurements of clutter, shape (count, Z), and their envelopes, shape (count,).
 
-    Clutter is uniform in the azimuths of the field of view.
+    Clutter is uniform in the azimuths of the field of view, and in space uniform on the sphere
+    between its elevations.
     """
     fov = radar.visibility.fov
     # The start of a field of view of a whole revolution has no meaning.
     first = -np.pi if fov.width == FULL_TURN else fov.start
     distance = rng.uniform(0.0, radar.clutter_max_range, count)
     azimuth = rng.uniform(first, first + fov.width, count)
-    return polar(np.stack([distance, azimuth], axis=1)), law.draw(radar.threshold, count, rng)
+    columns = [distance, azimuth]
+    if isinstance(radar, SpatialRadar):
+        low, high = np.sin(radar.elevations)
+        columns.append(np.arcsin(rng.uniform(low, high, count)))
+    return polar(np.stack(columns, axis=1)), law.draw(radar.threshold, count, rng)
 
 
 def simulate(scenario: Scenario, seed: int) -> list[tuple[Truth, Scan]]:

@@ -24,7 +24,7 @@ import numpy as np
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
-from phd_jdtc_ros.core.sensors.slant_range import HeightProjection, to_ground
+from phd_jdtc_ros.core.sensors.site import HeightProjection, to_ground
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Coverage, Detections, Truth
 
 from .antenna import Antenna

@@ -69,8 +69,9 @@ def read(
     """Return the first detections of a bag, at any range; `most` bounds each radar's.
 
     The bag is read for some seconds, or to its end: some radars need hours for enough detections.
-    Raises `BagError` if the bag lacks a topic of the configuration.
+    Raises `BagError` if the bag lacks a topic of the configuration, and `ConfigError` in space.
     """
+    config.require_plane()
     inputs = [unlimited(sensor) for sensor in config.inputs]
     bag.require(input_types(config, bag))
     reports: list[list[tuple[int, Detections]]] = [[] for _ in inputs]

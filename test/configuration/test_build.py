@@ -1,8 +1,11 @@
+import math
 import time
 
+import numpy as np
 import pytest
 import reference
 
+from phd_jdtc_ros.columns import ground_ranges
 from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.parameters import replaced
@@ -11,6 +14,9 @@ from phd_jdtc_ros.configuration.parameters.tracker import MOST_CLASSES, PHD
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.tables import GROUPS, schema
 from phd_jdtc_ros.core.engine import Lag
+from phd_jdtc_ros.core.sensors.spatial_radar import UNKNOWN_STD, HeightPrior, SpatialRadar
+from phd_jdtc_ros.core.state_space import PLANAR, SPATIAL
+from phd_jdtc_ros.earth import SystemPlane
 
 
 def faults_of(given):
@@ -394,3 +400,83 @@ def test_resolve_takes_as_many_classes_as_there_may_be_each_with_its_own_matrix(
         given[f"{name}.mode_transition"] = [stays, 1.0 - stays, 1.0 - stays, stays]
     given |= {"spawn.rate": 0.0}
     assert len(reference.resolve(given).model.modes.classes) == MOST_CLASSES
+
+
+SPACE = {"state": "space", "radar_1.fields.elevation": "elevation"}
+
+
+def test_space_makes_radars_and_motions_with_heights():
+    given = {**SPACE, "radar_1.position": [10.0, 0.0, 35.0], "height_prior": [800.0, 400.0, 20.0]}
+    config = reference.resolve({**given, "ct.vertical_noise_density": 3.0})
+    assert config.model.modes.space == SPATIAL
+    assert {motion.vertical_noise_density for motion in config.model.modes.motions} == {1.0, 3.0}
+    first, second = config.model.radars
+    assert first.origin.tolist() == [10.0, 0.0, 35.0]
+    assert first.noise_std[2] == pytest.approx(math.radians(1.0))
+    # The other one measures slant ranges alone.
+    assert second.elevation_std == UNKNOWN_STD
+    assert first.height_prior == config.model.height_prior == HeightPrior(800.0, 400.0, 20.0)
+    for birth in config.model.births:
+        assert birth.mean[5:].tolist() == [800.0, 0.0]
+        assert birth.std[5:].tolist() == [400.0, 5.0]
+    flat = reference.resolve({"radar_1.fields.elevation": "elevation"}).model
+    assert flat.modes.space == PLANAR
+    assert flat.height_prior is None
+    assert not isinstance(flat.radars[0], SpatialRadar)
+
+
+@pytest.mark.parametrize(
+    ("given", "fault"),
+    [
+        ({"engine": "phd"}, "state: space given, must be plane with engine phd"),
+        ({"height_prior": [0.0, 0.0, 0.0]}, "height_prior: [0.0, 0.0, 0.0] given, must be 2 or 3"),
+        (
+            {"height_prior": [0.0, 9.0, 30.0]},
+            "height_prior: [0.0, 9.0, 30.0] given, must be 2 or 3",
+        ),
+        (
+            {"radar_1.fov_elevation_deg": [10.0, -10.0]},
+            "radar_1.fov_elevation_deg: [10.0, -10.0] given, the second must be larger",
+        ),
+        (
+            {"radar_2.fields.elevation_std": "de"},
+            "radar_2.fields.elevation: '' given, must be a name with elevation_std",
+        ),
+        ({"radar_1.clutter_map": True}, "radar_1.clutter_map: true given, must be false with"),
+        ({"radar_1.learn": ["noise"]}, "radar_1.learn: ['noise'] given, must be without noise"),
+        ({"radar_1.fields.height": "h"}, "radar_1.fields.height: 'h' given, must be '' with"),
+    ],
+)
+def test_space_refuses_what_it_does_not_have(given, fault):
+    assert any(found.startswith(fault) for found in faults_of({**SPACE, **given}))
+
+
+def test_what_is_estimated_in_the_plane_is_refused_in_space():
+    reference.resolve({}).require_plane()
+    with pytest.raises(ConfigError, match="state: space given, must be plane"):
+        reference.resolve(SPACE).require_plane()
+
+
+def test_detections_of_a_site_are_placed_exactly_in_space():
+    given = {
+        **SPACE,
+        "world_origin": [48.0, 11.0, 500.0],
+        "radar_1.geodetic": [48.8, 11.9, 620.0],
+        "radar_1.yaw_deg": 30.0,
+        "radar_1.max_range": 400e3,
+        "sensors": ["radar_1"],
+    }
+    config = reference.resolve(given, SystemPlane)
+    (layout,), (model,) = config.radars, config.model.radars
+    distance, azimuth = np.array([3e3, 90e3, 300e3]), np.array([0.4, -2.0, 1.5])
+    elevation = np.array([0.6, 0.05, 0.005])
+    place = layout.site.to_world(distance, azimuth, np.sin(elevation))
+    place[:, 2] -= layout.datum
+    # Refraction lets targets appear higher.
+    seen = elevation + distance * layout.curvature / 8.0
+    measured = ground_ranges.in_space(distance, azimuth, seen, layout)
+    np.testing.assert_allclose(model.to_world(measured), place, atol=1e-2)
+    assert np.abs(measured[:, 0] - distance).max() < 500.0
+    unknown = ground_ranges.in_space(distance, azimuth, None, layout)
+    assert np.isnan(unknown[:, 2]).all()
+    assert np.abs(unknown[:, 0] - distance).max() < 500.0

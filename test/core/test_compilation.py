@@ -19,6 +19,7 @@ ROOT = Path(__file__).parents[2]
 SCRIPT = """
 import sys, json
 if {hidden}: sys.modules["numba"] = None
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core import compilation
 from phd_jdtc_ros.simulation.scenario import paper_scenario

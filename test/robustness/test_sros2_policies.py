@@ -11,6 +11,7 @@ import stand_ins
 
 from msg_adapters.encoding import names
 from msg_adapters.outgoing import curves
+from msg_adapters.outgoing.outputs import STREAMS
 from phd_jdtc_ros.nodes.tracker import settings
 from robustness.harness.rig import Rig
 from robustness.harness.scans import BAG
@@ -25,7 +26,8 @@ QUERIES = {
 }
 # Every option that takes a topic or a service is on.
 SIMULATED = ("-p", "use_sim_time:=true")
-OUTPUTS = ",".join(settings.OUTPUTS)
+# Streams to other programs are no topics.
+OUTPUTS = ",".join({*settings.OUTPUTS} - {row.switch for row in STREAMS})
 ARGUMENTS = {
     "tracker": (
         *("--ros-args", "-p", "radar_1.clutter_map:=true", "-p", "world_origin:=[52.0, 4.0, 0.0]"),

@@ -168,6 +168,25 @@ def test_automotive_tracks_its_bag_s_scenario():
     assert len(steps[-1].filtered[0]) == len(truth[-1].track_id)
 
 
+def test_drone_tracks_its_bag_s_scenario_in_space():
+    given = from_arguments.load(CONFIG / "drone.yaml")
+    document = yaml_files.load(CONFIG / "scenarios" / "drones.yaml")
+    config = resolve(given)
+    scene = resolve(from_arguments.scenario_parameters(document))
+    (radar,), (real,) = config.model.radars, scene.model.radars
+    assert replace(radar, clutter_rate=real.clutter_rate) == real
+    tracker = new_engine(config)
+    scenario = scenario_file.resolve(document, scene.model.radars)
+    truth, scan = zip(*simulate(scenario, 2)[:20], strict=True)
+    steps = [tracker.step(each) for each in scan]
+    found, true = steps[-1].filtered[0], truth[-1]
+    assert len(found) == pytest.approx(len(true.track_id), abs=2)
+    place = np.column_stack([true.position, true.height[:, 0]])
+    own = np.column_stack([found.position, found.attributes.height[:, 0]])
+    apart = np.linalg.norm(own[:, None] - place, axis=2).min(axis=1)
+    assert np.median(apart) < 30.0
+
+
 def test_profiles_of_the_paper_have_what_it_prints():
     values = resolve(from_arguments.load(CONFIG / "paper_literal.yaml")).values
     assert values["engine"] == "phd_as_printed"

@@ -100,6 +100,8 @@ class RegistrationMonitor:
     def add_scan(self, scan: Scan, filtered: Sequence[Estimates]) -> None:
         """Compare a scan's detections with the tracks before it, and store the tracks after it."""
         tracks = self._tracks
+        if any(radar.space.vertical for radar in self._radars):
+            return  # biases are those of ranges and azimuths in the plane
         if tracks is not None and 0 < scan.stamp_ns - tracks.stamp_ns <= self._max_age_ns:
             for index, detections in enumerate(scan.detections):
                 if detections is not None and len(detections) and len(tracks):

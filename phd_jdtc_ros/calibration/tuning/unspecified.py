@@ -58,6 +58,7 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
         "ct.model": "coordinated_turn",
         "ct.noise_density": round_to_std(hard, hard),
         "ct.turn_noise_density": 1e-4,
+        "ct.turn_time_constant_s": 40.0,
     }
     if turning:
         given["estimates_period_s"] = given["interval_s"]

@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.core.sensors.area import Area
 from phd_jdtc_ros.core.sensors.bias import SensorBias
+from phd_jdtc_ros.core.sensors.position import Area
+from phd_jdtc_ros.core.sensors.spatial_radar import HeightPrior
 from phd_jdtc_ros.core.tracks.region import Region
 
 from ..schema import Form, numbers
@@ -109,6 +110,17 @@ HEIGHT = _list_form(
     "empty or one height from -10000 to 100000",
     lambda given: not given or (len(given) == 1 and -1e4 <= given[0] <= 1e5),
     lambda given: given[0] if given else None,
+)
+HEIGHTS = _list_form(
+    "2 or 3 numbers: a mean, a standard deviation above 0, and a floor (0) below the mean plus "
+    "twice the deviation, m",
+    lambda given: (
+        len(given) in (2, 3)
+        and max(map(abs, given)) <= 1e6
+        and given[1] > 0.0
+        and (*given, 0.0)[2] < given[0] + 2.0 * given[1]
+    ),
+    lambda given: HeightPrior(*(*given, 0.0)[:3]),
 )
 REGION = _list_form(
     "empty or [x_min, y_min, x_max, y_max], and a margin of at least 0, with the third above the "

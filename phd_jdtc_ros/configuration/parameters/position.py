@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import ClassVar
 
-from phd_jdtc_ros.core.sensors.area import Area
+from phd_jdtc_ros.core.sensors.position import Area
 from phd_jdtc_ros.core.sensors.site import Plane
 
 from ..schema import POSITIVE, SMALL, parameter, shared

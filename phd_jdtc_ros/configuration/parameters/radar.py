@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 from phd_jdtc_ros.core.factors import MOST_CORRELATION, START_RATE
 from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.sensors.site import Plane, Site
+from phd_jdtc_ros.core.sensors.spatial_radar import HeightPrior
 
 from ..schema import NOT_NEGATIVE, POSITIVE, SMALL, Form, number, numbers, parameter
 from . import place_forms, replaced, sensor
@@ -61,6 +62,7 @@ class Fields(sensor.Fields):
     detection_type: str = ""  # See `Detections`
     range_std: str = ""
     azimuth_std: str = ""  # In the unit of the azimuth
+    elevation_std: str = ""  # Radians
     range_rate: str = ""  # Metres per second, positive for a receding target
     range_rate_std: str = ""
 
@@ -137,7 +139,8 @@ class RadarParameters(SensorParameters):
         "share of detections with several times that noise), detection (by which factor "
         "detection_probability differs, by range and azimuth), correlation "
         "(detection_correlation), clutter (clutter_rate, over about the last 30 revolutions). With "
-        "multipath false detections behind targets are expected.",
+        "multipath false detections behind targets are expected. The default is [detection, "
+        "clutter] with state: space, and [] with a PHD filter.",
         element=str,
         choices=tuple(LEARNED),
         mutable=True,
@@ -156,6 +159,12 @@ class RadarParameters(SensorParameters):
         mutable=True,
         former=replaced.learned_by("noise"),
     )
+    elevation_std_deg: float = parameter(
+        1.0,
+        "Standard deviation of measured elevations, degrees; only with state: space.",
+        (SMALL, 90.0),
+        mutable=True,
+    )
     max_range: float = parameter(
         17e3, "Range beyond which targets and detections are ignored, m.", POSITIVE
     )
@@ -171,6 +180,12 @@ class RadarParameters(SensorParameters):
         "First and last azimuth of the field of view, degrees, counted as the radar counts "
         "azimuths.",
         (-360.0, 720.0),
+        length=2,
+    )
+    fov_elevation_deg: list[float] = parameter(
+        [-90.0, 90.0],
+        "Lowest and highest elevation of the field of view, degrees; only with state: space.",
+        (-90.0, 90.0),
         length=2,
     )
     blind_sectors_deg: list[float] = parameter(
@@ -329,6 +344,8 @@ class RadarParameters(SensorParameters):
     # Site on the round earth; None for a radar that measures over a plane.
     site: Site | None = None
     datum: float = 0.0  # Height of the world's zero as messages count heights, metres
+    # Heights of undetected targets in space; None in the plane.
+    height_prior: HeightPrior | None = None
 
     @cached_property
     def pose(self) -> place_forms.PoseSource:
@@ -340,6 +357,15 @@ class RadarParameters(SensorParameters):
         place, yaw = self.geodetic, math.radians(self.yaw_deg)
         site = Site((place[0], place[1], place[2]), plane, yaw) if place else None
         return replace(self, site=site, datum=plane.origin[2])
+
+    def in_space(self, prior: HeightPrior) -> RadarParameters:
+        """Return the radar in a world with heights."""
+        return replace(self, height_prior=prior)
+
+    @property
+    def curvature(self) -> float:
+        """Curvature of the earth about the radar, 1/m; 0 over a plane."""
+        return 0.0 if self.site is None else self.site.curvature
 
     @property
     def height(self) -> float:

@@ -9,6 +9,7 @@ from typing import ClassVar, TypeVar
 
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 from phd_jdtc_ros.core.sensors.site import Plane
+from phd_jdtc_ros.core.sensors.spatial_radar import HeightPrior
 
 from ..schema import parameter
 from . import place_forms
@@ -71,4 +72,8 @@ class SensorParameters:
 
     def on_earth(self: S, plane: Plane) -> S:
         """Return the sensor with its place on the earth, given the world's map projection."""
+        return self
+
+    def in_space(self: S, prior: HeightPrior) -> S:
+        """Return the sensor in a world with heights, given those of undetected targets."""
         return self

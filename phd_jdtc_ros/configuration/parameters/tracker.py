@@ -12,10 +12,11 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from phd_jdtc_ros.core.engine import Lag
+from phd_jdtc_ros.core.sensors.spatial_radar import HeightPrior
 from phd_jdtc_ros.core.targets.motion import MOTIONS
 from phd_jdtc_ros.core.tracks.region import Region
 
-from ..schema import INFINITY, POSITIVE, SMALL, parameter
+from ..schema import INFINITY, NOT_NEGATIVE, POSITIVE, SMALL, parameter
 from . import place_forms, replaced
 from .sensor import SensorParameters
 
@@ -24,6 +25,7 @@ from .sensor import SensorParameters
 MOST_SENSORS, MOST_CLASSES, MOST_MOTIONS, MOST_BIRTHS = 100, 50, 50, 1000
 # The engines whose estimates have labels, and the PHD filters, which have what the paper has.
 LABELLED = ("gaussian",)
+SPACE = "space"  # The value of `state` with heights
 PHD = ("phd", "phd_as_printed", "phd_gaussian")
 
 
@@ -54,6 +56,20 @@ class Tracking:
     )
     births: list[str] = parameter(
         [], "Names of the birth terms, at known places.", element=str, most=MOST_BIRTHS
+    )
+    state: str = parameter(
+        "plane",
+        "Axes of the targets' states: plane, or space with height and climb rate. In space ranges "
+        "are slant ranges, and elevations are measurements.",
+        choices=("plane", SPACE),
+    )
+    height_prior: HeightPrior = parameter(
+        [0.0, 5000.0, 0.0],
+        "Heights of undetected targets in the world frame, m: mean and standard deviation of a "
+        "normal distribution, and its floor (0). It places targets born at detections without an "
+        "elevation; a height is reported once it is known to half of the deviation. Only with "
+        "state: space.",
+        form=place_forms.HEIGHTS,
     )
     interval_s: float = parameter(
         6.0,
@@ -99,7 +115,7 @@ class Tracking:
         former=replaced.engine,
     )
     accuracy: str = parameter(
-        "fast",
+        "normal",
         "Accuracy against CPU time: fast mixes the motion models in every scan, high doubles the "
         "number of hypotheses, and for a PHD filter that of particles.",
         choices=("fast", "normal", "high"),
@@ -133,6 +149,14 @@ class Tracking:
         "if these are longer; not used by PHD filters. It keeps its number if it is detected "
         "later.",
         (0.0, 1e6),
+        mutable=True,
+    )
+    coasting_gates: float = parameter(
+        10.0,
+        "Largest spread of a reported track, in gates of five standard deviations of the noise of "
+        "a radar that reports, by area; not used by PHD filters. It keeps its number if it is "
+        "detected later.",
+        (SMALL, 1e6),
         mutable=True,
     )
     report_resting: bool = parameter(
@@ -180,6 +204,13 @@ class Tracking:
         "Standard deviation of the turn rate of a target born at a detection, rad/s.",
         POSITIVE,
         name="detection_births.turn_rate_std",
+    )
+    birth_climb_std: float = parameter(
+        5.0,
+        "Standard deviation of the climb rate of a target born at a detection, m/s; only with "
+        "state: space.",
+        POSITIVE,
+        name="detection_births.climb_std",
     )
     birth_least_probability: float = parameter(
         1e-4,
@@ -256,6 +287,17 @@ class Motion:
         "Spectral density of the white turn acceleration, rad^2/s^3; for coordinated turns only.",
         (1e-15, INFINITY),
     )
+    turn_time_constant_s: float = parameter(
+        0.0,
+        "Time constant with which the turn rate returns to zero, s: the usual length of a turn; 0 "
+        "for a rate that does not return. For coordinated turns only.",
+        NOT_NEGATIVE,
+    )
+    vertical_noise_density: float = parameter(
+        1.0,
+        "Spectral density of the white vertical acceleration, m^2/s^3; only with state: space.",
+        POSITIVE,
+    )
 
 
 @dataclass(frozen=True)
@@ -293,6 +335,11 @@ class Parts(NamedTuple):
     births: dict[str, Birth]
 
 
+# Defaults that follow from the value of another parameter.
+IMPLIED: dict[tuple[str, str], dict[str, Any]] = {
+    ("state", SPACE): {"learn": ["detection", "clutter"]},
+    **{("engine", name): {"learn": [], "detection_births.rates": []} for name in PHD},
+}
 # Values of the usual names that differ from the defaults of their group. The classes' bands are
 # those of the reference scenario. The motions, with their mode matrix, were tuned on seeds from
 # 9000 on of that scenario and of turning targets.

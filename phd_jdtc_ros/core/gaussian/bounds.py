@@ -12,7 +12,9 @@ class Bounds:
     hypotheses: int  # Largest number per target before hypotheses are split by motion mode
     # Hypotheses with less than this share of their target's existence probability are dropped.
     least_share: float
-    merge_distance: float  # Square Mahalanobis distance within which hypotheses are merged
+    # Twice the Kullback-Leibler divergence within which hypotheses are merged: the square
+    # Mahalanobis distance of their means if their covariances are equal.
+    merge_distance: float
     least_existence: float  # Targets with a smaller existence probability are dropped
     most: int  # Largest number of hypotheses of all targets together
     # Motion modes with at least this share of their hypothesis become hypotheses of their own; with

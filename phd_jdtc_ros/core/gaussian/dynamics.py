@@ -16,7 +16,6 @@ import numpy as np
 from ..arrays import (
     Bool1,
     BoolArray,
-    Float1,
     Float2,
     Float3,
     Float4,
@@ -29,6 +28,7 @@ from ..arrays import (
 )
 from ..models.amplitude_model import SnrCells
 from ..models.tracker_model import TrackerModel
+from ..state_space import SPATIAL
 from ..targets.motion import MotionModel
 from ..types import Estimates
 from .mixture import Mixture
@@ -53,8 +53,8 @@ class ModePairs(NamedTuple):
 class Motion(NamedTuple):
     """Survival and motion of targets over I intervals."""
 
-    dt: Float1  # Length of each interval, seconds, (I,)
     turns: Bool1  # Whether each motion mode is a coordinated turn, (R,)
+    arc: Float3  # `motion.turn_arc` of each motion mode, (I, R, 4)
     survival: Float2  # Probability to survive, by motion mode before, (I, R)
     # Probability to survive and to change from the first mode of a pair to the second, (I, K).
     change: Float2
@@ -79,9 +79,21 @@ class Spawned(NamedTuple):
     noise: Float3
 
 
+def _in_space(matrix: FloatArray) -> FloatArray:
+    """Return matrices, (..., K, K), of the first K axes of a state of the engine, (..., D, D)."""
+    size, axes = matrix.shape[-1], len(SPATIAL)
+    in_space = np.zeros((*matrix.shape[:-2], axes, axes))
+    in_space[..., :size, :size] = matrix
+    return in_space
+
+
 @dataclass(frozen=True)
 class Dynamics:
-    """The motion modes and cells of a model."""
+    """The motion modes and cells of a model.
+
+    States have the axes of `SPATIAL`, also in the plane, where no motion has a height: the size of
+    a state is a constant of the compiled functions.
+    """
 
     model: TrackerModel
 
@@ -129,7 +141,7 @@ class Dynamics:
     @cached_property
     def supported(self) -> FloatArray:
         """Indicator, 0 or 1, of the axes on which each mode has a density, shape (R, D)."""
-        supported = np.zeros((len(self.motions), len(self.model.modes.space)))
+        supported = np.zeros((len(self.motions), len(SPATIAL)))
         for row, motion in zip(supported, self.motions, strict=True):
             row[list(motion.support)] = 1.0
         return supported
@@ -179,7 +191,8 @@ class Dynamics:
         weight, mean = np.zeros((len(terms), *self.spread.shape[1:])), np.zeros((len(terms), size))
         covariance = np.zeros((len(terms), modes, size, size))
         for row, term in enumerate(terms):
-            weight[row], mean[row] = np.tensordot(term.rate, self.spread, axes=1), term.mean
+            weight[row] = np.tensordot(term.rate, self.spread, axes=1)
+            mean[row, : len(term.mean)] = term.mean
             covariance[row] = self._diagonal(term.std**2)
         return weight, mean[:, None] * self.supported, covariance
 
@@ -192,7 +205,7 @@ class Dynamics:
 
     def _diagonal(self, variance: FloatArray) -> FloatArray:
         """Return a diagonal matrix for each motion mode, on its axes, (R, D, D)."""
-        covariance: FloatArray = self.supported[..., None] * np.diag(variance)
+        covariance: FloatArray = self.supported[..., None] * _in_space(np.diag(variance))
         return covariance
 
     @cached_property
@@ -238,10 +251,16 @@ class Dynamics:
             )
             snr = [self.cells.transition(interval_s) for interval_s in lengths]
             change *= survival[:, pairs.before]
-            noise = np.array([modes.noise(interval_s)[flat] for interval_s in lengths])
+            noise = np.array([_in_space(modes.noise(interval_s)[flat]) for interval_s in lengths])
             matrices = self._matrices(dt)
+            arc = np.ascontiguousarray(modes.arc(dt)[:, flat])
             motion = Motion(
-                read_only(dt), read_only(self.turns, np.bool_), survival, change, noise, matrices
+                read_only(self.turns, np.bool_),
+                arc,
+                survival,
+                change,
+                noise,
+                matrices,
             )
             cache[key] = Intervals(frozen(motion), snr)
         return cache[key]

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
-from ..compilation import Int1, compiled
+from ..arrays import BoolArray, FloatArray, IntArray
+from ..compilation import Float2, Float3, Int1, compiled
 from ..types import CONFIRMED, Estimates
-from .algebra.blocks import SIZE, add_mean, add_spread
+from .algebra.blocks import SIZE, add_mean, add_spread, divergence, factorise
 from .algebra.kalman import floor_eigenvalues, is_positive
 from .algebra.vectors import add, total_of
 from .dynamics import Dynamics
-from .mixture import Gaussians, Mixture
+from .mixture import Gaussians, Hypotheses, Mixture
 
 
 @compiled
@@ -113,14 +113,81 @@ def extract_targets(
     """
     columns = _class_moments(threshold, len(label), target, row, gaussians)
     is_sound, chosen, mass, probability, class_id, state, covariance = columns
+    if not is_sound:
+        covariance, _ = floor_eigenvalues(covariance)
+    axes = dynamics.nobody.state.shape[1]
     return dynamics.nobody.changed(
         stamp_ns=stamp_ns,
         lag=lag,
-        state=state,
-        covariance=covariance if is_sound else floor_eigenvalues(covariance)[0],
+        state=np.ascontiguousarray(state[:, :axes]),
+        covariance=np.ascontiguousarray(covariance[:, :axes, :axes]),
         weight=mass,
         class_probability=probability,
         class_id=class_id,
         track_id=label[chosen] + 1,
         track_state=np.full(len(mass), CONFIRMED),
     )
+
+
+@compiled
+def _most_probable(
+    distance: float,
+    label: Int1,
+    class_id: Int1,
+    state: Float2,
+    covariance: Float3,
+    mixture: Hypotheses,
+) -> FloatArray:
+    """Return the states of `most_probable_motion`, given the moments of the whole densities."""
+    found: FloatArray = state.copy()
+    weight = mixture.weight
+    factor, scratch = np.empty((SIZE, SIZE)), (np.empty((SIZE, SIZE)), np.empty(SIZE))
+    for output in range(len(label)):
+        row, mode, largest = -1, -1, 0.0
+        for index in range(len(mixture.row_label)):
+            for own_mode in range(
+                weight.shape[1] if mixture.row_label[index] == label[output] else 0
+            ):
+                if weight[index, own_mode, class_id[output]] > largest:
+                    row, mode = index, own_mode
+                    largest = weight[index, own_mode, class_id[output]]
+        if row < 0:
+            continue
+        mean, whole = mixture.mean[row, mode], (state[output], covariance[output])
+        factorise(mixture.covariance[row, mode], factor)
+        if divergence(whole, mean, factor, scratch) > distance:
+            for i in range(SIZE):
+                found[output, i] = mean[i]
+    return found
+
+
+def most_probable_motion(
+    estimates: Estimates, mixture: Mixture, unseen: BoolArray, distance: float
+) -> Estimates:
+    """Return estimates in which an unseen target has its most probable motion.
+
+    The density of a target that no sensor has seen for long has several humps, those of straight
+    flight and of turns, and its mean is in none of them: a mean over directions is a velocity that
+    is too small. The state is then that of the hypothesis and motion of the largest weight, and the
+    covariance is that of the whole density about this state.
+
+    Parameters
+    ----------
+    unseen : bool array of shape (N,)
+    distance : float
+        The whole density is more than one hump if a reduction with this `Bounds.merge_distance`
+        would not merge one of its moments with the most probable motion.
+    """
+    (rows,) = unseen.nonzero()
+    label, class_id = estimates.track_id[rows] - 1, estimates.class_id[rows]
+    # Estimates have the axes of their space, and the engine all.
+    size = estimates.state.shape[1]
+    others = (0, SIZE - size)
+    mean = np.pad(estimates.state[rows], ((0, 0), others))
+    spread = np.pad(estimates.covariance[rows], ((0, 0), others, others))
+    found = _most_probable(distance, label, class_id, mean, spread, mixture.hypotheses)
+    found, away = found[:, :size], (mean - found)[:, :size]
+    state, covariance = estimates.state.copy(), estimates.covariance.copy()
+    state[rows] = found
+    covariance[rows] += away[:, :, None] * away[:, None]
+    return estimates.changed(state=state, covariance=covariance)

@@ -129,7 +129,7 @@ def _write_spawned(
                 parent_covariance[child],
                 motion.transition[0, mode],
                 motion.turns[mode],
-                motion.dt[0],
+                motion.arc[0, mode],
                 matched.moved,
             )
             for i in range(SIZE):

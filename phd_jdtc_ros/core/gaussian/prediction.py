@@ -171,7 +171,7 @@ def _write_pair(
     (mean, covariance), noise = gaussian, motion.noise[interval, mode]
     moved, gain, base = scratch.moved, later.gain[pair_row], later.base[pair_row]
     spread, transition = scratch.spread[pair], motion.transition[interval, mode]
-    move(mean, covariance, transition, motion.turns[mode], motion.dt[interval], moved)
+    move(mean, covariance, transition, motion.turns[mode], motion.arc[interval, mode], moved)
     for i in range(SIZE):
         later.pair_mean[pair_row, i] = moved.mean[i]
         for k in range(i + 1):
@@ -180,6 +180,11 @@ def _write_pair(
     factor = later.factor[factor_row] if factor_row >= 0 else scratch.factor
     factorise(spread, factor)
     for i in range(SIZE):
+        if covariance[i, i] == 0.0:  # the mode has no such axis, as that of a height in the plane
+            for k in range(SIZE):
+                gain[i, k] = 0.0
+                base[i, k] = base[k, i] = 0.0
+            continue
         write(solve(factor, moved.cross[i]), gain[i])
         for k in range(i + 1):
             base[i, k] = base[k, i] = covariance[i, k] - dot(gain[i], moved.cross[k])

@@ -13,7 +13,7 @@ import numpy as np
 from ..arrays import BoolArray, FloatArray, IntArray
 from ..compilation import Bool1, Float3, Float4, Int1, compiled, inner
 from ..snapshot import floats, integers
-from .algebra.blocks import SIZE, add_mean, add_spread, factorise, square_distance
+from .algebra.blocks import SIZE, add_mean, add_spread, divergence, factorise
 from .algebra.kalman import floor_eigenvalues, is_positive
 from .algebra.vectors import add, total_of
 from .bounds import Bounds
@@ -107,7 +107,7 @@ def _find_clusters(
     row_of, cluster = np.empty(count, np.int64), np.empty(count, np.int64)
     leader, merged = np.empty(count, np.int64), np.empty(count, np.bool_)
     centre, spread = np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE))
-    factor, whitened = np.empty((SIZE, SIZE)), np.empty(SIZE)
+    factor, scratch = np.empty((SIZE, SIZE)), (np.empty((SIZE, SIZE)), np.empty(SIZE))
     begin = end = 0
     while begin < count:
         while end < count and target[end] == target[begin]:
@@ -124,7 +124,7 @@ def _find_clusters(
             for row in range(leader_row, end):
                 if merged[row] or (
                     row > leader_row
-                    and square_distance(factor, centre[row], centre[leader_row], whitened)
+                    and divergence((centre[row], spread[row]), centre[leader_row], factor, scratch)
                     > distance
                 ):
                     continue
@@ -305,7 +305,10 @@ def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ance
     -----
     Targets of small existence probability are dropped. The most probable hypothesis of each other
     target absorbs all hypotheses within the merge distance, then the most probable remaining one
-    does, and so on. Each motion mode's Gaussian is moment-matched to the Gaussians it absorbs.
+    does, and so on. The distance is twice the Kullback-Leibler divergence of the absorbed from the
+    absorbing one, so that a narrow hypothesis, as that of a target which has flown straight on
+    unseen, does not become one with a wide one of the same mean. Each motion mode's Gaussian is
+    moment-matched to the Gaussians it absorbs.
 
     A merge of hypotheses of different motion modes only after the update is the second-order
     generalised pseudo-Bayesian filter; hypotheses that are kept apart make this more exact.
@@ -316,6 +319,8 @@ def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ance
     Transactions on Aerospace and Electronic Systems 14(3), 1978.
     Salmond, "Mixture reduction algorithms for target tracking in clutter", Proceedings of SPIE
     1305, 1990, the clustering algorithm.
+    Runnalls, "Kullback-Leibler approach to Gaussian mixture reduction", IEEE Transactions on
+    Aerospace and Electronic Systems 43(3), 2007, the divergence as a measure of what merging loses.
     """
     mixture = branched.mixture
     # If the number of hypotheses would leave too little room for the next scan, none is split:

@@ -264,7 +264,7 @@ class RadarReportCheck(ReportCheck):
         first.append(measurement)
         if len(first) < EXTENT_REPORTS or sum(map(len, first)) < FIELD_DETECTIONS:
             return []
-        distance, azimuth = np.concatenate(first).T
+        distance, azimuth = np.concatenate(first).T[:2]
         self._first = None
         noticed = ["ranges_near"] if distance.max() < self.near else []
         if self.may_be_radians:

@@ -327,13 +327,18 @@ class Platform:
                 turned = _turned(turned, yaw - pose.yaw)
             detections = replace(detections, measurement=place, velocity=turned, pose=pose)
             return detections, extrapolated
-        distance, azimuth = detections.measurement.T
+        distance, azimuth, *elevation = detections.measurement.T
+        up = [distance * np.sin(angle) for angle in elevation]  # in space
+        distance = distance * np.cos(elevation[0]) if elevation else distance
         bearing = azimuth + yaw
         toward = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
         east = x + distance * toward[:, 0] - pose.position[0]
         north = y + distance * toward[:, 1] - pose.position[1]
         angle = wrap_angle(np.arctan2(north, east) - pose.yaw)
-        measurement = np.stack([np.hypot(east, north), angle], axis=1)
+        columns = [np.hypot(east, north), angle]
+        if up:
+            columns = [np.hypot(columns[0], up[0]), angle, np.arctan2(up[0], columns[0])]
+        measurement = np.stack(columns, axis=1)
         rate = detections.range_rate
         if rate is not None:  # relative to the radar's velocity at the stamp
             velocity_at = [self.velocity(time_ns) or pose.velocity for time_ns in times_ns]

@@ -41,6 +41,7 @@ class DetectionBirthModel(ReadOnly):
     rate: FloatArray
     velocity_std: float  # Standard deviation of the velocity along each axis, metres per second
     turn_rate_std: float  # Standard deviation of the turn rate, radians per second
+    climb_std: float = 5.0  # Standard deviation of the climb rate in space, metres per second
     least_mass: float = 1e-4  # Smallest newborn mass with which a target is born at a detection
 
     @cached_property
@@ -76,7 +77,7 @@ class DetectionBirthModel(ReadOnly):
                 missed = missed_by([newborn.report for newborn in earlier], report.position, modes)
                 intensity = intensity + np.log(missed)
         if (measured := report.range_rates) is not None:
-            toward = line_of_sight(report.position, sensor.position)[0]
+            toward = line_of_sight(report.position, sensor.origin)[0]
             intensity = intensity + self.log_range_rate(toward, measured, sensor)
         velocities = None if report.detections.velocity is None else report.velocities
         if velocities is not None:
@@ -114,10 +115,13 @@ class DetectionBirthModel(ReadOnly):
     def log_range_rate(self, toward: FloatArray, measured: Rates, sensor: Sensor) -> FloatArray:
         """Return the log density of range rates of targets of unknown velocity, (M,); 0 for NaN.
 
-        `toward` has the directions from the sensor to the targets, world frame, (M, 2).
+        `toward` has the directions from the sensor to the targets, world frame, (M, P).
         """
-        radial = measured.rate + toward @ np.asarray(sensor.velocity)
-        return measured.model.log_density(radial, self.velocity_std**2 + measured.std**2)
+        radial = measured.rate + toward @ sensor.origin_velocity
+        variance: FloatArray | float = self.velocity_std**2
+        if toward.shape[1] > 2:
+            variance = variance + toward[:, 2] ** 2 * (self.climb_std**2 - variance)
+        return measured.model.log_density(radial, variance + measured.std**2)
 
 
 @dataclass(frozen=True)
@@ -142,7 +146,7 @@ def newborn_of(report: View, mass: FloatArray, least_mass: float) -> Newborn:
 
 
 def missed_by(reports: Sequence[View], position: FloatArray, modes: ModeSpace) -> FloatArray:
-    """Return the probability that reports miss a target at each position, (M, 2) to (C, M).
+    """Return the probability that reports miss a target at each position, (M, P) to (C, M).
 
     A sensor's probability is its mean over the SNR band of the class.
     """

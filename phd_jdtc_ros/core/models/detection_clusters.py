@@ -13,9 +13,9 @@ import numpy as np
 from ..arrays import TINY, FloatArray, IntArray, sum_by, wrap_angle
 from ..sensors.gaussians import PlanePlots
 from ..sensors.polar_radar import RadarModel
-from ..sensors.range_rate import Rates, rates_of
+from ..sensors.range_rate import Rates, Velocities, rates_of
 from ..sensors.sensor import Sensor
-from ..sensors.velocity import Velocities
+from ..sensors.spatial_radar import SpatialRadar
 from ..types import UNKNOWN, Detections, Pose
 
 # A sensor at this pose measures in its own frame.
@@ -41,8 +41,11 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
     """
     if not sensor.cluster_distance or len(detections) < 2:
         return detections
-    own = sensor.at(OWN_FRAME)
-    plots, rates = own.in_plane(detections), rates_of(sensor.range_rate, detections)
+    own, rates = sensor.at(OWN_FRAME), rates_of(sensor.range_rate, detections)
+    if isinstance(own, SpatialRadar):
+        plots = _in_space(detections, own)
+    else:
+        plots = own.in_plane(detections)
     pairs = _agreeing(_close_pairs(plots, sensor.cluster_distance), own.velocities_of(detections))
     known = np.zeros(len(detections), dtype=np.int64)
     for identity in (detections.code, detections.address):
@@ -54,10 +57,13 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
     count = int(group.max()) + 1
     if count == len(detections):
         return detections
-    x, y = (_mean(group, axis, count) for axis in plots.position.T)
-    measurement = np.stack([x, y], axis=1)
+    x, y, *up = (_mean(group, axis, count) for axis in plots.position.T)
+    measured = [x, y]
     if isinstance(sensor, RadarModel):
-        measurement = np.stack([np.hypot(x, y), wrap_angle(np.arctan2(y, x))], axis=1)
+        measured = [np.hypot(x, y), wrap_angle(np.arctan2(y, x))]
+    if up:
+        measured = [np.hypot(measured[0], up[0]), measured[1], np.arctan2(up[0], measured[0])]
+    measurement = np.stack(measured, axis=1)
     std, rate_std = detections.noise_std, detections.range_rate_std
     time_s, height = detections.time_s, detections.height
     correlation = detections.noise_correlation
@@ -79,6 +85,23 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
     )
 
 
+def _in_space(detections: Detections, sensor: SpatialRadar) -> PlanePlots:
+    """Return detections in the sensor's frame with positions in space, metres, (M, 3).
+
+    A detection without an elevation is where it would be at 0, and its unknown elevation is worth
+    no distance: only detections with the same one are merged.
+    """
+    distance, azimuth, elevation = detections.measurement.T
+    line = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
+    level = (distance * np.cos(elevation))[:, None] * line
+    std = sensor.noise_std_of(detections)
+    return PlanePlots(
+        np.column_stack([level, distance * np.sin(elevation)]),
+        np.stack([line, line[:, ::-1] * [-1.0, 1.0]], axis=2),
+        np.stack([std[:, 0], distance * std[:, 1]], axis=1),
+    )
+
+
 def _close_pairs(plots: PlanePlots, cluster_distance: float) -> IntArray:
     """Return the pairs of detections within the cluster distance and their noise, (P, 2)."""
     position, sides = plots.position, plots.std
@@ -89,10 +112,12 @@ def _close_pairs(plots: PlanePlots, cluster_distance: float) -> IntArray:
     pairs: IntArray = cKDTree(position).query_pairs(reach, output_type="ndarray")
     first, second = pairs.T
     difference = position[second] - position[first]
-    distance = np.hypot(difference[:, 0], difference[:, 1])
+    level = distance = np.hypot(difference[:, 0], difference[:, 1])
+    if position.shape[1] > 2:
+        distance = np.hypot(level, difference[:, 2])
     axis = plots.axes[first, :, 0]
     along = np.abs(axis[:, 0] * difference[:, 0] + axis[:, 1] * difference[:, 1])
-    cosine = np.minimum(along / np.maximum(distance, TINY), 1.0)
+    cosine = np.minimum(along / np.maximum(level, TINY), 1.0)
     square = sides[first] ** 2 + sides[second] ** 2
     noise = np.sqrt(cosine**2 * square[:, 0] + (1.0 - cosine**2) * square[:, 1])
     close: IntArray = pairs[distance <= cluster_distance + NOISE_SIGMA * noise]

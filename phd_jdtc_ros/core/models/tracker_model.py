@@ -14,6 +14,7 @@ from ..factors.clutter.map import ClutterMap
 from ..factors.factor import Factor
 from ..factors.transponder.records import AttributeModel
 from ..sensors.sensor import Sensor
+from ..sensors.spatial_radar import HeightPrior
 from ..sensors.view import View
 from ..targets.amplitude_density import of_classes
 from ..targets.birth import BirthTerm
@@ -47,6 +48,7 @@ class TrackerModel(ReadOnly):
     factors: Mapping[str, tuple[Factor, ...]] = field(default_factory=dict)
     # Model of identities and heights; None if no radar reports any.
     attributes: AttributeModel | None = None
+    height_prior: HeightPrior | None = None  # Heights of undetected targets; None in the plane
 
     def reports(self, scan: Scan) -> list[View]:
         """Return the reports of a scan, each with its sensor at its pose, in the configured order.

@@ -66,4 +66,6 @@ NO_BIAS = SensorBias()
 def _with_measurement(
     detections: Detections, distance: FloatArray, azimuth: FloatArray
 ) -> Detections:
-    return replace(detections, measurement=np.stack([distance, azimuth], axis=1))
+    others = detections.measurement[:, 2:]  # an elevation has no bias
+    measurement = np.column_stack([distance, azimuth, others])
+    return replace(detections, measurement=measurement)

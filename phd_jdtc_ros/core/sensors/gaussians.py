@@ -1,4 +1,4 @@
-"""Detections as Gaussians in the plane, and the mixture of noises with outliers."""
+"""Detections as Gaussians at places, and the mixture of noises with outliers."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from ..arrays import FloatArray
+from ..arrays import FloatArray, IntArray
 
 
 def noise_covariance(std: FloatArray, correlation: FloatArray | None) -> FloatArray:
@@ -26,28 +26,37 @@ def noise_covariance(std: FloatArray, correlation: FloatArray | None) -> FloatAr
 class PlanePlots(NamedTuple):
     """Detections as positions in the world frame, at their own times."""
 
-    position: FloatArray  # Metres, (M, 2)
-    axes: FloatArray  # Principal axes of the errors, unit vectors in columns, (M, 2, 2)
-    std: FloatArray  # Standard deviations along these axes, metres, (M, 2)
+    # Metres, (M, P), where P is 2, or 3 in space; see `StateSpace.place`.
+    position: FloatArray
+    axes: FloatArray  # Principal axes of the errors, unit vectors in columns, (M, P, P)
+    std: FloatArray  # Standard deviations along these axes, metres, (M, P)
 
     @classmethod
     def of(cls, position: FloatArray, covariance: FloatArray) -> PlanePlots:
-        """Return positions, (M, 2), with these covariances, (M, 2, 2)."""
+        """Return positions, (M, P), with these covariances, (M, P, P)."""
         variance, axes = np.linalg.eigh(covariance)
         return cls(position, axes, np.sqrt(np.maximum(variance, 0.0)))
 
     @property
     def root(self) -> FloatArray:
-        """Square roots of the covariances, metres, shape (M, 2, 2)."""
+        """Square roots of the covariances, metres, shape (M, P, P)."""
         return self.axes * self.std[:, None, :]
 
     @property
     def covariance(self) -> FloatArray:
-        """Covariances of the positions, square metres, shape (M, 2, 2)."""
+        """Covariances of the positions, square metres, shape (M, P, P)."""
         covariance = np.zeros_like(self.axes)
         for std, axis in zip(self.std.T, np.moveaxis(self.axes, 2, 0), strict=True):
             covariance += (std**2)[:, None, None] * axis[:, :, None] * axis[:, None, :]
         return covariance
+
+
+class Births(NamedTuple):
+    """Hypotheses of the places of targets that are born at detections."""
+
+    row: IntArray  # Detection of each hypothesis, ascending, (K,)
+    share: FloatArray  # Probability of each among those of its detection, (K,)
+    plots: PlanePlots  # K places
 
 
 class HeavyTails(Protocol):

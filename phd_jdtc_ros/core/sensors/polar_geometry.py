@@ -47,8 +47,10 @@ def linearise(
     return measured, jacobian
 
 
-def line_of_sight(position: FloatArray, origin: Sequence[float]) -> tuple[FloatArray, FloatArray]:
-    """Return unit vectors to positions, (N, 2), and the distances, (N,)."""
+def line_of_sight(
+    position: FloatArray, origin: Sequence[float] | FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return unit vectors to positions, (N, P), and the distances, (N,)."""
     line = position - np.asarray(origin)
     distance = np.maximum(np.sqrt((line**2).sum(axis=1)), MIN_RANGE)
     return line / distance[:, None], distance

@@ -18,7 +18,7 @@ from .of_gaussians.linearised import Linearised
 from .polar_gate import DETECTION_GATE_SIGMA
 from .polar_geometry import MIN_RANGE
 from .sensor import Sensor
-from .slant_range import HeightProjection
+from .site import HeightProjection
 from .visibility import Visibility, sector_probability
 
 # Lower bound of the share of the uniform clutter by which counts of it are divided.
@@ -92,12 +92,12 @@ class RadarModel(Sensor):
         `time_s` has the time of each measurement relative to the stamp of the states, seconds,
         (N,).
         """
-        velocity = state[:, list(self.space.velocity)]
-        line = state[:, list(self.space.position)] - np.asarray(self.position)
+        velocity = state[:, list(self.space.motion)]
+        line = state[:, list(self.space.place)] - self.origin
         if time_s is not None:
             line = line + time_s[:, None] * velocity
         distance = np.maximum(np.sqrt((line**2).sum(axis=1)), MIN_RANGE)
-        radial: FloatArray = (line * (velocity - self.velocity)).sum(axis=1) / distance
+        radial: FloatArray = (line * (velocity - self.origin_velocity)).sum(axis=1) / distance
         return radial
 
     def wrap(self, error: FloatArray) -> FloatArray:

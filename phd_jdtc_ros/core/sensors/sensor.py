@@ -1,9 +1,9 @@
-"""Base class of sensors: measurements, noise, coverage, positions in the plane.
+"""Base class of sensors: measurements, noise, coverage, positions.
 
-Its subclasses are `polar_radar.RadarModel` and `position.PositionSensor`. The engine, births, the
-region, the factors and the reporting rule depend only on this class. A new kind of sensor
-implements the abstract members; the other ones have defaults for a sensor that measures without a
-turning antenna and sees all targets.
+Its subclasses are `polar_radar.RadarModel`, `spatial_radar.SpatialRadar` and
+`position.PositionSensor`. The engine, births, the region, the factors and the reporting rule depend
+only on this class. A new kind of sensor implements the abstract members; the other ones have
+defaults for a sensor that measures without a turning antenna and sees all targets.
 """
 
 from __future__ import annotations
@@ -19,10 +19,9 @@ from ..arrays import BoolArray, FloatArray, IntArray, ReadOnly
 from ..state_space import PLANAR, StateSpace
 from ..types import Coverage, Detections, Pose
 from . import polar_geometry
-from .gaussians import HeavyTails, PlanePlots
+from .gaussians import Births, HeavyTails, PlanePlots
 from .of_gaussians.linearised import Linearised
-from .range_rate import RangeRateModel
-from .velocity import Velocities
+from .range_rate import RangeRateModel, Velocities
 
 SensorT = TypeVar("SensorT", bound="Sensor")
 
@@ -31,8 +30,8 @@ SensorT = TypeVar("SensorT", bound="Sensor")
 class Sensor(ReadOnly, ABC):
     """A sensor at its pose: its measurements, its noise and its coverage.
 
-    Measurements have shape (..., Z), positions (..., 2) and states (..., D). Positions and states
-    are in the world frame.
+    Measurements have shape (..., Z), positions (..., P) and states (..., D). Positions and states
+    are in the world frame; a position has the axes `StateSpace.place`, two or three.
     """
 
     # Names of the components of a measurement.
@@ -75,6 +74,16 @@ class Sensor(ReadOnly, ABC):
         return self.changed(range_rate=replace(range_rate, std=float(of_std[-1]) * range_rate.std))
 
     @property
+    def origin(self) -> FloatArray:
+        """Its position along the axes of `StateSpace.place`, metres, (P,)."""
+        return np.array(self.position)
+
+    @property
+    def origin_velocity(self) -> FloatArray:
+        """Its velocity along the axes of `StateSpace.place`, metres per second, (P,)."""
+        return np.array([*self.velocity, 0.0][: len(self.origin)])
+
+    @property
     def clutter_share(self) -> float:
         """Share of its uniform clutter, `clutter_rate`, that is among its detections; above 0."""
         return 1.0
@@ -91,11 +100,11 @@ class Sensor(ReadOnly, ABC):
 
     @abstractmethod
     def linearise(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the measurements of positions and their Jacobians, (..., Z) and (..., Z, 2)."""
+        """Return the measurements of positions and their Jacobians, (..., Z) and (..., Z, P)."""
 
     @abstractmethod
     def to_world(self, measurement: FloatArray) -> FloatArray:
-        """Return the positions of measurements, (M, Z) to (M, 2)."""
+        """Return the positions of measurements, (M, Z) to (M, P)."""
 
     @abstractmethod
     def log_jacobian(self, measured: FloatArray) -> FloatArray:
@@ -104,6 +113,12 @@ class Sensor(ReadOnly, ABC):
     @abstractmethod
     def in_plane(self, detections: Detections) -> PlanePlots:
         """Return the detections as positions with covariances, for births and proposals."""
+
+    def places_of_births(self, detections: Detections) -> Births:
+        """Return the hypotheses of the places of targets born at detections."""
+        return Births(
+            np.arange(len(detections)), np.ones(len(detections)), self.in_plane(detections)
+        )
 
     def noise_std_of(self, detections: Detections) -> FloatArray:
         """Return the standard deviations of each detection, its own or the sensor's, (M, Z)."""
@@ -117,7 +132,7 @@ class Sensor(ReadOnly, ABC):
 
     def measure(self, state: FloatArray) -> FloatArray:
         """Return the noise-free measurement of each state, (N, D) to (N, Z)."""
-        return self.linearise(state[:, list(self.space.position)])[0]
+        return self.linearise(state[:, list(self.space.place)])[0]
 
     def wrap(self, error: FloatArray) -> FloatArray:
         """Return differences of measurements, (..., Z), with wrapped angles."""

@@ -19,9 +19,8 @@ from ..targets import amplitude_density
 from ..targets.modes import ClassModel
 from ..types import Coverage, Detections
 from .gaussians import PlanePlots
-from .range_rate import Rates, rates_of
+from .range_rate import Rates, Velocities, rates_of
 from .sensor import Sensor
-from .velocity import Velocities
 
 # Rounding error of the sum of the probabilities of adjoining sectors.
 ROUNDING = 1e-12

@@ -18,6 +18,8 @@ TURN_TOLERANCE = 1e-9
 WIDEST_STD = np.pi
 # Standard deviations beyond which a normal density has no mass.
 FARTHEST = 8.0
+# Component of a measurement in space.
+ELEVATION = 2
 # Smallest probability of the range limits by which an expected value is divided.
 LEAST_INSIDE = 1e-9
 
@@ -51,6 +53,8 @@ class Visibility:
     max_range: float  # Largest range at which targets are detected, metres
     min_range: float = 0.0  # Smallest range, metres: detections are rejected below
     fov: Coverage = WHOLE_TURN  # Azimuths of the field of view
+    # Lowest and highest elevation in space, radians; not used in the plane.
+    elevations: tuple[float, float] | None = None
     blind: tuple[Coverage, ...] = ()  # Obstructed azimuths within the field of view
     # Ranges at which the detection probability is given, metres. It is linear between them, and
     # constant outside; empty if it follows from the classes' signal-to-noise ratios.
@@ -114,6 +118,16 @@ class Visibility:
             )
         return probability
 
+    def probability_of_elevation(
+        self, elevation: FloatArray, std: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the probability that expected elevations are in the field of view, (N,)."""
+        low, high = self.elevations or (-np.inf, np.inf)
+        if std is None:
+            return ((elevation >= low) & (elevation <= high)).astype(np.float64)
+        inside: FloatArray = ndtr((high - elevation) / std) - ndtr((low - elevation) / std)
+        return inside
+
     @property
     def clear_share(self) -> float:
         """Share of the field of view's azimuths that are not obstructed."""
@@ -123,7 +137,7 @@ class Visibility:
 
     @cached_property
     def limits(self) -> tuple[IntArray, FloatArray]:
-        """Intervals of the ranges and of the azimuths of the field of view; see `Sensor.limits`.
+        """Intervals of the components within the field of view; see `Sensor.limits`.
 
         Azimuths are those of three revolutions, so that each is inside at any multiple of a
         revolution; there are no intervals if all azimuths are clear.
@@ -133,7 +147,10 @@ class Visibility:
         turns = FULL_TURN * np.arange(-2.0, 1.0)
         azimuths = (sides.reshape(-1, 1, 2) + turns[:, None]).reshape(-1, 2)
         intervals = np.concatenate([[[nearest, self.max_range]], azimuths])
-        return np.minimum(np.arange(len(intervals)), 1), intervals
+        component = np.minimum(np.arange(len(intervals)), 1)
+        if self.elevations is None:
+            return component, intervals
+        return np.append(component, ELEVATION), np.concatenate([intervals, [self.elevations]])
 
     def _clear(self, azimuth: FloatArray) -> FloatArray:
         """Return 1 for each azimuth in the field of view and not obstructed, 0 otherwise."""

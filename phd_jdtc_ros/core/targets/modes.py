@@ -20,7 +20,7 @@ from scipy import linalg
 
 from ..arrays import BoolArray, FloatArray, IntArray, read_only
 from ..state_space import StateSpace
-from .motion import MotionModel, noise_after
+from .motion import MotionModel
 
 # Tolerance for rounding errors in a generator; its inverse is the largest condition number of the
 # eigenvectors.
@@ -176,7 +176,16 @@ class ModeSpace:
 
     def noise(self, dt: FloatArray | float) -> FloatArray:
         """Return the process noise of each flat mode after `dt` seconds, (..., O, D, D)."""
-        return noise_after(dt, self.noise_factors)
+        size = len(self.space)
+        noise = np.zeros((*np.shape(dt), len(self), size, size))
+        for mode, motion in enumerate(self.motions):
+            rows, columns = np.ix_(motion.support, motion.support)
+            noise[..., mode, rows, columns] = motion.noise_covariance(dt)
+        return noise
+
+    def arc(self, dt: FloatArray | float) -> FloatArray:
+        """Return the `turn_arc` of each flat mode after `dt` seconds, (..., O, 4)."""
+        return np.stack([motion.arc(dt) for motion in self.motions], axis=-2)
 
     @cached_property
     def noise_factors(self) -> FloatArray:

@@ -12,15 +12,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, read_only
-from ..compilation import Float1, Float2, Float3, Float4, Int1, compiled
-from ..state_space import PLANAR
+from ..compilation import Float1, Float2, Float3, Int1, compiled, inner
+from ..state_space import SPATIAL
 from ..targets.modes import ModeSpace
-from ..targets.turn_matrix import turn, turn_terms
+from ..targets.turn_matrix import climb, turn, turn_terms
 from ..types import Estimates
 
-OMEGA = PLANAR.turn_rate
+OMEGA, VZ = SPATIAL.turn_rate, SPATIAL.vertical[1]
 # Axes of a position and its velocity.
-MOVING = tuple(zip(PLANAR.position, PLANAR.velocity, strict=True))
+MOVING = tuple(zip(SPATIAL.place, SPATIAL.motion, strict=True))
 # Step of the numerical Jacobian along the axes of position and velocity.
 STEP = 1e-2
 # Step along the axis of the turn rate.
@@ -48,7 +48,7 @@ def predict(estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeS
     """Return the estimates at a later stamp, given the time of each, (N,).
 
     The mean follows its coordinated turn, and the covariance is predicted to first order. The
-    process noise is the mean over the class's motion models.
+    return of the turn rate and the process noise are means over the class's motion models.
     """
     (to_predict,) = (time_ns != stamp_ns).nonzero()
     if not to_predict.size:
@@ -56,10 +56,11 @@ def predict(estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeS
         return estimates if is_at_stamp else estimates.changed(stamp_ns=stamp_ns)
     dt = (stamp_ns - time_ns[to_predict]).astype(np.float64) * 1e-9
     class_id, covariance = estimates.class_id[to_predict], estimates.covariance[to_predict]
-    powers = dt, dt**2 / 2.0, dt**3 / 3.0
-    state, columns, noise = _predicted(
-        estimates.state[to_predict], *powers, class_id, modes.class_of, modes.noise_factors
-    )
+    own = modes.class_of == class_id[:, None]
+    share = own / own.sum(axis=1, keepdims=True)
+    arc = np.einsum("no,noi->ni", share, modes.arc(dt))
+    noise = np.einsum("no,noik->nik", share, modes.noise(dt))
+    state, columns = _predicted(estimates.state[to_predict], arc)
     jacobian = columns.transpose(1, 2, 0)
     survival = modes.nominal_survival[class_id] ** (dt / modes.interval_s)
     covariance = jacobian @ covariance @ jacobian.transpose(0, 2, 1) + noise
@@ -71,49 +72,35 @@ def predict(estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeS
     )
 
 
-@compiled
-def _predicted(
-    state: Float2,
-    dt: Float1,
-    half_square: Float1,
-    third_cube: Float1,
-    class_id: Int1,
-    class_of: Int1,
-    factors: Float4,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return states after `dt` seconds, their numerical Jacobians by column, and the noise.
+@inner
+def _move(arc: FloatArray, state: FloatArray, later: FloatArray) -> None:
+    """Write a state after its `motion.turn_arc`."""
+    turn(turn_terms(state[OMEGA], arc), state, later)
+    if len(state) > VZ:
+        climb(arc[1] + arc[2], state, later)
 
-    `half_square` is dt^2 / 2 and `third_cube` dt^3 / 3; `class_of` and `factors` are those of
-    `ModeSpace`. The shapes are (N, D), (D, N, D) and (N, D, D).
+
+@compiled
+def _predicted(state: Float2, arc: Float2) -> tuple[FloatArray, FloatArray]:
+    """Return states after their `motion.turn_arc`, (N, D), and their numerical Jacobians by column.
+
+    The Jacobians' shape is (D, N, D).
     """
     count, size = state.shape
     later, columns = np.empty((count, size)), np.empty((size, count, size))
-    noise = np.zeros((count, size, size))
     shifted, ends = np.empty(size), np.empty((2, size))
     for row in range(count):
-        turn(turn_terms(state[row, OMEGA], dt[row]), state[row], later[row])
+        _move(arc[row], state[row], later[row])
         for axis in range(size):
             step = TURN_STEP if axis == OMEGA else STEP
             for side in range(2):
                 for i in range(size):
                     shifted[i] = state[row, i]
                 shifted[axis] += step if side else -step
-                turn(turn_terms(shifted[OMEGA], dt[row]), shifted, ends[side])
+                _move(arc[row], shifted, ends[side])
             for i in range(size):
                 columns[axis, row, i] = (ends[1, i] - ends[0, i]) / (2.0 * step)
-        motions = 0
-        for mode_class in class_of:
-            motions += mode_class == class_id[row]
-        for mode in range(len(class_of)):
-            if class_of[mode] != class_id[row]:
-                continue
-            for i in range(size):
-                for k in range(size):
-                    added = dt[row] * factors[0, mode, i, k]
-                    added += half_square[row] * factors[1, mode, i, k]
-                    added += third_cube[row] * factors[2, mode, i, k]
-                    noise[row, i, k] += added / motions
-    return later, columns, noise
+    return later, columns
 
 
 def _with_values(column: FloatArray, rows: IntArray, values: FloatArray) -> FloatArray:
@@ -181,6 +168,8 @@ def _interpolated(
             for k in range(state.shape[1]):
                 covariance[row, i, k] = r * covariance0[row, i, k] + s * covariance1[row, i, k]
         for x, vx in MOVING:
+            if vx >= state.shape[1]:
+                continue
             p0, p1 = state0[row, x], state1[row, x]
             v0, v1 = duration_s * state0[row, vx], duration_s * state1[row, vx]
             state[row, x] = (1.0 + 2.0 * s) * (r * r) * p0 + s * (r * r) * v0

@@ -8,6 +8,9 @@ Outside all coverage nothing lowers a target's existence probability except the 
 probability. A track without coverage is no longer reported once its last detection is older than a
 limit. The filter keeps it, so that it has the same number when it leaves a blind sector.
 
+A track whose position is spread over many gates of the sensors is not reported either: a detection
+among the many in its gates says little about it. Its next own detection makes it narrow again.
+
 A target whose most probable class is at rest has a track like any other, but is not reported.
 
 With clutter maps, a track that is probably stationary is not confirmed: the map will soon contain
@@ -29,6 +32,7 @@ from ..arrays import BoolArray, FloatArray, IntArray, contains, frozen
 from ..bisection import count_below
 from ..compilation import Bool1, Float1, Int1, compiled, inner
 from ..models.tracker_model import TrackerModel
+from ..sensors.of_gaussians.linearised import GATE_SIGMA
 from ..sensors.view import View
 from ..snapshot import Snapshot, from_snapshot, to_snapshot
 from ..targets import stationary
@@ -40,6 +44,8 @@ from .reporting_rule import MIN_EXISTENCE, ReportingRule
 # A target that a scan misses with a larger probability than this counts as not covered: neither as
 # missed nor as detected.
 MAX_MISS_PROBABILITY = 0.98
+# Share of a density that is covered at least where its target counts as covered.
+LEAST_COVERED = 0.5
 # Intervals or revolutions without coverage after which a track is coasting.
 PATIENCE = 1.5
 # Largest probability of being stationary, with clutter maps, with which a track is confirmed. The
@@ -52,26 +58,35 @@ SAME_REVOLUTION = 0.5
 EPSILON = float(np.finfo(float).eps)
 
 
-def missed_by_all(
+def missed_and_spread(
     estimates: Estimates, scan: Scan, model: TrackerModel, views: Sequence[View]
-) -> FloatArray:
-    """Return the probability that no sensor of a scan detects each target, shape (T,).
+) -> tuple[FloatArray, FloatArray]:
+    """Return the probability that no sensor of a scan detects each target, and its spread, (T,).
 
-    It depends on the target's class and position, and on the sensors' poses at the scan. `views`
-    has what is expected of each sensor of the model.
+    The probability depends on the target's class, and on its density at the sensors' poses at the
+    scan: what of it is outside the coverage is not missed, and nothing is if most of it is outside.
+    The spread is the geometric mean, over the components of a measurement, of the density's
+    standard deviation in standard deviations of the noise; it is that by the sensor for which it is
+    smallest, NaN without any. `views` has what is expected of each sensor of the model.
     """
     missed = np.ones(len(estimates))
+    spread = missed * np.nan
     for view, report in zip(views, scan.detections, strict=True):
         if report is None:
             continue
         sensor = view.sensor.at(report.pose)
-        measured = sensor.measure(estimates.state)
-        detected = sensor.configured_detection_probability(measured)
+        gaussians = estimates.state[:, None], estimates.covariance[:, None]
+        expected = sensor.of_gaussians.expected(*gaussians)
+        measured, std = expected.measured[:, 0], expected.std[:, 0]
+        detected = sensor.configured_detection_probability(measured, std)
         if detected is None:
             detected = of_classes(sensor.threshold, model.modes.classes)[estimates.class_id]
         detected = view.detection_probability_at(detected, measured)
-        missed *= 1.0 - sensor.coverage_probability(measured, report.coverage) * detected
-    return missed
+        area = np.multiply.reduce(std / sensor.noise_std, axis=1)
+        spread = np.fmin(spread, area ** (1.0 / len(sensor.noise_std)))
+        covered = sensor.coverage_probability(measured, report.coverage, std)
+        missed *= 1.0 - np.where(covered < LEAST_COVERED, 0.0, covered) * detected
+    return missed, spread
 
 
 def stationary_speed(views: Sequence[View]) -> float:
@@ -138,6 +153,7 @@ class _Estimated(NamedTuple):
     class_id: Int1  # (E,)
     miss_probability: Float1  # Probability that no radar of the scan detects each, (E,)
     stationary: Float1  # Probability that each is stationary, (E,)
+    blurred: Bool1  # Whether each is spread too far to be reported, (E,)
 
 
 class _ScanEvidence(NamedTuple):
@@ -233,7 +249,7 @@ def _next_records(
     A detection raises the odds of existence. The odds of a track that is missed are corrected by
     its own record.
     """
-    rows, track_id, estimated, class_of, miss_probability, stationary = estimates
+    rows, track_id, estimated, class_of, miss_probability, stationary, blurred = estimates
     label = before.label
     record, found, most = 0, 0, len(label) + len(rows)
     after = ConfirmationRecords(
@@ -268,6 +284,7 @@ def _next_records(
             detected_ns, previous_state = before.detected_ns[record], before.state[record]
             expected, missed = before.expected[record], before.missed[record]
             factor, covered = before.factor[record], missing < MAX_MISS_PROBABILITY
+            covered = covered and not blurred[row]
             intervals = (stamp_ns - before.stamp_ns[record]) / durations.interval
             survival = rule.survival[class_id] ** intervals
             lower = odds < _odds(before.existence[record] * survival)
@@ -288,6 +305,8 @@ def _next_records(
         look = _ScanEvidence(covered, is_detected, is_missed, stamp_ns - detected_ns)
         believed, still = (existence, weight), stationary[row]
         state = _next_state(previous_state, look, believed, class_id, still, rule, durations)
+        if blurred[row]:
+            state = TENTATIVE
         if (is_missed or is_detected) and previous_state != TENTATIVE:
             expected += missing
             missed += is_missed
@@ -316,6 +335,8 @@ class TrackStates:
     def reset(self) -> None:
         """Forget all tracks."""
         self._records = ConfirmationRecords.of_none()
+        # Labels of the last report's tracks that had no detection for `PATIENCE`, ascending.
+        self.unseen: IntArray = self._records.label
         self._noted = PastStates()
 
     def report_filtered(
@@ -362,13 +383,15 @@ class TrackStates:
             coasting=1e9 * rule.coasting_s,
         )
         numbers = rule.confirm, rule.delete, rule.hidden, rule.reported, rule.record_weight
+        missed, spread = missed_and_spread(estimates, scan, model, views)
         estimated = _Estimated(
             estimates.track_id.argsort(kind="stable"),
             estimates.track_id,
             estimates.weight,
             estimates.class_id,
-            missed_by_all(estimates, scan, model, views),
+            missed,
             stationary_probability(estimates, model, views),
+            spread > GATE_SIGMA * rule.coasting_gates,
         )
         after, count, states, is_reported = _next_records(
             scan.stamp_ns,
@@ -381,6 +404,7 @@ class TrackStates:
         )
         kept = ConfirmationRecords(*(column[:count].copy() for column in after))
         self._records = frozen(kept)
+        self.unseen = kept.label[kept.stamp_ns - kept.detected_ns > durations.patience]
         return states, is_reported
 
     def note(self, published: Estimates) -> None:

@@ -48,6 +48,8 @@ class ReportingRule:
     labelled: bool = True
     # Time for which tracks outside all coverage are reported after their last detection, seconds.
     coasting_s: float = np.inf
+    # Largest spread of a reported track in gates, of `GATE_SIGMA` standard deviations of the noise.
+    coasting_gates: float = np.inf
 
     @cached_property
     def least(self) -> float:
@@ -71,6 +73,7 @@ def rule_of(
     confirm: float = 0.0,
     delete: float = 0.0,
     coasting_scans: float = np.inf,
+    coasting_gates: float = np.inf,
     report_resting: bool = False,
 ) -> ReportingRule:
     """Return the rule of given thresholds; thresholds of 0 are derived from the model.
@@ -89,21 +92,21 @@ def rule_of(
     if not labelled:
         above = np.full(len(classes), confirm or UNLABELLED_THRESHOLD)
         return ReportingRule(above, above, above, reported, never, labelled=False)
-    coasting_s = coasting_scans * slowest_s(model)
+    limits = coasting_scans * slowest_s(model), coasting_gates
     misses = [_miss_probabilities(target_class, model.radars) for target_class in classes]
     p = 1.0 - np.array([missed.mean() for missed in misses])
     above = np.full(len(classes), confirm) if confirm else (1.0 + p) / (2.0 + p)
     if delete:
         below = np.full(len(classes), delete)
         above = np.maximum(above, delete)
-        return ReportingRule(above, below, below, reported, never, coasting_s=coasting_s)
+        return ReportingRule(above, below, below, reported, never, True, *limits)
     weight = never
     if not isinstance(model.amplitudes, Memory):  # `Memory` estimates each target's own SNR
         weight = np.array([_record_weight(missed) for missed in misses])
     below, hidden = (
         np.minimum(1.0 / (2.0 + return_probability), above) for return_probability in (p, 0.0)
     )
-    return ReportingRule(above, below, hidden, reported, weight, coasting_s=coasting_s)
+    return ReportingRule(above, below, hidden, reported, weight, True, *limits)
 
 
 def _miss_probabilities(target_class: ClassModel, sensors: tuple[Sensor, ...]) -> FloatArray:

@@ -136,6 +136,23 @@ class Estimates(_Targets):
         """Covariances of the velocities, (m/s)^2, shape (T, 2, 2)."""
         return self._covariance_of(self.space.velocity)
 
+    @property
+    def covariance_in_space(self) -> FloatArray:
+        """Covariances of x, y, z and their velocities, (T, 6, 6); NaN for unknown heights.
+
+        A height beside the state has no covariance with the plane.
+        """
+        height = self.known_attributes.height_covariance
+        joint = np.zeros((len(self), 6, 6))
+        axes = [0, 1, 3, 4, *((2, 5) if self.space.vertical else ())]
+        of_state = [*self.space.position, *self.space.velocity, *self.space.vertical]
+        joint[:, np.array(axes)[:, None], axes] = self._covariance_of(tuple(of_state))
+        joint[:, [[2], [5]], [2, 5]] = height
+        unknown = np.isnan(height[:, 0, 0])
+        joint[unknown, 2] = joint[unknown, 5] = np.nan
+        joint[unknown, :, 2] = joint[unknown, :, 5] = np.nan
+        return joint
+
     @cached_property
     def known_attributes(self) -> Attributes:
         """Heights and identities, all of which are unknown if no radar reports any."""
@@ -151,6 +168,17 @@ class Estimates(_Targets):
 
     def __len__(self) -> int:
         return len(self.state)
+
+    def with_heights(self, largest_std: float) -> Estimates:
+        """Return estimates in space with their heights and climb rates as attributes.
+
+        Heights with a standard deviation above `largest_std`, metres, are unknown.
+        """
+        axes, found = self.space.vertical, self.known_attributes
+        height, covariance = self.state[:, axes].copy(), self._covariance_of(axes).copy()
+        unknown = ~(covariance[:, 0, 0] <= largest_std**2)
+        height[unknown], covariance[unknown] = np.nan, np.nan
+        return self.changed(attributes=found.changed(height=height, height_covariance=covariance))
 
     @property
     def existence(self) -> FloatArray:

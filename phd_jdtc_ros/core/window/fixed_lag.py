@@ -11,7 +11,7 @@ import numpy as np
 from ..arrays import FloatArray, contains
 from ..engine import EngineState, Lag, OnFiltered, Reprocessed, Step, ignore_filtered
 from ..gaussian.entries import Entry, UnsweptRows, trim
-from ..gaussian.extraction import extract
+from ..gaussian.extraction import extract, most_probable_motion
 from ..gaussian.mixture import Mixture
 from ..gaussian.smoothing.lineages import Lineages
 from ..gaussian.smoothing.smoother import extract_at
@@ -232,6 +232,10 @@ class GaussianEngine:
         reported = self._states.report_filtered(
             estimates, updated.label, unswept_ns, scan, self.forward.model, self.forward.views
         )
+        if self._states.unseen.size:
+            unseen = contains(self._states.unseen, reported.track_id)
+            distance = self.forward.bounds.merge_distance
+            reported = most_probable_motion(reported, updated, unseen, distance)
         previous, self._filtered = self._filtered, {}
         total = np.zeros(len(modes.classes))
         for rows in earlier:
@@ -270,6 +274,8 @@ class GaussianEngine:
         """Return targets with their attributes, and with track numbers instead of labels."""
         if (transponders := self.forward.factors.transponders) is not None:
             estimates = transponders.describe(estimates, smoothed)
+        if (prior := self.forward.model.height_prior) is not None:
+            estimates = estimates.with_heights(prior.largest_std)
         return self._tracks.assign(estimates, Reach.of(self.forward.model))
 
     def _smooth_pending(self) -> tuple[Estimates, ...]:

@@ -5,6 +5,7 @@ from .distances import GospaAccumulator, Numbers, OspaAccumulator
 from .gaps import Gaps
 from .identity import Switches
 from .pairs import Classes, Heights, Nearness, Pairs
+from .space import Space
 from .tracks import Ospa2Accumulator
 
 # All accumulators, in the order of tables and keys.
@@ -19,5 +20,6 @@ ACCUMULATORS = (
     Switches,
     Nearness,
     Heights,
+    Space,
     Classes,
 )

@@ -32,6 +32,7 @@ class Leg:
     duration_s: float = parameter(0.0, "Length of the leg, s.", (SMALL, 1e7), required=True)
     turn_rate: float = turn_rate_field()
     acceleration: float = parameter(0.0, "Change of the speed, m/s^2.", (-1e3, 1e3))
+    climb: float = parameter(0.0, "Climb rate, m/s, that radars in space see.", (-1e3, 1e3))
 
     def __post_init__(self) -> None:
         if not self.duration_s > 0.0:
@@ -50,7 +51,7 @@ class Flight:
     position: tuple[float, float]  # At the start, world frame, metres
     velocity: tuple[float, float]  # At the start, metres per second
     legs: tuple[Leg, ...]  # One after the other
-    height: float = 0.0  # Height above the world's zero, metres
+    height: float = 0.0  # At the start, above the world's zero, metres
 
     def __post_init__(self) -> None:
         slowest = self._marks[:, 2].min()
@@ -88,6 +89,15 @@ class Flight:
         )
         state[:, PLANAR.turn_rate] = self._rates[leg, 0]
         return state
+
+    def heights(self, time_s: FloatArray) -> FloatArray:
+        """Return heights and climb rates at times after scan 0, m and m/s; shape (N,) to (N, 2)."""
+        elapsed = np.asarray(time_s, dtype=np.float64) - self.start_s
+        climbs = np.array([leg.climb for leg in self.legs])
+        leg = np.clip(np.searchsorted(self._starts, elapsed, "right") - 1, 0, len(climbs) - 1)
+        before = np.concatenate([[0.0], np.cumsum(climbs * np.diff(self._starts))])
+        height = self.height + before[leg] + climbs[leg] * (elapsed - self._starts[leg])
+        return np.stack([height, climbs[leg]], axis=1)
 
     def courses(self, time_s: FloatArray) -> FloatArray:
         """Return the headings at times after scan 0, radians, shape (N,); defined at rest too."""

@@ -20,6 +20,7 @@ from lone import (
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.algebra import kalman
+from phd_jdtc_ros.core.gaussian.extraction import extract
 from phd_jdtc_ros.core.gaussian.measurement import likely_pairs
 
 DETECTION = 0.8
@@ -137,10 +138,11 @@ def test_one_target_is_the_sum_over_all_its_histories(empty, existence, survival
     seconds = [6.0, 12.0, 21.0, 24.0]
     scans = measured_scans(radar, seconds, rng, empty)
     engine = started(config, (existence, MEAN, STD))
-    filtered = [
-        engine.step(scan_at(*each)).filtered[0] for each in zip(seconds, scans, strict=True)
-    ]
-    for index, found in enumerate(filtered):
+    for index, each in enumerate(zip(seconds, scans, strict=True)):
+        engine.step(scan_at(*each))
+        # The whole density: that of an unseen target is reported by its most probable part.
+        (rows,), forward = engine.forward.unswept, engine.forward
+        found = extract(rows.stored, forward.dynamics, forward.stamp_ns, 0, 0.0)
         enumerated = histories(config, seconds[: index + 1], scans[: index + 1], existence)
         check(found, *at_scan(enumerated, index + 1))
     every = histories(config, seconds, scans, existence)

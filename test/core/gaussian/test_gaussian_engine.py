@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import textbook
-from lone import MEAN, STD, TWO_MOTIONS, lone, mixture_of
+from lone import MEAN, SIZE, STD, TWO_MOTIONS, in_space, lone, mixture_of
 from scenes import short_scenario, small
 
 from phd_jdtc_ros import resources
@@ -14,7 +14,7 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.factors.transponder.uniqueness import OutOfGate
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
-from phd_jdtc_ros.core.gaussian.extraction import extract
+from phd_jdtc_ros.core.gaussian.extraction import extract, most_probable_motion
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.new_targets import births, spawn
 from phd_jdtc_ros.core.gaussian.prediction import AgedMixture, survivors
@@ -144,8 +144,9 @@ def test_births_are_the_terms_in_every_mode_with_their_rates(amplitude):
     for row, term in enumerate((model.births[0], model.births[2])):
         for mode in range(2):
             inside = dynamics.supported[mode]
-            np.testing.assert_array_equal(found.mean[row, mode], term.mean * inside)
-            np.testing.assert_allclose(found.covariance[row, mode], np.diag(term.std**2 * inside))
+            variance = in_space(term.std**2) * inside
+            np.testing.assert_array_equal(found.mean[row, mode], in_space(term.mean) * inside)
+            np.testing.assert_allclose(found.covariance[row, mode], np.diag(variance))
 
 
 def test_survivors_lose_what_does_not_survive_and_keep_their_origins():
@@ -166,7 +167,7 @@ def test_pair_of_modes_goes_back_by_the_step_of_rauch_tung_and_striebel(motions)
     mixture = mixture_of(dynamics, [(0.8, MEAN, STD)])
     weight = np.zeros_like(mixture.weight)
     weight[:, motions] = 0.8
-    root = rng.normal(size=(5, 5)) * STD[:, None]
+    root = rng.normal(size=(SIZE, SIZE)) * in_space(STD)[:, None]
     supported = dynamics.supported[:, :, None] * dynamics.supported[:, None]
     mixture = replace(mixture, weight=weight, covariance=(root @ root.T * supported)[None])
     _, moves = survivors([AgedMixture(mixture, 6.0)], dynamics)
@@ -215,7 +216,29 @@ def test_extraction_reports_the_majority_class_of_targets_above_the_threshold():
     np.testing.assert_allclose(found.class_probability[0], [1 / 3, 2 / 3])
     assert found.class_id[0] == 1
     # Only the class's own motions count, one of which has no weight.
-    np.testing.assert_allclose(found.state[0], MEAN * dynamics.supported[2])
+    np.testing.assert_allclose(found.state[0], MEAN * dynamics.supported[2, : len(MEAN)])
+
+
+def test_an_unseen_target_is_reported_with_its_most_probable_motion():
+    dynamics = Dynamics(lone(TWO_MOTIONS).model)
+    straight = mixture_of(dynamics, [(0.5, MEAN, STD)])
+    turned = mixture_of(dynamics, [(0.4, MEAN + np.array([0.0, -60.0, 5e3, 20.0, 0.0]), 3.0 * STD)])
+    other = mixture_of(dynamics, [(0.9, -MEAN, STD)])
+    whole = Mixture.concatenate([straight, turned, other])
+    weight = np.array(whole.weight)
+    weight[0, :, 0], weight[1, :, 0] = [0.45, 0.05], [0.1, 0.3]
+    whole = whole.changed(row_label=np.array([0, 0, 1]), weight=weight)
+    mean = extract(whole, dynamics, 7, 0, 0.5)
+    found = most_probable_motion(mean, whole, np.array([True, True]), 4.0)
+    np.testing.assert_allclose(found.state[0], whole.mean[0, 0, : len(MEAN)])
+    np.testing.assert_array_equal(found.state[1], mean.state[1])
+    np.testing.assert_array_equal(found.covariance[1], mean.covariance[1])
+    # The covariance is that of the whole density about the state, not about its mean.
+    away = mean.state[0] - found.state[0]
+    assert np.hypot(away[0], away[2]) > 1e3
+    np.testing.assert_allclose(
+        found.covariance[0], mean.covariance[0] + np.outer(away, away), rtol=1e-9, atol=1e-6
+    )
 
 
 def test_extraction_of_nothing_is_nothing():

@@ -6,7 +6,9 @@ import pytest
 from phd_jdtc_ros.core.gaussian.bounds import Bounds
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched, reduce_hypotheses
-from phd_jdtc_ros.core.state_space import PLANAR
+from phd_jdtc_ros.core.state_space import PLANAR, SPATIAL
+
+SIZE = len(SPATIAL)
 
 BOUNDS = Bounds(
     hypotheses=5,
@@ -31,13 +33,13 @@ def branched(rng, sizes, spread=30.0):
     total = np.bincount(row_label // 10, weight.sum(axis=(1, 2)))
     weight *= (rng.uniform(0.2, 1.0, len(sizes)) / total)[row_label // 10][:, None, None]
     order = np.lexsort((-weight.sum(axis=(1, 2)), row_label))
-    factor = rng.normal(0.0, 10.0, (count, modes, 5, 5))
+    factor = rng.normal(0.0, 10.0, (count, modes, SIZE, SIZE))
     return Branched(
         Mixture(
             row_label,
             weight[order],
-            rng.normal(0.0, spread, (count, modes, 5)),
-            factor @ factor.swapaxes(-1, -2) + 100.0 * np.eye(5),
+            rng.normal(0.0, spread, (count, modes, SIZE)),
+            factor @ factor.swapaxes(-1, -2) + 100.0 * np.eye(SIZE),
             rng.dirichlet(np.ones(3), (count, classes)),
         ),
         np.arange(count),
@@ -112,9 +114,9 @@ def test_probable_modes_go_on_as_hypotheses_of_their_own(seed, least):
 def test_hypotheses_within_the_distance_are_merged_and_no_others():
     rng = np.random.default_rng(0)
     part = branched(rng, [3]).mixture
-    mean = np.zeros((3, 2, 5))
+    mean = np.zeros((3, 2, SIZE))
     mean[1, :, 0], mean[2, :, 0] = 0.6, 0.9
-    whole = replace(part, mean=mean, covariance=np.broadcast_to(np.eye(5), (3, 2, 5, 5)))
+    whole = replace(part, mean=mean, covariance=np.broadcast_to(np.eye(SIZE), (3, 2, SIZE, SIZE)))
     after, ancestry, _ = reduce_hypotheses(
         Branched(whole, np.arange(3)), bounds(merge_distance=0.5)
     )
@@ -122,6 +124,28 @@ def test_hypotheses_within_the_distance_are_merged_and_no_others():
     assert len(after) == 2
     children = dict(zip(ancestry.parent.tolist(), ancestry.child.tolist(), strict=True))
     assert children[0] == children[1] != children[2]
+
+
+@pytest.mark.parametrize("ratio", [0.1, 10.0])
+def test_hypotheses_of_one_mean_and_other_widths_stay_apart(ratio):
+    # As of a target that has flown straight on unseen, and one that may have turned meanwhile.
+    part = branched(np.random.default_rng(0), [2]).mixture
+    same, width = np.zeros((2, 2, SIZE)), np.array([1.0, ratio])[:, None, None, None]
+    for widths, kept in ((width, 2), (np.ones_like(width), 1)):
+        covariance = widths * np.broadcast_to(np.eye(SIZE), (2, 2, SIZE, SIZE))
+        whole = Branched(replace(part, mean=same, covariance=covariance), np.arange(2))
+        after, _, _ = reduce_hypotheses(whole, bounds(merge_distance=4.0))
+        assert len(after) == kept
+    # Twice the divergence of the absorbed from the absorbing one.
+    twice = SIZE * (ratio - 1.0 - np.log(ratio))
+    whole = replace(
+        part, mean=same, covariance=width * np.broadcast_to(np.eye(SIZE), (2, 2, SIZE, SIZE))
+    )
+    for distance, kept in ((0.99 * twice, 2), (1.01 * twice, 1)):
+        after, _, _ = reduce_hypotheses(
+            Branched(whole, np.arange(2)), bounds(merge_distance=distance)
+        )
+        assert len(after) == kept
 
 
 def test_targets_are_never_merged_with_each_other():
@@ -144,7 +168,7 @@ def test_improbable_targets_are_dropped():
     existence = before.mixture.existence
     dropped = np.setdiff1d(before.mixture.label, after.label) // 10
     assert existence[dropped].max() <= after.existence.min()
-    none = Mixture.empty(2, 2, 3, 5)
+    none = Mixture.empty(2, 2, 3, SIZE)
     after, ancestry, floored = reduce_hypotheses(Branched(none, np.zeros(0, dtype=int)), BOUNDS)
     assert (len(after), len(ancestry.child), floored) == (0, 0, 0)
 
@@ -172,11 +196,11 @@ def test_merged_hypotheses_have_the_mean_snr_of_each_class():
 
 def mixture(row_label, modes=2, classes=3):
     count = len(row_label)
-    factor = RNG.normal(0.0, 1.0, (count, modes, 5, 5))
+    factor = RNG.normal(0.0, 1.0, (count, modes, SIZE, SIZE))
     return Mixture(
         np.array(row_label),
         RNG.uniform(0.0, 0.05, (count, modes, classes)),
-        RNG.normal(0.0, 100.0, (count, modes, 5)),
+        RNG.normal(0.0, 100.0, (count, modes, SIZE)),
         factor @ factor.swapaxes(-1, -2),
         RNG.dirichlet(np.ones(4), (count, classes)),
     )
@@ -200,10 +224,10 @@ def test_extents_are_the_moments_of_each_target():
     extents = found.extents(PLANAR)
     for target, rows in enumerate(([0, 1], [2])):
         share = found.mode_weight[rows].ravel() / found.mode_weight[rows].sum()
-        states = found.mean[rows].reshape(-1, 5)
+        states = found.mean[rows].reshape(-1, SIZE)
         centre = share @ states
         apart = states - centre
-        spread = np.tensordot(share, found.covariance[rows].reshape(-1, 5, 5), axes=1)
+        spread = np.tensordot(share, found.covariance[rows].reshape(-1, SIZE, SIZE), axes=1)
         spread = spread + (share[:, None] * apart).T @ apart
         variance = np.diag(spread)
         deviations = np.sqrt([variance[[0, 2]].sum(), variance[[1, 3]].sum()])
@@ -214,7 +238,7 @@ def test_extents_are_the_moments_of_each_target():
 
 def test_joined_and_taken_rows_are_the_same_hypotheses():
     one, other = mixture([1, 2]), mixture([5])
-    whole = Mixture.concatenate([one, other, Mixture.empty(2, 3, 4, 5)])
+    whole = Mixture.concatenate([one, other, Mixture.empty(2, 3, 4, SIZE)])
     assert whole.row_label.tolist() == [1, 2, 5]
     np.testing.assert_array_equal(whole.take(np.array([2])).mean, other.mean)
 
@@ -222,7 +246,7 @@ def test_joined_and_taken_rows_are_the_same_hypotheses():
 def test_empty_and_read_only_mixtures():
     with pytest.raises(ValueError, match="read-only"):
         mixture([1]).weight[0] = 1.0
-    found = Mixture.empty(2, 1, 4, 5)
+    found = Mixture.empty(2, 1, 4, SIZE)
     assert len(found) == len(found.label) == len(found.existence) == 0
     assert found.class_mass().tolist() == [0.0]
     assert len(found.extents(PLANAR).label) == 0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from phd_jdtc_ros.core.sensors.area import Area, farthest
+from phd_jdtc_ros.core.sensors.position import Area, farthest
 
 RECTANGLE = Area.rectangle(-1.0, -2.0, 3.0, 4.0)
 ANGLE = Area(np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 1.0], [1.0, 1.0], [1.0, 3.0], [0.0, 3.0]]))

@@ -9,8 +9,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack
 from phd_jdtc_ros.core.models.detection_clusters import merge_clusters
-from phd_jdtc_ros.core.sensors.area import Area
-from phd_jdtc_ros.core.sensors.velocity import VelocityModel
+from phd_jdtc_ros.core.sensors.position import Area
+from phd_jdtc_ros.core.sensors.range_rate import VelocityModel
 from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.types import Coverage, Detections, Pose
 

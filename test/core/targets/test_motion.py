@@ -13,6 +13,7 @@ from phd_jdtc_ros.core.targets.motion import ConstantVelocity, CoordinatedTurn, 
 
 CV = ConstantVelocity(1.3)
 CT = CoordinatedTurn(1.3, 1e-5)
+RETURNING = CoordinatedTurn(1.3, 1e-5, 15.0)
 REST = Stationary(0.02)
 STATES = np.array(
     [
@@ -58,7 +59,7 @@ def test_linear_motions_keep_position_or_direction():
     np.testing.assert_array_equal(drawn[:, OMEGA], 0.0)
 
 
-@pytest.mark.parametrize("model", [CV, CT, REST])
+@pytest.mark.parametrize("model", [CV, CT, RETURNING, REST])
 def test_sample_has_the_model_moments_and_mean_leaves_its_argument(model):
     before = STATES.copy()
     model.mean(STATES, 6.0)
@@ -76,7 +77,7 @@ def test_sample_has_the_model_moments_and_mean_leaves_its_argument(model):
     assert np.all(error < 4.5 * np.sqrt(2.0 / count) * np.outer(std, std))
 
 
-@pytest.mark.parametrize("model", [CV, CT, REST])
+@pytest.mark.parametrize("model", [CV, CT, RETURNING, REST])
 @settings(deadline=None, max_examples=30)
 @given(first=st.floats(0.1, 10.0), second=st.floats(0.1, 10.0))
 def test_noise_covariance_over_two_intervals_is_that_of_their_sum(model, first, second):
@@ -86,12 +87,12 @@ def test_noise_covariance_over_two_intervals_is_that_of_their_sum(model, first, 
     unit[:, OMEGA] = 0.0
     step = model.mean(unit, second).T[np.ix_(support, support)]
     if OMEGA in support:
-        step[OMEGA, OMEGA] = 1.0
+        step[OMEGA, OMEGA] = model.arc(second)[3]
     chained = step @ model.noise_covariance(first) @ step.T + model.noise_covariance(second)
     np.testing.assert_allclose(model.noise_covariance(first + second), chained, rtol=1e-10)
 
 
-@pytest.mark.parametrize("model", [CV, CT, REST])
+@pytest.mark.parametrize("model", [CV, CT, RETURNING, REST])
 @pytest.mark.parametrize("dt", [0.05, 6.0, 100.0])
 def test_whitener_makes_the_noise_white_by_an_upper_triangle(model, dt):
     covariance = model.noise_covariance(dt)
@@ -117,11 +118,46 @@ def central_differences(model, state, dt):
 
 
 @pytest.mark.parametrize("dt", [1e-3, 6.0, 20.0, np.array([0.5, 6.0, 12.0, 3.0])])
-@pytest.mark.parametrize("model", [CV, CT, REST], ids=["cv", "ct", "rest"])
+@pytest.mark.parametrize("model", [CV, CT, RETURNING, REST], ids=["cv", "ct", "returning", "rest"])
 def test_jacobian_is_the_derivative_of_the_mean(model, dt):
     np.testing.assert_allclose(
         model.jacobian(STATES, dt), central_differences(model, STATES, dt), rtol=1e-6, atol=1e-4
     )
+
+
+def returning(_, state):
+    return [*turning(_, state)[:4], -state[OMEGA] / RETURNING.turn_time_constant_s]
+
+
+@pytest.mark.parametrize("dt", [0.1, 6.0, 20.0, 90.0])
+@pytest.mark.parametrize("omega", [1e-4, -0.01, 0.05])
+def test_turn_rate_that_returns_solves_the_equations_of_motion(omega, dt):
+    state = np.array([100.0, 230.0, -50.0, -110.0, omega])
+    solution = solve_ivp(returning, (0.0, dt), state, rtol=1e-11, atol=1e-9).y[:, -1]
+    moved = RETURNING.mean(state[None], dt)[0]
+    np.testing.assert_allclose(moved[[1, 3, 4]], solution[[1, 3, 4]], rtol=1e-8, atol=1e-8)
+    # The position is exact to first order in the angle turned; an arc alone would not be.
+    angle = abs(omega) * RETURNING.arc(dt)[0]
+    off = np.hypot(*(moved - solution)[[0, 2]]) / (np.hypot(230.0, 110.0) * dt)
+    assert off < 0.02 * angle**2 + 1e-9
+
+
+def test_turn_rate_of_a_long_time_constant_does_not_return():
+    slow = CoordinatedTurn(1.3, 1e-5, 1e9)
+    np.testing.assert_allclose(slow.mean(STATES, 6.0), CT.mean(STATES, 6.0), rtol=1e-7)
+    np.testing.assert_allclose(slow.noise_covariance(6.0), CT.noise_covariance(6.0), rtol=1e-7)
+    np.testing.assert_allclose(slow.arc(6.0), CT.arc(6.0), rtol=1e-7, atol=1e-7)
+
+
+def test_turn_rate_tends_to_its_stationary_distribution():
+    state = STATES.copy()
+    assert np.abs(RETURNING.mean(state, 1e3)[:, OMEGA]).max() < 1e-20
+    variance = RETURNING.noise_covariance(1e3)[4, 4]
+    assert variance == pytest.approx(0.5 * 15.0 * 1e-5, rel=1e-12)
+    # Shorter intervals one after the other lead to the same.
+    whole, halves = RETURNING.arc(np.array([8.0, 4.0]))
+    assert whole[0] == pytest.approx(halves[0] * (1.0 + halves[3]), rel=1e-12)
+    assert whole[3] == pytest.approx(halves[3] ** 2, rel=1e-12)
 
 
 @pytest.mark.parametrize("omega", [0.0, 1e-12, -1e-9, 1.6e-5, -1.7e-5, 1e-4])
@@ -136,7 +172,7 @@ def test_coordinated_turn_jacobian_is_the_derivative_about_straight_flight(omega
 
 def test_jacobian_takes_an_interval_for_each_row():
     dt = np.array([0.5, 6.0, 12.0, 3.0])
-    for model in (CV, CT):
+    for model in (CV, CT, RETURNING):
         found = model.jacobian(STATES, dt)
         moved = model.mean(STATES, dt)
         for row in range(len(STATES)):

@@ -14,7 +14,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.snapshot import Snapshot
-from phd_jdtc_ros.core.tracks.confirmation import TrackStates, missed_by_all
+from phd_jdtc_ros.core.tracks.confirmation import TrackStates, missed_and_spread
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.tracks.reporting_rule import rule_of
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, Coverage, Detections, Pose, Scan
@@ -30,7 +30,7 @@ SQUARE = Region(-10.0, 0.0, 10.0, 40.0, margin=5.0)
 
 def missed_by(scan, model=MODEL):
     """Return the probability that no radar of a scan detects a target of the second class."""
-    (missed,) = missed_by_all(estimates_of(0, {1: 1.0}), scan, model, views_of(model))
+    (missed,), _ = missed_and_spread(estimates_of(0, {1: 1.0}), scan, model, views_of(model))
     return float(missed)
 
 
@@ -66,9 +66,9 @@ def after_a_miss(existence, missed):
     return survived * missed / (1.0 - survived * (1.0 - missed))
 
 
-def beyond(model):
+def beyond(model, range_m=100.0):
     """Return the model with radars that see too near to see a target, so that it is not missed."""
-    radars = [replace(r, visibility=replace(r.visibility, max_range=100.0)) for r in model.radars]
+    radars = [replace(r, visibility=replace(r.visibility, max_range=range_m)) for r in model.radars]
     return replace(model, radars=tuple(radars))
 
 
@@ -132,6 +132,47 @@ def test_a_limit_of_coasting_is_no_limit_where_radars_can_see_the_track():
         weights.append(after_a_miss(weights[-1], missed))
     assert weights[-1] > 0.7
     assert [tracks.add(t1=weight)[1] for weight in weights[1:]] == [COASTING] * 4
+
+
+def spread_by(covariance, model=MODEL):
+    """Return what `missed_and_spread` says of a density of the second class."""
+    found = estimates_of(0, {1: 1.0}).changed(covariance=np.array([covariance]))
+    (missed,), (spread,) = missed_and_spread(found, scan_of(0), model, views_of(model))
+    return missed, spread
+
+
+SHARP = np.diag([1.0, 1.0, 1.0, 1.0, 1e-6])
+
+
+def test_coverage_is_that_of_the_whole_density():
+    missed, spread = spread_by(SHARP)
+    assert missed == pytest.approx(MISSED, rel=1e-6)
+    # The spread is in standard deviations of the noise, and by area.
+    for factor in (4.0, 9.0):
+        assert spread_by(factor * SHARP)[1] == pytest.approx(np.sqrt(factor) * spread, rel=1e-3)
+    # Of a density within the range of the radars, and of one beyond it, a part is outside.
+    wide = np.diag([1e8, 1.0, 1e8, 1.0, 1e-6])
+    assert spread_by(SHARP, beyond(MODEL, 1e4))[0] == pytest.approx(missed)
+    assert 2.0 * missed < spread_by(wide, beyond(MODEL, 1e4))[0] < 0.5
+    assert spread_by(wide, beyond(MODEL, 3e3))[0] == 1.0
+
+
+@pytest.mark.parametrize("gates", [10.0, 40.0])
+def test_a_track_that_is_spread_too_far_is_not_reported(gates):
+    unit = spread_by(SHARP)[1]
+    for share, reported in ((0.9, [CONFIRMED]), (1.1, [])):
+        tracks = Tracks(coasting_gates=gates)
+        assert tracks.add(t1=0.999) == {1: CONFIRMED}
+        width = share * 5.0 * gates / unit
+        found = estimates_of(2 * INTERVAL, {1: 0.9999}).changed(
+            covariance=np.array([width**2 * SHARP])
+        )
+        views, scan = views_of(MODEL), scan_of(2 * INTERVAL)
+        given = (np.array([0]), (INTERVAL,), scan, MODEL, views)
+        assert tracks.states.report_filtered(found, *given).track_state.tolist() == reported
+        # Detected again it is narrow, and reported under the same label.
+        tracks.index = 2
+        assert tracks.add(t1=0.999) == {1: CONFIRMED}
 
 
 @pytest.mark.parametrize(("hidden", "reported"), [(4, 4), (14, 10)])
@@ -326,7 +367,7 @@ def test_forged_states_are_refused(name, value, said):
         Tracks().states.from_snapshot(snapshot)
 
 
-def test_missed_by_all_counts_radars_that_reported_where_they_were():
+def test_missed_counts_radars_that_reported_where_they_were():
     one = missed_by(replace_report(1, None))
     assert one == pytest.approx(np.sqrt(MISSED))
     behind = Detections(np.zeros((0, 2)), None, coverage=Coverage(0.5 * np.pi, np.pi))

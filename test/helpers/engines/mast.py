@@ -1,8 +1,7 @@
 """A sensor of positions on a mast, and its model without compiled functions."""
 
-from phd_jdtc_ros.core.sensors.area import Area
 from phd_jdtc_ros.core.sensors.of_gaussians.linearised import Linearised
-from phd_jdtc_ros.core.sensors.position import PositionSensor
+from phd_jdtc_ros.core.sensors.position import Area, PositionSensor
 
 REACH = 2e4
 

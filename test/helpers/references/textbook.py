@@ -25,19 +25,19 @@ def initial(motion, mean, std):
     return Normal(np.where(inside, mean, 0.0), np.diag(np.where(inside, std, 0.0) ** 2))
 
 
-def straight(seconds):
-    """Return the matrix of a flight straight on, for five axes; the turn rate stays."""
-    matrix = np.eye(5)
+def straight(seconds, size):
+    """Return the matrix of a flight straight on; the turn rate stays."""
+    matrix = np.eye(size)
     matrix[PLACE, SPEED] = seconds
     return matrix
 
 
 def linearised(radar, mean):
-    """Return what a radar measures of a state, and the derivatives, shapes (2,) and (2, 5)."""
+    """Return what a radar measures of a state, and the derivatives, shapes (2,) and (2, D)."""
     east, north = mean[PLACE] - np.array(radar.position)
     distance = np.hypot(east, north)
     expected = np.array([distance, np.arctan2(north, east) - radar.yaw])
-    matrix = np.zeros((2, 5))
+    matrix = np.zeros((2, len(mean)))
     matrix[:, PLACE] = [
         [east / distance, north / distance],
         [-north / distance**2, east / distance**2],
@@ -51,7 +51,7 @@ def update(prior, radar, measurement, seconds=0.0, std=None, iterations=ITERATIO
     The state is moved to the time of the plot, updated there, and moved back.
     """
     noise = np.diag(np.square(radar.noise_std if std is None else std))
-    moving = straight(seconds)
+    moving = straight(seconds, len(prior.mean))
     mean, covariance = moving @ prior.mean, moving @ prior.covariance @ moving.T
     at = mean
     for _ in range(iterations):
@@ -62,11 +62,11 @@ def update(prior, radar, measurement, seconds=0.0, std=None, iterations=ITERATIO
         spread = seen @ covariance @ seen.T + noise
         gain = covariance @ seen.T @ np.linalg.inv(spread)
         at = mean + gain @ error
-    kept = np.eye(5) - gain @ seen
+    kept = np.eye(len(mean)) - gain @ seen
     posterior = kept @ covariance @ kept.T + gain @ noise @ gain.T
     square = error @ np.linalg.solve(spread, error)
     log_likelihood = -0.5 * square - 0.5 * np.log(np.linalg.det(2.0 * np.pi * spread))
-    back = straight(-seconds)
+    back = straight(-seconds, len(mean))
     return Normal(back @ at, back @ posterior @ back.T), log_likelihood
 
 
@@ -80,8 +80,8 @@ def grid(*points):
 
 # The filter of Gauss and Hermite, of the fifth order in the turn rate, which comes first. The
 # motion is linear in the other axes, for which the third order is exact.
-TURN_FIRST = [4, 0, 1, 2, 3]
-NODES, WEIGHTS = grid(5, 3, 3, 3, 3)
+TURN_FIRST = [4, 0, 1, 2, 3, 5, 6]
+NODES, WEIGHTS = grid(5, 3, 3, 3, 3, 3, 3)
 
 
 def predict(before, motion, dt):
@@ -89,12 +89,14 @@ def predict(before, motion, dt):
 
     The moments are those of the motion of every node of a grid over the whole state.
     """
-    std = np.sqrt(np.diag(before.covariance))[TURN_FIRST]
-    ordered = before.covariance[np.ix_(TURN_FIRST, TURN_FIRST)]
+    size = len(before.mean)
+    order = TURN_FIRST[:size]
+    std = np.sqrt(np.diag(before.covariance))[order]
+    ordered = before.covariance[np.ix_(order, order)]
     unit = np.where(std > 0.0, std, 1.0)
     correlation = ordered / (unit[:, None] * unit) + np.diag((std == 0.0).astype(float))
-    apart = np.empty_like(NODES)
-    apart[:, TURN_FIRST] = NODES @ (std[:, None] * np.linalg.cholesky(correlation)).T
+    apart = np.empty((len(NODES), size))
+    apart[:, order] = NODES[:, :size] @ (std[:, None] * np.linalg.cholesky(correlation)).T
     moved = motion.mean(before.mean + apart, dt)
     mean = WEIGHTS @ moved
     cross = (apart * WEIGHTS[:, None]).T @ (moved - mean)
@@ -102,7 +104,7 @@ def predict(before, motion, dt):
     covariance = ((moved - mean) * WEIGHTS[:, None]).T @ (moved - mean)
     covariance[support] += motion.noise_covariance(dt)
     # The cross-covariance times the inverse of the predicted covariance.
-    gain = np.zeros((5, 5))
+    gain = np.zeros((size, size))
     gain[:, motion.support] = np.linalg.solve(covariance[support], cross[:, motion.support].T).T
     return Normal(mean, covariance), gain
 

@@ -19,8 +19,7 @@ from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.incoming import detections as adapter
 from msg_adapters.incoming import platform_poses, radar_scan
 from phd_jdtc_ros.columns import anomalies
-from phd_jdtc_ros.core.sensors.site import Site
-from phd_jdtc_ros.core.sensors.slant_range import HeightProjection
+from phd_jdtc_ros.core.sensors.site import HeightProjection, Site
 from phd_jdtc_ros.core.types import Detections, Pose
 from phd_jdtc_ros.earth import SystemPlane
 

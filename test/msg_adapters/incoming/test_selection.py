@@ -11,6 +11,7 @@ from msg_adapters.incoming import detections as adapter
 from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.configuration.parameters.radar import TIME_UNITS
 from phd_jdtc_ros.core.intake.sectors import coverage_of
+from phd_jdtc_ros.core.sensors.spatial_radar import UNKNOWN_STD, HeightPrior
 from phd_jdtc_ros.core.types import Detections
 
 F4, F8, U1, I4 = (PointField.FLOAT32, PointField.FLOAT64, PointField.UINT8, PointField.INT32)
@@ -322,3 +323,60 @@ def test_an_anomaly_that_only_its_decoder_knows_is_named():
 def test_an_unclear_antenna_is_explained_by_what_the_radar_has(field, named):
     (text,) = anomalies.of(radar(time_field=field), {"antenna_unclear": 3})
     assert text.endswith(f"are radar_1.rotation_s and {named} right?")
+
+
+def in_space(points, extra=(), **changes):
+    """Return the report of points of range, azimuth, elevation and more to a radar in space."""
+    names = [(name, F8) for name in ("range", "azimuth", "el", *extra)]
+    given = radar(amplitude_field="", elevation_field="el", **changes)
+    spatial = given.in_space(HeightPrior(0.0, 5e3, 0.0))
+    return adapter.from_msg(cloud(names, points), spatial)
+
+
+def test_slant_ranges_and_elevations_are_measurements_in_space():
+    points = [(1000.0, 0.1, 0.5), (2000.0, 3.5, -0.02)]
+    found = in_space(points, max_range=1999.0, min_range=900.0)
+    assert_allclose(found.detections.measurement, [[1000.0, 0.1, 0.5]])
+    assert found.dropped == {"range": 1}  # of slant ranges
+    assert found.detections.noise_std is None
+    both = in_space(points).detections.measurement
+    assert_allclose(both[1], [2000.0, 3.5 - 2.0 * np.pi, -0.02])
+    # In the plane the same elevation flattens the range.
+    flat = read(["el"], [(1000.0, 0.1, 0.5)], elevation_field="el").detections.measurement
+    assert_allclose(flat, [[1000.0 * np.cos(0.5), 0.1]])
+
+
+@pytest.mark.parametrize(("bad", "unusable"), [(NAN, 0), (INF, 1), (40.0, 1), (-1.58, 1)])
+def test_detection_with_an_impossible_elevation_is_kept_without_it(bad, unusable):
+    found = in_space([(1000.0, 0.1, 0.5), (1500.0, 0.2, bad)])
+    assert not found.dropped
+    assert found.anomalies["elevations_unusable"] == unusable
+    assert_allclose(found.detections.measurement, [[1000.0, 0.1, 0.5], [1500.0, 0.2, 0.0]])
+    assert_allclose(found.detections.noise_std, [[NAN] * 3, [NAN, NAN, UNKNOWN_STD]])
+    if unusable:
+        (said,) = anomalies.of(radar(), found.anomalies)
+        assert "radar_1.fields.elevation" in said
+
+
+def test_deviations_of_elevations_are_each_detections_own():
+    points = [(1000.0, 0.1, 0.5, 0.01), (1500.0, 0.2, NAN, 0.02), (1200.0, 0.2, 0.1, -1.0)]
+    found = in_space(points, ["de"], elevation_std_field="de")
+    assert_allclose(found.detections.noise_std[:, 2], [0.01, UNKNOWN_STD, NAN])
+    assert found.anomalies["deviations_unusable"] == 1
+
+
+def test_radar_without_elevations_measures_slant_ranges_in_space():
+    spatial = radar(amplitude_field="").in_space(HeightPrior(0.0, 5e3, 0.0))
+    names = [(name, F8) for name in ("range", "azimuth")]
+    found = adapter.from_msg(cloud(names, [(1000.0, 0.1)]), spatial).detections
+    assert_allclose(found.measurement, [[1000.0, 0.1, 0.0]])
+    assert_allclose(found.noise_std, [[NAN, NAN, UNKNOWN_STD]])
+
+
+def test_elevations_that_are_all_zero_are_a_drivers_filling_in_space():
+    found = in_space([(1000.0, 0.1, 0.0), (1500.0, 0.2, 0.0), (900.0, 0.2, NAN)])
+    assert (found.detections.noise_std[:, 2] == UNKNOWN_STD).all()
+    assert found.anomalies == {"elevations_zero": 2}
+    some = in_space([(1000.0, 0.1, 0.0), (1500.0, 0.2, 1e-3)])
+    assert some.detections.noise_std is None
+    assert not some.anomalies

@@ -10,6 +10,7 @@ from msg_adapters.encoding import cdr, stamps
 from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.targets import estimates as adapter
 from msg_adapters.targets import markers, vertical
+from phd_jdtc_ros.core.state_space import PLANAR, SPATIAL
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Attributes
 
 F4, U4 = PointField.FLOAT32, PointField.UINT32
@@ -193,3 +194,63 @@ def test_words_are_flight_level_and_identity():
     assert found.state[:2].tolist() == [[3048.0, 0.0], [0.0, 0.0]]
     assert not found.covariance[1].any()
     assert not vertical.of(estimates(2)).known.any()
+
+
+CROSS = [f"cov_{row}{column}" for row in PLANAR.axes for column in ("z", "vz")]
+
+
+def in_space():
+    """Return estimates in space, of which the second has no known height."""
+    rng = np.random.default_rng(3)
+    half = rng.integers(-8, 8, (3, 7, 7)).astype(float)
+    covariance = half @ half.transpose(0, 2, 1) + 16.0 * np.eye(7)
+    covariance[1, 5, 5] = 1e6
+    planar = estimates()
+    found = planar.changed(
+        state=np.concatenate([planar.state, rng.integers(-99, 99, (3, 2)) * 0.5], axis=1),
+        covariance=covariance,
+        space=SPATIAL,
+    )
+    return found.with_heights(500.0)
+
+
+def test_estimates_in_space_keep_the_layout_and_end_with_the_covariances_of_heights():
+    given = in_space()
+    message = adapter.to_msg(given, "map")
+    names = [field.name for field in message.fields]
+    before = [field.name for field in adapter.to_msg(estimates(), "map").fields]
+    assert names[: len(before)] == before
+    own = ["cov_zz", "cov_zvz", "cov_vzvz", "code", "address", *CROSS]
+    assert names[len(before) :] == own
+    known = [0, 2]
+    for name, axis in (("z", 5), ("vz", 6)):
+        assert_array_equal(column(message, name)[known], given.state[known, axis])
+        assert column(message, name)[1] == 0.0
+    for name, (row, other) in {"cov_zz": (5, 5), "cov_yvz": (2, 6), "cov_omegaz": (4, 5)}.items():
+        assert_array_equal(column(message, name)[known], given.covariance[known, row, other])
+        assert np.isnan(column(message, name)[1])
+    assert_array_equal(column(message, "cov_24"), given.covariance[:, 2, 4])
+
+
+def test_estimates_in_space_survive_the_message():
+    given = in_space()
+    found = adapter.from_msg(adapter.to_msg(given, "map"))
+    assert found.space == SPATIAL
+    known = [0, 2]
+    for name in ("state", "covariance"):
+        assert_array_equal(getattr(found, name)[known], getattr(given, name)[known])
+    # What is not known has neither a height nor a covariance with it.
+    assert not found.state[1, 5:].any()
+    assert not found.covariance[1, 5:].any()
+    assert_array_equal(found.attributes.height, given.attributes.height)
+    assert_array_equal(found.covariance_in_space, given.covariance_in_space)
+
+
+def test_covariance_in_space_has_axes_x_y_z_and_their_velocities():
+    given = in_space()
+    axes = [0, 2, 5, 1, 3, 6]
+    assert_array_equal(given.covariance_in_space[0], given.covariance[0][np.ix_(axes, axes)])
+    unknown = np.isnan(given.covariance_in_space[1])
+    assert unknown[2].all()
+    assert not unknown[np.ix_([0, 1, 3, 4], [0, 1, 3, 4])].any()
+    assert np.isnan(estimates().covariance_in_space[:, 2]).all()

@@ -175,7 +175,7 @@ class SlowPlane(SystemPlane):
 
     def to_geodetic(self, x, y):
         self.used.set()
-        time.sleep(0.2)
+        threading.Event().wait(0.2)
         return super().to_geodetic(x, y)
 
 

@@ -49,8 +49,8 @@ def test_arrival_stands_for_the_stamps(unstamped, tmp_path):
         [(entry.topic, entry.log_time_ns, entry.data) for entry in BagReader(bag).messages()]
         for bag in (tmp_path / "one", tmp_path / "two")
     )
-    # The clouds, and filtered and smoothed estimates of each pair of them.
-    assert len(one) == 40
+    # The clouds, filtered and smoothed estimates of each pair of them, and what was learned.
+    assert len(one) == 41
     assert one == other
 
 

@@ -20,7 +20,6 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from scipy.optimize import minimize
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray, read_only
 from phd_jdtc_ros.core.factors.outliers import Outliers
@@ -123,6 +122,8 @@ def _search(
     sequences: _Sequences, begin: FloatArray, bounds: list[tuple[float, float]]
 ) -> tuple[float, Noise]:
     """Return the largest log likelihood near a point, and the noise there."""
+    # A live tracker needs it only where it finds positions, and starts the sooner without.
+    from scipy.optimize import minimize
 
     def cost(point: FloatArray) -> tuple[float, FloatArray]:
         around = np.concatenate([point[None], point + STEP * _AXES, point - STEP * _AXES])

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...arrays import FloatArray, IntArray
 from ...association.evidence import Gate, Paired, pair_as_reported
-from ...sensors.slant_range import HeightProjection
+from ...sensors.site import HeightProjection
 from ...sensors.view import View
 from ...types import Detections
 from .height import HeightModel, Heights, HeightUpdate, compare

@@ -1,6 +1,8 @@
-"""Compiled operations on one Gaussian, in blocks of the size of a planar state.
+"""Compiled operations on one Gaussian, in blocks of the size of a state in space.
 
-Results go into arrays that are passed last, so that nothing is allocated in a loop.
+Results go into arrays that are passed last, so that nothing is allocated in a loop. In the plane
+the last axes, height and climb rate, are zero and have no variance, which leaves the others as they
+are to the last bit; functions for each size would take twice the time to compile.
 """
 
 from __future__ import annotations
@@ -9,12 +11,12 @@ import math
 
 from ...arrays import FloatArray
 from ...compilation import inner
-from ...state_space import PLANAR
+from ...state_space import SPATIAL
 
 # A constant for the compiler, which halves the time.
-SIZE = len(PLANAR)
+SIZE = len(SPATIAL)
 # A state in registers: a vector in an array is read again after each write into any other array.
-State = tuple[float, float, float, float, float]
+State = tuple[float, float, float, float, float, float, float]
 # Smallest share of a variance that earlier axes leave unexplained; a smaller one is rounding.
 LEAST_PIVOT = 1e-14
 
@@ -36,7 +38,8 @@ def check_matrices(matrices: FloatArray) -> None:
 def dot(left: FloatArray | State, right: FloatArray | State) -> float:
     """Return the product of two vectors: written out, which takes two thirds of a loop's time."""
     first = left[0] * right[0] + left[1] * right[1] + left[2] * right[2]
-    return float(first + left[3] * right[3] + left[4] * right[4])
+    first = first + left[3] * right[3] + left[4] * right[4]
+    return float(first + left[5] * right[5] + left[6] * right[6])
 
 
 @inner
@@ -61,23 +64,38 @@ def factorise(matrix: FloatArray, factor: FloatArray) -> None:
 @inner
 def solve(factor: FloatArray, vector: FloatArray) -> State:
     """Return a vector, multiplied by the inverse of a factorised covariance."""
-    a, b, c, d, e = vector[0], vector[1], vector[2], vector[3], vector[4]
+    a, b, c, d, e, f, g = read(vector)
     b -= factor[1, 0] * a
     c = c - factor[2, 0] * a - factor[2, 1] * b
     d = d - factor[3, 0] * a - factor[3, 1] * b - factor[3, 2] * c
     e = e - factor[4, 0] * a - factor[4, 1] * b - factor[4, 2] * c - factor[4, 3] * d
-    e *= factor[4, 4]
-    d = d * factor[3, 3] - factor[4, 3] * e
-    c = c * factor[2, 2] - factor[3, 2] * d - factor[4, 2] * e
+    f = f - factor[5, 0] * a - factor[5, 1] * b - factor[5, 2] * c - factor[5, 3] * d
+    f -= factor[5, 4] * e
+    g = g - factor[6, 0] * a - factor[6, 1] * b - factor[6, 2] * c - factor[6, 3] * d
+    g = g - factor[6, 4] * e - factor[6, 5] * f
+    g *= factor[6, 6]
+    f = f * factor[5, 5] - factor[6, 5] * g
+    e = e * factor[4, 4] - factor[5, 4] * f - factor[6, 4] * g
+    d = d * factor[3, 3] - factor[4, 3] * e - factor[5, 3] * f - factor[6, 3] * g
+    c = c * factor[2, 2] - factor[3, 2] * d - factor[4, 2] * e - factor[5, 2] * f - factor[6, 2] * g
     b = b * factor[1, 1] - factor[2, 1] * c - factor[3, 1] * d - factor[4, 1] * e
+    b = b - factor[5, 1] * f - factor[6, 1] * g
     a = a * factor[0, 0] - factor[1, 0] * b - factor[2, 0] * c - factor[3, 0] * d - factor[4, 0] * e
-    return a, b, c, d, e
+    a = a - factor[5, 0] * f - factor[6, 0] * g
+    return a, b, c, d, e, f, g
+
+
+@inner
+def read(vector: FloatArray | State) -> State:
+    """Return a vector as a state."""
+    first = vector[0], vector[1], vector[2], vector[3]
+    return *first, vector[4], vector[5], vector[6]
 
 
 @inner
 def write(state: State, vector: FloatArray) -> None:
     """Write a state."""
-    vector[0], vector[1], vector[2], vector[3], vector[4] = state
+    vector[0], vector[1], vector[2], vector[3], vector[4], vector[5], vector[6] = state
 
 
 @inner
@@ -92,6 +110,29 @@ def square_distance(
             whitened[i] -= factor[i, k] * whitened[k]
         square += factor[i, i] * whitened[i] * whitened[i]
     return square
+
+
+@inner
+def divergence(
+    gaussian: tuple[FloatArray, FloatArray],
+    centre: FloatArray,
+    factor: FloatArray,
+    scratch: tuple[FloatArray, FloatArray],
+) -> float:
+    """Return twice the Kullback-Leibler divergence of a Gaussian from one of factorised covariance.
+
+    `gaussian` is its mean and its covariance, and `centre` the mean of the other. With equal
+    covariances it is the square Mahalanobis distance of the means. Axes without variance in the
+    other are left out.
+    """
+    (mean, covariance), (own_factor, whitened) = gaussian, scratch
+    twice = square_distance(factor, mean, centre, whitened)
+    factorise(covariance, own_factor)
+    for i in range(SIZE):
+        if factor[i, i] > 0.0 and own_factor[i, i] > 0.0:
+            twice += solve(factor, covariance[i])[i] - 1.0
+            twice += math.log(own_factor[i, i] / factor[i, i])
+    return twice
 
 
 @inner
@@ -118,21 +159,25 @@ def copy_gaussian(
 @inner
 def difference(left: FloatArray, right: FloatArray) -> State:
     """Return the difference of two vectors."""
-    first = left[0] - right[0], left[1] - right[1], left[2] - right[2]
-    return *first, left[3] - right[3], left[4] - right[4]
+    a, b, c, d, e, f, g = read(left)
+    p, q, r, s, t, u, v = read(right)
+    return a - p, b - q, c - r, d - s, e - t, f - u, g - v
 
 
 @inner
 def times(vector: FloatArray, matrix: FloatArray) -> State:
     """Return the product of a vector and a matrix."""
-    a, b, c, d, e = vector[0], vector[1], vector[2], vector[3], vector[4]
-    first, second, third, fourth, last = matrix[0], matrix[1], matrix[2], matrix[3], matrix[4]
+    a, b, c, d, e, f, g = read(vector)
+    p, q, r, s, t = matrix[0], matrix[1], matrix[2], matrix[3], matrix[4]
+    u, v = matrix[5], matrix[6]
     return (
-        a * first[0] + b * second[0] + c * third[0] + d * fourth[0] + e * last[0],
-        a * first[1] + b * second[1] + c * third[1] + d * fourth[1] + e * last[1],
-        a * first[2] + b * second[2] + c * third[2] + d * fourth[2] + e * last[2],
-        a * first[3] + b * second[3] + c * third[3] + d * fourth[3] + e * last[3],
-        a * first[4] + b * second[4] + c * third[4] + d * fourth[4] + e * last[4],
+        a * p[0] + b * q[0] + c * r[0] + d * s[0] + e * t[0] + f * u[0] + g * v[0],
+        a * p[1] + b * q[1] + c * r[1] + d * s[1] + e * t[1] + f * u[1] + g * v[1],
+        a * p[2] + b * q[2] + c * r[2] + d * s[2] + e * t[2] + f * u[2] + g * v[2],
+        a * p[3] + b * q[3] + c * r[3] + d * s[3] + e * t[3] + f * u[3] + g * v[3],
+        a * p[4] + b * q[4] + c * r[4] + d * s[4] + e * t[4] + f * u[4] + g * v[4],
+        a * p[5] + b * q[5] + c * r[5] + d * s[5] + e * t[5] + f * u[5] + g * v[5],
+        a * p[6] + b * q[6] + c * r[6] + d * s[6] + e * t[6] + f * u[6] + g * v[6],
     )
 
 
@@ -148,7 +193,7 @@ def add_spread(
     share: float, mean: FloatArray, covariance: FloatArray, centre: FloatArray, spread: FloatArray
 ) -> None:
     """Add a Gaussian to the covariance of a mixture, whose mean is known."""
-    x, vx, y, vy, omega = difference(mean, centre)
+    x, vx, y, vy, omega, z, vz = difference(mean, centre)
     for i in range(SIZE):
         row, total, deviation = covariance[i], spread[i], share * (mean[i] - centre[i])
         # The entries of a row are all computed before any is written, so that the compiler may
@@ -157,5 +202,8 @@ def add_spread(
         second = total[1] + (share * row[1] + deviation * vx)
         third = total[2] + (share * row[2] + deviation * y)
         fourth = total[3] + (share * row[3] + deviation * vy)
-        total[4] += share * row[4] + deviation * omega
+        fifth = total[4] + (share * row[4] + deviation * omega)
+        sixth = total[5] + (share * row[5] + deviation * z)
+        total[6] += share * row[6] + deviation * vz
         total[0], total[1], total[2], total[3] = first, second, third, fourth
+        total[4], total[5] = fifth, sixth

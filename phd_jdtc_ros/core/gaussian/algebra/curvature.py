@@ -14,11 +14,12 @@ import numpy as np
 
 from ...arrays import FloatArray
 from ...compilation import Float1, Float2, Writeable, in_place, inner
-from ...state_space import PLANAR
-from ...targets.turn_matrix import turn, turn_terms, write_turn
+from ...state_space import SPATIAL
+from ...targets.turn_matrix import climb, turn, turn_terms, write_climb, write_turn
 from .blocks import SIZE, dot
 
-OMEGA = PLANAR.turn_rate
+OMEGA = SPATIAL.turn_rate
+Z, VZ = SPATIAL.vertical
 # Nodes of the quadrature over the turn rate, in standard deviations, and their weights.
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 WEIGHTS = WEIGHTS / WEIGHTS.sum()
@@ -55,8 +56,14 @@ new_moved_inside = inner(new_moved)
 
 
 @inner
-def _write_turn_moments(mean: FloatArray, covariance: FloatArray, dt: float, moved: Moved) -> None:
-    """Write the moments of a Gaussian that turns at an uncertain rate."""
+def _write_turn_moments(
+    axes: int, mean: FloatArray, covariance: FloatArray, arc: FloatArray, moved: Moved
+) -> None:
+    """Write the moments of a Gaussian that turns at an uncertain rate.
+
+    `axes` is the number of axes that have a covariance: all, or without height and climb rate.
+    """
+    dt = arc[1] + arc[2]
     moved_mean = moved.mean
     matrix = moved.matrix
     node_mean = moved.node_mean
@@ -67,45 +74,75 @@ def _write_turn_moments(mean: FloatArray, covariance: FloatArray, dt: float, mov
     for i in range(SIZE):
         slope[i], moved_mean[i] = covariance[i, OMEGA] / std, 0.0
         for k in range(SIZE):
-            matrix[i, k] = moved.covariance[i, k] = 0.0
+            matrix[i, k] = moved.covariance[i, k] = moved.cross[i, k] = 0.0
     for node in range(len(NODES)):
         for i in range(SIZE):
             point[i] = mean[i] + NODES[node] * slope[i]
-        terms = turn_terms(point[OMEGA], dt)
+        terms = turn_terms(point[OMEGA], arc)
         turn(terms, point, node_mean[node])
+        climb(dt, point, node_mean[node])
         along, across = along + WEIGHTS[node] * terms[0], across + WEIGHTS[node] * terms[1]
         cos, sin = cos + WEIGHTS[node] * terms[2], sin + WEIGHTS[node] * terms[3]
         for i in range(SIZE):
             moved_mean[i] += WEIGHTS[node] * node_mean[node, i]
+        for i in range(axes):
             if i == OMEGA:  # it is given
                 continue
-            for k in range(SIZE):
+            for k in range(axes):
                 point[k] = covariance[i, k] - slope[i] * slope[k]
             turn(terms, point, moved.conditional[i])
-        for k in range(SIZE):
+            if axes == SIZE:
+                climb(dt, point, moved.conditional[i])
+        for k in range(axes):
             if k == OMEGA:
                 continue
-            for i in range(SIZE):
+            for i in range(axes):
                 point[i] = moved.conditional[i, k]
             turn(terms, point, moved.turned)
-            for i in range(SIZE):
+            if axes == SIZE:
+                climb(dt, point, moved.turned)
+            for i in range(axes):
                 moved.covariance[i, k] += WEIGHTS[node] * moved.turned[i]
-    write_turn((along, across, cos, sin), matrix)
+    write_turn((along, across, cos, sin, arc[3]), matrix)
+    write_climb(dt, matrix)
     # The column of the turn rate follows from the covariance of the states before and after.
-    for i in range(SIZE):
+    for i in range(axes):
         total = 0.0
         for node in range(len(NODES)):
             total += WEIGHTS[node] * NODES[node] * node_mean[node, i]
         rest = dot(matrix[i], slope) - matrix[i, OMEGA] * slope[OMEGA]
         matrix[i, OMEGA] = (total - rest) / slope[OMEGA]
     for node in range(len(NODES)):
-        for i in range(SIZE):
+        for i in range(axes):
             deviation = WEIGHTS[node] * (node_mean[node, i] - moved_mean[i])
-            for k in range(SIZE):
+            for k in range(axes):
                 moved.covariance[i, k] += deviation * (node_mean[node, k] - moved_mean[k])
-    for i in range(SIZE):
-        for k in range(SIZE):
+    for i in range(axes):
+        for k in range(axes):
             moved.cross[i, k] = dot(covariance[i], matrix[k])
+
+
+@inner
+def _write_linear_moments(
+    axes: int, mean: FloatArray, covariance: FloatArray, moved: Moved
+) -> None:
+    """Write the moments of a Gaussian after a linear motion; see `_write_turn_moments`."""
+    matrix, cross, spread = moved.matrix, moved.cross, moved.covariance
+    for i in range(SIZE):
+        moved.mean[i] = dot(matrix[i], mean)
+        for k in range(SIZE):
+            if i >= axes or k >= axes:
+                cross[i, k] = spread[i, k] = 0.0
+    for i in range(axes):
+        for k in range(axes):
+            cross[i, k] = dot(covariance[i], matrix[k])
+    for i in range(SIZE):
+        moved.point[i] = 0.0
+    for k in range(axes):
+        for i in range(axes):
+            moved.point[i] = cross[i, k]
+        for i in range(k, axes):
+            spread[i, k] = spread[k, i] = dot(matrix[i], moved.point)
 
 
 @in_place
@@ -114,10 +151,10 @@ def move(
     covariance: Float2,
     transition: Float2,
     turns: bool,
-    dt: float,
+    arc: Float1,
     moved: Writeable[Moved],
 ) -> None:
-    """Write the moments of a Gaussian that moves for `dt` seconds.
+    """Write the moments of a Gaussian that moves.
 
     Parameters
     ----------
@@ -126,6 +163,8 @@ def move(
         Matrix of a linear motion.
     turns : bool
         Whether the motion is a coordinated turn instead.
+    arc : array of shape (4,)
+        Its `motion.turn_arc`.
 
     Notes
     -----
@@ -138,21 +177,22 @@ def move(
     ----------
     Sarkka, "Bayesian Filtering and Smoothing", Cambridge University Press, 2013, chapters 5 and 9.
     """
+    # In the plane the last axes have no covariance, and the compiler unrolls fewer loops.
+    in_plane = covariance[Z, Z] == 0.0 and covariance[VZ, VZ] == 0.0
     if turns and covariance[OMEGA, OMEGA] > 0.0:
-        _write_turn_moments(mean, covariance, dt, moved)
+        if in_plane:
+            _write_turn_moments(OMEGA + 1, mean, covariance, arc, moved)
+        else:
+            _write_turn_moments(SIZE, mean, covariance, arc, moved)
         return
     matrix = moved.matrix
     for i in range(SIZE):
         for k in range(SIZE):
             matrix[i, k] = 0.0 if turns else transition[i, k]
     if turns:
-        write_turn(turn_terms(mean[OMEGA], dt), matrix)
-    for i in range(SIZE):
-        moved.mean[i] = dot(matrix[i], mean)
-        for k in range(SIZE):
-            moved.cross[i, k] = dot(covariance[i], matrix[k])
-    for k in range(SIZE):
-        for i in range(SIZE):
-            moved.point[i] = moved.cross[i, k]
-        for i in range(k, SIZE):
-            moved.covariance[i, k] = moved.covariance[k, i] = dot(matrix[i], moved.point)
+        write_turn(turn_terms(mean[OMEGA], arc), matrix)
+        write_climb(arc[1] + arc[2], matrix)
+    if in_plane:
+        _write_linear_moments(OMEGA + 1, mean, covariance, moved)
+    else:
+        _write_linear_moments(SIZE, mean, covariance, moved)

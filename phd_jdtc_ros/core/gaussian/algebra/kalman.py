@@ -29,10 +29,11 @@ NO_TIMES = np.zeros(0)
 class Innovation(NamedTuple):
     """The innovation of a measurement, linearised at the posterior position."""
 
-    # Jacobian of the measurement with respect to the position at the detection's time, (N, 2, 2).
+    # Jacobian of the measurement with respect to the position at the detection's time, (N, P, P),
+    # where P is 2, or 3 in space.
     jacobian: Float3
-    weighted: Float2  # Inverse of the innovation's covariance times the innovation, (N, 2)
-    inverse: Float3  # Inverse of the innovation's covariance, (N, 2, 2)
+    weighted: Float2  # Inverse of the innovation's covariance times the innovation, (N, P)
+    inverse: Float3  # Inverse of the innovation's covariance, (N, P, P)
     log_likelihood: Float1  # log N(z; h, S) of the measurement alone, (N,)
 
 
@@ -132,6 +133,54 @@ def _update(
     return updated_mean, updated_covariance
 
 
+@compiled
+def _update_in_space(
+    modes: int,
+    axes: Int1,
+    mean: Float2,
+    covariance: Float3,
+    group: Int1,
+    pair: Int1,
+    innovation_of: Innovation,
+    time_s: Float1,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the results of `update` with three axes of the position before the velocity's."""
+    jacobian, weighted, inverse, _ = innovation_of
+    count = len(group) * modes
+    updated_mean, updated_covariance = np.empty((count, SIZE)), np.empty((count, SIZE, SIZE))
+    cross, gain = np.empty((3, SIZE)), np.empty((3, SIZE))
+    for row in range(count):
+        gaussian = group[row // modes] * modes + row % modes
+        innovation, spread = pair[row // modes] * modes + row % modes, covariance[gaussian]
+        copy_gaussian(mean[gaussian], spread, updated_mean[row], updated_covariance[row])
+        if pair[row // modes] < 0:
+            continue
+        time, slope = time_s[innovation] if len(time_s) else 0.0, jacobian[innovation]
+        scale, weight = inverse[innovation], weighted[innovation]
+        for i in range(SIZE):
+            x = spread[i, axes[0]] + time * spread[i, axes[3]]
+            y = spread[i, axes[1]] + time * spread[i, axes[4]]
+            z = spread[i, axes[2]] + time * spread[i, axes[5]]
+            for k in range(3):
+                cross[k, i] = x * slope[k, 0] + y * slope[k, 1] + z * slope[k, 2]
+                updated_mean[row, i] += cross[k, i] * weight[k]
+            for k in range(3):
+                gain[k, i] = scale[k, 0] * cross[0, i] + scale[k, 1] * cross[1, i]
+                gain[k, i] += scale[k, 2] * cross[2, i]
+        for i in range(SIZE):
+            for k in range(i + 1):
+                reduction = gain[0, i] * cross[0, k] + gain[1, i] * cross[1, k]
+                reduction += gain[2, i] * cross[2, k]
+                updated_covariance[row, i, k] = updated_covariance[row, k, i] = (
+                    spread[i, k] - reduction
+                )
+            # See `_update`.
+            updated_covariance[row, i, i] = max(
+                updated_covariance[row, i, i], LEAST_VARIANCE * spread[i, i]
+            )
+    return updated_mean, updated_covariance
+
+
 def update(
     mean: FloatArray,
     covariance: FloatArray,
@@ -146,6 +195,7 @@ def update(
     Parameters
     ----------
     mean, covariance : arrays of shape (N, D) and (N, D, D)
+        In the plane D may also be that of a planar state.
     innovation : Innovation
         P innovations.
     time_s : array of shape (P,) or None
@@ -159,9 +209,17 @@ def update(
     if pairs is None:
         pairs = (np.arange(len(mean)),) * 2
     group, pair, times = contiguous(*pairs, NO_TIMES if time_s is None else time_s)
+    size, space = mean.shape[1], sensor.space
+    if size < SIZE:  # planar states, as the paper's filters have them
+        widths = (0, 0), (0, SIZE - size)
+        mean, covariance = np.pad(mean, widths), np.pad(covariance, (*widths, widths[1]))
     mean, covariance = contiguous(mean, covariance)
-    axes = sensor.space.planar_axes
-    return _update(modes, axes, mean, covariance, group, pair, innovation, times)
+    if space.vertical:
+        axes = np.array([*space.place, *space.motion])
+        return _update_in_space(modes, axes, mean, covariance, group, pair, innovation, times)
+    axes = space.planar_axes
+    mean, covariance = _update(modes, axes, mean, covariance, group, pair, innovation, times)
+    return mean[:, :size], covariance[:, :size, :size]
 
 
 def floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:

@@ -8,15 +8,22 @@ variance is added to the noise.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import FloatArray
+from ...arrays import FloatArray, contiguous
+from ...compilation import Float1, Float2, Float3, Int1, compiled, inner
 from ...sensors.polar_geometry import MIN_RANGE
 from ...sensors.range_rate import RangeRateModel, Rates
 from ...sensors.sensor import Sensor
 from . import kalman
+from .blocks import SIZE, dot
+from .kalman import NO_TIMES
+
+# Sine of the angle from the zenith below which a line of sight has no direction across it.
+LEAST_LEVEL = 1e-6
 
 
 class RateUpdate(NamedTuple):
@@ -58,6 +65,8 @@ def expected_rates(
     variances A and B of a and n'dv and their covariance C, the last two terms have the mean
     C - (u'v) A / 2 and approximately the variance A B + C^2 + (u'v)^2 A^2 / 2.
     """
+    if sensor.space.vertical:
+        return _expected_in_space(mean, covariance, sensor, time_s)
     position_axes, velocity_axes = list(sensor.space.position), list(sensor.space.velocity)
     velocity = mean[:, velocity_axes]
     line = mean[:, position_axes] - np.asarray(sensor.position)
@@ -83,6 +92,91 @@ def expected_rates(
     cross = _multiply(covariance, gradient)
     second_order = a * b + c**2 + 0.5 * (rate * a) ** 2
     return Expected(rate + c - 0.5 * rate * a, cross, (cross * gradient).sum(axis=1) + second_order)
+
+
+def _expected_in_space(
+    mean: FloatArray, covariance: FloatArray, sensor: Sensor, time_s: FloatArray | None
+) -> Expected:
+    """Return the results of `expected_rates` with two directions across the line of sight.
+
+    The errors a in angle and w of the velocity across are then vectors, with the covariances A and
+    B, and C between them. The terms of second order, a'w - (u'v) a'a / 2, have the mean
+    tr C - (u'v) tr A / 2 and approximately the variance tr(A B) + tr(C C) + (u'v)^2 tr(A A) / 2.
+    """
+    axes = np.array([*sensor.space.place, *sensor.space.motion])
+    antenna = np.concatenate([sensor.origin, sensor.origin_velocity])
+    columns = contiguous(axes, antenna, mean, covariance, NO_TIMES if time_s is None else time_s)
+    return Expected(*_rates_in_space(*columns))
+
+
+@inner
+def _write_sight(line: FloatArray, distance: float, along: FloatArray, across: FloatArray) -> None:
+    """Write the line of sight as a unit vector, and two unit vectors across it, (2, 3)."""
+    for i in range(3):
+        along[i] = line[i] / distance
+    level = math.sqrt(along[0] * along[0] + along[1] * along[1])
+    across[0, 0], across[0, 1], across[0, 2] = 1.0, 0.0, 0.0
+    if level > LEAST_LEVEL:  # else the target is overhead, and any level direction is across
+        across[0, 0], across[0, 1] = -along[1] / level, along[0] / level
+    across[1, 0] = -along[2] * across[0, 1]
+    across[1, 1] = along[2] * across[0, 0]
+    across[1, 2] = along[0] * across[0, 1] - along[1] * across[0, 0]
+
+
+@compiled
+def _rates_in_space(
+    axes: Int1, antenna: Float1, mean: Float2, covariance: Float3, time_s: Float1
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the columns of `Expected`.
+
+    `axes` are those of the place before those of the velocity, and `antenna` has the sensor's.
+    """
+    count = len(mean)
+    rate, cross, variance = np.empty(count), np.empty((count, SIZE)), np.empty(count)
+    line, speed, along, across = np.empty(3), np.empty(3), np.empty(3), np.empty((2, 3))
+    # Gradients of both angles, of both velocities across, and of the range rate, and their
+    # covariances with the state.
+    gradient, spread = np.empty((5, SIZE)), np.empty((5, SIZE))
+    for row in range(count):
+        time, square = time_s[row] if len(time_s) else 0.0, 0.0
+        for i in range(3):
+            speed[i] = mean[row, axes[3 + i]]
+            line[i] = mean[row, axes[i]] + time * speed[i] - antenna[i]
+            speed[i] -= antenna[3 + i]
+            square += line[i] * line[i]
+        distance = max(math.sqrt(square), MIN_RANGE)
+        _write_sight(line, distance, along, across)
+        radial = speed[0] * along[0] + speed[1] * along[1] + speed[2] * along[2]
+        for k in range(5):
+            for i in range(SIZE):
+                gradient[k, i] = 0.0
+        for i in range(3):
+            gradient[4, axes[3 + i]] = along[i]
+        for k in range(2):
+            side = speed[0] * across[k, 0] + speed[1] * across[k, 1] + speed[2] * across[k, 2]
+            for i in range(3):
+                angle = across[k, i] / distance
+                gradient[k, axes[i]], gradient[k, axes[3 + i]] = angle, time * angle
+                gradient[2 + k, axes[3 + i]] = across[k, i]
+                gradient[4, axes[i]] += side * angle
+                gradient[4, axes[3 + i]] += side * time * angle
+        for k in range(5):
+            for i in range(SIZE):
+                spread[k, i] = dot(covariance[row, i], gradient[k])
+        shift, second_order = 0.0, 0.0
+        for k in range(2):
+            shift += dot(spread[k], gradient[2 + k])
+            shift -= 0.5 * radial * dot(spread[k], gradient[k])
+            for n in range(2):
+                a, b = dot(spread[k], gradient[n]), dot(spread[2 + k], gradient[2 + n])
+                one = dot(spread[k], gradient[2 + n])
+                other = dot(spread[n], gradient[2 + k])
+                second_order += a * b + one * other + 0.5 * (radial * a) ** 2
+        rate[row] = radial + shift
+        variance[row] = dot(spread[4], gradient[4]) + second_order
+        for i in range(SIZE):
+            cross[row, i] = spread[4, i]
+    return rate, cross, variance
 
 
 def update_rates(

@@ -131,7 +131,7 @@ def after_miss(
     shift = -probability * first / missed
     variance_change = (1.0 - probability * second) / missed - shift**2 - 1.0
 
-    position, axes = list(sensor.space.position), mixture.mean.shape[-1]
+    position, axes = list(sensor.space.place), mixture.mean.shape[-1]
     mean = mixture.mean.reshape(size, axes).copy()
     covariance = mixture.covariance.reshape(size, axes, axes).copy()
     gradient = sensor.linearise(mean[rows][:, position])[1][np.arange(len(rows)), axis]

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...arrays import TINY, FloatArray, IntArray
 from ...models.detection_birth import Newborn
+from ...sensors.gaussians import PlanePlots
 from ...sensors.range_rate import Rates
 from ...sensors.view import View
 from ..algebra import range_rate
@@ -25,7 +26,8 @@ LEAST_FOLD = 1e-3
 def newborn_mixture(newborn: Newborn, dynamics: Dynamics, label: int) -> Mixture:
     """Return targets born at detections, one hypothesis each.
 
-    An ambiguous range rate gives one hypothesis for each possible fold.
+    An ambiguous range rate gives one hypothesis for each possible fold, and a detection without an
+    elevation one for each of several heights.
 
     Parameters
     ----------
@@ -34,12 +36,13 @@ def newborn_mixture(newborn: Newborn, dynamics: Dynamics, label: int) -> Mixture
     label : int
         Label of the first target; the others follow.
     """
-    row = np.arange(len(newborn))
-    mean, covariance = _gaussians(newborn, dynamics)
+    row, share, plots = newborn.report.sensor.places_of_births(newborn.report.detections)
+    if len(row) != len(newborn):
+        newborn = _take(newborn, row, share)
+    mean, covariance = _gaussians(newborn, plots, dynamics)
     if (rates := newborn.report.range_rates) is not None:
-        row, share, mean, covariance = _split_by_fold(newborn, rates, mean, covariance)
-        newborn = newborn.take(row)
-        newborn = replace(newborn, mass=newborn.mass * share[:, None])
+        fold, share, mean, covariance = _split_by_fold(newborn, rates, mean, covariance)
+        newborn, row = _take(newborn, fold, share), row[fold]
     elif (
         newborn.report.detections.velocity is not None
         and (velocities := newborn.report.velocities) is not None
@@ -62,16 +65,24 @@ def newborn_mixture(newborn: Newborn, dynamics: Dynamics, label: int) -> Mixture
     )
 
 
-def _gaussians(newborn: Newborn, dynamics: Dynamics) -> tuple[FloatArray, FloatArray]:
-    """Return newborn targets at their detections, without range rates, (J, D) and (J, D, D)."""
+def _take(newborn: Newborn, row: IntArray, share: FloatArray) -> Newborn:
+    """Return these rows of newborn targets, with a share of the mass of each."""
+    taken = newborn.take(row)
+    return replace(taken, mass=taken.mass * share[:, None])
+
+
+def _gaussians(
+    newborn: Newborn, plots: PlanePlots, dynamics: Dynamics
+) -> tuple[FloatArray, FloatArray]:
+    """Return newborn targets at their places, without range rates, (J, D) and (J, D, D)."""
     births, space = dynamics.model.detection_births, dynamics.model.modes.space
     detections = newborn.report.detections
-    plots = newborn.report.in_plane
-    position, velocity = list(space.position), list(space.velocity)
+    position, velocity = list(space.place), list(space.motion)
     size = dynamics.supported.shape[1]
     covariance = np.zeros((len(newborn), size, size))
     covariance[:, np.array(position)[:, None], position] = plots.root @ plots.root.swapaxes(1, 2)
-    covariance[:, velocity, velocity] = births.velocity_std**2
+    std = [births.velocity_std, births.velocity_std, births.climb_std]
+    covariance[:, velocity, velocity] = np.square(std[: len(velocity)])
     covariance[:, space.turn_rate, space.turn_rate] = births.turn_rate_std**2
     if detections.time_s is not None:  # back to the position at the scan's stamp
         to_stamp = np.eye(size)[None].repeat(len(newborn), axis=0)

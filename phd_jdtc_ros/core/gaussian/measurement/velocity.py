@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...arrays import FloatArray
-from ...sensors.velocity import Velocities
+from ...sensors.range_rate import Velocities
 from ...state_space import StateSpace
 from ..algebra import kalman
 

@@ -207,7 +207,8 @@ def _blend_with_dying(
 
     `share` is the weight of the latter.
     """
-    cross_share, (x, vx, y, vy, omega) = share * (1.0 - share), difference(dying_mean, mean)
+    cross_share = share * (1.0 - share)
+    x, vx, y, vy, omega, z, vz = difference(dying_mean, mean)
     for i in range(SIZE):
         dying = dying_covariance[i]
         row = covariance[i]
@@ -217,8 +218,11 @@ def _blend_with_dying(
         second = row[1] + (share * (dying[1] - row[1]) + outer * vx)
         third = row[2] + (share * (dying[2] - row[2]) + outer * y)
         fourth = row[3] + (share * (dying[3] - row[3]) + outer * vy)
-        row[4] += share * (dying[4] - row[4]) + outer * omega
+        fifth = row[4] + (share * (dying[4] - row[4]) + outer * omega)
+        sixth = row[5] + (share * (dying[5] - row[5]) + outer * z)
+        row[6] += share * (dying[6] - row[6]) + outer * vz
         row[0], row[1], row[2], row[3] = first, second, third, fourth
+        row[4], row[5] = fifth, sixth
     for i in range(SIZE):
         mean[i] += share * (dying_mean[i] - mean[i])
 

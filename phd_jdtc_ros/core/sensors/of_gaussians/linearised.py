@@ -52,7 +52,7 @@ class Measuring(Protocol):
         """Outliers among its measurements; None without any."""
 
     def linearise(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the measurements of positions and their Jacobians, (..., Z) and (..., Z, 2)."""
+        """Return the measurements of positions and their Jacobians, (..., Z) and (..., Z, P)."""
 
     def wrap(self, error: FloatArray) -> FloatArray:
         """Return differences of measurements, (..., Z), with wrapped angles."""
@@ -122,7 +122,7 @@ class Linearised:
 
     def expected(self, mean: FloatArray, covariance: FloatArray) -> Expected:
         """Return the expected measurements of Gaussians."""
-        position = list(self.sensor.space.position)
+        position = list(self.sensor.space.place)
         measured, jacobian = self.sensor.linearise(mean[..., position])
         spread = jacobian @ covariance[..., position, :][..., position] @ jacobian.swapaxes(-1, -2)
         variance = np.diagonal(spread, axis1=-2, axis2=-1)
@@ -162,8 +162,8 @@ class Linearised:
         """
         measured, covariance, _ = expected
         sensor, modes = self.sensor, weight.shape[1]
-        _, slope = sensor.linearise(mean[..., list(sensor.space.position)])
-        rate = (slope @ mean[..., list(sensor.space.velocity), None])[..., 0]
+        _, slope = sensor.linearise(mean[..., list(sensor.space.place)])
+        rate = (slope @ mean[..., list(sensor.space.motion), None])[..., 0]
         detections = report.detections
         covariance_of_noise = noise_covariance(report.detection_std, detections.noise_correlation)
         noise = self.gate_ratio**2 * covariance_of_noise
@@ -200,10 +200,10 @@ class Linearised:
 
         Notes
         -----
-        An update takes two components. With the measurement's Jacobian J, the innovation's
-        covariance S and the innovation v, it adds P J' S^-1 v to a state and takes P J' S^-1 J P
-        from its covariance. For other numbers of components v is therefore replaced by J' S^-1 v,
-        the inverse of S by J' S^-1 J, and the Jacobian by the identity.
+        An update takes as many components as a place has axes. With the measurement's Jacobian J,
+        the innovation's covariance S and the innovation v, it adds P J' S^-1 v to a state and takes
+        P J' S^-1 J P from its covariance. For other numbers of components v is therefore replaced
+        by J' S^-1 v, the inverse of S by J' S^-1 J, and the Jacobian by the identity.
         """
         sensor, (mean, covariance, weight) = self.sensor, gaussians
         gaussian, column = gaussians_of_groups(pairs[0], modes), pairs[1].repeat(modes)
@@ -211,15 +211,16 @@ class Linearised:
         row, count = np.where(has_weight, gaussian, 0), len(gaussian)
         measurement, noise_std = measured.measurement[column], measured.noise_std[column]
         noise = noise_covariance(measured.noise_std, measured.correlation)[column]
-        with_time = np.zeros((count, 2, mean.shape[1]))
-        with_time[:, [0, 1], list(sensor.space.position)] = 1.0
+        axes = np.arange(len(sensor.space.place))
+        with_time = np.zeros((count, len(axes), mean.shape[1]))
+        with_time[:, axes, list(sensor.space.place)] = 1.0
         if measured.time_s is not None:
-            velocity = list(sensor.space.velocity)
-            with_time[:, [0, 1], velocity] = measured.time_s[column, None]
+            velocity = list(sensor.space.motion)
+            with_time[:, axes, velocity] = measured.time_s[column, None]
         prior = (with_time @ mean[row][..., None])[..., 0]
         spread = with_time @ covariance[row] @ with_time.swapaxes(1, 2)
         size = measurement.shape[1]
-        jacobian, weighted = np.zeros((count, size, 2)), np.zeros((count, size))
+        jacobian, weighted = np.zeros((count, size, len(axes))), np.zeros((count, size))
         inverse, log_likelihood = np.zeros((count, size, size)), np.zeros(count)
         position, rows = prior.copy(), np.arange(count)
         for _ in range(iterations):
@@ -235,11 +236,11 @@ class Linearised:
             step = (slope @ (updated - position[rows])[..., None])[..., 0]
             position[rows] = updated
             rows = rows[(np.abs(step) >= converged * noise_std[rows]).any(axis=1)]
-        if size != 2:
+        if size != len(axes):
             transposed = jacobian.swapaxes(1, 2)
             weighted = (transposed @ weighted[..., None])[..., 0]
             inverse = transposed @ inverse @ jacobian
-            jacobian = np.broadcast_to(np.eye(2), inverse.shape)
+            jacobian = np.broadcast_to(np.eye(len(axes)), inverse.shape)
         return jacobian, weighted, inverse, np.where(has_weight, log_likelihood, -np.inf)
 
 

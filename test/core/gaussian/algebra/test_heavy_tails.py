@@ -1,9 +1,10 @@
 """Innovations of detections that may be outliers, against the mixture of two Kalman updates."""
 
+import lone
 import numpy as np
 import pytest
 import textbook
-from lone import MEAN, STD, lone
+from lone import SIZE, STD, in_space, squares_in_space
 from mast import mast
 
 from phd_jdtc_ros.core.factors.outliers import Outliers
@@ -13,9 +14,9 @@ from phd_jdtc_ros.core.sensors.of_gaussians.linearised import Measured, Weighted
 from phd_jdtc_ros.core.types import Detections
 
 OUTLIERS = Outliers(0.1, 4.0)
-(RADAR,) = lone({"radar.range_std": 150.0, "radar.azimuth_std_deg": 0.5}).model.radars
+(RADAR,) = lone.lone({"radar.range_std": 150.0, "radar.azimuth_std_deg": 0.5}).model.radars
 COVARIANCE = np.diag(STD**2) + 2e3 * (np.eye(5, k=1) + np.eye(5, k=-1)) * [0, 1, 0, 1, 0]
-COVARIANCE = 0.5 * (COVARIANCE + COVARIANCE.T)
+MEAN, COVARIANCE = in_space(lone.MEAN), squares_in_space(0.5 * (COVARIANCE + COVARIANCE.T))
 
 
 # A sensor, and the correlation of the errors of its measurements.
@@ -47,7 +48,7 @@ def component(sensor, seen, ratio):
     """Return the same with a multiple of the noise, by a Kalman filter's equations."""
     position = list(sensor.space.position)
     expected, slope = sensor.linearise(MEAN[position])
-    jacobian = np.zeros((2, 5))
+    jacobian = np.zeros((2, SIZE))
     jacobian[:, position] = slope
     noise = ratio**2 * noise_covariance(sensor.noise_std_of(seen), seen.noise_correlation)[0]
     total = jacobian @ COVARIANCE @ jacobian.T + noise

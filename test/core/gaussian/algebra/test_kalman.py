@@ -1,26 +1,35 @@
 import numpy as np
 import pytest
 import textbook
-from lone import MEAN, STD, lone
+from lone import MEAN, SIZE, STD, in_space, lone
 
 from phd_jdtc_ros.core.gaussian.algebra import blocks, kalman
 from phd_jdtc_ros.core.gaussian.algebra.curvature import move, new_moved
 from phd_jdtc_ros.core.sensors.of_gaussians.linearised import Measured, WeightedGaussians
+from phd_jdtc_ros.core.state_space import SPATIAL
 from phd_jdtc_ros.core.targets.motion import ConstantVelocity, CoordinatedTurn
 
 (RADAR,) = lone().model.radars
-SCALE = np.array([80.0, 9.0, 120.0, 7.0, 0.002])
-MOTIONS = (ConstantVelocity(1.0), CoordinatedTurn(1.0, 1e-4))
-CURVED_MEAN = np.array([4e3, 60.0, -2e3, 20.0, 0.02])
-ROOT = np.diag([300.0, 12.0, 250.0, 9.0, 0.0])
-ROOT[4] = [0.01, 0.03, -0.01, 0.02, 0.05]
+SPREAD = np.append(STD, [100.0, 8.0])
+SCALE = np.array([80.0, 9.0, 120.0, 7.0, 0.002, 60.0, 3.0])
+IN_SPACE = {"space": SPATIAL, "vertical_noise_density": 2.0}
+MOTIONS = (
+    ConstantVelocity(1.0, **IN_SPACE),
+    CoordinatedTurn(1.0, 1e-4, **IN_SPACE),
+    CoordinatedTurn(1.0, 1e-4, 12.0, **IN_SPACE),
+)
+CURVED_MEAN = np.array([4e3, 60.0, -2e3, 20.0, 0.02, 900.0, -4.0])
+ROOT = np.diag([300.0, 12.0, 250.0, 9.0, 0.0, 80.0, 3.0])
+ROOT[4] = [0.01, 0.03, -0.01, 0.02, 0.05, 0.0, 0.0]
+ROOT[5] = [20.0, -10.0, 5.0, 30.0, 40.0, 80.0, 0.0]
+ROOT[6] = [1.0, 0.5, -0.3, 0.2, -2.0, 0.4, 3.0]
 COVARIANCE = ROOT @ ROOT.T
 DT = 6.0
 
 
 def priors(rng, count):
-    mean = MEAN + rng.normal(0.0, 2.0, (count, 5)) * STD
-    factor = rng.normal(0.0, 1.0, (count, 5, 5)) * STD[:, None]
+    mean = in_space(MEAN) + rng.normal(0.0, 2.0, (count, SIZE)) * SPREAD
+    factor = rng.normal(0.0, 1.0, (count, SIZE, SIZE)) * SPREAD[:, None]
     return mean, factor @ factor.swapaxes(1, 2)
 
 
@@ -64,11 +73,11 @@ def test_updates_of_many_are_those_of_each_alone(timed, iterations):
 
 def test_likelihood_of_a_narrow_prior_is_its_integral():
     # Narrow, so that the linearised measurement is nearly the true one.
-    mean, covariance = MEAN[None], np.diag((0.2 * STD) ** 2)[None]
+    mean, covariance = in_space(MEAN[None]), np.diag((0.2 * SPREAD) ** 2)[None]
     measurement = RADAR.measure(mean) + np.array([200.0, 0.012])
     found, _, _ = updated(mean, covariance, measurement)
     rng = np.random.default_rng(1)
-    states = mean + rng.standard_normal((400_000, 5)) * 0.2 * STD
+    states = mean + rng.standard_normal((400_000, SIZE)) * 0.2 * SPREAD
     error = (measurement - RADAR.measure(states)) / RADAR.noise_std
     density = np.exp(-0.5 * (error**2).sum(axis=1)) / (2.0 * np.pi * RADAR.noise_std.prod())
     assert np.exp(found.log_likelihood[0]) == pytest.approx(density.mean(), rel=0.01)
@@ -93,7 +102,7 @@ def test_floored_leaves_covariances_as_they_are_and_raises_others():
     assert count == 0
     np.testing.assert_array_equal(same, sound)
     wrong = sound.copy()
-    wrong[1] = np.diag([1e4, 900.0, 1e4, 900.0, 1e-6])
+    wrong[1] = np.diag([1e4, 900.0, 1e4, 900.0, 1e-6, 1e4, 100.0])
     wrong[1, 0, 2] = wrong[1, 2, 0] = 1.5e4
     found, count = kalman.floor_eigenvalues(wrong)
     assert count == 1
@@ -103,7 +112,7 @@ def test_floored_leaves_covariances_as_they_are_and_raises_others():
 
 
 def test_floored_eigenvalues_change_no_other_covariance_of_the_batch():
-    nearly_singular = np.diag([1e4, 900.0, 1e4, 900.0, 1e-6])
+    nearly_singular = np.diag([1e4, 900.0, 1e4, 900.0, 1e-6, 0.0, 0.0])
     nearly_singular[0, 2] = nearly_singular[2, 0] = 1e4 * (1.0 - 1e-12)
     wrong = nearly_singular.copy()
     wrong[0, 2] = wrong[2, 0] = 1.5e4
@@ -140,24 +149,26 @@ def test_pairs_of_gaussians_and_measurements_are_those_of_each_alone():
 
 
 def covariance(rng, absent=()):
-    """Return a random covariance of a planar state, zero on some axes."""
-    root = rng.normal(size=(5, 5)) * SCALE[:, None]
+    """Return a random covariance of a state, zero on some axes."""
+    root = rng.normal(size=(SIZE, SIZE)) * SCALE[:, None]
     root[list(absent)] = 0.0
     return root @ root.T
 
 
-@pytest.mark.parametrize("absent", [(), (4,), (1, 3)], ids=["every axis", "no turn", "no speed"])
+@pytest.mark.parametrize(
+    "absent", [(), (4,), (1, 3), (5, 6)], ids=["every axis", "no turn", "no speed", "plane"]
+)
 def test_factors_are_those_of_the_inverse_on_the_axes_with_variance(absent):
     rng = np.random.default_rng(0)
-    matrix, factor = covariance(rng, absent), np.empty((5, 5))
-    used = np.delete(np.arange(5), absent)
-    inverse = np.zeros((5, 5))
+    matrix, factor = covariance(rng, absent), np.empty((SIZE, SIZE))
+    used = np.delete(np.arange(SIZE), absent)
+    inverse = np.zeros((SIZE, SIZE))
     inverse[np.ix_(used, used)] = np.linalg.inv(matrix[np.ix_(used, used)])
     blocks.factorise(matrix, factor)
-    one, other = SCALE * rng.normal(size=(2, 5))
+    one, other = SCALE * rng.normal(size=(2, SIZE))
     solved = np.array(blocks.solve(factor, one))
     np.testing.assert_allclose(solved, inverse @ one, rtol=1e-8)
-    square = blocks.square_distance(factor, one, other, np.empty(5))
+    square = blocks.square_distance(factor, one, other, np.empty(SIZE))
     assert square == pytest.approx((one - other) @ inverse @ (one - other), rel=1e-8)
     sign, log_determinant = np.linalg.slogdet(matrix[np.ix_(used, used)])
     assert sign > 0.0
@@ -166,19 +177,19 @@ def test_factors_are_those_of_the_inverse_on_the_axes_with_variance(absent):
 
 def test_axis_that_others_determine_is_left_out():
     # x and vx are one: the inverse on the axes that the covariance spans leaves out the second.
-    matrix, factor = np.diag(SCALE**2), np.empty((5, 5))
+    matrix, factor = np.diag(SCALE**2), np.empty((SIZE, SIZE))
     matrix[0, 1] = matrix[1, 0] = SCALE[0] * SCALE[1]
     blocks.factorise(matrix, factor)
     assert factor[1, 1] == 0.0
-    vector = blocks.solve(factor, np.array([1.0, 5.0, 1.0, 1.0, 1.0]))
-    np.testing.assert_allclose(vector, [1.0, 0.0, 1.0, 1.0, 1.0] / SCALE**2)
+    vector = blocks.solve(factor, np.array([1.0, 5.0, 1.0, 1.0, 1.0, 1.0, 1.0]))
+    np.testing.assert_allclose(vector, [1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0] / SCALE**2)
 
 
 def test_sums_of_mean_and_spread_are_the_moments_of_a_mixture():
     rng = np.random.default_rng(1)
-    share, mean = rng.dirichlet(np.ones(3)), SCALE * rng.normal(size=(3, 5))
+    share, mean = rng.dirichlet(np.ones(3)), SCALE * rng.normal(size=(3, SIZE))
     spread = np.array([covariance(rng) for _ in range(3)])
-    centre, total = np.zeros(5), np.zeros((5, 5))
+    centre, total = np.zeros(SIZE), np.zeros((SIZE, SIZE))
     for one in range(3):
         blocks.add_mean(share[one], mean[one], centre)
     for one in range(3):
@@ -192,28 +203,29 @@ def test_sums_of_mean_and_spread_are_the_moments_of_a_mixture():
 def moved_by(covariance, motion):
     """Return the mean, the covariance with the earlier state, and the covariance after a motion."""
     moved = new_moved()
-    transition = MOTIONS[motion].jacobian(np.zeros((1, 5)), DT)[0]
-    move(CURVED_MEAN, covariance, transition, motion == 1, DT, moved)
+    transition = MOTIONS[motion].jacobian(np.zeros((1, SIZE)), DT)[0]
+    move(CURVED_MEAN, covariance, transition, motion > 0, MOTIONS[motion].arc(DT), moved)
     return moved.mean, moved.cross, moved.covariance
 
 
-def test_moved_gaussian_has_the_moments_of_drawn_states():
-    mean, cross, covariance = moved_by(COVARIANCE, 1)
-    drawn = CURVED_MEAN + np.random.default_rng(4).standard_normal((10**6, 5)) @ ROOT.T
-    later = MOTIONS[1].mean(drawn, DT)
+@pytest.mark.parametrize("motion", [1, 2])
+def test_moved_gaussian_has_the_moments_of_drawn_states(motion):
+    mean, cross, covariance = moved_by(COVARIANCE, motion)
+    drawn = CURVED_MEAN + np.random.default_rng(4).standard_normal((10**6, SIZE)) @ ROOT.T
+    later = MOTIONS[motion].mean(drawn, DT)
     std, std_later = np.sqrt(np.diag(COVARIANCE)), np.sqrt(np.diag(covariance))
     np.testing.assert_allclose((mean - later.mean(axis=0)) / std_later, 0.0, atol=4e-3)
     exact = np.cov(later.T) / (std_later[:, None] * std_later)
     np.testing.assert_allclose(covariance / (std_later[:, None] * std_later), exact, atol=6e-3)
-    between = np.cov(drawn.T, later.T)[:5, 5:] / (std[:, None] * std_later)
+    between = np.cov(drawn.T, later.T)[:SIZE, SIZE:] / (std[:, None] * std_later)
     np.testing.assert_allclose(cross / (std[:, None] * std_later), between, atol=6e-3)
     # The linearisation at the mean differs from the drawn velocities.
-    at_mean = MOTIONS[1].jacobian(CURVED_MEAN[None], DT)[0]
+    at_mean = MOTIONS[motion].jacobian(CURVED_MEAN[None], DT)[0]
     linear = np.diag(at_mean @ COVARIANCE @ at_mean.T)
     assert abs(linear[3] / later[:, 3].var() - 1.0) > 0.05
 
 
-@pytest.mark.parametrize("motion", [0, 1])
+@pytest.mark.parametrize("motion", [0, 1, 2])
 def test_motion_of_a_known_turn_rate_is_linear(motion):
     certain = COVARIANCE.copy()
     certain[4] = certain[:, 4] = 0.0

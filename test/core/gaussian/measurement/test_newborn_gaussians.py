@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from lone import MEAN, STD, TWO_MOTIONS, lone, mixture_of
+from lone import MEAN, SIZE, STD, TWO_MOTIONS, in_space, lone, mixture_of
 from scipy.stats import norm
 
 from phd_jdtc_ros.core.gaussian.algebra import kalman, range_rate
@@ -112,7 +112,7 @@ def test_newborn_with_a_time_is_one_seen_then_where_it_was_before():
     np.testing.assert_array_equal(found.row_label, then.row_label)
     np.testing.assert_allclose(found.mass, then.mass, rtol=1e-9)
     for row, row_label in enumerate(found.row_label):
-        back = np.eye(5)
+        back = np.eye(SIZE)
         back[[0, 2], [1, 3]] = -times[row_label - 100]
         for mode in range(2):
             np.testing.assert_allclose(found.mean[row, mode], back @ then.mean[row, mode])
@@ -172,8 +172,9 @@ def mixture():
     """Return three hypotheses whose modes are apart, with places and velocities correlated."""
     rng = np.random.default_rng(0)
     alike = mixture_of(Dynamics(CONFIG.model), [(0.5, MEAN, STD)] * 3)
-    mean = alike.mean + rng.normal(0.0, [300.0, 20.0, 300.0, 20.0, 0.0], alike.mean.shape)
-    turn = np.eye(5) + 2.0 * np.eye(5, k=1) * [0.0, 1.0, 0.0, 1.0, 0.0]
+    std = in_space([300.0, 20.0, 300.0, 20.0, 0.0])
+    mean = alike.mean + rng.normal(0.0, std, alike.mean.shape)
+    turn = np.eye(SIZE) + 2.0 * np.eye(SIZE, k=1) * in_space([0.0, 1.0, 0.0, 1.0, 0.0])
     size = rng.uniform(0.5, 1.5, (*mean.shape[:2], 1, 1))
     return alike.changed(mean=mean, covariance=size * (turn @ alike.covariance @ turn.T))
 
@@ -205,13 +206,13 @@ def test_pairs_are_where_each_detection_puts_what_flew_straight_until_then(times
     every_mean, every = found.updated_gaussians(before, row, pair)
     np.testing.assert_array_equal(every_mean[1], before.mean[0])
     np.testing.assert_array_equal(every[1], before.covariance[0])
-    mean, covariance = every_mean[[0, 2]].reshape(-1, 5), every[[0, 2]].reshape(-1, 5, 5)
+    mean, covariance = every_mean[[0, 2]].reshape(-1, SIZE), every[[0, 2]].reshape(-1, SIZE, SIZE)
     gaussian = np.array([6, 7, 2, 3])
 
     usual = np.where(np.isnan(seen.noise_std), RADAR.noise_std, seen.noise_std)
     for place, one in enumerate(gaussian):
         (row, mode), z = (ROW[one // 2], one % 2), COLUMN[one // 2 : one // 2 + 1]
-        fly = np.eye(5)
+        fly = np.eye(SIZE)
         fly[[0, 2], [1, 3]] = 0.0 if times is None else times[z[0]]
         then = fly @ before.mean[row, mode], fly @ before.covariance[row, mode] @ fly.T
         then = then[0][None], then[1][None]

@@ -11,7 +11,7 @@ from phd_jdtc_ros.core.gaussian.measurement.iterated_update import coarse_motion
 from phd_jdtc_ros.core.gaussian.measurement.newborn import newborn_mixture
 from phd_jdtc_ros.core.gaussian.measurement.velocity import update_velocities
 from phd_jdtc_ros.core.models.detection_birth import Newborn
-from phd_jdtc_ros.core.sensors.velocity import VelocityModel
+from phd_jdtc_ros.core.sensors.range_rate import VelocityModel
 from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.state_space import PLANAR
 from phd_jdtc_ros.core.types import Detections

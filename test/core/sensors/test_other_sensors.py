@@ -5,7 +5,19 @@ from functools import partial
 
 import numpy as np
 import pytest
-from lone import GIVEN, INTERVAL_S, MEAN, TWO_MOTIONS, lone, path, scan_at, started
+from lone import (
+    GIVEN,
+    INTERVAL_S,
+    MEAN,
+    SIZE,
+    TWO_MOTIONS,
+    in_space,
+    lone,
+    path,
+    scan_at,
+    squares_in_space,
+    started,
+)
 from mast import REACH, LinearisedPositions, mast
 from scipy.stats import multivariate_normal, norm
 
@@ -20,7 +32,7 @@ from phd_jdtc_ros.core.sensors.of_gaussians.linearised import (
 )
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.position import PositionSensor
-from phd_jdtc_ros.core.sensors.velocity import VelocityModel
+from phd_jdtc_ros.core.sensors.range_rate import VelocityModel
 from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.types import Detections
 
@@ -112,9 +124,9 @@ def test_target_born_at_positions_is_tracked_more_exactly_than_measured():
 @pytest.mark.parametrize("kind", [PositionSensor, LinearisedPositions])
 def test_correlated_errors_of_positions_update_as_in_a_kalman_filter(kind):
     sensor, std, correlation = mast(sensor=kind), np.array([[10.0, 40.0]]), np.array([0.8])
-    place = np.eye(5)[[0, 2]]
+    place = np.eye(SIZE)[[0, 2]]
     root = np.random.default_rng(3).standard_normal((5, 5)) * [[20.0], [2.0], [30.0], [3.0], [0.01]]
-    mean, covariance = MEAN, root @ root.T
+    mean, covariance = in_space(MEAN), squares_in_space(root @ root.T)
     noise = np.array([[100.0, 320.0], [320.0, 1600.0]])
     measured = place @ mean - sensor.position + [15.0, -25.0]
     seen = Detections(measured[None], None, noise_std=std, noise_correlation=correlation)
@@ -152,14 +164,14 @@ class EastSensor(LinearisedPositions):
 
 
 def test_one_component_updates_as_in_a_kalman_filter():
-    sensor, covariance = mast(STD, EastSensor), np.diag(STD**2 * np.arange(1.0, 6.0))
+    sensor, covariance = mast(STD, EastSensor), np.diag(STD**2 * np.arange(1.0, SIZE + 1.0))
     covariance[0, 1] = covariance[1, 0] = 0.5 * STD**2
-    prior, measured = (MEAN[None], covariance[None]), MEAN[:1] - sensor.position[0] + 15.0
+    prior, measured = (in_space(MEAN[None]), covariance[None]), MEAN[:1] - sensor.position[0] + 15.0
     seen = Measured(measured[None], sensor.noise_std[None])
     found = kalman.innovations(WeightedGaussians.of(*prior), sensor, seen)
     mean, later = kalman.update(*prior, sensor, found)
     gain = covariance[0] / (covariance[0, 0] + STD**2)
-    np.testing.assert_allclose(mean[0], MEAN + 15.0 * gain)
+    np.testing.assert_allclose(mean[0], in_space(MEAN) + 15.0 * gain)
     np.testing.assert_allclose(later[0], covariance - np.outer(gain, covariance[0]), atol=1e-9)
     expected = norm.logpdf(15.0, scale=np.sqrt(covariance[0, 0] + STD**2))
     np.testing.assert_allclose(found.log_likelihood, expected)

@@ -1,0 +1,301 @@
+"""A radar that measures slant ranges and azimuths of targets in space, and mostly elevations.
+
+A detection without an elevation has the elevation 0 with the standard deviation `UNKNOWN_STD`, and
+its density counts as uniform over the elevations of the field of view: targets, false detections
+and births have the same factor, so that all detections keep three components.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar, cast
+
+import numpy as np
+from scipy.special import ndtr
+
+from ..arrays import FloatArray, IntArray
+from ..state_space import SPATIAL, StateSpace
+from ..types import Coverage, Detections
+from .gaussians import Births, PlanePlots
+from .of_gaussians.linearised import Linearised
+from .polar_geometry import MIN_RANGE
+from .polar_radar import RadarModel
+from .visibility import ELEVATION
+
+# Standard deviation of the elevation of a detection without one, radians.
+UNKNOWN_STD = 30.0
+# Smallest standard deviation of an expected elevation, radians.
+LEAST_STD = 1e-6
+
+
+@dataclass(frozen=True)
+class HeightPrior:
+    """Heights of undetected targets: a normal distribution above a floor, metres."""
+
+    mean: float
+    std: float
+    floor: float = -math.inf
+    # Number of hypotheses of the height of a target born at a detection without an elevation. With
+    # six the next detections select one; with more the result is the same.
+    CELLS: ClassVar[int] = 6
+    # Standard deviations from the mean up to which heights are considered.
+    REACH: ClassVar[float] = 2.0
+
+    # Share of the deviation to which a height has to be known to be reported.
+    KNOWN: ClassVar[float] = 0.5
+
+    @property
+    def largest_std(self) -> float:
+        """Largest standard deviation of a height that is reported, metres."""
+        return self.KNOWN * self.std
+
+    def cells(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the probabilities, (K, M), and the centres of cells between heights, and widths.
+
+        The cells divide the heights that are considered and within the bounds, (M,), evenly. If
+        there are none, they divide what is within the bounds, with equal probabilities.
+        """
+        reach = self.REACH * self.std
+        bottom = np.maximum(low, max(self.mean - reach, self.floor))
+        top = np.minimum(high, self.mean + reach)
+        elsewhere = bottom >= top
+        bottom, top = np.where(elsewhere, low, bottom), np.where(elsewhere, high, top)
+        width = (top - bottom) / self.CELLS
+        edges = bottom + np.arange(self.CELLS + 1)[:, None] * width
+        mass = np.where(elsewhere, 1.0, np.diff(ndtr((edges - self.mean) / self.std), axis=0))
+        share: FloatArray = mass / mass.sum(axis=0)
+        return share, edges[:-1] + 0.5 * width, width
+
+
+def linearise(
+    position: FloatArray, origin: FloatArray, yaw: float, curvature: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return (range, azimuth, elevation) of places, (..., 3), and their Jacobians, (..., 3, 3).
+
+    `origin` is the place of the antenna, `yaw` the direction of its x axis, radians
+    counter-clockwise, and `curvature` that of the earth, one over its radius in metres.
+
+    Notes
+    -----
+    A place at the distance d along the ground and the height h above the antenna is seen at the
+    level distance u and at w above the antenna's horizon, from which range and elevation follow.
+    Over a plane u = d and w = h. On a sphere of the radius R, u = (R + h) sin(d / R) and
+    w = h - 2 (R + h) sin^2(d / 2R).
+    """
+    line = position - origin
+    east, north, height = line[..., 0], line[..., 1], line[..., 2]
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    ahead, left = cos * east + sin * north, cos * north - sin * east
+    level = np.maximum(np.hypot(ahead, left), MIN_RANGE)
+    angle, stretch = curvature * level, 1.0 + curvature * height
+    # sin(d / R) R, and the drop below the horizon, which vanish without a curvature.
+    arc = level * np.sinc(angle / np.pi)
+    half = 0.5 * level * np.sinc(0.5 * angle / np.pi)
+    u, w = stretch * arc, height - 2.0 * stretch * curvature * half**2
+    slant = np.maximum(np.hypot(u, w), MIN_RANGE)
+    u_d, w_d = stretch * np.cos(angle), -stretch * np.sin(angle)
+    u_h, w_h = np.sin(angle), np.cos(angle)
+    r_d, r_h = (u * u_d + w * w_d) / slant, (u * u_h + w * w_h) / slant
+    e_d, e_h = (u * w_d - w * u_d) / slant**2, (u * w_h - w * u_h) / slant**2
+    along, across = east / level, north / level
+    measured, jacobian = np.empty(position.shape), np.zeros((*position.shape, 3))
+    measured[..., 0], measured[..., 1] = slant, np.arctan2(left, ahead)
+    measured[..., 2] = np.arctan2(w, u)
+    jacobian[..., 0, 0], jacobian[..., 0, 1], jacobian[..., 0, 2] = (
+        r_d * along,
+        r_d * across,
+        r_h,
+    )
+    jacobian[..., 1, 0], jacobian[..., 1, 1] = -across / level, along / level
+    jacobian[..., 2, 0], jacobian[..., 2, 1], jacobian[..., 2, 2] = (
+        e_d * along,
+        e_d * across,
+        e_h,
+    )
+    return measured, jacobian
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpatialRadar(RadarModel):
+    """A radar that measures range, azimuth and elevation of places (x, y, z).
+
+    With a `curvature` the world is a sphere in the plane's coordinates: distances along the ground
+    are arcs, and heights are above it.
+    """
+
+    components: ClassVar[tuple[str, ...]] = ("range", "azimuth", "elevation")
+
+    space: StateSpace = SPATIAL
+    height: float  # Of the antenna, world frame, metres
+    # Standard deviation of elevations, radians; `UNKNOWN_STD` for a radar without elevations.
+    elevation_std: float
+    height_prior: HeightPrior  # Of targets that are born at detections without an elevation
+    curvature: float = 0.0  # Of the earth, one over the radius in metres
+
+    def with_scaled_noise(self, of_std: FloatArray) -> SpatialRadar:
+        """Return the radar with deviations of its noise multiplied by factors; see `Sensor`."""
+        scaled = self.changed(elevation_std=float(of_std[2]) * self.elevation_std)
+        return cast(SpatialRadar, RadarModel.with_scaled_noise(scaled, of_std[[0, 1, 3]]))
+
+    @cached_property
+    def of_gaussians(self) -> Linearised:
+        """Its measurements of Gaussians, compiled; see `RadarModel`."""
+        from .of_gaussians.spatial import SpatialGaussians
+
+        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        return SpatialGaussians(self, np.array([*self.origin, cos, sin, self.curvature]))
+
+    @property
+    def origin(self) -> FloatArray:
+        """Place of the antenna, metres, (3,)."""
+        return np.array([*self.position, self.height])
+
+    @property
+    def noise_std(self) -> FloatArray:
+        """Standard deviations of (range, azimuth, elevation), (3,)."""
+        return np.array([self.range_std, self.azimuth_std, self.elevation_std])
+
+    @property
+    def elevations(self) -> tuple[float, float]:
+        """Lowest and highest elevation of the field of view, radians."""
+        return self.visibility.elevations or (-0.5 * math.pi, 0.5 * math.pi)
+
+    @property
+    def elevation_width(self) -> float:
+        """Width of the elevations of the field of view, radians."""
+        return self.elevations[1] - self.elevations[0]
+
+    @property
+    def field_size(self) -> float:
+        """Size of its field of view, radians times radians times metres."""
+        return super().field_size * self.elevation_width
+
+    def log_uniform_clutter(self, rate: float) -> float:
+        """Return the log intensity of uniform false detections over its measurements."""
+        return super().log_uniform_clutter(rate) - math.log(self.elevation_width)
+
+    def log_correction(self, elevation_std: FloatArray) -> FloatArray:
+        """Return what makes the log densities of unknown elevations uniform, (M,)."""
+        uniform = math.log(UNKNOWN_STD * math.sqrt(2.0 * math.pi) / self.elevation_width)
+        correction: FloatArray = np.where(elevation_std >= UNKNOWN_STD, uniform, 0.0)
+        return correction
+
+    def linearise(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return measurements of places, (..., 3), and their Jacobians; see `linearise`."""
+        return linearise(position, self.origin, self.yaw, self.curvature)
+
+    def measure(self, state: FloatArray) -> FloatArray:
+        """Return noise-free measurements of each state; shape (N, D) to (N, 3)."""
+        return self.linearise(state[:, list(self.space.place)])[0]
+
+    def _on_ground(self, slant: FloatArray, sine: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return distances along the ground and heights, given the sines of elevations."""
+        u, w = slant * np.sqrt(np.maximum(1.0 - sine**2, 0.0)), slant * sine
+        if not self.curvature:
+            return u, w + self.height
+        radius = 1.0 / self.curvature
+        # R (sqrt(1 + e) - 1) without the difference of large numbers.
+        excess = (2.0 * w * radius + w**2 + u**2) / radius**2
+        above = radius * excess / (np.sqrt(1.0 + excess) + 1.0)
+        return radius * np.arctan2(u, radius + w), above + self.height
+
+    def to_world(self, measurement: FloatArray) -> FloatArray:
+        """Return the places of measurements, metres, (M, 3)."""
+        slant, azimuth, elevation = measurement.T
+        level, height = self._on_ground(slant, np.sin(elevation))
+        level = np.where(np.cos(elevation) < 0.0, -level, level)
+        bearing = azimuth + self.yaw
+        east, north = level * np.cos(bearing), level * np.sin(bearing)
+        return np.stack([self.position[0] + east, self.position[1] + north, height], axis=1)
+
+    def in_plane(self, detections: Detections) -> PlanePlots:
+        """Return detections as places with covariances, at their own times.
+
+        The errors are along the line of sight, across it, and upward.
+        """
+        measured, std = detections.measurement, self.noise_std_of(detections)
+        bearing, elevation = measured[:, 1] + self.yaw, measured[:, 2]
+        cos, sin = np.cos(bearing), np.sin(bearing)
+        level, up, none = np.cos(elevation), np.sin(elevation), np.zeros(len(measured))
+        axes = np.empty((len(measured), 3, 3))
+        axes[:, :, 0] = np.stack([level * cos, level * sin, up], axis=1)
+        axes[:, :, 1] = np.stack([-sin, cos, none], axis=1)
+        axes[:, :, 2] = np.stack([-up * cos, -up * sin, level], axis=1)
+        sides, slant = std.copy(), np.maximum(measured[:, 0], MIN_RANGE)
+        sides[:, 1] *= np.maximum(slant * np.abs(level), MIN_RANGE)
+        sides[:, 2] *= slant
+        return PlanePlots(self.to_world(measured), axes, sides)
+
+    def places_of_births(self, detections: Detections) -> Births:
+        """Return the hypotheses of the places of births: several heights without an elevation.
+
+        Each cell of the heights that the radar can see at the detection's range has a Gaussian. Its
+        covariance is tilted along the circle of constant slant range.
+        """
+        std = self.noise_std_of(detections)
+        unknown = std[:, 2] >= UNKNOWN_STD
+        if not unknown.any():
+            return super().places_of_births(detections)
+        known = np.flatnonzero(~unknown)
+        whole = self.in_plane(detections.take(known))
+        row, share, places = self._at_heights(np.flatnonzero(unknown), detections, std)
+        rows = np.concatenate([known, row])
+        order = np.argsort(rows, kind="stable")
+        columns = (np.concatenate(parts)[order] for parts in zip(whole, places, strict=True))
+        shares = np.concatenate([np.ones(len(known)), share])
+        return Births(rows[order], shares[order], PlanePlots(*columns))
+
+    def _at_heights(
+        self, rows: IntArray, detections: Detections, std: FloatArray
+    ) -> tuple[IntArray, FloatArray, PlanePlots]:
+        """Return the hypotheses of `places_of_births` for these rows: row, share and places."""
+        slant = np.maximum(detections.measurement[rows, 0], MIN_RANGE)
+        low, high = (
+            self._on_ground(slant, np.full(len(rows), math.sin(edge)))[1]
+            for edge in self.elevations
+        )
+        share, height, width = self.height_prior.cells(low, high)
+        cells = len(share)
+        row, above = np.tile(rows, cells), height.ravel() - self.height
+        slant, deviation = np.tile(slant, cells), np.tile(width, cells) / math.sqrt(12.0)
+        # The elevation at which a ray of this length ends at this height.
+        sine = (above + 0.5 * self.curvature * (above**2 - slant**2)) / slant
+        sine = np.clip(sine, -1.0, 1.0)
+        level, _ = self._on_ground(slant, sine)
+        level = np.maximum(level, MIN_RANGE)
+        bearing = detections.measurement[row, 1] + self.yaw
+        cos, sin = np.cos(bearing), np.sin(bearing)
+        root = np.zeros((len(row), 3, 3))
+        # At a given height the range decides on the distance, and at a given range the height.
+        stretch, lean = slant / level * std[row, 0], -above / level * deviation
+        root[:, 0, 0], root[:, 1, 0] = stretch * cos, stretch * sin
+        sideways = level * std[row, 1]
+        root[:, 0, 1], root[:, 1, 1] = -sideways * sin, sideways * cos
+        root[:, 0, 2], root[:, 1, 2], root[:, 2, 2] = lean * cos, lean * sin, deviation
+        position = np.stack(
+            [self.position[0] + level * cos, self.position[1] + level * sin, height.ravel()], axis=1
+        )
+        return row, share.ravel(), PlanePlots(position, root, np.ones((len(row), 3)))
+
+    def polar_place(self, measured: FloatArray) -> FloatArray:
+        """Return the ranges and azimuths of measurements, (N, 2)."""
+        return measured[:, :2]
+
+    def log_jacobian(self, measured: FloatArray) -> FloatArray:
+        """Return log |dz/dp| at measurements; shape (N,)."""
+        distance = np.maximum(measured[:, 0], MIN_RANGE)
+        level = np.maximum(distance * np.abs(np.cos(measured[:, 2])), MIN_RANGE)
+        log_jacobian: FloatArray = -np.log(distance * level)
+        return log_jacobian
+
+    def coverage_probability(
+        self, predicted: FloatArray, coverage: Coverage | None, std: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the probability that a report covers each target, with its elevation, (N,)."""
+        probability = super().coverage_probability(predicted, coverage, std)
+        elevation_std = None if std is None else np.maximum(std[:, ELEVATION], LEAST_STD)
+        inside = self.visibility.probability_of_elevation(predicted[:, ELEVATION], elevation_std)
+        covered: FloatArray = probability * inside
+        return covered

@@ -1,0 +1,129 @@
+"""Simulated targets with heights, and the detections of radars in space."""
+
+import numpy as np
+import pytest
+
+from msg_adapters.encoding import point_cloud
+from msg_adapters.incoming import detections as adapter
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.sensors.spatial_radar import UNKNOWN_STD
+from phd_jdtc_ros.core.state_space import SPATIAL
+from phd_jdtc_ros.simulation import scenario_file
+from phd_jdtc_ros.simulation.simulate import simulate_with_sources
+from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
+
+LOW, HIGH = -2.0, 40.0
+PARAMETERS = {
+    "state": "space",
+    "sensors": ["dome", "flat"],
+    "dome.position": [100.0, 50.0, 20.0],
+    "dome.fields.elevation": "elevation",
+    "dome.fields.range_rate": "range_rate",
+    "flat.position": [-500.0, 0.0, 5.0],
+    "births": [],
+    **{
+        f"{name}.{key}": value
+        for name in ("dome", "flat")
+        for key, value in {
+            "range_std": 2.0,
+            "azimuth_std_deg": 0.5,
+            "fov_elevation_deg": [LOW, HIGH],
+            "detection_probability": 0.95,
+            "clutter_rate": 20.0,
+            "max_range": 5e3,
+            "clutter_max_range": 5e3,
+        }.items()
+    },
+}
+LEGS = [
+    {"duration_s": 20.0, "climb": 5.0},
+    {"duration_s": 60.0},
+    {"duration_s": 60.0, "climb": -1.0},
+]
+DOCUMENT = {
+    "start_s": 1000.0,
+    "interval_s": 1.0,
+    "scans": 120,
+    "targets": [
+        {
+            "class_id": 0,
+            "position": [2000.0, 0.0],
+            "velocity": [5.0, 3.0],
+            "height": 300.0,
+            "legs": LEGS,
+        },
+        # Above the field of view of both.
+        {
+            "class_id": 0,
+            "position": [200.0, 100.0],
+            "velocity": [0.1, 0.0],
+            "height": 900.0,
+            "legs": [{"duration_s": 140.0}],
+        },
+    ],
+}
+
+
+def scene(**more):
+    """Return the models of the radars, and the scenario."""
+    config = resolve({**PARAMETERS, **more})
+    radars = config.model.radars
+    return config, scenario_file.resolve(DOCUMENT, radars)
+
+
+def test_flight_climbs_leg_by_leg():
+    legs = tuple(Leg(leg["duration_s"], climb=leg.get("climb", 0.0)) for leg in LEGS)
+    flight = Flight(0, 100.0, 10.0, (0.0, 0.0), (10.0, 0.0), legs, 300.0)
+    times = np.array([10.0, 20.0, 30.0, 60.0, 100.0])
+    found = flight.heights(times)
+    np.testing.assert_allclose(found[:, 0], [300.0, 350.0, 400.0, 400.0, 390.0])
+    np.testing.assert_allclose(found[:, 1], [5.0, 5.0, 0.0, 0.0, -1.0])
+
+
+def test_detections_in_space_are_of_the_true_heights_with_the_noise_of_the_radar():
+    config, scenario = scene()
+    errors, elevations, rates = [], [], []
+    dome = config.model.radars[0]
+    for truth, scan, (sources, _) in simulate_with_sources(scenario, 3):
+        found = scan.detections[0]
+        assert 2 not in sources  # it is above the field of view
+        state = np.zeros((1, len(SPATIAL)))
+        state[0, :5], state[0, 5:] = truth.state[0], truth.height[0]
+        for row in np.flatnonzero(sources == 1):
+            errors.append(dome.wrap(found.measurement[row] - dome.measure(state)[0]))
+            rates.append(found.range_rate[row] - dome.range_rate_of(state)[0])
+        elevations += found.measurement[sources == 0, 2].tolist()
+    assert len(errors) > 100
+    np.testing.assert_allclose(np.std(errors, axis=0) / dome.noise_std, 1.0, atol=0.25)
+    assert np.std(rates) == pytest.approx(dome.range_rate.std, rel=0.25)
+    # Clutter is uniform on the sphere between the limits.
+    sines = (np.sin(elevations) - np.sin(np.radians(LOW))) / np.diff(
+        np.sin(np.radians([LOW, HIGH]))
+    )
+    assert 0.0 <= sines.min() < 0.05
+    assert sines.mean() == pytest.approx(0.5, abs=0.03)
+
+
+def test_clouds_of_radars_in_space_are_read_again():
+    config, scenario = scene()
+    _, scan, _ = simulate_with_sources(scenario, 3)[5]
+    for layout, found in zip(config.inputs, scan.detections, strict=True):
+        cloud = adapter.to_msg(found, scan.stamp_ns, layout.frame, layout)
+        again = adapter.from_msg(cloud, layout).detections
+        axes = 3 if layout.name == "dome" else 2
+        np.testing.assert_allclose(
+            again.measurement[:, :axes], found.measurement[:, :axes], rtol=1e-6, atol=1e-6
+        )
+        columns = point_cloud.decode(cloud, dict.fromkeys("xyz", point_cloud.FLOATS))
+        place = np.stack([columns[axis] for axis in "xyz"], axis=1)
+        np.testing.assert_allclose(
+            np.linalg.norm(place, axis=1), found.measurement[:, 0], rtol=1e-5
+        )
+    # Without the name of a field for it, no elevation is known.
+    assert (again.noise_std[:, 2] == UNKNOWN_STD).all()
+
+
+def test_turning_radars_are_refused_in_space():
+    with pytest.raises(ConfigError, match="state: space given, must be plane where a radar turns"):
+        scene(**{"dome.rotation_s": 4.0})
