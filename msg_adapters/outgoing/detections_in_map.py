@@ -19,8 +19,9 @@ def to_cdr(scan: Scan, radars: Sequence[Sensor], frame: str) -> bytes:
     """Return a scan's detections, empty or not, as a serialised ``sensor_msgs/PointCloud2``.
 
     The fields are ``x y z amplitude`` (FLOAT32; metres, linear envelope) and ``radar_index``
-    (UINT32, from 0 in the configured order). z is the height, 0 if unknown. The amplitude is 0 if
-    the radar reports none, because viewers draw NaN in an undefined colour.
+    (UINT32, from 0 in the configured order). z is the height; if it is unknown, 0, or in space the
+    antenna's. The amplitude is 0 if the radar reports none, because viewers draw NaN in an
+    undefined colour.
     """
     # Rows x, y, z, amplitude and radar index.
     points, end = np.zeros((5, sum(len(found or ()) for found in scan.detections))), 0
@@ -28,8 +29,10 @@ def to_cdr(scan: Scan, radars: Sequence[Sensor], frame: str) -> bytes:
         if found is not None:
             begin, end = end, end + len(found)
             own = points[:, begin:end]
-            own[:2] = radar.at(found.pose).to_world(found.measurement).T
-            own[2] = 0.0 if found.height is None else np.nan_to_num(found.height)
+            place = radar.at(found.pose).to_world(found.measurement).T
+            own[: len(place)] = place
+            if found.height is not None:
+                own[2] = np.nan_to_num(found.height)
             own[3] = 0.0 if found.amplitude is None else found.amplitude
             own[4] = index
     x, y, z, amplitude, indices = points

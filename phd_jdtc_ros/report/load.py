@@ -180,7 +180,8 @@ def _plots(report: PosedReport, model: Sensor) -> Iterator[RadarPlots]:
     yield RadarPlots(
         stamp_ns=report.stamp_ns,
         radar=model.name,
-        position=model.at(found.pose).to_world(found.measurement),
+        # The map has no heights.
+        position=model.at(found.pose).to_world(found.measurement)[:, :2],
         amplitude=unknown if found.amplitude is None else found.amplitude,
         sensor=None if found.pose is None else found.pose.position,
         height=found.height,

@@ -14,9 +14,11 @@ from msg_adapters.encoding import names
 from msg_adapters.incoming import detections
 from msg_adapters.outgoing import diagnostics
 from msg_adapters.targets import estimates, poses, truth
+from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.factors.outliers import Outliers
+from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.page import score_words
 from phd_jdtc_ros.report.page.packing import Columns, pack
@@ -311,3 +313,14 @@ def test_page_shows_what_was_set_and_found_of_which_sensor():
     assert "<strong>mast</strong>: has changed: it detects fewer targets." in text
     assert sensor_changes(INPUTS, FIGURES) == {}
     assert score_words.sensors((), {}) == ""
+
+
+def test_record_of_a_tracker_in_space_has_plots_of_the_plane(tmp_path):
+    bag = BagReader(resources.bag("drones"))
+    config = tracker_params.config(bag_parameters.read(resources.bag("drones")))
+    track_bag(bag, config, tmp_path / "out")
+    run = load.record(tmp_path / "out", config)
+    plots = run.all_plots.position
+    assert len(plots) > 1000
+    # The radar's slant ranges are longer than these.
+    assert np.hypot(*plots.T).max() < config.radars[0].max_range
