@@ -17,7 +17,7 @@ from phd_jdtc_ros.core.factors import (
     Outliers,
 )
 from phd_jdtc_ros.core.intake.input_checks import PositionReportCheck
-from phd_jdtc_ros.core.sensors.position import PositionSensor, farthest
+from phd_jdtc_ros.core.sensors.position import PositionSensor, WatchedArea, farthest
 from phd_jdtc_ros.core.sensors.range_rate import VelocityModel
 from phd_jdtc_ros.core.targets import amplitude_density
 
@@ -36,8 +36,7 @@ def position_model(own: PositionParameters) -> PositionSensor:
         clutter_rate=own.clutter_rate,
         cluster_distance=own.cluster_distance,
         std=(own.position_std, own.position_std),
-        area=own.area,
-        detection_probability=own.detection_probability,
+        visibility=WatchedArea(own.area, own.detection_probability),
         velocity_model=VelocityModel(own.velocity_std) if own.fields.vx and own.fields.vy else None,
     )
 

@@ -60,7 +60,6 @@ def radar_model(radar: RadarParameters) -> RadarModel:
         azimuth_std=azimuth_std,
         visibility=_visibility(radar),
         clutter_rate=radar.clutter_rate,
-        clutter_max_range=radar.clutter_max_range,
         threshold=threshold,
         rotation_s=radar.rotation_s,
         least_std=LEAST_STD if radar.site else (0.0, 0.0),
@@ -146,6 +145,7 @@ def _visibility(radar: RadarParameters) -> Visibility:
         ),
         ranges=tuple(ranges),
         probabilities=tuple(table),
+        clutter_max_range=radar.clutter_max_range,
     )
 
 

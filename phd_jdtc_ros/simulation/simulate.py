@@ -119,11 +119,11 @@ def false_detections(
     fov = radar.visibility.fov
     # The start of a field of view of a whole revolution has no meaning.
     first = -np.pi if fov.width == FULL_TURN else fov.start
-    distance = rng.uniform(0.0, radar.clutter_max_range, count)
+    distance = rng.uniform(0.0, radar.visibility.clutter_range, count)
     azimuth = rng.uniform(first, first + fov.width, count)
     columns = [distance, azimuth]
     if isinstance(radar, SpatialRadar):
-        low, high = np.sin(radar.elevations)
+        low, high = np.sin(radar.visibility.elevation_limits)
         columns.append(np.arcsin(rng.uniform(low, high, count)))
     return polar(np.stack(columns, axis=1)), law.draw(radar.threshold, count, rng)
 

@@ -45,7 +45,7 @@ def detection(soup: Soup, measurement: FloatArray, stamp: datetime, sensor: Part
 def clutter_density(radar: RadarModel) -> float:
     """Return the clutter density per radian and metre, slightly above 0 without clutter."""
     rate = max(radar.clutter_rate, 1e-9)
-    return rate / (2.0 * math.pi * radar.clutter_max_range)
+    return rate / (2.0 * math.pi * radar.visibility.clutter_range)
 
 
 def point_set(states: Iterable[Part]) -> PointSet:

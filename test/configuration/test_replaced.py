@@ -196,14 +196,14 @@ def test_a_correlation_is_given_or_where_learning_begins(learn, given, correlati
     ],
 )
 def test_detection_probability_is_a_number_or_one_for_each_range(given, probability):
-    found = radar_of(**given).configured_detection_probability(np.array([[5e3, 0.0]]))
+    found = radar_of(**given).visibility.detection_probability(np.array([[5e3, 0.0]]))
     np.testing.assert_allclose(found, [probability])
 
 
 @pytest.mark.parametrize("learn", [[], ["detection"], ["correlation"]])
 def test_detection_probability_may_follow_from_the_snr_bands(learn):
     radar = radar_of(detection_probability=0.0, learn=learn)
-    assert radar.configured_detection_probability(np.zeros((1, 2))) is None
+    assert radar.visibility.detection_probability(np.zeros((1, 2))) is None
 
 
 @pytest.mark.parametrize("value", [0, 4, 3.97])

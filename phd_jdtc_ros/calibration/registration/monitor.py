@@ -155,7 +155,7 @@ class RegistrationMonitor:
         after_s = (stamp_ns - tracks.stamp_ns) * 1e-9
         place, _ = radar.linearise(tracks.position[rows] + after_s * tracks.velocity[rows])
         due = radar.coverage_probability(place, detections.coverage)
-        probability = radar.configured_detection_probability(place)
+        probability = radar.visibility.detection_probability(place)
         due = due if probability is None else due * probability
         looks = np.array([due.sum(), np.count_nonzero(near[rows] & (due > 0.0))])
         self._looks[index] = (1.0 - 1.0 / MEMORY) ** looks[0] * self._looks[index] + looks

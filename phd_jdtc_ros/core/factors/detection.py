@@ -195,7 +195,7 @@ class Detection(Factor):
             clutter = look.resting(self.clutter_speed)
         is_known = existence * (1.0 - clutter) >= KNOWN_EXISTENCE
         is_known &= look.probability > LEAST_EXPECTED
-        cell = self.cell(look.view.sensor.polar_place(targets.measured_by_target))
+        cell = self.cell(look.view.sensor.visibility.place(targets.measured_by_target))
         expected = np.where(is_known, look.probability / self.by_cell[cell], 0.0)
         return self._after_trials(look, cell, expected)
 

@@ -91,7 +91,9 @@ class GaussianSteps:
         places = expected.measured.reshape(-1, size), expected.std.reshape(-1, size)
 
         def measured_in(sector: Coverage) -> FloatArray:
-            share = sensor.sector_probability(places[0], sector, places[1])
+            share = sensor.visibility.probability_in_sector(
+                places[0], sector, sensor.noise_std, places[1]
+            )
             return share.reshape(count, modes, 1)
 
         in_revolution = by_class if report.share == 1.0 else report.share * by_class

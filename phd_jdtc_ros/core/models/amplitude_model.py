@@ -41,7 +41,7 @@ class AmplitudeModel:
     ) -> FloatArray:
         """Return p_D of every hypothesis from its signal-to-noise ratio at a threshold, (N,).
 
-        A sensor's `configured_detection_probability` takes its place.
+        One that is configured for the sensor takes its place.
         """
         return of_classes(threshold, modes.classes)[modes.class_of[mode]]
 

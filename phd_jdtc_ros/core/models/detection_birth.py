@@ -72,12 +72,12 @@ class DetectionBirthModel(ReadOnly):
         likelihood = report.log_class_likelihood(modes.classes)
         # The intensity is zero for classes without births, and where an earlier radar has p_D = 1.
         with np.errstate(divide="ignore"):
-            intensity: FloatArray = np.log(appeared / sensor.field_size) + likelihood
+            intensity: FloatArray = np.log(appeared / sensor.visibility.size) + likelihood
             if earlier:
                 missed = missed_by([newborn.report for newborn in earlier], report.position, modes)
                 intensity = intensity + np.log(missed)
         if (measured := report.range_rates) is not None:
-            toward = line_of_sight(report.position, sensor.origin)[0]
+            toward = line_of_sight(report.position, sensor.origin[0])[0]
             intensity = intensity + self.log_range_rate(toward, measured, sensor)
         velocities = None if report.detections.velocity is None else report.velocities
         if velocities is not None:
@@ -117,7 +117,7 @@ class DetectionBirthModel(ReadOnly):
 
         `toward` has the directions from the sensor to the targets, world frame, (M, P).
         """
-        radial = measured.rate + toward @ sensor.origin_velocity
+        radial = measured.rate + toward @ sensor.origin[1]
         variance: FloatArray | float = self.velocity_std**2
         if toward.shape[1] > 2:
             variance = variance + toward[:, 2] ** 2 * (self.climb_std**2 - variance)

@@ -13,7 +13,7 @@ import numpy as np
 from ..arrays import TINY, FloatArray, IntArray, sum_by, wrap_angle
 from ..sensors.gaussians import PlanePlots
 from ..sensors.polar_radar import RadarModel
-from ..sensors.range_rate import Rates, Velocities, rates_of
+from ..sensors.range_rate import Rates, Velocities
 from ..sensors.sensor import Sensor
 from ..sensors.spatial_radar import SpatialRadar
 from ..types import UNKNOWN, Detections, Pose
@@ -32,8 +32,7 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
 
     The detections of a group are within the sensor's `cluster_distance`, plus noise, of the one
     with the most neighbours, and their range rates or velocities, codes and addresses agree with
-    its own. With a
-    distance of 0 the detections are returned unchanged.
+    its own. With a distance of 0 the detections are returned unchanged.
 
     A merged detection has the largest amplitude of the group, the first known identity, and the
     type with the most sensors. It has the standard deviations of one detection, because the
@@ -41,18 +40,21 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
     """
     if not sensor.cluster_distance or len(detections) < 2:
         return detections
-    own, rates = sensor.at(OWN_FRAME), rates_of(sensor.range_rate, detections)
+    own = sensor.at(OWN_FRAME)
+    motion = own.motion_of(detections)
     if isinstance(own, SpatialRadar):
         plots = _in_space(detections, own)
     else:
         plots = own.in_plane(detections)
-    pairs = _agreeing(_close_pairs(plots, sensor.cluster_distance), own.velocities_of(detections))
+    velocities = motion if isinstance(motion, Velocities) else None
+    pairs = _agreeing(_close_pairs(plots, sensor.cluster_distance), velocities)
     known = np.zeros(len(detections), dtype=np.int64)
     for identity in (detections.code, detections.address):
         if identity is not None:
             one, other = identity[pairs].T
             pairs = pairs[(one == other) | (one == UNKNOWN) | (other == UNKNOWN)]
             known += identity != UNKNOWN
+    rates = motion if isinstance(motion, Rates) else None
     group = _groups(known, pairs, rates)
     count = int(group.max()) + 1
     if count == len(detections):

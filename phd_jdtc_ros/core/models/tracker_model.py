@@ -115,13 +115,13 @@ class TrackerModel(ReadOnly):
         return {sensor.name: self._unknown_density_of(sensor) for sensor in self.radars}
 
     def _unknown_density_of(self, sensor: Sensor) -> float:
-        middle = np.zeros((1, len(sensor.noise_std)))
-        columns, first = np.unique(sensor.limits[0], return_index=True)
-        middle[:, columns] = sensor.limits[1][first].mean(axis=1)
-        p_d = sensor.configured_detection_probability(middle)
+        middle, view = np.zeros((1, len(sensor.noise_std))), sensor.visibility
+        columns, first = np.unique(view.limits[0], return_index=True)
+        middle[:, columns] = view.limits[1][first].mean(axis=1)
+        p_d = view.detection_probability(middle)
         p_d = of_classes(sensor.threshold, self.modes.classes) if p_d is None else p_d
         revolutions = (sensor.rotation_s or self.modes.interval_s) / self.modes.interval_s
-        return revolutions * float((self.detection_births.rate * p_d).sum()) / sensor.field_size
+        return revolutions * float((self.detection_births.rate * p_d).sum()) / view.size
 
     @cached_property
     def _latest(self) -> list[tuple[Scan, list[View]]]:

@@ -33,7 +33,7 @@ def detection_probability(
     standard deviations without the sensor's noise; None if the states are certain.
     """
     sensor = report.sensor
-    detected = sensor.configured_detection_probability(measured, std)
+    detected = sensor.visibility.detection_probability(measured, std)
     if detected is None:
         detected = of_classes(sensor.threshold, modes.classes)[class_id]
     return detected * sensor.coverage_probability(measured, None, std) * report.share

@@ -11,11 +11,13 @@ import numpy as np
 from scipy.special import ndtr, owens_t
 
 from ..arrays import TINY, FloatArray, IntArray, ReadOnly
-from ..types import Coverage, Detections
+from ..types import Detections
+from . import polar_geometry
 from .gaussians import PlanePlots, noise_covariance
 from .of_gaussians.linearised import Linearised
-from .range_rate import Velocities, VelocityModel
+from .range_rate import Rates, Velocities, VelocityModel
 from .sensor import Sensor
+from .visibility import FieldOfView
 
 
 @dataclass(frozen=True)
@@ -120,6 +122,51 @@ def farthest(area: Area, position: tuple[float, float] = (0.0, 0.0)) -> float:
     return max(math.dist(corner, position) for corner in area.corners.tolist())
 
 
+@dataclass(frozen=True)
+class WatchedArea(FieldOfView):
+    """A field of view that is an area, in which false detections are uniform."""
+
+    area: Area
+    probability: float  # Detection probability of targets in the area
+
+    @property
+    def limits(self) -> tuple[IntArray, FloatArray]:
+        """The sides of a rectangular area; none of another polygon, which no component limits."""
+        if not self.area.is_rectangle:
+            return super().limits
+        return np.array([0, 1]), self.area.bounds
+
+    @property
+    def size(self) -> float:
+        """Size of the area, square metres."""
+        return abs(self.area.signed_size)
+
+    def probability_in_view(
+        self, measured: FloatArray, std: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the probability that each target is in the area, (N,); see `FieldOfView`."""
+        return self.area.probability(measured, std)
+
+    def detection_probability(
+        self, measured: FloatArray, std: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the detection probability, which is the same everywhere, (N,)."""
+        return np.full(len(measured), self.probability)
+
+    @property
+    def largest_probability(self) -> float:
+        """The detection probability."""
+        return self.probability
+
+    def place(self, measured: FloatArray) -> FloatArray:
+        """Return ranges and azimuths of measurements from the sensor's position, (N, 2)."""
+        return polar_geometry.measure(measured, (0.0, 0.0), 0.0)
+
+    def log_clutter(self, rate: float) -> float:
+        """Return the log intensity of uniform false detections per square metre."""
+        return math.log(max(rate, TINY) / self.size)
+
+
 @dataclass(frozen=True, kw_only=True)
 class PositionSensor(Sensor):
     """A sensor that measures x and y in its own frame, metres; see `Sensor` for the parameters.
@@ -132,8 +179,7 @@ class PositionSensor(Sensor):
 
     # Standard deviations along its axes, metres, of detections without their own.
     std: tuple[float, float]
-    area: Area
-    detection_probability: float  # Of targets in the area
+    visibility: WatchedArea
     velocity_model: VelocityModel | None = None  # None if it measures no velocities
 
     def with_scaled_noise(self, of_std: FloatArray) -> PositionSensor:
@@ -181,7 +227,7 @@ class PositionSensor(Sensor):
         covariance = turn @ noise_covariance(std, correlation) @ turn.T
         return PlanePlots.of(self.to_world(detections.measurement), covariance)
 
-    def velocities_of(self, detections: Detections) -> Velocities | None:
+    def motion_of(self, detections: Detections) -> Rates | Velocities | None:
         """Return the velocities of detections in the world frame; None without usable ones."""
         model, velocity = self.velocity_model, detections.velocity
         if model is None or velocity is None:
@@ -192,30 +238,3 @@ class PositionSensor(Sensor):
         turn = self._rotation.T
         noise = turn @ noise_covariance(std, None) @ turn.T
         return Velocities(model, velocity @ self._rotation, noise)
-
-    @property
-    def limits(self) -> tuple[IntArray, FloatArray]:
-        """The sides of a rectangular area; none of another polygon, which no component limits."""
-        if not self.area.is_rectangle:
-            return super().limits
-        return np.array([0, 1]), self.area.bounds
-
-    @property
-    def field_size(self) -> float:
-        """Size of the area, square metres."""
-        return abs(self.area.signed_size)
-
-    @property
-    def largest_detection_probability(self) -> float:
-        """The probability that a target in the area is detected."""
-        return self.detection_probability
-
-    def coverage_probability(
-        self, predicted: FloatArray, coverage: Coverage | None, std: FloatArray | None = None
-    ) -> FloatArray:
-        """Return the probability that each target is in the area, (N,); see `Sensor`."""
-        return self.area.probability(predicted, std)
-
-    def log_uniform_clutter(self, rate: float) -> float:
-        """Return the log intensity of uniform false detections per square metre."""
-        return math.log(max(rate, TINY) / self.field_size)

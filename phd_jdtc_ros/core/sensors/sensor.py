@@ -9,19 +9,19 @@ defaults for a sensor that measures without a turning antenna and sees all targe
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, TypeVar
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray, ReadOnly
+from ..arrays import FloatArray, ReadOnly
 from ..state_space import PLANAR, StateSpace
 from ..types import Coverage, Detections, Pose
-from . import polar_geometry
 from .gaussians import Births, HeavyTails, PlanePlots
 from .of_gaussians.linearised import Linearised
-from .range_rate import RangeRateModel, Velocities
+from .range_rate import Rates, Velocities
+from .visibility import FieldOfView
 
 SensorT = TypeVar("SensorT", bound="Sensor")
 
@@ -40,6 +40,7 @@ class Sensor(ReadOnly, ABC):
     name: str  # Also the sensor's frame
     position: tuple[float, float]  # In the world frame, metres
     yaw: float  # Direction of the sensor's x axis in the world frame, radians counter-clockwise
+    visibility: FieldOfView  # Where it detects targets, and how probably
     threshold: float  # Detection threshold tau on the amplitude
     # Expected uniform false detections in the field of view per revolution of the antenna, or per
     # scan if it does not turn; those at rejected ranges are included.
@@ -48,8 +49,6 @@ class Sensor(ReadOnly, ABC):
     velocity: tuple[float, float] = (0.0, 0.0)
     space: StateSpace = PLANAR  # Axes of the measured states
     rotation_s: float = 0.0  # Rotation period of the antenna, seconds; 0 if it does not turn
-    # Model of its range rates; None if it has none, or if they are not used.
-    range_rate: RangeRateModel | None = None
     # Distance within which detections are merged, metres; 0 for none. See `detection_clusters`.
     cluster_distance: float = 0.0
     # Smallest plausible noise of its components; no larger one is too large, (Z,). Zeros for any.
@@ -63,30 +62,17 @@ class Sensor(ReadOnly, ABC):
             return self
         return self.changed(position=pose.position, yaw=pose.yaw, velocity=pose.velocity)
 
+    @abstractmethod
     def with_scaled_noise(self: SensorT, of_std: FloatArray) -> SensorT:
         """Return the sensor with deviations of its noise multiplied by factors, (Z + 1,).
 
         The factors are of its components and then of its range rates.
         """
-        range_rate = self.range_rate
-        if range_rate is None or of_std[-1] == 1.0:
-            return self
-        return self.changed(range_rate=replace(range_rate, std=float(of_std[-1]) * range_rate.std))
 
     @property
     def origin(self) -> FloatArray:
-        """Its position along the axes of `StateSpace.place`, metres, (P,)."""
-        return np.array(self.position)
-
-    @property
-    def origin_velocity(self) -> FloatArray:
-        """Its velocity along the axes of `StateSpace.place`, metres per second, (P,)."""
-        return np.array([*self.velocity, 0.0][: len(self.origin)])
-
-    @property
-    def clutter_share(self) -> float:
-        """Share of its uniform clutter, `clutter_rate`, that is among its detections; above 0."""
-        return 1.0
+        """Its position and its velocity along the axes of `StateSpace.place`, metres, (2, P)."""
+        return np.array([self.position, self.velocity])
 
     @cached_property
     def of_gaussians(self) -> Linearised:
@@ -138,73 +124,21 @@ class Sensor(ReadOnly, ABC):
         """Return differences of measurements, (..., Z), with wrapped angles."""
         return error
 
-    @property
-    def limits(self) -> tuple[IntArray, FloatArray]:
-        """Intervals of components of a measurement in which targets are detected, (I, 2).
-
-        The first array has the component of each, ascending, (I,). There are none if the sensor
-        sees all targets.
-        """
-        return np.zeros(0, np.int64), np.zeros((0, 2))
-
-    def polar_place(self, measured: FloatArray) -> FloatArray:
-        """Return ranges and azimuths of measurements from the sensor's position, (N, 2)."""
-        return polar_geometry.measure(self.to_world(measured), self.position, self.yaw)
-
-    @property
-    @abstractmethod
-    def field_size(self) -> float:
-        """Size of the field of view, in measurement units; undetected targets are uniform in it."""
-
     def coverage_probability(
         self, predicted: FloatArray, coverage: Coverage | None, std: FloatArray | None = None
     ) -> FloatArray:
         """Return the probability that a report covers each target, (N,).
 
-        Only a covered target can be missed. A plot belongs to the sector of its measured azimuth.
-        `predicted` has the predicted measurements, (N, Z), and `std` their standard deviations
-        without the sensor's noise; None if the positions are certain.
+        Only a covered target can be missed. `predicted` has the predicted measurements, (N, Z), and
+        `std` their standard deviations without the sensor's noise; None if the positions are
+        certain.
         """
-        return np.ones(len(predicted))
+        view = self.visibility
+        probability = view.probability_in_view(predicted, std)
+        if coverage is not None:
+            probability *= view.probability_in_sector(predicted, coverage, self.noise_std, std)
+        return probability
 
-    def sector_probability(
-        self, predicted: FloatArray, sector: Coverage, std: FloatArray | None = None
-    ) -> FloatArray:
-        """Return the probability that targets in the field of view are measured in a sector, (N,).
-
-        For the parameters see `coverage_probability`.
-        """
-        return np.ones(len(predicted))
-
-    def may_have_swept(
-        self, position: FloatArray, radius: FloatArray, detections: Detections
-    ) -> BoolArray:
-        """Return a mask of the circles that the antenna may have swept for a report, (T,)."""
-        return np.ones(len(position), dtype=np.bool_)
-
-    @property
-    def largest_detection_probability(self) -> float | None:
-        """Largest configured p_D of covered targets; None if p_D follows from the SNR."""
+    def motion_of(self, detections: Detections) -> Rates | Velocities | None:
+        """Return the measured motion of detections; None without a usable one."""
         return None
-
-    def configured_detection_probability(
-        self, measured: FloatArray, std: FloatArray | None = None
-    ) -> FloatArray | None:
-        """Return the configured p_D of covered targets, (N,); None if it follows from the SNR.
-
-        By default it is the largest one everywhere. `std` has the standard deviations of the
-        measurements, (N, Z); None if they are certain.
-        """
-        largest = self.largest_detection_probability
-        return None if largest is None else np.full(len(measured), largest)
-
-    def velocities_of(self, detections: Detections) -> Velocities | None:
-        """Return the velocities of detections in the world frame; None without usable ones."""
-        return None
-
-    @abstractmethod
-    def log_uniform_clutter(self, rate: float) -> float:
-        """Return the log intensity of uniform false detections, in measurement units.
-
-        `rate` is their expected number in the field of view; see `clutter_rate`.
-        """

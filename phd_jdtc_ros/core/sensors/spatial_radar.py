@@ -17,17 +17,14 @@ from scipy.special import ndtr
 
 from ..arrays import FloatArray, IntArray
 from ..state_space import SPATIAL, StateSpace
-from ..types import Coverage, Detections
+from ..types import Detections
 from .gaussians import Births, PlanePlots
 from .of_gaussians.linearised import Linearised
 from .polar_geometry import MIN_RANGE
 from .polar_radar import RadarModel
-from .visibility import ELEVATION
 
 # Standard deviation of the elevation of a detection without one, radians.
 UNKNOWN_STD = 30.0
-# Smallest standard deviation of an expected elevation, radians.
-LEAST_STD = 1e-6
 
 
 @dataclass(frozen=True)
@@ -145,46 +142,27 @@ class SpatialRadar(RadarModel):
         from .of_gaussians.spatial import SpatialGaussians
 
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
-        return SpatialGaussians(self, np.array([*self.origin, cos, sin, self.curvature]))
+        return SpatialGaussians(self, np.array([*self.origin[0], cos, sin, self.curvature]))
 
     @property
     def origin(self) -> FloatArray:
-        """Place of the antenna, metres, (3,)."""
-        return np.array([*self.position, self.height])
+        """Place and velocity of the antenna, metres and metres per second, (2, 3)."""
+        return np.array([[*self.position, self.height], [*self.velocity, 0.0]])
 
     @property
     def noise_std(self) -> FloatArray:
         """Standard deviations of (range, azimuth, elevation), (3,)."""
         return np.array([self.range_std, self.azimuth_std, self.elevation_std])
 
-    @property
-    def elevations(self) -> tuple[float, float]:
-        """Lowest and highest elevation of the field of view, radians."""
-        return self.visibility.elevations or (-0.5 * math.pi, 0.5 * math.pi)
-
-    @property
-    def elevation_width(self) -> float:
-        """Width of the elevations of the field of view, radians."""
-        return self.elevations[1] - self.elevations[0]
-
-    @property
-    def field_size(self) -> float:
-        """Size of its field of view, radians times radians times metres."""
-        return super().field_size * self.elevation_width
-
-    def log_uniform_clutter(self, rate: float) -> float:
-        """Return the log intensity of uniform false detections over its measurements."""
-        return super().log_uniform_clutter(rate) - math.log(self.elevation_width)
-
     def log_correction(self, elevation_std: FloatArray) -> FloatArray:
         """Return what makes the log densities of unknown elevations uniform, (M,)."""
-        uniform = math.log(UNKNOWN_STD * math.sqrt(2.0 * math.pi) / self.elevation_width)
+        uniform = math.log(UNKNOWN_STD * math.sqrt(2.0 * math.pi) / self.visibility.elevation_width)
         correction: FloatArray = np.where(elevation_std >= UNKNOWN_STD, uniform, 0.0)
         return correction
 
     def linearise(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return measurements of places, (..., 3), and their Jacobians; see `linearise`."""
-        return linearise(position, self.origin, self.yaw, self.curvature)
+        return linearise(position, self.origin[0], self.yaw, self.curvature)
 
     def measure(self, state: FloatArray) -> FloatArray:
         """Return noise-free measurements of each state; shape (N, D) to (N, 3)."""
@@ -254,7 +232,7 @@ class SpatialRadar(RadarModel):
         slant = np.maximum(detections.measurement[rows, 0], MIN_RANGE)
         low, high = (
             self._on_ground(slant, np.full(len(rows), math.sin(edge)))[1]
-            for edge in self.elevations
+            for edge in self.visibility.elevation_limits
         )
         share, height, width = self.height_prior.cells(low, high)
         cells = len(share)
@@ -279,23 +257,9 @@ class SpatialRadar(RadarModel):
         )
         return row, share.ravel(), PlanePlots(position, root, np.ones((len(row), 3)))
 
-    def polar_place(self, measured: FloatArray) -> FloatArray:
-        """Return the ranges and azimuths of measurements, (N, 2)."""
-        return measured[:, :2]
-
     def log_jacobian(self, measured: FloatArray) -> FloatArray:
         """Return log |dz/dp| at measurements; shape (N,)."""
         distance = np.maximum(measured[:, 0], MIN_RANGE)
         level = np.maximum(distance * np.abs(np.cos(measured[:, 2])), MIN_RANGE)
         log_jacobian: FloatArray = -np.log(distance * level)
         return log_jacobian
-
-    def coverage_probability(
-        self, predicted: FloatArray, coverage: Coverage | None, std: FloatArray | None = None
-    ) -> FloatArray:
-        """Return the probability that a report covers each target, with its elevation, (N,)."""
-        probability = super().coverage_probability(predicted, coverage, std)
-        elevation_std = None if std is None else np.maximum(std[:, ELEVATION], LEAST_STD)
-        inside = self.visibility.probability_of_elevation(predicted[:, ELEVATION], elevation_std)
-        covered: FloatArray = probability * inside
-        return covered

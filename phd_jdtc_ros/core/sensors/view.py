@@ -19,7 +19,7 @@ from ..targets import amplitude_density
 from ..targets.modes import ClassModel
 from ..types import Coverage, Detections
 from .gaussians import PlanePlots
-from .range_rate import Rates, Velocities, rates_of
+from .range_rate import Rates, Velocities
 from .sensor import Sensor
 
 # Rounding error of the sum of the probabilities of adjoining sectors.
@@ -246,14 +246,20 @@ class View(ReadOnly):
         return np.zeros(len(self)) if times is None else times
 
     @cached_property
+    def _motion(self) -> Rates | Velocities | None:
+        return self.sensor.motion_of(self.detections)
+
+    @property
     def range_rates(self) -> Rates | None:
         """Range rates of the detections; None without usable ones."""
-        return rates_of(self.sensor.range_rate, self.detections)
+        motion = self._motion
+        return motion if isinstance(motion, Rates) else None
 
-    @cached_property
+    @property
     def velocities(self) -> Velocities | None:
         """Velocities of the detections in the world frame; None without usable ones."""
-        return self.sensor.velocities_of(self.detections)
+        motion = self._motion
+        return motion if isinstance(motion, Velocities) else None
 
     def sensors_own_rate_std(self, rates: Rates) -> FloatArray:
         """Return the sensor's standard deviations of the detections' range rates, (M,).
@@ -313,7 +319,7 @@ class View(ReadOnly):
         SNR.
         """
         from_snr, sensor = log_p_d, self.sensor
-        configured = sensor.configured_detection_probability(measurement)
+        configured = sensor.visibility.detection_probability(measurement)
         if configured is not None:
             log_p_d = np.log(configured)
         if self.detection is not None:
@@ -328,12 +334,12 @@ class View(ReadOnly):
         """Return the learned p_D at measurements, (..., N), given the configured one."""
         if self.detection is None:
             return configured
-        return self.detection.probability(configured, self.sensor.polar_place(measured))
+        return self.detection.probability(configured, self.sensor.visibility.place(measured))
 
     @property
     def log_uniform_clutter(self) -> float:
         """Log intensity of uniform false detections, in measurement units."""
-        return self.sensor.log_uniform_clutter(self.clutter_rate)
+        return self.sensor.visibility.log_clutter(self.clutter_rate)
 
     def log_clutter_factor(self, measurement: FloatArray) -> FloatArray:
         """Return the log ratio of all clutter to the uniform one, (M,); 0 if it is uniform."""

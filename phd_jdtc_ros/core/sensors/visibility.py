@@ -1,15 +1,19 @@
-"""Coverage of a radar: its field of view, and the detection probability by range."""
+"""Fields of view: where a sensor detects targets, how probably, and its uniform clutter there."""
 
 from __future__ import annotations
 
+import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from scipy.special import ndtr
 
-from ..arrays import FloatArray, IntArray, wrap_angle
-from ..types import FULL_TURN, Coverage
+from ..arrays import TINY, BoolArray, FloatArray, IntArray, wrap_angle
+from ..types import FULL_TURN, Coverage, Detections
+from .polar_gate import DETECTION_GATE_SIGMA
+from .polar_geometry import MIN_RANGE
 
 WHOLE_TURN = Coverage(-np.pi, FULL_TURN)
 # Tolerance with which a sector counts as a whole revolution, radians: degrees in files are rounded.
@@ -18,10 +22,13 @@ TURN_TOLERANCE = 1e-9
 WIDEST_STD = np.pi
 # Standard deviations beyond which a normal density has no mass.
 FARTHEST = 8.0
-# Component of a measurement in space.
-ELEVATION = 2
+# Component of a measurement in space, and the smallest standard deviation of an expected one,
+# radians.
+ELEVATION, LEAST_ELEVATION_STD = 2, 1e-6
 # Smallest probability of the range limits by which an expected value is divided.
 LEAST_INSIDE = 1e-9
+# Lower bound of the share of the uniform clutter by which counts of it are divided.
+LEAST_CLUTTER_SHARE = 0.01
 
 
 def sector_probability(
@@ -46,8 +53,82 @@ def sector_probability(
     return share
 
 
+class FieldOfView(ABC):
+    """Where a sensor detects targets, and how probably; by default in all reports.
+
+    Measurements have shape (N, Z). Standard deviations of expected measurements, (N, Z), are
+    without the sensor's noise; they are None if the measurements are certain.
+    """
+
+    @property
+    @abstractmethod
+    def size(self) -> float:
+        """Size in measurement units; undetected targets are uniform in it."""
+
+    @property
+    def limits(self) -> tuple[IntArray, FloatArray]:
+        """Intervals of components of a measurement in which targets are detected, (I, 2).
+
+        The first array has the component of each, ascending, (I,). There are none if no component
+        has limits.
+        """
+        return np.zeros(0, np.int64), np.zeros((0, 2))
+
+    @abstractmethod
+    def probability_in_view(
+        self, measured: FloatArray, std: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the probability that targets are in the field of view, (N,)."""
+
+    def probability_in_sector(
+        self, measured: FloatArray, sector: Coverage, noise: FloatArray, std: FloatArray | None
+    ) -> FloatArray:
+        """Return the probability that targets in the field of view are measured in a sector, (N,).
+
+        `noise` has the standard deviations of the sensor's noise, (Z,).
+        """
+        return np.ones(len(measured))
+
+    def may_be_swept(
+        self, measured: FloatArray, radius: FloatArray, noise: FloatArray, report: Detections
+    ) -> BoolArray:
+        """Return a mask of the circles that the antenna may have swept for a report, (N,).
+
+        `measured` has the measurements of their centres, and `radius` is in metres, (N,). For
+        `noise` see `probability_in_sector`.
+        """
+        return np.ones(len(measured), dtype=np.bool_)
+
+    @property
+    @abstractmethod
+    def largest_probability(self) -> float | None:
+        """Largest configured p_D of covered targets; None if p_D follows from the SNR."""
+
+    @abstractmethod
+    def detection_probability(
+        self, measured: FloatArray, std: FloatArray | None = None
+    ) -> FloatArray | None:
+        """Return the configured p_D of covered targets, (N,); None if it follows from the SNR."""
+
+    @abstractmethod
+    def place(self, measured: FloatArray) -> FloatArray:
+        """Return ranges and azimuths of measurements from the sensor's position, (N, 2)."""
+
+    @property
+    def clutter_share(self) -> float:
+        """Share of the uniform clutter that is among the detections; above 0."""
+        return 1.0
+
+    @abstractmethod
+    def log_clutter(self, rate: float) -> float:
+        """Return the log intensity of uniform false detections, in measurement units.
+
+        `rate` is their expected number in the field of view; see `Sensor.clutter_rate`.
+        """
+
+
 @dataclass(frozen=True)
-class Visibility:
+class Visibility(FieldOfView):
     """A radar's field of view, and its detection probability if it is given."""
 
     max_range: float  # Largest range at which targets are detected, metres
@@ -60,6 +141,30 @@ class Visibility:
     # constant outside; empty if it follows from the classes' signal-to-noise ratios.
     ranges: tuple[float, ...] = ()
     probabilities: tuple[float, ...] = ()  # Detection probability at each of `ranges`
+    # Largest range of the uniform clutter, metres; 0 for `max_range`.
+    clutter_max_range: float = 0.0
+
+    @property
+    def size(self) -> float:
+        """Size, radians times metres, and in space times radians."""
+        return self.fov.width * self.max_range * self.elevation_width
+
+    @property
+    def largest_probability(self) -> float | None:
+        """Largest configured p_D, at any range; None if p_D follows from the SNR."""
+        return max(self.probabilities, default=None)
+
+    def detection_probability(
+        self, measured: FloatArray, std: FloatArray | None = None
+    ) -> FloatArray | None:
+        """Return the configured p_D at (range, azimuth), (N,); see `FieldOfView`."""
+        if not self.probabilities:
+            return None
+        return self.probability(measured[:, 0], None if std is None else std[:, 0])
+
+    def place(self, measured: FloatArray) -> FloatArray:
+        """Return the ranges and azimuths of measurements, (N, 2)."""
+        return measured[:, :ELEVATION]
 
     def probability(self, distance: FloatArray, std: FloatArray | None = None) -> FloatArray:
         """Return the given detection probability at expected ranges, (N,).
@@ -100,10 +205,23 @@ class Visibility:
     ) -> FloatArray:
         """Return the probability that targets are in the field of view, (N,).
 
-        `measured` has expected ranges and azimuths, (N, 2), and `std` their standard deviations;
-        without these the result is 1 or 0. The range and the azimuth are taken as independent,
-        which matters only near a corner of the field of view.
+        `measured` has expected ranges, azimuths and, in space, elevations, (N, Z), and `std` their
+        standard deviations; without these the result is 1 or 0. The components are taken as
+        independent, which matters only near a corner of the field of view.
         """
+        probability = self._probability_in_plane(measured, std)
+        if measured.shape[1] == ELEVATION:
+            return probability
+        low, high = self.elevation_limits
+        elevation = measured[:, ELEVATION]
+        if std is None:
+            return probability * ((elevation >= low) & (elevation <= high))
+        deviation = np.maximum(std[:, ELEVATION], LEAST_ELEVATION_STD)
+        inside = ndtr((high - elevation) / deviation) - ndtr((low - elevation) / deviation)
+        covered: FloatArray = probability * inside
+        return covered
+
+    def _probability_in_plane(self, measured: FloatArray, std: FloatArray | None) -> FloatArray:
         distance, azimuth = measured[:, 0], measured[:, 1]
         if std is None:
             inside = (distance >= self.min_range) & (distance <= self.max_range)
@@ -118,26 +236,81 @@ class Visibility:
             )
         return probability
 
-    def probability_of_elevation(
-        self, elevation: FloatArray, std: FloatArray | None = None
-    ) -> FloatArray:
-        """Return the probability that expected elevations are in the field of view, (N,)."""
-        low, high = self.elevations or (-np.inf, np.inf)
-        if std is None:
-            return ((elevation >= low) & (elevation <= high)).astype(np.float64)
-        inside: FloatArray = ndtr((high - elevation) / std) - ndtr((low - elevation) / std)
-        return inside
+    @property
+    def elevation_limits(self) -> tuple[float, float]:
+        """Lowest and highest elevation of the field of view in space, radians."""
+        return self.elevations or (-0.5 * math.pi, 0.5 * math.pi)
 
     @property
-    def clear_share(self) -> float:
-        """Share of the field of view's azimuths that are not obstructed."""
-        if not self.blind:
-            return 1.0
-        return sum(arc.width for arc in self._arcs or ()) / self.fov.width
+    def elevation_width(self) -> float:
+        """Width of the elevations of the field of view, radians; 1 in the plane."""
+        return 1.0 if self.elevations is None else self.elevations[1] - self.elevations[0]
+
+    def probability_in_sector(
+        self, measured: FloatArray, sector: Coverage, noise: FloatArray, std: FloatArray | None
+    ) -> FloatArray:
+        """Return the probability that targets are measured in a sector, (N,).
+
+        A plot belongs to the sector of its measured azimuth.
+        """
+        of_azimuth = noise[1]
+        measured_std = of_azimuth if std is None else np.hypot(std[:, 1], of_azimuth)
+        return sector_probability(measured[:, 1], sector, measured_std)
+
+    def may_be_swept(
+        self, measured: FloatArray, radius: FloatArray, noise: FloatArray, report: Detections
+    ) -> BoolArray:
+        """Return a mask of the circles that the antenna may have swept for a report, (N,).
+
+        It swept the coverage of the report, and the azimuths of its detections themselves; without
+        a coverage the field of view.
+        """
+        distance, azimuth = np.maximum(measured[:, 0], MIN_RANGE), measured[:, 1]
+        margin = np.arcsin(np.minimum(radius / distance, 1.0))
+        margin += DETECTION_GATE_SIGMA * noise[1]
+        in_reach: BoolArray = radius >= distance
+        swept = self.fov if report.coverage is None else report.coverage
+        offset = np.mod(azimuth + margin - swept.start, FULL_TURN)
+        in_reach |= offset <= swept.width + 2.0 * margin
+        if report.coverage is None:
+            gate = DETECTION_GATE_SIGMA * noise[0]
+            in_reach &= distance - radius <= self.max_range + gate
+            in_reach &= distance + radius >= self.min_range - gate
+        elif len(report):
+            azimuths = np.mod(report.measurement[:, 1], FULL_TURN)
+            azimuths.sort()
+            first = azimuth - margin
+            index = azimuths.searchsorted(np.mod(first, FULL_TURN))
+            following = azimuths.take(index, mode="wrap")
+            in_reach |= np.mod(following - first, FULL_TURN) <= 2.0 * margin
+        return in_reach
+
+    @property
+    def clutter_range(self) -> float:
+        """Largest range of the uniform clutter, metres."""
+        return self.clutter_max_range or self.max_range
+
+    @property
+    def clutter_share(self) -> float:
+        """Share of the uniform clutter that is neither too near nor obstructed, above 0."""
+        far = 1.0 - self.min_range / self.clutter_range
+        arcs = (self.fov,) if self._arcs is None else self._arcs
+        clear = sum(arc.width for arc in arcs) / self.fov.width if self.blind else 1.0
+        return max(far * clear, LEAST_CLUTTER_SHARE)
+
+    def clutter_of_revolution(self, rate: float) -> float:
+        """Return the uniform clutter of a revolution, scaled up from the field of view; above 0."""
+        # A rate of zero is allowed; the floor keeps the update's quotient defined.
+        return max(rate, TINY) * FULL_TURN / self.fov.width
+
+    def log_clutter(self, rate: float) -> float:
+        """Return the log intensity of uniform false detections over measurements."""
+        per_area = np.log(self.clutter_of_revolution(rate) / (FULL_TURN * self.clutter_range))
+        return float(per_area) - math.log(self.elevation_width)
 
     @cached_property
     def limits(self) -> tuple[IntArray, FloatArray]:
-        """Intervals of the components within the field of view; see `Sensor.limits`.
+        """Intervals of the components within the field of view; see `FieldOfView`.
 
         Azimuths are those of three revolutions, so that each is inside at any multiple of a
         revolution; there are no intervals if all azimuths are clear.

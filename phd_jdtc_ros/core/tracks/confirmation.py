@@ -78,7 +78,7 @@ def missed_and_spread(
         gaussians = estimates.state[:, None], estimates.covariance[:, None]
         expected = sensor.of_gaussians.expected(*gaussians)
         measured, std = expected.measured[:, 0], expected.std[:, 0]
-        detected = sensor.configured_detection_probability(measured, std)
+        detected = sensor.visibility.detection_probability(measured, std)
         if detected is None:
             detected = of_classes(sensor.threshold, model.modes.classes)[estimates.class_id]
         detected = view.detection_probability_at(detected, measured)

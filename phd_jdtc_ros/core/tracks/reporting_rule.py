@@ -121,7 +121,7 @@ def _miss_probabilities(target_class: ClassModel, sensors: tuple[Sensor, ...]) -
 
 def _miss_probability(sensor: Sensor, log_snr: FloatArray) -> FloatArray:
     """Return 1 - p_D of targets of given ln(1 + SNR), where it is least."""
-    if (largest := sensor.largest_detection_probability) is not None:
+    if (largest := sensor.visibility.largest_probability) is not None:
         return np.full_like(log_snr, 1.0 - largest)
     return -np.expm1(-0.5 * sensor.threshold**2 * np.exp(-log_snr))
 

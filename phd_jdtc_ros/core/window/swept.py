@@ -17,6 +17,7 @@ import numpy as np
 from ..arrays import BoolArray, FloatArray
 from ..gaussian.entries import UnsweptRows
 from ..models.tracker_model import TrackerModel
+from ..sensors import polar_geometry
 from ..sensors.view import View
 from ..targets.motion import noise_after
 from ..tracks.reporting_rule import slowest_s
@@ -92,5 +93,9 @@ def _in_sweep(position: FloatArray, spread: FloatArray, reports: Reports) -> Boo
     """Return a mask of the positions that an antenna comes within `spread` of, shape (T,)."""
     is_near = np.zeros(len(spread), dtype=bool)
     for report in reports:
-        is_near |= report.sensor.may_have_swept(position, spread, report.detections)
+        sensor = report.sensor
+        place = polar_geometry.measure(position, sensor.position, sensor.yaw)
+        is_near |= sensor.visibility.may_be_swept(
+            place, spread, sensor.noise_std, report.detections
+        )
     return is_near

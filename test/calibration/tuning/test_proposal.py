@@ -104,7 +104,7 @@ def test_parameters_of_a_stationary_radar_are_estimated_from_its_plots(standing)
         assert found.levels.false_alarm_probability == pytest.approx(1e-3, rel=0.1)
         assert found.levels.excess == pytest.approx(1.0, rel=0.2)
         assert found.field.arc is None
-        assert found.field.clutter_range == pytest.approx(radar.clutter_max_range, rel=0.02)
+        assert found.field.clutter_range == pytest.approx(radar.visibility.clutter_range, rel=0.02)
 
 
 def test_parameters_of_a_radar_that_reports_sectors_are_estimated_from_its_plots():

@@ -103,7 +103,7 @@ def test_a_crowd_that_no_target_explains_is_clutter(amplitudes):
     kept = limited(PREDICTED, 4.0, many, CROWDED)
     assert kept.clutter_rate == len(kept) - 4.0
     density = np.exp(kept.changed(detections=crowd(20_000, None)).log_clutter)
-    area = 2.0 * np.pi * CROWDED.clutter_max_range
+    area = 2.0 * np.pi * CROWDED.visibility.clutter_range
     np.testing.assert_allclose(density * area, len(kept) - 4.0)
 
 
@@ -115,7 +115,7 @@ def test_a_crowd_of_a_sector_is_clutter_of_that_sector():
     )
     kept = limited(PREDICTED, 4.0, many, CROWDED)
     density = np.exp(kept.log_clutter)
-    area = sector.width * CROWDED.clutter_max_range
+    area = sector.width * CROWDED.visibility.clutter_range
     np.testing.assert_allclose(density * area, len(kept) - 4.0)
 
 

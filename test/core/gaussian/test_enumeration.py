@@ -37,7 +37,7 @@ def configuration(given=None):
 
 
 def clutter_density(radar):
-    return radar.clutter_rate / (2.0 * np.pi * radar.clutter_max_range)
+    return radar.clutter_rate / (2.0 * np.pi * radar.visibility.clutter_range)
 
 
 @pytest.fixture(autouse=True)

@@ -18,7 +18,6 @@ from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import GaussianSteps
 from phd_jdtc_ros.core.sensors.of_gaussians.linearised import Measured, WeightedGaussians
-from phd_jdtc_ros.core.sensors.range_rate import rates_of
 from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.tracks import labels
 from phd_jdtc_ros.core.types import Detections, Scan
@@ -111,7 +110,7 @@ def report(radar, rng, **more):
 def evidence_of(config, mixture, detections):
     """Return the log likelihood of each pair over the density of clutter, (H, M)."""
     (radar,) = config.model.radars
-    rates = rates_of(radar.range_rate, detections)
+    rates = radar.motion_of(detections)
     found = np.empty((len(mixture), len(detections)))
     for row, z in np.ndindex(found.shape):
         one = mixture.mean[row], mixture.covariance[row]
@@ -183,7 +182,7 @@ def test_hypothesis_with_a_detection_is_where_that_puts_its_gaussian(rated):
     innovation = kalman.innovations(WeightedGaussians.of(*prior), radar, measured)
     mean, covariance = kalman.update(*prior, radar, innovation)
     if rated:
-        later = range_rate.update_rates(mean, covariance, radar, rates_of(radar.range_rate, seen))
+        later = range_rate.update_rates(mean, covariance, radar, radar.motion_of(seen))
         mean, covariance = later.mean, later.covariance
     found, _ = updated(config, mixture, seen)
     np.testing.assert_array_equal(np.sort(found.parent), [0, 1, 1])

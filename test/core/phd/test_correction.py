@@ -43,7 +43,7 @@ def dense_update(phd, detections, radar, modes):
     count, p_d = len(phd), of_classes(radar.threshold, modes.classes)
     a = detections.amplitude
     p_fa = np.exp(-0.5 * radar.threshold**2)
-    clutter = radar.clutter_rate / (2 * np.pi * radar.clutter_max_range)
+    clutter = radar.clutter_rate / (2 * np.pi * radar.visibility.clutter_range)
     clutter = clutter * a * np.exp(-(a**2) / 2.0) / p_fa
     numerator = np.zeros((count, len(detections)))
     missed = np.ones(count)

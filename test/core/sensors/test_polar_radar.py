@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from scenes import small
 
 from phd_jdtc_ros.core.arrays import wrap_angle
-from phd_jdtc_ros.core.sensors.polar_radar import DETECTION_GATE_SIGMA, RadarModel
+from phd_jdtc_ros.core.sensors.polar_gate import DETECTION_GATE_SIGMA
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.sensors.visibility import Visibility, sector_probability
 from phd_jdtc_ros.core.targets import amplitude_density
@@ -19,9 +20,8 @@ RADAR = RadarModel(
     yaw=0.7,
     range_std=300.0,
     azimuth_std=np.radians(1.0),
-    visibility=Visibility(max_range=17e3),
+    visibility=Visibility(max_range=17e3, clutter_max_range=15e3),
     clutter_rate=20.0,
-    clutter_max_range=15e3,
     threshold=amplitude_density.threshold_for(1e-3),
 )
 # --- Detections with a time, a deviation and an amplitude of their own ----------------------------
@@ -120,7 +120,7 @@ def test_gated_pairs_equal_brute_force(seed, particles, reports, azimuth_std, ce
 def test_log_clutter_intensity_integrates_to_the_rate_and_its_amplitudes():
     # Uniform over 2 pi x 15 km, times an amplitude density that integrates to one above tau.
     detections = Detections(np.array([[5e3, 1.0]]), None)
-    area = 2.0 * np.pi * RADAR.clutter_max_range
+    area = 2.0 * np.pi * RADAR.visibility.clutter_range
     assert np.exp(View.of(RADAR, detections).log_clutter)[0] * area == pytest.approx(20.0)
     measurement = np.full((3, 2), 1.0)
     a = np.array([4.0, 5.0, 6.0])
@@ -267,13 +267,14 @@ def field_radar(rng):
     )
 
 
-def test_may_have_swept_of_a_whole_report_is_who_may_be_in_the_field_of_view():
+def test_may_be_swept_by_a_whole_report_is_who_may_be_in_the_field_of_view():
     rng, whole = np.random.default_rng(8), Detections(np.zeros((0, 2)), None)
     decided = np.zeros(2, dtype=int)
     for _ in range(60):
         radar = field_radar(rng)
         centre, radius = rng.uniform(-1e3, 1e3, (40, 2)), rng.uniform(0.0, 150.0, 40)
-        near = radar.may_have_swept(centre, radius, whole)
+        place, field = radar.measure(resting(centre)), radar.visibility
+        near = field.may_be_swept(place, radius, radar.noise_std, whole)
         # Places of each circle, in polar rings.
         angle, share = np.meshgrid(np.linspace(-np.pi, np.pi, 90), np.linspace(0.0, 1.0, 12))
         ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1) * share[..., None]

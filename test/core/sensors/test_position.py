@@ -9,13 +9,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack
 from phd_jdtc_ros.core.models.detection_clusters import merge_clusters
-from phd_jdtc_ros.core.sensors.position import Area
+from phd_jdtc_ros.core.sensors.position import Area, WatchedArea
 from phd_jdtc_ros.core.sensors.range_rate import VelocityModel
 from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.types import Coverage, Detections, Pose
 
 YAW = np.radians(30.0)
-SENSOR = mast(2.0, position=(20.0, -10.0), yaw=YAW, area=Area.rectangle(-50.0, -20.0, 50.0, 80.0))
+FIELD = WatchedArea(Area.rectangle(-50.0, -20.0, 50.0, 80.0), 0.9)
+SENSOR = mast(2.0, position=(20.0, -10.0), yaw=YAW, visibility=FIELD)
 # Ahead of the sensor by 10 m and to its left by 4 m.
 AHEAD, LEFT = np.array([np.cos(YAW), np.sin(YAW)]), np.array([-np.sin(YAW), np.cos(YAW)])
 PLACE = np.array([[20.0, -10.0]]) + 10.0 * AHEAD + 4.0 * LEFT
@@ -49,14 +50,14 @@ def test_targets_are_detected_in_the_area():
     assert_allclose(found, [1.0, 0.5, 0.0], atol=1e-12)
     # A sensor that does not turn has no sectors.
     assert_array_equal(SENSOR.coverage_probability(measured, Coverage(0.0, 1.0), std), found)
-    component, interval = SENSOR.limits
+    component, interval = FIELD.limits
     assert_array_equal(component, [0, 1])
     assert_array_equal(interval, [[-50.0, 50.0], [-20.0, 80.0]])
-    assert SENSOR.may_have_swept(PLACE, np.ones(1), Detections(measured, None)).all()
-    assert_array_equal(SENSOR.configured_detection_probability(measured), [0.9] * 3)
-    triangle = replace(SENSOR, area=Area(np.array([[0.0, 0.0], [9.0, 0.0], [0.0, 9.0]])))
+    assert FIELD.may_be_swept(PLACE, np.ones(1), SENSOR.noise_std, Detections(measured, None)).all()
+    assert_array_equal(FIELD.detection_probability(measured), [0.9] * 3)
+    triangle = WatchedArea(Area(np.array([[0.0, 0.0], [9.0, 0.0], [0.0, 9.0]])), 0.9)
     assert len(triangle.limits[0]) == 0
-    assert triangle.field_size == pytest.approx(40.5)
+    assert triangle.size == pytest.approx(40.5)
 
 
 def test_false_detections_are_uniform_in_the_area_and_in_a_span_of_velocities():
@@ -122,4 +123,4 @@ def test_positions_of_a_platform_that_moves_are_those_at_the_stamp():
     assert_allclose(found.velocity, in_frame(over_ground, 1.5), atol=1e-9)
     moved = mast(velocity_model=VelocityModel(0.5)).at(found.pose)
     assert_allclose(moved.to_world(found.measurement), targets, atol=1e-6)
-    assert_allclose(moved.velocities_of(found).velocity, over_ground, atol=1e-9)
+    assert_allclose(moved.motion_of(found).velocity, over_ground, atol=1e-9)

@@ -75,7 +75,7 @@ def test_intensities_of_clutter_and_births_sum_to_those_without_range_rates(mode
     step = width / 4000.0
     clutter = np.exp(View.of(radar, rated).log_clutter).sum() * step
     assert clutter == pytest.approx(np.exp(View.of(radar, plain).log_clutter)[0], rel=1e-9)
-    area = np.radians(120.0) * radar.clutter_max_range
+    area = np.radians(120.0) * radar.visibility.clutter_range
     assert clutter == pytest.approx(7.0 / area, rel=1e-9)
     births = [
         np.exp(BIRTHS.log_intensity(View.of(radar, found), CONFIG.model.modes, 6.0)).sum()

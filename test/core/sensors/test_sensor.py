@@ -44,7 +44,7 @@ def test_detection_probability_is_learned_by_range_and_azimuth_from_the_sensor()
     place = np.array([[200.0, 0.3], [900.0, 2.0]])
     azimuth = place[:, 1]
     measured = place[:, :1] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
-    np.testing.assert_allclose(sensor.polar_place(measured), place)
+    np.testing.assert_allclose(sensor.visibility.place(measured), place)
     view = factor.expect(View.of(sensor, Detections(measured, None)))
     found = view.detection_probability_at(np.full(2, 0.9), measured)
     np.testing.assert_array_equal(found, factor.probability(np.full(2, 0.9), place))

@@ -30,7 +30,6 @@ RADAR = SpatialRadar(
     elevation_std=np.radians(0.8),
     visibility=Visibility(max_range=60e3, elevations=(LOW, HIGH)),
     clutter_rate=20.0,
-    clutter_max_range=60e3,
     threshold=3.7,
     height_prior=PRIOR,
 )
@@ -161,9 +160,9 @@ def test_detection_without_an_elevation_has_the_density_of_a_uniform_one():
     density = -0.5 * np.log(np.linalg.det(2.0 * np.pi * spread)) - np.log(HIGH - LOW)
     assert log_likelihood[0, 0] == pytest.approx(density, abs=1e-3)
     # That of false detections has the same factor.
-    plane = super(SpatialRadar, RADAR).log_uniform_clutter(20.0)
-    assert RADAR.log_uniform_clutter(20.0) == pytest.approx(plane - np.log(HIGH - LOW))
-    assert RADAR.field_size == pytest.approx(2.0 * np.pi * 60e3 * (HIGH - LOW))
+    plane = replace(RADAR.visibility, elevations=None).log_clutter(20.0)
+    assert RADAR.visibility.log_clutter(20.0) == pytest.approx(plane - np.log(HIGH - LOW))
+    assert RADAR.visibility.size == pytest.approx(2.0 * np.pi * 60e3 * (HIGH - LOW))
 
 
 def born(radar, slant):
@@ -231,7 +230,7 @@ def test_elevations_limit_the_coverage_as_ranges_do():
     found = RADAR.coverage_probability(predicted, None, std)
     inside = norm.cdf(HIGH, elevation, 0.02) - norm.cdf(LOW, elevation, 0.02)
     np.testing.assert_allclose(found, inside, atol=1e-12)
-    component, limits = RADAR.limits
+    component, limits = RADAR.visibility.limits
     np.testing.assert_array_equal(limits[component == 2], [[LOW, HIGH]])
     # A radar in the plane has none.
     flat = Visibility(max_range=60e3)

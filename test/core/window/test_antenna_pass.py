@@ -63,7 +63,7 @@ def swept(sectors, plots, between_s=0.25):
 def exact(name):
     """Return the existence probability after a revolution: at most one plot is the target's."""
     measured = RADAR.measure(MEAN + STD * np.random.default_rng(7).standard_normal((400_000, 5)))
-    clutter = np.exp(RADAR.log_uniform_clutter(RADAR.clutter_rate))
+    clutter = np.exp(RADAR.visibility.log_clutter(RADAR.clutter_rate))
     exists = EXISTENCE * (1.0 - DETECTION_PROBABILITY)
     for plot in itertools.chain(*PLOTS[name]):
         error = np.array(plot) - measured

@@ -1,7 +1,7 @@
 """A sensor of positions on a mast, and its model without compiled functions."""
 
 from phd_jdtc_ros.core.sensors.of_gaussians.linearised import Linearised
-from phd_jdtc_ros.core.sensors.position import Area, PositionSensor
+from phd_jdtc_ros.core.sensors.position import Area, PositionSensor, WatchedArea
 
 REACH = 2e4
 
@@ -22,8 +22,7 @@ def mast(std=5.0, sensor=PositionSensor, **changed):
         "yaw": 0.0,
         "threshold": 3.0,
         "clutter_rate": 4.0,
-        "area": Area.rectangle(-REACH, -REACH, REACH, REACH),
-        "detection_probability": 0.9,
+        "visibility": WatchedArea(Area.rectangle(-REACH, -REACH, REACH, REACH), 0.9),
         "std": (std, std),
     }
     return sensor(**{**usual, **changed})

@@ -113,8 +113,8 @@ class ClutterMap(Factor):
         return log_factor + self.log_density(
             measurement,
             radar.to_world(measurement),
-            radar.clutter_of_revolution(view.clutter_rate),
-            radar.clutter_max_range,
+            radar.visibility.clutter_of_revolution(view.clutter_rate),
+            radar.visibility.clutter_range,
             alone=self.speed > 0.0,
         )
 
@@ -167,11 +167,12 @@ class ClutterMap(Factor):
         The cells of a moving radar are fixed in the world, in which it has no field of view.
         """
         (radar,) = polar_radars([view.sensor])
-        uniform = radar.clutter_of_revolution(view.clutter_rate), radar.clutter_max_range
+        field = radar.visibility
+        uniform = field.clutter_of_revolution(view.clutter_rate), field.clutter_range
         excess = self.neighbourhood_excess(measured, world, *uniform)
         if isinstance(self.grid, GroundGrid):
             return excess
-        return np.where(radar.visibility.probability_in_view(measured) > 0.0, excess, np.inf)
+        return np.where(field.probability_in_view(measured) > 0.0, excess, np.inf)
 
     def log_density(
         self,

@@ -77,7 +77,7 @@ class ClutterRate(PoissonRate):
         if not (revolutions and view.complete):
             return self
         uniform = np.exp(-view.log_clutter_factor(view.detections.measurement))
-        unclaimed = float((look.unclaimed * uniform).sum()) / view.sensor.clutter_share
+        unclaimed = float((look.unclaimed * uniform).sum()) / view.sensor.visibility.clutter_share
         return self.after(unclaimed, revolutions)
 
 

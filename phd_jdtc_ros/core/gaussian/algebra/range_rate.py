@@ -104,7 +104,7 @@ def _expected_in_space(
     tr C - (u'v) tr A / 2 and approximately the variance tr(A B) + tr(C C) + (u'v)^2 tr(A A) / 2.
     """
     axes = np.array([*sensor.space.place, *sensor.space.motion])
-    antenna = np.concatenate([sensor.origin, sensor.origin_velocity])
+    antenna = sensor.origin.ravel()
     columns = contiguous(axes, antenna, mean, covariance, NO_TIMES if time_s is None else time_s)
     return Expected(*_rates_in_space(*columns))
 

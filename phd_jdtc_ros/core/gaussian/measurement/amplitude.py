@@ -51,7 +51,7 @@ def detection_probability(
     flat, std = expected.measured.reshape(-1, size), expected.std.reshape(-1, size)
     sensor = view.sensor
     covered = sensor.coverage_probability(flat, None, std).reshape(count, modes, 1)
-    by_gaussian = sensor.configured_detection_probability(flat, std)
+    by_gaussian = sensor.visibility.detection_probability(flat, std)
     if by_gaussian is None:
         cell = dynamics.cell_probability(sensor.threshold)
         mean = _mean_over_cells(snr, cell)

@@ -72,7 +72,7 @@ def _divided(
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return which of N Gaussians limits divide, the divided component of each, and moments.
 
-    For the first arguments see `Sensor.limits`. The moments within them, (3, K), are those of
+    For the first arguments see `FieldOfView.limits`. The moments within them, (3, K), are those of
     `_moments_within`.
     """
     count, (rows, axes) = 0, np.empty((2, len(weight)), np.int64)
@@ -118,7 +118,7 @@ def after_miss(
     size, components = mixture.mode_weight.size, expected.measured.shape[-1]
     measured = expected.measured.reshape(-1, components)
     std, weight = expected.std.reshape(-1, components), mixture.mode_weight.ravel()
-    rows, axis, moments = _divided(*sensor.limits, weight, measured, std)
+    rows, axis, moments = _divided(*sensor.visibility.limits, weight, measured, std)
     if not len(rows) or not (usable := sensor.of_gaussians.is_nearly_normal(std[rows])).any():
         return None
     rows, axis, (mass_inside, first, second) = rows[usable], axis[usable], moments[:, usable]

@@ -144,7 +144,9 @@ def test_the_rate_counts_the_clutter_that_is_too_near_or_obstructed(hidden):
     config, rng, reports = configuration(given), np.random.default_rng(6), []
     (radar,) = config.model.radars
     for _ in range(150):
-        drawn = rng.uniform([0.0, -np.pi], [radar.clutter_max_range, np.pi], (rng.poisson(10.0), 2))
+        drawn = rng.uniform(
+            [0.0, -np.pi], [radar.visibility.clutter_range, np.pi], (rng.poisson(10.0), 2)
+        )
         reports.append(Detections(drawn[radar.visibility.probability_in_view(drawn) > 0.0], None))
     assert rate_of_clutter(config, reports) == pytest.approx(10.0, rel=0.15)
 

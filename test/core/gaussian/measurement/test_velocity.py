@@ -64,7 +64,7 @@ def test_position_and_velocity_in_turn_are_one_update_of_four_components():
 def test_unknown_velocity_changes_nothing():
     mean, covariance = gaussians(np.random.default_rng(2), 3)
     seen = Detections(np.zeros((3, 2)), None, velocity=np.array([[np.nan, 1.0]] * 3))
-    found = update_velocities(mean, covariance, PLANAR, SENSOR.velocities_of(seen))
+    found = update_velocities(mean, covariance, PLANAR, SENSOR.motion_of(seen))
     np.testing.assert_array_equal(found.mean, mean)
     assert_allclose(found.covariance, covariance, rtol=1e-15)
     np.testing.assert_array_equal(found.log_likelihood, np.zeros(3))
