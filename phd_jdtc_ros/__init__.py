@@ -9,15 +9,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from phd_jdtc_ros.api.scores import evaluate
-    from phd_jdtc_ros.api.simulated import simulate
+    from phd_jdtc_ros.api.scores import evaluate, simulate
     from phd_jdtc_ros.api.tracker import Tracker
 
 __all__ = ["Tracker", "__version__", "evaluate", "simulate"]
 __version__ = "1.0.0"
 
 # These are imported on first use, so that they do not delay the start of nodes.
-_MODULES = {"Tracker": "tracker", "simulate": "simulated", "evaluate": "scores"}
+_MODULES = {"Tracker": "tracker", "simulate": "scores", "evaluate": "scores"}
 
 
 def __getattr__(name: str) -> Any:

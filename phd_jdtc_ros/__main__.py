@@ -49,7 +49,7 @@ MOVED = {
 }
 
 # Nodes that are started instead of an executable if it is given ROS arguments only, or none.
-NODES = {"asterix_bridge": "nodes.asterix.node", "hand_over": "nodes.hand_over.node"}
+NODES = {"asterix_bridge": "nodes.asterix", "hand_over": "nodes.hand_over"}
 
 # Modules that a ROS installation has, and that the extra `ros` installs.
 ROS_PACKAGES = {

@@ -21,7 +21,7 @@ from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.types import FILTERED, Estimates
-from phd_jdtc_ros.evaluation.accumulators.identity import IdentitySwitches
+from phd_jdtc_ros.evaluation.accumulators.tracks import IdentitySwitches
 from phd_jdtc_ros.evaluation.comparison import LabelledPoints
 from phd_jdtc_ros.evaluation.metrics import assign, gospa, ospa
 from phd_jdtc_ros.handover.ownership import Handover

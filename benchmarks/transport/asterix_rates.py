@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from phd_jdtc_ros.asterix import plot_stream
+from phd_jdtc_ros.asterix import writing as plots_out
+from phd_jdtc_ros.asterix import writing as tracks_out
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
-from phd_jdtc_ros.asterix.writing import plots as plots_out
-from phd_jdtc_ros.asterix.writing import tracks as tracks_out
-from phd_jdtc_ros.asterix.writing.tracks import Source, TrackReport
+from phd_jdtc_ros.asterix.writing import Source, TrackReport
 
 from . import asterix_latency
 
@@ -94,15 +94,15 @@ def _to_plots(datagrams: list[bytes]) -> int:
 
 
 def _to_clouds(datagrams: list[bytes]) -> int:
-    from phd_jdtc_ros.asterix_bridge import clouds
+    from phd_jdtc_ros.asterix_bridge import conversion
 
     stream, count = PlotStream({}), 0
     for data in datagrams:
         for state, report in stream.feed(data):
-            cloud = clouds.cloud(report, state)
+            cloud = conversion.cloud(report, state)
             count += cloud.width
     for state, report in stream.finish():
-        cloud = clouds.cloud(report, state)
+        cloud = conversion.cloud(report, state)
         count += cloud.width
     return count
 

@@ -19,7 +19,7 @@ from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import MarkerArray
 
 from msg_adapters.incoming import detections
-from msg_adapters.outgoing import curves
+from msg_adapters.outgoing import diagnostics
 from msg_adapters.targets import estimates, markers, poses
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.engine import OnFiltered, Step, ignore_filtered
@@ -69,7 +69,7 @@ def step_at_no_cost(engine: Any, found: Estimates, classes: int) -> None:
     It is the engine that the pipeline has already, which is known in several places.
     """
     mass = np.full(classes, len(found) / classes)
-    figures = {name: 0.0 for names in curves.FIGURES.values() for name in names}
+    figures = {name: 0.0 for names in diagnostics.FIGURES.values() for name in names}
     always = Step(filtered=(found,), smoothed=(found,), class_mass=mass, figures=figures)
 
     def step(scan: Scan, on_filtered: OnFiltered = ignore_filtered) -> Step:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from msg_adapters.encoding import names
-from msg_adapters.outgoing import curves, outputs
+from msg_adapters.outgoing import diagnostics, outputs
 from phd_jdtc_ros.asterix_bridge import settings as bridge
 from phd_jdtc_ros.configuration.parameters import replaced
 from phd_jdtc_ros.configuration.schema import Parameter
@@ -19,7 +19,7 @@ from phd_jdtc_ros.configuration.tables import TOP, schema
 from phd_jdtc_ros.evaluation.metric_table import CURVES, GROUPS, PUBLISHED, TERMS
 from phd_jdtc_ros.handover import settings as hand_over
 from phd_jdtc_ros.nodes.tracker import settings as tracker
-from phd_jdtc_ros.parameter_files import evaluator, proposed_file, sensor_replay
+from phd_jdtc_ros.parameter_files import evaluator, sensor_replay, yaml_files
 from phd_jdtc_ros.study.monte_carlo.metrics import OF_STUDY
 
 _PARAMETERS = """\
@@ -177,7 +177,7 @@ def topics(page: str) -> str:
             topic = topic.replace("/filtered/", "/{filtered,smoothed}/")
         if row.topic.replace("/smoothed/", "/filtered/") not in every - {row.topic}:
             rows.setdefault((how, kind, qos, row.switch), []).append(f"`{topic}`")
-    for engine, figures in curves.FIGURES.items():
+    for engine, figures in diagnostics.FIGURES.items():
         listed = ", ".join(f"`{names.curve(name, '~')}`" for name in figures)
         key = "publishes", names.NUMBER.replace("/msg/", "/"), _RELIABLE, "curves"
         rows[key].append(f"with {engine} {listed}")
@@ -265,7 +265,7 @@ def _rewritten(title: str) -> list[tuple[str, str]]:
     """Return a row for each value in a former notation of a part, and the lines that replace it."""
     return [
         (
-            f"`{name}: {proposed_file.scalar(value)}`",
+            f"`{name}: {yaml_files.scalar(value)}`",
             ", ".join(f"`{line}`" for line in lines(name, value)),
         )
         for name, lines, values in replaced.NOTATIONS.get(title, ())
@@ -296,7 +296,7 @@ def defaults() -> str:
                 parameter.description, 100, initial_indent=mark, subsequent_indent=mark
             )
         described.add(parameter.description)
-        lines.append(f"{indent}{last}: {proposed_file.scalar(parameter.default)}")
+        lines.append(f"{indent}{last}: {yaml_files.scalar(parameter.default)}")
     return "\n".join(lines) + "\n"
 
 

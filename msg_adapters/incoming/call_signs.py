@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from sensor_msgs.msg import PointCloud2
 
-from phd_jdtc_ros.asterix.call_signs import CallSigns
+from phd_jdtc_ros.asterix.messages import CallSigns
 from phd_jdtc_ros.columns.identities import NONE
 
 from ..encoding import interfaces, names, point_cloud

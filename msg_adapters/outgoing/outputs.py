@@ -22,7 +22,7 @@ from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates, Pose
 
 from ..encoding import interfaces, names, stamps
 from ..targets import estimates, geo_json, geodetic, markers, poses, radar_tracks, tracks, vision
-from . import clutter_maps, cot, curves, detections_in_map, diagnostics, nmea, signal_k
+from . import clutter_maps, cot, detections_in_map, diagnostics, nmea, signal_k
 from .trails import Trails
 
 # Triggers besides the estimates of a source: a `Scan`, and a `StepResult`.
@@ -43,7 +43,7 @@ class StepResult:
     @cached_property
     def numbers(self) -> dict[str, float]:
         """The numbers to plot, by name."""
-        return curves.of_step(self.step, self.step_ms)
+        return diagnostics.of_step(self.step, self.step_ms)
 
 
 @dataclass
@@ -164,7 +164,7 @@ def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
         ),
         *(
             Output(names.curve(quantity, "~"), names.NUMBER, STEP, _number_of(quantity), "curves")
-            for quantity in curves.of_tracker(classes, engine)
+            for quantity in diagnostics.of_tracker(classes, engine)
         ),
         *(
             Output(
@@ -200,7 +200,7 @@ def default_topics(
 
     Without `engine` the engine's own figures are left out, see `optional`.
     """
-    numbers = (names.curve(quantity, evaluator) for quantity in curves.of_evaluator(classes))
+    numbers = (names.curve(quantity, evaluator) for quantity in diagnostics.of_evaluator(classes))
     return {
         **_types((row for row in table(classes, engine) if row.usual), tracker),
         **dict.fromkeys(numbers, names.NUMBER),
@@ -214,7 +214,7 @@ def optional(tracker: str = names.TRACKER) -> dict[str, str]:
 
     These are the figures of a single engine, and the outputs that are off by default.
     """
-    figures = (name for figures in curves.FIGURES.values() for name in figures)
+    figures = (name for figures in diagnostics.FIGURES.values() for name in figures)
     return {
         **{names.curve(name, tracker): names.NUMBER for name in figures},
         **_types((row for row in table(0) if not row.usual), tracker),
@@ -240,7 +240,7 @@ def _clutter_map(done: StepResult, view: View) -> list[Any]:
 
 
 def _number_of(quantity: str) -> Callable[[StepResult, View], list[Any]]:
-    return lambda done, _: [curves.to_msg(done.numbers[quantity])]
+    return lambda done, _: [diagnostics.to_msg(done.numbers[quantity])]
 
 
 def _paths(found: Estimates, view: View) -> list[Any]:

@@ -15,7 +15,7 @@ from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import TRACK_STATES, Estimates
 
 from . import geodetic, vertical
-from .palette import class_colour
+from .markers import class_colour
 from .tracks import rows_by_track
 
 # Decimal places of degrees (a centimetre) and of metres.

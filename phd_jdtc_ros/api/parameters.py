@@ -18,9 +18,8 @@ from phd_jdtc_ros.configuration.tables import GROUPS, schema
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
-from . import places
-from .places import POSITION
-from .reports import TIME
+from . import reports
+from .reports import POSITION, TIME
 from .tables import Columns
 
 # Defaults for tables. Those of the node describe two radars and two classes; these describe one of
@@ -168,13 +167,13 @@ class Parameters:
 
     def with_origin(self, columns: Columns) -> Parameters:
         """Return a copy for a recording, with the middle of its latitudes and longitudes."""
-        origin = places.middle(columns)
+        origin = reports.middle(columns)
         return self if origin is None else replace(self, found={"world_origin": origin})
 
     def in_plane(self, columns: Columns) -> Columns:
         """Return columns with positions in the place of latitudes and longitudes."""
         known = {**self.found, **self.given}
-        return places.in_plane(columns, known.get("world_origin", ()))
+        return reports.in_plane(columns, known.get("world_origin", ()))
 
     def _usable(self) -> dict[str, Any]:
         """Return the estimated parameters that fit the given classes and motion models."""

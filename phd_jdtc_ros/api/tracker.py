@@ -24,9 +24,8 @@ from phd_jdtc_ros.core.types import Detections, Estimates
 from phd_jdtc_ros.feed.feed import Feed, Monitor
 from phd_jdtc_ros.feed.tally import DetectionCounts, Tally
 
-from . import places
 from .parameters import Parameters
-from .reports import TIME, everywhere, report_of, reports_of
+from .reports import TIME, everywhere, report_of, reports_of, seem_degrees
 from .tables import Column, Table, columns_of, stamps_ns, table_of
 
 
@@ -158,7 +157,7 @@ class Tracker:
             noticed = set(checks[index].add(report.detections)) & {*NOT_IN_RECORDINGS}
             tally.on_anomalies(index, report.anomalies + Counter(noticed))
         about: dict[int, list[str]] = {}
-        if text := places.seem_degrees(columns):
+        if text := seem_degrees(columns):
             about = {index: [text] for index in range(len(config.inputs))}
             warnings.warn(text, stacklevel=2)
         for index, text in tally.about_radars():

@@ -9,5 +9,5 @@ Output: `writing.encoding` packs items into records and blocks, `writing.plots` 
 CAT034, and `writing.tracks` writes CAT062 and CAT065.
 
 The items of a category, their order and their lengths come from libasterix (`specification`); an
-item's length follows from its kind (`item_rules`).
+item's length follows from its kind (`specification`).
 """

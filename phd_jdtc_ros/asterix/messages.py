@@ -1,7 +1,8 @@
 """The content of radar messages, independent of the category, in SI units.
 
 A record of a plot category becomes a `Plot`, and a record of a service category a `ServiceMessage`.
-Azimuths remain clockwise from north, as radars report them.
+Azimuths remain clockwise from north, as radars report them. `CallSigns` keeps the names of
+aircraft by their addresses.
 """
 
 from __future__ import annotations
@@ -62,3 +63,49 @@ class ServiceMessage(NamedTuple):
 
 
 Message: TypeAlias = "Plot | ServiceMessage"
+
+
+# A call sign has CHARACTERS of BITS bits each: letters from 1, a space, and digits.
+CHARACTERS, BITS = 8, 6
+_VALID = frozenset((*range(1, 27), 32, *range(48, 58)))
+_SPACE = 32
+# Upper bound of the call signs kept; the least recent ones are dropped.
+MOST_CALL_SIGNS = 10_000
+
+
+def read_call_sign(data: bytes, at: int) -> int:
+    """Return a call sign as its 48 bits, `NONE` if it is absent, blank or garbled."""
+    if at < 0:
+        return NONE
+    found = int.from_bytes(data[at : at + CHARACTERS * BITS // 8], "big")
+    parts = {found >> BITS * place & 63 for place in range(CHARACTERS)}
+    return found if parts <= _VALID and parts != {_SPACE} else NONE
+
+
+def call_sign_text(call_sign: int) -> str:
+    """Return a call sign's letters and digits; empty for `NONE`."""
+    if call_sign == NONE:
+        return ""
+    places = range(CHARACTERS * BITS - BITS, -1, -BITS)
+    letters = (call_sign >> place & 63 for place in places)
+    return "".join(chr(each + 64 * (each <= 26)) for each in letters).strip()
+
+
+class CallSigns:
+    """The latest call sign of each address."""
+
+    def __init__(self) -> None:
+        self._by_address: dict[int, int] = {}
+
+    def take(self, address: int, call_sign: int) -> None:
+        """Add the call sign and the address of one plot; either may be `NONE`."""
+        if address == NONE or call_sign == NONE:
+            return
+        self._by_address.pop(address, None)
+        self._by_address[address] = call_sign
+        if len(self._by_address) > MOST_CALL_SIGNS:
+            del self._by_address[next(iter(self._by_address))]
+
+    def of(self, address: int) -> int:
+        """Return the call sign of an address, `NONE` if unknown."""
+        return self._by_address.get(address, NONE)

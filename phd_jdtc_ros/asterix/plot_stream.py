@@ -9,11 +9,10 @@ from dataclasses import dataclass, field, replace
 
 from . import records
 from .assembly import LEARNED, Assembler
-from .call_signs import CallSigns
 from .clocks import RadarClock, StreamClock, fits_stamp
-from .item_rules import MalformedError
-from .messages import NONE, Message, Plot
+from .messages import NONE, CallSigns, Message, Plot
 from .slices import NoRevolutionFinder, RevolutionFinder, SectorReport
+from .specification import MalformedError
 from .transport.framing import BLOCK_HEADER, LARGEST_BLOCK
 
 # Some recorders and networks append a trailer to every datagram. A rest of at most LONGEST_TRAILER

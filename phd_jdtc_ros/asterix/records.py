@@ -13,8 +13,7 @@ from functools import cache
 from operator import itemgetter
 from typing import NamedTuple, TypeAlias
 
-from . import call_signs
-from .item_rules import MalformedError
+from . import messages
 from .messages import (
     AZIMUTH_UNIT,
     COMBINED,
@@ -36,7 +35,7 @@ from .messages import (
     Plot,
     ServiceMessage,
 )
-from .specification import Layout, layouts
+from .specification import Layout, MalformedError, layouts
 
 Items: TypeAlias = "tuple[int, ...]"
 
@@ -177,7 +176,7 @@ def _monoradar(data: bytes, items: Items) -> Plot | str:
         _address(data, at220),
         detection_type,
         *_amplitudes(data, at130),
-        call_signs.read(data, at240),
+        messages.read_call_sign(data, at240),
     )
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from phd_jdtc_ros.asterix.assembly import LEARNED
-from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.clocks import StreamClock
+from phd_jdtc_ros.asterix.messages import CallSigns
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettings
 from phd_jdtc_ros.asterix.transport import udp
-from phd_jdtc_ros.asterix.writing.tracks import Source
+from phd_jdtc_ros.asterix.writing import Source
 from phd_jdtc_ros.calibration.tuning.rotation import PlotRevolutions
 from phd_jdtc_ros.configuration.parameters import replaced
 from phd_jdtc_ros.configuration.parameters.place_forms import PLACE
@@ -25,7 +25,7 @@ from phd_jdtc_ros.configuration.schema import (
 )
 from phd_jdtc_ros.earth import SystemPlane
 
-from .tracks import TrackOutput
+from .conversion import TrackOutput
 
 # Largest number of input addresses, each of which needs a socket and a buffer.
 MOST_INPUTS = 64

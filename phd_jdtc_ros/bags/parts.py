@@ -17,7 +17,7 @@ from mcap.records import Channel, Schema
 
 from .chunks import DamageError
 from .errors import BagError
-from .mcap_index import MAGIC
+from .salvage import MAGIC
 
 CDR = "cdr"
 _SQLITE, _ZSTD, _ROS1 = b"SQLite format 3\0", b"\x28\xb5\x2f\xfd", b"#ROSBAG V"

@@ -16,7 +16,7 @@ from msg_adapters.encoding import stamps
 from phd_jdtc_ros.configuration.parameters.place_forms import TRANSFORM_TOPICS
 from phd_jdtc_ros.quoting import printable
 
-from . import chunks, mcap_index, parts
+from . import chunks, parts, salvage
 from .chunks import DamageError
 from .errors import BagError
 from .salvage import Index
@@ -34,7 +34,7 @@ class Part:
     def of(file: Path) -> Part:
         """Return the part in a file; raise `BagError` if it cannot be read."""
         with parts.guard(file), file.open("rb") as stream:
-            return Part(file, mcap_index.index(stream))
+            return Part(file, salvage.index(stream))
 
 
 @dataclass

@@ -10,7 +10,7 @@ import numpy as np
 
 from .accumulator import Accumulator, Metric, Totals
 from .accumulators import ACCUMULATORS, consistency
-from .accumulators.pairs import confusion_matrix
+from .accumulators.distances import confusion_matrix
 from .comparison import ALL, Comparison, PairedScan, set_names
 from .metric_table import BY_KEY, GLOBAL_METRICS, SET_METRICS
 

@@ -13,7 +13,7 @@ from phd_jdtc_ros import output_files
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.configuration.tables import GROUPS, schema
 
-from . import proposed_file, sections
+from . import sections, yaml_files
 
 NAME = sections.BAG_PARAMETERS
 _HEAD = "The tracker's parameters for this recording; the other parameters have their defaults."
@@ -33,7 +33,7 @@ def read(bag: Path) -> dict[str, Any] | None:
     return sections.read(path).values("/tracker") if path.is_file() else None
 
 
-def write(path: Path, values: Mapping[str, Any], section: str = proposed_file.ANY_TRACKER) -> None:
+def write(path: Path, values: Mapping[str, Any], section: str = yaml_files.ANY_TRACKER) -> None:
     """Write a parameter file of the values that are not the defaults, and of all lists of names.
 
     The values are those of a checked configuration; others are left out. The section is the
@@ -48,6 +48,6 @@ def write(path: Path, values: Mapping[str, Any], section: str = proposed_file.AN
     }
     try:
         output_files.require_replaceable(path, "recording's parameter file", f"# {_HEAD}".encode())
-        proposed_file.write(path, _HEAD, kept, section=section)
+        yaml_files.write(path, _HEAD, kept, section=section)
     except OSError as error:
         raise BagError(f"{path}: cannot be written: {error.strerror}") from error

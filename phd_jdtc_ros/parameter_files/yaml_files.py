@@ -1,21 +1,24 @@
-"""The loader of all YAML that the package reads: parameter, scenario and study files, values.
+"""The loader of all YAML that the package reads, and the writer of parameter files.
 
 Scalars have the types of ROS (rcl_yaml_param_parser), which differ from YAML 1.1 in PyYAML:
 ``1e-6`` is a number, ``12:30`` is not. A repeated key is a fault. Size, depth and number of values
-of a document are limited; an alias counts as many values as its anchor.
+of a document are limited; an alias counts as many values as its anchor. Files are written beside
+recordings, and with a comment behind each proposed value.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import yaml
 
-from phd_jdtc_ros import quoting
-from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros import output_files, quoting
+from phd_jdtc_ros.configuration.schema import ConfigError, flatten
+from phd_jdtc_ros.configuration.tables import schema
 
 # Limits of a document, far above files written by hand; one at the limits takes less than 2 s.
 LARGEST_BYTES = 2**19
@@ -200,3 +203,90 @@ def load(path: Path) -> Any:
 def one_line(error: object) -> str:
     """Return a text as one line, shortened in its middle."""
     return quoting.short(" ".join(str(error).split()), _QUOTED)
+
+
+# The section of the shipped profiles: a tracker in any namespace.
+ANY_TRACKER = "/**/tracker"
+# Column in which comments begin behind shorter lines.
+COLUMN = 44
+_NO_COMMENTS: Mapping[str, str] = MappingProxyType({})
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes plain YAML, with quotes for text that the package's loader would not read as text."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """Write every value in full."""
+        return True
+
+
+def _text(dumper: _Dumper, text: str) -> yaml.Node:
+    try:
+        plain = parse(text, "") == text
+    except ConfigError:
+        plain = False
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=None if plain else '"')
+
+
+_Dumper.add_representer(str, _text)
+
+
+def scalar(value: Any) -> str:
+    """Return a number, a text or a list on one line of YAML."""
+    text = yaml.dump(value, Dumper=_Dumper, default_flow_style=True, width=10**6)
+    return text.removesuffix("\n").removesuffix("\n...")
+
+
+def _tree(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters by dotted name as nested mappings, in the order of the tables."""
+    given = dict(flatten(values))
+    order = [*(name for name in schema(given) if name in given), *given]
+    tree: dict[str, Any] = {}
+    for name in sorted(given, key=lambda name: ("." in name, order.index(name))):
+        place = tree
+        *parents, last = name.split(".")
+        for parent in parents:
+            place = place.setdefault(parent, {})
+        place[last] = given[name]
+    return tree
+
+
+def lines(
+    head: str,
+    values: Mapping[str, Any],
+    comments: Mapping[str, str] = _NO_COMMENTS,
+    section: str = ANY_TRACKER,
+) -> Iterator[str]:
+    """Yield the lines of a parameter file, with a comment at its head.
+
+    Comments are of parameters, and of sections (a radar's name). The section is the tracker's full
+    name, in which wildcards are allowed.
+    """
+    yield from (f"# {line}".rstrip() for line in head.splitlines())
+    yield f"{scalar(section)}:"
+    yield "  ros__parameters:"
+    yield from _block(_tree(values), comments, "", 4)
+
+
+def _block(
+    tree: Mapping[str, Any], comments: Mapping[str, str], prefix: str, indent: int
+) -> Iterator[str]:
+    for key, value in tree.items():
+        name, text = f"{prefix}{key}", " " * indent + f"{scalar(key)}:"
+        if not isinstance(value, Mapping):
+            text += f" {scalar(value)}"
+        comment = comments.get(name)
+        yield f"{text:{COLUMN}} # {comment}" if comment else text
+        if isinstance(value, Mapping):
+            yield from _block(value, comments, f"{name}.", indent + 2)
+
+
+def write(
+    path: Path,
+    head: str,
+    values: Mapping[str, Any],
+    comments: Mapping[str, str] = _NO_COMMENTS,
+    section: str = ANY_TRACKER,
+) -> None:
+    """Write a parameter file; see `lines`."""
+    output_files.write(path, "\n".join(lines(head, values, comments, section)) + "\n")

@@ -17,7 +17,7 @@ from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import reader_of
 from msg_adapters.outgoing import clutter_maps, diagnostics
 from msg_adapters.targets import estimates, truth
-from phd_jdtc_ros.asterix.call_signs import CallSigns
+from phd_jdtc_ros.asterix.messages import CallSigns
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.columns.selection import Report

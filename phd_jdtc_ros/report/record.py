@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.asterix.call_signs import CallSigns, text
+from phd_jdtc_ros.asterix.messages import CallSigns, call_sign_text
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
@@ -201,7 +201,7 @@ class Record:
 
     def call_sign_of(self, address: str) -> str:
         """Return the call sign of an address, hexadecimal; empty if unknown."""
-        return text(self.call_signs.of(int(address, 16))) if address else ""
+        return call_sign_text(self.call_signs.of(int(address, 16))) if address else ""
 
     @property
     def class_fault(self) -> str | None:

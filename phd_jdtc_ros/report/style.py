@@ -15,8 +15,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from msg_adapters.targets.palette import COLOURS as COLOURS
-from msg_adapters.targets.palette import class_colour as class_colour
+from msg_adapters.targets.markers import COLOURS as COLOURS
+from msg_adapters.targets.markers import class_colour as class_colour
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.core.arrays import FloatArray
 

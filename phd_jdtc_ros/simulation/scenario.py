@@ -18,12 +18,9 @@ from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 from phd_jdtc_ros.core.types import UNKNOWN, Detections, Pose, Truth
 
 from .antenna import Antenna, default_antenna
-from .clutter.echoes import Echoes, Mirror
-from .clutter.law import NOISE, ClutterLaw
-from .clutter.reflectors import Reflectors
+from .clutter import NOISE, ClutterLaw, Echoes, Mirror, Reflectors
 from .platform import MovingPlatform
-from .traffic.flight import Flight
-from .traffic.gaps import Gap, in_gap
+from .traffic.flight import Flight, Gap, in_gap
 from .traffic.targets import NOISE_FREE, TargetScript
 from .transponder import STREAM, ReplyContent, Transponders
 

@@ -11,14 +11,13 @@ from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, parameter
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
+from . import clutter
 from .antenna import Antenna, default_antenna
 from .checked import mapping, place, read, read_by_radar, read_list
-from .clutter import echoes, law
-from .clutter.echoes import Mirror
-from .clutter.reflectors import reflectors
+from .clutter import Mirror, reflectors
 from .platform import platform
 from .scenario import Scenario
-from .traffic import gaps, targets, traffic
+from .traffic import flight, targets, traffic
 from .traffic.flight import Flight, east_north
 from .transponder import transponders
 
@@ -89,8 +88,8 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     all_targets = targets.targets(document, faults)
     antennas = read_by_radar(Antenna, document, "antennas", radars, faults)
     biases = read_by_radar(Bias, document, "biases", radars, faults)
-    clutter = law.laws(document, radars, faults)
-    echo_laws = echoes.of_radars(document, radars, faults)
+    false_detections = clutter.read_clutter(document, radars, faults)
+    echo_laws = clutter.read_echoes(document, radars, faults)
     carrier = platform(document, radars, faults)
     fixed = reflectors(document, radars, faults)
     replies = transponders(document, faults)
@@ -101,7 +100,7 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     all_targets += traffic.manoeuvres(given, _origin(document, faults), duration_s, faults)
     interval_s = timing.interval_s if timing else 1.0
     flights = [t if isinstance(t, Flight) else t.flight(interval_s) for t in all_targets]
-    unseen = gaps.of_targets(document, flights, faults)
+    unseen = flight.read_gaps(document, flights, faults)
     if timing is None or faults:
         raise ConfigError(*faults)
     return Scenario(
@@ -112,7 +111,7 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         radars=radars,
         antennas=tuple(each or default_antenna(index) for index, each in enumerate(antennas)),
         most_radars=timing.most_radars,
-        clutter=clutter,
+        clutter=false_detections,
         echoes=echo_laws,
         reflectors=fixed,
         platform=carrier,

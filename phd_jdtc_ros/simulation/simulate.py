@@ -11,9 +11,7 @@ from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.spatial_radar import SpatialRadar
 from phd_jdtc_ros.core.types import FULL_TURN, Detections, Scan, Truth
 
-from .clutter.echoes import Echoes
-from .clutter.law import NOISE, ClutterLaw
-from .clutter.reflectors import Reflectors
+from .clutter import NOISE, ClutterLaw, Echoes, Reflectors
 from .noise import Observation, polar, with_noise
 from .scenario import Scenario, truth_at
 

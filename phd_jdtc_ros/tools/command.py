@@ -18,13 +18,7 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.place_forms import TRANSFORM_TOPICS
 from phd_jdtc_ros.configuration.schema import SMALL, ConfigError
 from phd_jdtc_ros.exit_status import INTERRUPTED, USAGE, fail
-from phd_jdtc_ros.parameter_files import (
-    bag_parameters,
-    from_arguments,
-    proposed_file,
-    tracker_params,
-    yaml_files,
-)
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params, yaml_files
 from phd_jdtc_ros.quoting import short
 
 # Default cut-off c of OSPA, metres.
@@ -191,7 +185,7 @@ def write_proposal(
     if path is None:
         print("nothing is written without --out FILE")
         return
-    proposed_file.write(path, head, values, comments)
+    yaml_files.write(path, head, values, comments)
     tracker_params.config(from_arguments.load(path))
     print(f"{path}: written; the tracker takes it as its --params-file")
 

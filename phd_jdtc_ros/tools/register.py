@@ -32,7 +32,7 @@ from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.report import style
-from phd_jdtc_ros.report.pictures import registration as picture
+from phd_jdtc_ros.report.pictures import figures
 
 from . import command, recorded_plots
 from .recorded_plots import RecordedPlots
@@ -213,7 +213,7 @@ def _work(arguments: argparse.Namespace) -> int:
     console.print(residuals(found))
     print(*remarks(found), sep="\n")
     if drawn is not None:
-        style.save(picture.residuals(found), drawn)
+        style.save(figures.residuals(found), drawn)
         print(f"{drawn}: residuals before and after")
     status = OK if damage is None else fail("register", damage)
     head = f"Registered from {source}\nand {where}.\nA comment gives the basis of each correction."

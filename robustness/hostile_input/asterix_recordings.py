@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
-from phd_jdtc_ros.asterix.transport import framing, pcap_out
-from phd_jdtc_ros.asterix.transport.pcap_out import Line
+from phd_jdtc_ros.asterix.transport import framing, pcap
+from phd_jdtc_ros.asterix.transport.pcap import Line
 
 from ..harness.figures import Found, measures
 from .asterix_bytes import NS, ROTATION_S, SECTORS, radar_blocks
@@ -140,13 +140,13 @@ def _packets(start_s: float) -> tuple[list[bytes], list[bytes]]:
     blocks = radar_blocks(random.Random(4))
     step_ns = round(ROTATION_S * NS / (3 * SECTORS))
     start_ns = MIDNIGHT_NS + round(start_s * NS)
-    packets = [pcap_out.packet(start_ns + k * step_ns, own, Line()) for k, own in enumerate(blocks)]
+    packets = [pcap.packet(start_ns + k * step_ns, own, Line()) for k, own in enumerate(blocks)]
     return blocks, packets
 
 
 def _wrong_lengths() -> Iterator[Damaged]:
     blocks, packets = _packets(0.0)
-    whole, at = pcap_out.header() + b"".join(packets), FILE_HEADER
+    whole, at = pcap.header() + b"".join(packets), FILE_HEADER
     for index, packet in enumerate(packets[:8]):
         for bit in range(64):  # of the captured and of the original length
             data = bytearray(whole)
@@ -159,7 +159,7 @@ def _wrong_lengths() -> Iterator[Damaged]:
 def _joined() -> Iterator[Damaged]:
     blocks, packets = _packets(0.0)
     _, later = _packets(3600.0)
-    capture, second = (pcap_out.header() + b"".join(each) for each in (packets, later))
+    capture, second = (pcap.header() + b"".join(each) for each in (packets, later))
     yield Damaged("joined", capture + second, blocks * 2)
     for cut in range(1, len(packets[-1])):
         yield Damaged(f"joined, {cut} cut", capture[:-cut] + second, blocks[:-1] + blocks)

@@ -13,10 +13,10 @@ import numpy as np
 
 from msg_adapters.encoding import names
 from msg_adapters.incoming.detections import OWN_LAYOUT, from_msg, to_msg
+from phd_jdtc_ros.asterix import writing as plots_out
 from phd_jdtc_ros.asterix.messages import DAY, NONE, PRIMARY, Plot
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
-from phd_jdtc_ros.asterix.transport import pcap_out
-from phd_jdtc_ros.asterix.writing import plots as plots_out
+from phd_jdtc_ros.asterix.transport import pcap
 from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning.rotation import PlotRevolutions
@@ -170,14 +170,14 @@ def measure_forged_times() -> Found:
 def _forged_record_times() -> dict[str, str]:
     """Return the faults of the bag of a capture with the record times 0 and 2^32 - 1."""
     times_ns = [0, (2**32 - 1) * NS]
-    line, count = pcap_out.Line(), 3 * SECTORS
+    line, count = pcap.Line(), 3 * SECTORS
     packets = [
-        pcap_out.packet(times_ns[k % 2] if k < 4 else _at(k), _good(_at(k), k, True), line)
+        pcap.packet(times_ns[k % 2] if k < 4 else _at(k), _good(_at(k), k, True), line)
         for k in range(count)
     ]
     with tempfile.TemporaryDirectory() as directory:
         path, out = Path(directory) / "forged.pcap", Path(directory) / "bag"
-        path.write_bytes(pcap_out.header() + b"".join(packets))
+        path.write_bytes(pcap.header() + b"".join(packets))
         try:
             done = reading.convert(path, out, settings.resolve({}), None, ())
         except Exception as error:  # any but an error of the recording would end with a traceback

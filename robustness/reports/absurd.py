@@ -20,9 +20,9 @@ from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.incoming import detections, platform_poses
 from msg_adapters.outgoing import diagnostics
 from msg_adapters.targets import estimates, truth
-from phd_jdtc_ros.asterix.call_signs import CallSigns
-from phd_jdtc_ros.asterix.writing.tracks import Source
-from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
+from phd_jdtc_ros.asterix.messages import CallSigns
+from phd_jdtc_ros.asterix.writing import Source
+from phd_jdtc_ros.asterix_bridge.conversion import TrackOutput
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack
 from phd_jdtc_ros.core.intake.scans import Rejection

@@ -8,12 +8,18 @@ from asterix import base
 from asterix_records import block, category, plot, random_record, rng
 from asterix_reference import value
 
-from phd_jdtc_ros.asterix import call_signs, plot_stream, specification
-from phd_jdtc_ros.asterix.call_signs import MOST, CallSigns
-from phd_jdtc_ros.asterix.item_rules import Fixed, MalformedError
-from phd_jdtc_ros.asterix.messages import DAY, NONE, TRUNCATED, Plot, ServiceMessage
+from phd_jdtc_ros.asterix import messages, plot_stream, specification
+from phd_jdtc_ros.asterix.messages import (
+    DAY,
+    MOST_CALL_SIGNS,
+    NONE,
+    TRUNCATED,
+    CallSigns,
+    Plot,
+    ServiceMessage,
+)
 from phd_jdtc_ros.asterix.plot_stream import TRAILERS, BlockReader
-from phd_jdtc_ros.asterix.specification import layouts
+from phd_jdtc_ros.asterix.specification import Fixed, MalformedError, layouts
 from phd_jdtc_ros.asterix.transport import framing
 
 FOOT = 0.3048
@@ -216,8 +222,8 @@ KLM12 = packed(11, 12, 13, 49, 50, 32, 32, 32)
     ids=["name", "blank", "zeros", "garbled"],
 )
 def test_read_takes_names_and_nothing_else(data, expected):
-    assert call_signs.read(b"\xff" + data, 1) == expected
-    assert call_signs.text(expected) == ("" if expected == NONE else "KLM12")
+    assert messages.read_call_sign(b"\xff" + data, 1) == expected
+    assert messages.call_sign_text(expected) == ("" if expected == NONE else "KLM12")
 
 
 def test_call_signs_are_the_last_of_their_addresses_and_bounded():
@@ -227,11 +233,11 @@ def test_call_signs_are_the_last_of_their_addresses_and_bounded():
     known.take(2, NONE)
     known.take(NONE, 300)
     assert [known.of(address) for address in (1, 2, NONE)] == [200, NONE, NONE]
-    for address in range(2, MOST + 1):
+    for address in range(2, MOST_CALL_SIGNS + 1):
         known.take(address, 7)
     # Received again, it is not the oldest.
     known.take(1, 200)
-    known.take(MOST + 1, 7)
+    known.take(MOST_CALL_SIGNS + 1, 7)
     assert (known.of(1), known.of(2)) == (200, NONE)
 
 

@@ -7,10 +7,9 @@ from scipy.integrate import trapezoid
 
 from msg_adapters.encoding import point_cloud
 from msg_adapters.encoding.errors import RejectedMessageError
-from phd_jdtc_ros.asterix.call_signs import CallSigns
-from phd_jdtc_ros.asterix.messages import NONE
-from phd_jdtc_ros.asterix.writing.tracks import Source
-from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
+from phd_jdtc_ros.asterix.messages import NONE, CallSigns
+from phd_jdtc_ros.asterix.writing import Source
+from phd_jdtc_ros.asterix_bridge.conversion import TrackOutput
 from phd_jdtc_ros.earth import SystemPlane
 
 NS = 10**9

@@ -19,7 +19,7 @@ NODES = Path(common.__file__).parents[1]
 
 def alarms():
     """Yield the fixed texts of the conditions in the nodes' health that are not OK."""
-    for path in NODES.rglob("*health.py"):
+    for path in NODES.rglob("*.py"):
         for call in ast.walk(ast.parse(path.read_text())):
             if not isinstance(call, ast.Call):
                 continue

@@ -4,10 +4,14 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
-from phd_jdtc_ros.evaluation.accumulators.identity import IdentitySwitches
-from phd_jdtc_ros.evaluation.comparison import LabelledPoints, PointSet
+from phd_jdtc_ros.evaluation.accumulators.tracks import IdentitySwitches
+from phd_jdtc_ros.evaluation.comparison import (
+    LONGEST_INTERPOLATION_S,
+    LabelledPoints,
+    PointSet,
+    TrueTracks,
+)
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.true_tracks import LONGEST_INTERPOLATION_S, TrueTracks
 from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
 
 CUTOFF = 100.0

@@ -3,7 +3,7 @@ import pytest
 
 from phd_jdtc_ros.evaluation.accumulator import OSPA, Accumulator, Metric, Totals, mean
 from phd_jdtc_ros.evaluation.accumulators import ACCUMULATORS
-from phd_jdtc_ros.evaluation.accumulators.gaps import Gaps
+from phd_jdtc_ros.evaluation.accumulators.tracks import Gaps
 from phd_jdtc_ros.evaluation.comparison import ALL, PairedScan, PointSet
 from phd_jdtc_ros.evaluation.metric_table import GROUPS, METRICS, VALUES, reduction
 from phd_jdtc_ros.evaluation.run_scores import ScanComparer

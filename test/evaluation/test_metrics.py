@@ -6,11 +6,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phd_jdtc_ros.core.types import FILTERED
-from phd_jdtc_ros.evaluation.comparison import ALL, PairedScan, PointSet, expected_speed
+from phd_jdtc_ros.evaluation.comparison import (
+    ALL,
+    PairedScan,
+    PointSet,
+    expected_speed,
+    without_slow,
+)
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.evaluation.metrics import assign, ospa
 from phd_jdtc_ros.evaluation.run_scores import RunScores
-from phd_jdtc_ros.evaluation.true_tracks import without_slow
 
 CUTOFF = 100.0
 PLACES = np.array([[0.0, 0.0], [5e3, 0.0], [9e3, 0.0]])

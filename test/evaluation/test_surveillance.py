@@ -5,9 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phd_jdtc_ros.evaluation.accumulators.gaps import Gap, GapFinder
-from phd_jdtc_ros.evaluation.accumulators.pairs import confusion_matrix
-from phd_jdtc_ros.evaluation.accumulators.tracks import Ospa2Accumulator, track_distances, tracks_of
+from phd_jdtc_ros.evaluation.accumulators.distances import confusion_matrix
+from phd_jdtc_ros.evaluation.accumulators.tracks import (
+    Gap,
+    GapFinder,
+    Ospa2Accumulator,
+    track_distances,
+    tracks_of,
+)
 from phd_jdtc_ros.evaluation.comparison import LabelledPoints
 from phd_jdtc_ros.evaluation.metrics import assign, gospa, ospa, ospa_of_distances
 

@@ -21,7 +21,7 @@ from std_msgs.msg import Float64
 
 from msg_adapters.encoding import names
 from msg_adapters.outgoing import diagnostics, outputs
-from msg_adapters.targets.palette import COLOURS
+from msg_adapters.targets.markers import COLOURS
 
 ROOT = Path(__file__).parents[2]
 BAG = ROOT / "bags" / "paper_scenario"

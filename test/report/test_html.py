@@ -14,8 +14,7 @@ from unfolded import columns_of
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.report.page import html, picture_words
 from phd_jdtc_ros.report.page.html import POLICY, write_report
-from phd_jdtc_ros.report.page.layers import degrees, earth_grid, graticule, rings
-from phd_jdtc_ros.report.page.packing import Columns
+from phd_jdtc_ros.report.page.layers import Columns, degrees, earth_grid, graticule, rings
 from phd_jdtc_ros.report.page.picture import picture_of
 from phd_jdtc_ros.report.record import RadarSite
 

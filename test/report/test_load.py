@@ -21,7 +21,7 @@ from phd_jdtc_ros.core.factors.outliers import Outliers
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.page import score_words
-from phd_jdtc_ros.report.page.packing import Columns, pack
+from phd_jdtc_ros.report.page.layers import Columns, pack
 from phd_jdtc_ros.report.record import Sets, learned_values, sensor_changes
 from phd_jdtc_ros.report.units import MapScale, metres_text, places_of
 from phd_jdtc_ros.simulation.scenario import Scenario

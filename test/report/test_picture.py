@@ -7,8 +7,8 @@ import pytest
 from records import SCANS, estimates_of, record_of, shrunk, stamp_ns, truth_of, without_amplitudes
 from unfolded import columns_of, rows_of
 
-from msg_adapters.targets.palette import class_colour
-from phd_jdtc_ros.asterix.call_signs import CallSigns
+from msg_adapters.targets.markers import class_colour
+from phd_jdtc_ros.asterix.messages import CallSigns
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes
 from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
 from phd_jdtc_ros.earth import SystemPlane

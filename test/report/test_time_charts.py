@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from records import SCANS, estimates_of, record_of, stamp_ns, truth_of
 
-from msg_adapters.targets.palette import class_colour
+from msg_adapters.targets.markers import class_colour
 from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.report.page import charts, html
 

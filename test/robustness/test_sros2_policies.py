@@ -10,7 +10,7 @@ import rclpy
 import stand_ins
 
 from msg_adapters.encoding import names
-from msg_adapters.outgoing import curves
+from msg_adapters.outgoing import diagnostics
 from msg_adapters.outgoing.outputs import STREAMS
 from phd_jdtc_ros.nodes.tracker import settings
 from robustness.harness.rig import Rig
@@ -49,7 +49,7 @@ ARGUMENTS = {
     ),
 }
 # A tracker has the figures of its engine; another engine has others.
-FIGURES = {names.curve(name) for figures in curves.FIGURES.values() for name in figures}
+FIGURES = {names.curve(name) for figures in diagnostics.FIGURES.values() for name in figures}
 PAGE = (ROOT / "docs" / "nodes" / "tracker.md").read_text()
 
 

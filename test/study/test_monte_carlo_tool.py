@@ -14,7 +14,7 @@ import pytest
 from phd_jdtc_ros.study import figures, monte_carlo
 from phd_jdtc_ros.study.monte_carlo import execution, tasks
 from phd_jdtc_ros.study.monte_carlo.definition import FIGURES
-from phd_jdtc_ros.study.monte_carlo.store import HEADER
+from phd_jdtc_ros.study.monte_carlo.tasks import HEADER
 from phd_jdtc_ros.tools.monte_carlo import main
 
 ROOT = Path(__file__).parents[2]

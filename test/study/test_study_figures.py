@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.report import style
-from phd_jdtc_ros.study.figures import charts, markdown, tables, write_all
-from phd_jdtc_ros.study.figures.charts import band
+from phd_jdtc_ros.study import figures
+from phd_jdtc_ros.study.figures import band, markdown, tables, write_all
 from phd_jdtc_ros.study.monte_carlo import Mean, Result, Study, summarise
 from phd_jdtc_ros.study.monte_carlo.definition import Variant
 from phd_jdtc_ros.study.monte_carlo.kinds import KINDS
@@ -77,7 +77,7 @@ def test_write_all_writes_every_picture_1200_pixels_wide(tmp_path):
     ids=["one run of one scan", "filter alone without targets"],
 )
 def test_write_all_draws_results_that_lack_something(tmp_path, results, monkeypatch):
-    for module in (style, charts):  # with fewer pixels, which take less time
+    for module in (style, figures):  # with fewer pixels, which take less time
         monkeypatch.setattr(module, "DPI", 20)
     assert names(write_all(results, tmp_path)) == {"ospa_against_lag"} | OVER_TIME
 
@@ -91,7 +91,7 @@ def test_write_all_has_a_directory_for_each_case_and_no_time_without_our_tracker
 
 def test_over_time_draws_filter_and_lag_5_of_the_first_variant():
     results = everything()
-    filtered, smoothed = charts.ospa_over_time(results).axes[-1].lines
+    filtered, smoothed = figures.ospa_over_time(results).axes[-1].lines
     for line, lag in ((filtered, 0), (smoothed, 5)):
         mean = results[0].value("ospa", lag).mean(axis=0)
         np.testing.assert_allclose(line.get_ydata(), mean)

@@ -21,7 +21,7 @@ from typing import IO
 from .. import records, specification
 from ..clocks import NS_PER_DAY
 from . import pcap
-from .datagram import Datagram, Entry, RecordingError, follow
+from .network import Datagram, Entry, RecordingError, follow
 
 BLOCK_HEADER = 3
 # Upper bound of a usual data block, bytes: radars send a block in one Ethernet packet. Others are

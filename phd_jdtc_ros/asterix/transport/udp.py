@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import NamedTuple
 
-from .datagram import Datagram
+from .network import Datagram
 
 LARGEST = 65_535
 # Upper bounds of unread datagrams: in the kernel, bytes, and in the node, bytes and number. They

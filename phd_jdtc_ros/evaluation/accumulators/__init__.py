@@ -1,12 +1,17 @@
 """The metrics, each with its accumulator."""
 
 from .consistency import Consistency
-from .distances import GospaAccumulator, Numbers, OspaAccumulator
-from .gaps import Gaps
-from .identity import Switches
-from .pairs import Classes, Heights, Nearness, Pairs
-from .space import Space
-from .tracks import Ospa2Accumulator
+from .distances import (
+    Classes,
+    GospaAccumulator,
+    Heights,
+    Nearness,
+    Numbers,
+    OspaAccumulator,
+    Pairs,
+    Space,
+)
+from .tracks import Gaps, Ospa2Accumulator, Switches
 
 # All accumulators, in the order of tables and keys.
 ACCUMULATORS = (

@@ -21,7 +21,7 @@ from rclpy.node import Node
 from msg_adapters.encoding import names
 from msg_adapters.outgoing import diagnostics
 
-from .callbacks import serve, steady_timer
+from .runtime import serve, steady_timer
 from .topics import reliable
 
 # A cause is logged only after this time, so that a start or a single lost scan is not logged.

@@ -22,7 +22,7 @@ from std_msgs.msg import Float64
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.encoding.errors import RejectedMessageError, quote
 from msg_adapters.incoming.moving_radars import TYPES
-from msg_adapters.outgoing import curves, diagnostics, outputs
+from msg_adapters.outgoing import diagnostics, outputs
 from msg_adapters.targets import estimates, truth
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.configuration.parameters import replaced
@@ -37,13 +37,11 @@ from phd_jdtc_ros.parameter_files.evaluator import CLOUD, TABLE
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 from phd_jdtc_ros.report.table import metrics, score_tables
 
-from ..common import arguments, parameters, runtime, topics
-from ..common.callbacks import steady_timer
+from ..common import parameters, runtime, topics
 from ..common.health import ThrottledWarnings
-from ..common.runtime import RunnableNode
-from ..common.tracker_parameters import TrackerParameters
-from .received_clouds import Completion, ReceivedClouds
-from .recorder import Recorder, watch_inputs
+from ..common.parameters import TrackerParameters
+from ..common.runtime import RunnableNode, steady_timer
+from .recorder import Completion, ReceivedClouds, Recorder, watch_inputs
 
 INPUT_DEPTH, OUTPUT_DEPTH = 100, 10
 CHECK_PERIOD_S = 0.1
@@ -85,7 +83,7 @@ class Evaluator(RunnableNode):
         self._scores = self.create_publisher(DiagnosticArray, "~/ospa", qos)
         self._curves = {
             quantity: self.create_publisher(Float64, f"~/plot/{quantity}", qos)
-            for quantity in curves.of_evaluator(self._classes)
+            for quantity in diagnostics.of_evaluator(self._classes)
         }
         self._engine: str | None = None
         self._has_parameters = False
@@ -244,7 +242,7 @@ class Evaluator(RunnableNode):
     def _publish(self, scores: Sequence[ScanScore]) -> None:
         for score in scores:
             self._scores.publish(diagnostics.score_to_msg(score, self._values["cutoff"], ORDER))
-            for quantity, message in curves.score_to_msgs(score).items():
+            for quantity, message in diagnostics.score_to_msgs(score).items():
                 self._curves[quantity].publish(message)
 
     def _check(self) -> None:
@@ -298,5 +296,5 @@ def _require_replaceable(path: Path) -> None:
 
 def main(argv: Sequence[str]) -> int:
     """Run the evaluator node."""
-    files = arguments.check("evaluator", __doc__, argv)
+    files = parameters.given_files("evaluator", __doc__, argv)
     return runtime.run("evaluator", lambda: Evaluator(files), argv)

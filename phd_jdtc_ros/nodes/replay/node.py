@@ -27,12 +27,10 @@ from phd_jdtc_ros.parameter_files import sensor_replay
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 from phd_jdtc_ros.parameter_files.sensor_replay import SEEK
 
-from ..common import arguments, parameters, runtime, topics
-from ..common.callbacks import serve
-from ..common.runtime import RunnableNode
+from ..common import parameters, runtime, topics
+from ..common.runtime import RunnableNode, serve
 from . import playable
-from .lock_step import GIVE_UP_S, LockStep
-from .playback import BagClock, Group, Playback, ProgressLine
+from .playback import GIVE_UP_S, BagClock, Group, LockStep, Playback, ProgressLine
 
 DEPTH = 50
 CLOCK_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -339,6 +337,6 @@ class SensorReplay(RunnableNode):
 
 def main(argv: Sequence[str]) -> int:
     """Run the replay node."""
-    others, files = arguments.split("sensor_replay", argv)
+    others, files = parameters.split("sensor_replay", argv)
     flags = sensor_replay.flags(others)
     return runtime.run("sensor_replay", lambda: SensorReplay(flags, files), argv)

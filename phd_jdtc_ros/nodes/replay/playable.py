@@ -25,7 +25,7 @@ from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import bag_parameters
 from phd_jdtc_ros.quoting import short
 
-from ..common.tracker_parameters import TrackerParameters
+from ..common.parameters import TrackerParameters
 
 # Transient local topics, whose messages from before the selected part are published too.
 LATCHED = (names.STATIC_FRAMES,)

@@ -14,7 +14,7 @@ from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.quoting import counts_text
 
 from ..common.health import WARNING_MEMORY_S, Condition, Rhythm, Rises, first, status_of
-from ..common.sequence_numbers import SequenceNumbers
+from ..common.topics import SequenceNumbers
 
 ERROR, STALE, WARN = DiagnosticStatus.ERROR, DiagnosticStatus.STALE, DiagnosticStatus.WARN
 

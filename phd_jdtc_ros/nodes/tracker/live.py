@@ -25,8 +25,8 @@ from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Pose
 from phd_jdtc_ros.feed.feed import Feed, Monitor, StepClock
 
-from ..common.callbacks import steady_timer
 from ..common.health import WARNING_MEMORY_S, Rhythm
+from ..common.runtime import steady_timer
 from .checkpoint import Checkpoints, require_replaceable
 from .health import Load, OutputHealth, StepHealth, registration_status
 from .inputs import Inputs

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from ..common.callbacks import steady_timer
+from ..common.runtime import steady_timer
 from ..common.topics import latched
 
 # This name is hidden from `ros2 topic list`.

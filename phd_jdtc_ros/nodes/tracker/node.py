@@ -29,10 +29,9 @@ from phd_jdtc_ros.core import compilation
 from phd_jdtc_ros.exit_status import USAGE
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
-from ..common import arguments, parameters, runtime
-from ..common.callbacks import serve, steady_timer
+from ..common import parameters, runtime
 from ..common.health import DEPTH, PERIOD_S, Condition, HealthReports, status_of, summary
-from ..common.managed import ManagedNode
+from ..common.runtime import ManagedNode, serve, steady_timer
 from ..common.topics import reliable
 from . import manager_bond, settings
 from .live import LiveTracker
@@ -368,7 +367,7 @@ def _source(given: Collection[str], files: Sequence[Path]) -> str:
 
 def main(argv: Sequence[str]) -> int:
     """Run the tracker node."""
-    files = arguments.check("tracker", __doc__, argv)
+    files = parameters.given_files("tracker", __doc__, argv)
     # This loads all compiled functions while a signal still ends the process at once.
     with report_compilation(argv):
         importlib.import_module("phd_jdtc_ros.core.window.fixed_lag")

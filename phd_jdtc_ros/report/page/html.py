@@ -25,8 +25,7 @@ from ..record import Record
 from ..units import Clock
 from . import picture_words, score_words
 from .charts import Chart, class_probabilities, numbers, ospa, times
-from .layers import AMPLITUDE_SCALES
-from .packing import pack
+from .layers import AMPLITUDE_SCALES, pack
 from .picture import Picture, picture_of
 
 # Scripts of the page in the order of their dependencies; the first line makes all strict.

@@ -1,4 +1,7 @@
-"""The background layers of the page's picture: detections, learned clutter, the earth.
+"""The background layers of the page's picture, and the compact code of its integers.
+
+Detections, learned clutter and the earth are layers. A column of integers is stored as compressed
+differences, in base64.
 
 Lines of latitude, longitude and range are computed: the page loads no map tiles, and works without
 a network.
@@ -6,10 +9,13 @@ a network.
 
 from __future__ import annotations
 
+import base64
+import gzip
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.colors import to_hex
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
@@ -19,10 +25,41 @@ from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
 from ..record import AllPlots, RadarSite
 from ..style import CLUTTER, purples
 from ..units import MapScale, round_step
-from .packing import Columns
 
 # Steps of the colour scale of amplitudes, which is logarithmic.
 SHADES = 8
+
+
+class Columns:
+    """Columns of 32-bit integers; the page's script reads them by name.
+
+    `index` has names and numbers of entries, in the order of `text`.
+    """
+
+    def __init__(self) -> None:
+        self.index: list[tuple[str, int]] = []
+        self._parts: list[bytes] = []
+
+    def add(self, name: str, values: npt.ArrayLike) -> None:
+        """Add a column.
+
+        It stores the differences of successive entries, from 0 on, with the sign as the lowest bit:
+        first the lowest bytes of all entries, and last the highest, which are mostly 0.
+        """
+        numbers = np.asarray(values, dtype=np.int64)
+        steps = np.diff(numbers, prepend=0)
+        folded = np.where(steps < 0, -2 * steps - 1, 2 * steps).astype("<u4")
+        self.index.append((name, len(numbers)))
+        self._parts.append(folded.view(np.uint8).reshape(-1, 4).T.tobytes())
+
+    def text(self) -> str:
+        """Return all columns, compressed, as base64."""
+        return pack(b"".join(self._parts))
+
+
+def pack(data: bytes) -> str:
+    """Return bytes, compressed by gzip, as base64; the text is reproducible."""
+    return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode("ascii")
 
 
 def _shades(weak: float, strong: float) -> list[str]:

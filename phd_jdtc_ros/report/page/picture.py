@@ -14,19 +14,17 @@ from typing import Any
 import numpy as np
 
 from msg_adapters.targets import geodetic, vertical
-from msg_adapters.targets.palette import class_colour
+from msg_adapters.targets.markers import class_colour
 from msg_adapters.targets.vertical import FLIGHT_LEVEL
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import SOURCES, Estimates
-from phd_jdtc_ros.evaluation.comparison import PointSet
-from phd_jdtc_ros.evaluation.true_tracks import TrueTracks
+from phd_jdtc_ros.evaluation.comparison import PointSet, TrueTracks
 
 from ..record import RadarPlots, Record, concatenate_rows
 from ..style import RADIUS_95
 from ..units import places_of
-from .layers import clutter_levels, earth_grid, graticule, rings, shades_of
-from .packing import Columns
+from .layers import Columns, clutter_levels, earth_grid, graticule, rings, shades_of
 
 # Largest number of frames of a page, which shows every second or third set of a longer run.
 MOST = 3600

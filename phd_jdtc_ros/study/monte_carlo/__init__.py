@@ -30,8 +30,7 @@ from .document import REFERENCE, Scene, resolve
 from .execution import Report, run_on_dask, run_on_processes
 from .kinds import KINDS, Kind
 from .results import Mean, Result, collect, summarise, write_csv
-from .store import Store, remaining, slug
-from .tasks import Outcome, Plan, Task, plan
+from .tasks import Outcome, Plan, Store, Task, plan, remaining, slug
 
 __all__ = [
     "ALL",

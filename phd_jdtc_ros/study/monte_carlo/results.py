@@ -23,8 +23,7 @@ from phd_jdtc_ros.evaluation.comparison import ALL
 from .definition import METRICS, ORDER, REDUCTION, Goal, Study, Variant, merge_layers
 from .metrics import VALUES
 from .scores import Scores
-from .store import HEADER, Store
-from .tasks import Outcome, Task
+from .tasks import HEADER, Outcome, Store, Task
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.evaluation.accumulators.pairs import confusion_matrix
+from phd_jdtc_ros.evaluation.accumulators.distances import confusion_matrix
 from phd_jdtc_ros.evaluation.comparison import PairedScan, PointSet, set_names
 from phd_jdtc_ros.evaluation.run_scores import ScanComparer
 

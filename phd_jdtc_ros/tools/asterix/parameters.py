@@ -19,7 +19,7 @@ from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, find
 from phd_jdtc_ros.configuration.models import REPLY_PROBABILITY
 from phd_jdtc_ros.core.sensors.site import MAX_SITE_DISTANCE
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.parameter_files import from_arguments, proposed_file, tracker_params
+from phd_jdtc_ros.parameter_files import from_arguments, tracker_params, yaml_files
 
 from .. import recorded_plots
 
@@ -147,13 +147,13 @@ def _set_detection_probability(proposed: Proposal, radar: str, measured: float) 
 def write(path: Path, head: str, proposed: Proposal) -> None:
     """Write a parameter file; `ConfigError` if a tracker would refuse it."""
     tracker_params.config(proposed.values)
-    proposed_file.write(path, head, proposed.values, proposed.comments)
+    yaml_files.write(path, head, proposed.values, proposed.comments)
     with path.open("a", encoding="utf-8") as stream:
         for name, values in proposed.untracked.items():
             stream.write(
                 f"    # {name} cannot be placed relative to the others; its section would be\n"
             )
-            lines = proposed_file.lines("", values, proposed.comments)
+            lines = yaml_files.lines("", values, proposed.comments)
             stream.writelines(f"    # {line[4:]}\n" for line in lines if line.startswith("    "))
 
 

@@ -14,14 +14,14 @@ from typing import Any, TypeAlias
 
 from msg_adapters.encoding import interfaces, names
 from phd_jdtc_ros import output_files
-from phd_jdtc_ros.asterix import call_signs, records
+from phd_jdtc_ros.asterix import messages, records
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.messages import NONE, Plot
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
 from phd_jdtc_ros.asterix.slices import SectorReport
-from phd_jdtc_ros.asterix.transport import datagram, framing
-from phd_jdtc_ros.asterix.transport.datagram import RecordingError
-from phd_jdtc_ros.asterix_bridge import clouds
+from phd_jdtc_ros.asterix.transport import framing, network
+from phd_jdtc_ros.asterix.transport.network import RecordingError
+from phd_jdtc_ros.asterix_bridge import conversion
 from phd_jdtc_ros.asterix_bridge.settings import Bridge
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
@@ -279,7 +279,7 @@ def _cells(radar: str, time_ns: int, plot: Plot) -> list[str]:
         str(plot.detection_type) if plot.detection_type else "",
         "" if plot.code == NONE else f"{plot.code:04o}",
         "" if plot.address == NONE else f"{plot.address:06X}",
-        call_signs.text(plot.call_sign),
+        messages.call_sign_text(plot.call_sign),
     ]
 
 
@@ -288,7 +288,7 @@ def _reports(
 ) -> Iterator[tuple[RadarState, SectorReport]]:
     """Yield the reports of a recording in the order in which they are complete."""
     for received in framing.datagrams(data, midnight_ns, done.recording):
-        port = datagram.port_of(received)
+        port = network.port_of(received)
         if port is not None:
             done.ports[port] += 1
             if done.wanted_ports and port not in done.wanted_ports:
@@ -308,7 +308,7 @@ def _write(bag: BagWriter, done: Conversion, state: RadarState, report: SectorRe
     if topic not in done.topics:
         bag.add_topic(Topic(topic, names.CLOUD, DEPTH))
         done.topics.add(topic)
-    message = clouds.cloud(report, state)
+    message = conversion.cloud(report, state)
     bag.write(topic, interfaces.encode(message), report.stamp_ns)
     done.disorder_ns = max(done.disorder_ns, done.newest_ns - report.stamp_ns)
     done.newest_ns = max(done.newest_ns, report.stamp_ns)

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from phd_jdtc_ros import output_files
+from phd_jdtc_ros.asterix import writing as plots_out
 from phd_jdtc_ros.asterix.messages import Plot
-from phd_jdtc_ros.asterix.transport import pcap_out
-from phd_jdtc_ros.asterix.writing import plots as plots_out
+from phd_jdtc_ros.asterix.transport import pcap
 from phd_jdtc_ros.columns.sent_columns import fill
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
@@ -55,14 +55,14 @@ def write(
     """
     sent = []
     for index, own in enumerate(sending):
-        line = pcap_out.Line(sender=(10, 0, 0, index + 1))
+        line = pcap.Line(sender=(10, 0, 0, index + 1))
         blocks = _blocks(run, index, config.radars[index], own, seed)
         sent += [(time_ns, block, line) for time_ns, block in blocks]
     sent.sort(key=lambda entry: entry[0])
     with output_files.opened(path) as stream:
         if path.suffix == CAPTURE:
-            stream.write(pcap_out.header())
-            stream.writelines(pcap_out.packet(*entry) for entry in sent)
+            stream.write(pcap.header())
+            stream.writelines(pcap.packet(*entry) for entry in sent)
         else:
             stream.writelines(block for _, block, _ in sent)
     return len(sent)

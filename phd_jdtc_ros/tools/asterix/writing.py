@@ -17,13 +17,11 @@ from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.incoming.call_signs import learn_from_cdr
 from msg_adapters.incoming.readers import reader_of
 from phd_jdtc_ros import output_files
-from phd_jdtc_ros.asterix.call_signs import CallSigns
-from phd_jdtc_ros.asterix.columns import NOISE_DBM
-from phd_jdtc_ros.asterix.messages import COMBINED, DAY, NONE, PRIMARY, Plot
-from phd_jdtc_ros.asterix.writing import plots as plots_out
+from phd_jdtc_ros.asterix import writing as plots_out
+from phd_jdtc_ros.asterix.messages import COMBINED, DAY, NONE, PRIMARY, CallSigns, Plot
 from phd_jdtc_ros.asterix_bridge import settings
+from phd_jdtc_ros.asterix_bridge.conversion import NOISE_DBM, TrackOutput
 from phd_jdtc_ros.asterix_bridge.settings import Bridge
-from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.columns import ground_ranges
 from phd_jdtc_ros.columns.sent_columns import fill

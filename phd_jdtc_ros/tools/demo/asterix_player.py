@@ -24,15 +24,15 @@ from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.asterix import records
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.transport import framing, udp
-from phd_jdtc_ros.asterix.transport.datagram import RecordingError
+from phd_jdtc_ros.asterix.transport.network import RecordingError
 from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.asterix_bridge.settings import Bridge
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.exit_status import ArgumentParser
-from phd_jdtc_ros.nodes.common import arguments, runtime, topics
-from phd_jdtc_ros.nodes.replay.lock_step import GIVE_UP_S
+from phd_jdtc_ros.nodes.common import parameters, runtime, topics
 from phd_jdtc_ros.nodes.replay.node import SensorReplay
+from phd_jdtc_ros.nodes.replay.playback import GIVE_UP_S
 from phd_jdtc_ros.parameter_files import sensor_replay, tracker_params
 
 from ..asterix.writing import bridge_parameters
@@ -149,7 +149,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--recording", type=Path, required=True, help="of ASTERIX")
     parser.add_argument("--send", required=True, type=udp.address, metavar="HOST:PORT")
     parser.add_argument("--tracker", type=Path, required=True, help="its parameter file")
-    others, _ = arguments.split(NAME, argv)
+    others, _ = parameters.split(NAME, argv)
     given, flags = parser.parse_known_args(others)
     make = partial(AsterixPlayer, given, sensor_replay.flags(flags))
     return runtime.run(NAME, make, argv[len(others) :])

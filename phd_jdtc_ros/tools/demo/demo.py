@@ -32,12 +32,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.evaluation.evaluation import ORDER
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
-from phd_jdtc_ros.parameter_files import (
-    bag_parameters,
-    from_arguments,
-    proposed_file,
-    tracker_params,
-)
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params, yaml_files
 from phd_jdtc_ros.report.pictures import figures
 from phd_jdtc_ros.report.table import metrics
 
@@ -82,7 +77,7 @@ def _places(profile: Path, bag: Path) -> list[str]:
     places = scene.other_places(recorded, given)
     if places:
         print(f"demo: {', '.join(places)} as in {bag_parameters.path_of(bag)}", file=sys.stderr)
-    return [f"{name}:={proposed_file.scalar(value)}" for name, value in places.items()]
+    return [f"{name}:={yaml_files.scalar(value)}" for name, value in places.items()]
 
 
 def papers_filters(config: TrackerConfig) -> list[TrackerConfig]:

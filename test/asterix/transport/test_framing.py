@@ -7,9 +7,9 @@ import asterix_records as made
 import pytest
 
 from phd_jdtc_ros.asterix.clocks import NS_PER_DAY
-from phd_jdtc_ros.asterix.transport import framing, pcap, pcap_out
-from phd_jdtc_ros.asterix.transport.datagram import Datagram, RecordingError
-from phd_jdtc_ros.asterix.transport.pcap_out import Line
+from phd_jdtc_ros.asterix.transport import framing, pcap
+from phd_jdtc_ros.asterix.transport.network import Datagram, RecordingError
+from phd_jdtc_ros.asterix.transport.pcap import Line
 from phd_jdtc_ros.asterix.transport.udp import MAX_BYTES, Address, Receiver
 
 NS = 10**9
@@ -179,7 +179,7 @@ def test_random_bytes_behind_any_header_are_read_without_an_error(blocks):
 
 
 def capture():
-    return pcap_out.header() + b"".join(pcap_out.packet(t, data, LINE) for t, data in SENT)
+    return pcap.header() + b"".join(pcap.packet(t, data, LINE) for t, data in SENT)
 
 
 def test_capture_is_read_again():
@@ -193,7 +193,7 @@ def test_capture_is_read_again():
 
 def test_headers_have_a_checksum_that_is_right():
     for time_ns, data in SENT:
-        ip = pcap_out.packet(time_ns, data, LINE)[16 + 14 :][:20]
+        ip = pcap.packet(time_ns, data, LINE)[16 + 14 :][:20]
         total = sum(struct.unpack(">10H", ip))
         assert (total & 0xFFFF) + (total >> 16) == 0xFFFF
 

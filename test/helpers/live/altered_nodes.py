@@ -1,8 +1,8 @@
 """Executables with one thing changed, for `forked`: each takes the arguments of its node."""
 
 from phd_jdtc_ros.core.window.fixed_lag import GaussianEngine
-from phd_jdtc_ros.nodes.replay import lock_step
 from phd_jdtc_ros.nodes.replay import node as replay
+from phd_jdtc_ros.nodes.replay import playback
 from phd_jdtc_ros.nodes.tracker import node as tracker
 
 
@@ -23,6 +23,6 @@ def failing_tracker(arguments):
 
 def hasty_replay(arguments):
     """Run a replay that gives up as soon as a test can wait for."""
-    lock_step.GIVE_UP_S = 3.0
+    playback.GIVE_UP_S = 3.0
     replay.MAX_TRUTH_S, replay.ACKNOWLEDGE_S = 2.0, 1.0
     return replay.main(arguments)

@@ -132,10 +132,10 @@ def pcapng(packets, order="<"):
 
 def random_record(layout, rng):
     """Return the bytes of a record with a random selection of random items, and their places."""
-    from phd_jdtc_ros.asterix import item_rules
+    from phd_jdtc_ros.asterix import specification
 
     known = [k for k, rule in enumerate(layout.rules) if rule is not None]
-    known = [k for k in known if not isinstance(layout.rules[k], item_rules.RandomFieldSequence)]
+    known = [k for k in known if not isinstance(layout.rules[k], specification.RandomFieldSequence)]
     chosen = sorted(rng.choice(known, size=rng.integers(1, len(known) + 1), replace=False))
     octets = bytearray(chosen[-1] // 7 + 1)
     for place in chosen:
@@ -147,20 +147,20 @@ def random_record(layout, rng):
 
 
 def _random_item(rule, rng):
-    from phd_jdtc_ros.asterix import item_rules
+    from phd_jdtc_ros.asterix import specification
 
     def noise(size):
         return bytearray(rng.bytes(size))
 
-    if isinstance(rule, item_rules.Fixed):
+    if isinstance(rule, specification.Fixed):
         return bytes(noise(rule.size))
-    if isinstance(rule, item_rules.Repetitive):
+    if isinstance(rule, specification.Repetitive):
         count = int(rng.integers(0, 4))
         return count.to_bytes(rule.count_size, "big") + bytes(noise(count * rule.entry_size))
-    if isinstance(rule, item_rules.Explicit):
+    if isinstance(rule, specification.Explicit):
         size = int(rng.integers(1, 9))
         return bytes([size]) + bytes(noise(size - 1))
-    if isinstance(rule, item_rules.Compound):
+    if isinstance(rule, specification.Compound):
         known = [k for k, sub in enumerate(rule.rules) if sub is not None]
         chosen = [k for k in known if rng.random() < 0.5]
         octets = bytearray(max(chosen, default=0) // 7 + 1)
@@ -169,7 +169,7 @@ def _random_item(rule, rng):
         for index in range(len(octets) - 1):
             octets[index] |= 1
         return bytes(octets) + b"".join(_random_item(rule.rules[k], rng) for k in chosen)
-    chained = isinstance(rule, item_rules.RepetitiveFx)
+    chained = isinstance(rule, specification.RepetitiveFx)
     parts = [rule.entry_size] * 4 if chained else list(rule.parts)
     count = int(rng.integers(1, len(parts) + 1))
     found = bytearray()

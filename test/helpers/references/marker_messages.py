@@ -19,8 +19,8 @@ from msg_adapters.targets.markers import (
     LABEL_HEIGHT,
     LINE_WIDTH,
     VELOCITY_SECONDS,
+    class_rgb,
 )
-from msg_adapters.targets.palette import class_rgb
 from msg_adapters.targets.tracks import pose_of
 from phd_jdtc_ros.core.state_space import VX, VY, X, Y
 

@@ -11,7 +11,7 @@ from samples import STAMP_NS, estimates
 from std_msgs.msg import Float64
 
 from msg_adapters.encoding import interfaces, stamps
-from msg_adapters.outgoing import curves, diagnostics, outputs
+from msg_adapters.outgoing import diagnostics, outputs
 from msg_adapters.outgoing.trails import Trails
 from phd_jdtc_ros.configuration.engines import ENGINES
 from phd_jdtc_ros.configuration.parameters import tracker_node
@@ -111,9 +111,9 @@ def received(messages):
 
 
 def of_step(step, engine):
-    names = curves.of_tracker(2, engine)
-    numbers = curves.of_step(step, 12.5)
-    return received({name: curves.to_msg(numbers[name]) for name in names})
+    names = diagnostics.of_tracker(2, engine)
+    numbers = diagnostics.of_step(step, 12.5)
+    return received({name: diagnostics.to_msg(numbers[name]) for name in names})
 
 
 def test_step_is_one_number_for_each_quantity_of_the_tracker():
@@ -135,7 +135,7 @@ def test_step_of_each_engine_has_its_own_figures():
     step = Step(estimates(), (), np.array([2.25, 1.5]), figures)
     found = of_step(step, "gaussian")
     assert (found["hypotheses"], found["origins"]) == (31.0, 6.0)
-    assert set(curves.FIGURES) <= set(ENGINES)
+    assert set(diagnostics.FIGURES) <= set(ENGINES)
 
 
 def test_score_is_one_number_for_each_quantity_of_the_evaluator():
@@ -145,8 +145,8 @@ def test_score_is_one_number_for_each_quantity_of_the_evaluator():
     for source in ("filtered", "smoothed"):
         estimate = PointSet(np.array([[30.0, 40.0]]), np.array([0]))
         (score,) = evaluation.add_estimates(source, STAMP_NS, estimate)
-        found |= received(curves.score_to_msgs(score))
-    assert set(found) == set(curves.of_evaluator(2))
+        found |= received(diagnostics.score_to_msgs(score))
+    assert set(found) == set(diagnostics.of_evaluator(2))
     assert found["smoothed/all/ospa"] == found["filtered/class_0/localization"] == 50.0
     assert (found["filtered/all/n_true"], found["filtered/class_1/n_est"]) == (1.0, 0.0)
 

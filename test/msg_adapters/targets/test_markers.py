@@ -9,8 +9,13 @@ from samples import as_sent, estimates, many_estimates, of_every_kind
 from visualization_msgs.msg import Marker, MarkerArray
 
 from msg_adapters.targets import markers
-from msg_adapters.targets.markers import ELLIPSE_SIGMA, VELOCITY_SECONDS
-from msg_adapters.targets.palette import COLOURS, class_colour, class_rgb
+from msg_adapters.targets.markers import (
+    COLOURS,
+    ELLIPSE_SIGMA,
+    VELOCITY_SECONDS,
+    class_colour,
+    class_rgb,
+)
 from phd_jdtc_ros.report import style
 
 NAMES = ("jet", "drone")

@@ -8,8 +8,8 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
-from phd_jdtc_ros.nodes.asterix import health
-from phd_jdtc_ros.nodes.asterix.health import SILENT_S
+from phd_jdtc_ros.nodes import asterix
+from phd_jdtc_ros.nodes.asterix import SILENT_S
 from phd_jdtc_ros.nodes.common.health import Rises
 
 ADDRESS = "127.0.0.1:8600"
@@ -17,11 +17,11 @@ NOW_S = 100.0
 
 
 def moment(active_s=1.0, rises=None):
-    return health.Moment("/bridge", rises or Rises(), active_s, NOW_S)
+    return asterix.Moment("/bridge", rises or Rises(), active_s, NOW_S)
 
 
 def input_status(stream, rises, active_s=1.0, inputs=(ADDRESS,)):
-    return health.of_input(moment(active_s, rises), stream, 0, inputs)
+    return asterix.of_input(moment(active_s, rises), stream, 0, inputs)
 
 
 @pytest.mark.parametrize(
@@ -45,7 +45,7 @@ def test_input_without_any_datagram_is_a_warning_that_names_the_address(active_s
     [(1.0, DiagnosticStatus.OK), (20.0, DiagnosticStatus.WARN), (math.nan, DiagnosticStatus.STALE)],
 )
 def test_output_without_any_estimates_is_a_warning(active_s, level):
-    found = health.of_output(moment(active_s), ADDRESS, Counter(), {}, 0, "no publisher")
+    found = asterix.of_output(moment(active_s), ADDRESS, Counter(), {}, 0, "no publisher")
     assert found.level == level
     if level == DiagnosticStatus.WARN:
         assert found.message == "no estimates for 20 s; no publisher"
@@ -55,7 +55,7 @@ def test_a_radar_is_not_silent_while_the_bridge_is_not_active():
     stream = PlotStream({})
     list(stream.feed(made.north(1000.0)))
     ((number, state),) = stream.radars.items()
-    found = health.of_radar(moment(math.nan), number, state)
+    found = asterix.of_radar(moment(math.nan), number, state)
     assert (found.level, found.message) == (DiagnosticStatus.STALE, "not active")
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.nodes.common.health import LASTING_S, StatusLog
-from phd_jdtc_ros.nodes.common.sequence_numbers import WINDOW, SequenceNumbers
+from phd_jdtc_ros.nodes.common.topics import WINDOW, SequenceNumbers
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 ERROR, STALE = DiagnosticStatus.ERROR, DiagnosticStatus.STALE

@@ -6,7 +6,7 @@ from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 
-from phd_jdtc_ros.nodes.common.tracker_parameters import TrackerParameters
+from phd_jdtc_ros.nodes.common.parameters import TrackerParameters
 
 
 class Tracker:

@@ -8,14 +8,14 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 from phd_jdtc_ros.handover.picture import LATEST_STAMPS
 from phd_jdtc_ros.handover.settings import TABLE
-from phd_jdtc_ros.nodes.hand_over import health
+from phd_jdtc_ros.nodes import hand_over
 
 LIMIT_S = next(parameter.default for parameter in TABLE if parameter.name == "max_delay_s")
 
 
 def history_at(*times):
     """Return the history of a tracker with a filtered and a smoothed cloud at each time."""
-    heard = health.TrackerHealth(LIMIT_S)
+    heard = hand_over.TrackerHealth(LIMIT_S)
     for time_s in times:
         heard.take(FILTERED, time_s)
         heard.take(SMOOTHED, time_s + 0.1)
@@ -49,7 +49,7 @@ def test_a_tracker_whose_clouds_are_refused_is_not_called_silent():
 def picture(alive=("west", "east"), uncommon_stamps=0, published=3):
     counts = Counter({FILTERED: published} if published else {})
     joint = SimpleNamespace(handed_over=1, uncommon_stamps=uncommon_stamps, overflow=0)
-    return health.of_picture("/hand_over", joint, counts, 4, alive)
+    return hand_over.of_picture("/hand_over", joint, counts, 4, alive)
 
 
 def test_picture_of_trackers_that_are_all_there_is_well():

@@ -13,9 +13,9 @@ from phd_jdtc_ros.core.state_space import PLANAR
 from phd_jdtc_ros.core.targets.amplitude_density import level_db, threshold_for
 from phd_jdtc_ros.core.types import Truth
 from phd_jdtc_ros.simulation import scenario_file
-from phd_jdtc_ros.simulation.clutter.echoes import Echoes
-from phd_jdtc_ros.simulation.clutter.law import (
+from phd_jdtc_ros.simulation.clutter import (
     NOISE,
+    Echoes,
     LogNormalClutter,
     RayleighClutter,
     UniformClutter,

@@ -6,9 +6,15 @@ import pytest
 from reference import resolve
 
 from phd_jdtc_ros.simulation.scenario import Scenario
-from phd_jdtc_ros.simulation.traffic import gaps
-from phd_jdtc_ros.simulation.traffic.flight import EARTH_RADIUS, Flight, Leg, east_north
-from phd_jdtc_ros.simulation.traffic.gaps import Gap
+from phd_jdtc_ros.simulation.traffic.flight import (
+    EARTH_RADIUS,
+    Flight,
+    Gap,
+    Leg,
+    east_north,
+    in_gap,
+    read_gaps,
+)
 from phd_jdtc_ros.simulation.traffic.targets import TargetScript, Turn
 from phd_jdtc_ros.simulation.traffic.traffic import APRON, Traffic, draw
 from studies.runner import until
@@ -107,7 +113,7 @@ FLIGHTS = [flight(200.0, 900.0), flight(5.0, 3000.0), flight(150.0, 80.0), fligh
 
 def drawn(**changes):
     faults = []
-    found = gaps.of_targets({"gaps": {**GIVEN, **changes}}, FLIGHTS, faults)
+    found = read_gaps({"gaps": {**GIVEN, **changes}}, FLIGHTS, faults)
     return found, faults
 
 
@@ -129,13 +135,13 @@ def test_gaps_are_those_of_a_seed_that_fit():
     assert drawn()[0] != drawn(seed=4)[0]
     assert len(drawn(count=10)[0]) == 2
     faults = []
-    assert gaps.of_targets({"gaps": GIVEN}, [], faults) == ()
+    assert read_gaps({"gaps": GIVEN}, [], faults) == ()
     assert not faults
 
 
 def test_target_is_hidden_in_its_own_gaps_in_any_part_of_the_run():
     known = [Gap(1, 5.0, 6.0), Gap(2, 0.0, 9.0), Gap(1, 7.0, 8.0)]
-    out = gaps.in_gap(known, 1, np.array([4.9, 5.0, 6.0, 7.5, 8.5]))
+    out = in_gap(known, 1, np.array([4.9, 5.0, 6.0, 7.5, 8.5]))
     assert out.tolist() == [False, True, False, True, False]
     targets = (flight(200.0, 900.0, 700.0), flight(150.0, 900.0, 10.0), flight(100.0, 900.0))
     known = (Gap(1, 800.0, 850.0), Gap(2, 80.0, 90.0), Gap(3, 200.0, 220.0))

@@ -12,8 +12,8 @@ from topocentric import seen_from
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.incoming.readers import reader_of
 from phd_jdtc_ros.__main__ import run
+from phd_jdtc_ros.asterix import writing as plots_out
 from phd_jdtc_ros.asterix.messages import DAY, NONE, PRIMARY, SECONDARY, Plot
-from phd_jdtc_ros.asterix.writing import plots as plots_out
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.earth import SystemPlane

@@ -8,7 +8,7 @@ from scenes import small
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.factors import ClutterMap
 from phd_jdtc_ros.core.types import Detections, Pose, Scan
-from phd_jdtc_ros.simulation.clutter.law import NOISE, LogNormalClutter
+from phd_jdtc_ros.simulation.clutter import NOISE, LogNormalClutter
 from phd_jdtc_ros.simulation.simulate import false_detections
 
 

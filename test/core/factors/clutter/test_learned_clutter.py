@@ -13,7 +13,7 @@ from phd_jdtc_ros.core.factors import ClutterMap, Learned
 from phd_jdtc_ros.core.factors.clutter.amplitude import CELLS, MEMORY
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Scan
 from phd_jdtc_ros.evaluation.metrics import assign
-from phd_jdtc_ros.simulation.clutter.law import NOISE, UniformClutter
+from phd_jdtc_ros.simulation.clutter import NOISE, UniformClutter
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 

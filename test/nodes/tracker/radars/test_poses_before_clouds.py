@@ -14,7 +14,7 @@ from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import PointCloud2
 
 from phd_jdtc_ros.configuration.schema import flatten
-from phd_jdtc_ros.nodes.common import arguments
+from phd_jdtc_ros.nodes.common import parameters
 from phd_jdtc_ros.nodes.tracker.node import Tracker
 
 SCANS = 9
@@ -36,7 +36,7 @@ def test_clouds_do_not_overtake_poses_that_have_arrived(peer, tmp_path):
     argv = ["--ros-args", "--params-file", str(file)]
     rclpy.init(args=argv)
     # Here and not in a process of its own, because it is not to spin until all has arrived.
-    tracker = Tracker(arguments.check("tracker", "", argv))
+    tracker = Tracker(parameters.given_files("tracker", "", argv))
     executor = SingleThreadedExecutor()
     executor.add_node(tracker)
     outputs = {

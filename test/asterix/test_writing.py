@@ -6,12 +6,11 @@ import asterix_records as made
 import pytest
 from asterix_reference import decoded, value
 
-from phd_jdtc_ros.asterix import plot_stream
+from phd_jdtc_ros.asterix import plot_stream, writing
+from phd_jdtc_ros.asterix import writing as plots_out
+from phd_jdtc_ros.asterix import writing as tracks_out
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
-from phd_jdtc_ros.asterix.writing import encoding
-from phd_jdtc_ros.asterix.writing import plots as plots_out
-from phd_jdtc_ros.asterix.writing import tracks as tracks_out
-from phd_jdtc_ros.asterix.writing.tracks import Source, TrackReport
+from phd_jdtc_ros.asterix.writing import Source, TrackReport
 
 NS = 10**9
 FOOT = 0.3048
@@ -117,7 +116,7 @@ def test_unknown_items_are_left_out_and_wrong_ones_refused():
     assert not {"AGA", "ABA", "ARC"} & record["I500"].keys()
     assert record["I290"].keys() == {"TRK", "PSR"}
     with pytest.raises(ValueError, match="I062/040: 3 bytes, must be 2"):
-        encoding.record(62, {"040": b"abc"})
+        writing.record(62, {"040": b"abc"})
 
 
 @pytest.mark.parametrize(
@@ -167,7 +166,7 @@ def test_blocks_fit_a_datagram_at_any_time_of_day():
     assert value(one(PLAIN, 86_400 * NS - 1), "I070", "ToT") == 0.0
     tracks = [replace(PLAIN, number=number) for number in range(200)]
     blocks = tracks_out.track_blocks(tracks, 0, SOURCE)
-    assert max(map(len, blocks)) <= encoding.MAX_BLOCK
+    assert max(map(len, blocks)) <= writing.MAX_BLOCK
     assert len(blocks) < 8
     records = [record for block in blocks for record in decoded(block)]
     assert [value(record, "I040", "TrkN") for record in records] == [*range(200)]

@@ -1,12 +1,140 @@
-"""Encodes tracks as CAT062 and the state of the tracker as CAT065."""
+"""Encodes plots as CAT048, an antenna's motion as CAT034, and tracks as CAT062 with CAT065."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from ..messages import NONE, QUARTER_LEVEL
-from .encoding import blocks, record, signed, time_of_day, unsigned
+from .clocks import NS_PER_TICK
+from .messages import (
+    AZIMUTH_UNIT,
+    DAY,
+    FULL_TURN,
+    NAUTICAL_MILE,
+    NONE,
+    NORTH,
+    QUARTER_LEVEL,
+    SECTOR,
+    SECTOR_UNIT,
+    TICKS_PER_S,
+    Plot,
+)
+from .specification import Fixed, layouts
+
+# Largest datagram, bytes, that passes common networks unfragmented.
+MAX_BLOCK = 1400
+
+
+def record(category: int, items: Mapping[str, bytes], kind: str = "") -> bytes:
+    """Return a record: the selection of its items (FSPEC), then the items in the category's order.
+
+    Raise `ValueError` if an item of fixed length has a different length.
+    """
+    layout = layouts(category)[kind]
+    places = sorted(layout.place[name] for name in items)
+    selection = bytearray(b"\1" * (places[-1] // 7) + b"\0")
+    body = bytearray()
+    for place in places:
+        selection[place // 7] |= 0x80 >> place % 7
+        name, rule = layout.names[place], layout.rules[place]
+        item = items[name or ""]
+        if isinstance(rule, Fixed) and len(item) != rule.size:
+            raise ValueError(f"I{category:03d}/{name}: {len(item)} bytes, must be {rule.size}")
+        body += item
+    return bytes(selection + body)
+
+
+def blocks(category: int, records: Iterable[bytes]) -> list[bytes]:
+    """Return data blocks of at most `MAX_BLOCK` bytes with the records in order."""
+    found: list[bytes] = []
+    body = b""
+    for each in records:
+        if body and len(body) + len(each) + 3 > MAX_BLOCK:
+            found.append(_block(category, body))
+            body = b""
+        body += each
+    return [*found, _block(category, body)] if body else found
+
+
+def _block(category: int, body: bytes) -> bytes:
+    return bytes([category]) + (len(body) + 3).to_bytes(2, "big") + body
+
+
+def unsigned(value: float, unit: float, size: int) -> bytes:
+    """Encode a number in whole units, limited to the range of its bytes."""
+    most: int = 256**size - 1
+    # The limit is applied first, because infinity cannot be rounded.
+    return round(min(max(value / unit, 0), most)).to_bytes(size, "big")
+
+
+def signed(value: float, unit: float, size: int) -> bytes:
+    """Encode a signed number in whole units, limited to the range of its bytes."""
+    half: int = 256**size // 2
+    return round(min(max(value / unit, -half), half - 1)).to_bytes(size, "big", signed=True)
+
+
+def time_of_day(time_ns: int) -> bytes:
+    """Encode a time since the epoch as a time of day in three bytes."""
+    return (round(time_ns / NS_PER_TICK) % DAY).to_bytes(3, "big")
+
+
+RANGE_UNIT = NAUTICAL_MILE / 256.0
+# Upper bound of the range in I048/040, metres.
+FARTHEST = (2**16 - 1) * RANGE_UNIT
+
+
+def plot_record(plot: Plot, time_ns: int) -> bytes:
+    """Encode a plot as a record of CAT048; one of an unknown type is sent as a primary plot.
+
+    Ranges are limited to `FARTHEST`.
+    """
+    azimuth = round(plot.azimuth % FULL_TURN / AZIMUTH_UNIT) % 2**16
+    items = {
+        "010": plot.radar.to_bytes(2, "big"),
+        "140": time_of_day(time_ns),
+        "020": bytes([(plot.detection_type or 1) << 5]),
+        "040": unsigned(plot.distance, RANGE_UNIT, 2) + azimuth.to_bytes(2, "big"),
+    }
+    if plot.code != NONE:
+        items["070"] = plot.code.to_bytes(2, "big")
+    if math.isfinite(plot.height):
+        quarters = round(plot.height / QUARTER_LEVEL)
+        items["090"] = (min(max(quarters, -(2**13)), 2**13 - 1) & 0x3FFF).to_bytes(2, "big")
+    if plot.address != NONE:
+        items["220"] = plot.address.to_bytes(3, "big")
+    levels = ((0x20, plot.secondary_dbm), (0x08, plot.primary_dbm))
+    known = [(bit, dbm) for bit, dbm in levels if math.isfinite(dbm)]
+    if known:
+        chosen = bytes([sum(bit for bit, _ in known)])
+        items["130"] = chosen + b"".join(signed(dbm, 1.0, 1) for _, dbm in known)
+    return record(48, items)
+
+
+def plot_blocks(plots: list[tuple[int, Plot]]) -> list[bytes]:
+    """Encode plots as data blocks, each plot with its time in nanoseconds since the epoch."""
+    return blocks(48, [plot_record(plot, time_ns) for time_ns, plot in plots])
+
+
+def service_block(radar: int, time_ns: int, azimuth: float, rotation_s: float) -> bytes:
+    """Encode a service message: the antenna passes an azimuth, radians clockwise from north.
+
+    Azimuth 0 is sent as a north mark. `radar` has SAC in the upper and SIC in the lower eight
+    bits, and the rotation period, seconds, is 0 if unknown.
+    """
+    number = round(azimuth % FULL_TURN / SECTOR_UNIT) % 2**8
+    items = {
+        "010": radar.to_bytes(2, "big"),
+        "000": bytes([SECTOR if number else NORTH]),
+        "030": time_of_day(time_ns),
+    }
+    if number:
+        items["020"] = bytes([number])
+    if rotation_s:
+        items["041"] = unsigned(rotation_s, 1.0 / TICKS_PER_S, 2)
+    (block,) = blocks(34, [record(34, items)])
+    return block
+
 
 FOOT = 0.3048
 # Units of I062/105, degrees; I062/100, m; I062/185, m/s; I062/290, s; heights and climbs.

@@ -1,26 +1,108 @@
-"""Encodes the tracker's estimates as ASTERIX, predicted to the time of output."""
+"""Plots as clouds, and the tracker's estimates as ASTERIX, predicted to the time of output."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from sensor_msgs.msg import PointCloud2
 
+from msg_adapters.encoding import point_cloud
 from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.targets import estimates
-from phd_jdtc_ros.asterix.call_signs import CallSigns
-from phd_jdtc_ros.asterix.writing import tracks as tracks_out
-from phd_jdtc_ros.asterix.writing.tracks import Source, TrackReport
+from phd_jdtc_ros.asterix import writing as tracks_out
+from phd_jdtc_ros.asterix.messages import NONE, CallSigns, Plot
+from phd_jdtc_ros.asterix.plot_stream import RadarState
+from phd_jdtc_ros.asterix.slices import SectorReport
+from phd_jdtc_ros.asterix.writing import Source, TrackReport
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.targets.motion import CoordinatedTurn
-from phd_jdtc_ros.core.types import (
-    COASTING,
-    CONFIRMED,
-    Estimates,
-)
+from phd_jdtc_ros.core.types import COASTING, CONFIRMED, Estimates
+
+# Level of a receiver's noise that amplitudes are converted with, dBm. The tracker's parameter
+# `amplitude_offset_db` corrects it for a radar.
+NOISE_DBM = -100.0
+# Marks an unknown code or address in a cloud.
+UNKNOWN = 2**32 - 1
+
+
+def columns(report: SectorReport, sectors: int) -> dict[str, npt.NDArray[Any]]:
+    """Return the columns of a cloud in their order, arrays of shape (M,).
+
+    `sectors` is the number of sectors per revolution, a multiple of 4. An amplitude of s dBm, of
+    the echo or else of the replies, becomes an envelope of ``sqrt(2 * 10^((s - NOISE_DBM) / 10))``
+    in units of the noise's standard deviation per quadrature component.
+
+    The columns are ``x y z`` in the frame of the radar, whose x axis is east; ``range`` (slant, m),
+    ``azimuth`` (rad counter-clockwise from the x axis), ``elevation`` (0), ``amplitude`` (NaN if
+    unknown), ``time`` (s relative to the stamp), ``height`` (m, NaN if unknown), ``code`` and
+    ``address`` (`UNKNOWN` if unknown), and ``kind`` (the TYP of I048/020). If any call sign is
+    known, ``call_sign_high`` and ``call_sign_low`` follow, 24 bits each (`UNKNOWN` if unknown). If
+    the sector is known, ``sector`` follows, counted counter-clockwise from the x axis like
+    azimuths.
+    """
+    plots = report.plots
+    fields = dict(zip(Plot._fields, zip(*plots, strict=True), strict=True)) if plots else {}
+
+    def column(name: str) -> npt.NDArray[np.float64]:
+        return np.array(fields.get(name, ()), dtype=np.float64)
+
+    distance, compass = column("distance"), column("azimuth")
+    azimuth = math.pi - np.remainder(compass + 0.5 * math.pi, 2.0 * math.pi)
+    zero = np.zeros(len(plots))
+    echoes, replies = column("primary_dbm"), column("secondary_dbm")
+    times = np.array([time - report.stamp_ns for time in report.times_ns], dtype=np.float64)
+    found: dict[str, npt.NDArray[Any]] = {
+        "x": distance * np.cos(azimuth),
+        "y": distance * np.sin(azimuth),
+        "z": zero,
+        "range": distance,
+        "azimuth": azimuth,
+        "elevation": zero,
+        "amplitude": _amplitude(np.where(np.isnan(echoes), replies, echoes)),
+        "time": times * 1e-9,
+        "height": column("height"),
+        "code": _identity(column("code")),
+        "address": _identity(column("address")),
+        "kind": column("detection_type").astype(np.uint8),
+    }
+    signs = np.array(fields.get("call_sign", ()), dtype=np.int64)
+    if (signs != NONE).any():
+        found["call_sign_high"] = np.where(signs == NONE, UNKNOWN, signs >> 24).astype(np.uint32)
+        low = np.where(signs == NONE, UNKNOWN, signs & 0xFFFFFF)
+        found["call_sign_low"] = low.astype(np.uint32)
+    if report.sector is not None:
+        own = (sectors // 4 - 1 - report.sector) % sectors
+        found["sector"] = np.full(len(plots), own, dtype=np.uint32)
+    return found
+
+
+def _amplitude(level_dbm: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    envelope: npt.NDArray[np.float64] = np.sqrt(2.0 * 10.0 ** ((level_dbm - NOISE_DBM) / 10.0))
+    return envelope
+
+
+def _identity(given: npt.NDArray[np.float64]) -> npt.NDArray[np.uint32]:
+    return np.where(given == NONE, UNKNOWN, given).astype(np.uint32)
+
+
+def cloud(report: SectorReport, radar: RadarState) -> PointCloud2:
+    """Return the cloud of a sector or a slice, in the frame with the radar's name.
+
+    The fields are those of `columns`. All are FLOAT32, except for ``code address call_sign_high
+    call_sign_low sector`` (UINT32) and ``kind`` (UINT8). All clouds of a radar with sectors have
+    that field; in a slice it is `UNKNOWN`.
+    """
+    settings = radar.settings
+    found = columns(report, settings.sectors)
+    if radar.assembler.has_sectors and report.sector is None:
+        found["sector"] = np.full(len(report.plots), UNKNOWN, dtype=np.uint32)
+    return point_cloud.encode(report.stamp_ns, settings.name, found)
+
 
 # Smaller turn rates (rad/s) and climb rates (m/s, 300 ft/min) count as straight and level. A turn
 # must also exceed TURN_DEVIATIONS standard deviations.

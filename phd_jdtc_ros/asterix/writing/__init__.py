@@ -1,1 +1,0 @@
-"""Encodes tracks and plots as ASTERIX."""

@@ -1,1 +1,0 @@
-"""The ASTERIX bridge: radars' UDP to clouds, estimates to UDP."""

@@ -1,1 +1,0 @@
-"""The live hand-over: joins the estimates of trackers that share an area into one picture."""

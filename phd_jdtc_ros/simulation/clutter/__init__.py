@@ -1,1 +1,0 @@
-"""False detections: clutter, fixed reflectors, echoes and mirrored replies."""
