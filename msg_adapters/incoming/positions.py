@@ -23,7 +23,7 @@ from ..encoding import point_cloud, stamps
 from .detections import DOUBLES, NUMBERS, require_frame
 
 # Quantities whose fields a cloud may lack under their usual names.
-OPTIONAL = ("x_std", "y_std", "correlation", "vx", "vy")
+OPTIONAL = ("z", "x_std", "y_std", "z_std", "correlation", "vx", "vy")
 # Columns that may have integer types.
 WHOLE = ("amplitude", "code", "address", "detection_type")
 
@@ -44,8 +44,11 @@ def from_msg(cloud: PointCloud2, own: PositionParameters) -> Report:
     stamp_ns = stamps.of_input(cloud.header)
     if not (present or cloud.width * cloud.height or len(cloud.data)):
         return select(stamp_ns, own, {"x": np.zeros(0), "y": np.zeros(0)})
-    names = present.intersection(vars(own.fields).values())
-    wanted, missing = _wanted_fields(own.fields, names, own.time_since_epoch)
+    fields = own.fields
+    if own.height_prior is None:
+        fields = replace(fields, z="", z_std="")
+    names = present.intersection(vars(fields).values())
+    wanted, missing = _wanted_fields(fields, names, own.time_since_epoch)
     found = point_cloud.decode(cloud, dict(wanted.values()))
     # Converting a signalling NaN warns. Such a value is handled like any other NaN.
     with np.errstate(invalid="ignore"):
@@ -90,6 +93,9 @@ def to_cdr(detections: Detections, stamp_ns: int, own: PositionParameters) -> by
         columns["amplitude"] = sent_columns.level(detections, own)
     if "height" in names:
         columns["height"] = sent_columns.fill(detections.height, count, np.nan) + own.datum
+    for what, found in (("z", detections.z), ("z_std", detections.z_std)):
+        if found is not None:
+            columns[what] = found - own.height if what == "z" else found
     kind = sent_columns.fill(detections.detection_type, count, 0.0)
     columns |= {
         "code": identities.encode(detections.code, count),

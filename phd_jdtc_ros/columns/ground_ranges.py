@@ -117,7 +117,7 @@ def measure(detections: Detections, radar: RadarParameters) -> tuple[FloatArray,
 
 def message_height(detections: Detections, radar: RadarParameters) -> FloatArray:
     """Return heights in the messages' convention; the antenna's if the detections have none."""
-    above = detections.height
+    above = detections.height if detections.z is None else detections.z
     counted: FloatArray = np.full(len(detections), radar.height) if above is None else above
     return counted + radar.datum
 

@@ -82,10 +82,17 @@ def select(stamp_ns: int, own: PositionParameters, columns: Columns) -> Report:
     address, bad_addresses = identities.read(columns.get("address"), kept, identities.ADDRESSES)
     counts["identities_unusable"] = bad_codes + bad_addresses
     counts["positions_far"] = int(np.count_nonzero(np.abs(place[kept]).max(axis=1) >= FAR))
-    height = columns.get("height")
+    height, z = columns.get("height"), None
     if height is not None:
         height = height[kept] - own.datum
         counts["heights_unknown"] = int(np.count_nonzero(~np.isfinite(height)))
+    z_std = None
+    if own.height_prior is not None:
+        height, z = None, height
+        if z is None and "z" in columns:
+            z = columns["z"][kept] + own.height
+            z_std, bad_heights = kept_values(columns, "z_std", kept, RANGE_STDS)
+            counts["deviations_unusable"] += bad_heights
     detections = Detections(
         place[kept],
         None if amplitude is None else amplitude[kept],
@@ -97,6 +104,8 @@ def select(stamp_ns: int, own: PositionParameters, columns: Columns) -> Report:
         if velocity is None or speed_std is None
         else np.tile(speed_std[:, None], (1, 2)),
         height=height,
+        z=z,
+        z_std=z_std,
         code=code,
         address=address,
         detection_type=identities.read(

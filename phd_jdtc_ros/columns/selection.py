@@ -126,6 +126,7 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         bad_elevations = _count(np.abs(measurement[:, 2]) > 0.5 * np.pi)
         noise_std = _spatial_noise(measurement, range_std, azimuth_std, own_std)
         bad_azimuths += bad
+    above = None if height is None else height[kept] - radar.datum
     detections = Detections(
         measurement,
         None if amplitude is None else amplitude[kept],
@@ -133,7 +134,8 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         _noise_std(range_std, azimuth_std) if radar.height_prior is None else noise_std,
         range_rate=rate,
         range_rate_std=None if rate is None else rate_std,
-        height=None if height is None else height[kept] - radar.datum,
+        height=above if radar.height_prior is None else None,
+        z=None if radar.height_prior is None else above,
         code=code,
         address=address,
         detection_type=identities.read(

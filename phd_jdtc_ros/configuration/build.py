@@ -251,7 +251,7 @@ def _config(values: dict[str, Any], parts: Parts, plane: Plane | None) -> Tracke
         sensor if plane is None else sensor.on_earth(plane) for sensor in parts.sensors.values()
     )
     if top.state == SPACE:
-        inputs = tuple(sensor.in_space(top.height_prior) for sensor in inputs)
+        inputs = tuple(sensor.in_space(top.height_prior, top.air) for sensor in inputs)
     level, model = ACCURACY[top.accuracy], tracker_model(parts, inputs)
     labelled, per_target = top.engine in LABELLED, top.particles_per_target or level.per_target
     thresholds = (top.confirm_probability, top.delete_probability)

@@ -91,7 +91,12 @@ def tracker_model(parts: Parts, inputs: Sequence[SensorParameters]) -> TrackerMo
 def _attributes(parts: Parts) -> AttributeModel | None:
     """Return the model of identities and heights; None if no sensor reports any."""
     top, fields_of = parts.tracking, [sensor.fields for sensor in parts.sensors.values()]
-    reported = any(own.code or own.address or own.height or own.detection_type for own in fields_of)
+    # In space a height is a measurement of the state.
+    planar = top.state != SPACE
+    reported = any(
+        own.code or own.address or (own.height and planar) or own.detection_type
+        for own in fields_of
+    )
     if not reported or top.engine not in LABELLED:
         return None
     transponder = top.equipped_probability, REPLY_PROBABILITY

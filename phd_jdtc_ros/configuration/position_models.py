@@ -16,14 +16,16 @@ from phd_jdtc_ros.core.factors import (
     Noise,
     Outliers,
 )
+from phd_jdtc_ros.core.factors.transponder import Pressure
 from phd_jdtc_ros.core.intake.input_checks import PositionReportCheck
 from phd_jdtc_ros.core.sensors.position import PositionSensor, WatchedArea, farthest
 from phd_jdtc_ros.core.sensors.range_rate import VelocityModel
+from phd_jdtc_ros.core.sensors.reported_heights import ReportedHeights
 from phd_jdtc_ros.core.targets import amplitude_density
 
 from . import radar_checks
 from .parameters.position import PositionParameters
-from .parameters.tracker import PHD, SPACE, Parts
+from .parameters.tracker import PHD, Parts
 
 
 def position_model(own: PositionParameters) -> PositionSensor:
@@ -38,7 +40,16 @@ def position_model(own: PositionParameters) -> PositionSensor:
         std=(own.position_std, own.position_std),
         visibility=WatchedArea(own.area, own.detection_probability),
         velocity_model=VelocityModel(own.velocity_std) if own.fields.vx and own.fields.vy else None,
+        height_prior=own.height_prior,
+        reported_heights=None if own.height_prior is None else _heights(own),
     )
+
+
+def _heights(own: PositionParameters) -> ReportedHeights:
+    """Return the errors of the heights in space: of z, or else of pressure altitudes."""
+    if own.fields.height:
+        return ReportedHeights(pressure=True)
+    return ReportedHeights(own.position_std, garbled=0.0)
 
 
 def position_factors(own: PositionParameters) -> tuple[Factor, ...]:
@@ -51,6 +62,7 @@ def position_factors(own: PositionParameters) -> tuple[Factor, ...]:
         "clutter" in learn and ClutterRate.beginning_with(own.clutter_rate),
         Limit(),
         Bursts(),
+        own.height_prior is not None and own.fields.height and Pressure(*own.air),
     )
     return tuple(factor for factor in found if isinstance(factor, Factor))
 
@@ -61,11 +73,8 @@ def report_check(own: PositionParameters) -> PositionReportCheck:
 
 
 def _tracker(own: PositionParameters, parts: Parts) -> Iterator[str]:
-    top = parts.tracking
-    others = (top.engine in PHD, f"engine {top.engine}"), (top.state == SPACE, f"state: {SPACE}")
-    for is_given, other in others:
-        if is_given:
-            yield f"{own.name}.kind: position given, must be radar with {other}"
+    if (engine := parts.tracking.engine) in PHD:
+        yield f"{own.name}.kind: position given, must be radar with engine {engine}"
 
 
 def _velocity(own: PositionParameters, parts: Parts) -> Iterator[str]:

@@ -171,7 +171,6 @@ def _in_space(radar: RadarParameters, parts: Parts) -> Iterator[str]:
     given = (
         (planar, "learn", f"without {', '.join(PLANAR_LEARNING)}"),
         (radar.clutter_map and "true", "clutter_map", "false"),
-        (radar.fields.height and repr(radar.fields.height), "fields.height", "''"),
         (radar.assumed_height is not None and radar.assumed_height, "assumed_height", "empty"),
         (not radar.named_fields and radar.message, "message", "point_cloud"),
     )

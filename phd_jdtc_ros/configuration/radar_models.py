@@ -23,6 +23,7 @@ from phd_jdtc_ros.core.factors import (
     PolarGrid,
     Sectors,
 )
+from phd_jdtc_ros.core.factors.transponder import Pressure
 from phd_jdtc_ros.core.intake.input_checks import (
     FAR,
     RADIANS_AS_DEGREES,
@@ -31,8 +32,9 @@ from phd_jdtc_ros.core.intake.input_checks import (
 )
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
+from phd_jdtc_ros.core.sensors.reported_heights import HeightPrior, ReportedHeights
 from phd_jdtc_ros.core.sensors.site import LEAST_STD, HeightProjection
-from phd_jdtc_ros.core.sensors.spatial_radar import UNKNOWN_STD, HeightPrior, SpatialRadar
+from phd_jdtc_ros.core.sensors.spatial_radar import UNKNOWN_STD, SpatialRadar
 from phd_jdtc_ros.core.sensors.visibility import TURN_TOLERANCE, Visibility
 from phd_jdtc_ros.core.state_space import SPATIAL
 from phd_jdtc_ros.core.targets import amplitude_density
@@ -85,6 +87,7 @@ def _in_space(radar: RadarParameters, prior: HeightPrior, model: RadarModel) -> 
         "space": SPATIAL,
         "visibility": replace(model.visibility, elevations=(low, high)),
         "least_std": (*model.least_std, 0.0),
+        "reported_heights": ReportedHeights(pressure=True) if radar.fields.height else None,
     }
     return SpatialRadar(
         **common,
@@ -115,6 +118,7 @@ def radar_factors(radar: RadarParameters) -> tuple[Factor, ...]:
         Limit(),
         Bursts(),
         "multipath" in learn and Multipath(),
+        radar.height_prior is not None and radar.fields.height and Pressure(*radar.air),
     )
     return tuple(factor for factor in found if isinstance(factor, Factor))
 

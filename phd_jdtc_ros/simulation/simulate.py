@@ -165,4 +165,7 @@ def scan_replies(
 ) -> Detections:
     """Return the detections of a scan with their targets' replies."""
     time_s = np.full(len(source), scan * scenario.interval_s)
-    return scenario.with_replies(found, source, time_s, (seed, scan, radar))
+    found = scenario.with_replies(found, source, time_s, (seed, scan, radar))
+    if scenario.radars[radar].space.vertical:
+        return found.changed(height=None, z=found.height)
+    return found

@@ -205,8 +205,10 @@ def to_plane(found: Detections, layout: RadarParameters) -> Detections:
     """Return detections with ranges and azimuths in the plane, as a reader converts them.
 
     If the radar has a site, they are slant ranges and azimuths from true east; other detections
-    are returned unchanged.
+    are returned unchanged, with heights as measurements in space.
     """
+    if layout.height_prior is not None:
+        return replace(found, height=None, z=found.height)
     if layout.site is None:
         return found
     height = None if found.height is None else found.height + layout.datum

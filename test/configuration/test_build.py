@@ -14,7 +14,9 @@ from phd_jdtc_ros.configuration.parameters.tracker import MOST_CLASSES, PHD
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.tables import GROUPS, schema
 from phd_jdtc_ros.core.engine import Lag
-from phd_jdtc_ros.core.sensors.spatial_radar import UNKNOWN_STD, HeightPrior, SpatialRadar
+from phd_jdtc_ros.core.factors.transponder import Pressure
+from phd_jdtc_ros.core.sensors.reported_heights import HeightPrior, ReportedHeights
+from phd_jdtc_ros.core.sensors.spatial_radar import UNKNOWN_STD, SpatialRadar
 from phd_jdtc_ros.core.state_space import PLANAR, SPATIAL
 from phd_jdtc_ros.earth import SystemPlane
 
@@ -411,7 +413,7 @@ def test_space_makes_radars_and_motions_with_heights():
     assert config.model.modes.space == SPATIAL
     assert {motion.vertical_noise_density for motion in config.model.modes.motions} == {1.0, 3.0}
     first, second = config.model.radars
-    assert first.origin.tolist() == [10.0, 0.0, 35.0]
+    assert first.origin[0].tolist() == [10.0, 0.0, 35.0]
     assert first.noise_std[2] == pytest.approx(math.radians(1.0))
     # The other one measures slant ranges alone.
     assert second.elevation_std == UNKNOWN_STD
@@ -444,11 +446,34 @@ def test_space_makes_radars_and_motions_with_heights():
         ),
         ({"radar_1.clutter_map": True}, "radar_1.clutter_map: true given, must be false with"),
         ({"radar_1.learn": ["noise"]}, "radar_1.learn: ['noise'] given, must be without noise"),
-        ({"radar_1.fields.height": "h"}, "radar_1.fields.height: 'h' given, must be '' with"),
+        ({"radar_1.assumed_height": 500.0}, "radar_1.assumed_height: 500.0 given, must be empty"),
+        ({"qnh_hpa": [29.92, 1.0]}, "qnh_hpa: [29.92, 1.0] given, must be empty or two numbers"),
     ],
 )
 def test_space_refuses_what_it_does_not_have(given, fault):
     assert any(found.startswith(fault) for found in faults_of({**SPACE, **given}))
+
+
+def test_heights_in_space_are_pressure_altitudes_or_those_of_positions():
+    given = {
+        **SPACE,
+        "radar_1.fields.height": "h",
+        "qnh_hpa": [1003.25, 5.0],
+        "radar_2.kind": "position",
+    }
+    known = {**reference.parameters(), **given}
+    radar_2 = [name for name in known if name.startswith("radar_2.") and name not in given]
+    config = build.resolve({name: known[name] for name in known.keys() - {*radar_2}})
+    radar, lidar = config.model.radars
+    assert radar.reported_heights == ReportedHeights(7.6, 0.01, pressure=True)
+    assert lidar.reported_heights == ReportedHeights(0.5, 0.0)
+    # 10 hPa below the standard pressure, pressure altitudes are larger by some 83 m.
+    pressure = next(each for each in config.model.factors["radar_1"] if isinstance(each, Pressure))
+    assert pressure.mean == pytest.approx(83.4, abs=0.5)
+    assert pressure.std == pytest.approx(41.8, abs=0.5)
+    assert not any(isinstance(each, Pressure) for each in config.model.factors["radar_2"])
+    assert config.model.attributes is None
+    assert reference.resolve({"radar_1.fields.height": "h"}).model.attributes is not None
 
 
 def test_what_is_estimated_in_the_plane_is_refused_in_space():

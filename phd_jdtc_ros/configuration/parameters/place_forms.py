@@ -10,7 +10,7 @@ import numpy as np
 
 from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.sensors.position import Area
-from phd_jdtc_ros.core.sensors.spatial_radar import HeightPrior
+from phd_jdtc_ros.core.sensors.reported_heights import STANDARD_AIR, Air, HeightPrior
 from phd_jdtc_ros.core.tracks.region import Region
 
 from ..schema import Form, numbers
@@ -110,6 +110,13 @@ HEIGHT = _list_form(
     "empty or one height from -10000 to 100000",
     lambda given: not given or (len(given) == 1 and -1e4 <= given[0] <= 1e5),
     lambda given: given[0] if given else None,
+)
+QNH = _list_form(
+    "empty or two numbers: a pressure from 850 to 1100 and a deviation from 0 to 100, hPa",
+    lambda given: (
+        not given or (len(given) == 2 and 850 <= given[0] <= 1100 and 0 <= given[1] <= 100)
+    ),
+    lambda given: Air.of(*given) if given else STANDARD_AIR,
 )
 HEIGHTS = _list_form(
     "2 or 3 numbers: a mean, a standard deviation above 0, and a floor (0) below the mean plus "

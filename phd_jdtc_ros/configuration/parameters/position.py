@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import ClassVar
 
 from phd_jdtc_ros.core.sensors.position import Area
+from phd_jdtc_ros.core.sensors.reported_heights import STANDARD_AIR, Air, HeightPrior
 from phd_jdtc_ros.core.sensors.site import Plane
 
 from ..schema import POSITIVE, SMALL, parameter, shared
@@ -29,8 +30,10 @@ class Fields(sensor.Fields):
 
     x: str = "x"  # Metres, in the sensor's frame
     y: str = "y"
+    z: str = "z"  # Metres above the sensor; only in space
     x_std: str = "x_std"
     y_std: str = "y_std"
+    z_std: str = "z_std"
     correlation: str = "correlation"  # Of the errors in x and y
     vx: str = "vx"  # Metres per second over ground, along the sensor's axes
     vy: str = "vy"
@@ -110,17 +113,24 @@ class PositionParameters(SensorParameters):
         Fields(),
         "Names of the cloud's fields by quantity, such as fields.x_std; empty for an unused "
         "quantity. Fields of deviations, correlations and velocities that a cloud lacks are "
-        "unknown; z is not used.",
+        "unknown; z and z_std are only used with state: space.",
         keys=QUANTITIES,
     )
     time_unit_s: float = shared(RadarParameters, "time_unit_s")
     time_since_epoch: bool = shared(RadarParameters, "time_since_epoch")
 
     datum: float = 0.0  # Height of the world's zero as messages count heights, metres
+    # Heights of undetected targets in space; None in the plane.
+    height_prior: HeightPrior | None = None
+    air: Air = STANDARD_AIR  # Pressure altitudes of targets in space
 
     def on_earth(self, plane: Plane) -> PositionParameters:
         """Return the sensor with the datum of its heights."""
         return replace(self, datum=plane.origin[2])
+
+    def in_space(self, prior: HeightPrior, air: Air) -> PositionParameters:
+        """Return the sensor in a world with heights."""
+        return replace(self, height_prior=prior, air=air)
 
     @cached_property
     def pose(self) -> place_forms.PoseSource:

@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 
 from phd_jdtc_ros.core.factors import MOST_CORRELATION, START_RATE
 from phd_jdtc_ros.core.sensors.bias import SensorBias
+from phd_jdtc_ros.core.sensors.reported_heights import STANDARD_AIR, Air, HeightPrior
 from phd_jdtc_ros.core.sensors.site import Plane, Site
-from phd_jdtc_ros.core.sensors.spatial_radar import HeightPrior
 
 from ..schema import NOT_NEGATIVE, POSITIVE, SMALL, Form, number, numbers, parameter
 from . import place_forms, replaced, sensor
@@ -56,7 +56,7 @@ class Fields(sensor.Fields):
     amplitude: str = "amplitude"
     time: str = ""
     sector: str = ""
-    height: str = ""  # Metres; above the world's zero plus the radar's datum
+    height: str = ""  # Metres; above the world's zero plus the radar's datum, or in the atmosphere
     code: str = ""  # Mode A
     address: str = ""  # Mode S
     detection_type: str = ""  # See `Detections`
@@ -280,7 +280,7 @@ class RadarParameters(SensorParameters):
         Fields(),
         "Names of the cloud's fields by quantity, such as fields.time; empty for an unused "
         "quantity. The tracker's page gives their units; an elevation or a height makes ranges "
-        "slant ranges.",
+        "slant ranges. In space heights are pressure altitudes, see qnh_hpa.",
         keys=QUANTITIES,
     )
     time_unit_s: float = parameter(
@@ -346,6 +346,7 @@ class RadarParameters(SensorParameters):
     datum: float = 0.0  # Height of the world's zero as messages count heights, metres
     # Heights of undetected targets in space; None in the plane.
     height_prior: HeightPrior | None = None
+    air: Air = STANDARD_AIR  # Pressure altitudes of targets in space
 
     @cached_property
     def pose(self) -> place_forms.PoseSource:
@@ -358,9 +359,9 @@ class RadarParameters(SensorParameters):
         site = Site((place[0], place[1], place[2]), plane, yaw) if place else None
         return replace(self, site=site, datum=plane.origin[2])
 
-    def in_space(self, prior: HeightPrior) -> RadarParameters:
+    def in_space(self, prior: HeightPrior, air: Air) -> RadarParameters:
         """Return the radar in a world with heights."""
-        return replace(self, height_prior=prior)
+        return replace(self, height_prior=prior, air=air)
 
     @property
     def curvature(self) -> float:

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import ClassVar, TypeVar
 
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
+from phd_jdtc_ros.core.sensors.reported_heights import Air, HeightPrior
 from phd_jdtc_ros.core.sensors.site import Plane
-from phd_jdtc_ros.core.sensors.spatial_radar import HeightPrior
 
 from ..schema import parameter
 from . import place_forms
@@ -74,6 +74,6 @@ class SensorParameters:
         """Return the sensor with its place on the earth, given the world's map projection."""
         return self
 
-    def in_space(self: S, prior: HeightPrior) -> S:
+    def in_space(self: S, prior: HeightPrior, air: Air) -> S:
         """Return the sensor in a world with heights, given those of undetected targets."""
         return self

@@ -12,7 +12,11 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from phd_jdtc_ros.core.engine import Lag
-from phd_jdtc_ros.core.sensors.spatial_radar import HeightPrior
+from phd_jdtc_ros.core.sensors.reported_heights import (
+    STANDARD_HPA,
+    Air,
+    HeightPrior,
+)
 from phd_jdtc_ros.core.targets.motion import MOTIONS
 from phd_jdtc_ros.core.tracks.region import Region
 
@@ -70,6 +74,15 @@ class Tracking:
         "elevation; a height is reported once it is known to half of the deviation. Only with "
         "state: space.",
         form=place_forms.HEIGHTS,
+    )
+    air: Air = parameter(
+        [STANDARD_HPA, 12.0],
+        "Air pressure at sea level and its standard deviation, hPa, by which reported heights, "
+        "which are pressure altitudes, differ from those of the states: 8 m for each hPa, and the "
+        "deviation is that of the temperature too, 40 m in 1 km for 10 degrees. The difference is "
+        "estimated where elevations show it. Empty for geometric heights. Only with state: space.",
+        name="qnh_hpa",
+        form=place_forms.QNH,
     )
     interval_s: float = parameter(
         6.0,

@@ -20,6 +20,7 @@ from .clutter.map import ClutterMap
 from .clutter.raster import raster
 from .factor import Factor, FactorT, Look, Targets
 from .recent_looks import RecentLooks
+from .transponder.pressure import Pressure
 from .transponder.records import AttributeModel
 from .transponder.transponders import Transponders
 
@@ -131,6 +132,12 @@ class Factors(ReadOnly):
     def find(self, name: str, kind: type[FactorT]) -> FactorT | None:
         """Return the factor of a kind of a sensor; None if it has none."""
         return next((each for each in self.by_sensor[name] if isinstance(each, kind)), None)
+
+    @property
+    def pressure(self) -> Pressure | None:
+        """The difference of pressure altitudes from heights; None if no sensor reports these."""
+        found = (self.find(name, Pressure) for name in self.by_sensor)
+        return next((each for each in found if each is not None), None)
 
     def figures(self, sensors: Sequence[Sensor]) -> dict[str, float]:
         """Return what was learned about configured sensors, by dotted name."""

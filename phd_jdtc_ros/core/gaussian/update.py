@@ -32,7 +32,7 @@ from .measurement.amplitude import (
     snr_after,
 )
 from .measurement.gating import gate_pairs
-from .measurement.iterated_update import PairUpdate, coarse_motion, iterated_update
+from .measurement.iterated_update import PairUpdate, coarse_further, iterated_update
 from .measurement.likely_pairs import select_likely
 from .measurement.missed import after_miss, missed_and_measured
 from .measurement.newborn import newborn_mixture
@@ -248,8 +248,8 @@ class PriorMixture:
 
     def _coarse_log_likelihood(self, pairs: Paired, readings: View) -> FloatArray:
         """Return the log likelihoods of pairs, linearised at the predicted means, (P, R)."""
-        log_motion = coarse_motion(self.mixture, pairs.row, pairs.projected_index, readings)
-        return pairs.log_likelihood if log_motion is None else pairs.log_likelihood + log_motion
+        further = coarse_further(self.mixture, pairs.row, pairs.projected_index, readings)
+        return pairs.log_likelihood if further is None else pairs.log_likelihood + further
 
     def _log_factor(self, pairs: Paired, evidence: PairEvidence | None) -> FloatArray:
         """Return the log likelihoods of pairs besides measurement and amplitude, (P,)."""

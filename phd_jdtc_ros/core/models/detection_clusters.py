@@ -67,7 +67,7 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
         measured = [np.hypot(measured[0], up[0]), measured[1], np.arctan2(up[0], measured[0])]
     measurement = np.stack(measured, axis=1)
     std, rate_std = detections.noise_std, detections.range_rate_std
-    time_s, height = detections.time_s, detections.height
+    time_s, height, z = detections.time_s, detections.height, detections.z
     correlation = detections.noise_correlation
     return replace(
         detections,
@@ -81,6 +81,8 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
         velocity=_mean_pairs(group, detections.velocity, count),
         velocity_std=_mean_pairs(group, detections.velocity_std, count),
         height=None if height is None else _mean(group, height, count),
+        z=None if z is None else _mean(group, z, count),
+        z_std=None if detections.z_std is None else _mean(group, detections.z_std, count),
         code=_first_known(group, detections.code, count),
         address=_first_known(group, detections.address, count),
         detection_type=_highest_type(group, detections.detection_type, count),

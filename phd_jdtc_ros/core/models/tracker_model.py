@@ -13,8 +13,8 @@ from ..arrays import ReadOnly
 from ..factors.clutter.map import ClutterMap
 from ..factors.factor import Factor
 from ..factors.transponder.records import AttributeModel
+from ..sensors.reported_heights import HeightPrior
 from ..sensors.sensor import Sensor
-from ..sensors.spatial_radar import HeightPrior
 from ..sensors.view import View
 from ..targets.amplitude_density import of_classes
 from ..targets.birth import BirthTerm

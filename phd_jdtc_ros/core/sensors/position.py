@@ -16,6 +16,7 @@ from . import polar_geometry
 from .gaussians import PlanePlots, noise_covariance
 from .of_gaussians.linearised import Linearised
 from .range_rate import Rates, Velocities, VelocityModel
+from .reported_heights import HeightPrior
 from .sensor import Sensor
 from .visibility import FieldOfView
 
@@ -181,6 +182,9 @@ class PositionSensor(Sensor):
     std: tuple[float, float]
     visibility: WatchedArea
     velocity_model: VelocityModel | None = None  # None if it measures no velocities
+    # Heights of targets of which it reports none; None in the plane. Its measurement is x and y
+    # also in space, where a height is `Detections.z`.
+    height_prior: HeightPrior | None = None
 
     def with_scaled_noise(self, of_std: FloatArray) -> PositionSensor:
         """Return the sensor with deviations of its noise multiplied by factors; see `Sensor`."""
@@ -208,13 +212,16 @@ class PositionSensor(Sensor):
 
     def linearise(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the measurements of positions and their Jacobians; see `Sensor`."""
-        measured = (position - np.asarray(self.position)) @ self._rotation.T
-        return measured, np.broadcast_to(self._rotation, (*position.shape, 2))
+        place = position[..., :2]
+        measured = (place - np.asarray(self.position)) @ self._rotation.T
+        return measured, np.broadcast_to(self._rotation, (*place.shape, 2))
 
     def to_world(self, measurement: FloatArray) -> FloatArray:
-        """Return the positions of measurements, (M, 2)."""
+        """Return the positions of measurements, (M, P), at the mean height in space."""
         position: FloatArray = measurement @ self._rotation + np.asarray(self.position)
-        return position
+        if self.height_prior is None:
+            return position
+        return np.column_stack([position, np.full(len(position), self.height_prior.mean)])
 
     def log_jacobian(self, measured: FloatArray) -> FloatArray:
         """Return zeros: areas are the same in both frames."""
@@ -225,6 +232,9 @@ class PositionSensor(Sensor):
         turn = self._rotation.T
         std, correlation = self.noise_std_of(detections), detections.noise_correlation
         covariance = turn @ noise_covariance(std, correlation) @ turn.T
+        if self.height_prior is not None:
+            covariance = np.pad(covariance, ((0, 0), (0, 1), (0, 1)))
+            covariance[:, 2, 2] = self.height_prior.std**2
         return PlanePlots.of(self.to_world(detections.measurement), covariance)
 
     def motion_of(self, detections: Detections) -> Rates | Velocities | None:

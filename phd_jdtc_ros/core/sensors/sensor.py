@@ -21,6 +21,7 @@ from ..types import Coverage, Detections, Pose
 from .gaussians import Births, HeavyTails, PlanePlots
 from .of_gaussians.linearised import Linearised
 from .range_rate import Rates, Velocities
+from .reported_heights import Heights, ReportedHeights
 from .visibility import FieldOfView
 
 SensorT = TypeVar("SensorT", bound="Sensor")
@@ -55,6 +56,8 @@ class Sensor(ReadOnly, ABC):
     least_std: tuple[float, ...] = (0.0, 0.0)
     # Outliers among its measurements; None without any.
     outliers: HeavyTails | None = None
+    # Errors of the heights that it reports in space; None if it reports none, and in the plane.
+    reported_heights: ReportedHeights | None = None
 
     def at(self: SensorT, pose: Pose | None) -> SensorT:
         """Return the sensor at a pose; None keeps its pose."""
@@ -102,9 +105,11 @@ class Sensor(ReadOnly, ABC):
 
     def places_of_births(self, detections: Detections) -> Births:
         """Return the hypotheses of the places of targets born at detections."""
-        return Births(
+        births = Births(
             np.arange(len(detections)), np.ones(len(detections)), self.in_plane(detections)
         )
+        heights = self.heights_of(detections)
+        return births if heights is None else heights.divide(births)
 
     def noise_std_of(self, detections: Detections) -> FloatArray:
         """Return the standard deviations of each detection, its own or the sensor's, (M, Z)."""
@@ -142,3 +147,7 @@ class Sensor(ReadOnly, ABC):
     def motion_of(self, detections: Detections) -> Rates | Velocities | None:
         """Return the measured motion of detections; None without a usable one."""
         return None
+
+    def heights_of(self, detections: Detections) -> Heights | None:
+        """Return the heights of detections as measurements of z; None without any."""
+        return None if self.reported_heights is None else self.reported_heights.of(detections)

@@ -13,7 +13,6 @@ from functools import cached_property
 from typing import ClassVar, cast
 
 import numpy as np
-from scipy.special import ndtr
 
 from ..arrays import FloatArray, IntArray
 from ..state_space import SPATIAL, StateSpace
@@ -22,48 +21,10 @@ from .gaussians import Births, PlanePlots
 from .of_gaussians.linearised import Linearised
 from .polar_geometry import MIN_RANGE
 from .polar_radar import RadarModel
+from .reported_heights import HeightPrior, Heights
 
 # Standard deviation of the elevation of a detection without one, radians.
 UNKNOWN_STD = 30.0
-
-
-@dataclass(frozen=True)
-class HeightPrior:
-    """Heights of undetected targets: a normal distribution above a floor, metres."""
-
-    mean: float
-    std: float
-    floor: float = -math.inf
-    # Number of hypotheses of the height of a target born at a detection without an elevation. With
-    # six the next detections select one; with more the result is the same.
-    CELLS: ClassVar[int] = 6
-    # Standard deviations from the mean up to which heights are considered.
-    REACH: ClassVar[float] = 2.0
-
-    # Share of the deviation to which a height has to be known to be reported.
-    KNOWN: ClassVar[float] = 0.5
-
-    @property
-    def largest_std(self) -> float:
-        """Largest standard deviation of a height that is reported, metres."""
-        return self.KNOWN * self.std
-
-    def cells(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the probabilities, (K, M), and the centres of cells between heights, and widths.
-
-        The cells divide the heights that are considered and within the bounds, (M,), evenly. If
-        there are none, they divide what is within the bounds, with equal probabilities.
-        """
-        reach = self.REACH * self.std
-        bottom = np.maximum(low, max(self.mean - reach, self.floor))
-        top = np.minimum(high, self.mean + reach)
-        elsewhere = bottom >= top
-        bottom, top = np.where(elsewhere, low, bottom), np.where(elsewhere, high, top)
-        width = (top - bottom) / self.CELLS
-        edges = bottom + np.arange(self.CELLS + 1)[:, None] * width
-        mass = np.where(elsewhere, 1.0, np.diff(ndtr((edges - self.mean) / self.std), axis=0))
-        share: FloatArray = mass / mass.sum(axis=0)
-        return share, edges[:-1] + 0.5 * width, width
 
 
 def linearise(
@@ -210,23 +171,25 @@ class SpatialRadar(RadarModel):
         """Return the hypotheses of the places of births: several heights without an elevation.
 
         Each cell of the heights that the radar can see at the detection's range has a Gaussian. Its
-        covariance is tilted along the circle of constant slant range.
+        covariance is tilted along the circle of constant slant range. A reported height has one of
+        its own, as far as it is not garbled.
         """
         std = self.noise_std_of(detections)
         unknown = std[:, 2] >= UNKNOWN_STD
         if not unknown.any():
             return super().places_of_births(detections)
         known = np.flatnonzero(~unknown)
-        whole = self.in_plane(detections.take(known))
-        row, share, places = self._at_heights(np.flatnonzero(unknown), detections, std)
-        rows = np.concatenate([known, row])
+        seen = super().places_of_births(detections.take(known))
+        heights = self.heights_of(detections)
+        row, share, places = self._at_heights(np.flatnonzero(unknown), detections, std, heights)
+        rows = np.concatenate([known[seen.row], row])
         order = np.argsort(rows, kind="stable")
-        columns = (np.concatenate(parts)[order] for parts in zip(whole, places, strict=True))
-        shares = np.concatenate([np.ones(len(known)), share])
+        columns = (np.concatenate(parts)[order] for parts in zip(seen.plots, places, strict=True))
+        shares = np.concatenate([seen.share, share])
         return Births(rows[order], shares[order], PlanePlots(*columns))
 
     def _at_heights(
-        self, rows: IntArray, detections: Detections, std: FloatArray
+        self, rows: IntArray, detections: Detections, std: FloatArray, heights: Heights | None
     ) -> tuple[IntArray, FloatArray, PlanePlots]:
         """Return the hypotheses of `places_of_births` for these rows: row, share and places."""
         slant = np.maximum(detections.measurement[rows, 0], MIN_RANGE)
@@ -235,9 +198,18 @@ class SpatialRadar(RadarModel):
             for edge in self.visibility.elevation_limits
         )
         share, height, width = self.height_prior.cells(low, high)
-        cells = len(share)
-        row, above = np.tile(rows, cells), height.ravel() - self.height
-        slant, deviation = np.tile(slant, cells), np.tile(width, cells) / math.sqrt(12.0)
+        deviations = np.tile(width / math.sqrt(12.0), (len(share), 1))
+        if heights is not None:
+            own = heights.take(rows)
+            # A height that is farther away than the target is garbled.
+            near = own.is_known & (np.abs(own.height - self.height) <= slant + 3.0 * own.std)
+            true = np.where(near, 1.0 - own.garbled, 0.0)
+            share = np.concatenate([share * (1.0 - true), true[None]])
+            height = np.concatenate([height, np.where(near, own.height, self.height)[None]])
+            deviations = np.concatenate([deviations, own.std[None]])
+        count, kept = len(rows), np.flatnonzero(share.ravel())
+        row, above = rows[kept % count], height.ravel()[kept] - self.height
+        slant, deviation = slant[kept % count], deviations.ravel()[kept]
         # The elevation at which a ray of this length ends at this height.
         sine = (above + 0.5 * self.curvature * (above**2 - slant**2)) / slant
         sine = np.clip(sine, -1.0, 1.0)
@@ -253,9 +225,10 @@ class SpatialRadar(RadarModel):
         root[:, 0, 1], root[:, 1, 1] = -sideways * sin, sideways * cos
         root[:, 0, 2], root[:, 1, 2], root[:, 2, 2] = lean * cos, lean * sin, deviation
         position = np.stack(
-            [self.position[0] + level * cos, self.position[1] + level * sin, height.ravel()], axis=1
+            [self.position[0] + level * cos, self.position[1] + level * sin, above + self.height],
+            axis=1,
         )
-        return row, share.ravel(), PlanePlots(position, root, np.ones((len(row), 3)))
+        return row, share.ravel()[kept], PlanePlots(position, root, np.ones((len(row), 3)))
 
     def log_jacobian(self, measured: FloatArray) -> FloatArray:
         """Return log |dz/dp| at measurements; shape (N,)."""

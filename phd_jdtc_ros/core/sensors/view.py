@@ -20,6 +20,7 @@ from ..targets.modes import ClassModel
 from ..types import Coverage, Detections
 from .gaussians import PlanePlots
 from .range_rate import Rates, Velocities
+from .reported_heights import Heights
 from .sensor import Sensor
 
 # Rounding error of the sum of the probabilities of adjoining sectors.
@@ -260,6 +261,11 @@ class View(ReadOnly):
         """Velocities of the detections in the world frame; None without usable ones."""
         motion = self._motion
         return motion if isinstance(motion, Velocities) else None
+
+    @cached_property
+    def heights(self) -> Heights | None:
+        """Heights of the detections as measurements of z; None without any."""
+        return self.sensor.heights_of(self.detections)
 
     def sensors_own_rate_std(self, rates: Rates) -> FloatArray:
         """Return the sensor's standard deviations of the detections' range rates, (M,).

@@ -45,7 +45,7 @@ class Region:
 
     def select_detections(self, detections: Detections, sensor: Sensor) -> Detections:
         """Return a sensor's detections in the core region or its margin."""
-        position = sensor.at(detections.pose).to_world(detections.measurement)
+        position = sensor.at(detections.pose).to_world(detections.measurement)[:, :2]
         inside = self.covers(position)
         return detections if inside.all() else detections.take(np.flatnonzero(inside))
 

@@ -15,7 +15,7 @@ UNKNOWN = -1
 # The columns of detections with one number per detection.
 _PER_DETECTION = (
     *("amplitude", "time_s", "noise_correlation", "range_rate", "range_rate_std"),
-    *("height", "code", "address", "detection_type"),
+    *("height", "code", "address", "detection_type", "z", "z_std"),
 )
 # The columns with one row per detection.
 _COLUMNS = ("measurement", "noise_std", "velocity", "velocity_std", *_PER_DETECTION)
@@ -111,6 +111,11 @@ class Detections(ReadOnly):
     # Its standard deviations, metres per second, (M, Z). NaN, or None for all, stands for the
     # sensor model's.
     velocity_std: FloatArray | None = None
+    # Height above the world's zero in the place of `height`, as a measurement of z in space,
+    # metres, (M,); NaN where unknown. A pressure altitude if `Sensor.reported_heights` says so.
+    z: FloatArray | None = None
+    # Its standard deviation, metres, (M,). NaN, or None for all, stands for the sensor model's.
+    z_std: FloatArray | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

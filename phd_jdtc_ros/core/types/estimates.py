@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -125,6 +126,8 @@ class Estimates(_Targets):
         default_factory=lambda: _NOT_GIVEN
     )
     attributes: Attributes | None = None  # Heights and identities; None if no radar reports any
+    # Pressure altitude of targets in space minus their height, metres; NaN if it is not known.
+    pressure_above: float = math.nan
 
     @property
     def position_covariance(self) -> FloatArray:
@@ -179,6 +182,16 @@ class Estimates(_Targets):
         unknown = ~(covariance[:, 0, 0] <= largest_std**2)
         height[unknown], covariance[unknown] = np.nan, np.nan
         return self.changed(attributes=found.changed(height=height, height_covariance=covariance))
+
+    def with_pressure(self, above: float, std: float) -> Estimates:
+        """Return estimates in space whose heights follow from pressure altitudes.
+
+        Pressure altitudes are `above` metres larger, with a standard deviation that all heights
+        have in common.
+        """
+        (z, _), covariance = self.space.vertical, self.covariance.copy()
+        covariance[:, z, z] += std**2
+        return self.changed(covariance=covariance, pressure_above=above)
 
     @property
     def existence(self) -> FloatArray:

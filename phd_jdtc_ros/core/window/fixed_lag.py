@@ -275,6 +275,8 @@ class GaussianEngine:
         if (transponders := self.forward.factors.transponders) is not None:
             estimates = transponders.describe(estimates, smoothed)
         if (prior := self.forward.model.height_prior) is not None:
+            if (pressure := self.forward.factors.pressure) is not None:
+                estimates = estimates.with_pressure(pressure.mean, pressure.std)
             estimates = estimates.with_heights(prior.largest_std)
         return self._tracks.assign(estimates, Reach.of(self.forward.model))
 

@@ -12,7 +12,8 @@ from phd_jdtc_ros.core.sensors.of_gaussians.linearised import (
     WeightedGaussians,
 )
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
-from phd_jdtc_ros.core.sensors.spatial_radar import UNKNOWN_STD, HeightPrior, SpatialRadar
+from phd_jdtc_ros.core.sensors.reported_heights import HeightPrior
+from phd_jdtc_ros.core.sensors.spatial_radar import UNKNOWN_STD, SpatialRadar
 from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.sensors.visibility import Visibility
 from phd_jdtc_ros.core.state_space import SPATIAL

@@ -193,3 +193,21 @@ def test_written_clouds_are_read_again():
 )
 def test_clouds_with_a_range_are_of_radars(fields, expected):
     assert recognised.is_of_positions(fields) == expected
+
+
+def test_z_is_a_height_in_space_and_nothing_in_the_plane():
+    columns = {"x": [1.0, 2.0], "y": [3.0, 4.0], "z": [0.5, NAN], "z_std": [0.2, 0.1]}
+    flat = read(columns).detections
+    assert flat.z is None
+    assert flat.height is None
+    place = {"area": [-100.0, -100.0, 100.0, 100.0], "position": [0.0, 0.0, 4.0]}
+    values = {f"lidar.{name}": value for name, value in place.items()}
+    given = {"sensors": ["lidar"], "lidar.kind": "position", "state": "space", **values}
+    own = resolve(given).inputs[0]
+    report = read(columns, own)
+    assert_array_equal(report.detections.z, [4.5, NAN])
+    assert_allclose(report.detections.z_std, [0.2, 0.1], rtol=1e-6)
+    assert not report.anomalies
+    assert read({"x": [1.0], "y": [3.0]}, own).detections.z is None
+    again = reader_of(own).from_cdr(reader_of(own).to_cdr(report.detections, STAMP_NS, own), own)
+    assert_array_equal(again.detections.z, report.detections.z)

@@ -11,7 +11,8 @@ from msg_adapters.incoming import detections as adapter
 from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.configuration.parameters.radar import TIME_UNITS
 from phd_jdtc_ros.core.intake.sectors import coverage_of
-from phd_jdtc_ros.core.sensors.spatial_radar import UNKNOWN_STD, HeightPrior
+from phd_jdtc_ros.core.sensors.reported_heights import Air, HeightPrior
+from phd_jdtc_ros.core.sensors.spatial_radar import UNKNOWN_STD
 from phd_jdtc_ros.core.types import Detections
 
 F4, F8, U1, I4 = (PointField.FLOAT32, PointField.FLOAT64, PointField.UINT8, PointField.INT32)
@@ -329,7 +330,7 @@ def in_space(points, extra=(), **changes):
     """Return the report of points of range, azimuth, elevation and more to a radar in space."""
     names = [(name, F8) for name in ("range", "azimuth", "el", *extra)]
     given = radar(amplitude_field="", elevation_field="el", **changes)
-    spatial = given.in_space(HeightPrior(0.0, 5e3, 0.0))
+    spatial = given.in_space(HeightPrior(0.0, 5e3, 0.0), Air())
     return adapter.from_msg(cloud(names, points), spatial)
 
 
@@ -366,7 +367,7 @@ def test_deviations_of_elevations_are_each_detections_own():
 
 
 def test_radar_without_elevations_measures_slant_ranges_in_space():
-    spatial = radar(amplitude_field="").in_space(HeightPrior(0.0, 5e3, 0.0))
+    spatial = radar(amplitude_field="").in_space(HeightPrior(0.0, 5e3, 0.0), Air())
     names = [(name, F8) for name in ("range", "azimuth")]
     found = adapter.from_msg(cloud(names, [(1000.0, 0.1)]), spatial).detections
     assert_allclose(found.measurement, [[1000.0, 0.1, 0.0]])

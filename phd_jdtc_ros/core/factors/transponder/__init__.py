@@ -15,11 +15,13 @@
     code, address, z, vz of estimates                               transponders
 
 The update uses only `transponders.Transponders`. A belief belongs to a label and is independent of
-how the engine represents the state.
+how the engine represents the state. In space heights are measurements of the state, and `pressure`
+is the difference of pressure altitudes from these.
 """
 
 from .height import HeightModel
 from .identity import ADDRESSES, CODES, IdentityModel
+from .pressure import Pressure
 from .records import AttributeModel
 
-__all__ = ["ADDRESSES", "CODES", "AttributeModel", "HeightModel", "IdentityModel"]
+__all__ = ["ADDRESSES", "CODES", "AttributeModel", "HeightModel", "IdentityModel", "Pressure"]

@@ -12,9 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...arrays import BoolArray, FloatArray, IntArray, sum_by
-
-# Width of the uniform density of garbled heights and of heights of undetected targets, metres.
-SPAN = 15e3
+from ...sensors.reported_heights import SPAN
 
 
 @dataclass(frozen=True)

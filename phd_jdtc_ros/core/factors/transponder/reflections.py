@@ -29,7 +29,7 @@ def log_reflections(
     of clutter.
     """
     sensor, measured = report.sensor, report.detections.measurement[column]
-    distance = np.hypot(*(report.position[column] - place).T)
+    distance = np.hypot(*(report.position[column] - place)[:, :2].T)
     area = 2.0 * np.pi * np.maximum(distance, NEAREST) ** 2 * np.log(FARTHEST / NEAREST)
     log_intensity = np.log(np.maximum(existence, TINY) * RATE / area)
     log_clutter = report.log_uniform_clutter + report.log_clutter_factor(measured)

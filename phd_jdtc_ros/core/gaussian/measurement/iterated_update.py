@@ -1,14 +1,17 @@
-"""The update of pairs of Gaussians and detections: first positions, then rates or velocities."""
+"""The update of pairs of Gaussians and detections: heights, positions, then rates or velocities."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
+
+import numpy as np
 
 from ...arrays import FloatArray, IntArray
 from ...sensors.of_gaussians.linearised import Measured, WeightedGaussians, gaussians_of_groups
 from ...sensors.view import View
 from ..algebra import heavy_tails, kalman, range_rate
 from ..mixture import Mixture
+from .heights import HeightUpdate, coarse_heights, update_heights
 from .velocity import VelocityUpdate, update_velocities
 
 
@@ -19,8 +22,8 @@ class PairUpdate(NamedTuple):
     innovation: kalman.Innovation
     # `innovation`, or that of the mixture of usual noise and outliers: `heavy_tails.mix_noises`.
     matched: kalman.Innovation
-    # The Gaussians updated with range rates or velocities too; None if the report has none.
-    motion_update: range_rate.RateUpdate | VelocityUpdate | None
+    # The Gaussians updated with heights, range rates or velocities too; None without any.
+    further: range_rate.RateUpdate | VelocityUpdate | HeightUpdate | None
     # Probability that each detection is an outlier if it is the Gaussian's; None without outliers.
     outlier: FloatArray | None
     row: IntArray  # Hypothesis of each pair, (P,)
@@ -29,10 +32,10 @@ class PairUpdate(NamedTuple):
 
     @property
     def log_likelihood(self) -> FloatArray:
-        """Log likelihood of the measurement, including any rate or velocity, shape (P R,)."""
-        if self.motion_update is None:
+        """Log likelihood of the measurement, with any height, rate or velocity, shape (P R,)."""
+        if self.further is None:
             return self.matched.log_likelihood
-        return self.matched.log_likelihood + self.motion_update.log_likelihood
+        return self.matched.log_likelihood + self.further.log_likelihood
 
     def updated_gaussians(
         self, mixture: Mixture, row: IntArray, pair: IntArray
@@ -48,7 +51,7 @@ class PairUpdate(NamedTuple):
         """
         modes, size = mixture.mean.shape[1:]
         gaussians = mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size)
-        if self.motion_update is None:
+        if self.further is None:
             times = self.report.detections.time_s
             time_s = None if times is None else times[self.column].repeat(modes)
             mean, covariance = kalman.update(
@@ -59,8 +62,8 @@ class PairUpdate(NamedTuple):
             updated = gaussians_of_groups(pair, modes)
             mean, covariance = gaussians[0][gaussian], gaussians[1][gaussian]
             detected = updated >= 0
-            mean[detected] = self.motion_update.mean[updated[detected]]
-            covariance[detected] = self.motion_update.covariance[updated[detected]]
+            mean[detected] = self.further.mean[updated[detected]]
+            covariance[detected] = self.further.covariance[updated[detected]]
         return mean.reshape(-1, modes, size), covariance.reshape(-1, modes, size, size)
 
 
@@ -80,35 +83,62 @@ def iterated_update(
     detections, sensor = report.detections, report.sensor
     rates = report.range_rates
     velocities = None if detections.velocity is None else report.velocities
+    heights = None if detections.z is None else report.heights
     modes, size = mixture.mean.shape[1:]
     mean, covariance = mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size)
-    gaussians = WeightedGaussians.of(mean, covariance, mixture.mode_weight.reshape(-1))
+    weight, pairs = mixture.mode_weight.reshape(-1), (row, column)
+    own, time_s = None, None
+    if rates is not None or velocities is not None or heights is not None:
+        gaussian, detection = gaussians_of_groups(row, modes), column.repeat(modes)
+        time_s = None if detections.time_s is None else detections.time_s[detection]
+        own = mean[gaussian], covariance[gaussian]
+    by_height = None
+    if own is not None and heights is not None:
+        by_height = update_heights(*own, heights.take(detection), time_s)
+        mean, covariance = own = by_height.mean, by_height.covariance
+        weight, pairs = weight[gaussian], (np.arange(len(row)), column)
+    gaussians = WeightedGaussians.of(mean, covariance, weight)
     noise = report.detection_std, detections.noise_correlation
     measured = Measured(detections.measurement, *noise, detections.time_s)
-    innovation = kalman.innovations(gaussians, sensor, measured, (row, column), modes)
+    innovation = kalman.innovations(gaussians, sensor, measured, pairs, modes)
     matched, outlier = innovation, None
     if sensor.outliers is not None:
         matched, outlier = heavy_tails.mix_noises(innovation, sensor.outliers, *noise, column)
-    motion_update: range_rate.RateUpdate | VelocityUpdate | None = None
-    if rates is not None or velocities is not None:
-        gaussian, detection = gaussians_of_groups(row, modes), column.repeat(modes)
-        time_s = None if detections.time_s is None else detections.time_s[detection]
-        updated = kalman.update(mean[gaussian], covariance[gaussian], sensor, matched, time_s)
+    further: range_rate.RateUpdate | VelocityUpdate | HeightUpdate | None = None
+    if own is not None:
+        updated = kalman.update(*own, sensor, matched, time_s)
         if rates is not None:
-            own_rates = rates.take(detection)
-            motion_update = range_rate.update_rates(*updated, sensor, own_rates, time_s)
+            further = range_rate.update_rates(*updated, sensor, rates.take(detection), time_s)
         elif velocities is not None:
-            motion_update = update_velocities(*updated, sensor.space, velocities.take(detection))
-    return PairUpdate(innovation, matched, motion_update, outlier, row, column, report)
+            further = update_velocities(*updated, sensor.space, velocities.take(detection))
+        if by_height is not None:
+            log_height = by_height.log_likelihood
+            further = (
+                HeightUpdate(*updated, log_height)
+                if further is None
+                else further._replace(log_likelihood=further.log_likelihood + log_height)
+            )
+    return PairUpdate(innovation, matched, further, outlier, row, column, report)
 
 
-def coarse_motion(
+def coarse_further(
     mixture: Mixture, row: IntArray, column: IntArray, report: View
 ) -> FloatArray | None:
-    """Return the log likelihood of the rates or velocities of pairs at the predicted means, (P, R).
+    """Return the log likelihood of rates or velocities, and heights, at the means, (P, R).
 
-    The times of detections are ignored. The result is None if the report has neither.
+    The times of detections are ignored. The result is None if the report has none of them.
     """
+    heights = None if report.detections.z is None else report.heights
+    log_motion = _coarse_motion(mixture, row, column, report)
+    if heights is None:
+        return log_motion
+    log_height = coarse_heights(mixture, row, heights.take(column))
+    return log_height if log_motion is None else log_motion + log_height
+
+
+def _coarse_motion(
+    mixture: Mixture, row: IntArray, column: IntArray, report: View
+) -> FloatArray | None:
     rates = report.range_rates
     if rates is None and report.detections.velocity is None:
         return None

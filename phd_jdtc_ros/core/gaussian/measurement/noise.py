@@ -72,7 +72,7 @@ def _rate_squares(update: PairUpdate, modes: int) -> _Rates:
 
     A range rate updates a Gaussian after the position, so that its innovation has one dimension.
     """
-    report, rate_update = update.report, update.motion_update
+    report, rate_update = update.report, update.further
     factor, rates = report.noise, report.range_rates
     if not isinstance(rate_update, RateUpdate) or rates is None:
         return frozen(_Rates(NONE, NONE))

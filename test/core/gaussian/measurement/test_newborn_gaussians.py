@@ -10,7 +10,7 @@ from scipy.stats import norm
 from phd_jdtc_ros.core.gaussian.algebra import kalman, range_rate
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.measurement import newborn as newborn_module
-from phd_jdtc_ros.core.gaussian.measurement.iterated_update import coarse_motion, iterated_update
+from phd_jdtc_ros.core.gaussian.measurement.iterated_update import coarse_further, iterated_update
 from phd_jdtc_ros.core.gaussian.measurement.newborn import newborn_mixture
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.models.detection_birth import Newborn
@@ -236,7 +236,7 @@ def test_pairs_are_where_each_detection_puts_what_flew_straight_until_then(times
 
 def test_coarse_rates_are_the_densities_at_what_is_expected_of_each_gaussian():
     before, seen = mixture(), report()
-    found = coarse_motion(before, ROW, COLUMN, View.of(RADAR, seen))
+    found = coarse_further(before, ROW, COLUMN, View.of(RADAR, seen))
     assert found.shape == (5, 2)
     for pair, (row, z) in enumerate(zip(ROW, COLUMN, strict=True)):
         for mode in range(2):

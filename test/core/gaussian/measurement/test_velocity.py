@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
 
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
-from phd_jdtc_ros.core.gaussian.measurement.iterated_update import coarse_motion, iterated_update
+from phd_jdtc_ros.core.gaussian.measurement.iterated_update import coarse_further, iterated_update
 from phd_jdtc_ros.core.gaussian.measurement.newborn import newborn_mixture
 from phd_jdtc_ros.core.gaussian.measurement.velocity import update_velocities
 from phd_jdtc_ros.core.models.detection_birth import Newborn
@@ -77,11 +77,11 @@ def test_coarse_likelihood_is_that_at_the_prediction():
     mixture = mixture.changed(mean=mean[None, None], covariance=covariance[None, None])
     velocity = np.array([mean[[1, 3]] + [3.0, -2.0], [np.nan, 0.0]]) @ TURN.T
     report = View.of(SENSOR, Detections(np.zeros((2, 2)), None, velocity=velocity))
-    found = coarse_motion(mixture, np.array([0, 0]), np.array([0, 1]), report)
+    found = coarse_further(mixture, np.array([0, 0]), np.array([0, 1]), report)
     spread = covariance[np.ix_([1, 3], [1, 3])] + SPEED_STD**2 * np.eye(2)
     assert_allclose(found, [[multivariate_normal.logpdf([3.0, -2.0], cov=spread)], [0.0]])
     without = View.of(mast(), report.detections)
-    assert coarse_motion(mixture, np.array([0]), np.array([0]), without) is None
+    assert coarse_further(mixture, np.array([0]), np.array([0]), without) is None
 
 
 def test_target_is_born_with_its_velocity():
