@@ -41,13 +41,18 @@ def _visibility(radar: RadarParameters, parts: Parts) -> Iterator[str]:
         )
 
 
-def _detection(radar: RadarParameters, parts: Parts) -> Iterator[str]:
-    key, ranges = f"{radar.name}.detection_probability_range", radar.detection_probability_range
-    given = radar.detection_probability
-    if not all(near < far for near, far in pairwise(ranges)):
-        yield f"{key}: {ranges} given, must be ascending"
-    elif isinstance(given, list) and len(ranges) != len(given):
-        yield f"{key}: {ranges} given, must be a range for each of {len(given)} probabilities"
+def _tables(radar: RadarParameters, parts: Parts) -> Iterator[str]:
+    """Yield the faults of what is given by range."""
+    detection, density = radar.detection_probability, radar.clutter_density
+    for name, what, given, ranges in (
+        ("detection_probability", "probabilities", detection, radar.detection_probability_range),
+        ("clutter_density", "densities", density, radar.clutter_density_range),
+    ):
+        key = f"{radar.name}.{name}_range"
+        if not all(near < far for near, far in pairwise(ranges)):
+            yield f"{key}: {ranges} given, must be ascending"
+        elif isinstance(given, list) and len(ranges) != len(given):
+            yield f"{key}: {ranges} given, must be a range for each of {len(given)} {what}"
 
 
 def _clutter(radar: RadarParameters, parts: Parts) -> Iterator[str]:
@@ -77,6 +82,7 @@ def _beyond_the_paper(radar: RadarParameters, parts: Parts) -> Iterator[str]:
         (radar.rotation_s, "rotation_s", "0"),
         (radar.clutter_map and "true", "clutter_map", "false"),
         (radar.clutter_amplitude == LEARNED and LEARNED, "clutter_amplitude", "rayleigh"),
+        (radar.clutter_density, "clutter_density", "[]"),
         (radar.detection_correlation, "detection_correlation", "0"),
         *(
             (field and repr(field), f"fields.{quantity}", "''")
@@ -181,7 +187,7 @@ def _in_space(radar: RadarParameters, parts: Parts) -> Iterator[str]:
 
 CHECKS = (
     _in_space,
-    _detection,
+    _tables,
     _clutter,
     _visibility,
     _revolutions,

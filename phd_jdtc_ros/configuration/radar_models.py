@@ -10,6 +10,7 @@ import numpy as np
 from phd_jdtc_ros.core.factors import (
     Bursts,
     ClutterMap,
+    ClutterRanges,
     ClutterRate,
     CorrelatedMisses,
     Detection,
@@ -113,6 +114,7 @@ def radar_factors(radar: RadarParameters) -> tuple[Factor, ...]:
         "outliers" in learn and Outliers(),
         (correlation.learned or correlation.start) and correlation,
         "clutter" in learn and ClutterRate.beginning_with(radar.clutter_rate),
+        ("clutter" in learn or radar.clutter_density) and _clutter_ranges(radar),
         radar.clutter_map and _clutter_map(radar),
         radar.clutter_amplitude == "learned" and Learned(threshold),
         Limit(),
@@ -121,6 +123,13 @@ def radar_factors(radar: RadarParameters) -> tuple[Factor, ...]:
         radar.height_prior is not None and radar.fields.height and Pressure(*radar.air),
     )
     return tuple(factor for factor in found if isinstance(factor, Factor))
+
+
+def _clutter_ranges(radar: RadarParameters) -> ClutterRanges:
+    nearest, farthest = radar.min_range, radar.clutter_max_range
+    limits = nearest if nearest < farthest else 0.0, farthest
+    table = radar.clutter_density_range, radar.clutter_density
+    return ClutterRanges.of_table("clutter" in radar.learn, limits, table)
 
 
 def _clutter_map(radar: RadarParameters) -> ClutterMap:

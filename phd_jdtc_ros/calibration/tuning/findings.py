@@ -12,7 +12,7 @@ from phd_jdtc_ros.configuration.parameters.radar import MOST_SECTORS
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.intake.sectors import smallest_arc
 
-from .levels import Levels, levels, log_ratio
+from .levels import Levels, clutter_ranges, levels, log_target_ratio
 from .plots import Plots, sectors
 from .rates import (
     Field,
@@ -74,6 +74,8 @@ class Findings:
     detection: Rate  # Detection probability per look
     ends: Rate  # Ends of tracks per look; see `rates.ends`
     clutter: Rate  # False detections per look
+    # Their ranges and relative densities; None if they are uniform in range.
+    clutter_density: tuple[FloatArray, FloatArray] | None
     field: Field
     levels: Levels | None  # None without amplitudes
     # Root mean square velocity of the tracks along each axis, metres per second.
@@ -162,11 +164,12 @@ def _findings(plots: Plots) -> Findings:
     others = np.setdiff1d(kept, linked)
     of_targets = len(others) * len(tracks.claimed) / len(linked)
     clutter = clutter_rate(plots, timing, tracks, rows if slow else None, of_targets)
+    false = np.setdiff1d(np.intersect1d(kept, linked), tracks.claimed)
     # A new target may move as fast as those that do, whatever else is at rest.
     movers, _ = moving(plots, tracks, noise)
     speed_std = _speed_std(plots, movers if movers.plots else tracks)
     known = _without_amplitudes(plots, others)
-    ratio = log_ratio(known, known, tracks)
+    ratio = log_target_ratio(known, known, tracks)
     return Findings(
         timing,
         noise,
@@ -175,6 +178,7 @@ def _findings(plots: Plots) -> Findings:
         detection_probability(plots, timing, tracks),
         ends(plots, timing, tracks),
         clutter,
+        None if plots.places else clutter_ranges(plots, false).table,
         field_of(plots, tracks.claimed),
         levels(known, tracks),
         speed_std,
@@ -242,7 +246,7 @@ def _iterate(
     # The initial value of the first search for the noise.
     noise = Noise(guess.range_std, guess.azimuth_std, guess.densities, np.ones(2), 0)
     for _ in range(ROUNDS):
-        ratio = log_ratio(plots, plots, tracks)
+        ratio = log_target_ratio(plots, plots, tracks)
         noise = fit_noise(plots, tracks, noise, guess.speed_std, ratio)
         candidates = _candidates(guess, noise, plots, timing, tracks)
         found = [link_plots(plots, timing, candidate, ratio) for candidate in candidates]
@@ -252,7 +256,7 @@ def _iterate(
         if change < CONVERGED:
             break
     _require_tracks(plots, timing, tracks)
-    ratio = log_ratio(plots, plots, tracks)
+    ratio = log_target_ratio(plots, plots, tracks)
     return guess, tracks, fit_noise(plots, tracks, noise, guess.speed_std, ratio)
 
 

@@ -1,4 +1,4 @@
-"""Amplitude statistics: target-to-clutter likelihood ratios, the threshold, clutter levels."""
+"""Amplitudes and ranges: target-to-clutter likelihood ratios, the threshold, clutter levels."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.factors import ClutterRanges
 from phd_jdtc_ros.core.targets.amplitude_density import level_db
 
 from .plots import Plots
@@ -87,6 +88,26 @@ def log_ratio(plots: Plots, linked: Plots, tracks: Tracks) -> FloatArray:
     reported = np.flatnonzero(np.isfinite(plots.amplitude))
     cell = np.minimum(_cells(plots.amplitude[reported]), cells - 1)
     ratio[reported] = log_ratio_of_cell[cell]
+    return ratio
+
+
+def clutter_ranges(plots: Plots, free: IntArray) -> ClutterRanges:
+    """Return the law over range of false plots, given their indices."""
+    farthest = float(plots.measurement[:, 0].max(initial=1.0))
+    nearest = plots.min_range if plots.min_range < farthest else 0.0
+    law = ClutterRanges.of_table(True, (nearest, farthest), ((), ()))
+    return law.after(plots.measurement[free, 0], np.ones(len(free)))
+
+
+def log_target_ratio(plots: Plots, linked: Plots, tracks: Tracks) -> FloatArray:
+    """Return the log likelihood ratio of amplitudes and ranges, target to clutter, (N,).
+
+    The ranges of targets are uniform; for the arguments see `log_ratio`.
+    """
+    ratio = log_ratio(plots, linked, tracks)
+    if not plots.places:
+        free = np.setdiff1d(np.arange(len(linked)), tracks.claimed)
+        ratio -= clutter_ranges(linked, free).log_ratio(plots.measurement[:, 0])
     return ratio
 
 

@@ -205,6 +205,15 @@ def _clutter(found: Findings, now: Now, max_range: Any, fov: Sequence[Row]) -> I
     step = 0.01 * _round_up(found.field.max_range)
     clutter_range = round_to_std(found.field.clutter_range, step)
     value, given = min(clutter_range, max_range), now("clutter_max_range")
+    if found.clutter_density is not None:
+        ranges, density = found.clutter_density
+        step = 0.01 * float(ranges[-1])
+        table = {
+            "clutter_density": [round_to_std(each, 0.1 * each) for each in density.tolist()],
+            "clutter_density_range": [round_to_std(each, step) for each in ranges.tolist()],
+        }
+        for name, column in table.items():
+            yield Row(name, column, source, now(name))
     # A learned rate is learned within the limit that is set.
     kept = learned and value <= (given or 0.0) <= MOST_BEYOND * value
     yield Row("clutter_max_range", value, source, given, proposed=not kept)

@@ -13,6 +13,7 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.intake.sectors import smallest_arc
 from phd_jdtc_ros.core.types import FULL_TURN
 
+from .levels import clutter_ranges
 from .plots import Plots
 from .rotation import Timing
 from .tracking.tracks import MOST_MISSES, Tracks
@@ -176,8 +177,8 @@ def outside_land(plots: Plots, looks: float, range_std: float, azimuth_std: floa
 def crowded(plots: Plots, free: IntArray) -> IntArray:
     """Return all plots in the areas of a stationary radar where untracked plots are dense.
 
-    `free` has the indices of the untracked plots. Rain, sea or a town fill such areas without
-    returning from the same places.
+    They are dense for their range. `free` has the indices of the untracked plots. Rain, sea or a
+    town fill such areas without returning from the same places.
     """
     if np.ptp(plots.pose, axis=0).any() or plots.places or not len(free):
         return np.zeros(0, dtype=np.int64)
@@ -191,7 +192,10 @@ def crowded(plots: Plots, free: IntArray) -> IntArray:
     ]
     cell = place[0] * CELLS[1] + place[1]
     count = np.bincount(cell[free], minlength=CELLS[0] * CELLS[1])
-    dense = count >= max(CROWD * len(free) / count.size, LEAST_CROWD)
+    middle = (np.arange(CELLS[0]) + 0.5) / CELLS[0] * distance.max()
+    ratio = np.exp(clutter_ranges(plots, free).log_ratio(middle))
+    usual = np.repeat(ratio, CELLS[1]) * len(free) / count.size
+    dense = count >= np.maximum(CROWD * usual, LEAST_CROWD)
     found: IntArray = np.flatnonzero(dense[cell])
     return found
 

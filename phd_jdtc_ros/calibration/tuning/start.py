@@ -9,7 +9,7 @@ from itertools import product
 
 import numpy as np
 
-from .levels import log_ratio
+from .levels import log_target_ratio
 from .plots import Plots
 from .rotation import Timing
 from .tracking.tracks import LinkModel, Tracks, link_plots
@@ -54,15 +54,30 @@ def first_guess(plots: Plots, timing: Timing) -> tuple[LinkModel, Tracks]:
     """Return the guess whose tracks have the best score, and its tracks; at least one plot."""
     per_look = len(plots) / (plots.duration_s / timing.look_s + 1.0)
     looks = min(LOOKS, max(PLOTS / max(per_look, 1.0), LEAST_LOOKS))
-    part = plots.until(looks * timing.look_s)
-    if not len(part):
-        part = plots
+    while True:
+        part = plots.until(looks * timing.look_s)
+        part = part if len(part) else plots
+        best = _best_of_grid(part, timing)
+        # Amid much clutter, the first targets may come later than in the first looks.
+        if best[0][0].plots or len(part) == len(plots):
+            break
+        looks *= 2.0
+    whole = [
+        (link_plots(plots, timing, guess, log_target_ratio(plots, part, tracks)), guess)
+        for tracks, guess in best
+    ]
+    tracks, guess = max(whole, key=_score)
+    return guess, tracks
+
+
+def _best_of_grid(plots: Plots, timing: Timing) -> list[tuple[Tracks, LinkModel]]:
+    """Return the guesses that explain plots best, and their tracks, by descending score."""
     noises, speeds = _noises(plots), OF_PLACES if plots.places else SPEEDS
-    no_amplitudes = np.zeros(len(part))
+    ratio = log_target_ratio(plots, plots, Tracks((), 0.0))
 
     def link(noise: tuple[float, float], speed: float) -> tuple[Tracks, LinkModel]:
-        guess = guess_of(part, timing, *noise, speed)
-        return link_plots(part, timing, guess, no_amplitudes), guess
+        guess = guess_of(plots, timing, *noise, speed)
+        return link_plots(plots, timing, guess, ratio), guess
 
     first = sorted((link(noise, USUAL_SPEED) for noise in noises), key=_score, reverse=True)
     best = first[:BEST]
@@ -71,13 +86,7 @@ def first_guess(plots: Plots, timing: Timing) -> tuple[LinkModel, Tracks]:
         for _, guess in first[:BEST]
         for speed in speeds
     ]
-    best = sorted(best, key=_score, reverse=True)[:BEST]
-    whole = [
-        (link_plots(plots, timing, guess, log_ratio(plots, part, tracks)), guess)
-        for tracks, guess in best
-    ]
-    tracks, guess = max(whole, key=_score)
-    return guess, tracks
+    return sorted(best, key=_score, reverse=True)[:BEST]
 
 
 def _noises(plots: Plots) -> list[tuple[float, float]]:

@@ -28,7 +28,7 @@ LEARNED: Mapping[str, tuple[str, ...]] = {
     "outliers": (),
     "detection": ("detection_probability", "detection_probability_range"),
     "correlation": ("detection_correlation",),
-    "clutter": ("clutter_rate",),
+    "clutter": ("clutter_rate", "clutter_density", "clutter_density_range"),
     "multipath": (),
 }
 
@@ -138,9 +138,9 @@ class RadarParameters(SensorParameters):
         "(range_std, azimuth_std_deg and range_rate_std, within a factor of 4), outliers (the "
         "share of detections with several times that noise), detection (by which factor "
         "detection_probability differs, by range and azimuth), correlation "
-        "(detection_correlation), clutter (clutter_rate, over about the last 30 revolutions). With "
-        "multipath false detections behind targets are expected. The default is [detection, "
-        "clutter] with state: space, and [] with a PHD filter.",
+        "(detection_correlation), clutter (clutter_rate, over about the last 30 revolutions, and "
+        "clutter_density). With multipath false detections behind targets are expected. The "
+        "default is [detection, clutter] with state: space, and [] with a PHD filter.",
         element=str,
         choices=tuple(LEARNED),
         mutable=True,
@@ -250,6 +250,21 @@ class RadarParameters(SensorParameters):
         "Range up to which false detections are uniformly distributed in range and azimuth, m. "
         "clutter_rate counts them from range 0 on, also below min_range.",
         POSITIVE,
+        mutable=True,
+    )
+    clutter_density: list[float] = parameter(
+        [],
+        "Relative density of false detections in range, one number for each of "
+        "clutter_density_range; clutter_rate is still their number. Empty for a uniform density, "
+        "from which learning starts.",
+        (SMALL, 1e6),
+        mutable=True,
+    )
+    clutter_density_range: list[float] = parameter(
+        [],
+        "Ranges of a list of densities of false detections, m, ascending: the density is linear "
+        "between them, and constant beyond the first and the last.",
+        NOT_NEGATIVE,
         mutable=True,
     )
     clutter_map: bool = parameter(

@@ -7,6 +7,7 @@
 `noise`                the learned noise of measurements
 `outliers`             measurements with a larger noise
 `clutter.rate`         the learned rate of uniform false detections, and bursts of them
+`clutter.ranges`       the law of false detections over range, given or learned
 `clutter.map`          places with false detections
 `clutter.amplitude`    the learned law of the amplitudes of false detections
 `multipath`            false detections behind targets
@@ -24,6 +25,7 @@ transponders is made in `configuration.models`.
 from .clutter.amplitude import Learned
 from .clutter.grid import GroundGrid, PolarGrid
 from .clutter.map import ClutterMap
+from .clutter.ranges import ClutterRanges
 from .clutter.rate import START_RATE, Bursts, ClutterRate
 from .correlated_misses import MOST as MOST_CORRELATION
 from .correlated_misses import CorrelatedMisses
@@ -40,6 +42,7 @@ __all__ = [
     "START_RATE",
     "Bursts",
     "ClutterMap",
+    "ClutterRanges",
     "ClutterRate",
     "CorrelatedMisses",
     "Detection",

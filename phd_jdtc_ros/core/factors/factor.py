@@ -79,6 +79,10 @@ class Association(Protocol):
         """Probability that a known target is the source of each detection, (M,)."""
 
     @property
+    def false_probability(self) -> FloatArray:
+        """Probability that each detection is false, (M,)."""
+
+    @property
     def pair_probability(self) -> FloatArray:
         """Association probability of each pair, (P,)."""
 

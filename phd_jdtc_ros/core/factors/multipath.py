@@ -44,7 +44,8 @@ class Multipath(Factor):
         """Return the log ratio of clutter to the uniform one; see `view.LocalClutter`."""
         (radar,) = polar_radars([view.sensor])
         gate = DETECTION_GATE_SIGMA * radar.range_std
-        return np.log(np.exp(log_factor) + self.density(measurement, radar.azimuth_std, gate))
+        density = self.density(measurement, radar.azimuth_std, gate)
+        return np.log(np.exp(log_factor) + density / view.clutter_ratio(measurement))
 
     def density(
         self, measurement: FloatArray, azimuth_std: float, least_detour: float

@@ -53,6 +53,10 @@ class Posterior:
     sources: CompetingSources  # Sources of the detections other than these targets
     # Probability that a known target is the source of each detection, (M,).
     claimed_probability: FloatArray
+    # Probability that each is false, (M,). New targets count as false if there are amplitudes:
+    # while the law of these is wrong, every false detection of a new kind looks like a target and
+    # would never be learned.
+    false_probability: FloatArray
     pair_probability: FloatArray  # Association probability of each pair, (P,)
     existence: FloatArray  # Existence probability of each target, (T,)
     evidence: PairEvidence | None  # Identities and heights as evidence for these pairs
@@ -233,11 +237,15 @@ class PriorMixture:
             self.mixture, self.detection_probability, amplitude, likelihoods, self.steps.bounds
         )
         noise, outliers = evidence_of_pairs(self.mixture, update, association.pair)
+        false = 1.0 - association.claimed
+        if self.report.detections.amplitude is None:
+            false = false * association.sources.false_share
         return Posterior(
             rows=self._branch(association, update, amplitudes),
             claims=association.claims,
             sources=association.sources,
             claimed_probability=association.claimed,
+            false_probability=false,
             pair_probability=association.pair,
             existence=association.existence,
             evidence=evidence,

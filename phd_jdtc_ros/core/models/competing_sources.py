@@ -32,6 +32,13 @@ class CompetingSources:
         total: FloatArray = self.intensity.sum(axis=0)
         return total
 
+    @property
+    def false_share(self) -> FloatArray:
+        """Share of clutter in the sum, shape (M,)."""
+        total = self.total
+        share: FloatArray = self.intensity[0] / np.where(total > 0.0, total, 1.0)
+        return share
+
     def newborn(self, claimed: FloatArray, report: View, least_mass: float) -> Newborn:
         """Return the probabilities that unclaimed detections are undetected targets.
 

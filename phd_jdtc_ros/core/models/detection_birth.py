@@ -123,6 +123,15 @@ class DetectionBirthModel(ReadOnly):
             variance = variance + toward[:, 2] ** 2 * (self.climb_std**2 - variance)
         return measured.model.log_density(radial, variance + measured.std**2)
 
+    def rate_ratio(self, measured: Rates) -> FloatArray:
+        """Return the ratio of the densities of targets' and of false range rates, (M,).
+
+        It is at most 1, and that of a sensor at rest.
+        """
+        variance, model = self.velocity_std**2 + measured.std**2, measured.model
+        density = np.exp(model.log_density(measured.rate, variance))
+        return np.minimum(density * model.clutter_width, 1.0)
+
 
 @dataclass(frozen=True)
 class Newborn:

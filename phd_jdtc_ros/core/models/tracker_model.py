@@ -9,10 +9,11 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import ReadOnly
+from ..arrays import FloatArray, ReadOnly
 from ..factors.clutter.map import ClutterMap
 from ..factors.factor import Factor
 from ..factors.transponder.records import AttributeModel
+from ..sensors.range_rate import Rates
 from ..sensors.reported_heights import HeightPrior
 from ..sensors.sensor import Sensor
 from ..sensors.view import View
@@ -20,7 +21,7 @@ from ..targets.amplitude_density import of_classes
 from ..targets.birth import BirthTerm
 from ..targets.modes import ModeSpace
 from ..targets.spawn import SpawnModel
-from ..types import Scan
+from ..types import Detections, Scan
 from .amplitude_model import AmplitudeModel
 from .detection_birth import DetectionBirthModel
 from .detection_clusters import merge_clusters
@@ -28,6 +29,10 @@ from .detection_clusters import merge_clusters
 # Where undetected targets are rarer than `least_mass` allows, targets are born with at least this
 # share of their usual probability.
 LEAST_SHARE = 0.5
+# Number of places across a field of view where this probability is evaluated.
+PLACES = 9
+# Standard deviations of the velocity up to which a target is born whatever its range rate is.
+FAST = 2.0
 
 
 @dataclass(frozen=True)
@@ -94,34 +99,42 @@ class TrackerModel(ReadOnly):
     def least_newborn_mass(self, view: View) -> float:
         """Return the smallest newborn mass with which a target is born at a sensor's detection.
 
-        It is the births' `least_mass`, except if a detection without a reply, amid uniform clutter
-        and far from known targets, usually has less: no such target would ever be born.
+        It is the births' `least_mass`, except if a detection without a reply, far from known
+        targets, has less at some place of the field of view: no such target would ever be born.
         """
-        least_mass, unknown = (
-            self.detection_births.least_mass,
-            self._unknown_density[view.sensor.name],
-        )
+        least_mass = self.detection_births.least_mass
+        places, unknown = self._unknown_density[view.sensor.name]
         if view.detection is not None:
-            unknown *= view.detection.mean
-        clutter = math.exp(view.log_uniform_clutter)
+            unknown = unknown * view.detection.mean
+        clutter = math.exp(view.log_uniform_clutter) * view.clutter_ratio(places)
         if self.attributes is not None and self.attributes.replies:
             clutter *= self.attributes.reply_odds[0]
-        usual = unknown / (unknown + clutter) if unknown else 1.0
+        usual = float((unknown / (unknown + clutter)).min()) if unknown.all() else 1.0
         return least_mass if usual > least_mass else LEAST_SHARE * usual
 
     @cached_property
-    def _unknown_density(self) -> dict[str, float]:
-        """Density of undetected targets among each sensor's detections, before learning."""
+    def _unknown_density(self) -> dict[str, tuple[FloatArray, FloatArray]]:
+        """Density of undetected targets among each sensor's detections, before learning.
+
+        Each has places across the field of view, and the density there, (P, Z) and (P,).
+        """
         return {sensor.name: self._unknown_density_of(sensor) for sensor in self.radars}
 
-    def _unknown_density_of(self, sensor: Sensor) -> float:
-        middle, view = np.zeros((1, len(sensor.noise_std))), sensor.visibility
+    def _unknown_density_of(self, sensor: Sensor) -> tuple[FloatArray, FloatArray]:
+        places, view = np.zeros((PLACES, len(sensor.noise_std))), sensor.visibility
         columns, first = np.unique(view.limits[0], return_index=True)
-        middle[:, columns] = view.limits[1][first].mean(axis=1)
-        p_d = view.detection_probability(middle)
-        p_d = of_classes(sensor.threshold, self.modes.classes) if p_d is None else p_d
-        revolutions = (sensor.rotation_s or self.modes.interval_s) / self.modes.interval_s
-        return revolutions * float((self.detection_births.rate * p_d).sum()) / view.size
+        limits = np.clip(view.limits[1][first], 0.0, None)
+        places[:, columns] = np.linspace(limits[:, 0], limits[:, 1], PLACES)
+        p_d = view.detection_probability(places)
+        by_class = of_classes(sensor.threshold, self.modes.classes) if p_d is None else p_d[:, None]
+        births, interval_s = self.detection_births, self.modes.interval_s
+        per_interval = (births.rate * by_class).sum(axis=-1) + np.zeros(PLACES)
+        revolutions = (sensor.rotation_s or interval_s) / interval_s
+        fast = np.full(PLACES, FAST * births.velocity_std)
+        motion = sensor.motion_of(Detections(places, None, range_rate=fast))
+        if isinstance(motion, Rates):
+            per_interval *= births.rate_ratio(motion)
+        return places, revolutions * per_interval / view.size
 
     @cached_property
     def _latest(self) -> list[tuple[Scan, list[View]]]:

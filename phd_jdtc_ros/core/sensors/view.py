@@ -53,11 +53,18 @@ class NoiseEnvelopes:
         return -0.5 * (threshold**2 - above**2)
 
 
+class RangeLaw(Protocol):
+    """A density of false detections over range."""
+
+    def log_ratio(self, distance: FloatArray) -> FloatArray:
+        """Return the log ratio of the density at ranges, metres, to the uniform one, (M,)."""
+
+
 class LocalClutter(Protocol):
-    """False detections that are not uniform in the field of view."""
+    """False detections at certain places, besides those that are everywhere."""
 
     def log_factor(self, log_factor: FloatArray, measurement: FloatArray, view: View) -> FloatArray:
-        """Return the log ratio of clutter to the uniform one at measurements, (M,).
+        """Return the log ratio of clutter to that which is everywhere at measurements, (M,).
 
         `log_factor` is the ratio without these false detections.
         """
@@ -150,7 +157,8 @@ class View(ReadOnly):
     share: float = 1.0
     complete: bool = True  # Whether all detections of the sensor are used
     clutter_amplitude: AmplitudeLaw = NOISE  # Law of the amplitudes of false detections
-    local_clutter: tuple[LocalClutter, ...] = ()  # False detections that are not uniform
+    clutter_ranges: RangeLaw | None = None  # Their density over range; None if it is uniform
+    local_clutter: tuple[LocalClutter, ...] = ()  # False detections at certain places
     fixed_clutter: FixedClutter | None = None  # None if its places are not known
     detection: LearnedDetection | None = None  # None if the detection probability is known
     noise: NoiseEstimate | None = None  # None if the noise is known
@@ -344,11 +352,26 @@ class View(ReadOnly):
 
     @property
     def log_uniform_clutter(self) -> float:
-        """Log intensity of uniform false detections, in measurement units."""
+        """Mean log intensity of false detections without local ones, in measurement units."""
         return self.sensor.visibility.log_clutter(self.clutter_rate)
 
+    def clutter_ratio(self, measurement: FloatArray) -> FloatArray | float:
+        """Return the ratio of clutter without local one to its mean, (M,); 1 if it is uniform."""
+        if self.clutter_ranges is None:
+            return 1.0
+        distance = self.sensor.visibility.place(measurement)[:, 0]
+        return np.exp(self.clutter_ranges.log_ratio(distance))
+
+    def log_place_clutter(self, measurement: FloatArray) -> FloatArray:
+        """Return the log intensity of false detections over the places of measurements, (M,)."""
+        log_intensity = self.log_uniform_clutter + self.log_clutter_factor(measurement)
+        if self.clutter_ranges is not None:
+            distance = self.sensor.visibility.place(measurement)[:, 0]
+            log_intensity += self.clutter_ranges.log_ratio(distance)
+        return log_intensity
+
     def log_clutter_factor(self, measurement: FloatArray) -> FloatArray:
-        """Return the log ratio of all clutter to the uniform one, (M,); 0 if it is uniform."""
+        """Return the log ratio of all clutter to that without local one, (M,)."""
         log_factor = np.zeros(len(measurement))
         for clutter in self.local_clutter:
             log_factor = clutter.log_factor(log_factor, measurement, self)
@@ -362,7 +385,7 @@ class View(ReadOnly):
         components.
         """
         detections = self.detections
-        log_intensity = self.log_uniform_clutter + self.log_clutter_factor(detections.measurement)
+        log_intensity = self.log_place_clutter(detections.measurement)
         if (measured := self.range_rates) is not None:
             log_width = np.log(measured.model.clutter_width)
             log_intensity -= np.where(np.isnan(measured.rate), 0.0, log_width)

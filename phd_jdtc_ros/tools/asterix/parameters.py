@@ -33,6 +33,7 @@ SURFACE_RANGE = 20e3
 MAX_RANGE_FACTOR, MIN_RANGE_FACTOR = 1.1, 0.9
 # Parameters that are estimated as `tune` does it, from a recording with at least so many tracks.
 ESTIMATED = ("range_std", "azimuth_std_deg", "clutter_rate")
+OVER_RANGE = ("clutter_density", "clutter_density_range")
 MIN_TRACKS = 10
 # Plausible detection probabilities, and their assumed decrease per metre of range.
 PROBABILITIES, PROBABILITY_SLOPE = (0.5, 0.99), 0.03 / 100e3
@@ -119,7 +120,7 @@ def measure(proposed: Proposal, states: Sequence[RadarState], bag: Path) -> None
             continue
         found[radar] = own
         for row in proposal.rows(own, config.values, radar):
-            if row.name in ESTIMATED and row.proposed:
+            if row.name in (*ESTIMATED, *OVER_RANGE) and row.proposed:
                 proposed.set(f"{radar}.{row.name}", row.value, f"measured: {row.source}")
             elif row.name == "learn" and isinstance(row.value, list):
                 # The decrease of the detection probability with range is assumed.

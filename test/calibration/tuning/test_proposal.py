@@ -174,6 +174,45 @@ def test_a_target_that_stops_for_a_while_is_no_land():
     assert len(rows) < len(of_drone) + 0.3 * 200
 
 
+def sea(looks, first, seed=3):
+    """Return a recording of three targets from a look on, amid eighty echoes of the sea a look."""
+    rng, clouds = np.random.default_rng(seed), []
+    for look in range(looks):
+        distance = rng.exponential(2e3, rng.poisson(80.0))
+        found = np.column_stack([distance, rng.uniform(-np.pi, np.pi, len(distance))])
+        if look >= first:
+            seen = rng.random(3) < 0.85
+            away = 15e3 - 200.0 * (look - first)
+            targets = np.column_stack([np.full(3, away), [0.4, 2.0, -1.5]])
+            targets = targets + rng.standard_normal((3, 2)) * [20.0, 5e-3]
+            found = np.concatenate([found, targets[seen]])
+        clouds.append(found[found[:, 0] < 16e3])
+    return recorded(clouds, 2.0)
+
+
+def test_clutter_of_the_sea_has_a_law_over_range_and_hides_no_targets():
+    found = findings(sea(50, 0))
+    assert found.tracks == 3
+    assert found.crowded == 0.0
+    proposed = {row.name: row.value for row in proposal.rows(found, {}, "radar")}
+    assert "clutter_map" not in proposed
+    ranges, density = proposed["clutter_density_range"], proposed["clutter_density"]
+    near, far = np.interp([500.0, 8e3], ranges, density)
+    assert np.log(near / far) == pytest.approx(7.5 / 2.0, rel=0.15)
+    assert proposed["clutter_rate"] == pytest.approx(80.0, rel=0.1)
+
+
+def test_targets_that_come_after_the_first_looks_are_found():
+    assert findings(sea(70, 25)).tracks == 3
+
+
+def test_uniform_clutter_has_no_law_over_range(standing):
+    _, recordings = standing
+    for plots in recordings:
+        rows = proposal.rows(findings(plots), {}, "radar")
+        assert not {row.name for row in rows if row.name.startswith("clutter_density")}
+
+
 def test_areas_of_dense_clutter_are_mapped_and_spoil_no_noise(standing):
     config, (dry, _) = standing
     rng, radar, clouds, in_rain = np.random.default_rng(4), config.model.radars[0], [], []

@@ -13,6 +13,7 @@ from phd_jdtc_ros.core import factors
 from phd_jdtc_ros.core.factors import (
     Bursts,
     ClutterMap,
+    ClutterRanges,
     ClutterRate,
     CorrelatedMisses,
     Detection,
@@ -88,6 +89,7 @@ class Case:
 CASES = (
     Case(Bursts()),
     Case(ClutterMap(PolarGrid.of_noise(*RADAR.noise_std))),
+    Case(ClutterRanges.of_table(True, (0.0, 5e4), ((), ()))),
     Case(ClutterRate.beginning_with(RADAR.clutter_rate)),
     Case(
         CorrelatedMisses(0.0, learned=True),

@@ -60,7 +60,7 @@ class Place(NamedTuple):
 class ClutterMap(Factor):
     """False detections remembered by cell.
 
-    A cell's clutter is the sum of uniform clutter with a known rate and of local clutter. A
+    A cell's clutter is the sum of clutter with a known law over range and of local clutter. A
     detection counts k revolutions later with exp(-k / MEMORY_REVOLUTIONS) - exp(-k /
     RECENT_REVOLUTIONS). With n detections in T revolutions that count, the local rate is::
 
@@ -113,7 +113,8 @@ class ClutterMap(Factor):
         return log_factor + self.log_density(
             measurement,
             radar.to_world(measurement),
-            radar.visibility.clutter_of_revolution(view.clutter_rate),
+            radar.visibility.clutter_of_revolution(view.clutter_rate)
+            * view.clutter_ratio(measurement),
             radar.visibility.clutter_range,
             alone=self.speed > 0.0,
         )
@@ -168,8 +169,8 @@ class ClutterMap(Factor):
         """
         (radar,) = polar_radars([view.sensor])
         field = radar.visibility
-        uniform = field.clutter_of_revolution(view.clutter_rate), field.clutter_range
-        excess = self.neighbourhood_excess(measured, world, *uniform)
+        rate = field.clutter_of_revolution(view.clutter_rate) * view.clutter_ratio(measured)
+        excess = self.neighbourhood_excess(measured, world, rate, field.clutter_range)
         if isinstance(self.grid, GroundGrid):
             return excess
         return np.where(field.probability_in_view(measured) > 0.0, excess, np.inf)
@@ -178,7 +179,7 @@ class ClutterMap(Factor):
         self,
         measurement: FloatArray,
         world: FloatArray,
-        rate: float,
+        rate: FloatArray | float,
         max_range: float,
         *,
         alone: bool = True,
@@ -187,7 +188,8 @@ class ClutterMap(Factor):
 
         Measurements are range and azimuth, metres and radians, (M, 2); `world` has the same places
         in the world frame, metres. `rate` is the number of expected false detections per
-        revolution, above 0, which are uniform in azimuth and in range up to `max_range`, metres.
+        revolution, above 0, which are uniform in azimuth and in range up to `max_range`, metres;
+        (M,) if it is that of the density at each place.
         With `alone` a place with repeated detections is clutter also where there is no other
         clutter.
         """
@@ -221,7 +223,7 @@ class ClutterMap(Factor):
         return log_factor
 
     def neighbourhood_excess(
-        self, measurement: FloatArray, world: FloatArray, rate: float, max_range: float
+        self, measurement: FloatArray, world: FloatArray, rate: FloatArray | float, max_range: float
     ) -> FloatArray:
         """Return the detections per revolution in the neighbourhood of each place, (M,).
 
@@ -232,7 +234,7 @@ class ClutterMap(Factor):
         return (1.0 - area) * lasting
 
     def _excesses(
-        self, measurement: FloatArray, world: FloatArray, rate: float, max_range: float
+        self, measurement: FloatArray, world: FloatArray, rate: FloatArray | float, max_range: float
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return numbers of detections per revolution in the neighbourhood of each place, (M,).
 

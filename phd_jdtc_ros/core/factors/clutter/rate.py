@@ -1,4 +1,4 @@
-"""Rate of false detections, learned from unclaimed detections, and bursts far beyond the usual."""
+"""Rate of false detections, which is learned, and bursts of them far beyond the usual."""
 
 from __future__ import annotations
 
@@ -71,14 +71,14 @@ class ClutterRate(PoissonRate):
         return view.changed(clutter_rate=self.rate)
 
     def learn(self, look: Look) -> ClutterRate:
-        """Count unclaimed detections that no local clutter explains."""
+        """Count the detections that are probably false, and that no local clutter explains."""
         view = look.view
         revolutions = view.part_of_revolution
         if not (revolutions and view.complete):
             return self
         uniform = np.exp(-view.log_clutter_factor(view.detections.measurement))
-        unclaimed = float((look.unclaimed * uniform).sum()) / view.sensor.visibility.clutter_share
-        return self.after(unclaimed, revolutions)
+        false = float((look.association.false_probability * uniform).sum())
+        return self.after(false / view.sensor.visibility.clutter_share, revolutions)
 
 
 class Bursts(PoissonRate):

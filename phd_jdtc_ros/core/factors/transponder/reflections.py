@@ -32,6 +32,6 @@ def log_reflections(
     distance = np.hypot(*(report.position[column] - place)[:, :2].T)
     area = 2.0 * np.pi * np.maximum(distance, NEAREST) ** 2 * np.log(FARTHEST / NEAREST)
     log_intensity = np.log(np.maximum(existence, TINY) * RATE / area)
-    log_clutter = report.log_uniform_clutter + report.log_clutter_factor(measured)
+    log_clutter = report.log_place_clutter(measured)
     ratio: FloatArray = log_intensity - sensor.log_jacobian(measured) - log_clutter
     return ratio

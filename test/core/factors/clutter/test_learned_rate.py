@@ -140,7 +140,8 @@ def test_with_a_map_the_rate_is_that_of_what_comes_from_no_place_in_particular()
     "hidden", [{"radar.min_range": 4e4}, {"radar.blind_sectors_deg": [30.0, 120.0, 350.0, 10.0]}]
 )
 def test_the_rate_counts_the_clutter_that_is_too_near_or_obstructed(hidden):
-    given = {"radar.learn": ["clutter"], **hidden}
+    # Detections that births explain do not count.
+    given = {"radar.learn": ["clutter"], "detection_births.rates": [0.01], **hidden}
     config, rng, reports = configuration(given), np.random.default_rng(6), []
     (radar,) = config.model.radars
     for _ in range(150):
