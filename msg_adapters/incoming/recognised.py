@@ -83,6 +83,8 @@ def parameters(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:
     found.setdefault("fields.amplitude", "")
     if "fields.elevation" in found and not _has_elevations(full, found["fields.elevation"]):
         del found["fields.elevation"]  # all elevations are zero, so ranges are ground ranges
+    if "fields.elevation" in found:
+        found.update(_elevations(full, found["fields.elevation"]))
     found.update(_azimuths(full, found["fields.azimuth"]))
     if found["fields.amplitude"].lower() in IN_DB:
         found["amplitude_unit"] = "db"
@@ -138,6 +140,18 @@ def _column(clouds: Sequence[PointCloud2], parameter: str, name: str) -> FloatAr
 def _has_elevations(clouds: Sequence[PointCloud2], name: str) -> bool:
     column = _column(clouds, "fields.elevation", name)
     return column is not None and bool(np.nan_to_num(column).any())
+
+
+def _elevations(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any]:
+    """Return unit and sense of elevations: from their values, and from z if it is present."""
+    elevation, up = _column(clouds, "fields.elevation", name), _column(clouds, "", "z")
+    if elevation is None:
+        return {}
+    known = np.isfinite(elevation)
+    unit = "deg" if np.abs(elevation[known]).max(initial=0.0) > 0.5 * np.pi else "rad"
+    down = up is not None and bool(np.nansum(elevation * up) < 0.0)
+    words = f"down_{unit}" if down else unit
+    return {} if words == "rad" else {"elevation_unit": words}
 
 
 def _azimuths(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any]:

@@ -26,7 +26,7 @@ OF_DETECTIONS = frozenset(
     {
         *("azimuths_beyond_a_turn", "azimuths_no_angles", "ranges_negative", "detections_repeated"),
         *("heights_unknown", "deviations_unusable", "identities_unusable", "range_rates_unusable"),
-        *("elevations_unusable", "elevations_zero"),
+        *("elevations_unusable", "elevations_opposite", "elevations_zero"),
         *("range_rates_beyond_ambiguity", "times_disagree", "detections_late"),
         *("velocities_unusable", "positions_far"),
     }
@@ -313,8 +313,12 @@ _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
         "m or more; let the driver subtract a place nearby, and set position to it"
     ),
     "elevations_unusable": lambda radar, count: (
-        f"{count} elevations beyond the zenith, which are used as unknown; {radar.name}."
-        "fields.elevation has to be in radians above the horizon"
+        f"{count} elevations beyond the zenith, which are not used; if they are in degrees, set "
+        f"{radar.name}.elevation_unit to deg"
+    ),
+    "elevations_opposite": lambda radar, count: (
+        f"{count} elevations outside {radar.name}.fov_elevation_deg, whose opposites are in it; if "
+        f"they are depression angles, set {radar.name}.elevation_unit to down_rad or down_deg"
     ),
     "elevations_zero": lambda radar, count: (
         f"{count} elevations of 0, in clouds without another one, which are used as unknown; if "

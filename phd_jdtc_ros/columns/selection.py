@@ -13,7 +13,7 @@ from phd_jdtc_ros.configuration.parameters.position import PositionParameters
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, wrap_angle
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS
-from phd_jdtc_ros.core.sensors.spatial_radar import UNKNOWN_STD
+from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
 from . import ground_ranges, identities, sent_columns
@@ -34,6 +34,8 @@ RANGE_STDS = (1e-3, 1e5)
 AZIMUTH_STDS = (1e-6, np.pi)
 # Plausible standard deviations of elevations, rad.
 ELEVATION_STDS = (1e-6, 0.5 * np.pi)
+# Elevations this far outside the field of view are not those of its edge, rad.
+ELEVATION_MARGIN = 0.05
 # Upper bound of range rates, m/s; targets of such a radar are slower.
 MAX_RANGE_RATE = 5e3
 # Factor on the ambiguity interval, because single precision may round a range rate beyond it.
@@ -79,6 +81,9 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     if radar.bias.azimuth:
         azimuth = azimuth - radar.bias.azimuth
     elevation, all_zero = columns.get("elevation"), 0
+    if elevation is not None and radar.elevation_scale != 1.0:
+        elevation = radar.elevation_scale * elevation
+    counts = {} if elevation is None else _strange_elevations(elevation, radar)
     if radar.height_prior is None:
         ground = ground_ranges.read(distance, azimuth, elevation, height, radar)
         reach, possible = ground.distance, ground.possible
@@ -120,10 +125,9 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     sector, bad_sectors = _sector(columns.get("sector"), radar)
     measurement = measurement[kept]
     measurement[:, 1] = wrap_angle(measurement[:, 1])
-    bad_elevations = 0
     if radar.height_prior is not None:
-        own_std, bad = kept_values(columns, "elevation_std", kept, ELEVATION_STDS)
-        bad_elevations = _count(np.abs(measurement[:, 2]) > 0.5 * np.pi)
+        scale = abs(radar.elevation_scale)
+        own_std, bad = kept_values(columns, "elevation_std", kept, ELEVATION_STDS, scale)
         noise_std = _spatial_noise(measurement, range_std, azimuth_std, own_std)
         bad_azimuths += bad
     above = None if height is None else height[kept] - radar.datum
@@ -145,7 +149,7 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     beyond, no_angles = azimuth_size > LARGEST_AZIMUTH, 0
     if is_beyond := bool(beyond.any()):
         no_angles = _count(np.isfinite(azimuth_size) & (np.abs(columns["azimuth"]) > NO_ANGLE))
-    counts = {
+    counts |= {
         "detections_repeated": repeated,
         "azimuths_beyond_a_turn": (
             _count(beyond & kept)
@@ -156,7 +160,6 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         "ranges_negative": _count(columns["range"] < 0.0) if dropped else 0,
         "heights_unknown": 0 if height is None else _count(~np.isfinite(height[kept])),
         "deviations_unusable": bad_ranges + bad_azimuths + bad_rate_stds,
-        "elevations_unusable": bad_elevations,
         "elevations_zero": all_zero,
         "sectors_unusable": bad_sectors,
         "identities_unusable": bad_codes + bad_addresses,
@@ -240,6 +243,19 @@ def _noise_std(range_std: FloatArray | None, azimuth_std: FloatArray | None) -> 
     sides = [unknown if side is None else side for side in (range_std, azimuth_std)]
     noise_std: FloatArray = np.stack(sides, axis=1)
     return noise_std if np.isfinite(noise_std).any() else None
+
+
+def _strange_elevations(elevation: FloatArray, radar: RadarParameters) -> dict[str, int]:
+    """Return the numbers of elevations beyond the zenith, and of those with the wrong sign.
+
+    The latter are outside the field of view, and their opposites inside.
+    """
+    low, high = np.radians(radar.fov_elevation_deg)
+    outside = (elevation < low - ELEVATION_MARGIN) | (elevation > high + ELEVATION_MARGIN)
+    return {
+        "elevations_unusable": _count(np.abs(elevation) > 0.5 * np.pi),
+        "elevations_opposite": _count(outside & (-elevation >= low) & (-elevation <= high)),
+    }
 
 
 def _measured_elevation(elevation: FloatArray | None) -> tuple[FloatArray | None, int]:

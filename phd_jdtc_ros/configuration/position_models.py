@@ -57,7 +57,7 @@ def position_factors(own: PositionParameters) -> tuple[Factor, ...]:
     learn = set(own.learn)
     found = (
         "detection" in learn and Detection(farthest(own.area)),
-        "noise" in learn and Noise(np.array([True, True, False])),
+        "noise" in learn and Noise.of(np.array([True, True, False])),
         "outliers" in learn and Outliers(),
         "clutter" in learn and ClutterRate.beginning_with(own.clutter_rate),
         Limit(),

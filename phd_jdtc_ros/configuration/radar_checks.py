@@ -19,8 +19,6 @@ from .parameters.tracker import PHD, SPACE, USUAL, Parts
 # range rates are equally likely.
 LEAST_INTERVAL = 4.0
 LEARNED = "learned"  # The law of the clutter's amplitudes that is estimated
-# The words of `learn` that are for ranges and azimuths in the plane.
-PLANAR_LEARNING = ("noise", "outliers", "multipath")
 # The quantities of a detection in the paper, with their own noise.
 PAPER_QUANTITIES = ("range", "azimuth", "amplitude", "range_std", "azimuth_std")
 
@@ -173,10 +171,10 @@ def _in_space(radar: RadarParameters, parts: Parts) -> Iterator[str]:
         yield f"{name}.fields.elevation: '' given, must be a name with elevation_std"
     if parts.tracking.state != SPACE:
         return
-    planar = [word for word in radar.learn if word in PLANAR_LEARNING]
+    moving_map = radar.clutter_map and bool(radar.pose.topic)
     given = (
-        (planar, "learn", f"without {', '.join(PLANAR_LEARNING)}"),
-        (radar.clutter_map and "true", "clutter_map", "false"),
+        ("multipath" in radar.learn and radar.learn, "learn", "without multipath"),
+        (moving_map and "true", "clutter_map", "false with a pose"),
         (radar.assumed_height is not None and radar.assumed_height, "assumed_height", "empty"),
         (not radar.named_fields and radar.message, "message", "point_cloud"),
     )

@@ -31,11 +31,12 @@ from phd_jdtc_ros.core.intake.input_checks import (
     SLOW_REVOLUTION,
     RadarReportCheck,
 )
+from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
 from phd_jdtc_ros.core.sensors.reported_heights import HeightPrior, ReportedHeights
 from phd_jdtc_ros.core.sensors.site import LEAST_STD, HeightProjection
-from phd_jdtc_ros.core.sensors.spatial_radar import UNKNOWN_STD, SpatialRadar
+from phd_jdtc_ros.core.sensors.spatial_radar import SpatialRadar
 from phd_jdtc_ros.core.sensors.visibility import TURN_TOLERANCE, Visibility
 from phd_jdtc_ros.core.state_space import SPATIAL
 from phd_jdtc_ros.core.targets import amplitude_density
@@ -104,13 +105,14 @@ def radar_factors(radar: RadarParameters) -> tuple[Factor, ...]:
     learn = set(radar.learn)
     threshold = amplitude_density.threshold_for(radar.false_alarm_probability)
     # The components of a measurement, and the range rate.
-    noise = np.array([True, True, bool(radar.fields.range_rate)])
+    elevation = [] if radar.height_prior is None else [bool(radar.fields.elevation)]
+    noise = np.array([True, True, *elevation, bool(radar.fields.range_rate)])
     correlation = CorrelatedMisses(radar.detection_correlation, "correlation" in learn)
     speed = radar.clutter_map_speed if radar.clutter_map else 0.0
     found = (
         Sectors(),
         "detection" in learn and Detection(radar.max_range, speed),
-        "noise" in learn and Noise(noise),
+        "noise" in learn and Noise.of(noise),
         "outliers" in learn and Outliers(),
         (correlation.learned or correlation.start) and correlation,
         "clutter" in learn and ClutterRate.beginning_with(radar.clutter_rate),

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, wrap_angle
+from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
-from phd_jdtc_ros.core.sensors.spatial_radar import UNKNOWN_STD
 
 
 class Observation(NamedTuple):

@@ -15,8 +15,9 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.tables import GROUPS, schema
 from phd_jdtc_ros.core.engine import Lag
 from phd_jdtc_ros.core.factors.transponder import Pressure
+from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD
 from phd_jdtc_ros.core.sensors.reported_heights import HeightPrior, ReportedHeights
-from phd_jdtc_ros.core.sensors.spatial_radar import UNKNOWN_STD, SpatialRadar
+from phd_jdtc_ros.core.sensors.spatial_radar import SpatialRadar
 from phd_jdtc_ros.core.state_space import PLANAR, SPATIAL
 from phd_jdtc_ros.earth import SystemPlane
 
@@ -444,8 +445,14 @@ def test_space_makes_radars_and_motions_with_heights():
             {"radar_2.fields.elevation_std": "de"},
             "radar_2.fields.elevation: '' given, must be a name with elevation_std",
         ),
-        ({"radar_1.clutter_map": True}, "radar_1.clutter_map: true given, must be false with"),
-        ({"radar_1.learn": ["noise"]}, "radar_1.learn: ['noise'] given, must be without noise"),
+        (
+            {"radar_1.clutter_map": True, "radar_1.pose": "/ship"},
+            "radar_1.clutter_map: true given, must be false with a pose with state: space",
+        ),
+        (
+            {"radar_1.learn": ["multipath"]},
+            "radar_1.learn: ['multipath'] given, must be without multipath",
+        ),
         ({"radar_1.assumed_height": 500.0}, "radar_1.assumed_height: 500.0 given, must be empty"),
         ({"qnh_hpa": [29.92, 1.0]}, "qnh_hpa: [29.92, 1.0] given, must be empty or two numbers"),
     ],

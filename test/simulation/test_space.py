@@ -7,7 +7,7 @@ from msg_adapters.encoding import point_cloud
 from msg_adapters.incoming import detections as adapter
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.core.sensors.spatial_radar import UNKNOWN_STD
+from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD
 from phd_jdtc_ros.core.state_space import SPATIAL
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.simulate import simulate_with_sources

@@ -24,7 +24,7 @@ TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 MOST_PROBABILITY = 0.999
 # The words of `learn`, each with the parameters from whose values learning starts.
 LEARNED: Mapping[str, tuple[str, ...]] = {
-    "noise": ("range_std", "azimuth_std_deg", "range_rate_std"),
+    "noise": ("range_std", "azimuth_std_deg", "elevation_std_deg", "range_rate_std"),
     "outliers": (),
     "detection": ("detection_probability", "detection_probability_range"),
     "correlation": ("detection_correlation",),
@@ -52,7 +52,7 @@ class Fields(sensor.Fields):
 
     range: str = "range"  # Metres; slant ranges if there are elevations or heights
     azimuth: str = "azimuth"
-    elevation: str = ""  # Radians above the sensor's plane
+    elevation: str = ""  # Above the sensor's plane, in the unit of elevations
     amplitude: str = "amplitude"
     time: str = ""
     sector: str = ""
@@ -62,7 +62,7 @@ class Fields(sensor.Fields):
     detection_type: str = ""  # See `Detections`
     range_std: str = ""
     azimuth_std: str = ""  # In the unit of the azimuth
-    elevation_std: str = ""  # Radians
+    elevation_std: str = ""  # In the unit of elevations
     range_rate: str = ""  # Metres per second, positive for a receding target
     range_rate_std: str = ""
 
@@ -77,6 +77,7 @@ class RadarParameters(SensorParameters):
     noise_parameters: ClassVar[Mapping[str, tuple[str, str]]] = {
         "range": ("range_std", "m"),
         "azimuth": ("azimuth_std_deg", "\N{DEGREE SIGN}"),
+        "elevation": ("elevation_std_deg", "\N{DEGREE SIGN}"),
         "range_rate": ("range_rate_std", "m/s"),
     }
     may_turn: ClassVar[bool] = True
@@ -135,12 +136,13 @@ class RadarParameters(SensorParameters):
     learn: list[str] = parameter(
         ["noise", "outliers", "detection", "clutter"],
         "What is learned from the detections, beginning with the values of the parameters: noise "
-        "(range_std, azimuth_std_deg and range_rate_std, within a factor of 4), outliers (the "
+        "(range_std, azimuth_std_deg, elevation_std_deg and range_rate_std, within a factor of 4), "
+        "outliers (the "
         "share of detections with several times that noise), detection (by which factor "
         "detection_probability differs, by range and azimuth), correlation "
         "(detection_correlation), clutter (clutter_rate, over about the last 30 revolutions, and "
         "clutter_density). With multipath false detections behind targets are expected. The "
-        "default is [detection, clutter] with state: space, and [] with a PHD filter.",
+        "default is [] with a PHD filter.",
         element=str,
         choices=tuple(LEARNED),
         mutable=True,
@@ -349,6 +351,18 @@ class RadarParameters(SensorParameters):
     )
     azimuth_in_degrees: bool = parameter(
         "rad", "Unit of azimuths.", name="azimuth_unit", choices={"rad": False, "deg": True}
+    )
+    elevation_scale: float = parameter(
+        "rad",
+        "Unit and sense of elevations: rad or deg above the horizon, or down_rad and down_deg for "
+        "depression angles, as of a sonar.",
+        name="elevation_unit",
+        choices={
+            "rad": 1.0,
+            "deg": math.pi / 180.0,
+            "down_rad": -1.0,
+            "down_deg": -math.pi / 180.0,
+        },
     )
     biases: SensorBias = parameter(
         [0.0, 0.0, 0.0, 0.0],

@@ -350,7 +350,6 @@ class Parts(NamedTuple):
 
 # Defaults that follow from the value of another parameter.
 IMPLIED: dict[tuple[str, str], dict[str, Any]] = {
-    ("state", SPACE): {"learn": ["detection", "clutter"]},
     **{("engine", name): {"learn": [], "detection_births.rates": []} for name in PHD},
 }
 # Values of the usual names that differ from the defaults of their group. The classes' bands are

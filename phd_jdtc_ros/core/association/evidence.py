@@ -8,7 +8,8 @@ from typing import NamedTuple, Protocol, TypeAlias, TypeVar
 from ..arrays import FloatArray, IntArray
 from ..types import Detections
 
-# Number of components whose noise may be learned: the two of a position, and the range rate.
+# Number of components whose noise may be learned: the two of a position in the plane, and the range
+# rate; one more in space.
 COMPONENTS = 3
 # Existence probability from which the looks at a target are used for learning.
 KNOWN_EXISTENCE = 0.7

@@ -8,7 +8,6 @@ learned noise; see also `detection`.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, ClassVar
@@ -19,7 +18,7 @@ from ..arrays import BoolArray, FloatArray, zeros_field
 from ..association.evidence import COMPONENTS, NoiseEvidence
 from ..sensors.sensor import Sensor
 from ..sensors.view import View
-from ..snapshot import floats
+from ..snapshot import Snapshot, floats, restored
 from .factor import Factor, Look
 from .prior import MOST_EVIDENCE, RAISED, RatioPrior
 
@@ -47,7 +46,6 @@ class Noise(Factor):
     """
 
     NAME: ClassVar[str] = "noise_factor"
-    SIZES: ClassVar[Mapping[str, int]] = {"Z": COMPONENTS}
     # Number of innovations after which the noise is compared with the learned one.
     SETTLED: ClassVar[float] = 50.0
     # Change to detect: the ratio of a variance to the learned one.
@@ -68,6 +66,16 @@ class Noise(Factor):
     # Expected ratio to each configured variance, outliers included, when that evidence began, (Z,);
     # None if there was none yet.
     before: Annotated[FloatArray | None, floats("Z", LEAST_FACTOR, MOST_FACTOR)] = None
+
+    @staticmethod
+    def of(learned: BoolArray) -> Noise:
+        """Return the factor for these components, before any detection."""
+        nothing = np.zeros(len(learned))
+        return Noise(learned, nothing, nothing, nothing)
+
+    def restored(self, snapshot: Snapshot, name: str, sensor: Sensor) -> Noise:
+        """Return the stored factor; see `Factor.restored`."""
+        return restored(self, snapshot, name, {"Z": len(self.learned)})
 
     def expect(self, view: View) -> View:
         """Return the report whose sensor has the learned noise."""

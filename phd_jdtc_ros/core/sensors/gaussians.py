@@ -8,6 +8,9 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 
+# Standard deviation of the elevation of a detection without one, radians.
+UNKNOWN_STD = 30.0
+
 
 def noise_covariance(std: FloatArray, correlation: FloatArray | None) -> FloatArray:
     """Return covariances, (M, Z, Z), from deviations, (M, Z), and correlations, (M,) or None.

@@ -17,14 +17,11 @@ import numpy as np
 from ..arrays import FloatArray, IntArray
 from ..state_space import SPATIAL, StateSpace
 from ..types import Detections
-from .gaussians import Births, PlanePlots
+from .gaussians import UNKNOWN_STD, Births, PlanePlots
 from .of_gaussians.linearised import Linearised
 from .polar_geometry import MIN_RANGE
 from .polar_radar import RadarModel
 from .reported_heights import HeightPrior, Heights
-
-# Standard deviation of the elevation of a detection without one, radians.
-UNKNOWN_STD = 30.0
 
 
 def linearise(
@@ -141,8 +138,9 @@ class SpatialRadar(RadarModel):
         return radius * np.arctan2(u, radius + w), above + self.height
 
     def to_world(self, measurement: FloatArray) -> FloatArray:
-        """Return the places of measurements, metres, (M, 3)."""
-        slant, azimuth, elevation = measurement.T
+        """Return the places of measurements, metres, (M, 3); at the elevation 0 without one."""
+        slant, azimuth, *measured = measurement.T
+        elevation = measured[0] if measured else np.zeros(len(slant))
         level, height = self._on_ground(slant, np.sin(elevation))
         level = np.where(np.cos(elevation) < 0.0, -level, level)
         bearing = azimuth + self.yaw

@@ -3,7 +3,7 @@
 import numpy as np
 from lone import SIZE, START_NS
 
-from phd_jdtc_ros.core.sensors.spatial_radar import UNKNOWN_STD
+from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD
 from phd_jdtc_ros.core.state_space import SPATIAL
 from phd_jdtc_ros.core.targets.motion import sample
 from phd_jdtc_ros.core.types import Detections, Scan

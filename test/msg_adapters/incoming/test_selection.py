@@ -9,10 +9,11 @@ from sensor_msgs.msg import PointField
 from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.incoming import detections as adapter
 from phd_jdtc_ros.columns import anomalies
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.parameters.radar import TIME_UNITS
 from phd_jdtc_ros.core.intake.sectors import coverage_of
+from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD
 from phd_jdtc_ros.core.sensors.reported_heights import Air, HeightPrior
-from phd_jdtc_ros.core.sensors.spatial_radar import UNKNOWN_STD
 from phd_jdtc_ros.core.types import Detections
 
 F4, F8, U1, I4 = (PointField.FLOAT32, PointField.FLOAT64, PointField.UINT8, PointField.INT32)
@@ -356,7 +357,30 @@ def test_detection_with_an_impossible_elevation_is_kept_without_it(bad, unusable
     assert_allclose(found.detections.noise_std, [[NAN] * 3, [NAN, NAN, UNKNOWN_STD]])
     if unusable:
         (said,) = anomalies.of(radar(), found.anomalies)
-        assert "radar_1.fields.elevation" in said
+        assert "radar_1.elevation_unit to deg" in said
+
+
+@pytest.mark.parametrize("unit", ["rad", "deg", "down_rad", "down_deg"])
+def test_elevations_are_in_their_unit_and_sense(unit):
+    scale = resolve({"radar_1.elevation_unit": unit}).inputs[0].elevation_scale
+    assert (scale < 0.0, abs(scale) < 0.02) == ("down" in unit, "deg" in unit)
+    points = [(1000.0, 0.1, 0.5 / scale, 0.01 / abs(scale))]
+    found = in_space(points, ["de"], elevation_scale=scale, elevation_std_field="de").detections
+    assert_allclose(found.measurement, [[1000.0, 0.1, 0.5]], rtol=1e-7)
+    assert_allclose(found.noise_std, [[NAN, NAN, 0.01]], rtol=1e-6)
+    flat = read(["el"], [points[0][:3]], elevation_field="el", elevation_scale=scale)
+    assert_allclose(flat.detections.measurement, [[1000.0 * np.cos(0.5), 0.1]], rtol=1e-7)
+
+
+def test_elevations_with_the_wrong_sign_are_named_with_the_line_that_mends_it():
+    points = [(1000.0, 0.1, 0.4), (900.0, 1.0, 0.2), (800.0, 2.0, 0.3), (700.0, 2.0, 0.01)]
+    sonar = {"fov_elevation_deg": [-60.0, 0.0]}
+    found = in_space(points, **sonar)
+    assert found.anomalies == {"elevations_opposite": 3}
+    assert len(found.detections) == 4
+    (said,) = anomalies.of(radar(**sonar), found.anomalies)
+    assert "radar_1.elevation_unit to down_rad" in said
+    assert not in_space(points, elevation_scale=-1.0, **sonar).anomalies
 
 
 def test_deviations_of_elevations_are_each_detections_own():

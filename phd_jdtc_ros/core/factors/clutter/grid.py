@@ -73,7 +73,7 @@ class PolarGrid:
         """See `Grid.world`."""
         along = np.maximum((places[0] - 0.5) * self.range_cell, 0.0)
         across = (places[1] + 0.5) * (FULL_TURN / self.columns) - np.pi
-        return radar.to_world(np.stack([along, across], axis=1))
+        return radar.to_world(np.stack([along, across], axis=1))[:, :2]
 
     def log_share(self, measurement: FloatArray, max_range: float) -> FloatArray:
         """See `Grid.log_share`."""

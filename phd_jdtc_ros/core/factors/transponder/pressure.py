@@ -15,8 +15,9 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from ...arrays import FloatArray
+from ...sensors.gaussians import UNKNOWN_STD
 from ...sensors.sensor import Sensor
-from ...sensors.spatial_radar import UNKNOWN_STD, SpatialRadar
+from ...sensors.spatial_radar import SpatialRadar
 from ...sensors.view import View
 from ...snapshot import MAX_STAMP_NS, MAX_STATE, floats, integers
 from ..factor import Factor, Look

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.special import expit
 
 from ...arrays import TINY, FloatArray, IntArray, contiguous, frozen
 from ...compilation import Float1, Float2, Int1, compiled
-from ...sensors.gaussians import HeavyTails
+from ...sensors.gaussians import UNKNOWN_STD, HeavyTails
 from .kalman import Innovation
 
 
@@ -27,7 +28,7 @@ def mix_noises(
     ----------
     innovation : Innovation
         With the usual noise, (P R,).
-    noise_std : array of shape (M, 2)
+    noise_std : array of shape (M, 2), or (M, 3) in space, where an elevation may be unknown
         Usual standard deviations of the detections' errors.
     correlation : array of shape (M,) or None
         See `Detections.noise_correlation`.
@@ -43,10 +44,41 @@ def mix_noises(
     P - P H' [sum q_k S_k^-1 - sum q_k (w_k - w)(w_k - w)'] H P. So w takes the place of the
     weighted innovation, and the bracket that of the inverse: a Gaussian stays a Gaussian.
     """
+    if noise_std.shape[1] > 2:
+        return _mix_in_space(innovation, outliers, noise_std, column)
     correlations = np.zeros(0) if correlation is None else correlation
     columns = contiguous(noise_std, correlations, column)
     mixed, outlier = _mix_noises(outliers.share, outliers.ratio, innovation, *columns)
     return frozen(mixed), outlier
+
+
+def _mix_in_space(
+    innovation: Innovation, outliers: HeavyTails, noise_std: FloatArray, column: IntArray
+) -> tuple[Innovation, FloatArray]:
+    """Return the results of `mix_noises` with three components, whose errors are independent."""
+    jacobian, weighted, inverse, log_likelihood = innovation
+    outlier, rows = np.zeros(len(weighted)), np.flatnonzero(log_likelihood > -np.inf)
+    std = noise_std[column.repeat(len(weighted) // max(len(column), 1))[rows]]
+    wider = np.where(std < UNKNOWN_STD, (outliers.ratio**2 - 1.0) * std**2, 0.0)
+    usual, own = np.linalg.inv(inverse[rows]), weighted[rows]
+    error = (usual @ own[..., None])[..., 0]
+    wide = usual + wider[:, :, None] * np.eye(3)
+    wide_inverse = np.linalg.inv(wide)
+    wide_weighted = (wide_inverse @ error[..., None])[..., 0]
+    # The log of the ratio of both densities.
+    log_ratio = 0.5 * (np.linalg.slogdet(usual)[1] - np.linalg.slogdet(wide)[1])
+    log_ratio += 0.5 * (error * (own - wide_weighted)).sum(axis=1)
+    log_odds = log_ratio + math.log(outliers.share / (1.0 - outliers.share))
+    outlier[rows] = q = expit(log_odds)
+    share, apart = q[:, None], own - wide_weighted
+    mixed_weighted, mixed_inverse = np.zeros_like(weighted), np.zeros_like(inverse)
+    mixed_weighted[rows] = (1.0 - share) * own + share * wide_weighted
+    spread = (share * (1.0 - share))[..., None] * apart[:, :, None] * apart[:, None]
+    shares = share[..., None]
+    mixed_inverse[rows] = (1.0 - shares) * inverse[rows] + shares * wide_inverse - spread
+    mixed_log = log_likelihood.copy()
+    mixed_log[rows] += math.log1p(-outliers.share) + np.logaddexp(0.0, log_odds)
+    return frozen(Innovation(jacobian, mixed_weighted, mixed_inverse, mixed_log)), outlier
 
 
 @compiled

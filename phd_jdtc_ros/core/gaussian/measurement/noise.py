@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...arrays import FloatArray, contiguous, frozen
-from ...association.evidence import COMPONENTS, KNOWN_EXISTENCE, NoiseEvidence, OutlierEvidence
+from ...association.evidence import KNOWN_EXISTENCE, NoiseEvidence, OutlierEvidence
 from ...compilation import Float1, Float2, Int1, compiled
 from ..algebra.kalman import Innovation
 from ..algebra.range_rate import RateUpdate
@@ -16,8 +16,6 @@ from ..mixture import Hypotheses, Mixture
 from .evidence import LIMITED_MEAN, evidence_of, limited_mean
 from .iterated_update import PairUpdate
 
-# Components with outliers: range and azimuth, but not the range rate.
-HAS_OUTLIERS = np.array([1.0, 1.0, 0.0])
 NONE = np.zeros(0)
 
 
@@ -62,7 +60,9 @@ def evidence_of_pairs(
     if factor is None:
         return None, outlier_evidence
     ratio = limited_mean(outliers.ratio**2) / LIMITED_MEAN
-    expected = 1.0 + outliers.share * (ratio - 1.0) * HAS_OUTLIERS
+    # The components of a position have outliers, but not the range rate.
+    has_outliers = np.arange(weight.shape[1]) < weight.shape[1] - 1
+    expected = 1.0 + outliers.share * (ratio - 1.0) * has_outliers
     with_outliers = NoiseEvidence(weight[1], excess[1], expected)
     return NoiseEvidence(weight[0], excess[0], with_outliers=with_outliers), outlier_evidence
 
@@ -119,7 +119,8 @@ def _evidence(
     _, weighted, inverse, _ = innovation
     rate_square, rate_part = rates
     modes = mode_weight.shape[1]
-    weight, excess = np.zeros((2, COMPONENTS)), np.zeros((2, COMPONENTS))
+    size = weighted.shape[1]
+    weight, excess = np.zeros((2, size + 1)), np.zeros((2, size + 1))
     detections, outliers = 0.0, 0.0
     share = np.empty(modes)
     for pair in range(len(row)):
@@ -145,8 +146,8 @@ def _evidence(
                 outlying = certainty * outlier[first + mode]
                 outliers += of_all * outlying
                 of_usual *= 1.0 - outlying
-            for axis in range(COMPONENTS if len(rate_part) > 0 else 2):
-                if axis < 2:
+            for axis in range(size + 1 if len(rate_part) > 0 else size):
+                if axis < size:
                     expected = inverse[first + mode, axis, axis]
                     square = weighted[first + mode, axis] ** 2 / expected
                     noise_share = std[column[pair], axis] ** 2 * expected
