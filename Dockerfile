@@ -12,6 +12,7 @@ RUN apt-get update \
         python3-numpy \
         python3-pip \
         python3-pyproj \
+        python3-shapely \
         python3-rich \
         python3-scipy \
         python3-yaml \

@@ -54,11 +54,14 @@ setup(
     ],
     extras_require={
         "ros": ROS_WHEELS,
+        # Checks the polygons of the parameter zones.
+        "zones": ["shapely>=2.0"],
         "test": [
             "pytest",
             "pytest-timeout",
             "hypothesis",
             "rosbags",
+            "shapely>=2.0",
             # Readers of what the tracker sends to other programs.
             "pynmea2",
             "takproto",

@@ -61,6 +61,11 @@ def clutter_map(tracker: str = TRACKER) -> str:
     return f"{tracker}/clutter_map"
 
 
+def conflicts(tracker: str = TRACKER) -> str:
+    """Return the topic of a tracker's conflicts."""
+    return f"{tracker}/conflicts"
+
+
 def fixes(tracker: str = TRACKER) -> str:
     """Return the topic of the tracks by latitude and longitude."""
     return f"{tracker}/navsat"

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.conflicts.encounters import closest_approach
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import TENTATIVE, Estimates, Pose
 
@@ -137,11 +138,10 @@ def _approach(line: FloatArray, velocity: FloatArray) -> str:
 
     `line` is the target's position and `velocity` its velocity relative to own ship.
     """
-    square = float(velocity @ velocity)
-    time_s = -float(line @ velocity) / square if square > 0.0 else math.nan
-    if not abs(time_s) < 60e3:  # NaN too
+    found = closest_approach(line, velocity, np.zeros(2))
+    if not abs(found.time_s) < 60e3:  # NaN too
         return ","
-    return f"{np.hypot(*(line + time_s * velocity)) / MILE:.3f},{time_s / 60.0:.1f}"
+    return f"{found.distance / MILE:.3f},{found.time_s / 60.0:.1f}"
 
 
 def _degrees(angle: float) -> str:

@@ -16,17 +16,18 @@ from typing import Any
 from visualization_msgs.msg import Marker, MarkerArray
 
 from phd_jdtc_ros.core.engine import Engine, Step
+from phd_jdtc_ros.core.models.zones import Zone
 from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates, Pose
 
 from ..encoding import interfaces, names, stamps
 from ..targets import estimates, geo_json, geodetic, markers, poses, radar_tracks, tracks, vision
-from . import clutter_maps, cot, detections_in_map, diagnostics, nmea, signal_k
+from . import clutter_maps, conflicts, cot, detections_in_map, diagnostics, nmea, signal_k
 from .trails import Trails
 
-# Triggers besides the estimates of a source: a `Scan`, and a `StepResult`.
-SCAN, STEP = "scan", "step"
+# Triggers besides the estimates of a source: a `Scan`, a `StepResult`, and `Conflicts`.
+SCAN, STEP, CONFLICTS = "scan", "step", "conflicts"
 # Shortest time between two clutter maps, seconds, by the stamps of scans.
 CLUTTER_PERIOD_S = 10.0
 
@@ -56,6 +57,7 @@ class View:
     plane: Plane | None  # Placement of the world frame on the earth
     trails: Trails
     has_clutter_map: bool = False
+    zones: Sequence[Zone] | None = None  # Of the conflicts; None if none are watched
     run: uuid.UUID = field(default_factory=uuid.uuid4)  # Identifies the tracker's run
     # Returns own ship's pose at a stamp, see `Pipeline.own_pose`.
     own_pose: Callable[[int], Pose | None] = lambda stamp_ns: None
@@ -81,7 +83,8 @@ class Output:
 
     topic: str  # Topic below ``~/``, which stands for the tracker's name
     type_name: str
-    when: str  # `FILTERED` or `SMOOTHED`, for each set of estimates, or `SCAN` or `STEP`
+    # `FILTERED` or `SMOOTHED`, for each set of estimates, or `SCAN`, `STEP` or `CONFLICTS`.
+    when: str
     # Returns the messages, or their bytes, given the trigger's value.
     encode: Callable[[Any, View], Iterable[Any]]
     switch: str = ""  # Name by which a user enables the output; empty if it is always on
@@ -153,6 +156,23 @@ def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
             latched=True,
             needs=lambda view: view.has_clutter_map,
             period_s=CLUTTER_PERIOD_S,
+        ),
+        Output(
+            names.conflicts("~"),
+            names.CLOUD,
+            when=CONFLICTS,
+            encode=lambda found, view: [conflicts.to_cdr(found, view.frame)],
+            usual=False,
+            needs=lambda view: view.zones is not None,
+        ),
+        Output(
+            f"{names.conflicts('~')}/markers",
+            names.MARKERS,
+            when=CONFLICTS,
+            encode=lambda found, view: [conflicts.to_markers(found, view.zones or (), view.frame)],
+            usual=False,
+            latched=True,
+            needs=lambda view: view.zones is not None,
         ),
         Output(
             names.cardinality("~"),

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
+from phd_jdtc_ros.core.conflicts.encounters import ConflictModel
 from phd_jdtc_ros.core.gaussian.bounds import Bounds
 from phd_jdtc_ros.core.intake.antenna import MIN_PERIOD_S
 from phd_jdtc_ros.core.intake.clocks import Clocks, SentReport
@@ -20,7 +21,7 @@ from phd_jdtc_ros.core.phd.resampling import ParticleBudget
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.tracks.reporting_rule import ReportingRule, rule_of
 
-from . import checks
+from . import checks, zones
 from .models import platform_of, tracker_model
 from .parameters import replaced
 from .parameters.radar import RadarParameters
@@ -80,6 +81,7 @@ class TrackerConfig(Tracking):
     rule: ReportingRule  # Confirmation and deletion of tracks
     # The map projection of the world frame; None for a world without a place on the earth.
     plane: Plane | None = None
+    conflicts: ConflictModel  # What counts as a danger
 
     @property
     def known_plane(self) -> Plane | None:
@@ -252,7 +254,8 @@ def _config(values: dict[str, Any], parts: Parts, plane: Plane | None) -> Tracke
     )
     if top.state == SPACE:
         inputs = tuple(sensor.in_space(top.height_prior, top.air) for sensor in inputs)
-    level, model = ACCURACY[top.accuracy], tracker_model(parts, inputs)
+    places = zones.read(top.zones, plane if len(values["world_origin"]) == KNOWN_PLACE else None)
+    level, model = ACCURACY[top.accuracy], tracker_model(parts, inputs, places)
     labelled, per_target = top.engine in LABELLED, top.particles_per_target or level.per_target
     thresholds = (top.confirm_probability, top.delete_probability)
     limits = (top.coasting_scans, top.coasting_gates)
@@ -278,4 +281,11 @@ def _config(values: dict[str, Any], parts: Parts, plane: Plane | None) -> Tracke
         ),
         rule=rule_of(model, labelled, *thresholds, *limits, top.report_resting),
         plane=plane,
+        conflicts=ConflictModel(
+            distance=top.conflicts_distance[0],
+            height=top.conflicts_distance[1],
+            horizon_s=top.conflicts_horizon_s,
+            alarms_per_hour=top.conflicts_alarms_per_hour,
+            zones=places,
+        ),
     )

@@ -83,6 +83,8 @@ def _beyond_the_paper(top: Tracking) -> Faults:
         ("detection_births.rates", top.birth_rates, ([],)),
         ("amplitude", top.amplitude, ("auto", "band", "none")),
         ("state", top.state, ("plane",)),
+        ("conflicts.distance", [*filter(None, top.conflicts_distance)], ([],)),
+        ("zones", top.zones, ("",)),
     ):
         if given not in allowed:
             words = " or ".join(map(str, allowed))

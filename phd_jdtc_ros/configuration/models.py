@@ -18,6 +18,7 @@ from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack
 from phd_jdtc_ros.core.models.amplitude_model import AmplitudeModel, Band, Ignored, Memory
 from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
+from phd_jdtc_ros.core.models.zones import EXCLUSION, Zone
 from phd_jdtc_ros.core.sensors.position import PositionSensor
 from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.state_space import PLANAR, SPATIAL, StateSpace
@@ -62,7 +63,9 @@ SPAWN_PARTICLES = 100
 SPAWN_SAME_MOTION, SPAWN_OTHER_MOTION = 0.9, 0.1
 
 
-def tracker_model(parts: Parts, inputs: Sequence[SensorParameters]) -> TrackerModel:
+def tracker_model(
+    parts: Parts, inputs: Sequence[SensorParameters], zones: Sequence[Zone] = ()
+) -> TrackerModel:
     """Return the models of targets and sensors."""
     top = parts.tracking
     space = SPATIAL if top.state == SPACE else PLANAR
@@ -78,6 +81,7 @@ def tracker_model(parts: Parts, inputs: Sequence[SensorParameters]) -> TrackerMo
             turn_rate_std=top.birth_turn_rate_std,
             climb_std=top.birth_climb_std,
             least_mass=top.birth_least_probability,
+            excluded=tuple(zone for zone in zones if zone.kind == EXCLUSION),
         ),
         spawn=_spawn(top.spawn_rate, modes),
         amplitudes=_amplitudes(parts, inputs),

@@ -16,6 +16,8 @@ The path of the data, with the package of each step::
       |                                        numbers and a common stamp
       |  backward over the lag window          window.fixed_lag, gaussian.smoothing
       |------------- extract ---------------> Estimates (smoothed)
+      |  draw possible paths of the tracks     gaussian.paths
+      |------------- compare ---------------> Conflicts, with alarms: conflicts
 
 The weight of an association is p_D times the likelihood over the density of false detections, times
 one factor for each further thing that is known. The update with one report is (`window.update`)::
@@ -39,7 +41,7 @@ functions of arrays, and `bisection` searches ascending arrays in compiled funct
 
 The packages import downwards only; contracts in ``pyproject.toml`` enforce this::
 
-    pipeline
+    pipeline, conflicts
     window, phd
     gaussian
     intake

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
-from .arrays import FloatArray
+import numpy as np
+
+from .arrays import FloatArray, IntArray
 from .models.tracker_model import TrackerModel
 from .snapshot import Snapshot
 from .tracks.reporting_rule import ReportingRule
@@ -64,6 +66,14 @@ class Reprocessed:
     smoothed: tuple[Estimates, ...]
 
 
+class Paths(NamedTuple):
+    """Equally probable paths of targets over K intervals, given that the targets exist."""
+
+    track_id: IntArray  # Track numbers, distinct, (T,)
+    # Places, world frame, metres, (T, N, K + 1, 3). The height is NaN in the plane.
+    place: FloatArray
+
+
 class Engine(Protocol):
     """A filter with a smoother."""
 
@@ -89,6 +99,14 @@ class Engine(Protocol):
 
     def clutter_raster(self) -> ClutterRaster | None:
         """Return the learned clutter density; None if nothing was learned."""
+
+    def paths(
+        self, tracks: IntArray, interval_s: float, steps: int, count: int, rng: np.random.Generator
+    ) -> Paths | None:
+        """Return `count` paths of each of some tracks from the last scan's stamp on.
+
+        `tracks` has their numbers. None if the engine has no tracks.
+        """
 
     def retune(self, model: TrackerModel, rule: ReportingRule) -> None:
         """Use another model of equal structure and another rule from the next scan on."""

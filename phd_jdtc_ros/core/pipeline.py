@@ -321,6 +321,10 @@ class Pipeline:
             return Pose(self._configured[0].radars[0].position, math.nan)
         return platform.own_pose(stamp_ns)
 
+    def own_ship(self, stamp_ns: int) -> Pose | None:
+        """Return the pose of own ship at a stamp, as `own_pose`; None if no sensor moves."""
+        return self.own_pose(stamp_ns) if self._posed.moving else None
+
     def take_drops(self) -> list[tuple[int, Drops]]:
         """Return what was dropped after `add` since the last call, with each radar's index."""
         taken = []

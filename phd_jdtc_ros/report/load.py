@@ -15,7 +15,7 @@ from msg_adapters.incoming import moving_radars
 from msg_adapters.incoming.call_signs import learn_from_cdr
 from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import reader_of
-from msg_adapters.outgoing import clutter_maps, diagnostics
+from msg_adapters.outgoing import clutter_maps, conflicts, diagnostics
 from msg_adapters.targets import estimates, truth
 from phd_jdtc_ros.asterix.messages import CallSigns
 from phd_jdtc_ros.bags.errors import BagError
@@ -39,13 +39,13 @@ def record(path: Path, config: TrackerConfig) -> Record:
     """
     bag = BagReader(path)
     sources = {names.estimates(source): source for source in (FILTERED, SMOOTHED)}
-    figures, clutter = names.cardinality(), names.clutter_map()
+    figures, clutter, dangers = names.cardinality(), names.clutter_map(), names.conflicts()
     wanted = dict.fromkeys([*sources, names.TRUTH], names.CLOUD)
     wanted |= {radar.topic: reader_of(radar).type_name for radar in config.inputs}
     present = bag.types.keys() | bag.foreign.keys()
     if not wanted.keys() & present:
         raise BagError(f"{path}: none of {', '.join(wanted)} is in it")
-    wanted |= {figures: names.FIGURES, clutter: names.GRID}
+    wanted |= {figures: names.FIGURES, clutter: names.GRID, dangers: names.CLOUD}
     bag.require({topic: kind for topic, kind in wanted.items() if topic in present})
     intact = Intact(bag)
     radars = config.model.radars
@@ -53,12 +53,14 @@ def record(path: Path, config: TrackerConfig) -> Record:
     latest: dict[str, str] = {}
     classes = 0
     try:
-        for entry in intact.messages([*sources, names.TRUTH, figures, clutter]):
+        for entry in intact.messages([*sources, names.TRUTH, figures, clutter, dangers]):
             topic, message = entry.topic, interfaces.decode(entry.data, bag.types[entry.topic])
             if topic == names.TRUTH:
                 parts["truth"].append(truth.from_msg(message))
             elif topic == clutter:
                 parts["clutter"] = [clutter_maps.from_msg(message)]
+            elif topic == dangers:
+                parts["conflicts"].append(conflicts.from_msg(message))
             elif topic == figures:
                 for status in message.status:
                     latest = diagnostics.values_of(status)
@@ -100,6 +102,8 @@ def record(path: Path, config: TrackerConfig) -> Record:
         learned=tuple(learned_values(config.inputs, numbers)),
         changes=sensor_changes(config.inputs, numbers),
         call_signs=call_signs,
+        conflicts=by_stamp(parts["conflicts"]),
+        zones=config.conflicts.zones,
     )
 
 

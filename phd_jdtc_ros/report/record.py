@@ -16,7 +16,9 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
+from phd_jdtc_ros.core.conflicts.encounters import Conflicts
 from phd_jdtc_ros.core.factors.outliers import Outliers
+from phd_jdtc_ros.core.models.zones import Zone
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates, Truth
 from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
@@ -181,6 +183,8 @@ class Record:
     # How each sensor had changed at the end of the run, by name.
     changes: Mapping[str, str] = field(default_factory=dict)
     call_signs: CallSigns = field(default_factory=CallSigns)  # By address
+    conflicts: tuple[Conflicts, ...] = ()  # Empty if not recorded
+    zones: tuple[Zone, ...] = ()
 
     @cached_property
     def sets(self) -> Sets:

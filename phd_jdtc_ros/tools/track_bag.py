@@ -22,7 +22,7 @@ from msg_adapters.encoding import interfaces, names
 from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import reader_of
-from msg_adapters.outgoing import clutter_maps, diagnostics
+from msg_adapters.outgoing import clutter_maps, conflicts, diagnostics
 from msg_adapters.targets import estimates, geodetic, truth
 from phd_jdtc_ros import interruption, output_files, resources
 from phd_jdtc_ros.bags.errors import BagError
@@ -32,7 +32,8 @@ from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.place_forms import STATIC_TRANSFORMS
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.core.pipeline import Event, RunEnded
+from phd_jdtc_ros.core.conflicts.watch import Watch
+from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates
 from phd_jdtc_ros.evaluation.evaluation import ORDER
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser, fail
@@ -67,6 +68,7 @@ class OfflineTracker:
         self._last_ns = 0
         self.step_ms: list[float] = []  # CPU time of each scan, milliseconds
         self._step_clock = StepClock()
+        self._watch = Watch(config.conflicts)
         self.damage: BagError | None = None  # Damage of the bag; its intact messages were tracked
         # Serialised, as in the new bag.
         self._estimates: dict[str, list[bytes]] = {source: [] for source in SOURCES}
@@ -146,12 +148,22 @@ class OfflineTracker:
             if isinstance(event, RunEnded):
                 self._write_estimates(SMOOTHED, event.smoothed)
                 self._runs.append(len(self._estimates[SMOOTHED]))
+                self._watch.begin_run()
                 continue
             self.scans += 1
             self._last_ns = event.scan.stamp_ns
             self._write_estimates(FILTERED, event.step.filtered)
             self._write_estimates(SMOOTHED, event.step.smoothed)
             self.step_ms.append(self._step_clock.take_ms())
+            self._write_conflicts(event)
+
+    def _write_conflicts(self, event: Stepped) -> None:
+        pipeline, stamp_ns = self._feed.pipeline, event.scan.stamp_ns
+        own = pipeline.own_ship(stamp_ns)
+        watched = self._watch.step(stamp_ns, event.step.filtered, pipeline.engine, own)
+        if watched is not None:
+            data = conflicts.to_cdr(watched[0], self._config.world_frame)
+            self._bag.write(names.conflicts(), data, stamp_ns)
 
     def _write_estimates(self, source: str, published: Iterable[Estimates]) -> None:
         for values in published:
@@ -194,6 +206,8 @@ def track_bag(
             bag.add_topic(Topic(names.clutter_map(), names.GRID, depth=1, transient_local=True))
         if config.model.learns_figures:
             bag.add_topic(Topic(names.cardinality(), names.FIGURES))
+        if config.conflicts.enabled:
+            bag.add_topic(Topic(names.conflicts(), names.CLOUD))
         tracker = OfflineTracker(config, bag)
         total = sum(source.counts[topic] for topic in copied)
         console = Console(stderr=True)

@@ -135,6 +135,11 @@ REGION = _list_form(
     lambda given: not given or (is_region(given) and max(map(abs, given)) <= 1e6),
     lambda given: Region(*given) if given else None,
 )
+APART = _list_form(
+    "empty, or a distance and maybe a difference of heights, above 0 and at most 1e6",
+    lambda given: len(given) <= 2 and all(0.0 < value <= 1e6 for value in given),
+    lambda given: (*given, 0.0, 0.0)[:2],
+)
 AREA = _list_form(
     "[x_min, y_min, x_max, y_max], or x and y of at least 3 corners of a polygon, within 1e7 m and "
     "with a size above 0",

@@ -245,6 +245,33 @@ class Tracking:
         element=str,
         mutable=True,
     )
+    conflicts_distance: tuple[float, float] = parameter(
+        [],
+        "Distance between own ship and a track, or between two tracks, below which they are in "
+        "conflict, m, and if heights matter the difference of two known heights from which on they "
+        "are not, m. Empty for no such conflicts.",
+        form=place_forms.APART,
+        name="conflicts.distance",
+    )
+    conflicts_horizon_s: float = parameter(
+        360.0,
+        "Time for which conflicts are predicted, s.",
+        (1.0, 7200.0),
+        name="conflicts.horizon_s",
+    )
+    conflicts_alarms_per_hour: float = parameter(
+        6.0,
+        "Largest number of alarms of conflicts in an hour: those of the largest probabilities are "
+        "raised, and in any case those above 0.9.",
+        (0.0, 1e4),
+        name="conflicts.alarms_per_hour",
+    )
+    zones: str = parameter(
+        "",
+        "File of GeoJSON with polygons, each with the properties name and kind (guard, exclusion "
+        "or land). Their entry is a conflict, and no track starts in an exclusion zone; empty for "
+        "none. Needs world_origin.",
+    )
     spawn_rate: float = parameter(
         0.0, "Expected spawned targets per target and interval.", (0.0, 1.0), name="spawn.rate"
     )

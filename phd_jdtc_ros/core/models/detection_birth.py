@@ -24,6 +24,7 @@ from ..sensors.sensor import Sensor
 from ..sensors.view import View
 from ..targets import stationary
 from ..targets.modes import ModeSpace
+from .zones import Zone
 
 
 class EarlierLooks(NamedTuple):
@@ -43,6 +44,7 @@ class DetectionBirthModel(ReadOnly):
     turn_rate_std: float  # Standard deviation of the turn rate, radians per second
     climb_std: float = 5.0  # Standard deviation of the climb rate in space, metres per second
     least_mass: float = 1e-4  # Smallest newborn mass with which a target is born at a detection
+    excluded: tuple[Zone, ...] = ()  # Where no target is born
 
     @cached_property
     def enabled(self) -> bool:
@@ -83,6 +85,9 @@ class DetectionBirthModel(ReadOnly):
         if velocities is not None:
             spread = velocities.noise + self.velocity_std**2 * np.eye(2)
             intensity = intensity + velocities.model.log_density(velocities.velocity, spread)
+        for zone in self.excluded:
+            inside = zone.contains(report.position[:, :2])
+            intensity = np.where(inside, -np.inf, intensity)
         return intensity
 
     @staticmethod

@@ -157,6 +157,9 @@ class PhdEngine(Generic[SetT, LinkT]):
         """Return None: nothing is learned."""
         return None
 
+    def paths(self, *_: object) -> None:
+        """Return None: its estimates are no tracks."""
+
     def _refuse(self, *_: object) -> NoReturn:
         raise NotImplementedError("engine: a PHD filter keeps no state to return to")
 

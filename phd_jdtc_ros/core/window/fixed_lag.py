@@ -8,11 +8,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..arrays import FloatArray, contains
-from ..engine import EngineState, Lag, OnFiltered, Reprocessed, Step, ignore_filtered
+from ..arrays import FloatArray, IntArray, contains
+from ..engine import EngineState, Lag, OnFiltered, Paths, Reprocessed, Step, ignore_filtered
 from ..gaussian.entries import Entry, UnsweptRows, trim
 from ..gaussian.extraction import extract, most_probable_motion
 from ..gaussian.mixture import Mixture
+from ..gaussian.paths import Samples, moved, sample
 from ..gaussian.smoothing.lineages import Lineages
 from ..gaussian.smoothing.smoother import extract_at
 from ..models.tracker_model import TrackerModel
@@ -110,6 +111,36 @@ class GaussianEngine:
     def clutter_raster(self) -> ClutterRaster | None:
         """Return the learned clutter density; see `Engine.clutter_raster`."""
         return self.forward.factors.clutter_raster(self.forward.model.radars)
+
+    def paths(
+        self, tracks: IntArray, interval_s: float, steps: int, count: int, rng: np.random.Generator
+    ) -> Paths | None:
+        """Return paths of some tracks; see `Engine.paths`."""
+        dynamics, number, wanted = self.forward.dynamics, self._tracks.in_use, {*tracks.tolist()}
+        modes, now_ns = dynamics.model.modes, self.forward.stamp_ns or 0
+        found: list[int] = []
+        parts: list[Samples] = []
+        for rows in self.forward.unswept:
+            mixture, own = rows.stored, []
+            for label in mixture.label.tolist():
+                track = number.get(label + 1, 0)
+                if track in wanted:
+                    # Two labels of one aircraft share a number; one of them will do.
+                    wanted.remove(track)
+                    found.append(track)
+                    own.append(sample(mixture, label, dynamics, count, rng))
+            if own:
+                age_s = (now_ns - rows.entry.stamp_ns) * 1e-9
+                parts.append(moved(Samples.concatenate(own), age_s, modes, rng))
+        place = np.full((len(found), count, steps + 1, 3), np.nan)
+        if not found:
+            return Paths(np.zeros(0, dtype=np.int64), place)
+        axes, samples = list(modes.space.place), Samples.concatenate(parts)
+        for step in range(steps + 1):
+            samples = moved(samples, interval_s if step else 0.0, modes, rng)
+            place[:, :, step, : len(axes)] = samples.state[:, axes].reshape(len(found), count, -1)
+        order = np.argsort(found)
+        return Paths(np.array(found)[order], place[order])
 
     def retune(self, model: TrackerModel, rule: ReportingRule) -> None:
         """Use another model and rule from the next scan on; see `Engine.retune`.

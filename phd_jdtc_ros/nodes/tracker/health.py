@@ -13,8 +13,9 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from msg_adapters.encoding import names
 from phd_jdtc_ros.calibration.registration.monitor import LEAST, MeanResidual
 from phd_jdtc_ros.columns import anomalies
+from phd_jdtc_ros.core.conflicts.watch import Watch
 
-from ..common.health import WARNING_MEMORY_S, Rhythm, Rises, first, status_of
+from ..common.health import WARNING_MEMORY_S, Condition, Rhythm, Rises, first, status_of
 from .senders import Link
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
@@ -165,6 +166,19 @@ class OutputHealth:
             values[f"{link.where} sent"] = link.sent
             values[f"{link.where} stalled"] = link.stalled
         return status_of(node, "outputs", condition, values)
+
+
+def conflict_status(watch: Watch, node: str) -> DiagnosticStatus:
+    """Return the alarms of conflicts, which are no fault; `node` is the tracker's full name."""
+    found, fresh = watch.latest, watch.alarms.fresh
+    values = {
+        "conflicts": 0 if found is None else len(found),
+        "alarms": 0 if found is None else int((found.alarm > 0).sum()),
+        "not_acknowledged": fresh,
+        "threshold": watch.alarms.threshold,
+    }
+    text = f"{fresh} alarms are not acknowledged" if fresh else "no alarm to acknowledge"
+    return status_of(node, "conflicts", Condition(OK, text), values)
 
 
 def registration_status(found: MeanResidual, node: str) -> DiagnosticStatus:

@@ -14,12 +14,14 @@ from rclpy.lifecycle import LifecycleNode
 
 from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import Reader, reader_of
-from msg_adapters.outgoing.outputs import SCAN, STEP, StepResult
+from msg_adapters.outgoing.outputs import CONFLICTS, SCAN, STEP, StepResult
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.calibration.registration.monitor import RegistrationMonitor
 from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.configuration.parameters.tracker import PHD
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.conflicts.watch import Watch
+from phd_jdtc_ros.core.engine import Step
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped, start_cold
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Pose
@@ -28,7 +30,7 @@ from phd_jdtc_ros.feed.feed import Feed, Monitor, StepClock
 from ..common.health import WARNING_MEMORY_S, Rhythm
 from ..common.runtime import steady_timer
 from .checkpoint import Checkpoints, require_replaceable
-from .health import Load, OutputHealth, StepHealth, registration_status
+from .health import Load, OutputHealth, StepHealth, conflict_status, registration_status
 from .inputs import Inputs
 from .outputs import Outputs
 from .settings import Settings
@@ -64,6 +66,7 @@ class LiveTracker:
             self._registration = RegistrationMonitor(polar_radars(config.model.radars), nominal_s)
         self._active = False
         self._step_clock = StepClock()
+        self._watch = Watch(config.conflicts)
         self._outputs = Outputs(node, settings, self._output_health, self._own_pose)
         # The timer is never started if scans wait without a limit.
         self._max_wait_s = settings.node["max_wait_s"]
@@ -175,6 +178,7 @@ class LiveTracker:
         if self._checkpoints is not None:
             self._checkpoints.discard()
         self._outputs.begin_run()
+        self._watch.begin_run()
         self._step_health.begin_series()
         self._max_wait_timer.cancel()
 
@@ -265,6 +269,21 @@ class LiveTracker:
         self._outputs.publish(
             STEP, stamp_ns, StepResult(stamp_ns, step, step_ms, self._pipeline.engine)
         )
+        self._watch_conflicts(stamp_ns, step)
+
+    def _watch_conflicts(self, stamp_ns: int, step: Step) -> None:
+        """Publish the conflicts if they are due, and log new alarms."""
+        own, engine = self._pipeline.own_ship(stamp_ns), self._pipeline.engine
+        watched = self._watch.step(stamp_ns, step.filtered, engine, own)
+        if watched is not None:
+            found, alarms = watched
+            self._outputs.publish(CONFLICTS, stamp_ns, found)
+            for alarm in alarms:
+                self._node.get_logger().warning(f"alarm: {alarm}")
+
+    def acknowledge(self) -> str:
+        """Acknowledge all alarms of conflicts; return what was done in words."""
+        return f"{self._watch.alarms.acknowledge()} alarms acknowledged"
 
     def _end_run(self, event: RunEnded) -> None:
         """Publish the pending smoothed estimates, and begin a new run."""
@@ -297,5 +316,6 @@ class LiveTracker:
             *self.inputs.statuses(now_s),
             self._step_health.status(name, lost, busy),
             self._output_health.status(name, now_s, unsaved, self._outputs.links),
+            *([conflict_status(self._watch, name)] if self._watch.model.enabled else []),
             *(registration_status(found, name) for found in residuals),
         ]

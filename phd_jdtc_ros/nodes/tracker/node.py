@@ -116,6 +116,7 @@ class Tracker(ManagedNode):
             "flush": self._flush,
             "reset": self._reset,
             "checkpoint": self._checkpoint,
+            "acknowledge": lambda: (True, self._configured.acknowledge()),
         }.items():
             serve(self, name, partial(self._while_active, action))
         self.start(self._settings.node["autostart"])

@@ -58,6 +58,7 @@ class Outputs:
             config.plane,
             trails,
             config.model.has_clutter_map,
+            zones=config.conflicts.zones if config.conflicts.enabled else None,
             own_pose=own_pose,
             types=self._values["cot_types"],
             stale_s=config.reset_threshold_s,

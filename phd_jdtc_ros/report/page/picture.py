@@ -17,6 +17,7 @@ from msg_adapters.targets import geodetic, vertical
 from msg_adapters.targets.markers import class_colour
 from msg_adapters.targets.vertical import FLIGHT_LEVEL
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.models.zones import Zone
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import SOURCES, Estimates
 from phd_jdtc_ros.evaluation.comparison import PointSet, TrueTracks
@@ -211,7 +212,11 @@ def picture_of(record: Record) -> Picture | None:
         "hold": {},
         "radars": _radars(record),
         "sites": [[site.name, *site.position] for site in record.radars],
-        "known": {"truth": bool(record.truth), "plots": bool(record.plots)},
+        "known": {
+            "truth": bool(record.truth),
+            "plots": bool(record.plots),
+            "alarms": bool(record.conflicts or record.zones),
+        },
         "rings": rings(record.radars, corner, far),
         "identities": [],
         "place_unknown": record.plane is not None and not record.place_known,
@@ -224,6 +229,8 @@ def picture_of(record: Record) -> Picture | None:
     _add_truth(record, frames, grid)
     header["amplitudes"] = _add_plots(record, frames, grid)
     _add_carriers(record, frames, grid)
+    _add_alarms(record, frames, grid)
+    header["zones"] = zone_lines(record.zones)
     if record.clutter is not None:
         header["clutter"] = clutter_levels(record.clutter, columns)
     if record.plane is not None and record.place_known:
@@ -316,6 +323,31 @@ def _add_plots(record: Record, frames: Frames, grid: Grid) -> list[float]:
     grid.columns.add("plots.shade", shades_of(record.all_plots)[order])
     known = record.all_plots.amplitude[record.all_plots.known]
     return [float(f"{end:.3g}") for end in (known.min(), known.max())] if len(known) else []
+
+
+def zone_lines(zones: Sequence[Zone]) -> list[dict[str, Any]]:
+    """Return the zones with the ends of their sides: x and y of one, x and y of the other."""
+    return [
+        {"name": zone.name, "kind": zone.kind, "sides": np.rint(zone.sides).ravel().tolist()}
+        for zone in zones
+    ]
+
+
+def _add_alarms(record: Record, frames: Frames, grid: Grid) -> None:
+    """Add the alarms of conflicts, and the frames at which conflicts were looked for."""
+    at = frames.at([found.stamp_ns for found in record.conflicts])
+    raised = [np.flatnonzero(found.alarm) for found in record.conflicts]
+    grid.columns.add("alarms.looked", at)
+    grid.columns.add("alarms.frame", np.repeat(at, list(map(len, raised))))
+
+    def of(name: str, *shape: int) -> FloatArray:
+        shown = zip(record.conflicts, raised, strict=True)
+        return concatenate_rows([getattr(found, name)[rows] for found, rows in shown], *shape)
+
+    grid.add("alarms", of("place", 2))
+    for name in ("kind", "first", "second", "alarm"):
+        grid.columns.add(f"alarms.{name}", of(name))
+    grid.columns.add("alarms.chance", np.rint(100.0 * of("probability")))
 
 
 def _add_carriers(record: Record, frames: Frames, grid: Grid) -> None:

@@ -95,6 +95,11 @@ def _caption(head: Mapping[str, Any]) -> str:
             else ""
         )
         parts.append(f"small marks are detections{scale}")
+    if head["known"]["alarms"]:
+        parts.append(
+            "red lines join what will probably come too near each other, with the probability, and "
+            "thinner ones once that is acknowledged"
+        )
     if "clutter" in head:
         parts.append("brown squares are the clutter map learned by the end of the run")
     if head["place_unknown"]:
@@ -115,6 +120,8 @@ def _options(head: Mapping[str, Any]) -> str:
     layers["lines"] = "latitudes and ranges" if "earth" in head else "grid and ranges"
     if "clutter" in head:
         layers["clutter"] = "learned clutter"
+    if head["known"]["alarms"]:
+        layers["alarms"] = "zones and alarms"
     parts = [
         _select("trails", "Trails", TRAILS, "120") if head["sources"] else "",
         _select("detections", "Detections", DETECTIONS, "0") if head["known"]["plots"] else "",

@@ -10,6 +10,7 @@ from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import GaussianSteps
 from phd_jdtc_ros.core.models import detection_birth
 from phd_jdtc_ros.core.models.detection_birth import Newborn
+from phd_jdtc_ros.core.models.zones import EXCLUSION, Zone
 from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.targets.amplitude_density import of_classes
 from phd_jdtc_ros.core.types import Coverage, Detections, Scan
@@ -48,6 +49,19 @@ def test_newborn_mass_follows_the_interval():
     report = Detections(np.array([[6000.0, 0.5]]), np.array([4.5]))
     masses = [newborns_of(unknown(), report, dt)[0].mass.sum() for dt in (3.0, 6.0)]
     assert masses[1] == pytest.approx(2.0 * masses[0], rel=0.02)
+
+
+def test_no_target_is_born_in_an_exclusion_zone_and_others_are():
+    report = Detections(np.array([[6000.0, 0.5], [9000.0, 2.0]]), np.array([200.0, 200.0]))
+    place = View.of(RADAR, report).position[0]
+    corners = place + 500.0 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    sides = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+    model = unknown()
+    births = replace(model.detection_births, excluded=(Zone("buoys", EXCLUSION, sides),))
+    (usual,) = newborns_of(model, report)
+    (found,) = newborns_of(model.changed(detection_births=births), report)
+    assert len(usual) == 2
+    assert np.array_equal(found.mass, usual.mass[1:])
 
 
 def test_update_leaves_unclaimed_detections_as_newborn_if_there_are_such_births():

@@ -4,6 +4,9 @@
 const UNKNOWN_PLACE = "position on the earth unknown";
 const NEW_LABEL = [[1, -1], [1, 1], [-1, 1], [-1, -1]]; // where labels are tried, in this order
 
+const ALARM = "#d32f2f";
+const ZONES = { guard: "#c77700", exclusion: "#808080", land: "#8a6d3b" };
+
 function meet(box, other) {
   return box[0] < other[2] && box[2] > other[0] && box[1] < other[3] && box[3] > other[1];
 }
@@ -27,6 +30,7 @@ class Drawing {
     this.drawScale();
     if (this.clutter && this.option("clutter")) this.drawClutter();
     if (this.option("lines")) this.drawLines();
+    if (this.option("alarms")) this.drawZones();
     const trails = this.since(this.option("trails"));
     if (this.option("truth")) this.drawTruth(trails);
     this.drawDetections(this.since(this.option("detections")));
@@ -35,7 +39,54 @@ class Drawing {
     const trailed = shown[shown.length - 1];
     if (trailed) this.drawTrails(trailed, trails);
     for (const name of shown) this.drawSource(name);
+    if (this.option("alarms")) this.drawAlarms();
     if (this.main) this.list();
+  }
+
+  // The outlines of zones with their names.
+  drawZones() {
+    const { brush } = this;
+    brush.lineWidth = 1.5;
+    for (const { name, kind, sides } of this.head.zones) {
+      brush.strokeStyle = brush.fillStyle = ZONES[kind];
+      brush.setLineDash(kind === "exclusion" ? [6, 4] : []);
+      brush.beginPath();
+      for (let k = 0; k < sides.length; k += 4) {
+        brush.moveTo(this.px(sides[k]), this.py(sides[k + 1]));
+        brush.lineTo(this.px(sides[k + 2]), this.py(sides[k + 3]));
+      }
+      brush.stroke();
+      this.writeApart(name, [[this.px(sides[0]) + 4, this.py(sides[1]) - 4]]);
+    }
+    brush.setLineDash([]);
+  }
+
+  // The alarms that were found last: lines between two objects, or from one to where it enters a zone.
+  drawAlarms() {
+    const { brush } = this;
+    const { looked, frame, kind, first, second, alarm, chance, x, y } = this.groups.alarms;
+    const last = above(looked, this.frame, 0, looked.length) - 1;
+    if (last < 0) return;
+    const places = new Map();
+    for (const { number, row } of this.main ? this.newest(this.main) : []) {
+      places.set(number, [this.groups[this.main].x[row], this.groups[this.main].y[row]]);
+    }
+    const { carriers } = this.groups;
+    for (const { row } of this.newest("carriers")) places.set(0, [carriers.x[row], carriers.y[row]]);
+    const begin = above(frame, looked[last] - 1, 0, frame.length);
+    for (let k = begin; k < frame.length && frame[k] === looked[last]; k++) {
+      const [one, there] = [places.get(first[k]), [x[k], y[k]]];
+      const other = kind[k] === 2 ? there : places.get(second[k]);
+      if (!one || !other) continue;
+      const [[ax, ay], [bx, by]] = [one, other].map(([u, v]) => [this.px(u), this.py(v)]);
+      brush.strokeStyle = brush.fillStyle = ALARM;
+      brush.lineWidth = alarm[k] === 1 ? 3 : 1;
+      brush.beginPath();
+      brush.moveTo(ax, ay);
+      brush.lineTo(bx, by);
+      brush.stroke();
+      this.writeApart(`${chance[k]} %`, [[(ax + bx) / 2 + 5, (ay + by) / 2 - 5]]);
+    }
   }
 
   drawClutter() {

@@ -64,7 +64,7 @@ class Picture extends Drawing {
     this.canvas = document.getElementById("map");
     this.brush = this.canvas.getContext("2d");
     this.groups = Object.fromEntries(
-      [...head.sources, "truth", "plots", "carriers"].map((name) => [name, group(head, columns, name)]));
+      [...head.sources, "truth", "plots", "carriers", "alarms"].map((name) => [name, group(head, columns, name)]));
     this.main = head.sources[0];
     this.frame = head.first;
     this.selected = 0;

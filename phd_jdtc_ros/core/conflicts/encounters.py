@@ -1,0 +1,311 @@
+"""The probabilities of encounters: two objects come near each other, or one enters a zone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray, ReadOnly
+from ..compilation import Float3, compiled
+from ..engine import Paths
+from ..models.zones import Zone
+from ..types import Pose
+
+# What a conflict is with: own ship and a track, two tracks, or a track or own ship and a zone.
+OWN, PAIR, ZONE = range(3)
+KINDS = ("own ship", "tracks", "zone")
+# The number of own ship in the place of a track number.
+OWN_SHIP = 0
+
+
+@dataclass(frozen=True)
+class ConflictModel:
+    """What counts as a danger, and how it is computed."""
+
+    distance: float = 0.0  # Least distance that is none, metres; 0 for zones only
+    # Least difference of heights that is none, metres; 0 if heights do not matter.
+    height: float = 0.0
+    horizon_s: float = 360.0  # How far ahead dangers are predicted, seconds
+    alarms_per_hour: float = 6.0  # How many alarms may be raised in an hour, see `Alarms`
+    zones: tuple[Zone, ...] = ()
+    # A probability has a standard deviation of at most 0.03 by the number of paths. The intervals
+    # are 15 s of 6 minutes: in a turn of 3 degrees a second a path is then within 3 % of a chord.
+    paths: int = 256
+    steps: int = 24
+    # Time between two computations by the stamps of scans, seconds; one takes 1 ms for a track.
+    period_s: float = 2.0
+    least_probability: float = 0.01  # A less probable conflict is not reported
+
+    @property
+    def enabled(self) -> bool:
+        """Whether there is anything to watch."""
+        return self.distance > 0.0 or bool(self.zones)
+
+    @property
+    def interval_s(self) -> float:
+        """Time between two points of a path, seconds."""
+        return self.horizon_s / self.steps
+
+
+@dataclass(frozen=True)
+class Conflicts(ReadOnly):
+    """The conflicts at one stamp, by descending probability.
+
+    In a conflict of two objects the first is own ship, with the number 0, or the track with the
+    smaller number. In one with a zone it is the track, or own ship, and the second is the index of
+    the zone.
+    """
+
+    stamp_ns: int
+    kind: IntArray  # `OWN`, `PAIR` or `ZONE`, (K,)
+    first: IntArray  # (K,)
+    second: IntArray  # (K,)
+    # Probability that the distance falls below the least one, or that the zone is entered, within
+    # the horizon, (K,).
+    probability: FloatArray
+    time_s: FloatArray  # Median time until then, if it happens, seconds, (K,)
+    # Of both at present courses and speeds; NaN for a zone.
+    cpa: FloatArray  # Distance of the closest point of approach, metres, (K,)
+    tcpa_s: FloatArray  # Time until then, seconds, negative after it, (K,)
+    # Place of the second from the first at that time: ahead of it, or astern if negative, and to
+    # its starboard, or port if negative, metres, (K,).
+    ahead: FloatArray
+    starboard: FloatArray
+    # Mean place of the track, or of the second object, at the median time, metres, (K, 2).
+    place: FloatArray
+    # 0 for no alarm, 1 for an alarm, 2 for an acknowledged one, (K,).
+    alarm: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+
+    def __post_init__(self) -> None:
+        if not len(self.alarm):
+            object.__setattr__(self, "alarm", np.zeros(len(self.kind), dtype=np.int64))
+        super().__post_init__()
+
+    def __len__(self) -> int:
+        return len(self.kind)
+
+    @property
+    def keys(self) -> list[tuple[int, int, int]]:
+        """What identifies each conflict as long as it lasts: its kind and both numbers."""
+        columns = (self.kind.tolist(), self.first.tolist(), self.second.tolist())
+        return list(zip(*columns, strict=True))
+
+
+class Approach(NamedTuple):
+    """The closest point of approach of a second object to a first one, at constant velocities."""
+
+    distance: float  # Metres
+    time_s: float  # Seconds, negative after it; NaN without relative motion, and all else with it
+    # Place of the second from the first one then, by the first one's course, metres; by its
+    # direction to the second one now if it is at rest.
+    ahead: float
+    starboard: float
+
+
+def closest_approach(line: FloatArray, velocity: FloatArray, course: FloatArray) -> Approach:
+    """Return the closest approach.
+
+    `line` and `velocity` are the second object's position and velocity relative to the first one,
+    and `course` is the first one's velocity, (2,) each.
+    """
+    square = float(velocity @ velocity)
+    if not square > 0.0:
+        return Approach(float(np.hypot(*line)), math.nan, math.nan, math.nan)
+    time_s = -float(line @ velocity) / square
+    at = line + time_s * velocity
+    heading = course if course.any() else line
+    x, y = heading / max(float(np.hypot(*heading)), np.finfo(float).tiny)
+    ahead, starboard = float(at @ (x, y)), float(at @ (y, -x))
+    return Approach(float(np.hypot(*at)), time_s, ahead, starboard)
+
+
+@compiled
+def _times_of_approach(first: Float3, second: Float3, distance: float, height: float) -> FloatArray:
+    """Return when each pair of paths, (N, K + 1, 3), is first too near, in intervals, (N,).
+
+    It is infinite for never. The distance is between straight lines from point to point. Heights
+    count if `height` is positive and both are known.
+    """
+    count, points, _ = first.shape
+    times = np.full(count, np.inf)
+    for n in range(count):
+        for k in range(points - 1):
+            x, y = second[n, k, 0] - first[n, k, 0], second[n, k, 1] - first[n, k, 1]
+            dx = second[n, k + 1, 0] - first[n, k + 1, 0] - x
+            dy = second[n, k + 1, 1] - first[n, k + 1, 1] - y
+            # The distance is below the least one between the roots of a quadratic.
+            square, half = dx * dx + dy * dy, x * dx + y * dy
+            excess = x * x + y * y - distance * distance
+            begin, end = 0.0, 1.0
+            if square > 0.0:
+                discriminant = half * half - square * excess
+                if discriminant < 0.0:
+                    continue
+                root = np.sqrt(discriminant)
+                begin, end = max(begin, (-half - root) / square), min(end, (-half + root) / square)
+            elif excess > 0.0:
+                continue
+            z = second[n, k, 2] - first[n, k, 2]
+            if height > 0.0 and not np.isnan(z):
+                dz = second[n, k + 1, 2] - first[n, k + 1, 2] - z
+                if dz != 0.0:
+                    low, high = (-height - z) / dz, (height - z) / dz
+                    begin, end = max(begin, min(low, high)), min(end, max(low, high))
+                elif abs(z) >= height:
+                    continue
+            if begin <= end:
+                times[n] = k + begin
+                break
+    return times
+
+
+@compiled
+def _times_of_crossing(path: Float3, sides: Float3) -> FloatArray:
+    """Return when each path, (N, K + 1, 3), first crosses one of some sides, (S, 2, 2).
+
+    The times are in intervals, (N,); infinite for never.
+    """
+    count, points, _ = path.shape
+    times = np.full(count, np.inf)
+    for n in range(count):
+        for k in range(points - 1):
+            x, y = path[n, k, 0], path[n, k, 1]
+            dx, dy = path[n, k + 1, 0] - x, path[n, k + 1, 1] - y
+            for side in sides:
+                ex, ey = side[1, 0] - side[0, 0], side[1, 1] - side[0, 1]
+                area = dx * ey - dy * ex
+                if area != 0.0:
+                    px, py = side[0, 0] - x, side[0, 1] - y
+                    along, across = (px * ey - py * ex) / area, (px * dy - py * dx) / area
+                    if 0.0 <= along <= 1.0 and 0.0 <= across <= 1.0:
+                        times[n] = min(times[n], k + along)
+            if times[n] <= k + 1:
+                break
+    return times
+
+
+def straight_path(own: Pose, model: ConflictModel) -> FloatArray:
+    """Return the path of own ship at its present course and speed as `Paths.place`, (1, N, K, 3).
+
+    What a mariner asks is what happens if own ship stands on.
+    """
+    times = model.interval_s * np.arange(model.steps + 1)
+    place = np.full((1, model.paths, model.steps + 1, 3), np.nan)
+    place[..., :2] = np.array(own.position) + times[:, None] * np.array(own.velocity)
+    return place
+
+
+class _Reach(NamedTuple):
+    """Circles around all paths of each object at each time."""
+
+    centre: FloatArray  # (K + 1, T, 2)
+    radius: FloatArray  # (K + 1, T)
+    step: FloatArray  # Longest way of an object in an interval, (T,)
+
+
+def _reach_of(place: FloatArray) -> _Reach:
+    centre = place[..., :2].mean(axis=1)
+    radius = np.hypot(*np.moveaxis(place[..., :2] - centre[:, None], -1, 0)).max(axis=1)
+    step = np.hypot(*np.moveaxis(np.diff(place[..., :2], axis=2), -1, 0)).max(axis=(1, 2))
+    return _Reach(centre.transpose(1, 0, 2), radius.T, step)
+
+
+def _candidates(reach: _Reach, distance: float) -> list[tuple[int, int]]:
+    """Return the pairs of objects, by ascending index, some of whose paths may be too near."""
+    size = len(reach.step)
+    near = np.zeros((size, size), dtype=np.bool_)
+    for centre, radius in zip(reach.centre, reach.radius, strict=True):
+        # Both may come nearer on the way to and from this time.
+        around = radius + 0.5 * reach.step
+        gap = np.hypot(*(centre[:, None] - centre).transpose(2, 0, 1))
+        near |= gap <= around[:, None] + around + distance
+    first, second = np.triu(near, 1).nonzero()
+    return list(zip(first.tolist(), second.tolist(), strict=True))
+
+
+def predict(
+    stamp_ns: int,
+    paths: Paths,
+    existence: FloatArray,
+    own: Pose | None,
+    model: ConflictModel,
+) -> Conflicts:
+    """Return the conflicts of the tracks and of own ship, if its pose is given.
+
+    `existence` has the probability that the target of each track exists, (T,).
+    """
+    number, place = paths
+    if own is not None:
+        number = np.concatenate([[OWN_SHIP], number])
+        existence = np.concatenate([[1.0], existence])
+        place = np.concatenate([straight_path(own, model), place])
+    found: list[tuple[float, ...]] = []
+    mean = place[..., :2].mean(axis=1)
+    velocity = (mean[:, 1] - mean[:, 0]) / model.interval_s
+    pairs = _candidates(_reach_of(place), model.distance) if model.distance > 0.0 else []
+    for one, other in pairs:
+        times = _times_of_approach(place[one], place[other], model.distance, model.height)
+        share, median = _summary(times, existence[one] * existence[other])
+        if share >= model.least_probability:
+            line, relative = mean[other, 0] - mean[one, 0], velocity[other] - velocity[one]
+            approach = closest_approach(line, relative, velocity[one])
+            kind = OWN if number[one] == OWN_SHIP and own is not None else PAIR
+            names = kind, number[one], number[other]
+            at = mean[other, round(median)]
+            found.append((*names, share, median * model.interval_s, *approach, *at))
+    for index, zone in enumerate(model.zones):
+        for one in range(len(number)):
+            share, median = _summary(_times_of_entry(place[one], zone), existence[one])
+            if share >= model.least_probability:
+                names, at = (ZONE, number[one], index), mean[one, round(median)]
+                unknown = (math.nan,) * 4
+                found.append((*names, share, median * model.interval_s, *unknown, *at))
+    found.sort(key=lambda row: (-row[3], row[:3]))
+    columns = np.array(found, dtype=np.float64).reshape(-1, 11).T
+    whole, real = columns[:3].astype(np.int64), columns[3:9]
+    named = dict(zip(("kind", "first", "second"), whole, strict=True))
+    named |= dict(
+        zip(("probability", "time_s", "cpa", "tcpa_s", "ahead", "starboard"), real, strict=True)
+    )
+    return Conflicts(stamp_ns, place=np.ascontiguousarray(columns[9:].T), **named)
+
+
+def _summary(times: FloatArray, existence: float) -> tuple[float, float]:
+    """Return the probability of an event, and its median time; `times` are infinite for never."""
+    happens = times[np.isfinite(times)]
+    if not len(happens):
+        return 0.0, 0.0
+    return min(float(existence), 1.0) * len(happens) / len(times), float(np.median(happens))
+
+
+def _times_of_entry(path: FloatArray, zone: Zone) -> FloatArray:
+    """Return when each path, (N, K + 1, 3), is first in a zone, in intervals, (N,)."""
+    corners = path[..., :2].reshape(-1, 2)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    if (low > zone.bounds[1]).any() or (high < zone.bounds[0]).any():
+        return np.full(len(path), np.inf)
+    ends = zone.sides
+    near = ((ends.max(axis=1) >= low) & (ends.min(axis=1) <= high)).all(axis=1)
+    times = _times_of_crossing(path, np.ascontiguousarray(ends[near]))
+    times[zone.contains(path[:, 0, :2])] = 0.0
+    return times
+
+
+def words(conflicts: Conflicts, row: int, zones: Sequence[Zone]) -> str:
+    """Return a conflict in words, such as ``track 12 and own ship: below ...``."""
+    kind, first, second = conflicts.keys[row]
+    name = "own ship" if first == OWN_SHIP else f"track {first}"
+    chance = f"{conflicts.probability[row]:.0%} in {conflicts.time_s[row] / 60.0:.1f} min"
+    if kind == ZONE:
+        zone = zones[second]
+        return f"{name} in {zone.kind} zone {zone.name}: {chance}"
+    approach = f"CPA {conflicts.cpa[row]:.0f} m"
+    if not math.isnan(conflicts.tcpa_s[row]):
+        way = "ahead" if conflicts.ahead[row] >= 0.0 else "astern"
+        side = "starboard" if conflicts.starboard[row] >= 0.0 else "port"
+        approach += f" {way} to {side} in {conflicts.tcpa_s[row] / 60.0:.1f} min"
+    return f"{name} and track {second}: {chance}, {approach}"
