@@ -10,6 +10,7 @@ EXECUTABLES = (
     "track_bag",
     "simulate",
     "asterix_bridge",
+    "report_bridge",
     "tune",
     "register",
     "report",
@@ -56,6 +57,9 @@ setup(
         "ros": ROS_WHEELS,
         # Checks the polygons of the parameter zones.
         "zones": ["shapely>=2.0"],
+        # What report_bridge decodes AIS and raw 1090 MHz with.
+        "ais": ["pyais>=3"],
+        "adsb": ["rs1090>=0.5"],
         "test": [
             "pytest",
             "pytest-timeout",
@@ -65,6 +69,9 @@ setup(
             # Readers of what the tracker sends to other programs.
             "pynmea2",
             "takproto",
+            # Decoders of AIS and of raw 1090 MHz, which `report_bridge` imports when they are used.
+            "pyais>=3",
+            "rs1090>=0.5",
         ],
         # Apart from the others, because numba imports it where it is installed.
         "coverage": ["coverage>=7.10.4"],

@@ -27,6 +27,10 @@ EXECUTABLES = {
         "tools.asterix.bridge",
         "recordings of ASTERIX to bags; without arguments the node",
     ),
+    "report_bridge": (
+        "tools.report_bridge",
+        "recordings of AIS and ADS-B to bags; without arguments the node",
+    ),
     "tune": ("tools.tune", "proposes a configuration from a recording"),
     "register": ("tools.register", "finds the systematic errors of radars in a recording"),
     "compile_engines": ("tools.compile_engines", "compiles the engines ahead of their first start"),
@@ -49,7 +53,11 @@ MOVED = {
 }
 
 # Nodes that are started instead of an executable if it is given ROS arguments only, or none.
-NODES = {"asterix_bridge": "nodes.asterix", "hand_over": "nodes.hand_over"}
+NODES = {
+    "asterix_bridge": "nodes.asterix",
+    "report_bridge": "nodes.reports",
+    "hand_over": "nodes.hand_over",
+}
 
 # Modules that a ROS installation has, and that the extra `ros` installs.
 ROS_PACKAGES = {

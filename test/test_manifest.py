@@ -23,7 +23,7 @@ KEYS = {
 # Name of the module of a Python package, where it is another.
 MODULES = {"libasterix": "asterix", "pyyaml": "yaml"}
 # Imported where they are installed.
-OPTIONAL = {"dask", "distributed", "stonesoup"}
+OPTIONAL = {"dask", "distributed", "pyais", "rs1090", "stonesoup"}
 OWN = {"phd_jdtc_ros", "msg_adapters"}
 
 

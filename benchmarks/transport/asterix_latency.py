@@ -23,10 +23,10 @@ import yaml
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.asterix import writing as plots_out
 from phd_jdtc_ros.asterix.messages import DAY, NONE, PRIMARY, Plot
-from phd_jdtc_ros.asterix.transport import udp
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.parameter_files import sections
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_reports
+from phd_jdtc_ros.transport import udp
 
 from .. import traffic
 from ..timing import percentiles

@@ -20,6 +20,7 @@ from phd_jdtc_ros.evaluation.metric_table import CURVES, GROUPS, PUBLISHED, TERM
 from phd_jdtc_ros.handover import settings as hand_over
 from phd_jdtc_ros.nodes.tracker import settings as tracker
 from phd_jdtc_ros.parameter_files import evaluator, sensor_replay, yaml_files
+from phd_jdtc_ros.report_bridge import settings as reports
 from phd_jdtc_ros.study.monte_carlo.metrics import OF_STUDY
 
 _PARAMETERS = """\
@@ -78,6 +79,7 @@ _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
         f"{_OF_ALL} can be set for a radar too; without, those above count.",
         _OF_RADARS,
     ),
+    ("report_bridge", "The offline tool has the first ones.", reports.TABLE),
     ("hand_over", "The offline tool has options for those that it needs.", hand_over.TABLE),
     ("hand_over, for every name in `trackers`", "", hand_over.TRACKER),
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-DETECTIONS_SUFFIX = "/detections"
+DETECTIONS_SUFFIX, REPORTS_SUFFIX = "/detections", "/reports"
 TRUTH = "/ground_truth/targets"
 TRACKER = "/tracker"
 EVALUATOR = "/evaluator"
@@ -29,6 +29,11 @@ DETECTIONS_3D = "vision_msgs/msg/Detection3DArray"
 def detections(radar: str) -> str:
     """Return the default topic of a radar's detections."""
     return f"/{radar}{DETECTIONS_SUFFIX}"
+
+
+def reports(receiver: str) -> str:
+    """Return the default topic of what transmitters report of themselves to a receiver."""
+    return f"/{receiver}{REPORTS_SUFFIX}"
 
 
 def estimates(source: str, tracker: str = TRACKER) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Collection, Mapping, Sequence
 from functools import cache, lru_cache
@@ -42,8 +43,9 @@ def encode(
 ) -> PointCloud2:
     """Return a dense little-endian cloud of height 1.
 
-    `columns` are arrays of shape (M,) by field name, in order: float arrays become FLOAT32, or
-    FLOAT64 if they are named in `wide`, integer arrays UINT32, and byte arrays UINT8.
+    `columns` are arrays of shape (M,) by field name, in order, or (M, N) for fields of N numbers:
+    float arrays become FLOAT32, or FLOAT64 if they are named in `wide`, integer arrays UINT32, and
+    byte arrays UINT8.
     """
     points = _points(columns, wide)
     cloud = _empty(points.dtype, frame)
@@ -76,7 +78,7 @@ def to_cdr(
 
 def _points(columns: Mapping[str, npt.NDArray[Any]], wide: Collection[str]) -> npt.NDArray[np.void]:
     """Return the columns as an array of points."""
-    kinds = tuple([(name, array.dtype.char) for name, array in columns.items()])
+    kinds = tuple([(name, array.dtype.char, array.shape[1:]) for name, array in columns.items()])
     points = np.empty(len(next(iter(columns.values()))), dtype=_layout(kinds, frozenset(wide)))
     for name, array in columns.items():
         points[name] = array
@@ -108,9 +110,11 @@ def _constant_bytes(layout: np.dtype[np.void], frame: str) -> tuple[bytes, bytes
 
 
 @cache
-def _layout(kinds: tuple[tuple[str, str], ...], wide: frozenset[str]) -> np.dtype[np.void]:
-    """Return the layout of a point, given the name and the type of each column."""
-    return np.dtype([(name, f"<{_code(kind, name in wide)}") for name, kind in kinds])
+def _layout(
+    kinds: tuple[tuple[str, str, tuple[int, ...]], ...], wide: frozenset[str]
+) -> np.dtype[np.void]:
+    """Return the layout of a point, given name, type and inner shape of each column."""
+    return np.dtype([(name, f"<{_code(kind, name in wide)}", inner) for name, kind, inner in kinds])
 
 
 def _code(kind: str, wide: bool) -> str:
@@ -124,7 +128,12 @@ def _fields(layout: np.dtype[np.void]) -> list[PointField]:
     """Return the fields of a cloud, which belong to its message alone."""
     columns: Any = layout.fields
     return [
-        PointField(name=name, offset=offset, datatype=_DATATYPES[dtype.str[1:]], count=1)
+        PointField(
+            name=name,
+            offset=offset,
+            datatype=_DATATYPES[dtype.base.str[1:]],
+            count=math.prod(dtype.shape),
+        )
         for name, (dtype, offset) in columns.items()
     ]
 

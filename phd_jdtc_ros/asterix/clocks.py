@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 
+from phd_jdtc_ros.transport.network import fits_stamp
+
 from .messages import DAY, NONE, TICKS_PER_S, Message
 
 NS_PER_TICK = 10**9 // TICKS_PER_S
@@ -18,14 +20,6 @@ NS_PER_DAY = DAY * NS_PER_TICK
 MIN_ERRORS = 3
 # Number of first messages whose median gives the clock error.
 FIRST_MESSAGES = 15
-# Latest time that fits a stamp, which has 31 bits of seconds since 1970, less a day of margin
-# because a slice ends after its plots.
-LAST_NS = (2**31 - 1) * 10**9 - NS_PER_DAY
-
-
-def fits_stamp(time_ns: int) -> bool:
-    """Return whether a time fits a stamp."""
-    return 0 <= time_ns <= LAST_NS
 
 
 @dataclass

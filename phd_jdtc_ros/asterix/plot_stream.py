@@ -7,13 +7,15 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
+from phd_jdtc_ros.transport.network import fits_stamp
+
 from . import records
 from .assembly import LEARNED, Assembler
-from .clocks import RadarClock, StreamClock, fits_stamp
+from .clocks import RadarClock, StreamClock
+from .framing import BLOCK_HEADER, LARGEST_BLOCK
 from .messages import NONE, CallSigns, Message, Plot
 from .slices import NoRevolutionFinder, RevolutionFinder, SectorReport
 from .specification import MalformedError
-from .transport.framing import BLOCK_HEADER, LARGEST_BLOCK
 
 # Some recorders and networks append a trailer to every datagram. A rest of at most LONGEST_TRAILER
 # bytes counts as a trailer once its length has occurred TRAILERS times.

@@ -10,7 +10,6 @@ from phd_jdtc_ros.asterix.assembly import LEARNED
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.messages import CallSigns
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettings
-from phd_jdtc_ros.asterix.transport import udp
 from phd_jdtc_ros.asterix.writing import Source
 from phd_jdtc_ros.calibration.tuning.rotation import PlotRevolutions
 from phd_jdtc_ros.configuration.parameters import replaced
@@ -24,6 +23,7 @@ from phd_jdtc_ros.configuration.schema import (
     with_members,
 )
 from phd_jdtc_ros.earth import SystemPlane
+from phd_jdtc_ros.transport import udp
 
 from .conversion import TrackOutput
 
@@ -218,13 +218,7 @@ def _address_faults(values: Mapping[str, Any]) -> list[str]:
             udp.address(text)
         except ValueError as error:
             faults.append(f"{name}: {error}")
-    interface = values.get("interface")
-    try:
-        if interface:
-            udp.address(f"{interface}:1")
-    except ValueError:
-        faults.append(f"interface: {interface} given, must be an IPv4 address")
-    return faults
+    return [*faults, *udp.interface_faults(values.get("interface", ""))]
 
 
 def _number(values: Mapping[str, Any], name: str) -> int:

@@ -1,19 +1,16 @@
 """The live bridge: radars' UDP to clouds, estimates to UDP.
 
-A managed node. While it is active, a thread receives datagrams and wakes the node, which publishes
-the sectors, or slices of time, that they complete; a timer sends the tracks. Sectors that wait for
-late plots are published after a time without datagrams, or at the end.
+It publishes the sectors, or slices of time, that datagrams complete; a timer sends the tracks.
+Sectors that wait for late plots are published after a time without datagrams, or at the end.
 """
 
 from __future__ import annotations
 
-import math
 import socket
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
@@ -25,18 +22,18 @@ from phd_jdtc_ros.asterix import records
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
 from phd_jdtc_ros.asterix.slices import SectorReport
-from phd_jdtc_ros.asterix.transport import udp
-from phd_jdtc_ros.asterix.transport.udp import Receiver
 from phd_jdtc_ros.asterix_bridge import conversion, settings
 from phd_jdtc_ros.asterix_bridge.conversion import TrackOutput
-from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.exit_status import FAILED
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 from phd_jdtc_ros.quoting import counts_text
+from phd_jdtc_ros.transport import udp
+from phd_jdtc_ros.transport.network import Datagram
+from phd_jdtc_ros.transport.receiver import Input
 
 from .common import parameters, runtime, topics
-from .common.health import HealthReports, Rises, ThrottledWarnings, first, status_of
-from .common.runtime import ManagedNode, steady_timer
+from .common.health import HealthReports, ThrottledWarnings, first, status_of
+from .common.receiving import Moment, ReceivingNode, nothing_received
+from .common.runtime import steady_timer
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 # A radar without messages for this time is silent, seconds.
@@ -45,42 +42,12 @@ SILENT_S = 15.0
 EXPECTED = frozenset({"other_category", "unknown_radar", "no_detection"})
 
 
-class Moment(NamedTuple):
-    """Values that the statuses of one report share."""
-
-    node: str  # Full name of the bridge
-    rises: Rises  # Increases of all counts since the bridge was made
-    active_s: float  # Time for which the bridge has been active; NaN while it is not
-    now_s: float
-
-    def recent(self, name: str, count: int) -> int:
-        """Return by how much a count has risen recently."""
-        return self.rises.recent(name, count, self.now_s)
-
-    def quiet_s(self, name: str, count: int) -> float:
-        """Return the time since a count last rose while the bridge was active, seconds."""
-        return min(self.rises.unchanged_s(name, count, self.now_s), self.active_s)
-
-    @property
-    def inactive(self) -> tuple[bytes, bool, str]:
-        """The condition that the bridge is not active."""
-        return DiagnosticStatus.STALE, math.isnan(self.active_s), "not active"
-
-
-def no_datagram(quiet_s: float, inputs: Sequence[str]) -> str:
-    """Return the warning about inputs on which nothing has arrived for some time."""
-    return (
-        f"no datagram for {quiet_s:.0f} s on {', '.join(inputs)}; check the address and port that "
-        "the sender uses, and interface for a group"
-    )
-
-
 def of_input(at: Moment, stream: PlotStream, lost: int, inputs: Sequence[str]) -> DiagnosticStatus:
     """Return the status of all received datagrams; for `lost` ones there was no room."""
     counts = +stream.counts
     faults = {reason: count for reason, count in counts.items() if reason not in EXPECTED}
     quiet_s = at.quiet_s("datagrams", stream.datagrams)
-    quiet = no_datagram(quiet_s, inputs)
+    quiet = nothing_received("datagram", quiet_s, inputs)
     losing = at.recent("lost", lost)
     malformed = at.recent("faults", sum(faults.values()))
     condition = first(
@@ -147,19 +114,13 @@ def of_output(
     return status_of(at.node, "output", condition, {**sent, **counts})
 
 
-OUTPUT_DEPTH, INPUT_DEPTH = 50, 10
-# Longest time of processing datagrams at once, seconds, so that a flood of them does not keep the
-# node from everything else, and from being stopped.
-BUDGET_S = 0.05
-# No late plots are expected after this time without a datagram, seconds. Without any since the
-# start, the address is probably wrong.
-QUIET_S = 5.0
+INPUT_DEPTH = 10
 # The topic of the estimates to send, unless it is remapped.
 ESTIMATES = names.estimates("filtered")
 
 
-class AsterixBridge(ManagedNode):
-    """The bridge as a lifecycle node, which receives and sends while it is active."""
+class AsterixBridge(ReceivingNode):
+    """The bridge, which receives and sends while it is active."""
 
     def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("asterix_bridge")
@@ -169,33 +130,20 @@ class AsterixBridge(ManagedNode):
         parameters.declare(self, self._bridge.table, self._values)
         self._warnings = ThrottledWarnings(self.get_logger())
         self._stream = self._new_stream()
-        self._receiver: Receiver | None = None
-        # The rest of the datagram that was taken last.
-        self._work: Iterator[list[tuple[RadarState, SectorReport]]] = iter(())
         self._sender: socket.socket | None = None
         self._output: TrackOutput | None = None
         self._taken_s = 0.0
-        self._received_s: float | None = None
-        self._active_since_s = math.nan
-        self._deaf = False
         self._clouds = 0
-        self._outputs: dict[str, Any] = {}
-        self._subscribers: dict[str, int] = {}
         self._dropped: Counter[str] = Counter()
         self._sent: Counter[str] = Counter()
-        self._rises = Rises()
-        self._arrived = self.create_guard_condition(self._take)
         # Other radars get their publishers with their first report.
         for name in self._values["radars"]:
-            self._add_output(name)
+            self.add_output(name, names.detections(name))
         if self._values["output"]:
             topics.subscribe(
                 self, PointCloud2, ESTIMATES, self._on_estimates, INPUT_DEPTH, ESTIMATES
             )
         HealthReports(self, self._statuses, lambda: self.is_active)
-        # The timer runs by the wall clock, because radars and displays do not follow simulated
-        # time.
-        steady_timer(self, QUIET_S / 5.0, self._finish_if_quiet)
         period_s = self._values["output_period_s"]
         if self._values["output"] and period_s:
             steady_timer(self, period_s, self._send)
@@ -206,9 +154,7 @@ class AsterixBridge(ManagedNode):
 
     def close(self) -> None:
         """Stop receiving, and log a summary; fail if nothing was received."""
-        self._stop()
-        if self._deaf:
-            self.exit_status = FAILED
+        super().close()
         radars = [
             f"{state.settings.name} {state.plots} plots in {state.reports} clouds"
             for state in self._stream.radars.values()
@@ -224,101 +170,49 @@ class AsterixBridge(ManagedNode):
         self._output = None
         return super().on_configure(state)
 
-    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Receive and send from now on; stay inactive if an address cannot be used."""
-        try:
-            self._open()
-        except OSError as error:
-            self._stop()
-            where = error.filename or self._values["output"]
-            return self.refuse("not activated", ConfigError(f"{where}: {error.strerror}"))
-        done = super().on_activate(state)
-        self._active_since_s = time.monotonic()
-        inputs = ", ".join(self._values["inputs"]) or "nothing"
+    @property
+    def pieces(self) -> int:
+        """See `ReceivingNode.pieces`."""
+        return self._stream.datagrams
+
+    def inputs(self) -> tuple[Sequence[Input], str]:
+        """See `ReceivingNode.inputs`."""
+        return [udp.address(text) for text in self._values["inputs"]], self._values["interface"]
+
+    def open(self) -> None:
+        """See `ReceivingNode.open`; open the output too."""
         output = self._values["output"]
-        self.get_logger().info(f"receiving {inputs}" + (f", sending to {output}" if output else ""))
-        return done
+        if output:
+            try:
+                self._sender = udp.sender(udp.address(output), self._values["interface"])
+            except OSError as error:
+                raise OSError(error.errno, error.strerror, output) from error
+            self.get_logger().info(f"sending to {output}")
+        super().open()
 
-    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Publish pending sectors, and stop receiving and sending."""
-        self._work = iter(())
-        self._finish()
-        self._stop()
-        return super().on_deactivate(state)
-
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop receiving and sending."""
-        self._stop()
-        return super().on_shutdown(state)
-
-    def _open(self) -> None:
-        interface = self._values["interface"]
-        if self._values["output"]:
-            self._sender = udp.sender(udp.address(self._values["output"]), interface)
-        inputs = [udp.address(text) for text in self._values["inputs"]]
-        if inputs:
-            self._receiver = Receiver(inputs, interface, self._arrived.trigger)
-
-    def _stop(self) -> None:
-        if self._receiver is not None:
-            self._note_silence()
-            self._receiver.close()
-            self._dropped["lost"] += self._receiver.lost + self._receiver.waiting
-            self._receiver, self._work = None, iter(())
-            if self._deaf:
-                inputs = ", ".join(self._values["inputs"])
-                self.get_logger().error(f"nothing was received on {inputs}")
-        self._active_since_s = math.nan
+    def stop(self) -> None:
+        """See `ReceivingNode.stop`; close the output too."""
+        super().stop()
         if self._sender is not None:
             self._sender.close()
             self._sender = None
 
-    def _take(self) -> None:
-        """Publish the sectors that received datagrams complete, for `BUDGET_S` at most."""
-        until_s = time.monotonic() + BUDGET_S
-        while self._receiver is not None:
-            found = next(self._work, None)
-            if found is None:
-                received = self._receiver.take()
-                if received is None:
-                    return
-                self._received_s = time.monotonic()
-                known_ns = None if self._values["replayed"] else received.received_ns
-                self._work = self._stream.iter_reports(received.data, known_ns, received.source)
-            for state, report in found or ():
+    def process(self, received: Datagram) -> Iterator[object]:
+        """See `ReceivingNode.process`."""
+        known_ns = None if self._values["replayed"] else received.received_ns
+        for found in self._stream.iter_reports(received.data, known_ns, received.source):
+            for state, report in found:
                 self._publish(state, report)
-            if time.monotonic() > until_s:
-                self._arrived.trigger()
-                return
+            yield None
 
-    def _note_silence(self) -> None:
-        """Find out, and warn once, that nothing at all has been received for a while."""
-        active_s, warned = time.monotonic() - self._active_since_s, self._deaf
-        self._deaf = active_s > QUIET_S and not self._stream.datagrams
-        if self._deaf and not warned:
-            self.get_logger().warning(no_datagram(active_s, self._values["inputs"]))
-
-    def _finish_if_quiet(self) -> None:
-        if self._receiver is not None:
-            self._note_silence()
-        if self._received_s is not None and time.monotonic() - self._received_s > QUIET_S:
-            self._finish()
-
-    def _finish(self) -> None:
-        self._received_s = None
+    def finish(self) -> None:
+        """See `ReceivingNode.finish`."""
         for state, report in self._stream.finish():
             self._publish(state, report)
 
     def _publish(self, state: RadarState, report: SectorReport) -> None:
         name = state.settings.name
-        if name not in self._outputs:
-            self._add_output(name)
-        self._outputs[name].publish(conversion.cloud(report, state))
-
-    def _add_output(self, name: str) -> None:
-        topic, qos = names.detections(name), topics.reliable(OUTPUT_DEPTH)
-        self._outputs[name] = self.create_publisher(PointCloud2, topic, qos)
-        self.get_logger().info(f"{name}: publishing on {self._outputs[name].topic_name}")
+        self.add_output(name, names.detections(name)).publish(conversion.cloud(report, state))
 
     def _on_estimates(self, cloud: PointCloud2) -> None:
         if self._sender is None:
@@ -359,25 +253,14 @@ class AsterixBridge(ManagedNode):
                 self._warnings.warn("output", f"{self._values['output']}: {error.strerror}")
         self._sent["tracks"] = self._output.tracks
 
-    def _log_subscribers(self) -> None:
-        """Log changes of the number of subscribers to each radar's clouds."""
-        for name, output in self._outputs.items():
-            count = output.get_subscription_count()
-            if count != self._subscribers.get(name, 0):
-                self.get_logger().info(f"{name}: {count} subscribers")
-                self._subscribers[name] = count
-
     def _statuses(self) -> list[DiagnosticStatus]:
-        self._log_subscribers()
-        now_s, rises = time.monotonic(), self._rises
-        node, active_s = self.get_fully_qualified_name(), now_s - self._active_since_s
-        at, stream = Moment(node, rises, active_s, now_s), self._stream
-        lost = self._dropped["lost"] + (self._receiver.lost if self._receiver is not None else 0)
+        self.log_subscribers()
+        at, stream = self.moment, self._stream
         output, hint = self._values["output"], ""
         if output:
             hint = topics.publisher_hint(self, self.resolve_topic_name(ESTIMATES), PointCloud2)
         return [
-            of_input(at, stream, lost, self._values["inputs"]),
+            of_input(at, stream, self.lost, self._values["inputs"]),
             of_output(at, output, self._sent, self._dropped, self._clouds, hint),
             *(of_radar(at, number, state) for number, state in stream.radars.items()),
         ]

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from phd_jdtc_ros.asterix import framing
 from phd_jdtc_ros.asterix import writing as plots_out
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream
-from phd_jdtc_ros.asterix.transport import framing
-from phd_jdtc_ros.asterix.transport.network import RecordingError
 from phd_jdtc_ros.asterix_bridge.conversion import columns
+from phd_jdtc_ros.transport.network import RecordingError
 
 from ..harness.figures import Found, measures
 

@@ -11,9 +11,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from phd_jdtc_ros.asterix import framing
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
-from phd_jdtc_ros.asterix.transport import framing, pcap
-from phd_jdtc_ros.asterix.transport.pcap import Line
+from phd_jdtc_ros.transport import pcap
+from phd_jdtc_ros.transport.pcap import Line
 
 from ..harness.figures import Found, measures
 from .asterix_bytes import NS, ROTATION_S, SECTORS, radar_blocks

@@ -16,7 +16,6 @@ from msg_adapters.incoming.detections import OWN_LAYOUT, from_msg, to_msg
 from phd_jdtc_ros.asterix import writing as plots_out
 from phd_jdtc_ros.asterix.messages import DAY, NONE, PRIMARY, Plot
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
-from phd_jdtc_ros.asterix.transport import pcap
 from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning.rotation import PlotRevolutions
@@ -29,6 +28,7 @@ from phd_jdtc_ros.core.types import Detections, Estimates
 from phd_jdtc_ros.handover.ownership import Handover
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 from phd_jdtc_ros.tools.asterix import reading
+from phd_jdtc_ros.transport import pcap
 
 from ..harness import scans
 from ..harness.figures import Found, in_own_process, measures, peak_mb, such_as

@@ -8,7 +8,7 @@ from asterix import base
 from asterix_records import block, category, plot, random_record, rng
 from asterix_reference import value
 
-from phd_jdtc_ros.asterix import messages, plot_stream, specification
+from phd_jdtc_ros.asterix import framing, messages, plot_stream, specification
 from phd_jdtc_ros.asterix.messages import (
     DAY,
     MOST_CALL_SIGNS,
@@ -20,7 +20,6 @@ from phd_jdtc_ros.asterix.messages import (
 )
 from phd_jdtc_ros.asterix.plot_stream import TRAILERS, BlockReader
 from phd_jdtc_ros.asterix.specification import Fixed, MalformedError, layouts
-from phd_jdtc_ros.asterix.transport import framing
 
 FOOT = 0.3048
 GOOD = made.plots(made.plot(1.0, 5.0))

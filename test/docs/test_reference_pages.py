@@ -15,6 +15,7 @@ from phd_jdtc_ros.nodes.asterix import AsterixBridge
 from phd_jdtc_ros.nodes.evaluator.node import Evaluator
 from phd_jdtc_ros.nodes.hand_over import HandOver
 from phd_jdtc_ros.nodes.replay.node import SensorReplay
+from phd_jdtc_ros.nodes.reports import ReportBridge
 from phd_jdtc_ros.nodes.tracker import settings as tracker_node
 from phd_jdtc_ros.nodes.tracker.node import Tracker
 from phd_jdtc_ros.parameter_files import evaluator, sensor_replay
@@ -33,6 +34,7 @@ NODES = {
     "sensor_replay": (lambda: SensorReplay({"bag": BAG}), []),
     "evaluator": (Evaluator, []),
     "asterix_bridge": (AsterixBridge, NAMED),
+    "report_bridge": (ReportBridge, ["-p", "autostart:=false"]),
     "hand_over": (HandOver, JOINED),
 }
 # Parameters whose values are not one type.
@@ -127,7 +129,7 @@ def test_topics_and_policies_have_a_new_output(monkeypatch):
 
 
 def test_no_more_parameters_are_declared_than_a_user_can_read():
-    assert declared_in_all() <= 153
+    assert declared_in_all() <= 159
 
 
 @pytest.mark.parametrize(("node", "declared"), [(n, n) for n in NODES], indirect=["declared"])

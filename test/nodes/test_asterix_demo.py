@@ -16,13 +16,13 @@ from msg_adapters.encoding import interfaces, names, stamps
 from msg_adapters.incoming.readers import reader_of
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.__main__ import run
-from phd_jdtc_ros.asterix.transport import udp
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params, yaml_files
 from phd_jdtc_ros.tools.asterix.writing import bridge_parameters
 from phd_jdtc_ros.tools.demo import asterix as asterix_demo
 from phd_jdtc_ros.tools.demo import demo
+from phd_jdtc_ros.transport import udp
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = ROOT / "bags" / "two_approach_radars"

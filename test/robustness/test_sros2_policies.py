@@ -37,6 +37,7 @@ ARGUMENTS = {
         *("--ros-args", "-p", "radars:=[radar_1, radar_2]", "-p", "radar_2.source:=[0, 1]"),
         *("-p", "inputs:=[]", "-p", "output:='127.0.0.1:9'"),
     ),
+    "report_bridge": ("--ros-args", "-p", "inputs:=[]"),
     "hand_over": (
         *("--ros-args", "-p", "trackers:=[west, east]"),
         *("-p", "west.region:=[-1.0, 0.0, 0.0, 1.0, 0.5]"),

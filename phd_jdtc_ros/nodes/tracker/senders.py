@@ -16,9 +16,9 @@ from contextlib import suppress
 from typing import Any, NamedTuple
 
 from msg_adapters.outgoing.outputs import STREAMS, View
-from phd_jdtc_ros.asterix.transport import udp
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import Estimates, Pose
+from phd_jdtc_ros.transport import udp
 
 # Time after which a connection is tried again, seconds.
 RETRY_S = 5.0

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from datetime import datetime, timezone
 from pathlib import Path
 
 from msg_adapters.encoding import names
@@ -20,7 +19,7 @@ from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params
 from phd_jdtc_ros.quoting import counts_text, short
 
-from .. import command
+from .. import command, recorded_clouds
 from . import reading, writing
 
 NAME = "asterix_bridge"
@@ -125,37 +124,12 @@ def _parser() -> ArgumentParser:
     )
     parser.add_argument(
         "--date",
-        type=_midnight,
+        type=recorded_clouds.day,
         metavar="YYYY-MM-DD",
         help="day of the recording, which ASTERIX does not contain; default: the capture's day, or "
         "1970-01-01",
     )
-    parser.add_argument(
-        "--port",
-        type=_port,
-        action="append",
-        default=[],
-        help="for captures: read only datagrams to this UDP port; may be repeated",
-    )
+    recorded_clouds.add_port_argument(parser)
     command.add_params_file_argument(parser)
     command.add_assignments_argument(parser)
     return parser
-
-
-def _port(text: str) -> int:
-    """Return a UDP port."""
-    digits = text.isascii() and text.isdigit() and len(text) <= 5
-    if not (digits and 0 < int(text) < 2**16):
-        raise argparse.ArgumentTypeError(f"{text} given, must be a port from 1 to 65535")
-    return int(text)
-
-
-def _midnight(text: str) -> int:
-    """Return when a day begins, nanoseconds since the epoch."""
-    try:
-        day = datetime.strptime(text, "%Y-%m-%d").replace(tzinfo=timezone.utc)
-    except ValueError:
-        day = None
-    if day is None or day.year < 1970 or day.year > 2200:
-        raise argparse.ArgumentTypeError(f"{text} given, must be a date such as 2026-11-22")
-    return int(day.timestamp()) * 10**9

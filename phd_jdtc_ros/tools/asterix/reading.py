@@ -12,30 +12,28 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from msg_adapters.encoding import interfaces, names
+from msg_adapters.encoding import names
 from phd_jdtc_ros import output_files
-from phd_jdtc_ros.asterix import messages, records
+from phd_jdtc_ros.asterix import framing, messages, records
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.messages import NONE, Plot
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
 from phd_jdtc_ros.asterix.slices import SectorReport
-from phd_jdtc_ros.asterix.transport import framing, network
-from phd_jdtc_ros.asterix.transport.network import RecordingError
 from phd_jdtc_ros.asterix_bridge import conversion
 from phd_jdtc_ros.asterix_bridge.settings import Bridge
 from phd_jdtc_ros.bags.errors import BagError
-from phd_jdtc_ros.bags.writer import BagWriter, Topic
+from phd_jdtc_ros.bags.writer import BagWriter
 from phd_jdtc_ros.calibration.tuning.rotation import PlotRevolutions
 from phd_jdtc_ros.parameter_files import bag_parameters
 from phd_jdtc_ros.quoting import counts_text
+from phd_jdtc_ros.transport import recordings
+from phd_jdtc_ros.transport.network import RecordingError
 
+from ..recorded_clouds import CloudWriter, Ports, damage, most
 from . import parameters
 
-DEPTH = 50
 # Smallest share of a recording's plots that must be used; otherwise the tool fails.
 LEAST_USED = 0.5
-# Largest number of ports, or of unknown radars, in a message.
-MAX_LISTED = 8
 # Descriptions of other categories, for the message that they are not used.
 TRACKS = "tracks of another tracker, not plots"
 PLACES = (
@@ -58,15 +56,11 @@ class Conversion:
     """The counts of a conversion to a bag."""
 
     stream: PlotStream
-    wanted_ports: frozenset[int]  # UDP ports that are read; empty for all
-    ports: Counter[int] = field(default_factory=Counter)  # Captured datagrams by port
+    ports: Ports
     recording: Counter[str] = field(default_factory=Counter)  # Skipped parts of the file, by reason
-    topics: set[str] = field(default_factory=set)
     clouds: int = 0
     plots: int = 0
     hints: list[str] = field(default_factory=list)  # Remarks on the proposed parameters
-    newest_ns: int = 0  # Newest stamp
-    disorder_ns: int = 0  # Largest time by which a cloud was behind the newest stamp before it
 
     def lines(self) -> Iterator[str]:
         """Yield the counts of each radar, and the reasons for messages that are not used."""
@@ -89,8 +83,8 @@ class Conversion:
                 yield f"{name}: its clock is {-shift_s:+.1f} s off, and was shifted"
         for size, count in self.stream.blocks.known_trailers().items():
             yield f"{count} datagrams have a trailer of {size} bytes, which is skipped"
-        if self._silent_ports() and not self._reads_nothing():
-            yield self._silence()
+        if self.ports.silent and not self.ports.reads_nothing:
+            yield self.ports.silence
         others = {n: count for n, count in self._held() if records.reader(n) is None}
         if others:
             yield f"records of other categories, which are skipped: {_categories(others)}"
@@ -116,28 +110,12 @@ class Conversion:
         """Return all categories with the numbers of their records, the most frequent first."""
         return self.stream.blocks.categories.most_common()
 
-    def _silent_ports(self) -> list[int]:
-        """Return the ports without datagrams; recordings without ports are read as a whole."""
-        return sorted(self.wanted_ports - set(self.ports)) if self.ports else []
-
-    def _reads_nothing(self) -> bool:
-        return len(self._silent_ports()) == len(self.wanted_ports) > 0
-
-    def _silence(self) -> str:
-        silent = " or ".join(map(str, self._silent_ports()))
-        return f"no datagram is to port {silent}; ports with their datagrams: {_most(self.ports)}"
-
     def faults(self) -> Iterator[str]:
         """Yield a line for each reason why the recording was not used as it should be."""
-        if self._reads_nothing():
-            yield self._silence()
+        if self.ports.reads_nothing:
+            yield self.ports.silence
             return
-        damaged = self.recording["resynchronised"] + self.recording["recording_cut"]
-        if damaged:
-            places = f"{damaged} place{'s' * (damaged > 1)}"
-            yield (f"is damaged in {places}: {self.recording['bytes_skipped']} bytes are left out")
-        if self.recording["unpacking_ended"]:
-            yield "gzip cannot unpack it to its end: what is behind the damage is missing"
+        yield from damage(self.recording)
         lost = self._lost_plots()
         if self.plots and self.plots >= LEAST_USED * (self.plots + lost):
             return
@@ -183,17 +161,12 @@ class Conversion:
 
     def _unknown(self) -> str:
         radars = self.stream.unknown.items()
-        return _most(Counter({f"{radar >> 8}/{radar & 255}": count for radar, count in radars}))
+        return most(Counter({f"{radar >> 8}/{radar & 255}": count for radar, count in radars}))
 
 
 def _categories(held: Mapping[int, int]) -> str:
     """Return categories with the numbers of their records, in words."""
     return ", ".join(f"CAT{number:03} {count}" for number, count in held.items())
-
-
-def _most(counts: Counter[Any]) -> str:
-    """Return the most frequent ports or radars with their counts, in words."""
-    return ", ".join(f"{name} ({count})" for name, count in counts.most_common(MAX_LISTED))
 
 
 # What is in a recording: its counts, and the reports of its radars in order.
@@ -206,9 +179,9 @@ def _recorded(
 ) -> Iterator[_Recorded]:
     """Open a recording; see `convert`."""
     clock = StreamClock(midnight_ns or 0, bridge.values["max_clock_offset_s"])
-    done = Conversion(bridge.stream(clock), frozenset(ports))
+    done = Conversion(bridge.stream(clock), Ports(frozenset(ports)))
     try:
-        with framing.open_recording(path, done.recording) as data:
+        with recordings.open_recording(path, done.recording) as data:
             if not len(data):
                 raise BagError(f"{path}: is empty, nothing was recorded", corrupt=True)
             framing.kind_of(data)
@@ -227,10 +200,14 @@ def convert(
     no recording of ASTERIX, or the bag cannot be written.
     """
     with _recorded(path, bridge, midnight_ns, ports) as (done, reports), BagWriter(out) as bag:
+        writer = CloudWriter(bag)
         for state, report in reports:
-            _write(bag, done, state, report)
+            name = state.settings.name
+            writer.write(names.detections(name), conversion.cloud(report, state), report.stamp_ns)
+            done.clouds += 1
+            done.plots += len(report.plots)
     states = done.radars()
-    found = parameters.propose(states, done.disorder_ns * 1e-9)
+    found = parameters.propose(states, writer.disorder_ns * 1e-9)
     if found is not None:
         parameters.measure(found, states, out)
         head = (
@@ -287,30 +264,11 @@ def _reports(
     data: Any, done: Conversion, midnight_ns: int | None
 ) -> Iterator[tuple[RadarState, SectorReport]]:
     """Yield the reports of a recording in the order in which they are complete."""
-    for received in framing.datagrams(data, midnight_ns, done.recording):
-        port = network.port_of(received)
-        if port is not None:
-            done.ports[port] += 1
-            if done.wanted_ports and port not in done.wanted_ports:
-                done.recording["other_port"] += 1
-                continue
+    recorded = framing.datagrams(data, midnight_ns, done.recording)
+    for received in done.ports.pass_on(recorded, done.recording):
         yield from done.stream.feed(*received)
     kept = done.radars()
     yield from (found for found in done.stream.finish() if found[0] in kept)
     for state in done.stream.radars.values():
         if isinstance(state.assembler.finder, PlotRevolutions):
             state.assembler.finder.find()
-
-
-def _write(bag: BagWriter, done: Conversion, state: RadarState, report: SectorReport) -> None:
-    name = state.settings.name
-    topic = names.detections(name)
-    if topic not in done.topics:
-        bag.add_topic(Topic(topic, names.CLOUD, DEPTH))
-        done.topics.add(topic)
-    message = conversion.cloud(report, state)
-    bag.write(topic, interfaces.encode(message), report.stamp_ns)
-    done.disorder_ns = max(done.disorder_ns, done.newest_ns - report.stamp_ns)
-    done.newest_ns = max(done.newest_ns, report.stamp_ns)
-    done.clouds += 1
-    done.plots += len(report.plots)

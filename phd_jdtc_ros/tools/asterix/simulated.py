@@ -16,7 +16,6 @@ import numpy as np
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.asterix import writing as plots_out
 from phd_jdtc_ros.asterix.messages import Plot
-from phd_jdtc_ros.asterix.transport import pcap
 from phd_jdtc_ros.columns.sent_columns import fill
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
@@ -26,6 +25,7 @@ from phd_jdtc_ros.simulation.looks import TurningRadar
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.sending import Sending
 from phd_jdtc_ros.simulation.turning_antenna import plots_with_replies
+from phd_jdtc_ros.transport import pcap
 
 from .writing import OWN_SAC, plots_of
 

@@ -16,11 +16,11 @@ import time
 from pathlib import Path
 
 from msg_adapters.encoding import names
-from phd_jdtc_ros.asterix.transport import udp
-from phd_jdtc_ros.asterix.transport.udp import Address
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.types import FILTERED
+from phd_jdtc_ros.transport import receiver, udp
+from phd_jdtc_ros.transport.udp import Address
 
 from ..asterix.writing import bridge_parameters
 from . import processes
@@ -106,9 +106,9 @@ class TrackFile:
 
     def _receive(self) -> None:
         while not self._stopped.is_set():
-            if not select.select([self._socket], [], [], udp.POLL_S)[0]:
+            if not select.select([self._socket], [], [], receiver.POLL_S)[0]:
                 continue
-            data = self._socket.recv(udp.LARGEST)
+            data = self._socket.recv(receiver.LARGEST)
             self._file.write(data)
             # An output ends with the data block of the tracker's own state.
             self.outputs += data[0] == STATUS_CATEGORY

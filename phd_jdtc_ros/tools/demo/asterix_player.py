@@ -21,10 +21,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 
 from msg_adapters.encoding import names
 from msg_adapters.outgoing import diagnostics
-from phd_jdtc_ros.asterix import records
+from phd_jdtc_ros.asterix import framing, records
 from phd_jdtc_ros.asterix.clocks import StreamClock
-from phd_jdtc_ros.asterix.transport import framing, udp
-from phd_jdtc_ros.asterix.transport.network import RecordingError
 from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.asterix_bridge.settings import Bridge
 from phd_jdtc_ros.bags.errors import BagError
@@ -34,6 +32,8 @@ from phd_jdtc_ros.nodes.common import parameters, runtime, topics
 from phd_jdtc_ros.nodes.replay.node import SensorReplay
 from phd_jdtc_ros.nodes.replay.playback import GIVE_UP_S
 from phd_jdtc_ros.parameter_files import sensor_replay, tracker_params
+from phd_jdtc_ros.transport import recordings, udp
+from phd_jdtc_ros.transport.network import RecordingError
 
 from ..asterix.writing import bridge_parameters
 from .asterix import LOOPBACK
@@ -76,7 +76,7 @@ class Recording(BagReader):
         stream = self._bridge.stream(StreamClock())
         waiting: list[bytes] = []
         try:
-            with framing.open_recording(self._recording, Counter()) as data:
+            with recordings.open_recording(self._recording, Counter()) as data:
                 for received in framing.datagrams(data, None, Counter()):
                     waiting.append(received.data)
                     for state, report in stream.feed(received.data):

@@ -21,10 +21,10 @@ from msg_adapters.incoming import detections
 from msg_adapters.outgoing import diagnostics
 from msg_adapters.targets import estimates
 from phd_jdtc_ros.__main__ import run
-from phd_jdtc_ros.asterix.transport import udp
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import SOURCES
+from phd_jdtc_ros.transport import udp
 
 pytestmark = pytest.mark.live
 # The specifications, which take a second.

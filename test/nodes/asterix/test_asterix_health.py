@@ -11,13 +11,14 @@ from phd_jdtc_ros.asterix.plot_stream import PlotStream
 from phd_jdtc_ros.nodes import asterix
 from phd_jdtc_ros.nodes.asterix import SILENT_S
 from phd_jdtc_ros.nodes.common.health import Rises
+from phd_jdtc_ros.nodes.common.receiving import Moment
 
 ADDRESS = "127.0.0.1:8600"
 NOW_S = 100.0
 
 
 def moment(active_s=1.0, rises=None):
-    return asterix.Moment("/bridge", rises or Rises(), active_s, NOW_S)
+    return Moment("/bridge", rises or Rises(), active_s, NOW_S)
 
 
 def input_status(stream, rises, active_s=1.0, inputs=(ADDRESS,)):

@@ -10,13 +10,13 @@ import pytest
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.asterix import plot_stream
 from phd_jdtc_ros.asterix.messages import NONE, NORTH, SECTOR, Plot
-from phd_jdtc_ros.asterix.transport import pcap
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import UNKNOWN
 from phd_jdtc_ros.simulation import sending
 from phd_jdtc_ros.simulation.turning_antenna import plots_with_replies
 from phd_jdtc_ros.tools import simulate
 from phd_jdtc_ros.tools.asterix import simulated as simulated_asterix
+from phd_jdtc_ros.transport import pcap
 from studies.hours import study as hours
 
 MINUTES = {"approach_hour": 3.0, "en_route_hour": 4.0}

@@ -6,11 +6,13 @@ from collections import Counter
 import asterix_records as made
 import pytest
 
+from phd_jdtc_ros.asterix import framing
 from phd_jdtc_ros.asterix.clocks import NS_PER_DAY
-from phd_jdtc_ros.asterix.transport import framing, pcap
-from phd_jdtc_ros.asterix.transport.network import Datagram, RecordingError
-from phd_jdtc_ros.asterix.transport.pcap import Line
-from phd_jdtc_ros.asterix.transport.udp import MAX_BYTES, Address, Receiver
+from phd_jdtc_ros.transport import pcap
+from phd_jdtc_ros.transport.network import Datagram, RecordingError
+from phd_jdtc_ros.transport.pcap import Line
+from phd_jdtc_ros.transport.receiver import MAX_BYTES, Receiver
+from phd_jdtc_ros.transport.udp import Address
 
 NS = 10**9
 MIDNIGHT = 20_779 * NS_PER_DAY

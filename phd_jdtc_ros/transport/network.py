@@ -8,9 +8,18 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
+# Latest time that fits a stamp, which has 31 bits of seconds since 1970, less a day of margin
+# because a slice ends after its plots.
+LAST_NS = (2**31 - 1 - 86_400) * 10**9
+
+
+def fits_stamp(time_ns: int) -> bool:
+    """Return whether a time fits a stamp."""
+    return 0 <= time_ns <= LAST_NS
+
 
 class Datagram(NamedTuple):
-    """One received datagram."""
+    """One received datagram, or a piece of a stream."""
 
     data: bytes  # Data blocks
     received_ns: int | None = None  # Time of receipt since the epoch; None if unknown

@@ -6,22 +6,17 @@ envelopes of the IOSS "final" format, or a network capture (`pcap`); each may be
 
 from __future__ import annotations
 
-import gzip
 import mmap
 import re
-import tempfile
-import zlib
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import lru_cache
-from pathlib import Path
-from typing import IO
 
-from .. import records, specification
-from ..clocks import NS_PER_DAY
-from . import pcap
-from .network import Datagram, Entry, RecordingError, follow
+from phd_jdtc_ros.transport import pcap, recordings
+from phd_jdtc_ros.transport.network import Datagram, Entry, RecordingError, follow
+from phd_jdtc_ros.transport.recordings import NS_PER_DAY
+
+from . import records, specification
 
 BLOCK_HEADER = 3
 # Upper bound of a usual data block, bytes: radars send a block in one Ethernet packet. Others are
@@ -142,44 +137,6 @@ FINAL_HEADER, FINAL_FOOTER = 8, b"\xa5\xa5\xa5\xa5"
 RAW, FINAL, CAPTURE = "data blocks", "final", "capture"
 # A recording may begin within a data block; the first whole one must begin in these bytes.
 BEGIN = 2**17
-_GZIP = b"\x1f\x8b\x08"
-# Upper bound of an unpacked recording, bytes, so that a small file does not fill the disk.
-LARGEST_UNPACKED, CHUNK = 2**35, 2**20
-
-
-@contextmanager
-def open_recording(path: Path, counts: Counter[str]) -> Iterator[bytes | mmap.mmap]:
-    """Open a file as bytes that are read from the disk on demand; raise `OSError` if unreadable.
-
-    A file that gzip has packed is unpacked to a temporary file. If it is damaged, `counts` gains
-    ``unpacking_ended``, and the bytes before the damage are used. Raise `RecordingError` if it is
-    larger than `LARGEST_UNPACKED`.
-    """
-    with path.open("rb") as stream, tempfile.TemporaryFile() as unpacked:
-        source: IO[bytes] = stream
-        if stream.read(len(_GZIP)) == _GZIP:
-            stream.seek(0)
-            _unpack(stream, unpacked, counts)
-            source = unpacked
-        if not source.seek(0, 2):
-            yield b""
-            return
-        with mmap.mmap(source.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            yield data
-
-
-def _unpack(packed: IO[bytes], unpacked: IO[bytes], counts: Counter[str]) -> None:
-    try:
-        with gzip.GzipFile(fileobj=packed) as stream:
-            while part := stream.read1(CHUNK):
-                if unpacked.tell() + len(part) > LARGEST_UNPACKED:
-                    raise RecordingError(
-                        f"is larger than {LARGEST_UNPACKED >> 30} GiB when gzip has unpacked it"
-                    )
-                unpacked.write(part)
-    except (EOFError, gzip.BadGzipFile, zlib.error):
-        counts["unpacking_ended"] += 1
-    unpacked.flush()
 
 
 def kind_of(data: bytes | mmap.mmap) -> str:
@@ -209,7 +166,7 @@ def datagrams(
     """
     kind = kind_of(data)
     if kind == CAPTURE:
-        yield from _on_day(pcap.packets(data, counts), midnight_ns)
+        yield from recordings.on_day(pcap.packets(data, counts), midnight_ns)
     elif kind == FINAL:
         yield from _final(data, midnight_ns or 0, counts)
     else:
@@ -217,18 +174,6 @@ def datagrams(
         for begin, end, _ in follow(len(data), blocks.read, blocks.resume, counts):
             if end > begin:
                 yield Datagram(data[begin:end])
-
-
-def _on_day(found: Iterator[Datagram], midnight_ns: int | None) -> Iterator[Datagram]:
-    """Yield datagrams moved by whole days, so that the first is on the given day."""
-    shift_ns: int | None = None
-    for each in found:
-        if midnight_ns is None or each.received_ns is None:
-            yield each
-            continue
-        if shift_ns is None:
-            shift_ns = midnight_ns - each.received_ns // NS_PER_DAY * NS_PER_DAY
-        yield each._replace(received_ns=each.received_ns + shift_ns)
 
 
 def _envelope(data: bytes | mmap.mmap, at: int) -> int:

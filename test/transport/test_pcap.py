@@ -7,7 +7,7 @@ from collections import Counter
 import asterix_records as made
 import pytest
 
-from phd_jdtc_ros.asterix.transport import framing
+from phd_jdtc_ros.asterix import framing
 
 NS = 10**9
 START = 1_764_410_400 * NS

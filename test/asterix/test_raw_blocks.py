@@ -6,9 +6,9 @@ from collections import Counter
 import asterix_records as made
 import pytest
 
-from phd_jdtc_ros.asterix.transport import framing
-from phd_jdtc_ros.asterix.transport.framing import LARGEST_BLOCK
-from phd_jdtc_ros.asterix.transport.network import RecordingError
+from phd_jdtc_ros.asterix import framing
+from phd_jdtc_ros.asterix.framing import LARGEST_BLOCK
+from phd_jdtc_ros.transport.network import RecordingError
 
 SEEN = [(20.0 * k, 10.0 + k) for k in range(18)]
 

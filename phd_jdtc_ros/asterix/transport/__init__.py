@@ -1,1 +1,0 @@
-"""Transport of ASTERIX: converts files, captures and sockets to datagrams, and back."""

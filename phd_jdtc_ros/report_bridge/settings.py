@@ -1,0 +1,112 @@
+"""The report bridge's parameters, and what they describe."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters.encoding import point_cloud
+from phd_jdtc_ros.configuration.parameters.place_forms import PLACE
+from phd_jdtc_ros.configuration.schema import ConfigError, check, parameter, table
+from phd_jdtc_ros.transponders.batches import WIDE, Batch, columns
+from phd_jdtc_ros.transponders.stream import ReportStream, StreamSettings
+from phd_jdtc_ros.transport import receiver, udp
+
+# Largest number of inputs, each of which needs a socket.
+MOST_INPUTS = 64
+# Time for which reports are collected to a cloud, seconds; the tracker needs none of them sooner.
+PERIOD_S = 0.5
+
+
+@dataclass(frozen=True)
+class StreamParameters:
+    """Parameters of the reports."""
+
+    max_clock_offset_s: float = parameter(
+        10.0,
+        "Difference between a report's time and its receipt, s, above which the time of receipt "
+        "is used. It holds for the times that receivers add (tag blocks) too.",
+        (0.5, 86400.0),
+    )
+    geodetic: list[float] = parameter(
+        [],
+        "Latitude and longitude (degrees) and height (m) of the receiver, which aircraft on the "
+        "ground need until they have been heard in the air (raw 1090 MHz only). Empty if unknown.",
+        form=PLACE,
+    )
+
+
+@dataclass(frozen=True)
+class NodeParameters:
+    """Parameters of the node only."""
+
+    autostart: bool = parameter(True, "Configure and activate the node at the start.")
+    inputs: list[str] = parameter(
+        ["127.0.0.1:10110"],
+        "Inputs: HOST:PORT of this machine or of a multicast group (UDP), tcp://HOST:PORT of a "
+        "server, serial:PATH:BAUD of a serial line. The format is recognised.",
+        element=str,
+        most=MOST_INPUTS,
+    )
+    interface: str = parameter(
+        "",
+        "Address of the network interface for multicast groups; empty for the system's choice.",
+    )
+    replayed: bool = parameter(
+        False,
+        "Whether the input is a replayed recording, whose times of receipt are ignored. Times are "
+        "then those in it, as for a file.",
+    )
+
+
+OF_FILES = table(StreamParameters)
+TABLE = (*OF_FILES, *table(NodeParameters))
+
+
+def resolve(given: Mapping[str, Any], top: Any = OF_FILES) -> dict[str, Any]:
+    """Return all parameters; `ConfigError` has all faults. `top` is `TABLE` for the node."""
+    values, faults = check(top, given, {})
+    if not faults:
+        faults = [*_faults(values)]
+    if faults:
+        raise ConfigError(*faults)
+    return values
+
+
+def _faults(values: Mapping[str, Any]) -> list[str]:
+    faults = []
+    for text in values.get("inputs", []):
+        try:
+            receiver.input_of(text)
+        except ValueError as error:
+            faults.append(f"inputs: {error}")
+    return [*faults, *udp.interface_faults(values.get("interface", ""))]
+
+
+def stream(values: Mapping[str, Any], start_ns: int = 0) -> ReportStream:
+    """Return the stream of reports that the parameters describe; see `StreamSettings`."""
+    place = values["geodetic"]
+    return ReportStream(
+        StreamSettings(
+            round(PERIOD_S * 1e9),
+            round(values["max_clock_offset_s"] * 1e9),
+            (place[0], place[1]) if place else None,
+            start_ns,
+        )
+    )
+
+
+def missing(error: ModuleNotFoundError) -> str:
+    """Return the fault that the library of a format is not installed, or raise the error again."""
+    what = {"pyais": "AIS", "rs1090": "raw 1090 MHz"}.get((error.name or "").split(".")[0])
+    if what is None:
+        raise error
+    return f"{error.name} is not installed, which {what} needs: pip install {error.name}"
+
+
+def cloud(batch: Batch, frame: str, ellipses: bool = False) -> PointCloud2:
+    """Return the cloud of a batch; see `columns`."""
+    return point_cloud.encode(batch.stamp_ns, frame, columns(batch, ellipses), WIDE)

@@ -1,0 +1,208 @@
+"""Converts recordings of AIS and ADS-B to bags or tables; without arguments it is the node."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import math
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from msg_adapters.encoding import names
+from phd_jdtc_ros import output_files
+from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags.writer import BagWriter
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
+from phd_jdtc_ros.parameter_files import from_arguments
+from phd_jdtc_ros.quoting import counts_text, short
+from phd_jdtc_ros.report_bridge import settings
+from phd_jdtc_ros.transponders.batches import Batch
+from phd_jdtc_ros.transponders.messages import ICAO, MMSI, NONE, NOT_SAID
+from phd_jdtc_ros.transponders.stream import ReportStream
+from phd_jdtc_ros.transponders.transmitters import Dated
+from phd_jdtc_ros.transport import pcap, recordings
+from phd_jdtc_ros.transport.network import Datagram, RecordingError
+
+from . import command, recorded_clouds
+from .recorded_clouds import CloudWriter, Ports
+
+NAME = "report_bridge"
+# Size of the pieces of a recording, bytes.
+PIECE = 2**16
+# Smallest share of a recording's messages that must be used; otherwise the tool fails.
+LEAST_USED = 0.5
+# The table of reports: seconds since 1970, the number of a ship in decimal and of an aircraft in
+# hexadecimal digits, degrees, metres per second, metres. Unknown values are empty.
+COLUMNS = (
+    *("time", "network", "address", "latitude", "longitude", "speed", "course", "heading"),
+    *("height", "std", "accurate", "type", "name"),
+)
+
+
+@dataclass
+class Conversion:
+    """The counts of a conversion."""
+
+    stream: ReportStream
+    ports: Ports
+    recording: Counter[str] = field(default_factory=Counter)  # Skipped parts of the file, by reason
+    clouds: int = 0
+
+    @property
+    def reports(self) -> int:
+        """Number of reports."""
+        return self.stream.used.total()
+
+    def lines(self) -> Iterator[str]:
+        """Yield what was read, and what was left out or dated otherwise, by reason."""
+        for network, count in sorted(self.stream.used.items()):
+            yield f"{network}: {count} reports on {names.reports(network)}"
+        known = self.stream.transmitters.known
+        yield f"{len(known)} transmitters; messages: {counts_text(self.stream.formats) or 'none'}"
+        yield f"left out or noted: {counts_text(self.recording + self.stream.counts) or 'nothing'}"
+        if self.ports.silent and not self.ports.reads_nothing:
+            yield self.ports.silence
+
+    def faults(self) -> Iterator[str]:
+        """Yield a line for each reason why the recording was not used as it should be."""
+        if self.ports.reads_nothing:
+            yield self.ports.silence
+            return
+        yield from recorded_clouds.damage(self.recording)
+        faulty, used = self.stream.faulty, self.reports
+        if used and used + self.stream.counts["names"] >= LEAST_USED * (used + faulty):
+            return
+        reasons = counts_text(self.recording + self.stream.counts)
+        held = f"of {self.stream.formats.total()} messages {used} could be used as reports"
+        yield held + (f"; left out: {reasons}" if reasons else "")
+        if self.stream.counts["time_unknown"]:
+            yield "frames without times cannot be used: record Beast, @ frames, or a capture"
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the offline bridge."""
+    return command.run(_parser(), argv, _work)
+
+
+def _work(arguments: argparse.Namespace) -> int:
+    path, out = Path(arguments.source), arguments.out or arguments.csv
+    if arguments.out is None:
+        output_files.require_new({"--csv": out})
+    else:
+        command.require_new("it", out)
+    given = from_arguments.from_arguments(arguments.params_file, arguments.assignments, NAME)
+    if not path.exists():
+        raise BagError(f"{path}: no such recording")
+    stream = settings.stream(settings.resolve(given), arguments.start)
+    done = Conversion(stream, Ports(frozenset(arguments.port)))
+    try:
+        with recordings.open_recording(path, done.recording) as data:
+            if not len(data):
+                raise BagError(f"{path}: is empty, nothing was recorded", corrupt=True)
+            sink = _table if arguments.out is None else _bag
+            with sink(out) as write:
+                for network, batch in _batches(data, done):
+                    done.clouds += 1
+                    write(network, batch)
+    except ModuleNotFoundError as error:
+        raise ConfigError(f"{path}: {settings.missing(error)}") from error
+    except RecordingError as error:
+        raise BagError(f"{path}: {error}") from error
+    print(f"{out}: {done.clouds} clouds, {done.reports} reports")
+    for line in done.lines():
+        print(line)
+    faults = list(done.faults())
+    for fault in faults:
+        print(f"{NAME}: {path}: {short(fault)}", file=sys.stderr)
+    return CORRUPT if faults else OK
+
+
+def _batches(data: Any, done: Conversion) -> Iterator[tuple[str, Batch]]:
+    """Yield the batches of a recording, each with its network."""
+    received: Iterator[Datagram] = (
+        Datagram(data[at : at + PIECE]) for at in range(0, len(data), PIECE)
+    )
+    if pcap.is_capture(data[:4]):
+        received = done.ports.pass_on(pcap.packets(data, done.recording), done.recording)
+    for piece in received:
+        yield from (found for found in done.stream.feed(piece) if found is not None)
+    yield from done.stream.finish()
+
+
+@contextmanager
+def _bag(out: Path) -> Iterator[Callable[[str, Batch], None]]:
+    """Open a new bag; the function writes a batch of a network into it."""
+    with BagWriter(out) as bag:
+        writer = CloudWriter(bag)
+
+        def write(network: str, batch: Batch) -> None:
+            cloud = settings.cloud(batch, network)
+            writer.write(names.reports(network), cloud, batch.stamp_ns)
+
+        yield write
+
+
+@contextmanager
+def _table(out: Path) -> Iterator[Callable[[str, Batch], None]]:
+    """Open a table; the function writes a batch of a network into it; see `COLUMNS`."""
+    with output_files.opened(out) as stream:
+        lines = io.TextIOWrapper(stream, "utf-8", newline="", write_through=True)
+        writer = csv.writer(lines, lineterminator="\n")
+        writer.writerow(COLUMNS)
+
+        def write(network: str, batch: Batch) -> None:
+            writer.writerows(_cells(network, report) for report in batch.reports)
+
+        yield write
+        lines.detach()
+
+
+def _cells(network: str, report: Dated) -> list[str]:
+    """Return a report as the cells of `COLUMNS`."""
+    heard, time_ns = report.heard, report.time_ns
+    forms = {MMSI: "09d", ICAO: "06X"}
+    moving = (heard.speed, heard.course, heard.heading, heard.height, heard.x_std)
+    return [
+        f"{time_ns // 10**9}.{time_ns % 10**9 // 1000:06d}",
+        network,
+        "" if heard.address == NONE else f"{heard.address:{forms.get(heard.space, 'd')}}",
+        f"{heard.latitude:.7f}",
+        f"{heard.longitude:.7f}",
+        *("" if math.isnan(value) else f"{value:.2f}" for value in moving),
+        "" if heard.accurate == NOT_SAID else str(heard.accurate),
+        str(heard.type) if heard.type else "",
+        heard.name,
+    ]
+
+
+def _parser() -> ArgumentParser:
+    parser = ArgumentParser(NAME, description=__doc__)
+    parser.add_argument(
+        "source",
+        help="recording: sentences of AIS, SBS-1, Beast or hexadecimal frames of 1090 MHz, or a "
+        "capture (pcap, pcapng) of them; gzip may have packed it",
+    )
+    written = parser.add_mutually_exclusive_group(required=True)
+    written.add_argument("--out", "--output", type=Path, help="directory of the new bag")
+    written.add_argument(
+        "--csv", type=Path, metavar="FILE", help="write the reports as a table, and no bag"
+    )
+    parser.add_argument(
+        "--start",
+        type=recorded_clouds.moment,
+        default=0,
+        metavar="YYYY-MM-DD[THH:MM:SS]",
+        help="time (UTC) of the first message of a recording without times of its own; default: "
+        "1970-01-01",
+    )
+    recorded_clouds.add_port_argument(parser)
+    command.add_params_file_argument(parser)
+    command.add_assignments_argument(parser)
+    return parser

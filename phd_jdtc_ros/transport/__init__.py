@@ -1,0 +1,1 @@
+"""Bytes from recordings, captures, sockets and serial lines, whatever they mean."""
