@@ -169,7 +169,11 @@ def _in_space(radar: RadarParameters, parts: Parts) -> Iterator[str]:
         yield f"{name}.fov_elevation_deg: [{low}, {high}] given, the second must be larger"
     if radar.fields.elevation_std and not radar.fields.elevation:
         yield f"{name}.fields.elevation: '' given, must be a name with elevation_std"
-    if parts.tracking.state != SPACE:
+    tilted, in_space = any(radar.tilt_deg), parts.tracking.state == SPACE
+    if tilted and (radar.geodetic or not in_space):
+        where = "with geodetic" if radar.geodetic else f"without state: {SPACE}"
+        yield f"{name}.tilt_deg: {radar.tilt_deg} given, must be [0.0, 0.0] {where}"
+    if not in_space:
         return
     moving_map = radar.clutter_map and bool(radar.pose.topic)
     given = (

@@ -97,6 +97,7 @@ def _in_space(radar: RadarParameters, prior: HeightPrior, model: RadarModel) -> 
         elevation_std=std,
         height_prior=prior,
         curvature=radar.curvature,
+        tilt=(math.radians(radar.tilt_deg[0]), math.radians(radar.tilt_deg[1])),
     )
 
 

@@ -450,6 +450,10 @@ def test_space_makes_radars_and_motions_with_heights():
             "radar_1.clutter_map: true given, must be false with a pose with state: space",
         ),
         (
+            {"radar_1.tilt_deg": [5.0, 0.0], "state": "plane"},
+            "radar_1.tilt_deg: [5.0, 0.0] given, must be [0.0, 0.0] without state: space",
+        ),
+        (
             {"radar_1.learn": ["multipath"]},
             "radar_1.learn: ['multipath'] given, must be without multipath",
         ),

@@ -184,6 +184,14 @@ class RadarParameters(SensorParameters):
         (-360.0, 720.0),
         length=2,
     )
+    tilt_deg: list[float] = parameter(
+        [0.0, 0.0],
+        "Pitch of a tilted array, by which its x axis points up, and roll, by which its left side "
+        "is up, degrees: azimuths and elevations are in its frame. Only with state: space, and "
+        "without geodetic.",
+        (-90.0, 90.0),
+        length=2,
+    )
     fov_elevation_deg: list[float] = parameter(
         [-90.0, 90.0],
         "Lowest and highest elevation of the field of view, degrees; only with state: space.",

@@ -72,6 +72,33 @@ def linearise(
     return measured, jacobian
 
 
+def _sides(measured: FloatArray) -> FloatArray:
+    """Return places in the frame of range, azimuth and elevation, (..., 3)."""
+    distance, azimuth, elevation = np.moveaxis(measured, -1, 0)
+    level = distance * np.cos(elevation)
+    up = distance * np.sin(elevation)
+    return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), up], axis=-1)
+
+
+def _slopes(measured: FloatArray) -> FloatArray:
+    """Return the Jacobians of `_sides`, (..., 3, 3)."""
+    distance, azimuth, elevation = np.moveaxis(measured, -1, 0)
+    (cos, sin), (level, up) = ((np.cos(a), np.sin(a)) for a in (azimuth, elevation))
+    none = np.zeros_like(distance)
+    rows = (
+        (level * cos, -distance * level * sin, -distance * up * cos),
+        (level * sin, distance * level * cos, -distance * up * sin),
+        (up, none, distance * level),
+    )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def turned(measured: FloatArray, turn: FloatArray) -> FloatArray:
+    """Return range, azimuth and elevation, (..., 3), in a frame that a rotation leads to."""
+    x, y, z = np.moveaxis(_sides(measured) @ turn.T, -1, 0)
+    return np.stack([measured[..., 0], np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=-1)
+
+
 @dataclass(frozen=True, kw_only=True)
 class SpatialRadar(RadarModel):
     """A radar that measures range, azimuth and elevation of places (x, y, z).
@@ -88,6 +115,21 @@ class SpatialRadar(RadarModel):
     elevation_std: float
     height_prior: HeightPrior  # Of targets that are born at detections without an elevation
     curvature: float = 0.0  # Of the earth, one over the radius in metres
+    # Pitch, by which the array's x axis points up, and then roll, by which its left side is up,
+    # radians. Azimuths and elevations are in the array's frame.
+    tilt: tuple[float, float] = (0.0, 0.0)
+
+    @cached_property
+    def turn(self) -> FloatArray:
+        """Rotation from the level frame to the array's, (3, 3); (0, 3) for a level array."""
+        if self.tilt == (0.0, 0.0):
+            return np.zeros((0, 3))
+        pitch, roll = self.tilt
+        (c, s), (cos, sin) = ((math.cos(angle), math.sin(angle)) for angle in (pitch, roll))
+        up = np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
+        left = np.array([[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]])
+        turn: FloatArray = (up @ left).T
+        return turn
 
     def with_scaled_noise(self, of_std: FloatArray) -> SpatialRadar:
         """Return the radar with deviations of its noise multiplied by factors; see `Sensor`."""
@@ -100,7 +142,8 @@ class SpatialRadar(RadarModel):
         from .of_gaussians.spatial import SpatialGaussians
 
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
-        return SpatialGaussians(self, np.array([*self.origin[0], cos, sin, self.curvature]))
+        pose = np.array([*self.position, self.height, cos, sin, self.curvature])
+        return SpatialGaussians(self, pose, self.turn)
 
     @property
     def origin(self) -> FloatArray:
@@ -120,7 +163,12 @@ class SpatialRadar(RadarModel):
 
     def linearise(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return measurements of places, (..., 3), and their Jacobians; see `linearise`."""
-        return linearise(position, self.origin[0], self.yaw, self.curvature)
+        measured, jacobian = linearise(position, self.origin[0], self.yaw, self.curvature)
+        if not len(self.turn):
+            return measured, jacobian
+        seen = turned(measured, self.turn)
+        slopes: FloatArray = np.linalg.inv(_slopes(seen)) @ self.turn @ _slopes(measured)
+        return seen, slopes @ jacobian
 
     def measure(self, state: FloatArray) -> FloatArray:
         """Return noise-free measurements of each state; shape (N, D) to (N, 3)."""
@@ -139,8 +187,11 @@ class SpatialRadar(RadarModel):
 
     def to_world(self, measurement: FloatArray) -> FloatArray:
         """Return the places of measurements, metres, (M, 3); at the elevation 0 without one."""
-        slant, azimuth, *measured = measurement.T
-        elevation = measured[0] if measured else np.zeros(len(slant))
+        if measurement.shape[1] < len(self.components):
+            measurement = np.pad(measurement, ((0, 0), (0, 1)))
+        if len(self.turn):
+            measurement = turned(measurement, self.turn.T)
+        slant, azimuth, elevation = measurement.T
         level, height = self._on_ground(slant, np.sin(elevation))
         level = np.where(np.cos(elevation) < 0.0, -level, level)
         bearing = azimuth + self.yaw
@@ -156,6 +207,9 @@ class SpatialRadar(RadarModel):
         bearing, elevation = measured[:, 1] + self.yaw, measured[:, 2]
         cos, sin = np.cos(bearing), np.sin(bearing)
         level, up, none = np.cos(elevation), np.sin(elevation), np.zeros(len(measured))
+        if len(self.turn):
+            bearing = measured[:, 1]
+            cos, sin = np.cos(bearing), np.sin(bearing)
         axes = np.empty((len(measured), 3, 3))
         axes[:, :, 0] = np.stack([level * cos, level * sin, up], axis=1)
         axes[:, :, 1] = np.stack([-sin, cos, none], axis=1)
@@ -163,7 +217,15 @@ class SpatialRadar(RadarModel):
         sides, slant = std.copy(), np.maximum(measured[:, 0], MIN_RANGE)
         sides[:, 1] *= np.maximum(slant * np.abs(level), MIN_RANGE)
         sides[:, 2] *= slant
+        if len(self.turn):
+            axes = self._heading @ self.turn.T @ axes
         return PlanePlots(self.to_world(measured), axes, sides)
+
+    @property
+    def _heading(self) -> FloatArray:
+        """Rotation from the level frame to the world's, (3, 3)."""
+        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
     def places_of_births(self, detections: Detections) -> Births:
         """Return the hypotheses of the places of births: several heights without an elevation.
@@ -190,6 +252,8 @@ class SpatialRadar(RadarModel):
         self, rows: IntArray, detections: Detections, std: FloatArray, heights: Heights | None
     ) -> tuple[IntArray, FloatArray, PlanePlots]:
         """Return the hypotheses of `places_of_births` for these rows: row, share and places."""
+        if len(self.turn):
+            return self._at_elevations(rows, detections, std)
         slant = np.maximum(detections.measurement[rows, 0], MIN_RANGE)
         low, high = (
             self._on_ground(slant, np.full(len(rows), math.sin(edge)))[1]
@@ -227,6 +291,32 @@ class SpatialRadar(RadarModel):
             axis=1,
         )
         return row, share.ravel()[kept], PlanePlots(position, root, np.ones((len(row), 3)))
+
+    def _at_elevations(
+        self, rows: IntArray, detections: Detections, std: FloatArray
+    ) -> tuple[IntArray, FloatArray, PlanePlots]:
+        """Return the results of `_at_heights` of a tilted array, in cells of its elevations.
+
+        Reported heights are left to the update.
+        """
+        prior, (low, high) = self.height_prior, self.visibility.elevation_limits
+        cells = prior.CELLS
+        centre = low + (high - low) / cells * (np.arange(cells) + 0.5)
+        row = rows.repeat(cells)
+        measured, own = detections.measurement[row].copy(), std[row].copy()
+        measured[:, 2] = np.tile(centre, len(rows))
+        own[:, 2] = (high - low) / cells / math.sqrt(12.0)
+        plots = self.in_plane(Detections(measured, None, noise_std=own))
+        height = plots.position[:, 2]
+        share = np.exp(-0.5 * np.square((height - prior.mean) / prior.std))
+        # By elevation, and none below the floor.
+        share *= np.abs(plots.axes[:, 2, 2]) * (height >= prior.floor)
+        share = share.reshape(-1, cells)
+        total = share.sum(axis=1, keepdims=True)
+        share = np.where(total > 0.0, share / np.where(total > 0.0, total, 1.0), 1.0 / cells)
+        (kept,) = np.nonzero(share.ravel())
+        columns = (column[kept] for column in plots)
+        return row[kept], share.ravel()[kept], PlanePlots(*columns)
 
     def log_jacobian(self, measured: FloatArray) -> FloatArray:
         """Return log |dz/dp| at measurements; shape (N,)."""

@@ -36,7 +36,8 @@ RADAR = SpatialRadar(
     height_prior=PRIOR,
 )
 ROUND = replace(RADAR, curvature=1.0 / 6.4e6)
-RADARS = pytest.mark.parametrize("radar", [RADAR, ROUND], ids=["plane", "round"])
+TILTED = replace(RADAR, tilt=(0.4, -0.15))
+RADARS = pytest.mark.parametrize("radar", [RADAR, ROUND, TILTED], ids=["plane", "round", "tilted"])
 PLACES = np.array(
     [
         [1300.0, -200.0, 250.0],
@@ -175,7 +176,32 @@ def born(radar, slant):
     return measured, radar.places_of_births(Detections(measured, None, noise_std=std))
 
 
-@RADARS
+def test_births_of_a_tilted_array_are_where_it_has_measured_them():
+    measured, births = born(TILTED, 9e3)
+    assert (births.row == 1).sum() == 1
+    for row in (0, 2):
+        own = births.row == row
+        assert births.share[own].sum() == pytest.approx(1.0)
+        place = births.plots.position[own]
+        assert (place[:, 2] >= PRIOR.floor).all()
+        seen, _ = TILTED.linearise(place)
+        np.testing.assert_allclose(seen[:, :2], np.tile(measured[row, :2], (own.sum(), 1)))
+        assert ((seen[:, 2] > LOW) & (seen[:, 2] < HIGH)).all()
+
+
+def test_tilted_array_sees_the_axes_of_its_frame():
+    # Pitched by 30 degrees, a place as high as that ahead of it is on its x axis.
+    radar = replace(RADAR, yaw=0.0, tilt=(np.radians(30.0), 0.0))
+    ahead = radar.origin[0] + 1e3 * np.array([np.cos(np.pi / 6.0), 0.0, 0.5])
+    np.testing.assert_allclose(radar.linearise(ahead[None])[0], [[1e3, 0.0, 0.0]], atol=1e-9)
+    # Rolled by 90 degrees, its left side is up.
+    radar = replace(RADAR, yaw=0.0, tilt=(0.0, np.pi / 2.0))
+    up = radar.origin[0] + np.array([1e3, 0.0, 200.0])
+    distance, azimuth = np.hypot(1e3, 200.0), np.arctan2(200.0, 1e3)
+    np.testing.assert_allclose(radar.linearise(up[None])[0], [[distance, azimuth, 0.0]], atol=1e-9)
+
+
+@pytest.mark.parametrize("radar", [RADAR, ROUND], ids=["plane", "round"])
 @pytest.mark.parametrize("slant", [400.0, 5e3, 50e3])
 def test_births_without_an_elevation_are_at_all_heights_of_the_beam_and_the_prior(radar, slant):
     measured, (row, share, plots) = born(radar, slant)

@@ -35,6 +35,7 @@ class Antenna(NamedTuple):
     axes: Int1  # Axes of the place before those of its velocity, (6,)
     # Place of the antenna, cosine and sine of its yaw, and the earth's curvature, (6,).
     pose: Float1
+    turn: Float2  # See `SpatialRadar.turn`
 
 
 class SpatialPlots(NamedTuple):
@@ -55,12 +56,13 @@ class SpatialGaussians(Linearised):
 
     sensor: Any  # A `SpatialRadar`
     pose: FloatArray  # See `Antenna`
+    turn: FloatArray  # See `SpatialRadar.turn`
 
     @cached_property
     def _antenna(self) -> Antenna:
         space = self.sensor.space
         axes = read_only(np.array([*space.place, *space.motion]), np.int64)
-        return Antenna(axes, read_only(self.pose))
+        return Antenna(axes, read_only(self.pose), read_only(self.turn))
 
     def _plots(self, measured: Measured) -> SpatialPlots:
         times = NO_TIMES if measured.time_s is None else measured.time_s
@@ -108,10 +110,36 @@ class SpatialGaussians(Linearised):
 
 
 @inner
+def _turn(turn: FloatArray, measured: FloatArray, slope: FloatArray) -> None:
+    """Turn a measurement and its Jacobian into the array's frame."""
+    distance, azimuth, elevation = measured[0], measured[1], measured[2]
+    cos, sin = math.cos(azimuth), math.sin(azimuth)
+    level, up = math.cos(elevation), math.sin(elevation)
+    x = distance * (turn[0, 0] * level * cos + turn[0, 1] * level * sin + turn[0, 2] * up)
+    y = distance * (turn[1, 0] * level * cos + turn[1, 1] * level * sin + turn[1, 2] * up)
+    z = distance * (turn[2, 0] * level * cos + turn[2, 1] * level * sin + turn[2, 2] * up)
+    flat = max(math.sqrt(x * x + y * y), MIN_RANGE)
+    for k in range(3):
+        # The change of the place in the level frame, and then in the array's.
+        along, across, above = slope[0, k], slope[1, k], slope[2, k]
+        ahead = level * cos * along - distance * (level * sin * across + up * cos * above)
+        left = level * sin * along + distance * (level * cos * across - up * sin * above)
+        high = up * along + distance * level * above
+        dx = turn[0, 0] * ahead + turn[0, 1] * left + turn[0, 2] * high
+        dy = turn[1, 0] * ahead + turn[1, 1] * left + turn[1, 2] * high
+        dz = turn[2, 0] * ahead + turn[2, 1] * left + turn[2, 2] * high
+        outward = (x * dx + y * dy) / flat
+        slope[1, k] = (x * dy - y * dx) / (flat * flat)
+        slope[2, k] = (flat * dz - z * outward) / (distance * distance)
+    measured[1], measured[2] = math.atan2(y, x), math.atan2(z, flat)
+
+
+@inner
 def _write_measured(
-    pose: FloatArray, place: FloatArray, measured: FloatArray, slope: FloatArray
+    antenna: Antenna, place: FloatArray, measured: FloatArray, slope: FloatArray
 ) -> None:
     """Write the measurement of a place and its Jacobian; see `SpatialRadar.linearise`."""
+    pose = antenna.pose
     east, north, height = place[0] - pose[0], place[1] - pose[1], place[2] - pose[2]
     cos, sin, curvature = pose[3], pose[4], pose[5]
     ahead, left = cos * east + sin * north, cos * north - sin * east
@@ -133,6 +161,8 @@ def _write_measured(
     slope[0, 0], slope[0, 1], slope[0, 2] = r_d * along, r_d * across, r_h
     slope[1, 0], slope[1, 1], slope[1, 2] = -across / level, along / level, 0.0
     slope[2, 0], slope[2, 1], slope[2, 2] = e_d * along, e_d * across, e_h
+    if len(antenna.turn) > 0:
+        _turn(antenna.turn, measured, slope)
 
 
 @inner
@@ -181,7 +211,7 @@ def _square(inverse: FloatArray, error: FloatArray) -> float:
 @compiled
 def _expected_measurements(antenna: Antenna, mean: Float3, covariance: Float4) -> Expected:
     """Return the results of `SpatialGaussians.expected`."""
-    axes, pose = antenna.axes, antenna.pose
+    axes = antenna.axes
     count, modes = mean.shape[:2]
     measured, spread = np.empty((count, modes, 3)), np.empty((count, modes, 3, 3))
     std = np.empty((count, modes, 3))
@@ -192,7 +222,7 @@ def _expected_measurements(antenna: Antenna, mean: Float3, covariance: Float4) -
                 place[i] = mean[row, mode, axes[i]]
                 for k in range(3):
                     own[i, k] = covariance[row, mode, axes[i], axes[k]]
-            _write_measured(pose, place, measured[row, mode], slope)
+            _write_measured(antenna, place, measured[row, mode], slope)
             _write_spread(slope, own, across, spread[row, mode])
             for i in range(3):
                 variance = max(spread[row, mode, i, i], 0.0)
@@ -215,7 +245,7 @@ def _gate(
     range or azimuth alone.
     """
     (measured, covariance, _), (measurement, noise_std, time_s, correction) = expected, plots
-    axes, pose = antenna.axes, antenna.pose
+    axes = antenna.axes
     (count, modes), size = weight.shape, len(measurement)
     widest, latest = np.zeros(3), 0.0
     for z in range(size):
@@ -233,7 +263,7 @@ def _gate(
             if latest > 0.0:
                 for i in range(3):
                     place[i] = mean[row, mode, axes[i]]
-                _write_measured(pose, place, seen, slope)
+                _write_measured(antenna, place, seen, slope)
                 for i in range(3):
                     rate[mode, i] = 0.0
                     for k in range(3):
@@ -295,7 +325,7 @@ def _innovations(
     plots: SpatialPlots,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the results of `SpatialGaussians.innovations`."""
-    axes, pose = antenna
+    axes = antenna.axes
     (mean, covariance, weight) = gaussians
     measurement, noise_std, time_s, correction = plots
     count = len(group) * modes
@@ -320,7 +350,7 @@ def _innovations(
         slope, scale, weights = jacobian[row], inverse[row], weighted[row]
         square, determinant = 0.0, 1.0
         for _ in range(iterations):
-            _write_measured(pose, place, seen, slope)
+            _write_measured(antenna, place, seen, slope)
             _write_spread(slope, own, across, total)
             for i in range(3):
                 total[i, i] += noise_std[z, i] ** 2
