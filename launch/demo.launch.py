@@ -27,7 +27,7 @@ from launch_ros.actions import Node
 from launch import Action, LaunchContext, LaunchDescription
 from msg_adapters.encoding import names
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.parameter_files import sensor_replay
+from phd_jdtc_ros.parameter_files import node_tables
 from phd_jdtc_ros.tools.demo.processes import recorded_topics
 from phd_jdtc_ros.tools.launching import arguments, failure
 from phd_jdtc_ros.tools.launching.failure import Failure
@@ -123,7 +123,7 @@ def _nodes(context: LaunchContext, share: str) -> list[Action]:
         parameters=[
             {
                 "bag": str(found),
-                "rate": sensor_replay.rate(rate),
+                "rate": node_tables.rate(rate),
                 "flush_service": f"{tracker_name}/flush",
                 "subscriber_timeout_s": 60.0,
                 "answer_delay_s": config.answer_delay_s,

@@ -29,7 +29,7 @@ from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.parameter_files import sections
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.traffic.flight import STANDARD_GRAVITY, Flight, Leg
-from phd_jdtc_ros.study.runs import SimulatedRun
+from phd_jdtc_ros.study.tracker import SimulatedRun
 from phd_jdtc_ros.study.turning import track, turning_run
 
 from .peers.plot_kalman import plot_kalman

@@ -29,12 +29,7 @@ from phd_jdtc_ros.simulation import noise, scenario_file
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.study import tracker, turning
 from phd_jdtc_ros.study.monte_carlo.definition import CUTOFF, ORDER
-from phd_jdtc_ros.study.runs import (
-    TAXIING,
-    IgnoredTargets,
-    SimulatedRun,
-    simulated_run,
-)
+from phd_jdtc_ros.study.tracker import TAXIING, IgnoredTargets, SimulatedRun, simulated_run
 
 from .runner import Figures, Goal, Study, cell, goal, table
 

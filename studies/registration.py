@@ -19,7 +19,7 @@ import numpy as np
 from rich.table import Table
 
 from phd_jdtc_ros import resources
-from phd_jdtc_ros.calibration.registration.filtering import KINDS
+from phd_jdtc_ros.calibration.registration.common import KINDS
 from phd_jdtc_ros.calibration.registration.solution import Registration, register
 from phd_jdtc_ros.calibration.registration.tracked_radars import RegistrationError, tracked_radar
 from phd_jdtc_ros.calibration.tuning.plots import plots_of

@@ -19,7 +19,7 @@ from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.parameter_files import from_arguments
 from phd_jdtc_ros.simulation.scenario import paper_scenario
-from phd_jdtc_ros.study.runs import SimulatedRun, simulated_run
+from phd_jdtc_ros.study.tracker import SimulatedRun, simulated_run
 from studies import peers
 
 from .recursion import GAUSSIAN

@@ -20,7 +20,7 @@ from visualization_msgs.msg import MarkerArray
 
 from msg_adapters.incoming import detections
 from msg_adapters.outgoing import diagnostics
-from msg_adapters.targets import estimates, markers, poses
+from msg_adapters.targets import estimates, markers, tracks
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.engine import OnFiltered, Step, ignore_filtered
 from phd_jdtc_ros.core.state_space import PLANAR
@@ -140,7 +140,7 @@ def _parts(node: Any) -> dict[str, Callable[[], None]]:
     def publish_poses() -> None:
         for _ in ("filtered", "smoothed"):
             for class_id in range(len(names)):
-                outputs[PoseArray].publish(poses.to_cdr(found, class_id, FRAME))
+                outputs[PoseArray].publish(tracks.poses_to_cdr(found, class_id, FRAME))
 
     def publish_markers() -> None:
         outputs[MarkerArray].publish(markers.to_cdr(found, FRAME, names))

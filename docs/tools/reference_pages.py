@@ -13,13 +13,12 @@ from msg_adapters.outgoing import diagnostics, outputs
 from phd_jdtc_ros.asterix_bridge import settings as bridge
 from phd_jdtc_ros.configuration.parameters import replaced
 from phd_jdtc_ros.configuration.schema import Parameter
-from phd_jdtc_ros.configuration.sensor_kinds import TABLES
 from phd_jdtc_ros.configuration.tables import GROUPS as PARTS
-from phd_jdtc_ros.configuration.tables import TOP, schema
+from phd_jdtc_ros.configuration.tables import TABLES, TOP, schema
 from phd_jdtc_ros.evaluation.metric_table import CURVES, GROUPS, PUBLISHED, TERMS
 from phd_jdtc_ros.handover import settings as hand_over
 from phd_jdtc_ros.nodes.tracker import settings as tracker
-from phd_jdtc_ros.parameter_files import evaluator, sensor_replay, yaml_files
+from phd_jdtc_ros.parameter_files import node_tables, yaml_files
 from phd_jdtc_ros.report_bridge import settings as reports
 from phd_jdtc_ros.study.monte_carlo.metrics import OF_STUDY
 
@@ -66,9 +65,9 @@ _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
         "sensor_replay",
         "The flags `--rate`, `--start`, `--duration`, `--loop` and `--start-paused` and the "
         "positional argument set the corresponding parameters.",
-        sensor_replay.TABLE,
+        node_tables.REPLAY,
     ),
-    ("evaluator", "", evaluator.TABLE),
+    ("evaluator", "", node_tables.EVALUATOR),
     (
         "asterix_bridge",
         "The offline tool has only the parameters of the conversion that it runs.",

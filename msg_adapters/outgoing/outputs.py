@@ -22,9 +22,9 @@ from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates, Pose
 
 from ..encoding import interfaces, names, stamps
-from ..targets import estimates, geo_json, geodetic, markers, poses, radar_tracks, tracks, vision
-from . import clutter_maps, conflicts, cot, detections_in_map, diagnostics, nmea, signal_k
-from .trails import Trails
+from ..targets import estimates, geo_json, geodetic, markers, tracks
+from ..targets.tracks import Trails
+from . import conflicts, cot, diagnostics, map_layers, nmea, signal_k
 
 # Triggers besides the estimates of a source: a `Scan`, a `StepResult`, and `Conflicts`.
 SCAN, STEP, CONFLICTS = "scan", "step", "conflicts"
@@ -133,7 +133,7 @@ def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
             names.detections_in_map("~"),
             names.CLOUD,
             when=SCAN,
-            encode=lambda scan, view: [detections_in_map.to_cdr(scan, view.radars, view.frame)],
+            encode=lambda scan, view: [map_layers.detections_to_cdr(scan, view.radars, view.frame)],
             switch="detections",
         ),
         Output(
@@ -246,7 +246,7 @@ def _types(rows: Iterable[Output], tracker: str) -> dict[str, str]:
 
 
 def _poses_of(class_id: int) -> Callable[[Estimates, View], list[bytes]]:
-    return lambda found, view: [poses.to_cdr(found, class_id, view.frame)]
+    return lambda found, view: [tracks.poses_to_cdr(found, class_id, view.frame)]
 
 
 def _no_markers(view: View) -> MarkerArray:
@@ -256,7 +256,7 @@ def _no_markers(view: View) -> MarkerArray:
 
 def _clutter_map(done: StepResult, view: View) -> list[Any]:
     raster = done.engine.clutter_raster()
-    return [] if raster is None else [clutter_maps.to_msg(raster, done.stamp_ns, view.frame)]
+    return [] if raster is None else [map_layers.clutter_to_msg(raster, done.stamp_ns, view.frame)]
 
 
 def _number_of(quantity: str) -> Callable[[StepResult, View], list[Any]]:
@@ -284,11 +284,11 @@ def _geojson(found: Estimates, view: View) -> list[Any]:
 
 
 def _tracks(found: Estimates, view: View) -> list[Any]:
-    return [radar_tracks.to_msg(found, view.frame, view.run)]
+    return [tracks.to_radar_tracks(found, view.frame, view.run)]
 
 
 def _vision(found: Estimates, view: View) -> list[Any]:
-    return [vision.to_msg(found, view.frame, view.class_names)]
+    return [tracks.to_detections_3d(found, view.frame, view.class_names)]
 
 
 def _ttm(found: Estimates, view: View, own: Pose | None, relative: bool = False) -> list[bytes]:

@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import uuid
+from collections import deque
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Twist, Vector3
+from geometry_msgs.msg import (
+    Point,
+    Pose,
+    PoseStamped,
+    PoseWithCovariance,
+    Quaternion,
+    Twist,
+    Vector3,
+)
 from nav_msgs.msg import Odometry, Path
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.state_space import OMEGA, VX, VY, X, Y
 from phd_jdtc_ros.core.types import Estimates
 
-from ..encoding import stamps
+from ..encoding import cdr, interfaces, names, stamps
 from . import vertical
 
 # Variance of quantities that a planar track does not estimate: height, roll, pitch and their rates.
@@ -144,3 +155,142 @@ def _twist_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:
     propagated: FloatArray = to_twist @ covariance @ to_twist.T
     propagated[[2, 3, 4], [2, 3, 4]] = UNKNOWN_VARIANCE
     return propagated
+
+
+def poses_to_cdr(estimates: Estimates, class_id: int, frame: str) -> bytes:
+    """Return a serialised ``geometry_msgs/PoseArray``; each pose faces along the velocity.
+
+    Poses are at the estimates' heights, or in the map's plane if these are unknown.
+    """
+    mine = estimates.class_id == class_id
+    rows = estimates.state[mine]
+    half = 0.5 * np.arctan2(rows[:, VY], rows[:, VX])
+    # Position x y z, orientation x y z w.
+    pose = np.zeros((len(rows), 7))
+    pose[:, 0], pose[:, 1] = rows[:, X], rows[:, Y]
+    pose[:, 2] = vertical.states(estimates)[mine, 0]
+    pose[:, 5], pose[:, 6] = np.sin(half), np.cos(half)
+    writer = cdr.Writer()
+    writer.header(estimates.stamp_ns, frame)
+    writer.rows(pose)
+    return writer.message()
+
+
+def to_detections_3d(
+    estimates: Estimates,
+    frame: str,
+    class_names: Sequence[str],
+    message_class: Callable[[str], Any] = interfaces.message_class,
+) -> Any:
+    """Encode one set of estimates, empty or not.
+
+    Every target has one hypothesis per class, the most probable first, with the class's probability
+    as its score. Its `id` is the track id, empty if it has none. The pose faces along the velocity,
+    and only the position's terms of its covariance are set. Boxes have no size, because targets are
+    points. `class_names` are by class id.
+    """
+    header, up = stamps.header(estimates.stamp_ns, frame), vertical.of(estimates)
+    message = message_class(names.DETECTIONS_3D)(header=header)
+    for row, label in enumerate(estimates.track_id.tolist()):
+        covariance = np.zeros((6, 6))
+        covariance[:2, :2] = estimates.position_covariance[row]
+        covariance[2, 2] = up.covariance[row, 0, 0]
+        pose = PoseWithCovariance(
+            pose=pose_of(estimates.state[row], float(up.state[row, 0])),
+            covariance=covariance.ravel(),
+        )
+        detection = message_class("vision_msgs/msg/Detection3D")(header=header)
+        detection.id = str(label) if label else ""
+        detection.bbox.center = pose.pose
+        probability = estimates.class_probability[row]
+        for class_id in np.argsort(-probability, kind="stable"):
+            result = message_class("vision_msgs/msg/ObjectHypothesisWithPose")()
+            result.hypothesis.class_id = class_names[class_id]
+            result.hypothesis.score = float(probability[class_id])
+            result.pose = pose
+            detection.results.append(result)
+        message.detections.append(detection)
+    return message
+
+
+# First number that the message's definition reserves for a user's own classifications.
+FIRST_OWN_CLASSIFICATION = 32000
+
+
+def to_radar_tracks(
+    estimates: Estimates,
+    frame: str,
+    run: uuid.UUID,
+    message_class: Callable[[str], Any] = interfaces.message_class,
+) -> Any:
+    """Encode one set of estimates, empty or not.
+
+    Class k has the classification 32000 + k. Quantities that are not estimated are zero:
+    acceleration, size, unknown heights, and their covariances.
+
+    A target keeps its identifier within a tracker's `run`, and different runs have different
+    identifiers. An unlabelled target gets a new identifier in every message.
+    """
+    message = message_class(names.RADAR_TRACKS)(header=stamps.header(estimates.stamp_ns, frame))
+    up = vertical.of(estimates)
+    for row, label in enumerate(estimates.track_id.tolist()):
+        state, covariance = estimates.state[row].tolist(), estimates.covariance[row]
+        height, climb = map(float, up.state[row])
+        name = str(label) if label else f"{estimates.stamp_ns} {row}"
+        track = message_class("radar_msgs/msg/RadarTrack")()
+        track.uuid.uuid = np.frombuffer(uuid.uuid5(run, name).bytes, dtype=np.uint8)
+        track.position = Point(x=state[X], y=state[Y], z=height)
+        track.velocity = Vector3(x=state[VX], y=state[VY], z=climb)
+        track.classification = FIRST_OWN_CLASSIFICATION + int(estimates.class_id[row])
+        track.position_covariance = _upper_triangle(covariance, (X, Y), up.covariance[row, 0, 0])
+        track.velocity_covariance = _upper_triangle(covariance, (VX, VY), up.covariance[row, 1, 1])
+        message.tracks.append(track)
+    return message
+
+
+def _upper_triangle(covariance: FloatArray, plane: tuple[int, int], upward: float) -> Any:
+    """Return the terms xx, xy, xz, yy, yz, zz of a covariance, as float32."""
+    x, y = plane
+    terms = [covariance[x, x], covariance[x, y], 0.0, covariance[y, y], 0.0, upward]
+    return np.array(terms, dtype=np.float32)
+
+
+# A trail is continued if its track is estimated again within this number of scans.
+UNSEEN_SCANS = 10
+
+
+class Trails:
+    """The latest positions of each track that was estimated in the last `UNSEEN_SCANS` scans.
+
+    At most `length` positions are kept per track.
+    """
+
+    def __init__(self, length: int) -> None:
+        self._length = length
+        self._latest: Estimates | None = None
+        self._trails: dict[int, deque[Waypoint]] = {}
+        self._unseen: dict[int, int] = {}
+
+    def of(self, found: Estimates) -> dict[int, deque[Waypoint]]:
+        """Return the trails of a scan's tracks up to the scan, by ascending number.
+
+        Estimates are added only once, because several outputs may request the trails of one scan.
+        """
+        if found is not self._latest:
+            self._latest = found
+            self._add(found)
+        return {track: self._trails[track] for track, _ in rows_by_track(found)}
+
+    def _add(self, found: Estimates) -> None:
+        self._unseen = {track: scans + 1 for track, scans in self._unseen.items()}
+        heights = found.known_attributes.height[:, 0].tolist()
+        for track, row in rows_by_track(found):
+            trail = self._trails.setdefault(track, deque(maxlen=self._length))
+            trail.append(Waypoint(found.stamp_ns, found.state[row], heights[row]))
+            self._unseen[track] = 0
+        for track in [track for track, scans in self._unseen.items() if scans > UNSEEN_SCANS]:
+            del self._trails[track], self._unseen[track]
+
+    def clear(self) -> None:
+        """Remove all trails."""
+        self._latest, self._trails, self._unseen = None, {}, {}

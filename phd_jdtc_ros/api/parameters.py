@@ -13,8 +13,7 @@ from phd_jdtc_ros.calibration.tuning import proposal, unspecified
 from phd_jdtc_ros.calibration.tuning.findings import Findings
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.schema import ConfigError, flatten
-from phd_jdtc_ros.configuration.sensor_kinds import parameters_of
-from phd_jdtc_ros.configuration.tables import GROUPS, schema
+from phd_jdtc_ros.configuration.tables import GROUPS, parameters_of, schema
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 

@@ -5,8 +5,8 @@
     dotted names and values
       |  type and bounds of each             schema
       |  dataclasses that declare them       parameters
-      |  kinds of sensors, names in lists    sensor_kinds, tables
-      |  consistency with each other         checks, radar_checks
+      |  kinds of sensors, names in lists    tables
+      |  consistency with each other         models, radar_models
       |  units, matrices, models             models, radar_models
     TrackerConfig                            build
       |                                      engines

@@ -21,7 +21,7 @@ from phd_jdtc_ros.core.phd.resampling import ParticleBudget
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.tracks.reporting_rule import ReportingRule, rule_of
 
-from . import checks, zones
+from . import models, zones
 from .models import platform_of, tracker_model
 from .parameters import replaced
 from .parameters.radar import RadarParameters
@@ -29,8 +29,7 @@ from .parameters.sensor import SensorParameters
 from .parameters.tracker import LABELLED, SPACE, Parts, Tracking
 from .schema import ConfigError, Parameter, build, check
 from .schema import name_faults as schema_faults
-from .sensor_kinds import KINDS
-from .tables import GROUPS, entries, parts_of, schema, unlisted
+from .tables import GROUPS, KINDS, entries, parts_of, schema, unlisted
 
 # Former parameters with their replacements: without a prefix, and of each part.
 _FORMER = ({**replaced.TRACKER, **replaced.NODE}, {**replaced.RADAR, **replaced.BIRTH})
@@ -217,7 +216,7 @@ def resolve(
     if faults:
         raise ConfigError(*faults)
     parts = parts_of(values)
-    faults = checks.faults(parts)
+    faults = models.faults(parts)
     origin = parts.tracking.world_origin
     if not faults and origin and plane_about is None:
         faults = ["world_origin: given, must be empty here: this is computed in the plane only"]

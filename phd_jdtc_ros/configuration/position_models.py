@@ -23,7 +23,7 @@ from phd_jdtc_ros.core.sensors.range_rate import VelocityModel
 from phd_jdtc_ros.core.sensors.reported_heights import ReportedHeights
 from phd_jdtc_ros.core.targets import amplitude_density
 
-from . import radar_checks
+from . import radar_models
 from .parameters.position import PositionParameters
 from .parameters.tracker import PHD, Parts
 
@@ -89,4 +89,4 @@ def _place(own: PositionParameters, parts: Parts) -> Iterator[str]:
             yield f"{own.name}.fields.{what}: '' given, must be a name"
 
 
-CHECKS = (_tracker, _place, _velocity, radar_checks.pose, radar_checks.repeated_fields)
+CHECKS = (_tracker, _place, _velocity, radar_models.pose, radar_models.repeated_fields)

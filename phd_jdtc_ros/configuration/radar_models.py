@@ -1,9 +1,14 @@
-"""The models that a radar's parameters describe; degrees and decibels are converted here."""
+"""The models that a radar's parameters describe, and checks of these parameters together.
+
+Degrees and decibels are converted here.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import fields, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -31,18 +36,209 @@ from phd_jdtc_ros.core.intake.input_checks import (
     SLOW_REVOLUTION,
     RadarReportCheck,
 )
+from phd_jdtc_ros.core.sensors import wgs84
 from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
 from phd_jdtc_ros.core.sensors.reported_heights import HeightPrior, ReportedHeights
-from phd_jdtc_ros.core.sensors.site import LEAST_STD, HeightProjection
+from phd_jdtc_ros.core.sensors.site import LEAST_STD, MAX_SITE_DISTANCE, HeightProjection
 from phd_jdtc_ros.core.sensors.spatial_radar import SpatialRadar
 from phd_jdtc_ros.core.sensors.visibility import TURN_TOLERANCE, Visibility
 from phd_jdtc_ros.core.state_space import SPATIAL
 from phd_jdtc_ros.core.targets import amplitude_density
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage
 
-from .parameters.radar import RadarParameters
+from .parameters.place_forms import FIXED, TF
+from .parameters.position import PositionParameters
+from .parameters.radar import QUANTITIES, RadarParameters
+from .parameters.sensor import SensorParameters
+from .parameters.tracker import PHD, SPACE, USUAL, Parts
+
+# Smallest ambiguity interval of range rates, in standard deviations: within a smaller interval all
+# range rates are equally likely.
+LEAST_INTERVAL = 4.0
+LEARNED = "learned"  # The law of the clutter's amplitudes that is estimated
+# The quantities of a detection in the paper, with their own noise.
+PAPER_QUANTITIES = ("range", "azimuth", "amplitude", "range_std", "azimuth_std")
+
+
+def _visibility_faults(radar: RadarParameters, parts: Parts) -> Iterator[str]:
+    name, (begin, end), edges = radar.name, radar.fov_deg, radar.blind_sectors_deg
+    if begin == end or abs(end - begin) > 360.0:
+        yield f"{name}.fov_deg: [{begin}, {end}] given, must be two azimuths at most a turn apart"
+    if len(edges) % 2 or any(map(float.__eq__, edges[::2], edges[1::2])):
+        yield f"{name}.blind_sectors_deg: {edges} given, must be pairs of two different azimuths"
+    near, far = radar.min_range, radar.max_range
+    if near >= far:
+        yield f"{name}.min_range: {near} given, must be below max_range, {far}"
+    if radar.clutter_max_range > far:
+        yield (
+            f"{name}.clutter_max_range: {radar.clutter_max_range:g} given, must be at most "
+            f"max_range, {far:g}, beyond which detections are ignored"
+        )
+
+
+def _tables(radar: RadarParameters, parts: Parts) -> Iterator[str]:
+    """Yield the faults of what is given by range."""
+    detection, density = radar.detection_probability, radar.clutter_density
+    for name, what, given, ranges in (
+        ("detection_probability", "probabilities", detection, radar.detection_probability_range),
+        ("clutter_density", "densities", density, radar.clutter_density_range),
+    ):
+        key = f"{radar.name}.{name}_range"
+        if not all(near < far for near, far in pairwise(ranges)):
+            yield f"{key}: {ranges} given, must be ascending"
+        elif isinstance(given, list) and len(ranges) != len(given):
+            yield f"{key}: {ranges} given, must be a range for each of {len(given)} {what}"
+
+
+def _clutter(radar: RadarParameters, parts: Parts) -> Iterator[str]:
+    if parts.tracking.region is not None and "clutter" in radar.learn:
+        yield (
+            f"{radar.name}.learn: clutter given, must be left out with a region: the rate is that "
+            "of the radar's whole field, of which a part is used"
+        )
+
+
+def _revolutions(radar: RadarParameters, parts: Parts) -> Iterator[str]:
+    name = radar.name
+    if radar.sectors and not radar.rotation_s:
+        yield f"{name}.rotation_s: 0 given, must be above 0 with sectors"
+    if radar.fields.sector and not radar.sectors:
+        yield f"{name}.sectors: 0 given, must be above 0 with fields.sector"
+
+
+def _beyond_the_paper(radar: RadarParameters, parts: Parts) -> Iterator[str]:
+    """Yield a fault for each setting that the paper's PHD filters do not have."""
+    engine = parts.tracking.engine
+    if engine not in PHD:
+        return
+    given = (
+        (radar.learn, "learn", "[]"),
+        (radar.sectors, "sectors", "0"),
+        (radar.rotation_s, "rotation_s", "0"),
+        (radar.clutter_map and "true", "clutter_map", "false"),
+        (radar.clutter_amplitude == LEARNED and LEARNED, "clutter_amplitude", "rayleigh"),
+        (radar.clutter_density, "clutter_density", "[]"),
+        (radar.detection_correlation, "detection_correlation", "0"),
+        *(
+            (field and repr(field), f"fields.{quantity}", "''")
+            for quantity in QUANTITIES
+            if quantity not in PAPER_QUANTITIES
+            for field in (getattr(radar.fields, quantity),)
+        ),
+    )
+    for value, name, allowed in given:
+        if value:
+            yield f"{radar.name}.{name}: {value} given, must be {allowed} with engine {engine}"
+
+
+def _fields(radar: RadarParameters, parts: Parts) -> Iterator[str]:
+    return repeated_fields(radar, parts) if radar.named_fields else iter(())
+
+
+def repeated_fields(sensor: SensorParameters, parts: Parts) -> Iterator[str]:
+    """Yield a fault for each quantity of a cloud whose field another quantity has too."""
+    taken: dict[str, str] = {}
+    for quantity, field in vars(sensor.fields).items():
+        key = f"{sensor.name}.fields.{quantity}"
+        if field and field in taken:
+            yield f"{key}: {field!r} given, {taken[field]} has it too"
+        elif field:
+            taken[field] = key
+
+
+def _range_rates(radar: RadarParameters, parts: Parts) -> Iterator[str]:
+    interval, std = radar.range_rate_ambiguity, radar.range_rate_std
+    field = radar.fields.range_rate
+    if field and 0.0 < interval < LEAST_INTERVAL * std:
+        yield (
+            f"{radar.name}.range_rate_ambiguity: {interval:g} given, must be 0 or at least "
+            f"{LEAST_INTERVAL:g} times range_rate_std, {std:g}"
+        )
+    if radar.fields.range_rate_std and not field:
+        yield f"{radar.name}.fields.range_rate: '' given, must be a name with range_rate_std"
+
+
+def pose(radar: RadarParameters | PositionParameters, parts: Parts) -> Iterator[str]:
+    """Yield the faults of the poses of a sensor's platform."""
+    key, (topic, message, _) = f"{radar.name}.pose", radar.pose
+    detections = {other.topic: other.name for other in parts.sensors.values()}
+    first = next((other for other in parts.sensors.values() if other.pose.topic), radar)
+    if topic and topic in detections:
+        yield f"{key}: {topic!r} given, {detections[topic]} has its detections there"
+    elif topic and message != first.pose.message:
+        yield f"{key}: {message} given, must be {first.pose.message} as that of {first.name}"
+    if message == TF and (any(radar.position[:2]) or radar.yaw_deg):
+        yield (
+            f"{radar.name}.position: {[*radar.position[:2]]} with yaw_deg {radar.yaw_deg:g} given, "
+            f"must be 0 with pose {TF}, which places the radar"
+        )
+
+
+def _place(radar: RadarParameters, parts: Parts) -> Iterator[str]:
+    """Yield the faults of a place on the earth in combination with other parameters."""
+    name, place, origin = radar.name, radar.geodetic, parts.tracking.world_origin
+    if not place:
+        if radar.assumed_height is not None:
+            yield f"{name}.assumed_height: given without geodetic, must be empty"
+        return
+    if not origin:
+        yield f"world_origin: [] given, must be a place on the earth, as {name}.geodetic is one"
+    else:
+        apart = math.dist(wgs84.to_cartesian(*place), wgs84.to_cartesian(*origin))
+        if apart > MAX_SITE_DISTANCE:
+            yield (
+                f"{name}.geodetic: {place} given, is {apart / 1e3:.0f} km from world_origin, must "
+                f"be at most {MAX_SITE_DISTANCE / 1e3:.0f} km"
+            )
+    if radar.position != (*USUAL.get(f"{name}.position", [0.0, 0.0]), 0.0):
+        yield f"{name}.position: given beside geodetic, must be one of the two"
+    if radar.pose.topic:
+        yield (
+            f"{name}.pose: {radar.pose.topic!r} given, must be {FIXED} with geodetic; a moving "
+            "radar is where its platform's poses in world_frame are"
+        )
+
+
+def _faults_in_space(radar: RadarParameters, parts: Parts) -> Iterator[str]:
+    """Yield the faults of elevations, and of what radars have only in the plane."""
+    name, (low, high) = radar.name, radar.fov_elevation_deg
+    if low >= high:
+        yield f"{name}.fov_elevation_deg: [{low}, {high}] given, the second must be larger"
+    if radar.fields.elevation_std and not radar.fields.elevation:
+        yield f"{name}.fields.elevation: '' given, must be a name with elevation_std"
+    tilted, in_space = any(radar.tilt_deg), parts.tracking.state == SPACE
+    if tilted and (radar.geodetic or not in_space):
+        where = "with geodetic" if radar.geodetic else f"without state: {SPACE}"
+        yield f"{name}.tilt_deg: {radar.tilt_deg} given, must be [0.0, 0.0] {where}"
+    if not in_space:
+        return
+    moving_map = radar.clutter_map and bool(radar.pose.topic)
+    given = (
+        ("multipath" in radar.learn and radar.learn, "learn", "without multipath"),
+        (moving_map and "true", "clutter_map", "false with a pose"),
+        (radar.assumed_height is not None and radar.assumed_height, "assumed_height", "empty"),
+        (not radar.named_fields and radar.message, "message", "point_cloud"),
+    )
+    for value, key, allowed in given:
+        if value:
+            yield f"{name}.{key}: {value} given, must be {allowed} with state: {SPACE}"
+
+
+CHECKS = (
+    _faults_in_space,
+    _tables,
+    _clutter,
+    _visibility_faults,
+    _revolutions,
+    _beyond_the_paper,
+    _fields,
+    _range_rates,
+    pose,
+    _place,
+)
+
 
 # Width of the interval about zero that contains false range rates, m/s, for radars that measure
 # range rates without ambiguity: road traffic with some margin.

@@ -10,8 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from .parameters import position, radar
-from .sensor_kinds import TABLES, parameters_of
-from .tables import GROUPS, topic_or_frame
+from .tables import GROUPS, TABLES, parameters_of, topic_or_frame
 
 # Scene parameters of the whole tracker, and the parameters that place a radar.
 OF_ALL = ("world_origin",)

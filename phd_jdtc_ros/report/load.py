@@ -15,7 +15,7 @@ from msg_adapters.incoming import moving_radars
 from msg_adapters.incoming.call_signs import learn_from_cdr
 from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import reader_of
-from msg_adapters.outgoing import clutter_maps, conflicts, diagnostics
+from msg_adapters.outgoing import conflicts, diagnostics, map_layers
 from msg_adapters.targets import estimates, truth
 from phd_jdtc_ros.asterix.messages import CallSigns
 from phd_jdtc_ros.bags.errors import BagError
@@ -58,7 +58,7 @@ def record(path: Path, config: TrackerConfig) -> Record:
             if topic == names.TRUTH:
                 parts["truth"].append(truth.from_msg(message))
             elif topic == clutter:
-                parts["clutter"] = [clutter_maps.from_msg(message)]
+                parts["clutter"] = [map_layers.clutter_from_msg(message)]
             elif topic == dangers:
                 parts["conflicts"].append(conflicts.from_msg(message))
             elif topic == figures:

@@ -3,12 +3,12 @@
 ::
 
     scenario, seed
-      |  simulate                            runs
-    SimulatedRun: truth, scans, sources      runs
+      |  simulate                            tracker
+    SimulatedRun: truth, scans, sources      tracker
       |  this package's tracker              tracker; turning, where antennas turn
       |  the model-matched reference         reference
       |  other trackers                      peers
-    Tracks: estimates by lag and scan        runs
+    Tracks: estimates by lag and scan        tracker
       |  score and store each run            monte_carlo
       |  summarise over runs                 monte_carlo
     results.csv, summary.json

@@ -23,7 +23,7 @@ from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.targets.motion import ConstantVelocity, MotionModel
 from phd_jdtc_ros.evaluation.comparison import PointSet
 
-from .runs import SimulatedRun, Tracks
+from .tracker import SimulatedRun, Tracks
 
 # Largest number of linearisations and their convergence: strict, because the reference must add no
 # error of its own and one target costs little.

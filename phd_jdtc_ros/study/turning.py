@@ -28,7 +28,7 @@ from phd_jdtc_ros.feed.tally import Tally
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_reports
 
-from .runs import TAXIING, IgnoredTargets, SimulatedRun, TrackingResult
+from .tracker import TAXIING, IgnoredTargets, SimulatedRun, TrackingResult
 
 # Largest age of estimates that are predicted to a stamp, in revolutions.
 OLDEST_REVOLUTIONS = 1.5

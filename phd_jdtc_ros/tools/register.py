@@ -21,7 +21,7 @@ from rich.table import Table
 from phd_jdtc_ros import output_files, resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.calibration.registration.filtering import KINDS
+from phd_jdtc_ros.calibration.registration.common import KINDS
 from phd_jdtc_ros.calibration.registration.solution import RadarEstimate, Registration, register
 from phd_jdtc_ros.calibration.registration.tracked_radars import RegistrationError, tracked_radar
 from phd_jdtc_ros.configuration.build import TrackerConfig

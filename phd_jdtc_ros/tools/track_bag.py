@@ -22,7 +22,7 @@ from msg_adapters.encoding import interfaces, names
 from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import reader_of
-from msg_adapters.outgoing import clutter_maps, conflicts, diagnostics
+from msg_adapters.outgoing import conflicts, diagnostics, map_layers
 from msg_adapters.targets import estimates, geodetic, truth
 from phd_jdtc_ros import interruption, output_files, resources
 from phd_jdtc_ros.bags.errors import BagError
@@ -100,7 +100,7 @@ class OfflineTracker:
             self._write(self._feed.close_scans())
         raster = self._feed.pipeline.engine.clutter_raster()
         if raster is not None:
-            message = clutter_maps.to_msg(raster, self._last_ns, self._config.world_frame)
+            message = map_layers.clutter_to_msg(raster, self._last_ns, self._config.world_frame)
             self._bag.write(names.clutter_map(), interfaces.encode(message), self._last_ns)
         learned = self.tally.learned
         if learned:

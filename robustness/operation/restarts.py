@@ -8,7 +8,7 @@ import time
 from collections.abc import Mapping
 from statistics import median
 
-from phd_jdtc_ros.nodes.tracker.name_claim import NEWCOMER_S
+from phd_jdtc_ros.nodes.tracker.peers import NEWCOMER_S
 
 from ..harness import scans
 from ..harness.figures import Found, measures

@@ -37,7 +37,7 @@ from phd_jdtc_ros.evaluation.accumulators.tracks import IdentitySwitches
 from phd_jdtc_ros.evaluation.comparison import LabelledPoints, PointSet
 from phd_jdtc_ros.evaluation.metrics import gospa
 from phd_jdtc_ros.simulation.scenario import Scenario
-from phd_jdtc_ros.study.runs import SimulatedRun
+from phd_jdtc_ros.study.tracker import SimulatedRun
 
 from ..peers import gnn, jpda
 from ..peers.settings import TrackSettings

@@ -8,7 +8,7 @@ from typing import Any
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.study.monte_carlo import kinds
-from phd_jdtc_ros.study.runs import SimulatedRun, TrackingResult, Tracks
+from phd_jdtc_ros.study.tracker import SimulatedRun, TrackingResult, Tracks
 
 from .mixture_phd import gm_phd
 from .plot_kalman import plot_kalman

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
-from phd_jdtc_ros.study.runs import SimulatedRun, Tracks
+from phd_jdtc_ros.study.tracker import SimulatedRun, Tracks
 
 from .conversion import clutter_density, point_set
 from .problem import Problem

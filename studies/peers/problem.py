@@ -13,7 +13,7 @@ from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.targets.amplitude_density import of_classes
 from phd_jdtc_ros.core.targets.motion import ConstantVelocity
-from phd_jdtc_ros.study.runs import SimulatedRun
+from phd_jdtc_ros.study.tracker import SimulatedRun
 
 from .conversion import EPOCH, STATE, detection, measurement_model
 from .soup import Part, Soup, require

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from phd_jdtc_ros.core.types import Detections, Scan
-from phd_jdtc_ros.study.runs import SimulatedRun
+from phd_jdtc_ros.study.tracker import SimulatedRun
 
 
 def raised_threshold(run: SimulatedRun, threshold: float) -> SimulatedRun:

@@ -17,7 +17,7 @@ import numpy as np
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.evaluation.comparison import PointSet
-from phd_jdtc_ros.study.runs import SimulatedRun, Tracks
+from phd_jdtc_ros.study.tracker import SimulatedRun, Tracks
 
 from .conversion import VELOCITY, clutter_density, point_set
 from .management import LooksMissed, NoInitiator, initiator

@@ -17,7 +17,7 @@ from small_bags import RADAR, chunked, made
 from msg_adapters.encoding import interfaces, names
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.nodes.replay import playable
+from phd_jdtc_ros.nodes.replay import playback
 from robustness.hostile_input.bags import outcome
 
 
@@ -103,9 +103,9 @@ def test_a_topic_of_another_encoding_is_named_as_such(tmp_path, encoding, schema
     with pytest.raises(BagError) as required:
         reader.require({RADAR: names.CLOUD})
     with pytest.raises(BagError) as played:
-        playable.select(reader, [])
+        playback.select(reader, [])
     with pytest.raises(BagError) as wanted:
-        playable.select(reader, [RADAR])
+        playback.select(reader, [RADAR])
     for error in (required, played, wanted):
         assert f"{RADAR} is {said}" in str(error.value).replace(f"{RADAR}: is", f"{RADAR} is")
         assert "missing" not in str(error.value)

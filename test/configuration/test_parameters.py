@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.configuration.schema import Parameter
-from phd_jdtc_ros.configuration.sensor_kinds import parameters_of
-from phd_jdtc_ros.configuration.tables import GROUPS, TOP, schema
+from phd_jdtc_ros.configuration.tables import GROUPS, TOP, parameters_of, schema
 from phd_jdtc_ros.core.targets.motion import MOTIONS
 
 WHOLE = Parameter("n", 5, "", 0, 10)

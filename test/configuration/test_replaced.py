@@ -23,7 +23,7 @@ from phd_jdtc_ros.evaluation.evaluation import ORDER
 from phd_jdtc_ros.handover import settings as hand_over
 from phd_jdtc_ros.nodes.tracker import input_health, live, settings
 from phd_jdtc_ros.nodes.tracker import outputs as live_outputs
-from phd_jdtc_ros.parameter_files import evaluator, sensor_replay
+from phd_jdtc_ros.parameter_files import node_tables
 
 TABLES = (
     *(replaced.TRACKER, replaced.RADAR, replaced.NODE, replaced.EVALUATOR, replaced.BRIDGE),
@@ -48,11 +48,11 @@ def refused(table, prefix=""):
 
 @pytest.mark.parametrize(
     ("parameters", "table"),
-    [(evaluator.TABLE, replaced.EVALUATOR), (sensor_replay.AT_THE_START, replaced.REPLAY)],
+    [(node_tables.EVALUATOR, replaced.EVALUATOR), (node_tables.AT_THE_START, replaced.REPLAY)],
     ids=["evaluator", "sensor_replay"],
 )
 def test_plain_nodes_refuse_the_names_of_before(parameters, table):
-    needed = {"bag": "a_bag"} if parameters is sensor_replay.AT_THE_START else {}
+    needed = {"bag": "a_bag"} if parameters is node_tables.AT_THE_START else {}
     _, faults = check(parameters, {**needed, **dict.fromkeys(table, 1)}, table)
     assert faults == refused(table)
 
@@ -266,7 +266,7 @@ def test_the_lines_for_a_former_notation_mean_the_same(name, value, lines):
 
 def test_the_evaluator_refuses_messages_after_topics():
     topics = ["/mast/plots", "/ship/odometry odometry"]
-    _, (fault,) = check(evaluator.TABLE, {"record_topics": topics})
+    _, (fault,) = check(node_tables.EVALUATOR, {"record_topics": topics})
     assert fault == (
         f"record_topics: {topics!r} given, write record_topics: [/mast/plots, /ship/odometry] and "
         "record_types: [cloud, odometry]"
@@ -275,7 +275,7 @@ def test_the_evaluator_refuses_messages_after_topics():
 
 @pytest.mark.parametrize("topics", [1, "/plots", [""], [1], ["/plots", "/plots"]])
 def test_what_is_no_list_of_topics_is_refused(topics):
-    _, (fault,) = check(evaluator.TABLE, {"record_topics": topics})
+    _, (fault,) = check(node_tables.EVALUATOR, {"record_topics": topics})
     assert fault == f"record_topics: {topics!r} given, must be a list of distinct topics"
 
 

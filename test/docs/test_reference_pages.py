@@ -9,8 +9,7 @@ from reference_pages import declared as declared_in_all
 
 from msg_adapters.encoding import names
 from msg_adapters.outgoing import outputs
-from phd_jdtc_ros.configuration.sensor_kinds import parameters_of
-from phd_jdtc_ros.configuration.tables import GROUPS, TOP
+from phd_jdtc_ros.configuration.tables import GROUPS, TOP, parameters_of
 from phd_jdtc_ros.nodes.asterix import AsterixBridge
 from phd_jdtc_ros.nodes.evaluator.node import Evaluator
 from phd_jdtc_ros.nodes.hand_over import HandOver
@@ -18,7 +17,7 @@ from phd_jdtc_ros.nodes.replay.node import SensorReplay
 from phd_jdtc_ros.nodes.reports import ReportBridge
 from phd_jdtc_ros.nodes.tracker import settings as tracker_node
 from phd_jdtc_ros.nodes.tracker.node import Tracker
-from phd_jdtc_ros.parameter_files import evaluator, sensor_replay
+from phd_jdtc_ros.parameter_files import node_tables
 
 ROOT = Path(__file__).parents[2]
 BAG = str(ROOT / "bags" / "paper_scenario")
@@ -41,7 +40,7 @@ NODES = {
 SEVERAL_WAYS = {
     name
     for prefixes, table in (
-        ([""], (*TOP, *tracker_node.TABLE, *sensor_replay.TABLE, *evaluator.TABLE)),
+        ([""], (*TOP, *tracker_node.TABLE, *node_tables.REPLAY, *node_tables.EVALUATOR)),
         (["radar_1.", "radar_2."], parameters_of("radar")),
         ([f"start_{number}." for number in range(1, 5)], GROUPS["births"]),
     )

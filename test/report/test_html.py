@@ -12,7 +12,7 @@ from records import SCANS, record_of
 from unfolded import columns_of
 
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.report.page import html, picture_words
+from phd_jdtc_ros.report.page import html, words
 from phd_jdtc_ros.report.page.html import POLICY, write_report
 from phd_jdtc_ros.report.page.layers import Columns, degrees, earth_grid, graticule, rings
 from phd_jdtc_ros.report.page.picture import picture_of
@@ -319,4 +319,4 @@ def test_angles_have_the_digits_of_their_step_and_a_side():
 def test_picture_has_latitudes_where_the_run_is_on_the_earth(plane):
     header = picture_of(replace(record_of(), plane=plane)).header
     assert ("graticule" in header, "earth" in header) == (plane is not None,) * 2
-    assert ("latitudes" in picture_words.section(header)) == (plane is not None)
+    assert ("latitudes" in words.section(header)) == (plane is not None)

@@ -13,14 +13,14 @@ from unfolded import columns_of
 from msg_adapters.encoding import names
 from msg_adapters.incoming import detections
 from msg_adapters.outgoing import diagnostics
-from msg_adapters.targets import estimates, poses, truth
+from msg_adapters.targets import estimates, tracks, truth
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.factors.outliers import Outliers
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 from phd_jdtc_ros.report import load
-from phd_jdtc_ros.report.page import score_words
+from phd_jdtc_ros.report.page import words
 from phd_jdtc_ros.report.page.layers import Columns, pack
 from phd_jdtc_ros.report.record import Sets, learned_values, sensor_changes
 from phd_jdtc_ros.report.units import MapScale, metres_text, places_of
@@ -170,7 +170,7 @@ def test_record_refuses_a_bag_with_nothing_of_a_run(bag, tmp_path):
 
 @pytest.mark.parametrize("topic", [FILTERED, names.TRUTH, RADARS[0], names.cardinality()])
 def test_record_refuses_an_optional_topic_of_another_type(bag, tmp_path, topic):
-    data = poses.to_cdr(load.record(bag, CONFIG).filtered[0], 0, "map")
+    data = tracks.poses_to_cdr(load.record(bag, CONFIG).filtered[0], 0, "map")
     more = (topic, names.POSES, [(data, 1001 * SECOND)])
     path = rewrite(bag, tmp_path / "bag", drop=[topic], add=[more])
     with pytest.raises(BagError, match=f"{topic} is {names.POSES}, must be ") as caught:
@@ -305,14 +305,14 @@ def test_values_are_those_learned_in_the_units_of_parameters():
 
 def test_page_shows_what_was_set_and_found_of_which_sensor():
     record = replace(record_of(), learned=tuple(learned_values(INPUTS, FIGURES)))
-    text = score_words.sensors(record.learned, {})
+    text = words.sensors(record.learned, {})
     cells = ("mast", "range_std", "50 m", "100 m", "5 m")
     assert "".join(f"<td>{cell}</td>" for cell in cells[1:]) in text
     changes = sensor_changes(INPUTS, {**FIGURES, "mast.fewer_detections": 1.0})
-    text = score_words.sensors(tuple(learned_values(INPUTS, FIGURES)), changes)
+    text = words.sensors(tuple(learned_values(INPUTS, FIGURES)), changes)
     assert "<strong>mast</strong>: has changed: it detects fewer targets." in text
     assert sensor_changes(INPUTS, FIGURES) == {}
-    assert score_words.sensors((), {}) == ""
+    assert words.sensors((), {}) == ""
 
 
 def test_record_of_a_tracker_in_space_has_plots_of_the_plane(tmp_path):

@@ -12,7 +12,7 @@ from phd_jdtc_ros.asterix.messages import CallSigns
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes
 from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.report.page import picture_words
+from phd_jdtc_ros.report.page import words
 from phd_jdtc_ros.report.page.picture import Frames, picture_of
 from phd_jdtc_ros.report.record import RadarPlots
 from phd_jdtc_ros.report.style import RADIUS_95
@@ -122,8 +122,8 @@ def test_levels_and_ground_traffic_are_of_aircraft():
     ground = picture_of(record_of(2, filtered=(flying(),), smoothed=())).header["ground"]
     # The lowest is at flight level 100.
     assert 100 < ground["level"] < 120
-    aircraft = picture_words.section(picture_of(record_of(2, filtered=(flying(),))).header)
-    others = picture_words.section(picture_of(record_of(2)).header)
+    aircraft = words.section(picture_of(record_of(2, filtered=(flying(),))).header)
+    others = words.section(picture_of(record_of(2)).header)
     for offered in ("Flight level from", "ground traffic", ">level</button></th>"):
         assert (offered in aircraft, offered in others) == (True, False)
 
@@ -176,7 +176,7 @@ def test_detections_have_places_shades_and_radars_in_order_of_frames():
 def test_detections_without_amplitudes_have_no_scale_of_them():
     header = picture_of(without_amplitudes(record_of(2))).header
     assert header["amplitudes"] == []
-    assert "amplitude" not in picture_words.section(header)
+    assert "amplitude" not in words.section(header)
 
 
 def test_radars_that_move_are_where_they_were():
@@ -204,14 +204,14 @@ def test_classes_and_learned_clutter_have_their_colours():
     header = picture_of(named).header
     assert [kind["title"] for kind in header["classes"]] == ["car", "<van>"]
     assert [kind["colour"] for kind in header["classes"]] == [class_colour(0), class_colour(1)]
-    assert "&lt;van&gt;" in picture_words.section(header)
+    assert "&lt;van&gt;" in words.section(header)
     learned = ClutterRaster((-3000.0, 1000.0), 50.0, np.array([[0.0, 10.0], [1000.0, 0.0]]))
     picture = picture_of(replace(record_of(2), clutter=learned))
     clutter = picture.header["clutter"]
     assert (clutter["corner"], clutter["cell"], clutter["shape"]) == ([-3e3, 1e3], 50.0, [2, 2])
     columns = columns_of(picture.columns.text(), picture.columns.index)
     assert columns["clutter"].tolist() == [0, 33, 100, 0]
-    assert "brown squares" in picture_words.section(picture.header)
+    assert "brown squares" in words.section(picture.header)
 
 
 @pytest.mark.parametrize(

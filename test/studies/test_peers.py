@@ -9,7 +9,7 @@ from reference import resolve
 
 from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.simulation.scenario import paper_scenario
-from phd_jdtc_ros.study.runs import simulated_run
+from phd_jdtc_ros.study.tracker import simulated_run
 from studies import peers
 from studies.peers import soup
 from studies.peers.conversion import detection, measurement_model

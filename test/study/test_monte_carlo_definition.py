@@ -289,7 +289,7 @@ def test_select_lists_every_unknown_name(study):
         ("gaussian", "study/monte_carlo/tasks.py"),
         ("reference", "study/reference.py"),
         ("gnn_loud", "study/monte_carlo/scores.py"),
-        ("turning", "study/runs.py"),
+        ("turning", "study/tracker.py"),
     ],
 )
 def test_sources_have_what_the_scores_depend_on(kind, path):

@@ -14,7 +14,7 @@ from phd_jdtc_ros.study.monte_carlo.definition import Variant
 from phd_jdtc_ros.study.monte_carlo.kinds import KINDS
 from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
 from phd_jdtc_ros.study.monte_carlo.scores import Scores, score
-from phd_jdtc_ros.study.runs import simulated_run
+from phd_jdtc_ros.study.tracker import simulated_run
 
 # --- scores ---------------------------------------------------------------------------------------
 

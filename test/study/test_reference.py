@@ -21,7 +21,7 @@ from phd_jdtc_ros.study.reference import (
     smooth,
     update,
 )
-from phd_jdtc_ros.study.runs import SimulatedRun, simulated_run
+from phd_jdtc_ros.study.tracker import SimulatedRun, simulated_run
 
 RADARS = resolve({}).model.radars
 RADAR = RADARS[1]

@@ -10,8 +10,7 @@ from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
 from phd_jdtc_ros.study.monte_carlo.tasks import perform
-from phd_jdtc_ros.study.runs import simulated_run
-from phd_jdtc_ros.study.tracker import track
+from phd_jdtc_ros.study.tracker import simulated_run, track
 from phd_jdtc_ros.tools.monte_carlo import load_study
 
 SCANS = 9

@@ -9,7 +9,7 @@ from refusals import faults_of
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.exit_status import CORRUPT, FAILED, OK, USAGE
-from phd_jdtc_ros.parameter_files import sensor_replay
+from phd_jdtc_ros.parameter_files import node_tables
 from phd_jdtc_ros.tools.launching import arguments
 
 ROOT = Path(__file__).parents[2]
@@ -76,8 +76,8 @@ def test_tracker_is_given_up_after_all_retries_or_a_fault_of_its_arguments(statu
 
 @pytest.mark.parametrize("text", ["-1", "0.05", "nan", "fast", "", "1001"])
 def test_rate_refuses_what_the_replay_would_refuse(text):
-    assert [sensor_replay.rate(good) for good in ("0", "0.1", "2")] == [0.0, 0.1, 2.0]
-    (fault,) = faults_of(sensor_replay.rate, text)
+    assert [node_tables.rate(good) for good in ("0", "0.1", "2")] == [0.0, 0.1, 2.0]
+    (fault,) = faults_of(node_tables.rate, text)
     assert fault.startswith("rate: ")
 
 

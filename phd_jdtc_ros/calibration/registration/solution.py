@@ -11,8 +11,18 @@ from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 
 from ..tuning import kinematics
-from .common import Sequences, Target, common_targets, sequences
-from .filtering import KINDS, UNITS, Pass, Trajectories, filter_targets, smooth_targets
+from .common import (
+    KINDS,
+    UNITS,
+    Pass,
+    Sequences,
+    Target,
+    Trajectories,
+    common_targets,
+    filter_targets,
+    sequences,
+    smooth_targets,
+)
 from .tracked_radars import RegistrationError, TrackedRadar
 
 # Targets are on a line if their extent across it is below this share of the extent along it.

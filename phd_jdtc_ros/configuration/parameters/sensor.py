@@ -1,4 +1,4 @@
-"""The parameters of a sensor of any kind; `sensor_kinds` lists the kinds."""
+"""The parameters of a sensor of any kind; `tables` lists the kinds."""
 
 from __future__ import annotations
 

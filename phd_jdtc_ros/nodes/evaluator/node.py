@@ -33,7 +33,7 @@ from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import ORDER, Evaluation
 from phd_jdtc_ros.evaluation.run_scores import ScanScore
 from phd_jdtc_ros.exit_status import FAILED, OK
-from phd_jdtc_ros.parameter_files.evaluator import CLOUD, TABLE
+from phd_jdtc_ros.parameter_files.node_tables import CLOUD, EVALUATOR
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 from phd_jdtc_ros.report.table import metrics, score_tables
 
@@ -58,7 +58,7 @@ class Evaluator(RunnableNode):
 
     def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("evaluator")
-        self._values = parameters.resolve(self, TABLE, {}, files, replaced.EVALUATOR)
+        self._values = parameters.resolve(self, EVALUATOR, {}, files, replaced.EVALUATOR)
         self._report = _report_path(self._values["report"])
         self._classes = len(self._values["classes"])
         self._evaluation = Evaluation(

@@ -23,13 +23,13 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.parameters import replaced
 from phd_jdtc_ros.exit_status import FAILED, OK, fail
-from phd_jdtc_ros.parameter_files import sensor_replay
+from phd_jdtc_ros.parameter_files import node_tables
+from phd_jdtc_ros.parameter_files.node_tables import SEEK
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
-from phd_jdtc_ros.parameter_files.sensor_replay import SEEK
 
 from ..common import parameters, runtime, topics
 from ..common.runtime import RunnableNode, serve
-from . import playable
+from . import playback
 from .playback import GIVE_UP_S, BagClock, Group, LockStep, Playback, ProgressLine
 
 DEPTH = 50
@@ -61,10 +61,10 @@ class SensorReplay(RunnableNode):
     ) -> None:
         super().__init__("sensor_replay")
         self._values = parameters.resolve(
-            self, sensor_replay.AT_THE_START, flags, files, replaced.REPLAY
+            self, node_tables.AT_THE_START, flags, files, replaced.REPLAY
         )
         bag = bag or BagReader(resources.bag(self._values["bag"]))
-        self._played = playable.select(bag, self._values["topics"])
+        self._played = playback.select(bag, self._values["topics"])
         for line in self._played.skipped:
             self.get_logger().warning(line)
         self._estimates = self.resolve_topic_name(names.estimates("filtered"))
@@ -107,12 +107,12 @@ class SensorReplay(RunnableNode):
         parameters.declare(self, seek, {SEEK.name: SEEK.default}, frozenset(seek))
         self.add_on_set_parameters_callback(self._check_seek)
         self.add_post_set_parameters_callback(self._seek)
-        playable.begin(self, bag.path, self._estimates)
+        playback.begin(self, bag.path, self._estimates)
         self.create_timer(CLOCK_PERIOD_S, self._publish_clock)
         self.create_timer(TICK_S, self._tick)
 
     def _output(self, topic: str, message_class: Any) -> Publisher:
-        latched = topic in playable.LATCHED
+        latched = topic in playback.LATCHED
         qos = topics.latched(DEPTH) if latched else topics.reliable(DEPTH)
         return self.create_publisher(message_class, topic, qos)
 
@@ -191,7 +191,7 @@ class SensorReplay(RunnableNode):
             self._lock_step.begin()
         if self._playback.upcoming is not None:
             self._bag_clock.now_ns = self._playback.upcoming.log_time_ns
-        latched = [topic for topic in playable.LATCHED if topic in self._outputs]
+        latched = [topic for topic in playback.LATCHED if topic in self._outputs]
         for message in self._playback.before(self._bag_clock.now_ns, latched) if latched else ():
             self._outputs[message.topic].publish(message.data)
         self._bag_clock.restart()
@@ -338,5 +338,5 @@ class SensorReplay(RunnableNode):
 def main(argv: Sequence[str]) -> int:
     """Run the replay node."""
     others, files = parameters.split("sensor_replay", argv)
-    flags = sensor_replay.flags(others)
+    flags = node_tables.flags(others)
     return runtime.run("sensor_replay", lambda: SensorReplay(flags, files), argv)

@@ -9,6 +9,5 @@
     endpoints              their QoS and its faults
     input_health, health   diagnostics of inputs; of steps, outputs and registration
     checkpoint             warm restart
-    name_claim             at most one tracker per name
-    manager_bond           bond to a lifecycle manager
+    peers                  at most one tracker per name, and the bond to a lifecycle manager
 """

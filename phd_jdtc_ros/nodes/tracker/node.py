@@ -33,11 +33,10 @@ from ..common import parameters, runtime
 from ..common.health import DEPTH, PERIOD_S, Condition, HealthReports, status_of, summary
 from ..common.runtime import ManagedNode, serve, steady_timer
 from ..common.topics import reliable
-from . import manager_bond, settings
+from . import peers, settings
+from .inputs import Recognition
 from .live import LiveTracker
-from .manager_bond import ManagerBond
-from .name_claim import NameClaim
-from .recognition import Recognition
+from .peers import ManagerBond, NameClaim
 
 TEXT = "the tracker is compiling, once for each installation"
 # The longest time that the end of the reports may take, seconds.
@@ -162,7 +161,7 @@ class Tracker(ManagedNode):
         self.get_logger().info(self._description())
         # A tracker that starts by itself has no manager that would wait for a bond.
         if not self._settings.node["autostart"]:
-            self._bond = manager_bond.form(self)
+            self._bond = peers.form(self)
         return done
 
     def _holds(self, sensor: int, message: Any, info: Mapping[str, int]) -> bool:

@@ -13,10 +13,10 @@ from typing import Any
 from rclpy.lifecycle import LifecycleNode
 
 from msg_adapters.encoding import interfaces, names
-from msg_adapters.outgoing import frames
-from msg_adapters.outgoing.frames import Mounting
+from msg_adapters.outgoing import map_layers
+from msg_adapters.outgoing.map_layers import Mounting
 from msg_adapters.outgoing.outputs import Output, View, table
-from msg_adapters.outgoing.trails import Trails
+from msg_adapters.targets.tracks import Trails
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import FILTERED, Pose
 
@@ -112,7 +112,7 @@ class Outputs:
         qos = topics.latched(LATCHED_DEPTH)
         publisher = self._node.create_publisher(kind, names.STATIC_FRAMES, qos)
         stamp_ns = self._node.get_clock().now().nanoseconds
-        publisher.publish(frames.to_cdr(mountings, stamp_ns, config.world_frame))
+        publisher.publish(map_layers.frames_to_cdr(mountings, stamp_ns, config.world_frame))
         return publisher
 
     def destroy(self) -> None:

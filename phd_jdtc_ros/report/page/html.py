@@ -23,7 +23,7 @@ from phd_jdtc_ros.evaluation.evaluation import Evaluation
 
 from ..record import Record
 from ..units import Clock
-from . import picture_words, score_words
+from . import words
 from .charts import Chart, class_probabilities, numbers, ospa, times
 from .layers import AMPLITUDE_SCALES, pack
 from .picture import Picture, picture_of
@@ -89,14 +89,14 @@ def write_report(
         policy=POLICY,
         title=escape(title),
         style=_part("page.css"),
-        lead=score_words.lead(summary) or picture_words.lead(record),
+        lead=words.score_lead(summary) or words.picture_lead(record),
         notes="\n".join(f'<p class="note">{escape(note)}</p>' for note in notes),
-        tiles=score_words.tiles(summary),
-        tables=score_words.tables(summary) if record.truth else NO_TRUTH,
-        sensors=score_words.sensors(record.learned, record.changes),
-        picture="" if picture is None else picture_words.section(picture.header),
+        tiles=words.tiles(summary),
+        tables=words.tables(summary) if record.truth else NO_TRUTH,
+        sensors=words.sensors(record.learned, record.changes),
+        picture="" if picture is None else words.section(picture.header),
         charts="\n".join(_chart(chart) for chart in charts),
-        terms=score_words.definitions(summary),
+        terms=words.definitions(summary),
         run=_run_json(record, charts, picture),
         packed=_compressed_parts(charts, picture),
         script="".join(map(_part, SCRIPTS)),

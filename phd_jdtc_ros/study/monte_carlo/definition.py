@@ -11,7 +11,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.tables import GROUPS, TOP
 from phd_jdtc_ros.simulation.scenario import Scenario
 
-from ..runs import TAXIING, IgnoredTargets
+from ..tracker import TAXIING, IgnoredTargets
 from .kinds import Kind
 from .metrics import ACCUMULATORS
 

@@ -14,7 +14,7 @@ from phd_jdtc_ros.simulation.checked import mapping, mappings, take
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.transponder import transponders
 
-from ..runs import TAXIING, IgnoredTargets
+from ..tracker import TAXIING, IgnoredTargets
 from .definition import FIGURES, OWN, Case, Goal, Study, Variant, merge_layers
 from .kinds import KINDS, Kind
 

@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 from phd_jdtc_ros.configuration.engines import ENGINES
 
 from .. import turning
-from ..runs import SimulatedRun, TrackingResult
+from ..tracker import SimulatedRun, TrackingResult
 
 # Function of a run, the tracker's parameters and lags that returns the tracker's estimates.
 Track: TypeAlias = "Callable[[SimulatedRun, Mapping[str, Any], Sequence[int]], TrackingResult]"
@@ -37,7 +37,7 @@ SHARED = (
     *(
         f"phd_jdtc_ros.study.{name}"
         for name in (
-            *("reference", "runs", "tracker", "turning"),
+            *("reference", "tracker", "turning"),
             *("monte_carlo.scores", "monte_carlo.tasks"),
         )
     ),

@@ -14,7 +14,7 @@ from phd_jdtc_ros.evaluation.comparison import Comparison, PairedScan
 from phd_jdtc_ros.evaluation.metrics import assign, ospa
 from phd_jdtc_ros.simulation.scenario import truth_after
 
-from ..runs import SimulatedRun
+from ..tracker import SimulatedRun
 
 STUDY = Group("studies")
 # Order p and cut-off c (metres) of two further OSPA metrics, for all targets only.

@@ -12,7 +12,7 @@ from phd_jdtc_ros.evaluation.accumulators.distances import confusion_matrix
 from phd_jdtc_ros.evaluation.comparison import PairedScan, PointSet, set_names
 from phd_jdtc_ros.evaluation.run_scores import ScanComparer
 
-from ..runs import SimulatedRun, Tracks
+from ..tracker import SimulatedRun, Tracks
 from .definition import CUTOFF, ORDER, Variant
 from .metrics import VALUES, new_accumulators
 

@@ -31,7 +31,7 @@ from phd_jdtc_ros.exit_status import ArgumentParser
 from phd_jdtc_ros.nodes.common import parameters, runtime, topics
 from phd_jdtc_ros.nodes.replay.node import SensorReplay
 from phd_jdtc_ros.nodes.replay.playback import GIVE_UP_S
-from phd_jdtc_ros.parameter_files import sensor_replay, tracker_params
+from phd_jdtc_ros.parameter_files import node_tables, tracker_params
 from phd_jdtc_ros.transport import recordings, udp
 from phd_jdtc_ros.transport.network import RecordingError
 
@@ -151,7 +151,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--tracker", type=Path, required=True, help="its parameter file")
     others, _ = parameters.split(NAME, argv)
     given, flags = parser.parse_known_args(others)
-    make = partial(AsterixPlayer, given, sensor_replay.flags(flags))
+    make = partial(AsterixPlayer, given, node_tables.flags(flags))
     return runtime.run(NAME, make, argv[len(others) :])
 
 

@@ -18,7 +18,7 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.parameters import tracker_node
 from phd_jdtc_ros.parameter_files import bag_parameters
-from phd_jdtc_ros.parameter_files.evaluator import CLOUD
+from phd_jdtc_ros.parameter_files.node_tables import CLOUD
 
 START_S, STOP_S = 60.0, 10.0
 # The evaluator's last scores take a second or two.

@@ -8,13 +8,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 from phd_jdtc_ros.calibration.registration import solution
-from phd_jdtc_ros.calibration.registration.common import Sequences, common_targets
-from phd_jdtc_ros.calibration.registration.filtering import (
+from phd_jdtc_ros.calibration.registration.common import (
     ANY_SPEED,
     ANYWHERE,
     KINDS,
     UNITS,
+    Sequences,
     Trajectories,
+    common_targets,
     filter_targets,
     smooth_targets,
 )

@@ -2,7 +2,7 @@ import pytest
 
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.incoming.readers import READERS
-from phd_jdtc_ros.configuration.sensor_kinds import TABLES
+from phd_jdtc_ros.configuration.tables import TABLES
 
 
 def test_readers_are_what_sensors_may_be_configured_to_send():

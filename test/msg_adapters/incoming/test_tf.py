@@ -7,7 +7,7 @@ import transform_messages as tf_messages
 
 from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.incoming import moving_radars
-from msg_adapters.outgoing import frames
+from msg_adapters.outgoing import map_layers
 from phd_jdtc_ros.core.intake.transforms import Placement
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
@@ -32,7 +32,7 @@ def test_transforms_are_those_that_another_implementation_wrote(little_endian):
 
 
 def test_own_static_frames_are_read_as_written():
-    data = frames.to_cdr([frames.Mounting("radar", (4.0, 5.0), 1.0)], STAMP, "map")
+    data = map_layers.frames_to_cdr([map_layers.Mounting("radar", (4.0, 5.0), 1.0)], STAMP, "map")
     ((parent, child, stamp_ns, placed),) = moving_radars.from_cdr(data, lambda frame: True)
     assert (parent, child, stamp_ns) == ("map", "radar", STAMP)
     assert placed.pose().position == (4.0, 5.0)

@@ -9,9 +9,9 @@ from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.encoding import interfaces, names, point_cloud, stamps
 from msg_adapters.encoding.errors import RejectedMessageError
-from msg_adapters.outgoing import clutter_maps, detections_in_map, frames
-from msg_adapters.outgoing.frames import Mounting
-from msg_adapters.outgoing.trails import UNSEEN_SCANS, Trails
+from msg_adapters.outgoing import map_layers
+from msg_adapters.outgoing.map_layers import Mounting
+from msg_adapters.targets.tracks import UNSEEN_SCANS, Trails
 from phd_jdtc_ros.core.types import Detections, Estimates, Scan
 from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
 
@@ -27,7 +27,7 @@ STORE = get_typestore(Stores.ROS2_JAZZY)
 
 
 def test_values_are_twenty_to_a_factor_of_ten():
-    message = clutter_maps.to_msg(SHOWN, 1_500_000_000, "map")
+    message = map_layers.clutter_to_msg(SHOWN, 1_500_000_000, "map")
     assert list(message.data) == [0, 0, 20, 40, 100, 100]
     assert (message.info.width, message.info.height, message.info.resolution) == (3, 2, 50.0)
     assert message.header.frame_id == "map"
@@ -37,8 +37,8 @@ def test_values_are_twenty_to_a_factor_of_ten():
 
 
 def test_a_recorded_message_is_the_picture_again():
-    data = interfaces.encode(clutter_maps.to_msg(SHOWN, 1, "map"))
-    found = clutter_maps.from_msg(interfaces.decode(data, names.GRID))
+    data = interfaces.encode(map_layers.clutter_to_msg(SHOWN, 1, "map"))
+    found = map_layers.clutter_from_msg(interfaces.decode(data, names.GRID))
     assert (found.corner, found.cell) == (SHOWN.corner, SHOWN.cell)
     np.testing.assert_allclose(found.density, [[0.0, 0.0, 0.1], [1.0, 1000.0, 1000.0]])
 
@@ -64,15 +64,15 @@ def _flat(message):
     [(_smaller, "schema"), (_empty, "schema"), (_nowhere, "not_finite"), (_flat, "not_finite")],
 )
 def test_a_message_that_is_no_picture_is_refused(change, reason):
-    message = clutter_maps.to_msg(SHOWN, 1, "map")
+    message = map_layers.clutter_to_msg(SHOWN, 1, "map")
     change(message)
     with pytest.raises(RejectedMessageError) as caught:
-        clutter_maps.from_msg(message)
+        map_layers.clutter_from_msg(message)
     assert caught.value.reason == reason
 
 
 def cloud_of(*reports):
-    data = detections_in_map.to_cdr(Scan(STAMP_NS, reports), RADARS, "site")
+    data = map_layers.detections_to_cdr(Scan(STAMP_NS, reports), RADARS, "site")
     return deserialize_message(data, PointCloud2)
 
 
@@ -161,7 +161,7 @@ def test_of_forgets_after_a_long_gap_and_clear():
 
 
 def decoded(mountings, world="map"):
-    data = frames.to_cdr(mountings, STAMP_NS, world)
+    data = map_layers.frames_to_cdr(mountings, STAMP_NS, world)
     return STORE.deserialize_cdr(data, names.TRANSFORMS).transforms
 
 

@@ -12,7 +12,7 @@ from std_msgs.msg import Float64
 
 from msg_adapters.encoding import interfaces, stamps
 from msg_adapters.outgoing import diagnostics, outputs
-from msg_adapters.outgoing.trails import Trails
+from msg_adapters.targets.tracks import Trails
 from phd_jdtc_ros.configuration.engines import ENGINES
 from phd_jdtc_ros.configuration.parameters import tracker_node
 from phd_jdtc_ros.core.engine import Step

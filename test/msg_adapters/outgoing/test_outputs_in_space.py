@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from msg_adapters.outgoing import outputs
-from msg_adapters.outgoing.trails import Trails
+from msg_adapters.targets.tracks import Trails
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Pose

@@ -10,7 +10,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from samples import STAMP_NS, as_sent, estimates, nothing, of_every_kind, with_heights
 
 from msg_adapters.encoding import stamps
-from msg_adapters.targets import poses, tracks
+from msg_adapters.targets import tracks
 from msg_adapters.targets.tracks import Waypoint
 
 PLANAR = np.ix_([0, 1, 5], [0, 1, 5])
@@ -18,7 +18,7 @@ UNKNOWN_AXES = [2, 3, 4]
 
 
 def made(given, class_id, frame="map"):
-    return deserialize_message(poses.to_cdr(given, class_id, frame), PoseArray)
+    return deserialize_message(tracks.poses_to_cdr(given, class_id, frame), PoseArray)
 
 
 @of_every_kind
@@ -29,7 +29,7 @@ def test_to_cdr_equals_the_serialised_objects(found, frame):
         expected = pose_array(found, class_id, frame)
         assert made(found, class_id, frame) == as_sent(expected)
         # Nothing is missing at the end, where a reader would not notice.
-        written = poses.to_cdr(found, class_id, frame)
+        written = tracks.poses_to_cdr(found, class_id, frame)
         assert len(written) == len(serialize_message(expected))
 
 

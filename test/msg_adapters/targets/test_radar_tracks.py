@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from samples import STAMP_NS, estimates, nothing
 
 from msg_adapters.encoding import stamps
-from msg_adapters.targets import radar_tracks
+from msg_adapters.targets import tracks
 
 CLASS = {
     "radar_msgs/msg/RadarTracks": RadarTracks,
@@ -19,7 +19,7 @@ RUN = uuid.UUID(int=1)
 
 @pytest.mark.parametrize("given", [estimates(), nothing()])
 def test_to_msg_has_position_and_class_of_targets(given):
-    message = radar_tracks.to_msg(given, "map", RUN, CLASS)
+    message = tracks.to_radar_tracks(given, "map", RUN, CLASS)
     assert message.header.frame_id == "map"
     assert stamps.to_ns(message.header.stamp) == STAMP_NS
     for row, track in enumerate(message.tracks):
@@ -31,7 +31,7 @@ def test_to_msg_has_position_and_class_of_targets(given):
 
 def test_to_msg_orders_covariances_by_the_upper_triangle():
     given = estimates()
-    for row, track in enumerate(radar_tracks.to_msg(given, "map", RUN, CLASS).tracks):
+    for row, track in enumerate(tracks.to_radar_tracks(given, "map", RUN, CLASS).tracks):
         covariance = given.covariance[row]
         xx, xy, yy = covariance[0, 0], covariance[0, 2], covariance[2, 2]
         assert_allclose(track.position_covariance, [xx, xy, 0.0, yy, 0.0, 0.0])
@@ -40,8 +40,8 @@ def test_to_msg_orders_covariances_by_the_upper_triangle():
 
 
 def identifiers(given, run=RUN):
-    tracks = radar_tracks.to_msg(given, "map", run, CLASS).tracks
-    return [bytes(track.uuid.uuid) for track in tracks]
+    sent = tracks.to_radar_tracks(given, "map", run, CLASS).tracks
+    return [bytes(track.uuid.uuid) for track in sent]
 
 
 def test_to_msg_gives_identifiers_within_a_run():
@@ -56,4 +56,4 @@ def test_to_msg_gives_identifiers_within_a_run():
 
 def test_to_msg_fits_the_installed_messages():
     pytest.importorskip("radar_msgs")
-    assert len(radar_tracks.to_msg(estimates(), "map", RUN).tracks) == 3
+    assert len(tracks.to_radar_tracks(estimates(), "map", RUN).tracks) == 3

@@ -7,14 +7,14 @@ from msg_adapters.encoding import names
 from msg_adapters.outgoing import outputs
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.nodes.replay import playable
+from phd_jdtc_ros.nodes.replay import playback
 
 RADAR = names.detections("radar_1")
 
 
 def choose(tmp_path, types, wanted=()):
     bag = write(tmp_path / "bag.mcap", types, [(topic, 0, b"") for topic in types])
-    return playable.select(BagReader(bag), list(wanted))
+    return playback.select(BagReader(bag), list(wanted))
 
 
 def test_choose_takes_foreign_topics_and_any_cloud_for_detections(tmp_path):

@@ -12,7 +12,7 @@ from refusals import faults_of
 from samples import estimates, nothing
 
 from msg_adapters.outgoing.outputs import View
-from msg_adapters.outgoing.trails import Trails
+from msg_adapters.targets.tracks import Trails
 from phd_jdtc_ros.core.types import Pose
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.nodes.tracker import senders

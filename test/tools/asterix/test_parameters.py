@@ -19,7 +19,7 @@ from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 from phd_jdtc_ros.report import load
-from phd_jdtc_ros.report.page import picture_words
+from phd_jdtc_ros.report.page import words
 from phd_jdtc_ros.report.page.picture import picture_of
 from phd_jdtc_ros.tools.asterix import parameters
 
@@ -251,7 +251,7 @@ def test_unknown_position_is_guessed_and_reported_and_the_bag_is_tracked(bare, t
     record = load.record(tracked, tracker_params.config(given))
     page = picture_of(record)
     assert "earth" not in page.header
-    assert "position is unknown" in picture_words.section(page.header)
+    assert "position is unknown" in words.section(page.header)
 
 
 def test_given_or_reported_position_is_used(bridged):

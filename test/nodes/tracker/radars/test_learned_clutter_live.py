@@ -9,7 +9,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.encoding import names
-from msg_adapters.outgoing import clutter_maps
+from msg_adapters.outgoing import map_layers
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.report import load
@@ -115,6 +115,6 @@ def test_what_is_learned_live_is_what_is_learned_offline(bag, offline, processes
     # Every ten seconds by the stamps: the last time was 0 to 10 s before the end.
     age_s = heard[-1].stamp_ns * 1e-9 - (grid.header.stamp.sec + grid.header.stamp.nanosec * 1e-9)
     assert 0.0 <= age_s < 10.0
-    assert is_of_the_quay(clutter_maps.from_msg(grid))
+    assert is_of_the_quay(map_layers.clutter_from_msg(grid))
     assert 60 < max(grid.data) <= 100
     assert min(grid.data) == 0
