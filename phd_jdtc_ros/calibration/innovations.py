@@ -185,7 +185,9 @@ class InnovationMonitor:
         now_s = tracks.stamp_ns * 1e-9 + since_s
         rows = np.column_stack([now_s + time_s, world[column], flat, measured])
         memory.drop_ended(now_s - self._max_age_s)
-        memory.differences.extend(_squares(radar, memory.follow(tracks.track_id[row], rows)))
+        paths = memory.follow(tracks.track_id[row], rows)
+        _, slope = radar.linearise(paths[:, -1, 1:3])
+        memory.differences.extend(squares_of_differences(paths, slope))
 
     def fits(self) -> list[Fit]:
         """Return the comparison of each radar's detections with its noise."""
@@ -222,10 +224,11 @@ def _nearest_two(places: FloatArray, others: FloatArray) -> tuple[FloatArray, In
     return distance[:, :2], nearest
 
 
-def _squares(radar: Sensor, paths: FloatArray) -> FloatArray:
+def squares_of_differences(paths: FloatArray, slope: FloatArray) -> FloatArray:
     """Return squared third differences relative to the noise, (Q, 2); NaN where they are `EXACT`.
 
-    They are along the components of a measurement. `paths`, (Q, 4, 8), is as in `_Memory`.
+    They are along the components of a measurement, whose slopes by the position at the last
+    detections are `slope`, (Q, 2, 2). `paths`, (Q, 4, 8), is as in `_Memory`.
     """
     apart = paths[:, :, None, 0] - paths[:, None, :, 0]
     apart[:, range(PLOTS), range(PLOTS)] = 1.0
@@ -233,27 +236,41 @@ def _squares(radar: Sensor, paths: FloatArray) -> FloatArray:
     difference = (weight[:, :, None] * paths[:, :, 1:3]).sum(axis=1)
     flat = (weight[:, :, None] ** 2 * paths[:, :, 3:6]).sum(axis=1)
     covariance = flat[:, [[0, 1], [1, 2]]]
-    _, slope = radar.linearise(paths[:, -1, 1:3])
     along = (slope @ difference[:, :, None])[:, :, 0]
     variance = np.einsum("qij,qjk,qik->qi", slope, covariance, slope)
-    squares = along**2 / variance
-    # A component that stays the same is rounded.
-    shows_none = (np.ptp(paths[:, :, 6:], axis=1) == 0.0) | (squares < EXACT**2)
-    return np.where(shows_none, np.nan, squares)
+    # A component that stays the same is rounded, and at a radar no azimuth has an error in metres.
+    shows_none = (np.ptp(paths[:, :, 6:], axis=1) == 0.0) | (variance == 0.0)
+    squares = along**2 / np.where(shows_none, np.nan, variance)
+    return np.where(squares < EXACT**2, np.nan, squares)
 
 
-def _roots(squares: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+def roots(squares: Sequence[FloatArray] | FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the roots of the medians of squares relative to 1, (2,), and their numbers, (2,)."""
     columns = np.array(squares).reshape(-1, 2).T
     known = [column[~np.isnan(column)] for column in columns]
-    roots = [math.sqrt(np.median(each) / ONE) if len(each) else math.nan for each in known]
-    return np.array(roots), np.array([len(each) for each in known])
+    ratios = [math.sqrt(np.median(each) / ONE) if len(each) else math.nan for each in known]
+    return np.array(ratios), np.array([len(each) for each in known])
+
+
+def _uncertainty(count: FloatArray) -> FloatArray:
+    """Return by how much the logarithms of the roots of medians may be off by chance."""
+    error: FloatArray = SURE * ERROR / np.sqrt(np.maximum(count, 1))
+    return error
+
+
+def least_ratio(squares: FloatArray) -> FloatArray:
+    """Return by which factors squares of differences surely exceed the noise, at least 1, (2,).
+
+    Where they do, it is the most probable factor.
+    """
+    ratio, count = roots(squares)
+    return np.where(np.log(ratio) > _uncertainty(count), ratio, 1.0)
 
 
 def _fit(radar: Sensor, memory: _Memory, before: Fit, learned: BoolArray) -> Fit:
     """Return the comparison of a radar; its verdict depends on the one before."""
-    (axes, _), (noise, count) = _roots(memory.innovations), _roots(memory.differences)
-    sure = SURE * ERROR / np.sqrt(np.maximum(count, 1))
+    (axes, _), (noise, count) = roots(memory.innovations), roots(memory.differences)
+    sure = _uncertainty(count)
     # Learned noise follows smaller differences, and larger ones up to a limit.
     limit = math.log(WRONG) + np.where(learned, math.log(MOST), 0.0)
     with np.errstate(divide="ignore"):

@@ -11,9 +11,10 @@ from phd_jdtc_ros.core.types import UNKNOWN
 # Marks an unknown identity in a message, whose unsigned columns cannot hold -1.
 NONE = 2**32 - 1
 # First value above the allowed ones, and the values that mark an unknown identity: aircraft may
-# reply with the code 0000, but no transponder has the address 0.
+# reply with the code 0000, but no transponder has an address of zeros or of ones (ICAO Annex 10,
+# volume III, chapter 9).
 CODES = (2**12, ())
-ADDRESSES = (2**24, (0,))
+ADDRESSES = (2**24, (0, 2**24 - 1))
 # Detection types have three bits; type 0 is unknown.
 DETECTION_TYPES = (2**3, (0,))
 

@@ -34,6 +34,7 @@ from phd_jdtc_ros.columns.position_selection import unlimited
 from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.position import PositionParameters
+from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.tables import schema
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.intake.input_checks import NOT_IN_RECORDINGS
@@ -218,6 +219,9 @@ def recognised_radars(bag: BagReader) -> dict[str, Any]:
         name = _name_of(topic, found["sensors"])
         found["sensors"].append(name)
         found.update({f"{name}.topic": topic} | {f"{name}.{key}": given[key] for key in given})
+        if "kind" not in given:
+            # As for a parameter file that does not name it: what is estimated is not learned too.
+            found[f"{name}.learn"] = RadarParameters().learn
     if not found["sensors"]:
         raise BagError(
             f"{bag.path}: has no cloud with a range and an azimuth, or with x and y, that are "

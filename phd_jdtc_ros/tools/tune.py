@@ -67,8 +67,13 @@ def _work(arguments: argparse.Namespace) -> int:
             )
     found = recorded_plots.findings_of(source, recorded, _note)
     _note(f"done in {time.perf_counter() - begin:.1f} s")
-    # Without a parameter file, the convention is the only setting that was assumed.
-    assumed = [f"{radar.name}.azimuth_convention" for radar in config.inputs if radar.may_turn]
+    # Without a parameter file, these are the only settings that were assumed.
+    assumed = [
+        f"{radar.name}.{what}"
+        for radar in config.inputs
+        if radar.may_turn
+        for what in ("azimuth_convention", "learn")
+    ]
     now = config.values if where else {name: config.values[name] for name in assumed}
     rows = {radar: proposal.rows(each, now, radar) for radar, each in found.items()}
     for radar, each in found.items():

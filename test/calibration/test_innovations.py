@@ -103,6 +103,14 @@ def test_detection_is_a_tracks_if_it_is_beyond_doubt(measurements, coverage, see
     assert fit.innovations == seen
 
 
+@pytest.mark.filterwarnings("error")
+def test_detections_at_the_radar_itself_show_no_noise():
+    seen = [[(0.0, 0.1 * number)] for number in range(40)]
+    fit = looks(InnovationMonitor(ALONE), seen, replace(STILL, state=states([[0.0, 0.0]])))
+    assert np.isnan(fit.noise[1])
+    assert fit.innovations == len(seen)
+
+
 def test_differences_are_compared_with_the_whole_covariance_of_the_noise():
     sensor = mast(position=(0.0, 0.0))
     root = np.linalg.cholesky([[1.0, 0.9], [0.9, 1.0]])

@@ -80,6 +80,13 @@ def test_tune_recognises_a_radar_by_its_fields(unknown, tmp_path, capsys):
     assert PROGRESS.fullmatch(capsys.readouterr().err)
 
 
+def test_tune_keeps_what_it_proposed(unknown, tmp_path):
+    first, second = tmp_path / "first.yaml", tmp_path / "second.yaml"
+    assert tune(unknown, "--seconds", 120, "--out", first) == 0
+    assert tune(unknown, "--seconds", 120, "--params-file", first, "--out", second) == 0
+    assert from_arguments.load(first) == from_arguments.load(second)
+
+
 def test_tune_says_if_it_uses_only_the_first_detections(monkeypatch, capsys):
     read = recorded_plots.read
     monkeypatch.setattr(recorded_plots, "read", lambda *given: read(*given, most=900))

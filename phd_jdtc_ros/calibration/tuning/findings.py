@@ -31,7 +31,7 @@ from .rates import (
 from .resting import moving, slow_speed
 from .rotation import Timing, timing_of
 from .start import first_guess
-from .tracking.noise import Noise, find_outliers, fit_noise
+from .tracking.noise import Noise, agreeing, find_outliers, fit_noise
 from .tracking.tracks import LinkModel, Tracks, link_plots
 
 # Largest number of rounds, and the logarithmic change of the guess below which they end.
@@ -158,6 +158,7 @@ def _findings(plots: Plots) -> Findings:
         kept = np.setdiff1d(kept, dense)
     if len(plots) > len(kept) > LEAST_PLOTS:
         tracks, noise, linked = _without_clutter(plots, kept, timing, _Links(tracks, noise, linked))
+    likeliest, noise = noise, agreeing(plots, tracks, noise)
     # With much land clutter the rate counts only the other cells, because the tracker's clutter map
     # covers the land. A map of dense areas is learned slowly, and the rate includes them.
     # The sectors that were not linked have the same share of plots of targets as the others.
@@ -170,10 +171,11 @@ def _findings(plots: Plots) -> Findings:
     speed_std = _speed_std(plots, movers if movers.plots else tracks)
     known = _without_amplitudes(plots, others)
     ratio = log_target_ratio(known, known, tracks)
+    outliers = find_outliers(plots, tracks, likeliest, SPEED_MARGIN * speed_std, ratio)
     return Findings(
         timing,
         noise,
-        find_outliers(plots, tracks, noise, SPEED_MARGIN * speed_std, ratio),
+        None if outliers is None else agreeing(plots, tracks, outliers),
         plots.across(noise.azimuth_std, tracks.claimed),
         detection_probability(plots, timing, tracks),
         ends(plots, timing, tracks),

@@ -46,6 +46,15 @@ def linearise(position: FloatArray, pose: FloatArray) -> tuple[FloatArray, Float
     return polar_geometry.linearise(position, pose[..., :2], pose[..., 2])
 
 
+def slope(position: FloatArray, pose: FloatArray, places: bool) -> FloatArray:
+    """Return the Jacobian (..., 2, 2) of plots, polar or `places`, by their positions (..., 2)."""
+    if not places:
+        return linearise(position, pose)[1]
+    cos, sin = np.cos(pose[..., 2]), np.sin(pose[..., 2])
+    turned: FloatArray = np.stack([np.stack([cos, sin], -1), np.stack([-sin, cos], -1)], axis=-2)
+    return turned
+
+
 def positions(measurement: FloatArray, pose: FloatArray, places: bool = False) -> FloatArray:
     """Return the positions (..., 2) of (range, azimuth) or (x, y) plots from poses (..., 3)."""
     if places:

@@ -190,14 +190,18 @@ def _without_copies(
     reports: list[tuple[int, Detections]], places: bool
 ) -> list[tuple[int, Detections]]:
     """Return reports without those that repeat the one before, if chance does not explain these."""
+    check = NearCopies()
+    places_of = [
+        found.measurement if places else to_plane(found.measurement, (0.0, 0.0), 0.0)
+        for _, found in reports
+    ]
+    near = [check.add(place) for place in places_of]
+    if check.sure:
+        return [report for report, is_near in zip(reports, near, strict=True) if not is_near]
     if places:
         check_of_places = PositionReportCheck()
         noticed = [(report, check_of_places.add(report[1])) for report in reports]
         return [report for report, findings in noticed if REPEATED not in findings]
-    check = NearCopies()
-    near = [check.add(to_plane(found.measurement, (0.0, 0.0), 0.0)) for _, found in reports]
-    if check.sure:
-        return [report for report, is_near in zip(reports, near, strict=True) if not is_near]
     copies = {
         number
         for number, ((first_ns, before), (ns, found)) in enumerate(pairwise(reports), 1)

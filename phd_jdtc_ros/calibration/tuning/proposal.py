@@ -151,7 +151,7 @@ def _covers(given: Any, area: Sequence[float]) -> bool:
 
 def _learned(found: Findings, noise: Noise, now: Now) -> Iterator[Row]:
     """Yield what the tracker still has to learn besides the estimated values."""
-    given = [*(now("learn") or ())]
+    given = now("learn") or []
     estimated = {"outliers", "detection", "correlation"}
     if not now("fields.range_rate"):  # whose noise is not estimated here
         estimated.add("noise")
@@ -199,9 +199,10 @@ def _clutter(found: Findings, now: Now, max_range: Any, fov: Sequence[Row]) -> I
     arc: Any = fov[0].value if fov else now("fov_deg") or RadarParameters().fov_deg
     whole = 1.0 / ((1.0 - near) * _clear_share(arc, now("blind_sectors_deg") or ()))
     value = round_to_std(whole * rate.value, whole * rate.std)
-    # A rate that the tracker learns is not replaced.
+    # A rate that the tracker learns is not replaced, but it needs one to begin with.
     learned = "clutter" in (now("learn") or ())
-    yield Row("clutter_rate", value, source, given, whole * rate.std, not learned)
+    proposed = given is None or not learned
+    yield Row("clutter_rate", value, source, given, whole * rate.std, proposed)
     step = 0.01 * _round_up(found.field.max_range)
     clutter_range = round_to_std(found.field.clutter_range, step)
     value, given = min(clutter_range, max_range), now("clutter_max_range")
@@ -246,8 +247,8 @@ def remarks(found: Findings, values: Mapping[str, Any], radar: str) -> Iterator[
     if found.beside > MOST_BESIDE and now("cluster_distance") is None:
         yield (
             f"{100.0 * min(found.beside, 1.0):.0f} % of the tracked detections have another one "
-            f"within their noise in the same scan, which {radar}.cluster_distance now merges, so "
-            "that no target has two tracks; is every plot recorded twice?"
+            f"within their noise in the same scan; {radar}.cluster_distance now merges those that "
+            "are no farther apart than it and their noise. Is every plot recorded twice?"
         )
     if found.resting <= MOST_LAND or now("clutter_map") is not None or _knows_rest(values):
         return

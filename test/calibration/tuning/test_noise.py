@@ -27,6 +27,7 @@ from phd_jdtc_ros.calibration.tuning.tracking.tracks import LinkModel, Tracks, l
 from phd_jdtc_ros.core.types import Detections
 
 GUESS = LinkModel(20.0, 0.01, (0.01, 1.0), 20.0, 0.9, 1.0)
+NOISE_GUESS = Noise(20.0, 0.01, (0.01, 1.0), np.ones(2), 0)
 SECONDS = Timing(2.0)
 NS = 10**9
 BEGIN_S = 20_779 * 86_400.0
@@ -46,6 +47,23 @@ def test_plots_are_bounded_in_number_and_time():
     part = plots.until(10.0)
     assert isinstance(part, Plots)
     assert (len(part.cloud_s), len(part), part.duration_s) == (6, 6, 10.0)
+
+
+@pytest.mark.parametrize("places", [False, True])
+def test_steady_turn_does_not_pass_for_a_smaller_noise(places):
+    rng, count = np.random.default_rng(6), 300
+    course = np.radians(1.5) * 4.0 * np.arange(count)
+    place = [9e3, 4e3] + 6e3 * np.stack([np.cos(course), np.sin(course)], axis=1)
+    if not places:
+        place = np.stack([np.hypot(*place.T), np.arctan2(place[:, 1], place[:, 0])], axis=1)
+    std = np.array([20.0, 20.0 if places else 0.004])
+    measured = place + std * rng.standard_normal(place.shape)
+    reports = [(k * 4 * NS, Detections(each[None], None)) for k, each in enumerate(measured)]
+    plots, tracks = plots_of(reports, places), Tracks((np.arange(count),), 0.0)
+    found = fit_noise(plots, tracks, NOISE_GUESS, 200.0, np.zeros(count))
+    assert found.range_std < 0.7 * std[0]
+    agreed = noise.agreeing(plots, tracks, found)
+    assert [agreed.range_std, agreed.azimuth_std] == pytest.approx(std, rel=0.2)
 
 
 def dense_clouds(seed):

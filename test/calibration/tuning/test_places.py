@@ -45,6 +45,16 @@ def test_noise_velocities_and_rates_are_found(yaw, position):
     assert (found.resting, found.slow_speed, found.crowded) == (0.0, 0.0, 0.0)
 
 
+def test_copies_with_another_rounding_under_a_later_stamp_do_not_show_the_noise():
+    rng, doubled = np.random.default_rng(4), []
+    for stamp_ns, found in reports(5):
+        near = found.measurement + 1e-3 * rng.standard_normal(found.measurement.shape)
+        copy = Detections(near, None, velocity=found.velocity)
+        doubled += [(stamp_ns, found), (stamp_ns + 5_000_000, copy)]
+    noise = findings(plots_of(doubled, places=True)).noise
+    assert_allclose([noise.range_std, noise.azimuth_std], street.STD, rtol=0.15)
+
+
 def test_proposal_has_the_parameters_of_positions():
     found = findings(plots_of(reports(6), places=True))
     rows = {row.name: row for row in proposal.rows(found, {}, "lidar")}

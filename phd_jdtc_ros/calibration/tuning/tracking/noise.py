@@ -20,7 +20,9 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
+from phd_jdtc_ros.calibration import innovations
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray, read_only
 from phd_jdtc_ros.core.factors.outliers import Outliers
 
@@ -106,11 +108,41 @@ def find_outliers(
     return found if likelihood - without > LEAST_EVIDENCE else None
 
 
+def agreeing(plots: Plots, tracks: Tracks, noise: Noise) -> Noise:
+    """Return the noise, enlarged where third differences of plots surely show a larger one.
+
+    The acceleration of the likelihood's modes is white, so that it takes a steady turn for a
+    smaller noise; differences are blind to a constant acceleration. The tracker warns by the same
+    differences, and therefore accepts what was tuned.
+    """
+    gaps = [np.diff(plots.time_s[own]) for own in tracks.plots]
+    longest = innovations.MAX_AGE_SCANS * float(np.median(np.concatenate(gaps)))
+    whole = [own for own in tracks.plots if len(own) >= innovations.PLOTS]
+    if not whole:
+        return noise
+    rows = np.concatenate(
+        [sliding_window_view(own, innovations.PLOTS)[:: innovations.KEPT] for own in whole]
+    )
+    rows = rows[(np.diff(plots.time_s[rows], axis=1) <= longest).all(axis=1)]
+    variance = np.square([noise.range_std, noise.azimuth_std])
+    frame = plots.measurement, plots.pose, variance
+    _, covariance = kinematics.initial_state(*frame, 1.0, plots.places)
+    columns = [plots.position, covariance[:, (0, 0, 1), (0, 1, 1)], plots.measurement]
+    paths = np.column_stack([plots.time_s, *columns])[rows]
+    slope = kinematics.slope(plots.position[rows[:, -1]], plots.pose[rows[:, -1]], plots.places)
+    ratio = innovations.least_ratio(innovations.squares_of_differences(paths, slope))
+    std = np.maximum(ratio * np.sqrt(variance), _least_std(plots.places))
+    return replace(noise, range_std=float(std[0]), azimuth_std=float(std[1]))
+
+
+def _least_std(places: bool) -> tuple[float, float]:
+    return LEAST_OF_PLACES if places else LEAST_STD
+
+
 def _start(noise: Noise, places: bool) -> tuple[FloatArray, list[tuple[float, float]]]:
     """Return the start of a search at an estimate, and its bounds; see `_log_likelihood`."""
     ratio = np.log(noise.densities[1] / noise.densities[0])
-    smallest = LEAST_OF_PLACES if places else LEAST_STD
-    least = np.log([*smallest, np.finfo(float).tiny])
+    least = np.log([*_least_std(places), np.finfo(float).tiny])
     begin = np.maximum(np.log([noise.range_std, noise.azimuth_std, noise.densities[0]]), least)
     reach = np.array([SEARCH_WIDTH, SEARCH_WIDTH, DENSITY_SEARCH_WIDTH])
     lowest = np.maximum(begin - reach, least)
