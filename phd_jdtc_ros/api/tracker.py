@@ -145,7 +145,6 @@ class Tracker:
         parameters = self._parameters.with_origin(columns)
         columns = parameters.in_plane(columns)
         config = parameters.config(columns, incomplete=True)
-        config.require_plane()
         fields, config = config.model.radars, everywhere(config)
         tally = Tally(config)
         reports: dict[int, list[tuple[int, Detections]]] = {}

@@ -101,10 +101,10 @@ class TrackerConfig(Tracking):
             )
         return radars
 
-    def require_plane(self) -> None:
+    def require_plane(self, what: str) -> None:
         """Raise `ConfigError` in space, for what is estimated in the plane only."""
         if self.state == SPACE:
-            raise ConfigError(f"state: {SPACE} given, must be plane for estimated parameters")
+            raise ConfigError(f"state: {SPACE} given, must be plane for {what}")
 
     @property
     def classifies_by_amplitude(self) -> bool:

@@ -70,9 +70,8 @@ def read(
     """Return the first detections of a bag, at any range; `most` bounds each radar's.
 
     The bag is read for some seconds, or to its end: some radars need hours for enough detections.
-    Raises `BagError` if the bag lacks a topic of the configuration, and `ConfigError` in space.
+    Raises `BagError` if the bag lacks a topic of the configuration.
     """
-    config.require_plane()
     inputs = [unlimited(sensor) for sensor in config.inputs]
     bag.require(input_types(config, bag))
     reports: list[list[tuple[int, Detections]]] = [[] for _ in inputs]
@@ -222,6 +221,8 @@ def recognised_radars(bag: BagReader) -> dict[str, Any]:
         if "kind" not in given:
             # As for a parameter file that does not name it: what is estimated is not learned too.
             found[f"{name}.learn"] = RadarParameters().learn
+    if any(f"{name}.fields.elevation" in found for name in found["sensors"]):
+        found["state"] = "space"
     if not found["sensors"]:
         raise BagError(
             f"{bag.path}: has no cloud with a range and an azimuth, or with x and y, that are "

@@ -227,6 +227,7 @@ def _estimate(
 ) -> tuple[Registration, dict[str, list[float]], BagError | None]:
     """Return the errors found, the corrections for the tracker, and the damage of a recording."""
     config = tracker_params.config(given)
+    config.require_plane("register, which estimates no biases of elevations")
     names = [radar.name for radar in config.radars]
     if reference is not None and reference not in names:
         raise ConfigError(f"--reference: {reference} given, must be one of {', '.join(names)}")

@@ -488,9 +488,9 @@ def test_heights_in_space_are_pressure_altitudes_or_those_of_positions():
 
 
 def test_what_is_estimated_in_the_plane_is_refused_in_space():
-    reference.resolve({}).require_plane()
+    reference.resolve({}).require_plane("register")
     with pytest.raises(ConfigError, match="state: space given, must be plane"):
-        reference.resolve(SPACE).require_plane()
+        reference.resolve(SPACE).require_plane("register")
 
 
 def test_detections_of_a_site_are_placed_exactly_in_space():

@@ -189,3 +189,8 @@ def test_register_refuses_what_targets_on_one_line_do_not_determine(tmp_path, ca
     written = from_arguments.load(out)
     assert written["east.biases"][1] == written["east.biases"][3] == 0.0
     assert written["east.biases"][2] != 0.0
+
+
+def test_register_refuses_elevations(capsys):
+    assert register("drones") == 2
+    assert "state: space given, must be plane for register" in capsys.readouterr().err

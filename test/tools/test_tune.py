@@ -18,6 +18,7 @@ from phd_jdtc_ros.tools import recorded_plots
 
 BAGS = Path(__file__).parents[2] / "bags"
 SHIPPED = BAGS / "one_radar"
+DRONES = SHIPPED.parent / "drones"
 PROGRESS = re.compile(
     r"tune: reading .*\n"
     r"tune: radar_1, radar 1 of 1: estimating from \d+ detections\n"
@@ -243,3 +244,25 @@ def test_times_and_elevations_are_recognised_by_their_values():
     assert "fields.elevation" not in flat
     high = recognised.parameters([cloud(range=RHO, azimuth=AZIMUTH, elevation=0.1 + 0.0 * RHO)])
     assert high["fields.elevation"] == "elevation"
+    assert "elevation_unit" not in high
+    up = np.array([2.0, 10.0, 40.0, np.nan])
+    degrees = recognised.parameters([cloud(range=RHO, azimuth=AZIMUTH, elevation=up)])
+    assert degrees["elevation_unit"] == "deg"
+    z = -RHO * np.sin(np.radians(up))
+    sonar = recognised.parameters([cloud(range=RHO, azimuth=AZIMUTH, elevation=up, z=z)])
+    assert sonar["elevation_unit"] == "down_deg"
+
+
+def test_nothing_set_finds_drones_and_their_heights(tmp_path, capsys):
+    bare = shutil.copytree(DRONES, tmp_path / "bare")
+    (bare / "parameters.yaml").unlink()
+    out = tmp_path / "proposed.yaml"
+    assert tune(bare, "--out", out) == 0
+    found = from_arguments.load(out)
+    assert found["state"] == "space"
+    assert found["dome.elevation_std_deg"] == pytest.approx(1.2, rel=0.15)
+    assert found["dome.range_std"] == pytest.approx(1.5, rel=0.15)
+    low, high = found["dome.fov_elevation_deg"]
+    assert -4.0 < low < -1.5
+    assert 59.5 < high < 62.0
+    capsys.readouterr()

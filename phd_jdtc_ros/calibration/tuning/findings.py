@@ -15,12 +15,14 @@ from phd_jdtc_ros.core.intake.sectors import smallest_arc
 from .levels import Levels, clutter_ranges, levels, log_target_ratio
 from .plots import Plots, sectors
 from .rates import (
+    Elevations,
     Field,
     Rate,
     beside,
     clutter_rate,
     crowded,
     detection_probability,
+    elevations,
     ends,
     field_of,
     looks_of,
@@ -92,6 +94,7 @@ class Findings:
     beside: float  # Share of the tracks' plots with a further plot of the same target
     # Standard deviation of measured velocities along each axis, m/s; None without any.
     velocity: Rate | None = None
+    elevations: Elevations | None = None  # None without measured elevations
 
     @property
     def false_share(self) -> float:
@@ -193,6 +196,7 @@ def _findings(plots: Plots) -> Findings:
         share,
         beside(plots, timing, tracks, noise.range_std, noise.azimuth_std, kept),
         velocity_noise(plots, tracks, max(noise.range_std, noise.azimuth_std)),
+        elevations(plots, tracks),
     )
 
 

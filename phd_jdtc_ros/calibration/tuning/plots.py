@@ -17,6 +17,7 @@ from phd_jdtc_ros.core.intake.input_checks import (
     is_copy,
 )
 from phd_jdtc_ros.core.intake.sectors import smallest_arc
+from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD
 from phd_jdtc_ros.core.sensors.polar_geometry import to_plane
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
@@ -52,6 +53,9 @@ class Plots:
     # Measured velocities in the frame of the poses, metres per second, (N, 2); NaN where unknown.
     # None without any.
     velocity: FloatArray | None = None
+    # Elevations, radians, of a radar in space, whose ranges are slant ranges, (N,); NaN where
+    # unknown. None without any.
+    elevation: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -93,6 +97,7 @@ class Plots:
             amplitude=None if self.amplitude is None else self.amplitude[rows],
             pose=self.pose[rows],
             velocity=None if self.velocity is None else self.velocity[rows],
+            elevation=None if self.elevation is None else self.elevation[rows],
         )
 
 
@@ -172,18 +177,33 @@ def plots_of(reports: Sequence[tuple[int, Detections]], places: bool = False) ->
         known = [none if each is None else each for none, each in zip(nothing, own, strict=True)]
         turn = pose * [0.0, 0.0, 1.0]
         velocity = kinematics.positions(np.concatenate(known)[order], turn, places)
+    measured = np.concatenate([found.measurement for _, found in ordered])[order]
     return Plots(
         zero_ns=zero_ns,
         cloud_s=cloud_s,
         cloud=cloud[order],
         time_s=time_s[order],
-        measurement=np.concatenate([found.measurement for _, found in ordered])[order],
+        measurement=np.ascontiguousarray(measured[:, :2]),
         amplitude=amplitude,
         pose=pose,
         timed=timed,
         places=places,
         velocity=velocity,
+        elevation=_elevations([found for _, found in ordered], measured, order),
     )
+
+
+def _elevations(
+    reports: Sequence[Detections], measured: FloatArray, order: IntArray
+) -> FloatArray | None:
+    """Return the elevations of ordered detections, (N,), NaN where unknown; None without any."""
+    if measured.shape[1] < 3:
+        return None
+    nothing = [np.full(found.measurement.shape, np.nan) for found in reports]
+    own = [found.noise_std for found in reports]
+    std = [none if each is None else each for none, each in zip(nothing, own, strict=True)]
+    unknown = np.concatenate(std)[order, 2] >= UNKNOWN_STD
+    return None if unknown.all() else np.where(unknown, np.nan, measured[:, 2])
 
 
 def _without_copies(

@@ -73,6 +73,7 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
         *_rotation(found, now),
         *_learned(found, noise, now),
         *_noise(found, noise, now),
+        *_elevations(found, now),
         *_clusters(found, now),
         *detection,
         max_range,
@@ -171,6 +172,23 @@ def _noise(found: Findings, noise: Noise, now: Now) -> Iterator[Row]:
             source = f"{source} show {shown:g}; raised to the smallest plausible value"
             shown, std = round_to_std(unit * lowest, 0.0), math.nan
         yield Row(name, shown, source, now(name), std)
+
+
+def _elevations(found: Findings, now: Now) -> Iterator[Row]:
+    """Yield the noise of elevations, and their limits, widened by half a degree on each side."""
+    if (own := found.elevations) is None:
+        return
+    value, std = math.degrees(own.noise.value), math.degrees(own.noise.std)
+    source, name = f"{own.noise.count} elevations of tracks", "elevation_std_deg"
+    yield Row(name, round_to_std(value, std), source, now(name), std)
+    low, high = (math.degrees(edge) for edge in own.limits)
+    limits = [max(math.floor(2.0 * low) / 2.0 - 0.5, -90.0)]
+    limits.append(min(math.ceil(2.0 * high) / 2.0 + 0.5, 90.0))
+    name, given = "fov_elevation_deg", now("fov_elevation_deg")
+    # A configured field that contains them and is not much larger is kept.
+    kept = bool(given) and given[0] <= low and high <= given[1]
+    kept = kept and given[1] - given[0] <= MOST_BEYOND * (limits[1] - limits[0])
+    yield Row(name, limits, f"{found.plots} plots", given, proposed=not kept)
 
 
 def _clusters(found: Findings, now: Now) -> Iterator[Row]:

@@ -52,6 +52,10 @@ FAR, MOST = 30.0, 0.9
 SURE_SIGMA = 4.0
 
 
+# Number of plots in a third difference.
+DIFFERENCE = 4
+
+
 @dataclass(frozen=True)
 class Rate:
     """A figure with its standard deviation and the number of samples behind it."""
@@ -299,6 +303,54 @@ def velocity_noise(plots: Plots, tracks: Tracks, std: float) -> Rate | None:
         if of_slope < 0.3 * total:
             break
     return found
+
+
+@dataclass(frozen=True)
+class Elevations:
+    """What a radar in space shows of elevations and heights."""
+
+    noise: Rate  # Standard deviation of elevations, radians
+    limits: tuple[float, float]  # Least and largest elevation, radians
+    # Mean and standard deviation of the heights of tracked targets above the radar, metres.
+    heights: tuple[float, float]
+
+
+def elevations(plots: Plots, tracks: Tracks) -> Elevations | None:
+    """Return what the elevations of tracked plots show; None if they are too few.
+
+    Their noise is that of third differences along a track, which a steady acceleration does not
+    change. Medians are robust against manoeuvres and wrong links.
+    """
+    if plots.elevation is None:
+        return None
+    squares, tracked = [], []
+    for track in tracks.plots:
+        own = track[np.isfinite(plots.elevation[track])]
+        tracked.append(own)
+        if len(own) < DIFFERENCE:
+            continue
+        window = sliding_window_view(own, DIFFERENCE)
+        time_s = plots.time_s[window]
+        apart = time_s[:, :, None] - time_s[:, None, :]
+        apart[:, range(DIFFERENCE), range(DIFFERENCE)] = 1.0
+        with np.errstate(divide="ignore", invalid="ignore"):  # plots of the same time
+            weight = 1.0 / apart.prod(axis=2)
+            weight /= np.sqrt((weight**2).sum(axis=1, keepdims=True))
+        squares.append((weight * plots.elevation[window]).sum(axis=1) ** 2)
+    square = np.concatenate(squares) if squares else np.zeros(0)
+    square = square[np.isfinite(square)]
+    if len(square) < LEAST_COMPARED:
+        return None
+    value = float(np.sqrt(np.median(square) / ONE))
+    rows = np.concatenate(tracked)
+    height = plots.measurement[rows, 0] * np.sin(plots.elevation[rows])
+    known = plots.elevation[np.isfinite(plots.elevation)]
+    return Elevations(
+        # Differences of overlapping windows are correlated.
+        Rate(value, value * float(np.sqrt(DIFFERENCE / len(square))), len(rows)),
+        (float(known.min()), float(known.max())),
+        (float(height.mean()), float(height.std())),
+    )
 
 
 def field_of(plots: Plots, claimed: IntArray) -> Field:

@@ -17,6 +17,9 @@ LAG_LOOKS, LEAST_OFF_COURSE = 5.0, 0.1
 LEAST_RATIO = 20.0
 # The SNR band is wider than the tracks' levels by this much on either side, dB.
 BESIDE_DB = 5.0
+# Least standard deviation of the heights of undetected targets, metres, and their floor in standard
+# deviations below the mean.
+LEAST_HEIGHT_STD, FLOOR_SIGMA = 5.0, 3.0
 # Least probability that a target survives a look. Lost tracks would make a lower one too low.
 LEAST_SURVIVAL = 0.99
 
@@ -60,6 +63,12 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
         "ct.turn_noise_density": 1e-4,
         "ct.turn_time_constant_s": 40.0,
     }
+    heights = [each.elevations.heights for each in found.values() if each.elevations]
+    if heights:
+        own = heights[0]
+        std = max(own[1], LEAST_HEIGHT_STD)
+        floor = own[0] - FLOOR_SIGMA * std
+        given["height_prior"] = [round_to_std(each, 0.1 * std) for each in (own[0], std, floor)]
     if turning:
         given["estimates_period_s"] = given["interval_s"]
     if len(found) > 1 and whole:
