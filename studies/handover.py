@@ -28,7 +28,7 @@ from phd_jdtc_ros.handover.ownership import Handover
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
-from phd_jdtc_ros.study.turning import estimates_of
+from phd_jdtc_ros.study.tracker import estimates_of
 
 from .runner import Figures, Study, figures_table
 

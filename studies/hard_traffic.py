@@ -29,8 +29,7 @@ from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.parameter_files import sections
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.traffic.flight import STANDARD_GRAVITY, Flight, Leg
-from phd_jdtc_ros.study.tracker import SimulatedRun
-from phd_jdtc_ros.study.turning import track, turning_run
+from phd_jdtc_ros.study.tracker import SimulatedRun, track_turning, turning_run
 
 from .peers.plot_kalman import plot_kalman
 from .runner import Figures, Study, figures_table
@@ -104,7 +103,7 @@ def measure(arguments: argparse.Namespace, seed: int) -> Figures:
         given = {**profile, **scene.parameters}
         rng = np.random.default_rng([seed, len(name)])
         run = turning_run(scenario(scene, given, rng), seed)
-        own = track(run, given, tuple(LAGS.values())).tracks
+        own = track_turning(run, given, tuple(LAGS.values())).tracks
         peer = plot_kalman(run, given, [0]).tracks[0]
         sources = {**{source: own[lag] for source, lag in LAGS.items()}, "plot Kalman": peer}
         found[name] = {

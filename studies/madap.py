@@ -27,7 +27,7 @@ from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.scenario import truth_at
 from phd_jdtc_ros.simulation.traffic.flight import METRES_PER_NM, MPS_PER_KT
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
-from phd_jdtc_ros.study import turning
+from phd_jdtc_ros.study import tracker
 
 from .peers.plot_kalman import follow
 from .runner import Figures, Goal, Study, cell, goal, table, until
@@ -193,9 +193,9 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
         scenario = until(scenario, 60.0 * arguments.minutes)
     truth = [truth_at(scenario, scan) for scan in range(scenario.scans)]
     stamps = [targets.stamp_ns for targets in truth]
-    found, spent_s = turning.estimates_of(scenario, config, seed)
+    found, spent_s = tracker.estimates_of(scenario, config, seed)
     points: dict[str, Sequence[PointSet]] = {
-        source: turning.at_stamps(found[source], stamps, 2.0 * scenario.interval_s)
+        source: tracker.at_stamps(found[source], stamps, 2.0 * scenario.interval_s)
         for source in SOURCES
     }
     reports = simulate_reports(scenario, config.radars, seed)

@@ -27,7 +27,7 @@ from phd_jdtc_ros.evaluation.metrics import ospa
 from phd_jdtc_ros.parameter_files import from_arguments, sections, yaml_files
 from phd_jdtc_ros.simulation import noise, scenario_file
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
-from phd_jdtc_ros.study import tracker, turning
+from phd_jdtc_ros.study import tracker
 from phd_jdtc_ros.study.monte_carlo.definition import CUTOFF, ORDER
 from phd_jdtc_ros.study.tracker import TAXIING, IgnoredTargets, SimulatedRun, simulated_run
 
@@ -164,7 +164,7 @@ def _of_profile(profile: str, factors: Mapping[str, float], seed: int) -> Figure
     scenario = scenario_file.resolve(document, radars)
     turns = any(radar.rotation_s for radar in radars)
     run = (
-        turning.turning_run(scenario, seed, scene.ignored)
+        tracker.turning_run(scenario, seed, scene.ignored)
         if turns
         else simulated_run(scenario, seed)
     )
@@ -203,7 +203,7 @@ def _distances(
     if run.scans:
         tracks = tracker.track(run, resolve(parameters), lags)
     else:
-        tracks = turning.track(run, parameters, lags).tracks
+        tracks = tracker.track_turning(run, parameters, lags).tracks
     return {source: _mean(run, tracks[lag], cutoff) for source, lag in LAGS.items()}
 
 

@@ -31,7 +31,7 @@ from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
-from phd_jdtc_ros.study import turning
+from phd_jdtc_ros.study import tracker
 
 from .runner import Figures, Goal, Study, StudyError, figures_table, goal, table, until
 
@@ -107,13 +107,13 @@ def errors_of_tracks(
 
 
 def _rms(scenario: Scenario, config: TrackerConfig, seed: int) -> dict[str, float]:
-    found, _ = turning.estimates_of(scenario, config, seed)
-    ends = [end for end in turning.revolution_ends(scenario) if end >= SETTLING_S]
+    found, _ = tracker.estimates_of(scenario, config, seed)
+    ends = [end for end in tracker.revolution_ends(scenario) if end >= SETTLING_S]
     truth = [truth_after(scenario, end) for end in ends]
-    oldest_s = turning.OLDEST_REVOLUTIONS * scenario.radars[0].rotation_s
+    oldest_s = tracker.OLDEST_REVOLUTIONS * scenario.radars[0].rotation_s
     errors: dict[str, float] = {}
     for source in SOURCES:
-        points = turning.at_stamps(found[source], [each.stamp_ns for each in truth], oldest_s)
+        points = tracker.at_stamps(found[source], [each.stamp_ns for each in truth], oldest_s)
         squares = [np.zeros(0)]
         for true, own in zip(truth, points, strict=True):
             i, j = assign(true.position, own.position, CUTOFF)

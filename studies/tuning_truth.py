@@ -21,7 +21,7 @@ from phd_jdtc_ros.core.arrays import FloatArray, wrap_angle
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
 from phd_jdtc_ros.core.types import Truth
 from phd_jdtc_ros.exit_status import ArgumentParser
-from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.tools import command, recorded_plots
 
 from .runner import Figures, Study, table
@@ -49,7 +49,7 @@ def _of_bag(given: str, seconds: float) -> list[list[str]]:
     if recorded is None or names.TRUTH not in bag.types:
         lacking = names.TRUTH if recorded else bag_parameters.path_of(source).name
         raise BagError(f"{source}: {lacking} is missing, a simulated bag is needed")
-    config = tracker_params.config(recorded)
+    config = from_arguments.config_of(recorded)
     plots = recorded_plots.read(bag, config, seconds)
     found = recorded_plots.findings_of(source, plots)
     until_ns = bag.start_ns + round(seconds * 1e9)

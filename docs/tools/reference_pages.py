@@ -15,7 +15,7 @@ from phd_jdtc_ros.configuration.parameters import replaced
 from phd_jdtc_ros.configuration.schema import Parameter
 from phd_jdtc_ros.configuration.tables import GROUPS as PARTS
 from phd_jdtc_ros.configuration.tables import TABLES, TOP, schema
-from phd_jdtc_ros.evaluation.metric_table import CURVES, GROUPS, PUBLISHED, TERMS
+from phd_jdtc_ros.evaluation.run_scores import CURVES, GROUPS, PUBLISHED, TERMS
 from phd_jdtc_ros.handover import settings as hand_over
 from phd_jdtc_ros.nodes.tracker import settings as tracker
 from phd_jdtc_ros.parameter_files import node_tables, yaml_files

@@ -9,17 +9,107 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable
+from typing import Any
+
+from geometry_msgs.msg import Point, PoseStamped, Quaternion
+from nav_msgs.msg import Odometry
 
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.place_forms import STATIC_TRANSFORMS, TF
 from phd_jdtc_ros.core.intake.posed_reports import RadarPose
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.intake.transforms import Placement, Transform, TransformBuffer
+from phd_jdtc_ros.core.types import Pose
 
-from ..encoding import names, stamps
+from ..encoding import interfaces, names, stamps
 from ..encoding.errors import RejectedMessageError, quote
-from . import platform_poses
-from .platform_poses import FARTHEST, LARGEST_NORM, LEAST_NORM
+
+# Types of pose messages by their configured name.
+POSE_TYPES = {"odometry": names.ODOMETRY, "pose_stamped": names.POSE_STAMPED}
+# Accepted norms of an orientation's quaternion; an uninitialised message has the norm 0.
+LEAST_NORM, LARGEST_NORM = 0.5, 2.0
+# Largest coordinate, metres; beyond it, single precision no longer resolves a metre.
+FARTHEST = 1e7
+# Places of the variances of x, y and yaw in a twist's covariance of 6 x 6.
+TWIST_VARIANCES = 0, 7, 35
+# Largest rate of a platform, m/s and rad/s.
+FASTEST = 1e3
+
+
+def pose_from_msg(message: Odometry | PoseStamped, world_frame: str) -> tuple[int, Pose]:
+    """Return the stamp and the pose of a message in the world frame.
+
+    The yaw is NaN if the orientation is not a unit quaternion, as in an uninitialised message. Only
+    odometry has a twist; see `_twist`.
+
+    Raise `RejectedMessageError`: ``frame`` if it is in another frame; ``schema`` if its stamp is
+    invalid; ``not_finite`` or ``range`` if its position is not finite or farther away than
+    `FARTHEST`.
+    """
+    frame = message.header.frame_id
+    if frame != world_frame:
+        raise RejectedMessageError(
+            "frame", f"frame_id {quote(frame)}, must be the world frame, {world_frame!r}"
+        )
+    stamp_ns = stamps.of_input(message.header)
+    has_twist = isinstance(message, Odometry)
+    pose = message.pose.pose if has_twist else message.pose
+    position = float(pose.position.x), float(pose.position.y)
+    if not all(map(math.isfinite, position)):
+        raise RejectedMessageError("not_finite", f"position {position}, must be finite")
+    if max(map(abs, position)) > FARTHEST:
+        raise RejectedMessageError(
+            "range", f"position {position}, must be within {FARTHEST:g} m of the map's origin"
+        )
+    twist = _twist(message) if has_twist else None
+    return stamp_ns, Pose(position, _yaw(pose.orientation), twist=twist)
+
+
+def pose_from_cdr(data: bytes, kind: str, world_frame: str) -> tuple[int, Pose]:
+    """Decode a recorded message of a kind of `POSE_TYPES` as `pose_from_msg` does."""
+    return pose_from_msg(interfaces.decode(data, POSE_TYPES[kind]), world_frame)
+
+
+def pose_to_cdr(
+    pose: Pose, stamp_ns: int, world_frame: str, kind: str, child_frame: str = ""
+) -> bytes:
+    """Serialise a message of a kind of `POSE_TYPES`; an odometry's velocity is 0."""
+    header, (x, y), half = stamps.header(stamp_ns, world_frame), pose.position, 0.5 * pose.yaw
+    message: Any = PoseStamped(header=header)
+    own = message.pose
+    if kind == "odometry":
+        message = Odometry(header=header, child_frame_id=child_frame)
+        own = message.pose.pose
+    own.position = Point(x=float(x), y=float(y), z=0.0)
+    own.orientation = Quaternion(x=0.0, y=0.0, z=math.sin(half), w=math.cos(half))
+    return interfaces.encode(message)
+
+
+def _twist(message: Odometry) -> tuple[float, float, float] | None:
+    """Return an odometry's velocity ahead and to the left, m/s, and its yaw rate, rad/s, or None.
+
+    It is unknown if a number is not finite or absurd, or if a variance is negative, as drivers mark
+    unknown quantities. A twist of zeros with a covariance of zeros is one that was never set. If
+    that of a platform at rest looks the same, the poses show the rest.
+    """
+    linear, angular = message.twist.twist.linear, message.twist.twist.angular
+    twist = float(linear.x), float(linear.y), float(angular.z)
+    variances = [float(message.twist.covariance[index]) for index in TWIST_VARIANCES]
+    if not all(abs(rate) <= FASTEST for rate in twist) or min(variances) < 0.0:  # also for NaN
+        return None
+    return twist if any(twist) or any(variances) else None
+
+
+def _yaw(turn: Quaternion) -> float:
+    """Return the direction of the x axis over ground, radians; NaN for an invalid quaternion."""
+    # `hypot` avoids the squares of large finite numbers, which overflow with an error.
+    norm = math.hypot(turn.x, turn.y, turn.z, turn.w)
+    if not LEAST_NORM <= norm <= LARGEST_NORM:  # also true for NaN
+        return math.nan
+    ahead = turn.w**2 + turn.x**2 - turn.y**2 - turn.z**2
+    left = 2.0 * (turn.x * turn.y + turn.w * turn.z)
+    return math.atan2(left, ahead)
+
 
 # Longest name of a frame.
 MOST_LETTERS = 256
@@ -32,7 +122,7 @@ def plain(frame: str) -> str:
     return frame.removeprefix("/")
 
 
-def from_cdr(data: bytes, needed: Callable[[str], bool]) -> list[Transform]:
+def transforms_from_cdr(data: bytes, needed: Callable[[str], bool]) -> list[Transform]:
     """Return the transforms of a serialised message; `needed` tells which child frames matter.
 
     Raise `RejectedMessageError`: ``schema`` if the bytes are no such message, or a stamp is
@@ -108,13 +198,15 @@ def _checked(
 
 
 # Types of the messages by their configured name.
-TYPES = {**platform_poses.TYPES, TF: names.TRANSFORMS}
+MESSAGE_TYPES = {**POSE_TYPES, TF: names.TRANSFORMS}
 
 
 def types_of(config: TrackerConfig) -> dict[str, str]:
     """Return the type of the messages on each topic with poses or transforms."""
     by_topic = config.radars_by_platform
-    return {topic: TYPES[config.inputs[own[0]].pose.message] for topic, own in by_topic.items()}
+    return {
+        topic: MESSAGE_TYPES[config.inputs[own[0]].pose.message] for topic, own in by_topic.items()
+    }
 
 
 class MovingRadars:
@@ -134,15 +226,15 @@ class MovingRadars:
     def read(self, topic: str, data: bytes) -> tuple[list[RadarPose], list[PoseFault]]:
         """Return the poses that follow from a serialised message, and faults that harm none.
 
-        Raise `RejectedMessageError`, see `platform_poses.from_msg` and `from_cdr`.
+        Raise `RejectedMessageError`, see `pose_from_msg` and `transforms_from_cdr`.
         """
         carried = self._carried[topic]
         message = self._inputs[carried[0]].pose.message
         if message != TF:
-            stamp_ns, pose = platform_poses.from_cdr(data, message, self._world_frame)
+            stamp_ns, pose = pose_from_cdr(data, message, self._world_frame)
             return [RadarPose(radar, stamp_ns, pose) for radar in carried], []
         static = topic == STATIC_TRANSFORMS
-        sent = from_cdr(data, self._buffer.needs)
+        sent = transforms_from_cdr(data, self._buffer.needs)
         faults = [PoseFault.PARENT for each in sent if self._buffer.add(each, static)]
         found = [
             RadarPose(radar, stamp_ns, pose)

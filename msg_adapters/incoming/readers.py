@@ -1,4 +1,4 @@
-"""The supported detection messages, by their configured name, with decoders and encoders."""
+"""The readers of the sensors' messages by their configured names, and call signs in clouds."""
 
 from __future__ import annotations
 
@@ -6,11 +6,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from sensor_msgs.msg import PointCloud2
+
+from phd_jdtc_ros.asterix.messages import CallSigns
+from phd_jdtc_ros.columns.identities import NONE
 from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.types import Detections
 
-from ..encoding import interfaces, names
+from ..encoding import interfaces, names, point_cloud
+from ..encoding.errors import RejectedMessageError
 from . import detections, positions, radar_scan
 
 
@@ -59,3 +64,28 @@ READERS = {
 def reader_of(sensor: SensorParameters) -> Reader:
     """Return the decoder and encoder of a sensor's messages."""
     return READERS[sensor.message]
+
+
+CALL_SIGN_FIELDS = ("address", "call_sign_high", "call_sign_low")
+
+
+def learn_call_signs_from_cdr(data: bytes, call_signs: CallSigns) -> None:
+    """Add the call signs of a recorded cloud; an unreadable one has none."""
+    if CALL_SIGN_FIELDS[1].encode() not in data:
+        return
+    try:
+        learn_call_signs(interfaces.decode(data, names.CLOUD), call_signs)
+    except RejectedMessageError:  # its fault is reported where its detections are read
+        return
+
+
+def learn_call_signs(cloud: PointCloud2, call_signs: CallSigns) -> None:
+    """Add the call signs of a cloud, which has none unless `asterix_bridge` made it."""
+    if not {*CALL_SIGN_FIELDS} <= {*point_cloud.field_names(cloud)}:
+        return
+    found = point_cloud.decode(cloud, dict.fromkeys(CALL_SIGN_FIELDS, point_cloud.UNSIGNED))
+    for address, high, low in zip(
+        *(found[name].tolist() for name in CALL_SIGN_FIELDS), strict=True
+    ):
+        if NONE not in (address, high, low):
+            call_signs.take(address, (high & 0xFFFFFF) << 24 | low & 0xFFFFFF)

@@ -9,7 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Float64
 
 from phd_jdtc_ros.core.types import SOURCES
-from phd_jdtc_ros.evaluation.metric_table import CURVES, PUBLISHED
+from phd_jdtc_ros.evaluation.run_scores import CURVES, PUBLISHED
 
 from ..encoding import cdr, stamps
 

@@ -15,7 +15,7 @@ from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.schema import ConfigError, flatten
 from phd_jdtc_ros.configuration.tables import GROUPS, parameters_of, schema
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
+from phd_jdtc_ros.parameter_files import from_arguments
 
 from . import reports
 from .reports import POSITION, TIME
@@ -229,7 +229,7 @@ def _for_tables(given: Mapping[str, Any]) -> dict[str, Any]:
 
     Tables have absolute times, in seconds, and no poses: a radar that moves gives a warning.
     """
-    found = tracker_params.without_node(given)
+    found = from_arguments.without_node(given)
     for name, value in given.items():
         radar, _, what = name.partition(".")
         if what == "fields.time" and value == TIME:

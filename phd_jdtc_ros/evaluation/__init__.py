@@ -10,8 +10,8 @@
       |  values of a scan                          accumulators
     ScanScore                                      run_scores
       |  totals over the run                       run_scores, accumulator
-    figures per run                                accumulators, metric_table
+    figures per run                                accumulators, run_scores
 
 An `accumulator` computes values of scans and defines the metrics derived from them, each with its
-heading, unit, format and definition; `metric_table` collects the metrics.
+heading, unit, format and definition; `run_scores` collects the metrics.
 """

@@ -103,11 +103,11 @@ class Metric:
 
     key: str  # Key in `metrics.json` and in a study's summary
     heading: str  # Heading of the column
-    unit: str  # Empty for a number without a unit
-    form: str  # Python format specification
     of_run: Figure
     definition: str  # One or two sentences
     group: Group
+    unit: str = ""  # Empty for a number without a unit
+    form: str = ".1f"  # Python format specification
     # True if the figure of all smoothed estimates is repeated at the top of `metrics.json`.
     headline: bool = False
 

@@ -1,4 +1,4 @@
-"""ROS parameter files and ``name:=value`` arguments, for the executables that are not nodes."""
+"""Parameters for the executables that are not nodes: from files and ``name:=value`` arguments."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from typing import Any
 
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.configuration.parameters import tracker_node
 from phd_jdtc_ros.configuration.schema import ConfigError, flatten, read_each
+from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import sections, yaml_files
 from phd_jdtc_ros.parameter_files.sections import ParameterFile, Sections
 from phd_jdtc_ros.simulation import scenario_file
@@ -108,3 +111,22 @@ def from_arguments(
         for name, value in part.items()
         if sections.is_own(name)
     }
+
+
+def config_of(given: Mapping[str, Any]) -> TrackerConfig:
+    """Return the configuration by a live node's parameters; `ConfigError` has every fault."""
+    return resolve(without_node(given), SystemPlane)
+
+
+def without_node(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a live node's parameters without those that only a live node uses."""
+    return {
+        name: value
+        for name, value in given.items()
+        if name not in tracker_node.NAMES and sections.is_own(name)
+    }
+
+
+def load_config(path: Path, tracker: str) -> TrackerConfig:
+    """Return a tracker's configuration by a parameter file; `ConfigError` has every fault."""
+    return config_of(sections.read(path).values(tracker))

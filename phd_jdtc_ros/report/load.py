@@ -12,9 +12,8 @@ import numpy as np
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.incoming import moving_radars
-from msg_adapters.incoming.call_signs import learn_from_cdr
 from msg_adapters.incoming.moving_radars import MovingRadars
-from msg_adapters.incoming.readers import reader_of
+from msg_adapters.incoming.readers import learn_call_signs_from_cdr, reader_of
 from msg_adapters.outgoing import conflicts, diagnostics, map_layers
 from msg_adapters.targets import estimates, truth
 from phd_jdtc_ros.asterix.messages import CallSigns
@@ -79,7 +78,7 @@ def record(path: Path, config: TrackerConfig) -> Record:
     if any((address != UNKNOWN).any() for address in addresses):
         for entry in intact.messages([radar.topic for radar in config.inputs]):
             if bag.types[entry.topic] == names.CLOUD:
-                learn_from_cdr(entry.data, call_signs)
+                learn_call_signs_from_cdr(entry.data, call_signs)
     numbers = {name: float(value) for name, value in latest.items() if "." in name}
     return Record(
         truth=by_stamp(parts["truth"]),

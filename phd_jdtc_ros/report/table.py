@@ -22,7 +22,7 @@ from phd_jdtc_ros.evaluation.accumulator import (
     Metric,
 )
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.metric_table import BY_KEY, GLOBAL_METRICS, GROUPS, reduction
+from phd_jdtc_ros.evaluation.run_scores import BY_KEY, GLOBAL_METRICS, GROUPS, reduction
 
 from .record import Sets
 

@@ -1,17 +1,19 @@
-"""The rotation of a simulated radar's antenna: pointing direction by time."""
+"""The rotation of a simulated radar's antenna, and when it sends its plots."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from phd_jdtc_ros.configuration.schema import SMALL, parameter
 from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.types import FULL_TURN
 
-from .checked import degrees
+from .checked import degrees, read_by_radar
 
 # Fixed-point steps for the time of a direction; each reduces the error at least by the factor
 # `wobble`.
@@ -87,3 +89,26 @@ def default_antenna(radar: int) -> Antenna:
     """
     golden = 0.5 * (3.0 - math.sqrt(5.0))
     return Antenna(FULL_TURN * (radar * golden % 1.0))
+
+
+@dataclass(frozen=True)
+class Sending:
+    """The timing of a radar's messages."""
+
+    sectors: int = parameter(
+        32, "Number of sectors per revolution in which plots are sent.", (1, 1024)
+    )
+    plots: int = parameter(10, "Largest number of plots in a data block.", (1, 100))
+    delay_s: float = parameter(0.3, "Delay of plots after the end of their sector, s.", (0.0, 60.0))
+    services: bool = parameter(True, "Whether north marks and sector crossings are sent.")
+    clock_ahead_s: float = parameter(
+        0.0, "Lead of the radar's clock over true time, s.", (-86400, 86400)
+    )
+
+
+def read_sending(
+    document: Mapping[str, object], radars: tuple[RadarModel, ...], faults: list[str]
+) -> tuple[Sending, ...]:
+    """Return the timing of each radar's messages in a document; add faults to `faults`."""
+    given = read_by_radar(Sending, document, "sending", radars, faults)
+    return tuple(each or Sending() for each in given)

@@ -5,7 +5,7 @@
     scenario, seed
       |  simulate                            tracker
     SimulatedRun: truth, scans, sources      tracker
-      |  this package's tracker              tracker; turning, where antennas turn
+      |  this package's tracker              tracker
       |  the model-matched reference         reference
       |  other trackers                      peers
     Tracks: estimates by lag and scan        tracker

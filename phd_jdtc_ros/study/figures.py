@@ -20,7 +20,7 @@ from scipy import special
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.evaluation.accumulator import NEES, OUTSIDE, Metric
-from phd_jdtc_ros.evaluation.metric_table import GROUPS
+from phd_jdtc_ros.evaluation.run_scores import GROUPS
 from phd_jdtc_ros.report import style
 from phd_jdtc_ros.report.style import COLOURS, DPI, GREY, INK, WIDTH_IN
 from phd_jdtc_ros.report.table import simple_table

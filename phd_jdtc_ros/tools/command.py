@@ -18,7 +18,7 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.place_forms import TRANSFORM_TOPICS
 from phd_jdtc_ros.configuration.schema import SMALL, ConfigError
 from phd_jdtc_ros.exit_status import INTERRUPTED, USAGE, fail
-from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params, yaml_files
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, yaml_files
 from phd_jdtc_ros.quoting import short
 
 # Default cut-off c of OSPA, metres.
@@ -186,7 +186,7 @@ def write_proposal(
         print("nothing is written without --out FILE")
         return
     yaml_files.write(path, head, values, comments)
-    tracker_params.config(from_arguments.load(path))
+    from_arguments.config_of(from_arguments.load(path))
     print(f"{path}: written; the tracker takes it as its --params-file")
 
 
@@ -204,8 +204,8 @@ def tracker_config(arguments: argparse.Namespace, bag: Path | None = None) -> Tr
         given = dict(recorded)
     given |= from_arguments.from_arguments(arguments.params_file, arguments.assignments)
     # The file may be a live tracker's, with the node's own parameters.
-    config = tracker_params.config(given)
+    config = from_arguments.config_of(given)
     if bag is not None and recorded is not None:
-        for line in scene.differences(tracker_params.config(recorded).values, config.values):
+        for line in scene.differences(from_arguments.config_of(recorded).values, config.values):
             print(f"{bag_parameters.path_of(bag)}: {line}", file=sys.stderr)
     return config

@@ -24,7 +24,7 @@ from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
 from phd_jdtc_ros.handover import settings, synchroniser
 from phd_jdtc_ros.handover.picture import JointPicture
-from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.record import Record
 
@@ -59,7 +59,7 @@ def _of_bag(given: str) -> tuple[Path, TrackerConfig, Region]:
             f"{path}: has no {bag_parameters.NAME} beside it with the region of its tracker, as "
             "track_bag writes"
         )
-    config = tracker_params.config(recorded)
+    config = from_arguments.config_of(recorded)
     if config.region is None:
         raise ConfigError(f"region: not set in {bag_parameters.path_of(path)}, must be")
     return path, config, config.region

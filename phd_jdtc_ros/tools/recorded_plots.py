@@ -39,7 +39,7 @@ from phd_jdtc_ros.configuration.tables import schema
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.intake.input_checks import NOT_IN_RECORDINGS
 from phd_jdtc_ros.core.types import Detections
-from phd_jdtc_ros.parameter_files import tracker_params
+from phd_jdtc_ros.parameter_files import from_arguments
 from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.report.load import Intact, input_types, posed_reports
 
@@ -193,7 +193,7 @@ def parameters_of(source: Path) -> dict[str, Any]:
     """
     bag = BagReader(source)
     given = {**recognised_radars(bag), "births": []}
-    recorded = read(bag, tracker_params.config(given))
+    recorded = read(bag, from_arguments.config_of(given))
     found = findings_of(source, recorded)
     rows = {name: proposal.rows(each, given, name) for name, each in found.items()}
     return proposed(given, found, rows, recorded, specified=False)

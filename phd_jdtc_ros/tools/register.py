@@ -29,7 +29,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
-from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.report import style
 from phd_jdtc_ros.report.pictures import figures
@@ -205,7 +205,7 @@ def _work(arguments: argparse.Namespace) -> int:
         )
     given, where = recorded
     found, parameters, damage = _estimate(source, given, arguments.reference, arguments.seconds)
-    now = tracker_params.config(given)
+    now = from_arguments.config_of(given)
     console = Console()
     console.width = max(console.width, WIDTH)
     corrected = rows(found, parameters, now)
@@ -226,7 +226,7 @@ def _estimate(
     source: Path, given: Mapping[str, Any], reference: str | None, seconds: float
 ) -> tuple[Registration, dict[str, list[float]], BagError | None]:
     """Return the errors found, the corrections for the tracker, and the damage of a recording."""
-    config = tracker_params.config(given)
+    config = from_arguments.config_of(given)
     config.require_plane("register, which estimates no biases of elevations")
     names = [radar.name for radar in config.radars]
     if reference is not None and reference not in names:
@@ -237,7 +237,7 @@ def _estimate(
     parameters = _parameters(config, found)
     if any(r.fields.elevation or r.fields.height or r.site is not None for r in config.radars):
         # Errors are of slant ranges, so the residuals over ground need a second reading.
-        config, first = tracker_params.config({**given, **parameters}), found
+        config, first = from_arguments.config_of({**given, **parameters}), found
         found, recorded = _register(source, config, reference or names[0], seconds)
         parameters = {**parameters, **_parameters(config, found)}
         found = _join(first, found)

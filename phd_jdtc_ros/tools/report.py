@@ -16,7 +16,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.evaluation.evaluation import ORDER, Evaluation
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser, fail
-from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.pictures import figures
 from phd_jdtc_ros.report.record import Record
@@ -49,7 +49,7 @@ def write(
     evaluation = run.evaluate(cutoff, ORDER)
     if summary is None:
         recorded = bag_parameters.read(bag)
-        engine = None if recorded is None else tracker_params.config(recorded).engine
+        engine = None if recorded is None else from_arguments.config_of(recorded).engine
         summary = metrics(evaluation, run.step_ms, engine)
     # The figures may be those of a node without class names.
     summary = {**summary, "class_names": list(run.sets.class_names)}

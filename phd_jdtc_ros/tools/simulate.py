@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from msg_adapters.encoding import interfaces, names
-from msg_adapters.incoming import platform_poses
+from msg_adapters.incoming import moving_radars
 from msg_adapters.incoming.readers import reader_of
 from msg_adapters.targets import truth
 from phd_jdtc_ros import output_files, resources
@@ -21,7 +21,7 @@ from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Truth
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, yaml_files
-from phd_jdtc_ros.simulation import scenario_file, sending
+from phd_jdtc_ros.simulation import antenna, scenario_file
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, check_sites, truth_and_reports
 
@@ -43,7 +43,7 @@ def write_bag(directory: Path, run: Scenario, config: TrackerConfig, seed: int) 
             layout = Topic(radar.topic, kind.type_name, DEPTH)
             bag.add_topic(replace(layout, definition=kind.definition, type_hash=kind.type_hash))
         for topic in config.radars_by_platform:
-            bag.add_topic(Topic(topic, platform_poses.TYPES[config.pose_message], DEPTH))
+            bag.add_topic(Topic(topic, moving_radars.POSE_TYPES[config.pose_message], DEPTH))
         bag.add_topic(Topic(names.TRUTH, names.CLOUD, DEPTH))
         # By stamp; then poses, truth, detections.
         parts = _poses(run, config), _scans(run, config, seed)
@@ -71,7 +71,7 @@ def check_platform(run: Scenario, config: TrackerConfig) -> None:
 
 def _poses(run: Scenario, config: TrackerConfig) -> Iterator[tuple[int, str, bytes]]:
     for stamp_ns, pose in run.poses():
-        data = platform_poses.to_cdr(
+        data = moving_radars.pose_to_cdr(
             pose, stamp_ns, config.world_frame, config.pose_message, PLATFORM
         )
         for topic in config.radars_by_platform:
@@ -123,7 +123,7 @@ def main(argv: Sequence[str]) -> int:
         if sent_to is not None:
             simulated_asterix.check(run)
         faults: list[str] = []
-        sent = sending.of_radars(document, radars, faults)
+        sent = antenna.read_sending(document, radars, faults)
         if faults:
             raise ConfigError(*faults)
         output_files.require_new({"--asterix": sent_to}, arguments.out)

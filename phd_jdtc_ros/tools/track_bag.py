@@ -39,7 +39,7 @@ from phd_jdtc_ros.evaluation.evaluation import ORDER
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser, fail
 from phd_jdtc_ros.feed.feed import Feed, StepClock
 from phd_jdtc_ros.feed.tally import Tally
-from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.report import track_files
 from phd_jdtc_ros.report.load import by_stamp, input_types
@@ -281,14 +281,14 @@ def _config(arguments: argparse.Namespace, source: Path) -> TrackerConfig:
     """
     known = arguments.params_file or arguments.assignments or arguments.scenario
     if not known and bag_parameters.read(source) is None:
-        bag, usual = BagReader(source), tracker_params.config({})
+        bag, usual = BagReader(source), from_arguments.config_of({})
         if not any(own.topic in bag.types for own in usual.inputs):
             print(
                 f"track_bag: {source} has no parameters; its topics, fields and noise are found as "
                 "by tune",
                 file=sys.stderr,
             )
-            return tracker_params.config(recorded_plots.parameters_of(source))
+            return from_arguments.config_of(recorded_plots.parameters_of(source))
     return command.tracker_config(arguments, source)
 
 

@@ -24,7 +24,7 @@ from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import Findings
 from phd_jdtc_ros.calibration.tuning.proposal import Row
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
-from phd_jdtc_ros.parameter_files import tracker_params
+from phd_jdtc_ros.parameter_files import from_arguments
 
 from . import command, recorded_plots
 from .recorded_plots import RecordedPlots
@@ -51,7 +51,7 @@ def _work(arguments: argparse.Namespace) -> int:
         {**recorded_plots.recognised_radars(bag), "births": []},
         None,
     )
-    config = tracker_params.config(given)
+    config = from_arguments.config_of(given)
     command.use_clock(bag, config, arguments.clock)
     _note(f"reading {source}")
     recorded = recorded_plots.read(bag, config, arguments.seconds)
@@ -82,7 +82,7 @@ def _work(arguments: argparse.Namespace) -> int:
         for text in (*recorded.warnings[radar], *proposal.remarks(each, given, radar)):
             console.print(f"{radar}: {text}", soft_wrap=True, markup=False, highlight=False)
     proposed = recorded_plots.proposed(given, found, rows, recorded, where is not None)
-    tracker_params.config(proposed)
+    from_arguments.config_of(proposed)
     status = OK if recorded.damage is None else fail("tune", recorded.damage)
     comments = _comments(rows, where is None)
     command.write_proposal(arguments.out, _head(source, where), proposed, comments)

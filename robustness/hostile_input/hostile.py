@@ -26,7 +26,7 @@ from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.types import Detections, Estimates
 from phd_jdtc_ros.handover.ownership import Handover
-from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
+from phd_jdtc_ros.parameter_files import from_arguments
 from phd_jdtc_ros.tools.asterix import reading
 from phd_jdtc_ros.transport import pcap
 
@@ -99,7 +99,7 @@ def measure_repeated() -> Found:
     """Track a target of a radar whose driver repeats its buffer many times in some scans."""
     given = from_arguments.load(scans.PROFILE)
     of_one = {name: value for name, value in given.items() if not name.startswith("radar_2.")}
-    config = tracker_params.config({**of_one, "sensors": ["radar_1"]})
+    config = from_arguments.config_of({**of_one, "sensors": ["radar_1"]})
     pipeline, targets, counted = new_pipeline(config), [], 0
     for scan in range(SCANS):
         copies = COPIES if scan in COPIED else 1
@@ -135,7 +135,7 @@ def measure_names() -> Found:
                 given |= {f"{name}.motions": ["cv"] for name in names}
             begin_s = time.process_time()
             try:
-                tracker_params.config(given)
+                from_arguments.config_of(given)
                 outcome = "accepted"
             except ConfigError as error:
                 outcome = error.faults[0][:60]

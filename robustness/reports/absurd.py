@@ -17,7 +17,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 
 from msg_adapters.encoding import interfaces, names, point_cloud
 from msg_adapters.encoding.errors import RejectedMessageError
-from msg_adapters.incoming import detections, platform_poses
+from msg_adapters.incoming import detections, moving_radars
 from msg_adapters.outgoing import diagnostics
 from msg_adapters.targets import estimates, truth
 from phd_jdtc_ros.asterix.messages import CallSigns
@@ -34,7 +34,7 @@ from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.handover import synchroniser
 from phd_jdtc_ros.handover.picture import JointPicture
-from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
+from phd_jdtc_ros.parameter_files import from_arguments
 
 from ..harness import scans
 from ..harness.figures import Found, measures, such_as
@@ -142,8 +142,8 @@ def _cloud(cloud: PointCloud2, columns: Mapping[str, Any], wide: str) -> PointCl
 
 def _of_poses() -> Iterator[Case]:
     """Yield poses of every kind with each value in each numeric field of position and direction."""
-    for kind, type_name in platform_poses.TYPES.items():
-        data = platform_poses.to_cdr(Pose((1.0, 2.0), 0.3), START_NS, "map", kind)
+    for kind, type_name in moving_radars.POSE_TYPES.items():
+        data = moving_radars.pose_to_cdr(Pose((1.0, 2.0), 0.3), START_NS, "map", kind)
         axes = *product(["position"], "xyz"), *product(["orientation"], "xyzw")
         for (part, axis), value in product(axes, VALUES):
             message = interfaces.decode(data, type_name)
@@ -158,7 +158,7 @@ def _of_poses() -> Iterator[Case]:
 
 def _carry(message: Any) -> None:
     """Place a radar's detections by a pose."""
-    stamp_ns, pose = platform_poses.from_msg(message, "map")
+    stamp_ns, pose = moving_radars.pose_from_msg(message, "map")
     track = PoseTrack(max_speed=1e6)
     track.add(stamp_ns - NS, Pose((0.0, 0.0), 0.0))
     track.add(stamp_ns, pose)
@@ -182,7 +182,7 @@ def _of_radars(every: int, given: Mapping[str, Any]) -> Iterator[Case]:
         "lag_s": INTERVAL_S,
         **given,
     }
-    config = tracker_params.config(values)
+    config = from_arguments.config_of(values)
     pipeline, rng = new_pipeline(config), np.random.default_rng(0)
     radar, scan = config.radars[0], 0
 

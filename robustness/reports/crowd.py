@@ -16,7 +16,7 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
 from phd_jdtc_ros.core.types import Detections, Scan
 from phd_jdtc_ros.evaluation.metrics import ospa
-from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
+from phd_jdtc_ros.parameter_files import from_arguments
 
 from ..harness import scans
 from ..harness.figures import Found, in_own_process, measures, peak_mb
@@ -77,7 +77,9 @@ def _fill(
 def _run(detections: int, amplitudes: str, seed: int) -> tuple[float, float]:
     """Return the most CPU time of a crowded scan, and the mean OSPA of the scans after them."""
     amplitude = "none" if amplitudes == "none" else "band"
-    config = tracker_params.config({**from_arguments.load(scans.PROFILE), "amplitude": amplitude})
+    config = from_arguments.config_of(
+        {**from_arguments.load(scans.PROFILE), "amplitude": amplitude}
+    )
     tracker, rng = new_engine(config), np.random.default_rng(seed)
     radars = polar_radars(config.model.radars)
     step_s, scores = 0.0, []

@@ -12,7 +12,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.encoding import interfaces, names
-from msg_adapters.incoming import detections, platform_poses
+from msg_adapters.incoming import detections, moving_radars
 from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.types import Detections, Pose
 
@@ -110,7 +110,7 @@ def _ship(time_s: float) -> Pose:
 
 def _odometry(time_s: float) -> Odometry:
     stamp_ns = scans.START_NS + round(time_s * 1e9)
-    data = platform_poses.to_cdr(_ship(time_s), stamp_ns, FRAME, "odometry", "own_ship")
+    data = moving_radars.pose_to_cdr(_ship(time_s), stamp_ns, FRAME, "odometry", "own_ship")
     return interfaces.decode(data, names.ODOMETRY)
 
 

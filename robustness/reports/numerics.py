@@ -18,7 +18,7 @@ from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Detections, Estimates, Scan
-from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
+from phd_jdtc_ros.parameter_files import from_arguments
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
@@ -129,7 +129,7 @@ def measure(cases: Mapping[str, Case] = CASES) -> Found:
 
 def outcome(case: Case) -> str:
     """Return the fault in an engine's estimates of a case; empty without one."""
-    config = tracker_params.config({**from_arguments.load(scans.PROFILE), **case.values})
+    config = from_arguments.config_of({**from_arguments.load(scans.PROFILE), **case.values})
     tracker, restored = new_engine(config), new_engine(config)
     try:
         for index, scan in enumerate(case.scans(config)):

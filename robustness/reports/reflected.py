@@ -9,7 +9,7 @@ import numpy as np
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import Detections, Estimates, Scan
-from phd_jdtc_ros.parameter_files import tracker_params
+from phd_jdtc_ros.parameter_files import from_arguments
 
 from ..harness.figures import Found, measures, such_as
 
@@ -81,7 +81,7 @@ def measure(cases: Sequence[str] = tuple(CASES)) -> Found:
 
 def _wrong_revolutions(velocity: tuple[float, float], shifted: Mapping[int, float]) -> int:
     """Count the revolutions in which an aircraft is not right, and the numbers of both."""
-    config = tracker_params.config({**PARAMETERS})
+    config = from_arguments.config_of({**PARAMETERS})
     tracker, rng, wrong = new_engine(config), np.random.default_rng(14), 0
     numbers: list[set[int]] = [set(), set()]
     for revolution in range(REVOLUTIONS):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from msg_adapters.encoding import interfaces, names
-from msg_adapters.incoming import platform_poses
+from msg_adapters.incoming import moving_radars
 from msg_adapters.incoming.readers import reader_of
 from msg_adapters.targets import truth
 from phd_jdtc_ros import resources
@@ -69,7 +69,7 @@ def write_bag(directory: Path, recording: Recording, config: TrackerConfig) -> N
         for radar in config.inputs:
             bag.add_topic(Topic(radar.topic, reader_of(radar).type_name, DEPTH))
         for topic in config.radars_by_platform:
-            bag.add_topic(Topic(topic, platform_poses.TYPES[config.pose_message], DEPTH))
+            bag.add_topic(Topic(topic, moving_radars.POSE_TYPES[config.pose_message], DEPTH))
         bag.add_topic(Topic(names.TRUTH, names.CLOUD, DEPTH))
         for stamp_ns, topic, data in _messages(recording, config):
             bag.write(topic, data, stamp_ns)
@@ -84,7 +84,7 @@ def _messages(recording: Recording, config: TrackerConfig) -> Iterator[tuple[int
         stamp_ns = look.stamp_ns
         if stamp_ns > posed_ns:
             kind = config.pose_message
-            data = platform_poses.to_cdr(look.own, stamp_ns, frame, kind, OWN_SHIP)
+            data = moving_radars.pose_to_cdr(look.own, stamp_ns, frame, kind, OWN_SHIP)
             for topic in config.radars_by_platform:
                 yield stamp_ns, topic, data
             posed_ns = stamp_ns
@@ -102,13 +102,13 @@ def of_bag(path: Path) -> Recording:
     config, bag = resolve(parameters(lidar=False)), BagReader(path)
     (radar,), (odometry,) = config.inputs, config.radars_by_platform
     types = {radar.topic: names.CLOUD, names.TRUTH: names.CLOUD}
-    bag.require({**types, odometry: platform_poses.TYPES[config.pose_message]})
+    bag.require({**types, odometry: moving_radars.POSE_TYPES[config.pose_message]})
     own: dict[int, Pose] = {}
     looks = []
     targets: dict[int, list[tuple[float, float, float]]] = {}
     for entry in bag.messages([odometry, radar.topic, names.TRUTH]):
         if entry.topic == odometry:
-            stamp_ns, pose = platform_poses.from_cdr(
+            stamp_ns, pose = moving_radars.pose_from_cdr(
                 entry.data, config.pose_message, config.world_frame
             )
             own[stamp_ns] = pose

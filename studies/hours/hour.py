@@ -43,8 +43,7 @@ from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.simulation.looks import TurningRadar
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, plots_with_replies
-from phd_jdtc_ros.study.tracker import TAXIING
-from phd_jdtc_ros.study.turning import revolution_ends
+from phd_jdtc_ros.study.tracker import TAXIING, revolution_ends
 
 from ..peers.plot_kalman import follow
 from ..runner import half_width

@@ -31,8 +31,8 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import SOURCES, Estimates
 from phd_jdtc_ros.exit_status import ArgumentParser
-from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params, yaml_files
-from phd_jdtc_ros.simulation import scenario_file, sending
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, yaml_files
+from phd_jdtc_ros.simulation import antenna, scenario_file
 from phd_jdtc_ros.tools.asterix import simulated as simulated_asterix
 
 from ..runner import Figures, Study, figures_table, until
@@ -61,7 +61,7 @@ def hour_of(name: str, minutes: float | None, seed: int) -> tuple[Hour, TrackerC
     The targets of a part of an hour are the same as of the whole.
     """
     document = dict(yaml_files.load(resources.find(Path(f"config/scenarios/{name}.yaml"))))
-    config = tracker_params.config(from_arguments.scenario_parameters(document))
+    config = from_arguments.config_of(from_arguments.scenario_parameters(document))
     scene = scenario_file.resolve(document, polar_radars(config.model.radars))
     if minutes is not None:
         scene = until(scene, 60.0 * minutes)
@@ -71,7 +71,7 @@ def hour_of(name: str, minutes: float | None, seed: int) -> tuple[Hour, TrackerC
 def record(hour: Hour, config: TrackerConfig, document: Mapping[str, Any], path: Path) -> None:
     """Write the recording of an hour's radar."""
     faults: list[str] = []
-    sent = sending.of_radars(document, hour.scenario.radars, faults)
+    sent = antenna.read_sending(document, hour.scenario.radars, faults)
     if faults:
         raise ConfigError(*faults)
     simulated_asterix.write(path, hour.scenario, config, sent, hour.seed)
@@ -122,7 +122,7 @@ def score_bag(hour: Hour, tracked: Path) -> tuple[dict[str, Scores], Scores]:
     The plot Kalman tracker is scored at the stamps of the filtered estimates. Raise `BagError` if
     the bag is not an output of `track_bag` with one radar.
     """
-    config = tracker_params.config(bag_parameters.read(tracked) or {})
+    config = from_arguments.config_of(bag_parameters.read(tracked) or {})
     if len(config.radars) != 1:
         raise BagError(f"{tracked}: {len(config.radars)} radars, must be 1")
     reader = Reader(config.radars[0], polar_radars(config.model.radars)[0])

@@ -23,8 +23,7 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_reports
-from phd_jdtc_ros.study.tracker import SimulatedRun, TrackingResult
-from phd_jdtc_ros.study.turning import without_ignored
+from phd_jdtc_ros.study.tracker import SimulatedRun, TrackingResult, without_ignored
 
 # Order of the state: x, vx, y, vy.
 POSITION, VELOCITY = [0, 2], [1, 3]

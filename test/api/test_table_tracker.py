@@ -14,7 +14,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.pipeline import RunEnded
-from phd_jdtc_ros.parameter_files import from_arguments, tracker_params, yaml_files
+from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 
 DETECTIONS, TRUTH = crossing.detections(), crossing.truth()
 
@@ -205,7 +205,7 @@ def test_turning_antenna_is_followed_by_the_plots_times(request):
 
 def test_tracker_of_a_parameter_file_gives_what_the_bags_tracker_gives(request):
     bag = request.config.rootpath / "bags" / "one_radar"
-    config = tracker_params.config(from_arguments.load(bag / "parameters.yaml"))
+    config = from_arguments.config_of(from_arguments.load(bag / "parameters.yaml"))
     (radar,) = config.inputs
     pipeline, smoothed, rows = new_pipeline(config), [], []
     for entry in itertools.islice(BagReader(bag).messages([radar.topic]), 20):

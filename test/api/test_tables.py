@@ -13,7 +13,7 @@ from phd_jdtc_ros.api.reports import reports_of
 from phd_jdtc_ros.api.tables import columns_of, numbers, rows_of, stamps_ns
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
+from phd_jdtc_ros.parameter_files import from_arguments
 
 STRUCTURED = np.array([(1.0, 2.0), (3.0, 4.0)], dtype=[("time", float), ("range", float)])
 NINE = "".join(f"1700000000.{k},north,2.0\n" for k in range(9))
@@ -306,7 +306,7 @@ def test_evaluate_reports_what_does_not_fit(change, arguments, said):
 
 def recorded(bag):
     """Return the stamps and clouds of a bag's radars as a table of ranges and azimuths."""
-    config = tracker_params.config(from_arguments.load(bag / "parameters.yaml"))
+    config = from_arguments.config_of(from_arguments.load(bag / "parameters.yaml"))
     radars = {radar.topic: radar for radar in config.inputs}
     rows = []
     for entry in BagReader(bag).messages(list(radars)):

@@ -10,7 +10,7 @@ from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.columns.selection import select
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
-from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
+from phd_jdtc_ros.parameter_files import from_arguments
 
 NS = 10**9
 PROFILE = Path(__file__).parents[2] / "config" / "surveillance.yaml"
@@ -68,7 +68,7 @@ def test_select_keeps_the_order_of_the_others():
 def test_a_repeated_buffer_is_one_target_that_is_never_lost():
     given = from_arguments.load(PROFILE)
     of_one = {name: value for name, value in given.items() if not name.startswith("radar_2.")}
-    config = tracker_params.config({**of_one, "sensors": ["radar_1"]})
+    config = from_arguments.config_of({**of_one, "sensors": ["radar_1"]})
     pipeline = new_pipeline(config)
     found = []
     for scan in range(30):

@@ -19,9 +19,9 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.handover import settings as hand_over
 from phd_jdtc_ros.nodes.tracker import settings as tracker_settings
-from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
-from phd_jdtc_ros.simulation import scenario_file, sending
-from phd_jdtc_ros.simulation.sending import Sending
+from phd_jdtc_ros.parameter_files import from_arguments
+from phd_jdtc_ros.simulation import antenna, scenario_file
+from phd_jdtc_ros.simulation.antenna import Sending
 from phd_jdtc_ros.tools import recorded_plots
 
 ROOT = Path(__file__).parents[2]
@@ -70,7 +70,7 @@ def test_every_example_is_a_parameter_file_that_resolves(tmp_path, name, text):
 def test_every_example_of_the_page_on_scenarios_is_one(name, text):
     document, radars, faults = yaml.safe_load(text), resolve({}).model.radars, []
     found = scenario_file.resolve(document, radars)
-    sent = sending.of_radars(document, radars, faults)
+    sent = antenna.read_sending(document, radars, faults)
     assert not faults
 
     parts = found.targets, found.clutter, found.echoes, found.reflectors, found.platform
@@ -153,7 +153,7 @@ def test_script_of_the_page_on_csv_writes_a_cloud_for_each_revolution(tmp_path, 
     bag = BagReader(tmp_path / "bag")
     given = recorded_plots.recognised_radars(bag)
     assert (given["radar.fields.time"], given["radar.time_unit"]) == ("time", "s")
-    plots = recorded_plots.read(bag, tracker_params.config(given), 100.0).plots["radar"]
+    plots = recorded_plots.read(bag, from_arguments.config_of(given), 100.0).plots["radar"]
     assert plots.timed
     assert len(plots.cloud_s) == 11
     times = plots.time_s + plots.zero_ns / 1e9

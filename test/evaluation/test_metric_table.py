@@ -5,8 +5,7 @@ from phd_jdtc_ros.evaluation.accumulator import OSPA, Accumulator, Metric, Total
 from phd_jdtc_ros.evaluation.accumulators import ACCUMULATORS
 from phd_jdtc_ros.evaluation.accumulators.tracks import Gaps
 from phd_jdtc_ros.evaluation.comparison import ALL, PairedScan, PointSet
-from phd_jdtc_ros.evaluation.metric_table import GROUPS, METRICS, VALUES, reduction
-from phd_jdtc_ros.evaluation.run_scores import ScanComparer
+from phd_jdtc_ros.evaluation.run_scores import GROUPS, METRICS, VALUES, ScanComparer, reduction
 
 
 def points(*rows):
@@ -71,7 +70,7 @@ def test_classes_have_no_verdict_where_none_are_compared(scan):
 def test_a_metric_needs_nothing_but_its_accumulator():
     class Scans(Accumulator):
         names = ("scans_before",)
-        metrics = (Metric("before", "before", "", ".1f", mean("scans_before"), "Before.", OSPA),)
+        metrics = (Metric("before", "before", mean("scans_before"), "Before.", OSPA),)
         scans = -1
 
         def update(self, scan):

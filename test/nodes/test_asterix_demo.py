@@ -18,7 +18,7 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params, yaml_files
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, yaml_files
 from phd_jdtc_ros.tools.asterix.writing import bridge_parameters
 from phd_jdtc_ros.tools.demo import asterix as asterix_demo
 from phd_jdtc_ros.tools.demo import demo
@@ -60,7 +60,7 @@ def offline(recorded, tmp_path_factory):
     """Return a directory with the recording's clouds, estimates and tracks, made by files alone."""
     directory = tmp_path_factory.mktemp("offline")
     plots, tracked = str(directory / "plots"), str(directory / "tracked")
-    config = tracker_params.config(bag_parameters.read(recorded))
+    config = from_arguments.config_of(bag_parameters.read(recorded))
     given = []
     for name, text in bridge_parameters(config).items():
         given += ["-p", f"{name}:={text}"]
@@ -141,7 +141,7 @@ def test_shipped_recording_and_its_bag_come_out_the_same(tmp_path):
 def test_shipped_recording_is_tracked_with_the_values_of_its_profile():
     given = from_arguments.load(ROOT / "config" / "air_traffic.yaml")
     profile = resolve(given).values
-    found = tracker_params.config(bag_parameters.read(SHIPPED)).values
+    found = from_arguments.config_of(bag_parameters.read(SHIPPED)).values
     shared = [name for name in given if not name.startswith("approach.")]
     assert len(shared) > 20
     # Beside what the recording's radars are, two need to wait for each other.
@@ -194,7 +194,7 @@ def places(bag, config, index):
 @pytest.mark.live  # so that it shares the recording with those above
 @pytest.mark.parametrize("index", [0, 1])
 def test_detections_on_the_round_earth_go_to_asterix_and_back(recorded, offline, index):
-    config = tracker_params.config(bag_parameters.read(recorded))
+    config = from_arguments.config_of(bag_parameters.read(recorded))
     before = places(recorded, config, index)
     after = places(offline / "plots", config, index)
     # The bridge has the antenna's position only from the first sectors on.

@@ -18,7 +18,7 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.factors.outliers import Outliers
-from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.page import words
 from phd_jdtc_ros.report.page.layers import Columns, pack
@@ -317,7 +317,7 @@ def test_page_shows_what_was_set_and_found_of_which_sensor():
 
 def test_record_of_a_tracker_in_space_has_plots_of_the_plane(tmp_path):
     bag = BagReader(resources.bag("drones"))
-    config = tracker_params.config(bag_parameters.read(resources.bag("drones")))
+    config = from_arguments.config_of(bag_parameters.read(resources.bag("drones")))
     track_bag(bag, config, tmp_path / "out")
     run = load.record(tmp_path / "out", config)
     plots = run.all_plots.position

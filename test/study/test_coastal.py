@@ -17,8 +17,7 @@ from phd_jdtc_ros.study.monte_carlo.definition import Variant
 from phd_jdtc_ros.study.monte_carlo.kinds import KINDS
 from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
 from phd_jdtc_ros.study.monte_carlo.scores import score
-from phd_jdtc_ros.study.tracker import IgnoredTargets
-from phd_jdtc_ros.study.turning import turning_run
+from phd_jdtc_ros.study.tracker import IgnoredTargets, turning_run
 
 ROOT = Path(__file__).parents[2]
 ODOMETRY = "/own_ship/odometry"

@@ -7,7 +7,7 @@ import pytest
 from phd_jdtc_ros.core.types import FILTERED
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.metric_table import GLOBAL_METRICS
+from phd_jdtc_ros.evaluation.run_scores import GLOBAL_METRICS
 from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo import Mean, Result
 from phd_jdtc_ros.study.monte_carlo.definition import Variant

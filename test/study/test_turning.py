@@ -17,7 +17,7 @@ from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo.tasks import perform
-from phd_jdtc_ros.study.turning import revolution_ends, track, turning_run, without_ignored
+from phd_jdtc_ros.study.tracker import revolution_ends, track_turning, turning_run, without_ignored
 from phd_jdtc_ros.tools.monte_carlo import load_study
 from studies import peers
 from studies.peers.plot_kalman import Settings, follow, plot_kalman
@@ -91,7 +91,7 @@ def test_estimates_of_slow_targets_are_left_out_and_false_ones_stay():
 def test_the_tracker_follows_targets_by_revolution_and_by_sector(sectors):
     found, _ = scene(EAST, TURNING, seconds=72)
     run = turning_run(found, 1)
-    tracked = track(run, {**PARAMETERS, "approach.sectors": sectors}, [0, 3])
+    tracked = track_turning(run, {**PARAMETERS, "approach.sectors": sectors}, [0, 3])
     assert sorted(tracked.tracks) == [0, 3]
     assert tracked.cpu_ms > 0.0
     for lag in (0, 3):

@@ -12,7 +12,7 @@ from msg_adapters.encoding import interfaces, names
 from msg_adapters.targets import truth
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params, yaml_files
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, yaml_files
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.tools import simulate, track_bag
 
@@ -87,7 +87,7 @@ def test_csv_without_an_origin_has_x_and_y(tmp_path):
     assert track_bag.main([FLAT, "--out", str(out), "--csv", str(out / "t.csv")]) == 0
     with (out / "t.csv").open() as file:
         rows = list(csv.DictReader(file))
-    run = load.record(out, tracker_params.config(bag_parameters.read(out))).smoothed
+    run = load.record(out, from_arguments.config_of(bag_parameters.read(out))).smoothed
     assert len(rows) == sum(np.count_nonzero(found.track_id) for found in run) > 50
     found = next(found for found in run if len(found))
     first = found.track_id.argmin()

@@ -9,7 +9,7 @@ from bag_content import rewrite
 from full_disk import largest_file
 
 from phd_jdtc_ros.__main__ import run
-from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
+from phd_jdtc_ros.parameter_files import from_arguments
 
 # As much of the recording as has common tracks.
 SHORT = ("--seconds", "100")
@@ -57,8 +57,8 @@ def changed(bag, tmp_path):
 
 
 def test_register_writes_a_file_with_which_the_tracker_removes_the_errors(bag, registered):
-    before = tracker_params.config(from_arguments.load(bag / "parameters.yaml"))
-    after = tracker_params.config(from_arguments.load(registered))
+    before = from_arguments.config_of(from_arguments.load(bag / "parameters.yaml"))
+    after = from_arguments.config_of(from_arguments.load(registered))
     found = {name for name, value in after.values.items() if before.values[name] != value}
     assert found == {f"{radar}.biases" for radar in ("west", "east", "south")}
     assert after.values["west.biases"][3] == 0.0

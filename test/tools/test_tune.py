@@ -13,7 +13,7 @@ from msg_adapters.encoding import interfaces, names, point_cloud, stamps
 from msg_adapters.incoming import recognised
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
+from phd_jdtc_ros.parameter_files import from_arguments
 from phd_jdtc_ros.tools import recorded_plots
 
 BAGS = Path(__file__).parents[2] / "bags"
@@ -46,7 +46,7 @@ def test_tune_proposes_what_was_simulated_in_a_file_that_the_tracker_takes(tmp_p
     assert f"{out}: written; the tracker takes it as its --params-file" in said.out
     assert "range_std" in said.out
     assert PROGRESS.fullmatch(said.err)
-    config = tracker_params.config(from_arguments.load(out))
+    config = from_arguments.config_of(from_arguments.load(out))
     (radar,) = config.model.radars
     assert radar.range_std == pytest.approx(300.0, rel=0.2)
     assert config.values["radar_1.azimuth_std_deg"] == pytest.approx(1.0, rel=0.2)
@@ -67,7 +67,7 @@ def test_tune_recognises_a_radar_by_its_fields(unknown, tmp_path, capsys):
     # The default too, or a mirrored world would not show where it is from.
     (convention,) = [line for line in text.splitlines() if "azimuth_convention:" in line]
     assert convention.split(maxsplit=2)[1:] == ["enu_ccw", "# check it; compass_cw if north is 0"]
-    config = tracker_params.config(from_arguments.load(out))
+    config = from_arguments.config_of(from_arguments.load(out))
     (radar,), (layout,) = config.model.radars, config.inputs
     assert (layout.topic, layout.frame) == ("/radar_1/detections", "radar_1")
     assert (layout.fields.range, layout.fields.azimuth) == ("range", "azimuth")
@@ -160,7 +160,7 @@ def test_tune_uses_the_intact_part_of_a_damaged_bag_with_a_warning(tmp_path, cap
     said = capsys.readouterr()
     assert "damaged" in said.err
     assert len(PROGRESS.sub("", said.err).splitlines()) == 1
-    radar = tracker_params.config(from_arguments.load(out)).model.radars[0]
+    radar = from_arguments.config_of(from_arguments.load(out)).model.radars[0]
     assert radar.range_std == pytest.approx(300.0, rel=0.3)
 
 

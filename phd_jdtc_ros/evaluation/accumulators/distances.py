@@ -38,7 +38,6 @@ class OspaAccumulator(Accumulator):
             key="ospa",
             heading="OSPA",
             unit="m",
-            form=".1f",
             of_run=mean("ospa"),
             definition=(
                 "Mean over the scans of the optimal sub-pattern assignment distance between the "
@@ -54,7 +53,6 @@ class OspaAccumulator(Accumulator):
             key="localization",
             heading="localisation",
             unit="m",
-            form=".1f",
             of_run=mean("localization"),
             definition=(
                 "The part of the OSPA distance due to the position errors of the pairs. The p-th "
@@ -67,7 +65,6 @@ class OspaAccumulator(Accumulator):
             key="cardinality",
             heading="cardinality",
             unit="m",
-            form=".1f",
             of_run=mean("cardinality"),
             definition="The part of the OSPA distance due to the wrong number of targets.",
             group=OSPA,
@@ -89,7 +86,6 @@ class GospaAccumulator(Accumulator):
             key="gospa",
             heading="GOSPA",
             unit="m",
-            form=".1f",
             of_run=mean("gospa"),
             definition=(
                 "Mean over the scans of the generalised OSPA distance (alpha = 2) with the same p "
@@ -102,7 +98,6 @@ class GospaAccumulator(Accumulator):
             key="gospa_localization",
             heading="localisation",
             unit="m",
-            form=".1f",
             of_run=mean("gospa_localization"),
             definition=(
                 "The part of the GOSPA distance due to the position errors of the pairs; it is not "
@@ -113,7 +108,6 @@ class GospaAccumulator(Accumulator):
         Metric(
             key="missed",
             heading="missed",
-            unit="",
             form=".3f",
             of_run=mean("missed"),
             definition="Mean number per scan of targets that GOSPA pairs with no estimate.",
@@ -122,7 +116,6 @@ class GospaAccumulator(Accumulator):
         Metric(
             key="false",
             heading="false",
-            unit="",
             form=".3f",
             of_run=mean("false"),
             definition="Mean number per scan of estimates that GOSPA pairs with no target.",
@@ -145,7 +138,6 @@ class Numbers(Accumulator):
         Metric(
             key="cardinality_abs_error",
             heading="number error",
-            unit="",
             form=".3f",
             of_run=mean("cardinality_abs_error"),
             definition=(
@@ -175,7 +167,6 @@ class Space(Accumulator):
             key="ospa_3d",
             heading="OSPA in space",
             unit="m",
-            form=".1f",
             of_run=mean("ospa_3d"),
             definition=(
                 "The OSPA distance of positions with heights, in scans whose estimates are in "
@@ -188,7 +179,6 @@ class Space(Accumulator):
             key="gospa_3d",
             heading="GOSPA in space",
             unit="m",
-            form=".1f",
             of_run=mean("gospa_3d"),
             definition="The GOSPA distance of the same positions.",
             group=SPACE,
@@ -196,7 +186,6 @@ class Space(Accumulator):
         Metric(
             key="nees_3d",
             heading="NEES in space",
-            unit="",
             form="#.3g",
             of_run=share("nees_3d_sum", "judged_in_space"),
             definition=(
@@ -261,7 +250,6 @@ class Pairs(Accumulator):
             key="position_rms",
             heading="position RMS",
             unit="m",
-            form=".1f",
             of_run=root_mean("square_error", "pairs"),
             definition=(
                 "Root mean square, over all pairs of the run, of the distance between a target and "
@@ -272,7 +260,6 @@ class Pairs(Accumulator):
         Metric(
             key="position_detection",
             heading="position detected",
-            unit="",
             form=".2%",
             of_run=share("pairs", "n_true"),
             definition=(
@@ -296,7 +283,6 @@ class Nearness(Accumulator):
         Metric(
             key="false_per_scan",
             heading="false per scan",
-            unit="",
             form=".3f",
             of_run=mean("beyond"),
             definition=(
@@ -309,7 +295,6 @@ class Nearness(Accumulator):
         Metric(
             key="position_near",
             heading=f"within {NEAR:g} m",
-            unit="",
             form=".2%",
             of_run=share("near", "n_true"),
             definition=(
@@ -337,7 +322,6 @@ class Heights(Accumulator):
             key="height_rms",
             heading="height RMS",
             unit="m",
-            form=".1f",
             of_run=root_mean("height_square_error", "heights"),
             definition=(
                 "Root mean square, over all pairs of the run whose true and estimated heights are "
@@ -364,7 +348,6 @@ class Classes(Accumulator):
         Metric(
             key="class_accuracy",
             heading="class accuracy",
-            unit="",
             form=".1%",
             of_run=share("right_class", "pairs"),
             definition=(

@@ -80,7 +80,6 @@ class Ospa2Accumulator(LabelAccumulator):
             key="ospa2",
             heading="OSPA(2)",
             unit="m",
-            form=".1f",
             of_run=if_any("n_est", lambda run: ratio(run.sum("ospa2"), run.scans)),
             definition=(
                 "Mean over the scans of the OSPA distance between estimated and true trajectories "
@@ -188,7 +187,6 @@ class Gaps(Accumulator):
             key="longest_gap_s",
             heading="longest gap",
             unit="s",
-            form=".1f",
             of_run=if_any("n_true", lambda run: run.maximum("longest_gap_s")),
             definition=(
                 "The longest of all gaps. A gap is a time in which an existing target has no "
@@ -200,7 +198,6 @@ class Gaps(Accumulator):
         Metric(
             key="long_gap_share",
             heading="long gaps",
-            unit="",
             form=".1%",
             # The share is 0 in a run without gaps.
             of_run=if_any(
@@ -212,7 +209,6 @@ class Gaps(Accumulator):
         Metric(
             key="long_gap_misses",
             heading="missed in them",
-            unit="",
             form=".2%",
             of_run=share("missed_in_long_gaps", "n_true"),
             definition="Share of the targets, over all scans, that are missed in long gaps.",
@@ -323,7 +319,6 @@ class Switches(LabelAccumulator):
         Metric(
             key="identity_switches",
             heading="identity switches",
-            unit="",
             form=".0f",
             of_run=if_any("n_est", lambda run: run.sum("identity_switches")),
             definition=(
@@ -339,7 +334,6 @@ class Switches(LabelAccumulator):
         Metric(
             key="seen_switches",
             heading="identity switches, seen",
-            unit="",
             form=".0f",
             of_run=if_any("n_est", lambda run: run.sum("seen_switches")),
             definition=(

@@ -21,7 +21,7 @@ from std_msgs.msg import Float64
 
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.encoding.errors import RejectedMessageError, quote
-from msg_adapters.incoming.moving_radars import TYPES
+from msg_adapters.incoming.moving_radars import MESSAGE_TYPES
 from msg_adapters.outgoing import diagnostics, outputs
 from msg_adapters.targets import estimates, truth
 from phd_jdtc_ros import output_files
@@ -264,7 +264,7 @@ def _recorded_topics(topics: Sequence[str], messages: Sequence[str]) -> dict[str
         raise ConfigError(
             f"record_types: {messages} given, must be empty or one for each of {len(topics)} topics"
         )
-    kinds = {CLOUD: names.CLOUD, **TYPES}
+    kinds = {CLOUD: names.CLOUD, **MESSAGE_TYPES}
     listed = messages or [CLOUD] * len(topics)
     found = {topic: kinds[kind] for topic, kind in zip(topics, listed, strict=True)}
     for kind in found.values():

@@ -39,7 +39,7 @@ PARTICIPANT_BYTES = 12
 # Types of the tracker's inputs, and what the tracker has of them.
 KINDS = {
     **{reader.type_name: "a radar's detections" for reader in READERS.values()},
-    **dict.fromkeys(moving_radars.TYPES.values(), "the poses of a radar that moves"),
+    **dict.fromkeys(moving_radars.MESSAGE_TYPES.values(), "the poses of a radar that moves"),
 }
 
 

@@ -17,7 +17,7 @@ from typing import Any, TypeAlias
 
 from phd_jdtc_ros.configuration.engines import ENGINES
 
-from .. import turning
+from .. import tracker
 from ..tracker import SimulatedRun, TrackingResult
 
 # Function of a run, the tracker's parameters and lags that returns the tracker's estimates.
@@ -37,7 +37,7 @@ SHARED = (
     *(
         f"phd_jdtc_ros.study.{name}"
         for name in (
-            *("reference", "tracker", "turning"),
+            *("reference", "tracker"),
             *("monte_carlo.scores", "monte_carlo.tasks"),
         )
     ),
@@ -115,7 +115,7 @@ KINDS = {
     kind.name: kind
     for kind in (
         *(Kind(name, ours=True, tuned=True) for name in ENGINES),
-        Kind("turning", turning.track, turning=True, ours=True, tuned=True),
+        Kind("turning", tracker.track_turning, turning=True, ours=True, tuned=True),
         Kind("reference", _reference, known_association=True),
         Kind("reference_best", _best_reference, known_association=True),
         *(Kind(name, tuned=True, classes=False) for name in _STONE_SOUP),

@@ -83,7 +83,6 @@ class OspaAfterBirth(RunAccumulator):
             key="ospa_after_5",
             heading="OSPA after 5 scans",
             unit="m",
-            form=".1f",
             of_run=mean("ospa_after_5"),
             definition=(
                 "Mean OSPA without the targets in their first five scans and without the estimates "
@@ -122,7 +121,6 @@ class MedianError(RunAccumulator):
             key="median_error",
             heading="median error",
             unit="m",
-            form=".1f",
             of_run=mean("median_error"),
             definition="Median distance of the pairs of a scan, its mean over the scans.",
             group=STUDY,
@@ -143,7 +141,6 @@ class Promptness(RunAccumulator):
         Metric(
             key="reported_within_4",
             heading="reported within 4 scans",
-            unit="",
             form=".1%",
             of_run=share("prompt", "begun"),
             definition=(
@@ -197,7 +194,6 @@ class ReflectorsAndDelays(RunAccumulator):
         Metric(
             key="on_reflectors",
             heading="on reflectors",
-            unit="",
             form=".3f",
             of_run=mean("on_reflectors"),
             definition=(
@@ -209,7 +205,6 @@ class ReflectorsAndDelays(RunAccumulator):
         Metric(
             key="late",
             heading="found late",
-            unit="",
             form=".1%",
             of_run=share("late", "five_scans_old"),
             definition=(

@@ -25,8 +25,14 @@ from phd_jdtc_ros import output_files
 from phd_jdtc_ros.configuration import build as tracker_config
 from phd_jdtc_ros.simulation.scenario import Scenario
 
-from ..tracker import TAXIING, IgnoredTargets, SimulatedRun, TrackingResult, simulated_run
-from ..turning import turning_run
+from ..tracker import (
+    TAXIING,
+    IgnoredTargets,
+    SimulatedRun,
+    TrackingResult,
+    simulated_run,
+    turning_run,
+)
 from .definition import ORDER, OWN, Case, Study, Variant
 from .kinds import Kind, code_of
 from .metrics import OTHER_CUTOFF, OTHER_ORDER, VALUES

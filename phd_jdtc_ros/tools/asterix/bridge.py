@@ -16,7 +16,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import FILTERED, SOURCES
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
-from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.quoting import counts_text, short
 
 from .. import command, recorded_clouds
@@ -66,7 +66,7 @@ def _from_recording(path: Path, arguments: argparse.Namespace, bridge: settings.
 def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, object]) -> int:
     bag = BagReader(path)
     recorded = bag_parameters.read(path) or {}
-    config = tracker_params.config(recorded)
+    config = from_arguments.config_of(recorded)
     if arguments.plots:
         bridge = settings.resolve(given)
         done = writing.write_plots(bag, arguments.out, config, bridge)

@@ -19,7 +19,7 @@ from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, find
 from phd_jdtc_ros.configuration.models import REPLY_PROBABILITY
 from phd_jdtc_ros.core.sensors.site import MAX_SITE_DISTANCE
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.parameter_files import from_arguments, tracker_params, yaml_files
+from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 
 from .. import recorded_plots
 
@@ -97,7 +97,7 @@ def propose(states: Sequence[RadarState], disorder_s: float) -> Proposal | None:
 
 def measure(proposed: Proposal, states: Sequence[RadarState], bag: Path) -> None:
     """Set noise, clutter, detection and transponders from the radars' plots in a bag."""
-    config = tracker_params.config(proposed.values)
+    config = from_arguments.config_of(proposed.values)
     recorded = recorded_plots.read(BagReader(bag), config)
     found: dict[str, Findings] = {}
     for radar, plots in recorded.plots.items():
@@ -147,7 +147,7 @@ def _set_detection_probability(proposed: Proposal, radar: str, measured: float) 
 
 def write(path: Path, head: str, proposed: Proposal) -> None:
     """Write a parameter file; `ConfigError` if a tracker would refuse it."""
-    tracker_params.config(proposed.values)
+    from_arguments.config_of(proposed.values)
     yaml_files.write(path, head, proposed.values, proposed.comments)
     with path.open("a", encoding="utf-8") as stream:
         for name, values in proposed.untracked.items():

@@ -21,9 +21,9 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
+from phd_jdtc_ros.simulation.antenna import Sending
 from phd_jdtc_ros.simulation.looks import TurningRadar
 from phd_jdtc_ros.simulation.scenario import Scenario
-from phd_jdtc_ros.simulation.sending import Sending
 from phd_jdtc_ros.simulation.turning_antenna import plots_with_replies
 from phd_jdtc_ros.transport import pcap
 

@@ -14,8 +14,7 @@ import numpy as np
 
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.encoding.errors import RejectedMessageError
-from msg_adapters.incoming.call_signs import learn_from_cdr
-from msg_adapters.incoming.readers import reader_of
+from msg_adapters.incoming.readers import learn_call_signs_from_cdr, reader_of
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.asterix import writing as plots_out
 from phd_jdtc_ros.asterix.messages import COMBINED, DAY, NONE, PRIMARY, CallSigns, Plot
@@ -90,7 +89,7 @@ def write_tracks(
         periodic = _PeriodicOutput(output, stream, period_ns, done)
         for entry in bag.messages([topic, *recorded]):
             if entry.topic != topic:
-                learn_from_cdr(entry.data, call_signs)
+                learn_call_signs_from_cdr(entry.data, call_signs)
                 continue
             periodic.write_before(entry.stamp_ns)
             try:

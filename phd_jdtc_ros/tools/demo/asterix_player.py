@@ -31,7 +31,7 @@ from phd_jdtc_ros.exit_status import ArgumentParser
 from phd_jdtc_ros.nodes.common import parameters, runtime, topics
 from phd_jdtc_ros.nodes.replay.node import SensorReplay
 from phd_jdtc_ros.nodes.replay.playback import GIVE_UP_S
-from phd_jdtc_ros.parameter_files import node_tables, tracker_params
+from phd_jdtc_ros.parameter_files import from_arguments, node_tables
 from phd_jdtc_ros.transport import recordings, udp
 from phd_jdtc_ros.transport.network import RecordingError
 
@@ -115,7 +115,7 @@ class AsterixPlayer(SensorReplay):
 
     def __init__(self, given: Namespace, flags: dict[str, Any]) -> None:
         records.prepare()
-        config = tracker_params.load(given.tracker, names.TRACKER)
+        config = from_arguments.load_config(given.tracker, names.TRACKER)
         bridge = settings.resolve(bridge_parameters(config))
         self._bag = Recording(Path(flags["bag"]), given.recording, bridge)
         self._udp = UdpOutput(given.send)

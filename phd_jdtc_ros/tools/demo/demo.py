@@ -32,7 +32,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.evaluation.evaluation import ORDER
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
-from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params, yaml_files
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, yaml_files
 from phd_jdtc_ros.report.pictures import figures
 from phd_jdtc_ros.report.table import metrics
 
@@ -72,7 +72,7 @@ def _places(profile: Path, bag: Path) -> list[str]:
     if beside is None:
         return []
     recorded, given = (
-        tracker_params.config(values).values for values in (beside, from_arguments.load(profile))
+        from_arguments.config_of(values).values for values in (beside, from_arguments.load(profile))
     )
     places = scene.other_places(recorded, given)
     if places:

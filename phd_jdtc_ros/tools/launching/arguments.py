@@ -13,7 +13,7 @@ from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.parameters import tracker_node
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import OK, USAGE
-from phd_jdtc_ros.parameter_files import bag_parameters, sections, tracker_params
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, sections
 
 _BOOLEANS = {"true": True, "True": True, "1": True, "false": False, "False": False, "0": False}
 
@@ -57,7 +57,7 @@ def load(params_file: str, tracker: str) -> TrackerConfig:
 
     Raises `ConfigError` if the file has no section for the tracker, or with every fault.
     """
-    return tracker_params.load(Path(params_file), tracker) if params_file else resolve({})
+    return from_arguments.load_config(Path(params_file), tracker) if params_file else resolve({})
 
 
 def outputs(params_file: str, tracker: str, frames: bool) -> list[str]:
@@ -79,7 +79,7 @@ def demo(bag: str, params_file: str, tracker: str, out: Path) -> tuple[Path, str
     recorded = None if params_file else bag_parameters.read(found)
     if recorded is None:
         return found, params_file, load(params_file, tracker)
-    config = tracker_params.config(recorded)
+    config = from_arguments.config_of(recorded)
     out.mkdir(parents=True, exist_ok=True)
     path = out / bag_parameters.NAME
     bag_parameters.write(path, config.values, section=tracker)

@@ -4,7 +4,7 @@ import moving
 import numpy as np
 
 from msg_adapters.encoding import interfaces
-from msg_adapters.incoming import detections, platform_poses
+from msg_adapters.incoming import detections, moving_radars
 
 CLOUDS = "/mast/detections"
 
@@ -22,6 +22,6 @@ def sent(kind="odometry", frame="map", count=moving.SCANS, radar="mast"):
     for time_s in np.arange(-0.3, count * moving.INTERVAL_S - 2.5, 0.4):
         stamp_ns = moving.stamp(time_s)
         pose = moving.ship(time_s)
-        data = platform_poses.to_cdr(pose, stamp_ns, frame, kind, "own_ship")
+        data = moving_radars.pose_to_cdr(pose, stamp_ns, frame, kind, "own_ship")
         found.append((moving.ODOMETRY, data, stamp_ns))
     return sorted(found, key=lambda message: message[2])

@@ -17,7 +17,7 @@ from topocentric import seen_from
 from msg_adapters.encoding import interfaces, stamps
 from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.incoming import detections as adapter
-from msg_adapters.incoming import platform_poses, radar_scan
+from msg_adapters.incoming import moving_radars, radar_scan
 from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.core.sensors.site import HeightProjection, Site
 from phd_jdtc_ros.core.types import Detections, Pose
@@ -264,10 +264,10 @@ def odometry(**orientation):
     return message
 
 
-@pytest.mark.parametrize("kind", list(platform_poses.TYPES))
+@pytest.mark.parametrize("kind", list(moving_radars.POSE_TYPES))
 def test_a_pose_is_read_as_it_was_written(kind):
-    data = platform_poses.to_cdr(Pose((12.5, -7.25), 2.0), STAMP, "map", kind)
-    stamp_ns, pose = platform_poses.from_cdr(data, kind, "map")
+    data = moving_radars.pose_to_cdr(Pose((12.5, -7.25), 2.0), STAMP, "map", kind)
+    stamp_ns, pose = moving_radars.pose_from_cdr(data, kind, "map")
     assert stamp_ns == STAMP
     assert pose.position == (12.5, -7.25)
     assert pose.yaw == pytest.approx(2.0)
@@ -281,14 +281,14 @@ def test_a_yaw_is_that_of_the_x_axis_whatever_the_roll():
         "z": math.cos(roll / 2) * math.sin(yaw / 2),
         "w": math.cos(roll / 2) * math.cos(yaw / 2),
     }
-    assert platform_poses.from_msg(odometry(**turned), "map")[1].yaw == pytest.approx(yaw)
+    assert moving_radars.pose_from_msg(odometry(**turned), "map")[1].yaw == pytest.approx(yaw)
 
 
 @pytest.mark.parametrize("axis", "xyzw")
 @pytest.mark.parametrize("value", [0.0, math.nan, 1e300, -1e300, 1e160, 1.7e308, math.inf])
 def test_an_orientation_that_is_absurd_has_no_yaw(axis, value):
     message = odometry(**{"z": value, "w": value, axis: value})
-    assert math.isnan(platform_poses.from_msg(message, "map")[1].yaw)
+    assert math.isnan(moving_radars.pose_from_msg(message, "map")[1].yaw)
 
 
 @pytest.mark.parametrize(
@@ -306,23 +306,23 @@ def test_the_velocity_of_an_odometry_is_known_unless_marked_otherwise(linear, va
     message.twist.twist.linear.x, message.twist.twist.linear.y = linear
     message.twist.twist.angular.z = 0.2
     message.twist.covariance[0] = variance
-    assert platform_poses.from_msg(message, "map")[1].twist == twist
+    assert moving_radars.pose_from_msg(message, "map")[1].twist == twist
 
 
 @pytest.mark.parametrize(("variance", "twist"), [(0.0, None), (0.01, (0.0, 0.0, 0.0))])
 def test_a_velocity_of_zero_is_measured_if_it_has_a_covariance(variance, twist):
     message = odometry()
     message.twist.covariance[35] = variance
-    assert platform_poses.from_msg(message, "map")[1].twist == twist
+    assert moving_radars.pose_from_msg(message, "map")[1].twist == twist
 
 
 def test_poses_in_other_frames_and_other_messages_are_refused():
     with pytest.raises(RejectedMessageError, match="'map', must be the world frame, 'enu'") as why:
-        platform_poses.from_msg(odometry(), "enu")
+        moving_radars.pose_from_msg(odometry(), "enu")
     assert why.value.reason == "frame"
     data = interfaces.encode(stamps.header(STAMP, "map"))
     with pytest.raises(RejectedMessageError):
-        platform_poses.from_cdr(data, "odometry", "map")
+        moving_radars.pose_from_cdr(data, "odometry", "map")
 
 
 @pytest.mark.parametrize(
@@ -332,5 +332,5 @@ def test_a_position_that_is_none_is_refused(x, reason):
     message = PoseStamped(header=stamps.header(STAMP, "map"))
     message.pose.position.x = x
     with pytest.raises(RejectedMessageError) as why:
-        platform_poses.from_msg(message, "map")
+        moving_radars.pose_from_msg(message, "map")
     assert why.value.reason == reason

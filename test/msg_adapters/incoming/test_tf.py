@@ -27,26 +27,30 @@ def test_transforms_are_those_that_another_implementation_wrote(little_endian):
         ("a", "bc", 10**9, PLACED),
     ]
     data = tf_messages.message(*given, little_endian=little_endian)
-    assert moving_radars.from_cdr(data, lambda frame: True) == given
-    assert moving_radars.from_cdr(tf_messages.message(), lambda frame: True) == []
+    assert moving_radars.transforms_from_cdr(data, lambda frame: True) == given
+    assert moving_radars.transforms_from_cdr(tf_messages.message(), lambda frame: True) == []
 
 
 def test_own_static_frames_are_read_as_written():
     data = map_layers.frames_to_cdr([map_layers.Mounting("radar", (4.0, 5.0), 1.0)], STAMP, "map")
-    ((parent, child, stamp_ns, placed),) = moving_radars.from_cdr(data, lambda frame: True)
+    ((parent, child, stamp_ns, placed),) = moving_radars.transforms_from_cdr(
+        data, lambda frame: True
+    )
     assert (parent, child, stamp_ns) == ("map", "radar", STAMP)
     assert placed.pose().position == (4.0, 5.0)
     assert placed.pose().yaw == pytest.approx(1.0)
 
 
 def test_a_leading_slash_of_a_frame_means_nothing():
-    ((parent, child, *_),) = moving_radars.from_cdr(sent("/map", "/radar"), lambda frame: True)
+    ((parent, child, *_),) = moving_radars.transforms_from_cdr(
+        sent("/map", "/radar"), lambda frame: True
+    )
     assert (parent, child) == ("map", "radar")
 
 
 def test_a_quaternion_that_is_nearly_of_norm_1_is_normalised():
     placed = Placement((0.0, 0.0, 0.0), (0.0, 0.0, 0.9, 1.2))
-    ((*_, found),) = moving_radars.from_cdr(sent(placed=placed), lambda frame: True)
+    ((*_, found),) = moving_radars.transforms_from_cdr(sent(placed=placed), lambda frame: True)
     assert found.rotation == pytest.approx((0.0, 0.0, 0.6, 0.8))
 
 
@@ -70,9 +74,9 @@ def test_unusable_transforms_are_refused_and_those_of_other_frames_left_out(chan
     given = {"parent": "map", "child": "radar", "stamp_ns": STAMP, "placed": PLACED, **changes}
     data = tf_messages.message(tuple(given.values()), sound)
     with pytest.raises(RejectedMessageError) as caught:
-        moving_radars.from_cdr(data, lambda frame: True)
+        moving_radars.transforms_from_cdr(data, lambda frame: True)
     assert caught.value.reason == reason
-    assert moving_radars.from_cdr(data, lambda frame: frame == "robot") == [sound]
+    assert moving_radars.transforms_from_cdr(data, lambda frame: frame == "robot") == [sound]
 
 
 def test_damaged_bytes_are_refused_or_read_and_nothing_else():
@@ -87,7 +91,7 @@ def test_damaged_bytes_are_refused_or_read_and_nothing_else():
     refused = 0
     for data in damaged:
         try:
-            moving_radars.from_cdr(data, lambda frame: True)
+            moving_radars.transforms_from_cdr(data, lambda frame: True)
         except RejectedMessageError:
             refused += 1
     assert refused >= len(whole)

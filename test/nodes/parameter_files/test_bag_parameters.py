@@ -6,7 +6,7 @@ import pytest
 
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params, yaml_files
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, yaml_files
 
 ROOT = Path(__file__).parents[3]
 SHIPPED = sorted(path.parent.name for path in ROOT.glob("bags/*/metadata.yaml"))
@@ -25,9 +25,9 @@ def test_shipped_bag_has_the_parameters_of_its_scenario_or_profile(name):
     else:
         scenario = yaml_files.load(ROOT / "config" / "scenarios" / f"{name}.yaml")
         given = from_arguments.scenario_parameters(scenario)
-    expected = tracker_params.config(given).values
+    expected = from_arguments.config_of(given).values
     found = bag_parameters.read(ROOT / "bags" / name)
-    assert tracker_params.config(found).values == expected
+    assert from_arguments.config_of(found).values == expected
     assert bag_parameters.read(ROOT / "bags" / name / f"{name}_0.mcap") == found
 
 

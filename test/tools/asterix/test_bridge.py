@@ -10,7 +10,7 @@ from msg_adapters.encoding import interfaces, names
 from msg_adapters.incoming.readers import reader_of
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 
 ROOT = Path(__file__).parents[3]
 TOPIC = "/radar_1_2/detections"
@@ -39,7 +39,7 @@ def reports(bag, topic=TOPIC):
     """Return what a tracker with the parameters beside the bag reads of it, on a flat earth."""
     given = bag_parameters.read(bag)
     flat = {k: v for k, v in given.items() if not k.endswith(("world_origin", ".geodetic"))}
-    config = tracker_params.config(flat)
+    config = from_arguments.config_of(flat)
     (radar,) = (each for each in config.inputs if each.topic == topic)
     entries = BagReader(bag).messages([topic])
     return [reader_of(radar).from_cdr(entry.data, radar) for entry in entries]
@@ -192,7 +192,7 @@ def test_radars_are_named_and_turned_by_the_parameters(bridge):
     assert status == 0
     assert "a: 8 plots, 65 service messages, 64 clouds" in said.out
     assert BagReader(out).counts == {"/a/detections": 64, "/b/detections": 32}
-    config = tracker_params.config(bag_parameters.read(out))
+    config = from_arguments.config_of(bag_parameters.read(out))
     assert [radar.sectors for radar in config.inputs] == [32, 16]
     sites = [radar.site.geodetic for radar in config.inputs]
     assert sites == [(50.0, 8.0, 100.0), (50.5, 8.5, 120.0)]

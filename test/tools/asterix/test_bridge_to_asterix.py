@@ -17,7 +17,7 @@ from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.types import SOURCES, Detections
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.report import load
 
 
@@ -26,7 +26,7 @@ def test_bag_without_clouds_is_a_failure(tmp_path, what, capsys):
     topic = names.detections("radar_1") if what == "plots" else names.estimates("filtered")
     bag = write(tmp_path / "bag", [topic], [])
     values = {"sensors": ["radar_1"]}
-    bag_parameters.write(bag / bag_parameters.NAME, tracker_params.config(values).values)
+    bag_parameters.write(bag / bag_parameters.NAME, from_arguments.config_of(values).values)
     words = ["--plots"] if what == "plots" else []
     assert run("asterix_bridge", [str(bag), *words, "--out", str(tmp_path / "out.ast")]) == 3
     said = capsys.readouterr().err
@@ -99,7 +99,7 @@ def test_call_signs_of_plots_are_those_of_the_tracks(tmp_path):
         assert record["I245"]["TId"]["val"].strip() == "KLM1023"
         assert record["I380"]["ID"]["ACID"]["val"].strip() == "KLM1023"
         assert int(record["I380"]["ADR"]["ADR"]["val"], 16) == 0x484C3A
-    run_of_tracker = load.record(tracked, tracker_params.config(bag_parameters.read(tracked)))
+    run_of_tracker = load.record(tracked, from_arguments.config_of(bag_parameters.read(tracked)))
     assert [run_of_tracker.call_sign_of(each) for each in ("484C3A", "484C3B", "")] == [
         "KLM1023",
         "",
@@ -137,7 +137,7 @@ def test_plots_that_are_too_far_for_asterix_are_left_out(tmp_path, capsys):
     cloud = detections.to_msg(Detections(measured, np.ones(2)), 10**12, "far")
     write(bag, ["/far/detections"], [("/far/detections", cloud, 10**12)])
     values = {"sensors": ["far"], "far.max_range": 5e5, "far.clutter_max_range": 5e5}
-    bag_parameters.write(bag / bag_parameters.NAME, tracker_params.config(values).values)
+    bag_parameters.write(bag / bag_parameters.NAME, from_arguments.config_of(values).values)
     assert run("asterix_bridge", [str(bag), "--plots", "--out", str(out)]) == 0
     assert capsys.readouterr().out.endswith(
         "1 plots in 2 data blocks, of 1 clouds; dropped: none\n"
@@ -187,7 +187,7 @@ def test_tracks_about_a_guessed_place_have_no_latitudes(with_estimates, tmp_path
     shutil.copytree(with_estimates, bag)
     given = bag_parameters.read(bag)
     given |= {"world_origin": origin, "approach.geodetic": origin}
-    config = tracker_params.config(given)
+    config = from_arguments.config_of(given)
     bag_parameters.write(bag / bag_parameters.NAME, config.values)
     assert run("asterix_bridge", [str(bag), "--out", str(out)]) == 0
     found = [record for record in decoded(out.read_bytes()) if record["category"] == 62]

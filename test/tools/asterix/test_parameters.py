@@ -17,7 +17,7 @@ from phd_jdtc_ros.asterix.messages import DAY, NONE, PRIMARY, SECONDARY, Plot
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.page import words
 from phd_jdtc_ros.report.page.picture import picture_of
@@ -112,7 +112,7 @@ def bare(tmp_path_factory):
 
 def times_of(bag, topic):
     """Return the times of all detections of a bag, seconds of the day."""
-    config = tracker_params.config(bag_parameters.read(bag))
+    config = from_arguments.config_of(bag_parameters.read(bag))
     (radar,) = (each for each in config.inputs if each.topic == topic)
     reports = [reader_of(radar).from_cdr(e.data, radar) for e in BagReader(bag).messages([topic])]
     assert not any(report.dropped for report in reports)
@@ -248,7 +248,7 @@ def test_unknown_position_is_guessed_and_reported_and_the_bag_is_tracked(bare, t
     arguments = [str(bag), "--out", str(tmp_path / "other"), "--geojson", str(tmp_path / "g")]
     assert run("track_bag", arguments) == 2
     assert "--geojson: given without world_origin" in capsys.readouterr().err
-    record = load.record(tracked, tracker_params.config(given))
+    record = load.record(tracked, from_arguments.config_of(given))
     page = picture_of(record)
     assert "earth" not in page.header
     assert "position is unknown" in words.section(page.header)
@@ -302,7 +302,7 @@ def test_guessed_place_gives_the_ground_ranges_of_the_true_one(bridged, latitude
     slant = np.sqrt(east**2 + ahead**2 + up**2)
     _, data = sweep(20.0, 4.0, [*zip(turned, slant, strict=True)], code=1, height=11e3, each=1)
     _, bag, _, given = bridged(data)
-    config = tracker_params.config(given)
+    config = from_arguments.config_of(given)
     (radar,) = config.inputs
     found = [
         reader_of(radar).from_cdr(entry.data, radar).detections

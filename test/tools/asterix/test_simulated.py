@@ -12,7 +12,7 @@ from phd_jdtc_ros.asterix import plot_stream
 from phd_jdtc_ros.asterix.messages import NONE, NORTH, SECTOR, Plot
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import UNKNOWN
-from phd_jdtc_ros.simulation import sending
+from phd_jdtc_ros.simulation import antenna
 from phd_jdtc_ros.simulation.turning_antenna import plots_with_replies
 from phd_jdtc_ros.tools import simulate
 from phd_jdtc_ros.tools.asterix import simulated as simulated_asterix
@@ -155,7 +155,7 @@ def test_simulate_names_an_impossible_recording_before_it_simulates(tmp_path, ca
 def test_sending_names_what_is_wrong(en_route):
     radars, faults = en_route.hour.scenario.radars, []
     given = {"sending": {"en_route": {"plots": 0, "line": 1}, "other": {}}}
-    assert len(sending.of_radars(given, radars, faults)) == 1
+    assert len(antenna.read_sending(given, radars, faults)) == 1
     assert [fault.split(":")[0] for fault in faults] == [
         "sending.other",
         "sending.en_route.line",

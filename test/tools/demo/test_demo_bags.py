@@ -5,7 +5,7 @@ import reference
 
 from phd_jdtc_ros.configuration import scene
 from phd_jdtc_ros.exit_status import FAILED
-from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.resources import bag
 from phd_jdtc_ros.tools.demo import asterix, demo, processes
 
@@ -29,7 +29,7 @@ def given(monkeypatch, tmp_path):
 
 def test_radars_of_a_profile_are_where_the_bag_has_them(given, capsys):
     config, _ = given("--profile", "marine", "--bag", "coastal_ship")
-    expected = tracker_params.config(bag_parameters.read(bag("coastal_ship")))
+    expected = from_arguments.config_of(bag_parameters.read(bag("coastal_ship")))
     assert scene.other_places(expected.values, config.values) == {}
     assert list(config.radars_by_platform) == ["/own_ship/odometry"]
     said = capsys.readouterr().err

@@ -6,7 +6,7 @@ from bag_content import messages, recorded, write
 from moving_messages import CLOUDS, sent
 
 from msg_adapters.encoding import names, stamps
-from msg_adapters.incoming import platform_poses
+from msg_adapters.incoming import moving_radars
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
@@ -61,7 +61,7 @@ def test_a_ships_poses_arrive_by_the_same_clock(tmp_path):
         for topic, data, stamp_ns in sent()
         for late in (5_000 if topic == CLOUDS else 1_000,)
     ]
-    odometry = Topic(moving.ODOMETRY, platform_poses.TYPES["odometry"])
+    odometry = Topic(moving.ODOMETRY, moving_radars.POSE_TYPES["odometry"])
     bag = BagReader(write(tmp_path / "bag", [Topic(CLOUDS, names.CLOUD), odometry], entries))
     command.use_clock(bag, moving.config(), "arrival")
     track_bag.track_bag(bag, moving.config(), tmp_path / "out")

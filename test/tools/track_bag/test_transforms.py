@@ -9,7 +9,7 @@ from moving_messages import CLOUDS, sent
 from transform_messages import LIVE, STATIC
 
 from msg_adapters.encoding import names
-from msg_adapters.incoming import moving_radars, platform_poses
+from msg_adapters.incoming import moving_radars
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import Topic
@@ -22,7 +22,11 @@ CONFIG = moving.config(**tf_messages.PARAMETERS)
 def child_of(message):
     """Return the frame whose transform a message has; None for a cloud."""
     topic, data, _ = message
-    return None if topic == CLOUDS else moving_radars.from_cdr(data, lambda frame: True)[0].child
+    return (
+        None
+        if topic == CLOUDS
+        else moving_radars.transforms_from_cdr(data, lambda frame: True)[0].child
+    )
 
 
 def tracked(path, messages, config=CONFIG, topics=(LIVE, STATIC)):
@@ -46,7 +50,7 @@ def test_a_radar_placed_by_transforms_is_tracked_as_by_odometry(tmp_path):
     odometry = [message for message in messages if message[0] == CLOUDS]
     for _, _, stamp_ns in (m for m in messages if m[0] == LIVE):
         pose = moving.ship((stamp_ns - moving.START_NS) * 1e-9)
-        data = platform_poses.to_cdr(pose, stamp_ns, "map", "odometry")
+        data = moving_radars.pose_to_cdr(pose, stamp_ns, "map", "odometry")
         odometry.append((moving.ODOMETRY, data, stamp_ns))
     odometry.sort(key=lambda message: message[2])
     _, expected = tracked(tmp_path / "odometry", odometry, moving.config(), topics=())

@@ -13,7 +13,7 @@ from sensor_msgs.msg import PointCloud2
 from unfolded import rows_of
 
 from msg_adapters.encoding import names
-from msg_adapters.incoming import platform_poses
+from msg_adapters.incoming import moving_radars
 from msg_adapters.targets import estimates
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import Topic
@@ -27,7 +27,7 @@ KINDS = {"odometry": Odometry, "pose_stamped": PoseStamped}
 
 
 def write_bag(path, messages, kind="odometry"):
-    topics = [Topic(CLOUDS, names.CLOUD), Topic(moving.ODOMETRY, platform_poses.TYPES[kind])]
+    topics = [Topic(CLOUDS, names.CLOUD), Topic(moving.ODOMETRY, moving_radars.POSE_TYPES[kind])]
     return write(path, topics, messages)
 
 
@@ -70,8 +70,8 @@ def test_offline_faults_of_poses_are_counted_and_reported(tmp_path):
         if topic == CLOUDS or not 11.4 < (stamp_ns - moving.START_NS) * 1e-9 < 17.0
     ]
     stamp_ns = moving.stamp(20.2)
-    wild = platform_poses.to_cdr(Pose((9e3, 0.0), 0.0), stamp_ns, "map", "odometry")
-    foreign = platform_poses.to_cdr(moving.ship(20.25), stamp_ns, "odom", "odometry")
+    wild = moving_radars.pose_to_cdr(Pose((9e3, 0.0), 0.0), stamp_ns, "map", "odometry")
+    foreign = moving_radars.pose_to_cdr(moving.ship(20.25), stamp_ns, "odom", "odometry")
     messages += [(moving.ODOMETRY, wild, stamp_ns), (moving.ODOMETRY, foreign, stamp_ns)]
     bag = write_bag(tmp_path / "bag", sorted(messages, key=lambda message: message[2]))
     tracker = track_bag.track_bag(BagReader(bag), moving.config(), tmp_path / "out")
