@@ -277,7 +277,8 @@ class Tracker:
 def _findings(reports: list[tuple[int, Detections]], sensor: Sensor) -> tuple[Findings, bool]:
     """Return the findings of a sensor's reports, and whether detections have times of their own."""
     if isinstance(sensor, RadarModel):
-        field, plots = sensor.visibility, plots_of(reports)
+        rates, field = sensor.range_rate, sensor.visibility
+        plots = plots_of(reports, ambiguity=rates.ambiguity if rates else 0.0)
         plots = replace(plots, fov=field.fov.width, min_range=field.min_range)
     else:
         plots = plots_of(reports, places=True)

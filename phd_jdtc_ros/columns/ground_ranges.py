@@ -86,8 +86,9 @@ def _flat(
 ) -> Ground:
     """Return points over a flat plane, where the height is a side of the triangle."""
     ground = distance if elevation is None else distance * np.cos(elevation)
+    sine = np.full(len(ground), np.nan) if elevation is None else np.sin(elevation)
     if height is None:
-        return Ground(ground, azimuth, np.ones(len(ground), dtype=bool))
+        return Ground(ground, azimuth, np.ones(len(ground), dtype=bool), sine)
     known = np.isfinite(height)
     given = np.where(known, height, antenna)
     above = np.clip(given, -2.0 * MAX_HEIGHT, 2.0 * MAX_HEIGHT) - antenna
@@ -95,7 +96,8 @@ def _flat(
         square = distance**2 - above**2
     possible = (square >= 0.0) & (np.abs(given) <= MAX_HEIGHT)
     side = np.copysign(np.sqrt(np.maximum(square, 0.0)), distance)
-    return Ground(np.where(known, side, ground), azimuth, possible | ~known)
+    sine = np.where(known, above / np.maximum(np.abs(distance), MIN_SLANT_RANGE), sine)
+    return Ground(np.where(known, side, ground), azimuth, possible | ~known, sine)
 
 
 def measure(detections: Detections, radar: RadarParameters) -> tuple[FloatArray, FloatArray]:

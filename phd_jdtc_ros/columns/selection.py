@@ -80,13 +80,13 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         azimuth = np.pi / 2.0 - azimuth
     if radar.bias.azimuth:
         azimuth = azimuth - radar.bias.azimuth
-    elevation, all_zero = columns.get("elevation"), 0
+    elevation, all_zero, sine = columns.get("elevation"), 0, None
     if elevation is not None and radar.elevation_scale != 1.0:
         elevation = radar.elevation_scale * elevation
     counts = {} if elevation is None else _strange_elevations(elevation, radar)
     if radar.height_prior is None:
         ground = ground_ranges.read(distance, azimuth, elevation, height, radar)
-        reach, possible = ground.distance, ground.possible
+        reach, possible, sine = ground.distance, ground.possible, ground.sine
         measurement = np.stack([ground.distance, ground.azimuth], axis=1)
     else:
         elevation, all_zero = _measured_elevation(elevation)
@@ -130,6 +130,7 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         own_std, bad = kept_values(columns, "elevation_std", kept, ELEVATION_STDS, scale)
         noise_std = _spatial_noise(measurement, range_std, azimuth_std, own_std)
         bad_azimuths += bad
+    rise = None if rate is None or sine is None else np.clip(sine[kept], -1.0, 1.0)
     above = None if height is None else height[kept] - radar.datum
     detections = Detections(
         measurement,
@@ -138,6 +139,8 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         _noise_std(range_std, azimuth_std) if radar.height_prior is None else noise_std,
         range_rate=rate,
         range_rate_std=None if rate is None else rate_std,
+        level=None if rise is None else np.sqrt(1.0 - rise**2),
+        rise=rise,
         height=above if radar.height_prior is None else None,
         z=None if radar.height_prior is None else above,
         code=code,

@@ -35,6 +35,7 @@ from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.position import PositionParameters
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
+from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.configuration.tables import schema
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.intake.input_checks import NOT_IN_RECORDINGS
@@ -104,8 +105,7 @@ def read(
         kept[radar] += len(detections)
         reports[radar].append((report.stamp_ns, detections))
     plots = [
-        plots_of(own, isinstance(sensor, PositionParameters)) if own else None
-        for sensor, own in zip(inputs, reports, strict=True)
+        _plots_of(own, sensor) if own else None for sensor, own in zip(inputs, reports, strict=True)
     ]
     areas = [area_of(np.concatenate(own)) if any(map(len, own)) else None for own in places]
     return RecordedPlots(
@@ -128,6 +128,12 @@ def read(
         },
         intact.damage,
     )
+
+
+def _plots_of(reports: list[tuple[int, Detections]], sensor: SensorParameters) -> Plots:
+    if isinstance(sensor, RadarParameters):
+        return plots_of(reports, ambiguity=sensor.range_rate_ambiguity)
+    return plots_of(reports, places=True)
 
 
 def findings_of(

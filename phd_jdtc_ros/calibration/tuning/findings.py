@@ -92,7 +92,8 @@ class Findings:
     slow_speed: float
     crowded: float  # Share of the plots in areas of dense clutter, land excepted
     beside: float  # Share of the tracks' plots with a further plot of the same target
-    # Standard deviation of measured velocities along each axis, m/s; None without any.
+    # Standard deviation of measured velocities along each axis, or of range rates, m/s; None
+    # without any.
     velocity: Rate | None = None
     elevations: Elevations | None = None  # None without measured elevations
 
@@ -195,7 +196,7 @@ def _findings(plots: Plots) -> Findings:
         slow,
         share,
         beside(plots, timing, tracks, noise.range_std, noise.azimuth_std, kept),
-        velocity_noise(plots, tracks, max(noise.range_std, noise.azimuth_std)),
+        velocity_noise(plots, tracks, max(noise.range_std, noise.azimuth_std * plots.places)),
         elevations(plots, tracks),
     )
 

@@ -28,6 +28,7 @@ MOST_PLOTS, LEAST_CLOUDS = 15_000, 10
 # If LEAST_CLOUDS have more, targets are distinct from such clutter only in more clouds: in a sector
 # of DENSE_CLOUDS. SECTORS bounds how many sectors are tried.
 DENSE_CLOUDS, SECTORS = 20, 3
+LEAST_LEVEL = 0.1  # Smallest cosine of an elevation by which a ground range is divided
 
 
 @dataclass(frozen=True)
@@ -50,12 +51,15 @@ class Plots:
     fov: float = FULL_TURN
     min_range: float = 0.0
     places: bool = False  # Whether these are positions
-    # Measured velocities in the frame of the poses, metres per second, (N, 2); NaN where unknown.
-    # None without any.
+    # Measured velocities in the frame of the poses, (N, 2), or range rates, (N, 1), metres per
+    # second; NaN where unknown. None without any.
     velocity: FloatArray | None = None
     # Elevations, radians, of a radar in space, whose ranges are slant ranges, (N,); NaN where
     # unknown. None without any.
     elevation: FloatArray | None = None
+    # Ground range over slant range, (N,); None if both are equal.
+    level: FloatArray | None = None
+    ambiguity: float = 0.0  # Interval modulo which range rates are known, m/s; 0 without any
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -69,6 +73,15 @@ class Plots:
     def position(self) -> FloatArray:
         """Positions in the frame of the poses, metres, shape (N, 2)."""
         return kinematics.positions(self.measurement, self.pose, self.places)
+
+    @property
+    def travelled(self) -> FloatArray:
+        """What changes with `velocity`: positions, (N, 2), or slant ranges, (N, 1), metres."""
+        if self.places:
+            return self.position
+        level = 1.0 if self.level is None else np.maximum(self.level, LEAST_LEVEL)
+        slant: FloatArray = self.measurement[:, :1] / np.reshape(level, (-1, 1))
+        return slant
 
     @property
     def bearing(self) -> FloatArray:
@@ -98,6 +111,7 @@ class Plots:
             pose=self.pose[rows],
             velocity=None if self.velocity is None else self.velocity[rows],
             elevation=None if self.elevation is None else self.elevation[rows],
+            level=None if self.level is None else self.level[rows],
         )
 
 
@@ -139,11 +153,13 @@ def _dense(plots: Plots, most: int) -> bool:
     return len(plots) > most and int(plots.cloud[most]) < LEAST_CLOUDS - 1
 
 
-def plots_of(reports: Sequence[tuple[int, Detections]], places: bool = False) -> Plots:
+def plots_of(
+    reports: Sequence[tuple[int, Detections]], places: bool = False, ambiguity: float = 0.0
+) -> Plots:
     """Return the detections of a sensor's reports with their stamps, ns, in any order.
 
     Those that repeat the one before are left out, because their errors are not independent.
-    `places` tells whether they are positions.
+    `places` tells whether they are positions; for `ambiguity` see `Plots`.
     """
     ordered = _without_copies(sorted(reports, key=lambda report: report[0]), places)
     zero_ns = ordered[0][0]
@@ -163,14 +179,13 @@ def plots_of(reports: Sequence[tuple[int, Detections]], places: bool = False) ->
     order = np.argsort(time_s, kind="stable")
     amplitude = None
     if any(found.amplitude is not None for _, found in ordered):
-        amplitude = np.concatenate(
-            [
-                np.full(len(found), np.nan) if found.amplitude is None else found.amplitude
-                for _, found in ordered
-            ]
-        )[order]
+        amplitude = _column(ordered, "amplitude", np.nan)[order]
     pose = np.concatenate([_poses(found) for _, found in ordered])[order]
-    velocity = None
+    velocity = level = None
+    if not places and any(found.range_rate is not None for _, found in ordered):
+        velocity = _column(ordered, "range_rate", np.nan)[order, None]
+    if any(found.level is not None for _, found in ordered):
+        level = np.nan_to_num(_column(ordered, "level", 1.0)[order], nan=1.0)
     if places and any(found.velocity is not None for _, found in ordered):
         nothing = [np.full((len(found), 2), np.nan) for _, found in ordered]
         own = [found.velocity for _, found in ordered]
@@ -190,6 +205,16 @@ def plots_of(reports: Sequence[tuple[int, Detections]], places: bool = False) ->
         places=places,
         velocity=velocity,
         elevation=_elevations([found for _, found in ordered], measured, order),
+        level=level,
+        ambiguity=ambiguity,
+    )
+
+
+def _column(reports: Sequence[tuple[int, Detections]], quantity: str, unknown: float) -> FloatArray:
+    """Return a quantity of all detections, in the order of the reports, (N,)."""
+    found = [(len(each), getattr(each, quantity)) for _, each in reports]
+    return np.concatenate(
+        [np.full(size, unknown) if own is None else own for size, own in found], dtype=np.float64
     )
 
 

@@ -74,6 +74,7 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
         *_learned(found, noise, now),
         *_noise(found, noise, now),
         *_elevations(found, now),
+        *_motion_noise(found, now, "range_rate_std"),
         *_clusters(found, now),
         *detection,
         max_range,
@@ -122,10 +123,7 @@ def _of_places(found: Findings, noise: Noise, now: Now) -> Iterator[Row]:
     value, std = noise.range_std, noise.range_std * float(noise.log_std.max())
     value = max(value, noise.azimuth_std)
     yield Row("position_std", round_to_std(value, std), _tracks(found), now("position_std"), std)
-    if found.velocity is not None:
-        speed, source = found.velocity, f"{found.velocity.count} velocities of tracks"
-        shown = max(round_to_std(speed.value, speed.std), LEAST_VELOCITY_STD)
-        yield Row("velocity_std", shown, source, now("velocity_std"), speed.std)
+    yield from _motion_noise(found, now, "velocity_std")
     yield from _clusters(found, now)
     rate = found.detection
     probability = min(round_to_std(rate.value, 0.01), MOST_PROBABILITY)
@@ -137,6 +135,14 @@ def _of_places(found: Findings, noise: Noise, now: Now) -> Iterator[Row]:
     clutter = found.clutter
     value, source = round_to_std(clutter.value, clutter.std), f"{clutter.count} untracked plots"
     yield Row("clutter_rate", value, source, now("clutter_rate"), clutter.std)
+
+
+def _motion_noise(found: Findings, now: Now, name: str) -> Iterator[Row]:
+    """Yield the noise of velocities or range rates."""
+    if found.velocity is not None:
+        speed, source = found.velocity, f"{found.velocity.count} plots of tracks"
+        shown = max(round_to_std(speed.value, speed.std), LEAST_VELOCITY_STD)
+        yield Row(name, shown, source, now(name), speed.std)
 
 
 def _covers(given: Any, area: Sequence[float]) -> bool:
@@ -154,7 +160,7 @@ def _learned(found: Findings, noise: Noise, now: Now) -> Iterator[Row]:
     """Yield what the tracker still has to learn besides the estimated values."""
     given = now("learn") or []
     estimated = {"outliers", "detection", "correlation"}
-    if not now("fields.range_rate"):  # whose noise is not estimated here
+    if found.velocity is not None or not now("fields.range_rate"):
         estimated.add("noise")
     words = [word for word in given if word not in estimated] + ["outliers"] * noise.outliers
     if words != given:

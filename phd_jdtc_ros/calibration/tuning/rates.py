@@ -275,15 +275,16 @@ def _scaled(plots: Plots, reach: tuple[float, float], look_s: float) -> FloatArr
 
 
 def velocity_noise(plots: Plots, tracks: Tracks, std: float) -> Rate | None:
-    """Return the standard deviation of measured velocities along each axis; None if it is unknown.
+    """Return the standard deviation of measured velocities or range rates; None if it is unknown.
 
-    A velocity is compared with the slope of its track's positions, whose noise is `std`, around it:
-    in the shortest window in which the slope is more precise than that. Medians are robust against
-    manoeuvres and wrong links.
+    It is that along each axis. A velocity is compared with the slope of its track's positions, or a
+    range rate with that of its ranges, whose noise is `std`, around it: in the shortest window in
+    which the slope is more precise than that. Medians are robust against manoeuvres and wrong
+    links.
     """
     if plots.velocity is None:
         return None
-    found, position = None, plots.position
+    found, position = None, plots.travelled
     for half in WINDOWS:
         long = [own for own in tracks.plots if len(own) > 2 * half]
         if not long:
@@ -293,7 +294,10 @@ def velocity_noise(plots: Plots, tracks: Tracks, std: float) -> Rate | None:
         off = off - off.mean(axis=1, keepdims=True)
         spread = (off**2).sum(axis=1)
         slope = (off[:, :, None] * position[window]).sum(axis=1) / spread[:, None]
-        square = (plots.velocity[window[:, half]] - slope) ** 2
+        error = plots.velocity[window[:, half]] - slope
+        if plots.ambiguity:
+            error -= plots.ambiguity * np.rint(error / plots.ambiguity)
+        square = error**2
         square = square[np.isfinite(square).all(axis=1)]
         if len(square) < LEAST_COMPARED:
             break

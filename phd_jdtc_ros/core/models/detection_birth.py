@@ -122,8 +122,9 @@ class DetectionBirthModel(ReadOnly):
 
         `toward` has the directions from the sensor to the targets, world frame, (M, P).
         """
-        radial = measured.rate + toward @ sensor.origin[1]
-        variance: FloatArray | float = self.velocity_std**2
+        level = 1.0 if measured.level is None else measured.level
+        radial = measured.rate + level * (toward @ sensor.origin[1])
+        variance: FloatArray | float = (level * self.velocity_std) ** 2
         if toward.shape[1] > 2:
             variance = variance + toward[:, 2] ** 2 * (self.climb_std**2 - variance)
         return measured.model.log_density(radial, variance + measured.std**2)

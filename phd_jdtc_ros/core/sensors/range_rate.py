@@ -29,6 +29,8 @@ class RangeRateModel:
     ambiguity: float = 0.0
     # Width of the uniform distribution for false detections without ambiguity, metres per second.
     span: float = 200.0
+    # Standard deviation of a climb rate that is not estimated, metres per second.
+    climb_std: float = 10.0
 
     @property
     def clutter_width(self) -> float:
@@ -95,21 +97,31 @@ class Rates(NamedTuple):
     model: RangeRateModel
     rate: FloatArray  # Metres per second relative to the radar, (M,); NaN where unknown
     std: FloatArray  # Standard deviations, metres per second, (M,)
+    # What they have of the range rate in the plane, (M,); see `Detections.level`.
+    level: FloatArray | None = None
 
     def take(self, rows: IntArray) -> Rates:
         """Return the range rates of these rows."""
-        return Rates(self.model, self.rate[rows], self.std[rows])
+        level = None if self.level is None else self.level[rows]
+        return Rates(self.model, self.rate[rows], self.std[rows], level)
 
 
 def rates_of(model: RangeRateModel | None, detections: Detections) -> Rates | None:
-    """Return the range rates of detections; None without usable ones."""
+    """Return the range rates of detections; None without usable ones.
+
+    What a climb adds to them is unknown, and part of their standard deviation.
+    """
     rate = detections.range_rate
     if model is None or rate is None:
         return None
     reported_std, usual_std = detections.range_rate_std, np.full(len(detections), model.std)
     if reported_std is not None:
         usual_std = np.where(np.isfinite(reported_std), reported_std, usual_std)
-    return Rates(model, rate, usual_std)
+    level, rise = detections.level, detections.rise
+    if level is None or rise is None:
+        return Rates(model, rate, usual_std)
+    climbing = np.nan_to_num(rise) * model.climb_std
+    return Rates(model, rate, np.hypot(usual_std, climbing), np.nan_to_num(level, nan=1.0))
 
 
 @dataclass(frozen=True)

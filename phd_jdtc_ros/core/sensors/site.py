@@ -196,6 +196,7 @@ class Ground(NamedTuple):
     distance: FloatArray  # Distance from the radar, metres
     azimuth: FloatArray  # Radians counter-clockwise from the sensor's x axis
     possible: BoolArray  # Whether the height is plausible and within the slant range
+    sine: FloatArray | None = None  # Of the elevation; NaN where unknown, None if all are level
 
 
 def to_ground(
@@ -237,7 +238,9 @@ def to_ground(
         sine = np.where(has_height, sine, np.sin(elevation))
     ground, direction = site.to_ground(slant, azimuth, sine)
     ground = np.where(is_beyond, -ground, np.copysign(ground, distance))
-    return Ground(np.where(in_range, ground, np.inf), direction, possible)
+    known = has_height if elevation is None else np.ones_like(has_height)
+    sine = np.where(known, sine, np.nan)
+    return Ground(np.where(in_range, ground, np.inf), direction, possible, sine)
 
 
 def assumed_height(site: Site, assumed: float | None, distance: FloatArray) -> FloatArray:

@@ -278,13 +278,15 @@ class View(ReadOnly):
     def sensors_own_rate_std(self, rates: Rates) -> FloatArray:
         """Return the sensor's standard deviations of the detections' range rates, (M,).
 
-        They are NaN where the noise cannot be learned: where the range rate is unknown or has its
-        own standard deviation, and where folds are too close together.
+        They are NaN where the noise cannot be learned: where the range rate is unknown, has its own
+        standard deviation or a part of the climb rate, and where folds are too close together.
         """
         model, reported_std = rates.model, self.detections.range_rate_std
         usable = np.isfinite(rates.rate)
         if reported_std is not None:
             usable &= ~np.isfinite(reported_std)
+        if (rise := self.detections.rise) is not None:
+            usable &= np.nan_to_num(rise) == 0.0
         if model.ambiguity:
             usable &= model.ambiguity >= LEAST_FOLDS_APART * rates.std
         return np.where(usable, rates.std, np.nan)

@@ -14,7 +14,7 @@ FULL_TURN = 2.0 * np.pi
 UNKNOWN = -1
 # The columns of detections with one number per detection.
 _PER_DETECTION = (
-    *("amplitude", "time_s", "noise_correlation", "range_rate", "range_rate_std"),
+    *("amplitude", "time_s", "noise_correlation", "range_rate", "range_rate_std", "level", "rise"),
     *("height", "code", "address", "detection_type", "z", "z_std"),
 )
 # The columns with one row per detection.
@@ -89,6 +89,10 @@ class Detections(ReadOnly):
     # Standard deviation of the range rate, metres per second, (M,). NaN, or None for all, stands
     # for the radar model's.
     range_rate_std: FloatArray | None = None
+    # Cosine and sine of the elevation, (M,): what the range rate has of that in the plane, and of
+    # the climb rate; NaN where unknown. None where all is level, and in space.
+    level: FloatArray | None = None
+    rise: FloatArray | None = None
     # Height above the world's zero, metres, (M,); NaN where unknown. None if the radar reports
     # none.
     height: FloatArray | None = None

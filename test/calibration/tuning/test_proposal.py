@@ -457,3 +457,26 @@ def test_the_proposed_rate_counts_the_clutter_that_cannot_be_read(standing, hidd
     proposed = {row.name: row.value for row in rows}
     rate = share * config.model.radars[1].clutter_rate
     assert proposed["clutter_rate"] == pytest.approx(rate, rel=0.1)
+
+
+@pytest.mark.parametrize("ambiguity", [0.0, 12.0])
+def test_the_noise_of_range_rates_is_estimated(ambiguity):
+    rng, reports = np.random.default_rng(6), []
+    for look in range(150):
+        time_s = 0.2 * look
+        place = np.array([[400.0 - 9.0 * time_s, 200.0], [-300.0, 100.0 + 6.0 * time_s]])
+        velocity = np.array([[-9.0, 0.0], [0.0, 6.0]])
+        distance = np.hypot(*place.T)
+        rate = (place * velocity).sum(axis=1) / distance + 0.3 * rng.standard_normal(2)
+        if ambiguity:
+            rate -= ambiguity * np.rint(rate / ambiguity)
+        measured = np.column_stack([distance, np.arctan2(place[:, 1], place[:, 0])])
+        measured += rng.standard_normal((2, 2)) * [1.5, 0.01]
+        false = rng.uniform([20.0, -np.pi], [600.0, np.pi], (rng.poisson(3.0), 2))
+        rates = np.append(rate, rng.uniform(-6.0, 6.0, len(false)))
+        found = Detections(np.concatenate([measured, false]), None, range_rate=rates)
+        reports.append((round(2e8 * look), found))
+    found = findings(plots_of(reports, ambiguity=ambiguity))
+    rows = {row.name: row for row in proposal.rows(found, {}, "radar")}
+    assert rows["range_rate_std"].value == pytest.approx(0.3, rel=0.15)
+    assert found.tracks == 2

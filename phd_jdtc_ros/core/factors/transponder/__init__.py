@@ -4,6 +4,7 @@
 
     labels, gates
       |  plots with false heights, projected at a target's height   reprojection
+      |  range rates without the part of a known climb rate         climbs
     pairs of rows and detections
       |  likelihood of the identity and the height                  identity, height
       |  unique identities: of another target, or outside its gate  uniqueness

@@ -15,7 +15,7 @@ from ...sensors.view import View
 from ...snapshot import ROUNDING, Snapshot, from_snapshot, to_snapshot
 from ...types import SENSORS, UNKNOWN, Attributes, Detections, Estimates
 from ..factor import Look, Targets
-from . import detection_times, reflections, reprojection, uniqueness
+from . import climbs, detection_times, reflections, reprojection, uniqueness
 from .evidence import Evidence, addresses_of, compare, edges_of, log_clutter_factor, replies_of
 from .history import History
 from .identity import CANDIDATES, Belief
@@ -128,13 +128,23 @@ class Transponders(ReadOnly):
         return self.changed(records=records, history=history)
 
     def pair(self, gate: Gate, targets: Targets, view: View) -> Paired:
-        """Return the pairs in gates, with false heights replaced by those of the targets."""
+        """Return the pairs in gates, with false heights replaced by those of the targets.
+
+        Range rates of targets with known heights are without the part of the climb rate.
+        """
         sensor, detections = view.sensor, view.detections
-        projection = sensor.height_projection if isinstance(sensor, RadarModel) else None
-        if projection is None or detections.height is None:
+        if not isinstance(sensor, RadarModel) or detections.height is None:
+            return pair_as_reported(gate, detections)
+        projection = sensor.height_projection
+        if projection is None:
             return pair_as_reported(gate, detections)
         heights = self.predict(targets.label, view.stamp_ns).beliefs.heights
-        return reprojection.pair(gate, targets.target, heights, view, projection, self.model.height)
+        of_pairs = gate, targets.target, heights, view, projection, self.model.height
+        pairs = reprojection.pair(*of_pairs)
+        if detections.rise is None or sensor.range_rate is None:
+            return pairs
+        target = targets.target.take(pairs.row)
+        return climbs.without_climbs(pairs, target, heights, projection, sensor.range_rate)
 
     def out_of_gate(self, targets: Targets, pairs: Paired, view: View) -> OutOfGate | None:
         """Return the targets whose identities detections show outside their gates."""

@@ -45,6 +45,15 @@ class Expected(NamedTuple):
     variance: FloatArray  # Variance without the radar's noise, (N,)
 
 
+def expected_at(expected: Expected, measured: Rates) -> Expected:
+    """Return what the range rates of a plane are at the elevations of measured ones, row by row."""
+    level = measured.level
+    if level is None:
+        return expected
+    rate, cross, variance = expected
+    return Expected(level * rate, level[:, None] * cross, level**2 * variance)
+
+
 def expected_rates(
     mean: FloatArray, covariance: FloatArray, sensor: Sensor, time_s: FloatArray | None = None
 ) -> Expected:
@@ -197,9 +206,8 @@ def update_rates(
     time_s : array of shape (N,) or None
         Time of each measurement relative to the stamp, seconds.
     """
-    return update_expected(
-        mean, covariance, expected_rates(mean, covariance, sensor, time_s), measured
-    )
+    in_plane = expected_rates(mean, covariance, sensor, time_s)
+    return update_expected(mean, covariance, expected_at(in_plane, measured), measured)
 
 
 def update_expected(

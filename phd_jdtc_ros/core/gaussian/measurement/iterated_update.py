@@ -147,8 +147,10 @@ def _coarse_motion(
     if rates is not None:
         expected = range_rate.expected_rates(mean, covariance, report.sensor)
         rate, variance = (part.reshape(-1, modes) for part in (expected.rate, expected.variance))
-        error = rates.rate[column][:, None] - rate[row]
-        return rates.model.log_density(error, variance[row] + rates.std[column][:, None] ** 2)
+        level = 1.0 if rates.level is None else rates.level[column][:, None]
+        error = rates.rate[column][:, None] - level * rate[row]
+        of_noise = rates.std[column][:, None] ** 2
+        return rates.model.log_density(error, level**2 * variance[row] + of_noise)
     if (measured := report.velocities) is not None:
         axes = list(report.sensor.space.velocity)
         gaussian, detection = gaussians_of_groups(row, modes), column.repeat(modes)

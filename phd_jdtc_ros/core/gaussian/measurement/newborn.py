@@ -110,7 +110,8 @@ def _split_by_fold(
     mean, covariance : arrays of shape (K, D) and (K, D, D)
     """
     sensor, time_s = newborn.report.sensor, newborn.report.detections.time_s
-    expected = range_rate.expected_rates(mean, covariance, sensor, time_s)
+    in_plane = range_rate.expected_rates(mean, covariance, sensor, time_s)
+    expected = range_rate.expected_at(in_plane, rates)
     reach = BIRTH_SIGMA * float(np.sqrt((expected.variance + rates.std**2).max()))
     fold_rates = range_rate.folds_of(rates, expected.rate, reach)
     updated = [
