@@ -27,6 +27,7 @@ from phd_jdtc_ros.core.conflicts.watch import Watch
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
+from phd_jdtc_ros.core.tracks.manual import Manual
 from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.feed.feed import Feed
 from phd_jdtc_ros.feed.tally import Tally
@@ -120,7 +121,7 @@ def _watched(
         for event in feed.report(report.radar, received) or ():
             if isinstance(event, Stepped) and event.step.filtered:
                 stamp_ns, engine = event.scan.stamp_ns, feed.pipeline.engine
-                done = watch.step(stamp_ns, event.step.filtered, engine, None)
+                done = watch.step(stamp_ns, event.step.filtered, engine, None, Manual())
                 if done is not None:
                     yield done[0], event.step.filtered[-1]
 

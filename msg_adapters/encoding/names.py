@@ -66,6 +66,11 @@ def clutter_map(tracker: str = TRACKER) -> str:
     return f"{tracker}/clutter_map"
 
 
+def manual(tracker: str = TRACKER) -> str:
+    """Return the topic of the manual work on a tracker's tracks."""
+    return f"{tracker}/manual"
+
+
 def conflicts(tracker: str = TRACKER) -> str:
     """Return the topic of a tracker's conflicts."""
     return f"{tracker}/conflicts"

@@ -6,11 +6,12 @@ import math
 import re
 import uuid
 from collections.abc import Sequence
-from xml.sax.saxutils import escape
+from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
 from phd_jdtc_ros.core.sensors.site import Plane
+from phd_jdtc_ros.core.tracks.manual import Manual
 from phd_jdtc_ros.core.types import TRACK_STATES, Estimates
 
 from ..encoding import stamps
@@ -41,12 +42,13 @@ def events(
     types: Sequence[str],
     run: uuid.UUID,
     stale_s: float,
+    manual: Manual,
 ) -> list[bytes]:
     """Encode each labelled estimate as an event, by ascending track number.
 
     An event is stale `stale_s` after its stamp. ``ce`` is the standard deviation along the long
     axis of the position's ellipse, and ``le`` that of the height, metres. An identifier belongs to
-    a track of a tracker's `run`.
+    a track of a tracker's `run`. `manual` has the names and the friends.
     """
     places, up = geodetic.of(found, plane), vertical.of(found)
     identities, words = vertical.identities(found), vertical.words(found, plane.origin[2])
@@ -61,15 +63,19 @@ def events(
         course = np.nan_to_num(places.course[row])
         share = found.class_probability[row, class_id]
         state = TRACK_STATES[int(found.track_state[row])]
+        kind = type_of(types, class_id, any(identities[row]))
+        if track in manual.friends:
+            kind = re.sub("^a-[un]-", "a-f-", kind)
+        name = manual.names.get(track) or f"{track} {words[row]}".rstrip()
         sent.append(
             f'<?xml version="1.0" encoding="UTF-8"?><event version="2.0" '
             f'uid="{uuid.uuid5(run, str(track))}" '
-            f'type="{type_of(types, class_id, any(identities[row]))}" '
+            f'type="{kind}" '
             # Fused from several sources by a machine.
             f'how="m-f" time="{now}" start="{now}" stale="{stale}">'
             f'<point lat="{places.latitude[row]:.7f}" lon="{places.longitude[row]:.7f}" '
             f'ce="{axes[row]:.1f}" {height}/>'
-            f'<detail><contact callsign="{f"{track} {words[row]}".rstrip()}"/>'
+            f"<detail><contact callsign={quoteattr(name)}/>"
             f'<track speed="{places.speed[row]:.2f}" course="{course:.1f}"/>'
             f"<remarks>{escape(class_names[class_id])} {share:.0%}, {state}</remarks>"
             "</detail></event>\n".encode()

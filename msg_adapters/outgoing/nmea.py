@@ -8,7 +8,8 @@ speeds in knots, and the talker is ``RA``.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -50,18 +51,26 @@ class TargetNumbers:
         self._targets: list[Target] = []
         self._latest: Estimates | None = None
 
-    def of(self, found: Estimates, centre: Sequence[float]) -> list[Target]:
+    def of(
+        self,
+        found: Estimates,
+        centre: Sequence[float],
+        names: Mapping[int, str] = MappingProxyType({}),
+    ) -> list[Target]:
         """Return the targets of a scan by number, with those that are lost since the scan before.
 
-        `centre` is the place to which targets are near, in the world frame, metres, (2,). Several
-        outputs may ask for the targets of one scan.
+        `names` has those that an operator has given to tracks, and `centre` is the place to which
+        targets are near, in the world frame, metres, (2,). Several outputs may ask for the targets
+        of one scan.
         """
         if found is not self._latest:
             self._latest = found
-            self._targets = self._renew(found, centre)
+            self._targets = self._renew(found, centre, names)
         return self._targets
 
-    def _renew(self, found: Estimates, centre: Sequence[float]) -> list[Target]:
+    def _renew(
+        self, found: Estimates, centre: Sequence[float], names: Mapping[int, str]
+    ) -> list[Target]:
         distance = np.hypot(*(found.position - np.asarray(centre)).T)
         before, self._numbered = self._numbered, {}
         rows, identities = rows_by_track(found), vertical.identities(found)
@@ -71,11 +80,16 @@ class TargetNumbers:
             number = before[track].number if track in before else self._free.pop(0)
             status = "Q" if found.track_state[row] == TENTATIVE else "T"
             code, address = identities[row]
-            name = code or address or str(track)
+            name = _plain(names.get(track, "")) or code or address or str(track)
             self._numbered[track] = Target(number, found, row, status, name)
         lost = [each for track, each in before.items() if track not in self._numbered]
         self._free += sorted(each.number for each in lost)
         return sorted([*self._numbered.values(), *(each._replace(status="L") for each in lost)])
+
+
+def _plain(name: str) -> str:
+    """Return a name without the characters that a sentence reserves or cannot have."""
+    return "".join(letter for letter in name if " " <= letter <= "~" and letter not in "$*,!\\^~")
 
 
 def ttm(targets: Sequence[Target], own: Pose, plane: Plane | None, relative: bool) -> list[bytes]:

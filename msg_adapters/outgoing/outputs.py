@@ -19,15 +19,17 @@ from phd_jdtc_ros.core.engine import Engine, Step
 from phd_jdtc_ros.core.models.zones import Zone
 from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.sensors.site import Plane
+from phd_jdtc_ros.core.tracks.manual import Manual
 from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates, Pose
 
 from ..encoding import interfaces, names, stamps
 from ..targets import estimates, geo_json, geodetic, markers, tracks
 from ..targets.tracks import Trails
-from . import conflicts, cot, diagnostics, map_layers, nmea, signal_k
+from . import conflicts, cot, diagnostics, manual, map_layers, nmea, signal_k
 
-# Triggers besides the estimates of a source: a `Scan`, a `StepResult`, and `Conflicts`.
-SCAN, STEP, CONFLICTS = "scan", "step", "conflicts"
+# Triggers besides the estimates of a source: a `Scan`, a `StepResult`, `Conflicts`, and manual work
+# with its stamp.
+SCAN, STEP, CONFLICTS, MANUAL = "scan", "step", "conflicts", "manual"
 # Shortest time between two clutter maps, seconds, by the stamps of scans.
 CLUTTER_PERIOD_S = 10.0
 
@@ -61,6 +63,7 @@ class View:
     run: uuid.UUID = field(default_factory=uuid.uuid4)  # Identifies the tracker's run
     # Returns own ship's pose at a stamp, see `Pipeline.own_pose`.
     own_pose: Callable[[int], Pose | None] = lambda stamp_ns: None
+    manual: Callable[[], Manual] = Manual  # Returns the operator's entries
     types: Sequence[str] = ()  # Types of the classes in Cursor on Target; empty for that of all
     stale_s: float = 0.0  # Time after which a track that is not reported again is stale
     numbers: nmea.TargetNumbers = field(default_factory=nmea.TargetNumbers)
@@ -156,6 +159,12 @@ def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
             latched=True,
             needs=lambda view: view.has_clutter_map,
             period_s=CLUTTER_PERIOD_S,
+        ),
+        Output(
+            names.manual("~"),
+            names.FIGURES,
+            when=MANUAL,
+            encode=lambda done, view: [manual.to_msg(*done)],
         ),
         Output(
             names.conflicts("~"),
@@ -294,22 +303,27 @@ def _vision(found: Estimates, view: View) -> list[Any]:
 def _ttm(found: Estimates, view: View, own: Pose | None, relative: bool = False) -> list[bytes]:
     if own is None:
         return []
-    return nmea.ttm(view.numbers.of(found, own.position), own, view.plane, relative)
+    targets = view.numbers.of(found, own.position, view.manual().names)
+    return nmea.ttm(targets, own, view.plane, relative)
 
 
 def _tll(found: Estimates, view: View, own: Pose | None) -> list[bytes]:
-    targets = view.numbers.of(found, (0.0, 0.0) if own is None else own.position)
+    centre = (0.0, 0.0) if own is None else own.position
+    targets = view.numbers.of(found, centre, view.manual().names)
     return [] if view.plane is None else nmea.tll(targets, view.plane)
 
 
 def _cot(found: Estimates, view: View, own: Pose | None) -> list[bytes]:
     if view.plane is None:
         return []
-    return cot.events(found, view.plane, view.class_names, view.types, view.run, view.stale_s)
+    sent = found, view.plane, view.class_names, view.types, view.run, view.stale_s
+    return cot.events(*sent, view.manual())
 
 
 def _signal_k(found: Estimates, view: View, own: Pose | None) -> list[bytes]:
-    return [] if view.plane is None else signal_k.deltas(found, view.plane, view.types, view.run)
+    if view.plane is None:
+        return []
+    return signal_k.deltas(found, view.plane, view.types, view.run, view.manual().names)
 
 
 # Output of relative bearings, which needs own ship's heading.

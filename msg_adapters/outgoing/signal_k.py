@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 import uuid
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from phd_jdtc_ros.core.sensors.site import Plane
@@ -17,7 +18,13 @@ from ..targets.tracks import rows_by_track
 from . import cot
 
 
-def deltas(found: Estimates, plane: Plane, types: Sequence[str], run: uuid.UUID) -> list[bytes]:
+def deltas(
+    found: Estimates,
+    plane: Plane,
+    types: Sequence[str],
+    run: uuid.UUID,
+    names: Mapping[int, str] = MappingProxyType({}),
+) -> list[bytes]:
     """Encode each labelled estimate as a delta, by ascending track number.
 
     Targets in the air by their type in Cursor on Target are aircraft, all others vessels; the
@@ -36,7 +43,7 @@ def deltas(found: Estimates, plane: Plane, types: Sequence[str], run: uuid.UUID)
         if math.isfinite(places.height[row]):
             position["altitude"] = round(float(places.height[row]), 1)
         values: dict[str, Any] = {
-            "": {"name": f"{track} {words[row]}".rstrip()},
+            "": {"name": names.get(track) or f"{track} {words[row]}".rstrip()},
             "navigation.position": position,
             "navigation.speedOverGround": round(float(places.speed[row]), 2),
         }

@@ -100,6 +100,16 @@ class Engine(Protocol):
     def clutter_raster(self) -> ClutterRaster | None:
         """Return the learned clutter density; None if nothing was learned."""
 
+    @property
+    def track_count(self) -> int:
+        """The latest track number; 0 if there is none."""
+
+    def start_track(self, position: tuple[float, float], velocity: tuple[float, float]) -> None:
+        """Begin a track with the next scan, at a place in metres with a velocity in m/s.
+
+        Raise `ValueError` if the engine has no tracks.
+        """
+
     def paths(
         self, tracks: IntArray, interval_s: float, steps: int, count: int, rng: np.random.Generator
     ) -> Paths | None:

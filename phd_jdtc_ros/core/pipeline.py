@@ -23,6 +23,7 @@ from .intake.revolution_history import Recut, RevolutionHistory
 from .intake.scans import Rejection, Reset, ScanGrouper
 from .intake.slices import Slice
 from .models.tracker_model import TrackerModel
+from .tracks.manual import START, Command, Manual
 from .tracks.region import Everywhere, Region
 from .tracks.reporting_rule import ReportingRule, slowest_s
 from .types import Detections, Estimates, Pose, Scan
@@ -121,6 +122,8 @@ class Pipeline:
         self._region, self._configured = region, configured
         self._posed = PosedReports([sensor.platform for sensor in sensors])
         self._begin, self._on_filtered = begin, on_filtered
+        self.manual = Manual()
+        self.stamp_ns = 0  # Stamp of the latest scan
         self._begun = False
 
     @property
@@ -325,6 +328,17 @@ class Pipeline:
         """Return the pose of own ship at a stamp, as `own_pose`; None if no sensor moves."""
         return self.own_pose(stamp_ns) if self._posed.moving else None
 
+    def operate(self, command: Command) -> str:
+        """Do manual work, between two scans; return what was done in words.
+
+        Raise `ValueError` for what cannot be done.
+        """
+        if command.verb != START:
+            return self.manual.apply(command, self.engine.track_count)
+        x, y, vx, vy = command.motion
+        self.engine.start_track((x, y), (vx, vy))
+        return f"a track begins at {x:.0f}, {y:.0f} m with the next scan"
+
     def take_drops(self) -> list[tuple[int, Drops]]:
         """Return what was dropped after `add` since the last call, with each radar's index."""
         taken = []
@@ -399,18 +413,20 @@ class Pipeline:
             since_ns = self._out_of_sequence.since_ns()
             for sensor in self._sensors:
                 sensor.history.forget_before(event.stamp_ns if since_ns is None else since_ns)
-            due = self._results.note_step(event, step)
+            due, self.stamp_ns = self._results.note_step(event, step), event.stamp_ns
             yield Stepped(event, step, self._results.scans if due else 0)
 
     def _pass_on(self, filtered: tuple[Estimates, ...]) -> None:
         """Pass filtered estimates within the region to `on_filtered`."""
-        self._on_filtered(self._region.select_estimates(filtered))
+        self._on_filtered(self._reported(filtered))
 
     def _restrict_to_region(self, step: Step) -> Step:
         """Return a step with only the estimates within the region."""
-        filtered = self._region.select_estimates(step.filtered)
-        smoothed = self._region.select_estimates(step.smoothed)
+        filtered, smoothed = self._reported(step.filtered), self._reported(step.smoothed)
         return Step(filtered, smoothed, step.class_mass, step.figures)
+
+    def _reported(self, estimates: tuple[Estimates, ...]) -> tuple[Estimates, ...]:
+        return self.manual.select(self._region.select_estimates(estimates))
 
     def _end(self, reset: Reset | None) -> RunEnded:
         """End the run; after a jump ahead, known aircraft keep their track numbers."""
@@ -419,4 +435,4 @@ class Pipeline:
         estimates = self.engine.interrupt() if ahead else self.engine.flush()
         self._out_of_sequence.forget()
         self._begun = False
-        return RunEnded(reset, self._region.select_estimates((*due, *estimates)))
+        return RunEnded(reset, self._reported((*due, *estimates)))

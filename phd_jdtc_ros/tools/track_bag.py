@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -22,7 +23,7 @@ from msg_adapters.encoding import interfaces, names
 from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import reader_of
-from msg_adapters.outgoing import conflicts, diagnostics, map_layers
+from msg_adapters.outgoing import conflicts, diagnostics, manual, map_layers
 from msg_adapters.targets import estimates, geodetic, truth
 from phd_jdtc_ros import interruption, output_files, resources
 from phd_jdtc_ros.bags.errors import BagError
@@ -34,6 +35,7 @@ from phd_jdtc_ros.configuration.parameters.place_forms import STATIC_TRANSFORMS
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.conflicts.watch import Watch
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped
+from phd_jdtc_ros.core.tracks.manual import Command
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates
 from phd_jdtc_ros.evaluation.evaluation import ORDER
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser, fail
@@ -55,7 +57,9 @@ WRITERS = {"geojson": track_files.to_geojson, "csv": track_files.to_csv}
 class OfflineTracker:
     """Feeds recorded detections to a pipeline and writes the estimates to a bag."""
 
-    def __init__(self, config: TrackerConfig, bag: BagWriter) -> None:
+    def __init__(
+        self, config: TrackerConfig, bag: BagWriter, commands: Iterable[tuple[int, Command]] = ()
+    ) -> None:
         self._config = config
         self._bag = bag
         self._innovations = InnovationMonitor(config.model)
@@ -69,11 +73,14 @@ class OfflineTracker:
         self.step_ms: list[float] = []  # CPU time of each scan, milliseconds
         self._step_clock = StepClock()
         self._watch = Watch(config.conflicts)
+        # Manual work with the stamp of the scan after which it was done, in that order.
+        self._manual = deque(commands)
         self.damage: BagError | None = None  # Damage of the bag; its intact messages were tracked
         # Serialised, as in the new bag.
         self._estimates: dict[str, list[bytes]] = {source: [] for source in SOURCES}
         self._runs = [0]  # Number of smoothed estimates before each run
         self._truth: list[bytes] = []
+        self._operate(0)
 
     def add(self, entry: BagMessage) -> None:
         """Process a recorded message: a radar's report, a platform's pose, or the truth."""
@@ -156,11 +163,22 @@ class OfflineTracker:
             self._write_estimates(SMOOTHED, event.step.smoothed)
             self.step_ms.append(self._step_clock.take_ms())
             self._write_conflicts(event)
+            self._operate(event.scan.stamp_ns)
+
+    def _operate(self, stamp_ns: int) -> None:
+        """Do the manual work that was done until after the scan of a stamp."""
+        while self._manual and self._manual[0][0] <= stamp_ns:
+            try:
+                self._feed.pipeline.operate(self._manual.popleft()[1])
+            except ValueError:  # With other parameters than live there may be no such track
+                self.tally.dropped["manual"] += 1
 
     def _write_conflicts(self, event: Stepped) -> None:
         pipeline, stamp_ns = self._feed.pipeline, event.scan.stamp_ns
         own = pipeline.own_ship(stamp_ns)
-        watched = self._watch.step(stamp_ns, event.step.filtered, pipeline.engine, own)
+        watched = self._watch.step(
+            stamp_ns, event.step.filtered, pipeline.engine, own, pipeline.manual
+        )
         if watched is not None:
             data = conflicts.to_cdr(watched[0], self._config.world_frame)
             self._bag.write(names.conflicts(), data, stamp_ns)
@@ -194,6 +212,7 @@ def track_bag(
         raise ConfigError(*(f"{name}.{text}" for name in given))
     copied = [*types, *([names.TRUTH] if names.TRUTH in source.types else [])]
     source.require({topic: types.get(topic, names.CLOUD) for topic in copied})
+    commands = _commands(source)
     with BagWriter(out) as bag:
         for topic in copied:
             latched = topic == STATIC_TRANSFORMS
@@ -208,7 +227,7 @@ def track_bag(
             bag.add_topic(Topic(names.cardinality(), names.FIGURES))
         if config.conflicts.enabled:
             bag.add_topic(Topic(names.conflicts(), names.CLOUD))
-        tracker = OfflineTracker(config, bag)
+        tracker = OfflineTracker(config, bag, commands)
         total = sum(source.counts[topic] for topic in copied)
         console = Console(stderr=True)
         try:
@@ -226,6 +245,20 @@ def track_bag(
                 tracker.finish()
                 bag_parameters.write(out / bag_parameters.NAME, config.values)
     return tracker
+
+
+def _commands(source: BagReader) -> list[tuple[int, Command]]:
+    """Return the manual work in a bag, with stamps; raise `BagError` if some cannot be read."""
+    if names.manual() not in source.types:
+        return []
+    source.require({names.manual(): names.FIGURES})
+    try:
+        return [
+            manual.from_msg(interfaces.decode(entry.data, names.FIGURES))
+            for entry in source.messages([names.manual()])
+        ]
+    except RejectedMessageError as error:
+        raise BagError(f"{names.manual()}: {error}") from error
 
 
 def _stamped(messages: Iterable[BagMessage]) -> Iterator[tuple[BagMessage, int]]:

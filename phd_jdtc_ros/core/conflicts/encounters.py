@@ -227,18 +227,30 @@ def _candidates(reach: _Reach, distance: float) -> list[tuple[int, int]]:
     return list(zip(first.tolist(), second.tolist(), strict=True))
 
 
+class Named(NamedTuple):
+    """Who is own ship, and who need not be watched."""
+
+    own: Pose | None = None  # Own ship's pose, if it is known
+    tracks: frozenset[int] = frozenset()  # Tracks that are own ship
+    friends: frozenset[int] = frozenset()  # Tracks that are in no conflict with each other
+
+
 def predict(
-    stamp_ns: int,
-    paths: Paths,
-    existence: FloatArray,
-    own: Pose | None,
-    model: ConflictModel,
+    stamp_ns: int, paths: Paths, existence: FloatArray, named: Named, model: ConflictModel
 ) -> Conflicts:
-    """Return the conflicts of the tracks and of own ship, if its pose is given.
+    """Return the conflicts of the tracks and of own ship, if it is known.
 
     `existence` has the probability that the target of each track exists, (T,).
     """
-    number, place = paths
+    number, place, own = *paths, named.own
+    mine = np.isin(number, [*named.tracks])
+    if own is None and mine.any():
+        first = int(mine.argmax())
+        order = np.concatenate([[first], np.flatnonzero(~mine)])
+        number, place, existence = number[order], place[order], existence[order]
+        number[0] = OWN_SHIP
+    elif mine.any():
+        number, place, existence = number[~mine], place[~mine], existence[~mine]
     if own is not None:
         number = np.concatenate([[OWN_SHIP], number])
         existence = np.concatenate([[1.0], existence])
@@ -247,13 +259,16 @@ def predict(
     mean = place[..., :2].mean(axis=1)
     velocity = (mean[:, 1] - mean[:, 0]) / model.interval_s
     pairs = _candidates(_reach_of(place), model.distance) if model.distance > 0.0 else []
+    friends = {OWN_SHIP, *named.friends}
     for one, other in pairs:
+        if {int(number[one]), int(number[other])} <= friends:
+            continue
         times = _times_of_approach(place[one], place[other], model.distance, model.height)
         share, median = _summary(times, existence[one] * existence[other])
         if share >= model.least_probability:
             line, relative = mean[other, 0] - mean[one, 0], velocity[other] - velocity[one]
             approach = closest_approach(line, relative, velocity[one])
-            kind = OWN if number[one] == OWN_SHIP and own is not None else PAIR
+            kind = OWN if number[one] == OWN_SHIP else PAIR
             names = kind, number[one], number[other]
             at = mean[other, round(median)]
             found.append((*names, share, median * model.interval_s, *approach, *at))
@@ -267,11 +282,11 @@ def predict(
     found.sort(key=lambda row: (-row[3], row[:3]))
     columns = np.array(found, dtype=np.float64).reshape(-1, 11).T
     whole, real = columns[:3].astype(np.int64), columns[3:9]
-    named = dict(zip(("kind", "first", "second"), whole, strict=True))
-    named |= dict(
+    of_name = dict(zip(("kind", "first", "second"), whole, strict=True))
+    of_name |= dict(
         zip(("probability", "time_s", "cpa", "tcpa_s", "ahead", "starboard"), real, strict=True)
     )
-    return Conflicts(stamp_ns, place=np.ascontiguousarray(columns[9:].T), **named)
+    return Conflicts(stamp_ns, place=np.ascontiguousarray(columns[9:].T), **of_name)
 
 
 def _summary(times: FloatArray, existence: float) -> tuple[float, float]:

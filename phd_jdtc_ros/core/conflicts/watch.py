@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..engine import Engine
+from ..tracks.manual import Manual
 from ..types import TENTATIVE, Estimates, Pose
 from .alarms import Alarms
-from .encounters import ConflictModel, Conflicts, predict, words
+from .encounters import ConflictModel, Conflicts, Named, predict, words
 
 
 class Watch:
@@ -30,12 +31,18 @@ class Watch:
         self._targets: Estimates | None = None
 
     def step(
-        self, stamp_ns: int, filtered: Sequence[Estimates], engine: Engine, own: Pose | None
+        self,
+        stamp_ns: int,
+        filtered: Sequence[Estimates],
+        engine: Engine,
+        own: Pose | None,
+        manual: Manual,
     ) -> tuple[Conflicts, list[str]] | None:
         """Return the conflicts at the stamp of the engine's last scan, and new alarms in words.
 
         None if none are due. `filtered` are the estimates of the step, and `own` is own ship's
-        pose; one without a velocity has no conflicts.
+        pose; one without a velocity has no conflicts. Without it, the track that is marked as own
+        ship is own ship. Friends are in no conflict with each other.
         """
         # Only what is reported can be in a conflict, and estimates need not come with every scan.
         self._targets = targets = filtered[-1] if filtered else self._targets
@@ -54,6 +61,7 @@ class Watch:
         row_of = dict(zip(reported.track_id.tolist(), reported.weight.tolist(), strict=True))
         existence = np.array([row_of[track] for track in paths.track_id.tolist()])
         moves = own is not None and bool(np.isfinite(own.velocity).all())
-        found = predict(stamp_ns, paths, existence, own if moves else None, model)
+        names = Named(own if moves else None, manual.own, manual.friends)
+        found = predict(stamp_ns, paths, existence, names, model)
         self.latest, new = self.alarms.add(found)
         return self.latest, [words(found, row, model.zones) for row in new]

@@ -193,7 +193,7 @@ class Dynamics:
         for row, term in enumerate(terms):
             weight[row] = np.tensordot(term.rate, self.spread, axes=1)
             mean[row, : len(term.mean)] = term.mean
-            covariance[row] = self._diagonal(term.std**2)
+            covariance[row] = self.diagonal(term.std**2)
         return weight, mean[:, None] * self.supported, covariance
 
     @cached_property
@@ -201,9 +201,9 @@ class Dynamics:
         """Weights and noise of spawned targets."""
         spawn, spread = self.model.spawn, self.spread.reshape(len(self.spread), -1)
         weight = (spread > 0.0).T.astype(np.float64) @ spawn.transition @ spread
-        return frozen(Spawned(weight, self._diagonal(spawn.std**2)))
+        return frozen(Spawned(weight, self.diagonal(spawn.std**2)))
 
-    def _diagonal(self, variance: FloatArray) -> FloatArray:
+    def diagonal(self, variance: FloatArray) -> FloatArray:
         """Return a diagonal matrix for each motion mode, on its axes, (R, D, D)."""
         covariance: FloatArray = self.supported[..., None] * _in_space(np.diag(variance))
         return covariance

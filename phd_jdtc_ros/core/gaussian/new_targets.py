@@ -39,6 +39,36 @@ def births(terms: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: i
     )
 
 
+class Place(NamedTuple):
+    """Where a target is said to be."""
+
+    position: tuple[float, float]  # World frame, metres
+    velocity: tuple[float, float]  # Metres per second
+
+
+def placed(places: Sequence[Place], dynamics: Dynamics, scan_index: int) -> Mixture:
+    """Return targets at places that somebody has given, each with a new label.
+
+    The errors of a position given by hand are assumed to be `PLACE_STD`, and those of a velocity to
+    be those of births at detections. The classes are equally probable.
+    """
+    model, modes = dynamics.model, dynamics.model.modes
+    births, count = model.detection_births, len(places)
+    std = modes.space.state(PLACE_STD, births.velocity_std, births.turn_rate_std, PLACE_HEIGHT_STD)
+    mean = np.zeros((count, SIZE))
+    for row, (position, velocity) in enumerate(places):
+        mean[row, : len(modes.space)] = modes.space.state(position, velocity, 0.0)
+    weight = PLACED_EXISTENCE * dynamics.birth_weight.mean(axis=0)
+    first = labels.first_predicted(scan_index) + labels.LABELS_PER_SCAN // 4
+    return dynamics.nothing.changed(
+        row_label=first + np.arange(count),
+        weight=weight[None].repeat(count, axis=0),
+        mean=mean[:, None] * dynamics.supported,
+        covariance=dynamics.diagonal(std**2)[None].repeat(count, axis=0),
+        snr=dynamics.unknown_snr(count),
+    )
+
+
 def spawn(
     earlier: Sequence[AgedMixture], dynamics: Dynamics, scan_index: int, least: float
 ) -> Mixture:
@@ -65,6 +95,13 @@ def spawn(
             parts.append(dynamics.nothing.changed(row_label=row_label, snr=snr, **columns))
             label += count
     return Mixture.concatenate(parts) if parts else dynamics.nothing
+
+
+# Standard deviations of a position given by hand, along each axis, and of height and climb rate in
+# space, metres and m/s.
+PLACE_STD, PLACE_HEIGHT_STD = 300.0, (3000.0, 5.0)
+# Probability that a target is there: it is believed for some looks that do not detect it.
+PLACED_EXISTENCE = 1.0 - 1e-6
 
 
 class _Targets(NamedTuple):

@@ -157,6 +157,15 @@ class PhdEngine(Generic[SetT, LinkT]):
         """Return None: nothing is learned."""
         return None
 
+    @property
+    def track_count(self) -> int:
+        """The latest track number: there is none."""
+        return 0
+
+    def start_track(self, *_: object) -> None:
+        """Refuse: its estimates are no tracks."""
+        raise ValueError("engine: a PHD filter has no tracks")
+
     def paths(self, *_: object) -> None:
         """Return None: its estimates are no tracks."""
 

@@ -13,6 +13,7 @@ from ..engine import EngineState, Lag, OnFiltered, Paths, Reprocessed, Step, ign
 from ..gaussian.entries import Entry, UnsweptRows, trim
 from ..gaussian.extraction import extract, most_probable_motion
 from ..gaussian.mixture import Mixture
+from ..gaussian.new_targets import Place
 from ..gaussian.paths import Samples, moved, sample
 from ..gaussian.smoothing.lineages import Lineages
 from ..gaussian.smoothing.smoother import extract_at
@@ -111,6 +112,15 @@ class GaussianEngine:
     def clutter_raster(self) -> ClutterRaster | None:
         """Return the learned clutter density; see `Engine.clutter_raster`."""
         return self.forward.factors.clutter_raster(self.forward.model.radars)
+
+    @property
+    def track_count(self) -> int:
+        """The latest track number; see `Engine.track_count`."""
+        return self._tracks.count
+
+    def start_track(self, position: tuple[float, float], velocity: tuple[float, float]) -> None:
+        """Begin a track with the next scan; see `Engine.start_track`."""
+        self.forward.places += (Place(position, velocity),)
 
     def paths(
         self, tracks: IntArray, interval_s: float, steps: int, count: int, rng: np.random.Generator

@@ -14,7 +14,7 @@ from ..gaussian.bounds import Bounds
 from ..gaussian.dynamics import Dynamics
 from ..gaussian.entries import Entry, Link, UnsweptRows
 from ..gaussian.mixture import Mixture
-from ..gaussian.new_targets import births, spawn
+from ..gaussian.new_targets import Place, births, placed, spawn
 from ..gaussian.prediction import AgedMixture, survivors
 from ..gaussian.reduction import Branched, reduce_hypotheses
 from ..gaussian.update import GaussianSteps
@@ -65,6 +65,7 @@ class ForwardFilter:
     _born_ns: dict[int, int] = field(init=False, repr=False)
     _scan_index: int = field(init=False, repr=False)
     factors: Factors = field(init=False, repr=False)
+    places: tuple[Place, ...] = field(init=False, default=())  # Where targets begin next scan
     approximate: int = field(init=False, default=0)  # Clusters associated approximately, last step
     floored: int = field(init=False, default=0)  # Covariances raised to their least, last step
     _dynamics: Dynamics | None = field(init=False, default=None, repr=False)
@@ -124,6 +125,9 @@ class ForwardFilter:
             *parts, moves = survivors(aged, dynamics)
         if born := self._births(scan):
             parts.append(births(born, dynamics, index))
+        if self.places:
+            parts.append(placed(self.places, dynamics, index))
+            self.places = ()
         if self.model.spawn.rate > 0.0:
             parts.append(spawn(aged, dynamics, index, self.bounds.least_existence))
         predicted = Mixture.concatenate(parts or [dynamics.nothing])
@@ -146,6 +150,7 @@ class ForwardFilter:
     def reset(self) -> None:
         """Return to the initial state."""
         self.unswept, self.stamp_ns, self._born_ns, self._scan_index = [], None, {}, 0
+        self.places = ()
         self.factors = self._configured_factors
 
     def start_from(self, stamp_ns: int, stored: Mixture) -> None:

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import rclpy
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.exceptions import NameValidationException, ParameterException
@@ -54,6 +55,21 @@ def serve(node: Node, name: str, action: Callable[[], tuple[bool, str]]) -> None
         return response
 
     node.create_service(Trigger, f"~/{name}", reply)
+
+
+def serve_values(
+    node: Node, name: str, action: Callable[[Sequence[Any]], tuple[bool, str]]
+) -> None:
+    """Offer the service ``~/NAME`` with named values; `action` returns as that of `serve` does.
+
+    No standard interface has a text or a number to ask with but the one that sets parameters.
+    """
+
+    def reply(request: Any, response: Any) -> Any:
+        response.result.successful, response.result.reason = action(request.parameters)
+        return response
+
+    node.create_service(SetParametersAtomically, f"~/{name}", reply)
 
 
 class RunnableNode(Node):

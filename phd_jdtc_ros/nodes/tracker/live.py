@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,8 @@ from rclpy.lifecycle import LifecycleNode
 
 from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import Reader, reader_of
-from msg_adapters.outgoing.outputs import CONFLICTS, SCAN, STEP, StepResult
+from msg_adapters.outgoing import manual
+from msg_adapters.outgoing.outputs import CONFLICTS, MANUAL, SCAN, STEP, StepResult
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.calibration.registration.monitor import RegistrationMonitor
 from phd_jdtc_ros.columns import anomalies
@@ -24,6 +25,7 @@ from phd_jdtc_ros.core.conflicts.watch import Watch
 from phd_jdtc_ros.core.engine import Step
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped, start_cold
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
+from phd_jdtc_ros.core.tracks.manual import Manual
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Pose
 from phd_jdtc_ros.feed.feed import Feed, Monitor, StepClock
 
@@ -67,7 +69,7 @@ class LiveTracker:
         self._active = False
         self._step_clock = StepClock()
         self._watch = Watch(config.conflicts)
-        self._outputs = Outputs(node, settings, self._output_health, self._own_pose)
+        self._outputs = Outputs(node, settings, self._output_health, self._own_pose, self._manual)
         # The timer is never started if scans wait without a limit.
         self._max_wait_s = settings.node["max_wait_s"]
         period_s = self._max_wait_s or 1.0
@@ -91,6 +93,9 @@ class LiveTracker:
 
     def _own_pose(self, stamp_ns: int) -> Pose | None:
         return self._pipeline.own_pose(stamp_ns)
+
+    def _manual(self) -> Manual:
+        return self._pipeline.manual
 
     def _make_checkpoints(self) -> Checkpoints | None:
         values = self._settings.node
@@ -274,12 +279,24 @@ class LiveTracker:
     def _watch_conflicts(self, stamp_ns: int, step: Step) -> None:
         """Publish the conflicts if they are due, and log new alarms."""
         own, engine = self._pipeline.own_ship(stamp_ns), self._pipeline.engine
-        watched = self._watch.step(stamp_ns, step.filtered, engine, own)
+        watched = self._watch.step(stamp_ns, step.filtered, engine, own, self._pipeline.manual)
         if watched is not None:
             found, alarms = watched
             self._outputs.publish(CONFLICTS, stamp_ns, found)
             for alarm in alarms:
                 self._node.get_logger().warning(f"alarm: {alarm}")
+
+    def operate(self, verb: str, given: Sequence[Any]) -> str:
+        """Do manual work with a service's values, and publish it; return it in words.
+
+        Raise `ValueError` for what cannot be done.
+        """
+        command = manual.of_request(verb, given, self._settings.config.known_plane)
+        done = self._pipeline.operate(command)
+        stamp_ns = self._pipeline.stamp_ns
+        self._outputs.publish(MANUAL, stamp_ns, (stamp_ns, command))
+        self._node.get_logger().info(f"by hand: {done}")
+        return done
 
     def acknowledge(self) -> str:
         """Acknowledge all alarms of conflicts; return what was done in words."""

@@ -26,12 +26,13 @@ from msg_adapters.encoding import names
 from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core import compilation
+from phd_jdtc_ros.core.tracks.manual import VERBS
 from phd_jdtc_ros.exit_status import USAGE
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
 from ..common import parameters, runtime
 from ..common.health import DEPTH, PERIOD_S, Condition, HealthReports, status_of, summary
-from ..common.runtime import ManagedNode, serve, steady_timer
+from ..common.runtime import ManagedNode, serve, serve_values, steady_timer
 from ..common.topics import reliable
 from . import peers, settings
 from .inputs import Recognition
@@ -118,6 +119,8 @@ class Tracker(ManagedNode):
             "acknowledge": lambda: (True, self._configured.acknowledge()),
         }.items():
             serve(self, name, partial(self._while_active, action))
+        for verb in VERBS:
+            serve_values(self, f"{verb}_track", partial(self._operate, verb))
         self.start(self._settings.node["autostart"])
 
     def _give_way(self) -> None:
@@ -322,6 +325,13 @@ class Tracker(ManagedNode):
 
     def _while_active(self, action: Callable[[], tuple[bool, str]]) -> tuple[bool, str]:
         return action() if self.is_active else (False, f"the tracker is {self.phase}")
+
+    def _operate(self, verb: str, given: Sequence[Any]) -> tuple[bool, str]:
+        """Do manual work on tracks."""
+        try:
+            return self._while_active(lambda: (True, self._configured.operate(verb, given)))
+        except ValueError as error:
+            return False, str(error)
 
     def _flush(self) -> tuple[bool, str]:
         return True, f"{self._configured.flush()} smoothed estimates published"

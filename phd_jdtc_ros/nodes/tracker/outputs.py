@@ -18,6 +18,7 @@ from msg_adapters.outgoing.map_layers import Mounting
 from msg_adapters.outgoing.outputs import Output, View, table
 from msg_adapters.targets.tracks import Trails
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.tracks.manual import Manual
 from phd_jdtc_ros.core.types import FILTERED, Pose
 
 from ..common import topics
@@ -45,6 +46,7 @@ class Outputs:
         settings: Settings,
         health: OutputHealth,
         own_pose: Callable[[int], Pose | None],
+        manual: Callable[[], Manual],
     ) -> None:
         self._node, self._health = node, health
         self._values = settings.node
@@ -60,6 +62,7 @@ class Outputs:
             config.model.has_clutter_map,
             zones=config.conflicts.zones if config.conflicts.enabled else None,
             own_pose=own_pose,
+            manual=manual,
             types=self._values["cot_types"],
             stale_s=config.reset_threshold_s,
         )

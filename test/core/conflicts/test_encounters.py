@@ -11,6 +11,7 @@ from phd_jdtc_ros.core.conflicts.encounters import (
     PAIR,
     ZONE,
     ConflictModel,
+    Named,
     closest_approach,
     predict,
 )
@@ -42,7 +43,7 @@ def test_predict_agrees_with_the_closed_form_for_a_lateral_error():
     rng = np.random.default_rng(0)
     other = np.tile([3000.0, 0.0, -20.0, 0.0], (MODEL.paths, 1))
     other[:, 1] = rng.normal(300.0, 400.0, MODEL.paths)
-    found = predict(0, straight([0.0, 0.0, 0.0, 0.0], other), np.ones(2), None, MODEL)
+    found = predict(0, straight([0.0, 0.0, 0.0, 0.0], other), np.ones(2), Named(), MODEL)
     expected = norm.cdf(500.0, 300.0, 400.0) - norm.cdf(-500.0, 300.0, 400.0)
     assert found.probability[0] == pytest.approx(expected, abs=0.025)
     assert found.keys == [(PAIR, 1, 2)]
@@ -54,7 +55,7 @@ def test_predict_agrees_with_a_simulation_by_small_steps():
     rng = np.random.default_rng(1)
     mean, spread = [4000.0, -3000.0, -12.0, 11.0], [300.0, 300.0, 1.5, 1.5]
     other = rng.normal(mean, spread, (MODEL.paths, 4))
-    found = predict(0, straight([0.0, 0.0, 3.0, 0.0], other), np.ones(2), None, MODEL)
+    found = predict(0, straight([0.0, 0.0, 3.0, 0.0], other), np.ones(2), Named(), MODEL)
     again = rng.normal(mean, spread, (20_000, 4))
     times = np.linspace(0.0, 300.0, 1501)[:, None]
     x = again[:, 0] + times * (again[:, 2] - 3.0)
@@ -68,12 +69,12 @@ def test_predict_agrees_with_a_simulation_by_small_steps():
 def test_predict_finds_what_is_too_near_between_two_points(gap, conflicts):
     # They pass within 0.2 s, in the middle between two points of the paths.
     paths = straight([0.0, 0.0, 0.0, 0.0], [15e3 * 7.5, gap, -15e3, 0.0])
-    assert len(predict(0, paths, np.ones(2), None, MODEL)) == conflicts
+    assert len(predict(0, paths, np.ones(2), Named(), MODEL)) == conflicts
 
 
 def test_predict_multiplies_the_existence_and_knows_what_is_too_near_now():
     paths = straight([0.0, 0.0, 0.0, 0.0], [100.0, 0.0, 0.0, 0.0])
-    found = predict(0, paths, np.array([0.5, 0.8]), None, MODEL)
+    found = predict(0, paths, np.array([0.5, 0.8]), Named(), MODEL)
     assert found.probability.tolist() == [pytest.approx(0.4)]
     assert found.time_s.tolist() == [0.0]
 
@@ -85,13 +86,13 @@ def test_predict_takes_heights_into_account_if_asked(height, least, conflicts):
     model = ConflictModel(distance=500.0, height=least, paths=8)
     paths = straight([0.0, 0.0, 1.0, 0.0], [900.0, 0.0, -1.0, 0.0], model=model, height=0.0)
     paths.place[1, ..., 2] = height
-    assert len(predict(0, paths, np.ones(2), None, model)) == conflicts
+    assert len(predict(0, paths, np.ones(2), Named(), model)) == conflicts
 
 
 def test_predict_takes_unknown_heights_as_equal():
     model = ConflictModel(distance=500.0, height=300.0, paths=8)
     paths = straight([0.0, 0.0, 1.0, 0.0], [900.0, 0.0, -1.0, 0.0], model=model)
-    assert len(predict(0, paths, np.ones(2), None, model)) == 1
+    assert len(predict(0, paths, np.ones(2), Named(), model)) == 1
 
 
 def test_predict_separates_a_climb_that_is_too_late():
@@ -99,14 +100,14 @@ def test_predict_separates_a_climb_that_is_too_late():
     model = ConflictModel(distance=500.0, height=300.0, horizon_s=300.0, paths=8)
     paths = straight([0.0, 0.0, 50.0, 0.0], [5e3, 0.0, -50.0, 0.0], model=model, height=0.0)
     paths.place[1, ..., 2] = 2000.0 - 5.0 * model.interval_s * np.arange(model.steps + 1)
-    assert len(predict(0, paths, np.ones(2), None, model)) == 0
+    assert len(predict(0, paths, np.ones(2), Named(), model)) == 0
     paths.place[1, ..., 2] += -1700.0
-    assert len(predict(0, paths, np.ones(2), None, model)) == 1
+    assert len(predict(0, paths, np.ones(2), Named(), model)) == 1
 
 
 def test_own_ship_stands_on_and_comes_first():
     own = Pose((0.0, 0.0), 0.0, (10.0, 0.0))
-    found = predict(0, straight([3000.0, 100.0, -10.0, 0.0]), np.ones(1), own, MODEL)
+    found = predict(0, straight([3000.0, 100.0, -10.0, 0.0]), np.ones(1), Named(own), MODEL)
     assert found.keys == [(OWN, 0, 1)]
     # Its course is along x, so that the track passes to port, at its nearest neither ahead nor
     # astern.
@@ -147,7 +148,7 @@ def test_zone_is_entered_with_the_share_of_the_paths_that_cross_it():
     # Thinner than the way between two points of a path.
     zones = (square(1000.0, 0.0, 1010.0, 150.0), square(-100.0, -1e4, 50.0, 1e4, "here"))
     model = ConflictModel(zones=zones, horizon_s=300.0, paths=MODEL.paths, steps=20)
-    found = predict(0, straight(start, model=model), np.ones(1), None, model)
+    found = predict(0, straight(start, model=model), np.ones(1), Named(), model)
     assert found.keys == [(ZONE, 1, 1), (ZONE, 1, 0)]
     assert found.probability.tolist() == pytest.approx(
         [1.0, norm.cdf(0.75) - norm.cdf(0.0)], abs=0.025
@@ -156,6 +157,23 @@ def test_zone_is_entered_with_the_share_of_the_paths_that_cross_it():
 
 
 def test_conflicts_of_nothing_are_empty():
-    found = predict(0, straight(), np.ones(0), None, MODEL)
+    found = predict(0, straight(), np.ones(0), Named(), MODEL)
     assert len(found) == 0
     assert found.place.shape == (0, 2)
+
+
+@pytest.mark.parametrize(
+    ("named", "keys"),
+    [
+        (Named(), [(PAIR, 1, 2)]),
+        (Named(friends=frozenset({2})), [(PAIR, 1, 2)]),
+        (Named(friends=frozenset({1, 2})), []),
+        (Named(tracks=frozenset({2}), friends=frozenset({2})), [(OWN, 0, 1)]),
+        (Named(tracks=frozenset({2}), friends=frozenset({1, 2})), []),
+        # The track of own ship is not in conflict with its pose.
+        (Named(Pose((100.0, 0.0), 0.0), frozenset({2}), frozenset({2})), [(OWN, 0, 1)]),
+    ],
+)
+def test_own_ship_and_friends_are_as_the_operator_says(named, keys):
+    paths = straight([0.0, 0.0, 0.0, 0.0], [100.0, 0.0, 0.0, 0.0])
+    assert predict(0, paths, np.ones(2), named, MODEL).keys == keys

@@ -10,6 +10,7 @@ import pytest
 from samples import estimates, nothing
 
 from msg_adapters.outgoing import cot
+from phd_jdtc_ros.core.tracks.manual import Manual
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes
 from phd_jdtc_ros.earth import SystemPlane
 
@@ -28,9 +29,9 @@ def at(*states, **changes):
     return replace(given, track_id=np.arange(1, len(states) + 1), **changes)
 
 
-def read(given, plane=PLANE, types=(), run=RUN, stale_s=30.0):
+def read(given, plane=PLANE, types=(), run=RUN, stale_s=30.0, manual=None):
     """Return the events as takproto parses their XML."""
-    sent = cot.events(given, plane, NAMES, types, run, stale_s)
+    sent = cot.events(given, plane, NAMES, types, run, stale_s, manual or Manual())
     return [takproto.parse_proto(bytearray(event)).cotEvent for event in sent]
 
 
@@ -83,7 +84,7 @@ def test_remarks_have_class_and_state_whatever_the_name():
     given = at(*[(0.0, 1.0, 0.0, 0.0)] * 2, class_probability=share, track_state=state)
     texts = [
         ElementTree.fromstring(event).findtext("detail/remarks")
-        for event in cot.events(given, PLANE, NAMES, (), RUN, 1.0)
+        for event in cot.events(given, PLANE, NAMES, (), RUN, 1.0, Manual())
     ]
     assert texts == ["boat & barge 75%, coasting", "plane 75%, confirmed"]
 
@@ -109,3 +110,10 @@ def test_places_at_poles_and_the_date_line(place):
 
 def test_no_events_of_nothing():
     assert read(nothing()) == []
+
+
+def test_names_and_friends_are_those_of_the_operator():
+    entries = Manual(names={1: 'A "B" <&>'}, marks={2: "friend"})
+    first, second = read(at((0.0, 0.0, 0.0, 0.0), (1e3, 0.0, 0.0, 0.0)), manual=entries)
+    assert first.detail.contact.callsign == 'A "B" <&>'
+    assert (first.type, second.type) == ("a-u-G", "a-f-G")

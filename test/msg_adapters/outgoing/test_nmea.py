@@ -176,3 +176,10 @@ def test_numbers_are_from_1_to_99_and_for_the_nearest():
 def test_nothing_is_sent_of_nothing_or_of_unlabelled_estimates():
     assert ttm(nothing()) == []
     assert ttm(at((1.0, 1.0, 1.0, 1.0), tracks=[0])) == []
+
+
+def test_name_of_the_operator_is_without_what_a_sentence_reserves():
+    given = at((3000.0, 0.0, 0.0, 0.0))
+    targets = nmea.TargetNumbers().of(given, (0.0, 0.0), {1: "Au*ro,ra$ é"})
+    (found,) = read(nmea.ttm(targets, AT_REST, None, False))
+    assert found.name == "Aurora "

@@ -12,6 +12,7 @@ from msg_adapters.incoming.readers import reader_of
 from msg_adapters.outgoing import conflicts
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.conflicts.watch import Watch
+from phd_jdtc_ros.core.tracks.manual import Manual
 from phd_jdtc_ros.feed.feed import Feed
 from phd_jdtc_ros.feed.tally import Tally
 
@@ -28,7 +29,7 @@ def offline():
         read = partial(reader_of(config.inputs[radar]).from_msg, cloud(index, radar))
         for event in feed.message(radar, partial(read, config.inputs[radar])):
             step, engine = event.step, feed.pipeline.engine
-            found.append(watch.step(event.scan.stamp_ns, step.filtered, engine, None)[0])
+            found.append(watch.step(event.scan.stamp_ns, step.filtered, engine, None, Manual())[0])
     return found
 
 
