@@ -116,7 +116,7 @@ class RawBlocks:
                 return False
             hidden += self._decodes(at, until)
             at = until
-        return hidden > (0 if records.reader(self._data[begin]) else 1)
+        return hidden > (0 if records.readers(self._data[begin]) else 1)
 
 
 @lru_cache(maxsize=1)

@@ -1,6 +1,7 @@
 """The content of radar messages, independent of the category, in SI units.
 
-A record of a plot category becomes a `Plot`, and a record of a service category a `ServiceMessage`.
+A record of a plot category becomes a `Plot`, one of a service category a `ServiceMessage`, and one
+of a category of positions a `PositionMessage`.
 Azimuths remain clockwise from north, as radars report them. `CallSigns` keeps the names of
 aircraft by their addresses.
 """
@@ -9,6 +10,8 @@ from __future__ import annotations
 
 import math
 from typing import NamedTuple, TypeAlias
+
+from phd_jdtc_ros.transponders.messages import Heard
 
 # Times of day are in units of 1/128 s; some messages have only the lowest 16 bits of them.
 TICKS_PER_S = 128
@@ -62,7 +65,24 @@ class ServiceMessage(NamedTuple):
         return DAY
 
 
-Message: TypeAlias = "Plot | ServiceMessage"
+# Sources of positions, which name them without a name of their own.
+ADS_B, MULTILATERATION, TRACKS = "adsb", "mlat", "tracks"
+
+
+class PositionMessage(NamedTuple):
+    """A position that a target, or another centre, reports."""
+
+    radar: int  # SAC in the upper, SIC in the lower eight bits
+    time_of_day: int  # UTC, 1/128 s; `NONE` if unknown
+    period: int  # `DAY`
+    source: str  # `ADS_B`, `MULTILATERATION` or `TRACKS`
+    heard: Heard  # Without a latitude and a longitude if the place is in a plane
+    # East and north of the source's reference point, metres; NaN with a latitude.
+    x: float = math.nan
+    y: float = math.nan
+
+
+Message: TypeAlias = "Plot | ServiceMessage | PositionMessage"
 
 
 # A call sign has CHARACTERS of BITS bits each: letters from 1, a space, and digits.

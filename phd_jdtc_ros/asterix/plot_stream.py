@@ -6,14 +6,17 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
+from phd_jdtc_ros.transponders.batches import Batch, Batches
+from phd_jdtc_ros.transponders.transmitters import Transmitters
 from phd_jdtc_ros.transport.network import fits_stamp
 
 from . import records
 from .assembly import LEARNED, Assembler
 from .clocks import RadarClock, StreamClock
 from .framing import BLOCK_HEADER, LARGEST_BLOCK
-from .messages import NONE, CallSigns, Message, Plot
+from .messages import NONE, CallSigns, Message, Plot, PositionMessage, ServiceMessage
 from .slices import NoRevolutionFinder, RevolutionFinder, SectorReport
 from .specification import MalformedError
 
@@ -21,7 +24,9 @@ from .specification import MalformedError
 # bytes counts as a trailer once its length has occurred TRAILERS times.
 LONGEST_TRAILER, TRAILERS = 16, 3
 # Reasons for which a record is not to be used; any other is a fault of the record.
-INTENDED = frozenset(("no_detection", "field_monitor", "test_target", ""))
+INTENDED = frozenset(("no_detection", "field_monitor", "test_target", "position_check", ""))
+# Upper bound of radars accepted without configuration; forged radar numbers would fill the memory.
+MAX_RADARS = 64
 
 
 class BlockReader:
@@ -42,6 +47,8 @@ class BlockReader:
         self.faulty: Counter[int] = Counter()
         self.trailers: Counter[int] = Counter()
         self._faults: dict[int, Counter[str]] = {}
+        # Blocks that had the form of one edition only, by source.
+        self._editions: dict[int, Counter[records.RecordReader]] = {}
 
     def known_trailers(self) -> dict[int, int]:
         """Return the numbers of trailers by length."""
@@ -50,7 +57,7 @@ class BlockReader:
     def messages(self, data: bytes) -> Iterator[Message]:
         """Yield the messages of a datagram in order, each decoded on demand."""
         for category, begin, end in self._blocks(data):
-            reads = records.reader(category)
+            reads = self._reader(category, data, begin, end)
             if reads is None:
                 self.counts["other_category"] += 1
                 self.categories[category] += max(records.count(category, data, begin, end), 1)
@@ -71,6 +78,27 @@ class BlockReader:
                 self.faulty[category] += 1
                 self.counts[error.reason] += 1
 
+    def _reader(
+        self, category: int, data: bytes, begin: int, end: int
+    ) -> records.RecordReader | None:
+        """Return the decoder of a block: of several editions that which its source uses.
+
+        A block may by chance have the form of another edition too: then the edition counts that
+        more blocks of the source had alone.
+        """
+        known = records.readers(category)
+        if len(known) < 2:
+            return known[0] if known else None
+        fitting = [each for each in known if each.fits(data, begin, end)]
+        if not fitting:
+            return known[0]
+        alone = self._editions.setdefault(known[0].source(data, begin, end), Counter())
+        if len(fitting) == 1:
+            alone[fitting[0]] += 1
+        if len(self._editions) > MAX_RADARS:
+            self._editions.clear()
+        return max(fitting, key=lambda each: alone[each])
+
     def _blocks(self, data: bytes) -> Iterator[tuple[int, int, int]]:
         """Yield category, begin and end of the records of each data block of a datagram."""
         at = 0
@@ -80,7 +108,7 @@ class BlockReader:
             if not BLOCK_HEADER < length <= left:
                 fault = "block_truncated" if length > left else "block_length"
                 # The header of a cut block still gives its whole length.
-                supported = records.reader(data[at]) is not None
+                supported = bool(records.readers(data[at]))
                 cut = supported and left < length <= LARGEST_BLOCK
                 self._rest(fault, left, at > 0 and not cut)
                 return
@@ -103,8 +131,8 @@ class BlockReader:
 
 # Upper bound of a radar's messages that wait until its clock error is known.
 MAX_WAITING = 1000
-# Upper bound of radars accepted without configuration; forged radar numbers would fill the memory.
-MAX_RADARS = 64
+# Time for which positions are collected to a cloud.
+PERIOD_NS = 500_000_000
 # A second source of a radar is accepted after the first has been silent for this time.
 SOURCE_TIMEOUT_S = 10.0
 
@@ -163,7 +191,10 @@ class RadarState:
     # Position of the radar, from its configuration or else from I034/120; None if unknown.
     site: tuple[float, float, float] | None
     plots: int = 0  # Number of accepted plots
-    undated: int = 0  # Number of plots without a time that fits a stamp
+    undated: int = 0  # Number of plots and positions without a time that fits a stamp
+    positions: int = 0  # Number of accepted positions
+    # Source of the positions, such as `messages.TRACKS`; empty without any.
+    source: str = ""
     services: int = 0  # Number of accepted service messages
     reports: int = 0  # Number of reports made from them
     # Sources of the radar's plots (`Plot`) and service messages (`ServiceMessage`), which may
@@ -173,6 +204,7 @@ class RadarState:
     time_ns: int = 0  # Time of the latest message
     statistics: PlotStatistics = field(default_factory=PlotStatistics)
     waiting: list[tuple[Message, int | None]] = field(default_factory=list)
+    batches: Batches = field(default_factory=lambda: Batches(PERIOD_NS))
     _received_ns: dict[type, int] = field(default_factory=dict)
 
     def accept_source(self, kind: type, source: str | None, now_ns: int) -> bool:
@@ -193,8 +225,17 @@ class RadarState:
         return True
 
 
+# What a cloud is made of: a sector or a slice of plots, or positions.
+Cloud: TypeAlias = "SectorReport | Batch"
+# Converts metres east and north of a place to latitude and longitude, degrees.
+Locate: TypeAlias = "Callable[[tuple[float, float, float], float, float], tuple[float, float]]"
+
+
 class PlotStream:
     """Converts datagrams to the reports of radars, and collects the call signs of all plots.
+
+    Positions are those of `transponders`, by the same rules (`transmitters`). Positions in a plane
+    need the place of their source, and `locate`; without they are counted as ``place_unknown``.
 
     `radars` has the configured radars, by SAC in the upper and SIC in the lower eight bits. If it
     is empty, every radar is accepted, with the settings `others` and the name ``radar_SAC_SIC``.
@@ -211,11 +252,14 @@ class PlotStream:
         others: RadarSettings | None = None,
         clock: StreamClock | None = None,
         finders: Callable[[], RevolutionFinder] = NoRevolutionFinder,
+        locate: Locate | None = None,
     ) -> None:
         self.counts: Counter[str] = Counter()
+        self._locate = locate
         self.blocks = BlockReader(self.counts)
         self._finders = finders
         self.clock = clock or StreamClock()
+        self.transmitters = Transmitters(self.counts, round(self.clock.max_offset_s * 1e9))
         self.radars = {number: self._state(settings) for number, settings in radars.items()}
         self._others = others or RadarSettings("")
         self._configured_only = bool(radars)
@@ -225,7 +269,7 @@ class PlotStream:
 
     def feed(
         self, data: bytes, received_ns: int | None = None, source: str | None = None
-    ) -> list[tuple[RadarState, SectorReport]]:
+    ) -> list[tuple[RadarState, Cloud]]:
         """Return the reports that a datagram completes, each with its radar, in order.
 
         The time of receipt since the epoch and the sender are None if unknown.
@@ -234,7 +278,7 @@ class PlotStream:
 
     def iter_reports(
         self, data: bytes, received_ns: int | None = None, source: str | None = None
-    ) -> Iterator[list[tuple[RadarState, SectorReport]]]:
+    ) -> Iterator[list[tuple[RadarState, Cloud]]]:
         """Yield the reports that each message of a datagram completes; parameters as in `feed`.
 
         A datagram may hold thousands of messages. The caller can do other work between them.
@@ -244,7 +288,7 @@ class PlotStream:
             self.counts["receipt_time"] += 1
             received_ns = None
         for message in self.blocks.messages(data):
-            state = self.radars.get(message.radar) or self._new(message.radar)
+            state = self.radars.get(message.radar) or self._new(message)
             if state is None:
                 yield []
                 continue
@@ -253,17 +297,22 @@ class PlotStream:
             found = self._process(state, message, received_ns) if accepted else []
             yield [(state, report) for report in found]
 
-    def finish(self) -> list[tuple[RadarState, SectorReport]]:
-        """Return all pending reports at the end of a recording or when the radars are silent."""
-        return [
-            (state, report)
-            for state in self.radars.values()
-            for report in self._count(state, self._decide(state) + state.assembler.finish())
-        ]
+    def due(self, now_ns: int) -> list[tuple[RadarState, Cloud]]:
+        """Return the positions whose time to be sent has come."""
+        found = [(state, state.batches.due(now_ns)) for state in self.radars.values()]
+        return [(state, batch) for state, batch in found if batch is not None]
 
-    def _process(
-        self, state: RadarState, message: Message, received_ns: int | None
-    ) -> list[SectorReport]:
+    def finish(self) -> list[tuple[RadarState, Cloud]]:
+        """Return all pending reports at the end of a recording or when the radars are silent."""
+        found: list[tuple[RadarState, Cloud]] = []
+        for state in self.radars.values():
+            pending = [*self._decide(state), *state.assembler.finish()]
+            if (batch := state.batches.finish()) is not None:
+                pending.append(batch)
+            found += [(state, report) for report in self._count(state, pending)]
+        return found
+
+    def _process(self, state: RadarState, message: Message, received_ns: int | None) -> list[Cloud]:
         """Process a message, or keep it until its radar's clock error is known."""
         ready = state.clock.can_decide(message, received_ns)
         if not ready and len(state.waiting) < MAX_WAITING:
@@ -272,21 +321,21 @@ class PlotStream:
         found = self._decide(state)
         return self._count(state, found + self._assemble(state, message, received_ns))
 
-    def _decide(self, state: RadarState) -> list[SectorReport]:
+    def _decide(self, state: RadarState) -> list[Cloud]:
         """Decide about the clock error, and process the messages that waited for it."""
         state.clock.decide()
         waiting, state.waiting = state.waiting, []
         return [report for entry in waiting for report in self._assemble(state, *entry)]
 
     @staticmethod
-    def _count(state: RadarState, reports: list[SectorReport]) -> list[SectorReport]:
+    def _count(state: RadarState, reports: list[Cloud]) -> list[Cloud]:
         state.reports += len(reports)
         return reports
 
     def _assemble(
         self, state: RadarState, message: Message, received_ns: int | None
-    ) -> list[SectorReport]:
-        is_plot = isinstance(message, Plot)
+    ) -> list[Cloud]:
+        is_plot = not isinstance(message, ServiceMessage)
         time_ns = state.clock.time_ns(message, received_ns, not (is_plot and state.services))
         if time_ns is None:
             state.undated += is_plot
@@ -295,20 +344,42 @@ class PlotStream:
         off_ns = 0 if received_ns is None else abs(received_ns - time_ns)
         plausible = off_ns <= self.clock.max_offset_s * 1e9
         state.counts["time_off"] += not plausible
+        if isinstance(message, PositionMessage):
+            return self._locate_and_take(state, message, time_ns, received_ns) if plausible else []
         if isinstance(message, Plot):
             state.plots += 1
             state.statistics.add(message)
             self.call_signs.take(message.address, message.call_sign)
             if plausible:
-                return state.assembler.add_plot(message, time_ns)
+                return [*state.assembler.add_plot(message, time_ns)]
             state.assembler.keep_plot(message, time_ns)
             return []
         state.services += 1
         state.site = state.site or message.site
-        return state.assembler.add_service(message, time_ns) if plausible else []
+        return [*state.assembler.add_service(message, time_ns)] if plausible else []
 
-    def _new(self, number: int) -> RadarState | None:
+    def _locate_and_take(
+        self, state: RadarState, message: PositionMessage, time_ns: int, received_ns: int | None
+    ) -> list[Cloud]:
+        """Apply the rules for transmitters to a position, and return the batch before it."""
+        heard = message.heard
+        if not heard.has_position:
+            if state.site is None or self._locate is None:
+                state.counts["place_unknown"] += 1
+                return []
+            latitude, longitude = self._locate(state.site, message.x, message.y)
+            heard = heard._replace(latitude=latitude, longitude=longitude)
+        state.source = message.source
+        dated = self.transmitters.take(heard._replace(own_ns=time_ns), received_ns)
+        if dated is None:
+            return []
+        state.positions += 1
+        batch = state.batches.add(dated, time_ns if received_ns is None else received_ns)
+        return [] if batch is None else [batch]
+
+    def _new(self, message: Message) -> RadarState | None:
         """Return the state of a new radar, None if the radar is not accepted."""
+        number = message.radar
         if self._configured_only:
             self.counts["unknown_radar"] += 1
             self.unknown[number] += 1
@@ -316,7 +387,8 @@ class PlotStream:
         if len(self.radars) >= MAX_RADARS:
             self.counts["too_many_radars"] += 1
             return None
-        name = f"radar_{number >> 8}_{number & 255}"
+        kind = message.source if isinstance(message, PositionMessage) else "radar"
+        name = f"{kind}_{number >> 8}_{number & 255}"
         state = self.radars[number] = self._state(replace(self._others, name=name))
         return state
 

@@ -1,6 +1,7 @@
 """Decodes records of plot and service categories to `messages`.
 
-Plots come from CAT048, CAT001 and CAT010, service messages from CAT034 and CAT002. A plot is
+Plots come from CAT048, CAT001 and CAT010, service messages from CAT034 and CAT002, and positions
+(`positions`) from CAT010, CAT020, CAT021 and CAT062. A plot is
 skipped and counted if it has no radar or no position, was extrapolated by the radar, or comes from
 a test target or a field monitor.
 """
@@ -8,12 +9,12 @@ a test target or a field monitor.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Callable, Mapping
+from functools import cache, partial
 from operator import itemgetter
 from typing import NamedTuple, TypeAlias
 
-from . import messages
+from . import messages, positions
 from .messages import (
     AZIMUTH_UNIT,
     COMBINED,
@@ -47,6 +48,8 @@ class Category(NamedTuple):
     # given the record's bytes and the beginning of each item, -1 if the item is absent.
     decode: Callable[[bytes, Items], Message | str]
     items: tuple[str, ...]
+    edition: tuple[int, int] | None = None  # None for the newest
+    required: tuple[str, ...] = ()  # Items by which editions that are not compatible are told
 
 
 class RecordReader:
@@ -56,8 +59,9 @@ class RecordReader:
         self._decode = category.decode
         self._kinds = {
             name: (layout, itemgetter(*(layout.place[item] for item in category.items)))
-            for name, layout in layouts(number).items()
+            for name, layout in layouts(number, category.edition).items()
         }
+        self._required = category.required
 
     def read(self, data: bytes, at: int, limit: int) -> tuple[Message | str, int]:
         """Return the message of the record at `at`, and the record's end.
@@ -71,6 +75,23 @@ class RecordReader:
     def end(self, data: bytes, at: int, limit: int) -> int:
         """Return the end of the record at `at`."""
         return self._kind(data, at, limit)[0].walk(data, at, limit)[1]
+
+    def fits(self, data: bytes, at: int, limit: int) -> bool:
+        """Return whether all records of a block have this edition's form and required items."""
+        layout, _ = self._kind(data, at, limit)
+        try:
+            while at < limit:
+                begins, at = layout.walk(data, at, limit)
+                if any(begins[layout.place[item]] < 0 for item in self._required):
+                    return False
+        except MalformedError:
+            return False
+        return True
+
+    def source(self, data: bytes, at: int, limit: int) -> int:
+        """Return SAC and SIC of the record at `at`, `NONE` if it does not begin with them."""
+        begin = self._kind(data, at, limit)[0].first(data, at, limit, "010")
+        return _word(data, begin) if 0 <= begin < limit - 1 else NONE
 
     def _kind(
         self, data: bytes, at: int, limit: int
@@ -231,11 +252,16 @@ def _old_monoradar(data: bytes, items: Items) -> Plot | str:
 _SURFACE = {0: SECONDARY, 1: ROLL_CALL, 3: PRIMARY}
 
 
-def _surface(data: bytes, items: Items) -> Plot | str:
-    """Decode a surface movement report of CAT010; its range is in metres."""
-    at000, at010, at020, at040, at060, at090, at140, at220 = items
+def _surface(data: bytes, items: Items) -> Message | str:
+    """Decode a surface movement report of CAT010; its range is in metres.
+
+    Multilateration has a position in the place of range and azimuth.
+    """
+    at000, at010, at020, at040, at060, at090, at140, at220, *others = items
     if at000 >= 0 and data[at000] != 1:
         return ""  # an update cycle begins, or the sensor's state
+    if at040 < 0 and max(others[3], others[4]) >= 0:
+        return positions.read_surface(data, tuple(others))
     first, second = _descriptor(data, at020)
     fault = _fault(False, second & 0x20, second & 0x40, at010, at040)
     if fault:
@@ -294,35 +320,61 @@ def prepare() -> None:
 
 _MONORADAR = ("010", "140", "020", "040", "042", "070", "090", "110", "130", "220", "240")
 _SERVICE = ("010", "000", "020", "030", "041")
-_CATEGORIES = {
-    1: Category(_old_monoradar, ("010", "020", "040", "070", "090", "131", "141")),
-    2: Category(_service, _SERVICE),
-    10: Category(_surface, ("000", "010", "020", "040", "060", "090", "140", "220")),
-    34: Category(_service, (*_SERVICE, "120")),
-    48: Category(_monoradar, _MONORADAR),
+_SURFACE_PLOT = ("000", "010", "020", "040", "060", "090", "140", "220")
+_SURFACE_POSITION = ("010", "020", "140", "041", "042", "161", "202", "090", "220", "245", "500")
+_MULTILATERATION = ("010", "020", "140", "041", "042", "161", "202", "090", "220", "245")
+_SQUITTER = ("080", "140", "145", "160", "170", "020")
+_ADS_B = ("010", "040", "071", "073", "130", "131", "090", "210", *_SQUITTER)
+_OLD_ADS_B = ("010", "040", "030", "130", "090", *_SQUITTER)
+_REQUIRED = ("010", "040", "080")
+_TRACK = ("010", "070", "105", "100", "185", "380", "040", "080", "136", "130", "135", "245", "500")
+# The usual edition of each category first.
+_CATEGORIES: Mapping[int, tuple[Category, ...]] = {
+    1: (Category(_old_monoradar, ("010", "020", "040", "070", "090", "131", "141")),),
+    2: (Category(_service, _SERVICE),),
+    10: (Category(_surface, (*_SURFACE_PLOT, *_SURFACE_POSITION)),),
+    20: (Category(positions.read_multilateration, (*_MULTILATERATION, "105", "500")),),
+    21: (
+        Category(positions.read_ads_b, _ADS_B, None, _REQUIRED),
+        Category(positions.read_old_ads_b, _OLD_ADS_B, (0, 26), _REQUIRED),
+        Category(partial(positions.read_old_ads_b, size=3), _OLD_ADS_B, (0, 23), _REQUIRED),
+    ),
+    34: (Category(_service, (*_SERVICE, "120")),),
+    48: (Category(_monoradar, _MONORADAR),),
+    62: (Category(positions.read_track, _TRACK),),
 }
 
 
-# Categories of plots; the others are of service messages.
-PLOTS = (1, 10, 48)
+# Categories of plots and of positions; the others are of service messages. CAT010 has both.
+PLOTS, POSITIONS = (1, 10, 48), (20, 21, 62)
 
 
 @cache
-def reader(category: int) -> RecordReader | None:
-    """Return the decoder of a category, None if the category is not supported."""
-    known = _CATEGORIES.get(category)
-    return RecordReader(category, known) if known else None
+def readers(category: int) -> tuple[RecordReader, ...]:
+    """Return the decoders of a category's editions, none if the category is not supported.
+
+    Only CAT021 has editions whose records have different items.
+    """
+    return tuple(RecordReader(category, known) for known in _CATEGORIES.get(category, ()))
 
 
 def count(category: int, data: bytes, at: int, end: int) -> int:
     """Return the number of records in a data block, 0 if they cannot be decoded."""
+    if known := readers(category):
+        return max(_count(each.end, data, at, end) for each in known)
+    try:
+        layout = next(iter(layouts(category).values()))
+    except LookupError:
+        return 0
+    return _count(lambda *place: layout.walk(*place)[1], data, at, end)
+
+
+def _count(end_of: Callable[[bytes, int, int], int], data: bytes, at: int, end: int) -> int:
     found = 0
     try:
-        reads = reader(category)
-        layout = next(iter(layouts(category).values()))
         while at < end:
-            at = reads.end(data, at, end) if reads else layout.walk(data, at, end)[1]
+            at = end_of(data, at, end)
             found += 1
-    except (LookupError, MalformedError):
+    except MalformedError:
         return 0
     return found

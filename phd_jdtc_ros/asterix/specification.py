@@ -107,16 +107,18 @@ def known_categories() -> list[int]:
 
 
 @cache
-def layouts(category: int) -> dict[str, Layout]:
+def layouts(category: int, edition: tuple[int, int] | None = None) -> dict[str, Layout]:
     """Return the layouts of a category by the name of the record kind, ``""`` if there is one kind.
 
-    The newest edition is used; later editions of a category only add items. Raise `KeyError` if
-    libasterix does not know the category.
+    The newest edition is used if none is given; later editions of a category only add items, except
+    for CAT021. Raise `KeyError` if libasterix does not know the category.
     """
     # This is imported here because the import takes 1.5 s and 70 MB.
     from asterix import generated
 
-    uap: Any = generated.manifest["CATS"][category][-1].cv_uap
+    known = generated.manifest["CATS"][category]
+    chosen: Any = next((each for each in known if each.cv_edition == edition), known[-1])
+    uap = chosen.cv_uap
     kinds = getattr(uap, "cv_uaps", None) or {"": uap.cv_record}
     return {name: _layout(record) for name, record in kinds.items()}
 

@@ -10,18 +10,20 @@ import numpy as np
 import numpy.typing as npt
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters.encoding import point_cloud
+from msg_adapters.encoding import names, point_cloud
 from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.targets import estimates
 from phd_jdtc_ros.asterix import writing as tracks_out
-from phd_jdtc_ros.asterix.messages import NONE, CallSigns, Plot
-from phd_jdtc_ros.asterix.plot_stream import RadarState
+from phd_jdtc_ros.asterix.messages import ADS_B, NONE, CallSigns, Plot
+from phd_jdtc_ros.asterix.plot_stream import Cloud, RadarState
 from phd_jdtc_ros.asterix.slices import SectorReport
 from phd_jdtc_ros.asterix.writing import Source, TrackReport
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.targets.motion import CoordinatedTurn
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, Estimates
+from phd_jdtc_ros.transponders import batches
+from phd_jdtc_ros.transponders.batches import Batch
 
 # Level of a receiver's noise that amplitudes are converted with, dBm. The tracker's parameter
 # `amplitude_offset_db` corrects it for a radar.
@@ -90,14 +92,25 @@ def _identity(given: npt.NDArray[np.float64]) -> npt.NDArray[np.uint32]:
     return np.where(given == NONE, UNKNOWN, given).astype(np.uint32)
 
 
-def cloud(report: SectorReport, radar: RadarState) -> PointCloud2:
-    """Return the cloud of a sector or a slice, in the frame with the radar's name.
+def topic_of(report: Cloud, radar: RadarState) -> str:
+    """Return the topic of a cloud: that of a radar's detections, or of reports."""
+    name = radar.settings.name
+    return names.reports(name) if isinstance(report, Batch) else names.detections(name)
+
+
+def cloud(report: Cloud, radar: RadarState) -> PointCloud2:
+    """Return the cloud of a sector, a slice or a batch, in the frame with the radar's name.
+
+    Those of positions are `batches.columns`, with ellipses unless they are from ADS-B.
 
     The fields are those of `columns`. All are FLOAT32, except for ``code address call_sign_high
     call_sign_low sector`` (UINT32) and ``kind`` (UINT8). All clouds of a radar with sectors have
     that field; in a slice it is `UNKNOWN`.
     """
     settings = radar.settings
+    if isinstance(report, Batch):
+        positions = batches.columns(report, radar.source != ADS_B)
+        return point_cloud.encode(report.stamp_ns, settings.name, positions, batches.WIDE)
     found = columns(report, settings.sectors)
     if radar.assembler.has_sectors and report.sector is None:
         found["sector"] = np.full(len(report.plots), UNKNOWN, dtype=np.uint32)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from phd_jdtc_ros.asterix.assembly import LEARNED
@@ -165,7 +166,18 @@ class Bridge:
 
     def stream(self, clock: StreamClock) -> PlotStream:
         """Return the stream that processes the radars' datagrams."""
-        return PlotStream(self.radars, self.others, clock, PlotRevolutions)
+        return PlotStream(self.radars, self.others, clock, PlotRevolutions, locate)
+
+
+def locate(site: tuple[float, float, float], x: float, y: float) -> tuple[float, float]:
+    """Return latitude and longitude of a point in the plane of a place, degrees."""
+    latitude, longitude = _plane(site).to_geodetic(x, y)
+    return float(latitude), float(longitude)
+
+
+@lru_cache(maxsize=MAX_RADARS)
+def _plane(site: tuple[float, float, float]) -> SystemPlane:
+    return SystemPlane(list(site))
 
 
 def track_output(bridge: Bridge, monosensor: bool, call_signs: CallSigns) -> TrackOutput:

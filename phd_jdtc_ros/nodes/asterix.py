@@ -20,8 +20,7 @@ from msg_adapters.encoding import names
 from msg_adapters.encoding.errors import RejectedMessageError
 from phd_jdtc_ros.asterix import records
 from phd_jdtc_ros.asterix.clocks import StreamClock
-from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
-from phd_jdtc_ros.asterix.slices import SectorReport
+from phd_jdtc_ros.asterix.plot_stream import PERIOD_NS, Cloud, PlotStream, RadarState
 from phd_jdtc_ros.asterix_bridge import conversion, settings
 from phd_jdtc_ros.asterix_bridge.conversion import TrackOutput
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
@@ -67,6 +66,7 @@ def of_radar(at: Moment, number: int, state: RadarState) -> DiagnosticStatus:
     offset_s, shift_s = state.clock.offset_s, state.clock.shift_ns * 1e-9
     values = {
         "plots": state.plots,
+        "positions": state.positions,
         "service_messages": state.services,
         "clouds": state.reports,
         "revolution_s": state.assembler.revolution_s,
@@ -75,7 +75,8 @@ def of_radar(at: Moment, number: int, state: RadarState) -> DiagnosticStatus:
         **+state.counts,
     }
     name = state.settings.name
-    messages, late = state.plots + state.services, state.counts["late_plots"]
+    messages = state.plots + state.services + state.positions
+    late = state.counts["late_plots"]
     quiet_s = at.quiet_s(f"{name} messages", messages)
     quiet = f"silent for {quiet_s:.0f} s" if messages else "no messages yet"
     sources = " and ".join(dict.fromkeys(state.sources.values()))
@@ -87,9 +88,16 @@ def of_radar(at: Moment, number: int, state: RadarState) -> DiagnosticStatus:
         (WARN, second, f"two sources: {sources} used, {state.other_source} ignored"),
         (WARN, shift_s, f"its clock is {-offset_s:+.1f} s off; its times are shifted"),
         (WARN, arriving_late, f"{late} plots came after their cloud was sent"),
-        (OK, True, f"{state.plots} plots in {state.reports} clouds"),
+        (OK, True, f"{_taken(state)} in {state.reports} clouds"),
     )
     return status_of(at.node, name, condition, values, f"{number >> 8}/{number & 255}")
+
+
+def _taken(state: RadarState) -> str:
+    """Return in words what has been taken of a source."""
+    positions = f"{state.positions} positions" if state.positions else ""
+    plots = f"{state.plots} plots" if state.plots or not positions else ""
+    return " and ".join(filter(None, (plots, positions)))
 
 
 def of_output(
@@ -138,12 +146,13 @@ class AsterixBridge(ReceivingNode):
         self._sent: Counter[str] = Counter()
         # Other radars get their publishers with their first report.
         for name in self._values["radars"]:
-            self.add_output(name, names.detections(name))
+            self.add_output(names.detections(name), names.detections(name))
         if self._values["output"]:
             topics.subscribe(
                 self, PointCloud2, ESTIMATES, self._on_estimates, INPUT_DEPTH, ESTIMATES
             )
         HealthReports(self, self._statuses, lambda: self.is_active)
+        steady_timer(self, PERIOD_NS * 1e-9 / 2.0, self._publish_due)
         period_s = self._values["output_period_s"]
         if self._values["output"] and period_s:
             steady_timer(self, period_s, self._send)
@@ -156,7 +165,7 @@ class AsterixBridge(ReceivingNode):
         """Stop receiving, and log a summary; fail if nothing was received."""
         super().close()
         radars = [
-            f"{state.settings.name} {state.plots} plots in {state.reports} clouds"
+            f"{state.settings.name} {_taken(state)} in {state.reports} clouds"
             for state in self._stream.radars.values()
         ]
         self.get_logger().info(
@@ -210,9 +219,14 @@ class AsterixBridge(ReceivingNode):
         for state, report in self._stream.finish():
             self._publish(state, report)
 
-    def _publish(self, state: RadarState, report: SectorReport) -> None:
-        name = state.settings.name
-        self.add_output(name, names.detections(name)).publish(conversion.cloud(report, state))
+    def _publish(self, state: RadarState, report: Cloud) -> None:
+        topic = conversion.topic_of(report, state)
+        self.add_output(topic, topic).publish(conversion.cloud(report, state))
+
+    def _publish_due(self) -> None:
+        if self.is_active and not self._values["replayed"]:
+            for state, report in self._stream.due(time.time_ns()):
+                self._publish(state, report)
 
     def _on_estimates(self, cloud: PointCloud2) -> None:
         if self._sender is None:

@@ -16,6 +16,7 @@ from msg_adapters.incoming.detections import OWN_LAYOUT, from_msg, to_msg
 from phd_jdtc_ros.asterix import writing as plots_out
 from phd_jdtc_ros.asterix.messages import DAY, NONE, PRIMARY, Plot
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
+from phd_jdtc_ros.asterix.slices import SectorReport
 from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning.rotation import PlotRevolutions
@@ -157,7 +158,8 @@ def measure_forged_times() -> Found:
         stream = PlotStream({}, finders=PlotRevolutions)
         empty = 0
         for data, received_ns in _datagrams(crossings, sector, times_ns):
-            empty += sum(not report.plots for _, report in stream.feed(data, received_ns))
+            sent = (report for _, report in stream.feed(data, received_ns))
+            empty += sum(isinstance(each, SectorReport) and not each.plots for each in sent)
         (state,) = stream.radars.values()
         revolution_s, off = state.assembler.revolution_s, state.counts["time_off"]
         found[name] = {"empty": empty, "revolution_s": revolution_s, "off": off}

@@ -63,7 +63,11 @@ def propose(states: Sequence[RadarState], disorder_s: float) -> Proposal | None:
 
     `disorder_s` is the largest difference between the newest stamp and that of a later cloud.
     """
-    active = sorted((s for s in states if s.reports), key=lambda s: s.plots, reverse=True)
+    active = sorted(
+        (s for s in states if s.reports and (s.plots or not s.positions)),
+        key=lambda s: s.plots,
+        reverse=True,
+    )
     if not active:
         return None
     profile = from_arguments.load(resources.profile(PROFILE)[0])

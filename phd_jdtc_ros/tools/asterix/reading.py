@@ -16,9 +16,8 @@ from msg_adapters.encoding import names
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.asterix import framing, messages, records
 from phd_jdtc_ros.asterix.clocks import StreamClock
-from phd_jdtc_ros.asterix.messages import NONE, Plot
-from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
-from phd_jdtc_ros.asterix.slices import SectorReport
+from phd_jdtc_ros.asterix.messages import NONE, TRACKS, Plot
+from phd_jdtc_ros.asterix.plot_stream import Cloud, PlotStream, RadarState
 from phd_jdtc_ros.asterix_bridge import conversion
 from phd_jdtc_ros.asterix_bridge.settings import Bridge
 from phd_jdtc_ros.bags.errors import BagError
@@ -26,6 +25,7 @@ from phd_jdtc_ros.bags.writer import BagWriter
 from phd_jdtc_ros.calibration.tuning.rotation import PlotRevolutions
 from phd_jdtc_ros.parameter_files import bag_parameters
 from phd_jdtc_ros.quoting import counts_text
+from phd_jdtc_ros.transponders.batches import Batch
 from phd_jdtc_ros.transport import recordings
 from phd_jdtc_ros.transport.network import RecordingError
 
@@ -35,12 +35,8 @@ from . import parameters
 # Smallest share of a recording's plots that must be used; otherwise the tool fails.
 LEAST_USED = 0.5
 # Descriptions of other categories, for the message that they are not used.
-TRACKS = "tracks of another tracker, not plots"
-PLACES = (
-    "position reports, not polar plots; a driver can convert them to ranges and azimuths about a "
-    "place, and publish these as a radar's"
-)
-OTHERS = {11: TRACKS, 30: TRACKS, 62: TRACKS, 20: PLACES, 21: PLACES}
+FOREIGN_TRACKS = "tracks of another tracker, not plots"
+OTHERS = {11: FOREIGN_TRACKS, 30: FOREIGN_TRACKS}
 STATUS = "no target reports"
 # The table of decoded plots: seconds since 1970, slant ranges in metres, azimuths in degrees
 # clockwise from north, heights in metres, amplitudes in dBm, the TYP of I048/020, the Mode 3/A code
@@ -60,7 +56,15 @@ class Conversion:
     recording: Counter[str] = field(default_factory=Counter)  # Skipped parts of the file, by reason
     clouds: int = 0
     plots: int = 0
+    positions: int = 0
     hints: list[str] = field(default_factory=list)  # Remarks on the proposed parameters
+
+    def count(self, report: Cloud) -> None:
+        """Count the plots or the positions of a cloud."""
+        if isinstance(report, Batch):
+            self.positions += len(report.reports)
+        else:
+            self.plots += len(report.plots)
 
     def lines(self) -> Iterator[str]:
         """Yield the counts of each radar, and the reasons for messages that are not used."""
@@ -68,8 +72,13 @@ class Conversion:
             name, revolution_s = state.settings.name, state.assembler.revolution_s
             revolution = f", a revolution of {revolution_s:.4f} s" if revolution_s else ""
             listed = counts_text(state.counts)
+            held = f"{state.plots} plots, {state.services} service messages"
+            if state.positions:
+                whose = {TRACKS: ", tracks of another centre,"}.get(state.source, "")
+                held = f"{state.positions} positions{whose} on {names.reports(name)}"
+                held += f", {state.plots} plots" if state.plots else ""
             yield (
-                f"{name}: {state.plots} plots, {state.services} service messages, "
+                f"{name}: {held}, "
                 f"{state.reports} clouds{revolution}{f'; {listed}' if listed else ''}"
             )
             if state.counts["second_source"]:
@@ -85,7 +94,7 @@ class Conversion:
             yield f"{count} datagrams have a trailer of {size} bytes, which is skipped"
         if self.ports.silent and not self.ports.reads_nothing:
             yield self.ports.silence
-        others = {n: count for n, count in self._held() if records.reader(n) is None}
+        others = {n: count for n, count in self._held() if not records.readers(n)}
         if others:
             yield f"records of other categories, which are skipped: {_categories(others)}"
         yield f"left out: {counts_text(self._left_out()) or 'none'}"
@@ -103,7 +112,7 @@ class Conversion:
 
     def _lone(self) -> list[RadarState]:
         states = [*self.stream.radars.values()]
-        lone = [s for s in states if s.plots + s.services + len(s.waiting) == 1]
+        lone = [s for s in states if s.plots + s.positions + s.services + len(s.waiting) == 1]
         return lone if len(lone) < len(states) else []
 
     def _held(self) -> list[tuple[int, int]]:
@@ -116,8 +125,8 @@ class Conversion:
             yield self.ports.silence
             return
         yield from damage(self.recording)
-        lost = self._lost_plots()
-        if self.plots and self.plots >= LEAST_USED * (self.plots + lost):
+        what, used, lost = self._share()
+        if used and used >= LEAST_USED * (used + lost):
             return
         held, reasons = self._held(), self._reasons()
         if not held:
@@ -126,31 +135,38 @@ class Conversion:
         others = "".join(
             f"; CAT{number:03} is {OTHERS.get(number, STATUS)}"
             for number, _ in sorted(held)
-            if records.reader(number) is None
+            if not records.readers(number)
         )
         yield (
-            f"{self._used(lost)}; all records: {_categories(dict(held))}{others}"
+            f"{self._used(what, used, lost)}; all records: {_categories(dict(held))}{others}"
             + (f"; left out: {reasons}" if reasons else "")
             + (f"; SAC/SIC of unknown radars: {self._unknown()}" if self.stream.unknown else "")
         )
 
-    def _lost_plots(self) -> int:
-        """Return the number of plots that should be used and cannot be."""
-        states = self.stream.radars.values()
-        dropped = sum(state.undated + state.counts["overflow"] for state in states)
-        return dropped + sum(self.stream.blocks.faulty[number] for number in records.PLOTS)
+    def _share(self) -> tuple[str, int, int]:
+        """Return what the recording is of, how much was used, and how much could not be.
 
-    def _used(self, lost: int) -> str:
+        It is of plots if there is any, and of positions otherwise.
+        """
+        states, faulty = self.stream.radars.values(), self.stream.blocks.faulty
+        dropped = sum(state.undated + state.counts["overflow"] for state in states)
+        lost = dropped + sum(faulty[number] for number in records.PLOTS)
+        if self.plots or not (self.positions or any(faulty[n] for n in records.POSITIONS)):
+            return "plots", self.plots, lost
+        lost += sum(faulty[number] for number in records.POSITIONS)
+        return "positions", self.positions, lost + sum(s.counts["place_unknown"] for s in states)
+
+    def _used(self, what: str, used: int, lost: int) -> str:
         """Return in words how many plots are used, and why none is, if that is known."""
-        if not lost and not self.plots:
+        if not lost and not used:
             services = sum(state.services for state in self.radars())
             every = self.stream.blocks.categories.total()
             return f"has no plots; {services} of {every} records could be used"
-        used = f"{self.plots} of {self.plots + lost} plots could be used"
+        share = f"{used} of {used + lost} {what} could be used"
         timeless = sum(state.counts["time_unknown"] for state in self.stream.radars.values())
-        if timeless and not self.plots:
-            used += ": no message has a time, its own or that of its receipt"
-        return used
+        if timeless and not used:
+            share += ": no message has a time, its own or that of its receipt"
+        return share
 
     def _reasons(self) -> str:
         states = self.stream.radars.values()
@@ -170,7 +186,7 @@ def _categories(held: Mapping[int, int]) -> str:
 
 
 # What is in a recording: its counts, and the reports of its radars in order.
-_Recorded: TypeAlias = "tuple[Conversion, Iterator[tuple[RadarState, SectorReport]]]"
+_Recorded: TypeAlias = "tuple[Conversion, Iterator[tuple[RadarState, Cloud]]]"
 
 
 @contextmanager
@@ -202,10 +218,10 @@ def convert(
     with _recorded(path, bridge, midnight_ns, ports) as (done, reports), BagWriter(out) as bag:
         writer = CloudWriter(bag)
         for state, report in reports:
-            name = state.settings.name
-            writer.write(names.detections(name), conversion.cloud(report, state), report.stamp_ns)
+            topic = conversion.topic_of(report, state)
+            writer.write(topic, conversion.cloud(report, state), report.stamp_ns)
             done.clouds += 1
-            done.plots += len(report.plots)
+            done.count(report)
     states = done.radars()
     found = parameters.propose(states, writer.disorder_ns * 1e-9)
     if found is not None:
@@ -236,10 +252,14 @@ def tabulate(
         writer.writerow(COLUMNS)
         for state, report in reports:
             done.clouds += 1
-            done.plots += len(report.plots)
+            done.count(report)
+            if isinstance(report, Batch):
+                continue
             for time_ns, plot in zip(report.times_ns, report.plots, strict=True):
                 writer.writerow(_cells(state.settings.name, time_ns, plot))
         lines.detach()
+    if done.positions:
+        done.hints.append("positions are no plots, and are not in the table: a bag has them")
     return done
 
 
@@ -262,7 +282,7 @@ def _cells(radar: str, time_ns: int, plot: Plot) -> list[str]:
 
 def _reports(
     data: Any, done: Conversion, midnight_ns: int | None
-) -> Iterator[tuple[RadarState, SectorReport]]:
+) -> Iterator[tuple[RadarState, Cloud]]:
     """Yield the reports of a recording in the order in which they are complete."""
     recorded = framing.datagrams(data, midnight_ns, done.recording)
     for received in done.ports.pass_on(recorded, done.recording):

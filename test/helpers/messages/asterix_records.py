@@ -10,15 +10,16 @@ DAY_S = 86_400
 
 
 @cache
-def category(number):
+def category(number, edition=None):
     from asterix import generated
 
-    return generated.manifest["CATS"][number][-1]
+    known = generated.manifest["CATS"][number]
+    return next((each for each in known if each.cv_edition == edition), known[-1])
 
 
-def block(number, records):
-    """Return a data block of records, each a mapping of items."""
-    kind = category(number)
+def block(number, records, edition=None):
+    """Return a data block of records, each a mapping of items, of the newest edition or another."""
+    kind = category(number, edition)
     made = [kind.cv_record.create(dict(record)) for record in records]
     return kind.create(made).unparse().to_bytes()
 

@@ -268,19 +268,19 @@ def tracks(count):
 def test_recording_of_tracks_alone_fails_with_its_contents(bridge):
     status, _, said = bridge(b"".join(tracks(20)))
     assert status == 3
-    assert "0 of 20 records could be used; all records: CAT062 20; CAT062 is tracks" in said.err
+    assert "0 of 20 positions could be used; all records: CAT062 20; left out: no_posi" in said.err
 
 
 @pytest.mark.parametrize(("broken", "expected"), [(14, 0), (18, 3)])
 def test_recording_of_which_less_than_half_of_the_plots_can_be_used_fails(bridge, broken, expected):
-    # The recording has 16 plots, and ten times as many tracks of another tracker, which do not
-    # count.
+    # The recording has 16 plots, and ten times as many tracks of another tracker without a place,
+    # which do not count.
     seen = [(azimuth, 20.0) for azimuth in range(5, 360, 23)]
     data = b"".join([*made.revolutions(1, seen=seen), *[BROKEN] * broken, *tracks(160)])
     status, out, said = bridge(data)
     assert status == expected
     assert (f"16 of {16 + broken} plots could be used" in said.err) == bool(expected)
-    assert "records of other categories, which are skipped: CAT062 160" in said.out
+    assert "no_position 160" in said.out
     # The usable records are there.
     assert BagReader(out).counts == {TOPIC: 32}
 
