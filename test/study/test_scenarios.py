@@ -22,6 +22,8 @@ ROOT = Path(__file__).parents[2]
 # Only the studies simulate these, and no bag of them is shipped.
 OF_STUDIES = {
     "joining_aircraft",
+    "air_3d",
+    "cars_4d",
     "loud_clutter",
     "madap",
     "no_amplitudes",
@@ -31,6 +33,7 @@ OF_STUDIES = {
     "snr_28_db",
     "three_biased_radars",
     "two_qualities",
+    "two_slant",
     "weak_12_db",
     "weak_15_db",
 }
@@ -48,8 +51,8 @@ FILES = [path for path in ALL_FILES if path not in (*TURNING, *COASTAL)]
 # A scene of 200 m, with tests of its own below.
 AUTOMOTIVE = ROOT / "config" / "scenarios" / "automotive.yaml"
 # MADAP has flights of an hour, and tests of its own; so have radars with systematic errors, and the
-# study of aircraft that join.
-OF_THEIR_OWN = ("joining_aircraft", "madap", "three_biased_radars")
+# study of aircraft that join. Aircraft in space are in sight of some radars only.
+OF_THEIR_OWN = ("air_3d", "joining_aircraft", "madap", "three_biased_radars", "two_slant")
 OTHERS = [*TURNING, *COASTAL, AUTOMOTIVE]
 WITH_SCANS = [path for path in DEFINED if path not in OTHERS and path.stem not in OF_THEIR_OWN]
 # Targets are scored in so many scans, after so many.

@@ -168,9 +168,10 @@ def test_automotive_tracks_its_bag_s_scenario():
     assert len(steps[-1].filtered[0]) == len(truth[-1].track_id)
 
 
-def test_drone_tracks_its_bag_s_scenario_in_space():
-    given = from_arguments.load(CONFIG / "drone.yaml")
-    document = yaml_files.load(CONFIG / "scenarios" / "drones.yaml")
+@pytest.mark.parametrize(("profile", "name"), [("drone", "drones"), ("automotive_4d", "cars_4d")])
+def test_profile_tracks_a_scenario_in_space(profile, name):
+    given = from_arguments.load(CONFIG / f"{profile}.yaml")
+    document = yaml_files.load(CONFIG / "scenarios" / f"{name}.yaml")
     config = resolve(given)
     scene = resolve(from_arguments.scenario_parameters(document))
     (radar,), (real,) = config.model.radars, scene.model.radars
