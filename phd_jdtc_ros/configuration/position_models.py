@@ -18,9 +18,9 @@ from phd_jdtc_ros.core.factors import (
 )
 from phd_jdtc_ros.core.factors.transponder import Pressure
 from phd_jdtc_ros.core.intake.input_checks import PositionReportCheck
+from phd_jdtc_ros.core.sensors.gaussians import ReportedHeights
 from phd_jdtc_ros.core.sensors.position import PositionSensor, WatchedArea, farthest
 from phd_jdtc_ros.core.sensors.range_rate import VelocityModel
-from phd_jdtc_ros.core.sensors.reported_heights import ReportedHeights
 from phd_jdtc_ros.core.targets import amplitude_density
 
 from . import radar_models

@@ -37,10 +37,9 @@ from phd_jdtc_ros.core.intake.input_checks import (
     RadarReportCheck,
 )
 from phd_jdtc_ros.core.sensors import wgs84
-from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD
+from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD, HeightPrior, ReportedHeights
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
-from phd_jdtc_ros.core.sensors.reported_heights import HeightPrior, ReportedHeights
 from phd_jdtc_ros.core.sensors.site import LEAST_STD, MAX_SITE_DISTANCE, HeightProjection
 from phd_jdtc_ros.core.sensors.spatial_radar import SpatialRadar
 from phd_jdtc_ros.core.sensors.visibility import TURN_TOLERANCE, Visibility

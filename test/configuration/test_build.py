@@ -15,8 +15,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.tables import GROUPS, schema
 from phd_jdtc_ros.core.engine import Lag
 from phd_jdtc_ros.core.factors.transponder import Pressure
-from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD
-from phd_jdtc_ros.core.sensors.reported_heights import HeightPrior, ReportedHeights
+from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD, HeightPrior, ReportedHeights
 from phd_jdtc_ros.core.sensors.spatial_radar import SpatialRadar
 from phd_jdtc_ros.core.state_space import PLANAR, SPATIAL
 from phd_jdtc_ros.earth import SystemPlane

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.core.sensors.bias import SensorBias
+from phd_jdtc_ros.core.sensors.gaussians import STANDARD_AIR, Air, HeightPrior
 from phd_jdtc_ros.core.sensors.position import Area
-from phd_jdtc_ros.core.sensors.reported_heights import STANDARD_AIR, Air, HeightPrior
 from phd_jdtc_ros.core.tracks.region import Region
 
 from ..schema import Form, numbers

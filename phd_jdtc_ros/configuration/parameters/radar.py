@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 from phd_jdtc_ros.core.factors import MOST_CORRELATION, START_RATE
 from phd_jdtc_ros.core.sensors.bias import SensorBias
-from phd_jdtc_ros.core.sensors.reported_heights import STANDARD_AIR, Air, HeightPrior
+from phd_jdtc_ros.core.sensors.gaussians import STANDARD_AIR, Air, HeightPrior
 from phd_jdtc_ros.core.sensors.site import Plane, Site
 
 from ..schema import NOT_NEGATIVE, POSITIVE, SMALL, Form, number, numbers, parameter

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import ClassVar, TypeVar
 
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
-from phd_jdtc_ros.core.sensors.reported_heights import Air, HeightPrior
+from phd_jdtc_ros.core.sensors.gaussians import Air, HeightPrior
 from phd_jdtc_ros.core.sensors.site import Plane
 
 from ..schema import parameter

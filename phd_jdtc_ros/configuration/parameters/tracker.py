@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from phd_jdtc_ros.core.engine import Lag
-from phd_jdtc_ros.core.sensors.reported_heights import (
+from phd_jdtc_ros.core.sensors.gaussians import (
     STANDARD_HPA,
     Air,
     HeightPrior,

@@ -13,8 +13,8 @@ from ..arrays import FloatArray, ReadOnly
 from ..factors.clutter.map import ClutterMap
 from ..factors.factor import Factor
 from ..factors.transponder.records import AttributeModel
+from ..sensors.gaussians import HeightPrior
 from ..sensors.range_rate import Rates
-from ..sensors.reported_heights import HeightPrior
 from ..sensors.sensor import Sensor
 from ..sensors.view import View
 from ..targets.amplitude_density import of_classes

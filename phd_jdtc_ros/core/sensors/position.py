@@ -13,10 +13,9 @@ from scipy.special import ndtr, owens_t
 from ..arrays import TINY, FloatArray, IntArray, ReadOnly
 from ..types import Detections
 from . import polar_geometry
-from .gaussians import PlanePlots, noise_covariance
+from .gaussians import HeightPrior, PlanePlots, noise_covariance
 from .of_gaussians.linearised import Linearised
 from .range_rate import Rates, Velocities, VelocityModel
-from .reported_heights import HeightPrior
 from .sensor import Sensor
 from .visibility import FieldOfView
 

@@ -18,10 +18,9 @@ import numpy as np
 from ..arrays import FloatArray, ReadOnly
 from ..state_space import PLANAR, StateSpace
 from ..types import Coverage, Detections, Pose
-from .gaussians import Births, HeavyTails, PlanePlots
+from .gaussians import Births, HeavyTails, Heights, PlanePlots, ReportedHeights
 from .of_gaussians.linearised import Linearised
 from .range_rate import Rates, Velocities
-from .reported_heights import Heights, ReportedHeights
 from .visibility import FieldOfView
 
 SensorT = TypeVar("SensorT", bound="Sensor")

@@ -17,11 +17,10 @@ import numpy as np
 from ..arrays import FloatArray, IntArray
 from ..state_space import SPATIAL, StateSpace
 from ..types import Detections
-from .gaussians import UNKNOWN_STD, Births, PlanePlots
+from .gaussians import UNKNOWN_STD, Births, HeightPrior, Heights, PlanePlots
 from .of_gaussians.linearised import Linearised
 from .polar_geometry import MIN_RANGE
 from .polar_radar import RadarModel
-from .reported_heights import HeightPrior, Heights
 
 
 def linearise(

@@ -18,9 +18,8 @@ from ..arrays import BoolArray, FloatArray, IntArray, ReadOnly
 from ..targets import amplitude_density
 from ..targets.modes import ClassModel
 from ..types import Coverage, Detections
-from .gaussians import PlanePlots
+from .gaussians import Heights, PlanePlots
 from .range_rate import Rates, Velocities
-from .reported_heights import Heights
 from .sensor import Sensor
 
 # Rounding error of the sum of the probabilities of adjoining sectors.

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD
+from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD, HeightPrior
 from phd_jdtc_ros.core.sensors.of_gaussians.linearised import (
     Linearised,
     Measured,
     WeightedGaussians,
 )
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
-from phd_jdtc_ros.core.sensors.reported_heights import HeightPrior
 from phd_jdtc_ros.core.sensors.spatial_radar import SpatialRadar
 from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.sensors.visibility import Visibility

@@ -12,8 +12,7 @@ from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.parameters.radar import TIME_UNITS
 from phd_jdtc_ros.core.intake.sectors import coverage_of
-from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD
-from phd_jdtc_ros.core.sensors.reported_heights import Air, HeightPrior
+from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD, Air, HeightPrior
 from phd_jdtc_ros.core.types import Detections
 
 F4, F8, U1, I4 = (PointField.FLOAT32, PointField.FLOAT64, PointField.UINT8, PointField.INT32)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...arrays import BoolArray, FloatArray, IntArray, sum_by
-from ...sensors.reported_heights import SPAN
+from ...sensors.gaussians import SPAN
 
 
 @dataclass(frozen=True)

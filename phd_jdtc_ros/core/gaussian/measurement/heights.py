@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...arrays import FloatArray, IntArray
-from ...sensors.reported_heights import Heights
+from ...sensors.gaussians import Heights
 from ...state_space import SPATIAL
 from ..algebra import kalman
 from ..mixture import Mixture

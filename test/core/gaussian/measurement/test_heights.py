@@ -11,8 +11,7 @@ from scipy.stats import norm
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.measurement.heights import update_heights
-from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD, Births, PlanePlots
-from phd_jdtc_ros.core.sensors.reported_heights import SPAN, Air, Heights
+from phd_jdtc_ros.core.sensors.gaussians import SPAN, UNKNOWN_STD, Air, Births, Heights, PlanePlots
 from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.state_space import SPATIAL
 from phd_jdtc_ros.core.types import Detections
