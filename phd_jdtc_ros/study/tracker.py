@@ -92,27 +92,16 @@ def _track(run: SimulatedRun, config: TrackerConfig, lags: Sequence[int]) -> Tra
     # The modules load numba and compiled code.
     from phd_jdtc_ros.core.gaussian.entries import Entry
     from phd_jdtc_ros.core.gaussian.extraction import extract
-    from phd_jdtc_ros.core.gaussian.mixture import Mixture
     from phd_jdtc_ros.core.gaussian.smoothing.smoother import backward_pass
 
     forward, states, longest = gaussian_engine(config).forward, TrackStates(config.rule), max(lags)
     estimates: dict[int, dict[int, PointSet]] = {lag: {} for lag in lags}
     window: list[Entry] = []
 
-    def extracted(stored: Mixture, index: int, lag: int, least: float) -> Estimates:
-        return extract(stored, forward.dynamics, run.scans[index].stamp_ns, lag, least)
-
     for index, scan in enumerate(run.scans):
         entry = forward.step(scan, linked=longest > 0)
         window = [*window, entry][-(longest + 1) :]
-        found = states.report_filtered(
-            extracted(entry.stored, index, 0, config.rule.least),
-            entry.stored.label,
-            (scan.stamp_ns,),
-            scan,
-            config.model,
-            forward.views,
-        )
+        found = forward.report(states, scan)
         states.note(found)
         states.forget_before(run.scans[max(index - longest, 0)].stamp_ns)
         if 0 in estimates:
@@ -121,8 +110,8 @@ def _track(run: SimulatedRun, config: TrackerConfig, lags: Sequence[int]) -> Tra
         for lag, smoothed in enumerate(backward_pass(window) if longest else ()):
             for wanted in estimates:
                 if wanted > 0 and (wanted == lag or (run_over and wanted > lag)):
-                    least = config.rule.least_smoothed
-                    found = extracted(smoothed, index - lag, wanted, least)
+                    stamp_ns, least = run.scans[index - lag].stamp_ns, config.rule.least_smoothed
+                    found = extract(smoothed, forward.dynamics, stamp_ns, wanted, least)
                     found = states.report_smoothed(found)
                     estimates[wanted][index - lag] = PointSet.of(found)
     return {lag: [of_lag[index] for index in sorted(of_lag)] for lag, of_lag in estimates.items()}

@@ -115,3 +115,16 @@ def test_identities_make_no_more_switches_than_none(goal):
         found.update(outcome.scores)
     own, none = (switches(found[name], goal) for name in (goal.variant, goal.relative_to))
     assert own <= none
+
+
+def test_targets_out_of_sight_have_their_most_probable_motion_as_the_trackers():
+    """Straight flight and turns of both signs are several humps once no radar reports."""
+    motions = {"motions": ["cv", "ct"], "ct.turn_noise_density": 1e-3, "accuracy": "high"}
+    config = resolve(motions)
+    run = simulated_run(replace(paper_scenario(config.model.radars), scans=SCANS), SEED)
+    dark = [replace(scan, detections=(None,) * len(scan.detections)) for scan in run.scans[4:]]
+    run = replace(run, scans=(*run.scans[:4], *dark))
+    found = track(run, config, [0])[0]
+    expected, _ = engine_positions(run, 0, motions)
+    assert any(len(points.position) for points in found[7:])
+    assert_equal(found, expected)

@@ -11,8 +11,6 @@ import numpy as np
 from ..arrays import FloatArray, IntArray, contains
 from ..engine import EngineState, Lag, OnFiltered, Paths, Reprocessed, Step, ignore_filtered
 from ..gaussian.entries import Entry, UnsweptRows, trim
-from ..gaussian.extraction import extract, most_probable_motion
-from ..gaussian.mixture import Mixture
 from ..gaussian.new_targets import Place
 from ..gaussian.paths import Samples, moved, sample
 from ..gaussian.smoothing.lineages import Lineages
@@ -88,7 +86,7 @@ class GaussianEngine:
             filtered = [self._filtered_at(stamp_ns) for stamp_ns in due]
         entry = self.forward.step(scan, linked=self.lag.positive)
         window = self._window = [*self._window, entry]
-        total = self._note_filtered(entry.stored, scan)
+        total = self._note_filtered(scan)
         if not self.schedule.period_ns:
             filtered.append(self._filtered_at(scan.stamp_ns))
         self._stamps = [*self._stamps, *[estimates.stamp_ns for estimates in filtered]]
@@ -260,23 +258,14 @@ class GaussianEngine:
             labels = [entry.label for entry in self._window]
             self.forward.factors = self.forward.factors.of_labels(labels, oldest_ns)
 
-    def _note_filtered(self, updated: Mixture, scan: Scan) -> FloatArray:
+    def _note_filtered(self, scan: Scan) -> FloatArray:
         """Store the filtered targets of a scan, and drop earlier ones of the rows that it swept.
 
         Return the expected number of targets of each class, (C,).
         """
         modes = self.forward.model.modes
         *earlier, latest = self.forward.unswept
-        unswept_ns = [rows.entry.stamp_ns for rows in self.forward.unswept]
-        estimates = extract(updated, self.forward.dynamics, scan.stamp_ns, 0, self.rule.least)
-        self.forward.on_stage_end("extraction")
-        reported = self._states.report_filtered(
-            estimates, updated.label, unswept_ns, scan, self.forward.model, self.forward.views
-        )
-        if self._states.unseen.size:
-            unseen = contains(self._states.unseen, reported.track_id)
-            distance = self.forward.bounds.merge_distance
-            reported = most_probable_motion(reported, updated, unseen, distance)
+        reported = self.forward.report(self._states, scan)
         previous, self._filtered = self._filtered, {}
         total = np.zeros(len(modes.classes))
         for rows in earlier:
@@ -288,7 +277,7 @@ class GaussianEngine:
             total += mass
             self._filtered[rows.entry.stamp_ns] = rows, targets, mass
         self._filtered[scan.stamp_ns] = latest, reported, None
-        return total + updated.class_mass()
+        return total + latest.stored.class_mass()
 
     def _filtered_at(self, stamp_ns: int) -> Estimates:
         """Return the targets to publish for a stamp."""

@@ -8,11 +8,12 @@ from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 
-from ..arrays import IntArray
+from ..arrays import IntArray, contains
 from ..factors.state import Factors
 from ..gaussian.bounds import Bounds
 from ..gaussian.dynamics import Dynamics
 from ..gaussian.entries import Entry, Link, UnsweptRows
+from ..gaussian.extraction import extract, most_probable_motion
 from ..gaussian.mixture import Mixture
 from ..gaussian.new_targets import Place, births, placed, spawn
 from ..gaussian.prediction import AgedMixture, survivors
@@ -21,8 +22,9 @@ from ..gaussian.update import GaussianSteps
 from ..models.tracker_model import TrackerModel
 from ..sensors.view import View
 from ..snapshot import MAX_STAMP_NS, Snapshot, from_snapshot, integers, to_snapshot
+from ..tracks.confirmation import TrackStates
 from ..tracks.labels import MAX_SCANS
-from ..types import Scan
+from ..types import Estimates, Scan
 from .swept import partition_swept, swept_births
 from .update import update_scan
 from .window_snapshot import unswept_from_snapshot, unswept_to_snapshot
@@ -146,6 +148,22 @@ class ForwardFilter:
         entry = Entry(scan.stamp_ns, stored, tuple(rows.source for rows in swept), link)
         self._keep(entry, others)
         return entry
+
+    def report(self, states: TrackStates, scan: Scan) -> Estimates:
+        """Return the reported targets of the latest scan; see `TrackStates.report_filtered`.
+
+        Those that no sensor has seen for long have their most probable motion.
+        """
+        stored = self.unswept[-1].stored
+        unswept_ns = [rows.entry.stamp_ns for rows in self.unswept]
+        estimates = extract(stored, self.dynamics, scan.stamp_ns, 0, states.rule.least)
+        self.on_stage_end("extraction")
+        of_tracks = stored.label, unswept_ns, scan, self.model, self.views
+        reported = states.report_filtered(estimates, *of_tracks)
+        if not states.unseen.size:
+            return reported
+        unseen = contains(states.unseen, reported.track_id)
+        return most_probable_motion(reported, stored, unseen, self.bounds.merge_distance)
 
     def reset(self) -> None:
         """Return to the initial state."""
