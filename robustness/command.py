@@ -16,7 +16,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from .harness.figures import Figure, all_reached
-from .hostile_input import asterix_bytes, decoders, random_trackers, raw_bytes
+from .hostile_input import asterix_bytes, bad_receivers, decoders, random_trackers, raw_bytes
 from .operation import soak
 
 Measure = Callable[[], Figure]
@@ -50,7 +50,7 @@ MODULES = (
     *("operation.warm_restart", "hostile_input.forgeries", "reports.stamps_and_time"),
     *("operation.network", "operation.recordings", "operation.user_files"),
     "operation.receivers",
-    "hostile_input.asterix_recordings",
+    *("hostile_input.asterix_recordings", "hostile_input.bad_receivers"),
 )
 PARTS = {module.rpartition(".")[2]: module for module in MODULES}
 
@@ -87,6 +87,7 @@ def fuzzing(arguments: argparse.Namespace) -> Iterator[Measure]:
     yield lambda: decoders.measure(arguments.examples)
     yield lambda: decoders.measure_bags(max(1, arguments.examples // 10))
     yield lambda: asterix_bytes.measure(arguments.examples)
+    yield lambda: bad_receivers.measure(arguments.examples)
     yield lambda: random_trackers.measure(max(1, arguments.examples // 25))
     yield lambda: raw_bytes.measure(arguments.seconds)
 

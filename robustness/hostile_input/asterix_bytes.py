@@ -17,6 +17,8 @@ from phd_jdtc_ros.asterix import writing as plots_out
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream
 from phd_jdtc_ros.asterix_bridge.conversion import columns
+from phd_jdtc_ros.transponders import batches
+from phd_jdtc_ros.transponders.batches import Batch
 from phd_jdtc_ros.transport.network import RecordingError
 
 from ..harness.figures import Found, measures
@@ -96,7 +98,7 @@ def _of_recording(data: bytes) -> str:
 
 def _used_count(stream: PlotStream) -> int:
     """Return the number of messages that were used, or wait until their radar's clock is known."""
-    return sum(s.plots + s.services + len(s.waiting) for s in stream.radars.values())
+    return sum(s.plots + s.positions + s.services + len(s.waiting) for s in stream.radars.values())
 
 
 def _fault_counts(stream: PlotStream) -> tuple[int, int]:
@@ -107,8 +109,11 @@ def _fault_counts(stream: PlotStream) -> tuple[int, int]:
 
 def _fault(sectors: int, report: Any) -> bool:
     """Return whether a mandatory number is not finite."""
-    found = columns(report, sectors)
-    return not all(np.isfinite(found[name]).all() for name in ("range", "azimuth", "time"))
+    if isinstance(report, Batch):
+        found, mandatory = batches.columns(report, True), ("latitude", "longitude", "time")
+    else:
+        found, mandatory = columns(report, sectors), ("range", "azimuth", "time")
+    return not all(np.isfinite(found[name]).all() for name in mandatory)
 
 
 def radar_datagrams(rng: random.Random) -> list[bytes]:
@@ -141,6 +146,14 @@ def _plot(radar: int, azimuth: float, rng: random.Random) -> Plot:
     return Plot(radar, NONE, DAY, distance, azimuth, height, *identity, -60.0, -70.0)
 
 
+def _positions(good: list[bytes], rng: random.Random) -> bytes:
+    """Return a record of positions with usual items, and random bytes in them."""
+    usual = {20: b"\xf5\x14", 21: b"\xdb\x19\x03", 10: b"\xb1\x04", 62: b"\x9d\x0d\x04"}
+    category = rng.choice([*usual])
+    body = usual[category] + rng.randbytes(rng.randrange(20, 80))
+    return struct.pack(">BH", category, len(body) + 3) + body
+
+
 def _mutate(good: list[bytes], rng: random.Random) -> bytes:
     data = bytearray(rng.choice(good))
     for _ in range(rng.randrange(1, 6)):
@@ -162,7 +175,10 @@ def _claim(good: list[bytes], rng: random.Random) -> bytes:
     """Return random bytes under the header of a category, with any length."""
     body = rng.randbytes(rng.randrange(300))
     length = rng.choice([len(body) + 3, rng.randrange(2**16), 0, 3, 2**16 - 1])
-    return struct.pack(">BH", rng.choice([1, 2, 10, 34, 48, 48, 48, 62, 255]), length) + body
+    return (
+        struct.pack(">BH", rng.choice([1, 2, 10, 20, 21, 21, 34, 48, 48, 48, 62, 255]), length)
+        + body
+    )
 
 
 def _chain(good: list[bytes], rng: random.Random) -> bytes:
@@ -170,7 +186,7 @@ def _chain(good: list[bytes], rng: random.Random) -> bytes:
     size = rng.choice([20, 2000, LARGEST])
     head = rng.choice([b"", b"\x20", b"\x80\x01\x02\x20", b"\x02\x02", b"\x02\xfe"])
     body = (head + b"\xff" * size)[: size - 3]
-    return struct.pack(">BH", rng.choice([1, 34, 48]), len(body) + 3) + body
+    return struct.pack(">BH", rng.choice([1, 20, 21, 34, 48, 62]), len(body) + 3) + body
 
 
 def _endless(good: list[bytes], rng: random.Random) -> bytes:
@@ -192,6 +208,6 @@ def _noise(good: list[bytes], rng: random.Random) -> bytes:
 # Half of them resemble a radar's datagrams.
 KINDS: tuple[Callable[[list[bytes], random.Random], bytes], ...] = (
     *(_mutate, _cut, _join, _mutate, _cut, _join, _mutate),
-    *(_claim, _chain, _many_radars, _noise, _claim, _mutate),
+    *(_claim, _chain, _many_radars, _noise, _claim, _mutate, _positions, _positions),
     *(_endless,),
 )

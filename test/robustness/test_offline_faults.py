@@ -14,6 +14,7 @@ from robustness.harness import figures, scans
 from robustness.hostile_input import (
     asterix_bytes,
     asterix_recordings,
+    bad_receivers,
     bags,
     decoders,
     forgeries,
@@ -36,6 +37,8 @@ SCANS = {**dict.fromkeys(numerics.CASES, 20), "an hour's gap": 45}
         (hostile.measure_names, ()),
         (hostile.measure_forged_times, ()),
         (asterix_bytes.measure, (300,)),
+        (bad_receivers.measure, (600,)),
+        (bad_receivers.measure_receivers, ()),
         (asterix_recordings.measure_blocks, (60,)),
         (asterix_recordings.measure_captures, ()),
         (decoders.measure, (200,)),
@@ -50,7 +53,8 @@ SCANS = {**dict.fromkeys(numerics.CASES, 20), "an hour's gap": 45}
             "long lists of names",
             "forged times of a capture",
         ),
-        *("hostile ASTERIX", "damaged blocks", "damaged captures"),
+        *("hostile ASTERIX", "hostile AIS and ADS-B", "bad receivers"),
+        *("damaged blocks", "damaged captures"),
         *("random clouds", "damaged bags", "random trackers"),
     ],
 )
