@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -30,7 +31,8 @@ _CROSS = {
 }
 _IDENTITIES = {"code": identities.CODES, "address": identities.ADDRESSES}
 _AGES = tuple(f"age_{sensor}" for sensor in SENSORS)
-_UNKNOWN_AS_NAN = ("z", "vz", *_VERTICAL, *_CROSS, *_AGES)
+PRESSURE = "pressure_altitude"
+_UNKNOWN_AS_NAN = ("z", "vz", *_VERTICAL, *_CROSS, *_AGES, PRESSURE)
 _STATE = (("x", X), ("y", Y), ("vx", VX), ("vy", VY), ("omega", OMEGA))
 
 
@@ -48,7 +50,8 @@ def to_msg(estimates: Estimates, frame: str) -> PointCloud2:
     each kind of sensor last detected the target, seconds; NaN for never.
 
     Estimates in space end with FLOAT32 ``cov_xz cov_xvz cov_vxz ... cov_omegavz``, the ten
-    covariances of the plane's axes with height and climb rate; NaN for an unknown height.
+    covariances of the plane's axes with height and climb rate, and ``pressure_altitude``, the
+    altitude in the standard atmosphere; NaN for an unknown one.
     """
     return point_cloud.encode(estimates.stamp_ns, frame, _columns_of(estimates))
 
@@ -92,6 +95,7 @@ def _columns_of(estimates: Estimates) -> dict[str, npt.NDArray[Any]]:
             unknown = np.isnan(known.height[:, 0])
             for name, (one, other) in _CROSS.items():
                 columns[name] = np.where(unknown, np.nan, estimates.covariance[:, one, other])
+            columns[PRESSURE] = known.height[:, 0] + estimates.pressure_above
     return columns
 
 
@@ -124,6 +128,7 @@ def from_msg(cloud: PointCloud2) -> Estimates:
     in_space = attributed and {*_CROSS} <= {*point_cloud.field_names(cloud)}
     if in_space:
         floats += _CROSS
+        floats += {PRESSURE} & {*point_cloud.field_names(cloud)}
     columns = point_cloud.decode(
         cloud,
         dict.fromkeys(floats, point_cloud.FLOATS) | dict.fromkeys(whole, point_cloud.UNSIGNED),
@@ -164,7 +169,17 @@ def from_msg(cloud: PointCloud2) -> Estimates:
         space=space,
         track_state=track_state,
         attributes=known,
+        pressure_above=_pressure_above(columns, known),
     )
+
+
+def _pressure_above(columns: Mapping[str, npt.NDArray[Any]], known: Attributes | None) -> float:
+    """Return the mean difference of pressure altitudes from heights; NaN if it is not known."""
+    if known is None or PRESSURE not in columns:
+        return math.nan
+    above = columns[PRESSURE].astype(np.float64) - known.height[:, 0]
+    finite = point_cloud.finite(above)
+    return float(above[finite].mean()) if finite.any() else math.nan
 
 
 def _fill_space(

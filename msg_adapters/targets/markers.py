@@ -72,15 +72,21 @@ def to_cdr(
     It contains a DELETEALL marker, then the ellipses, the velocities and the labels of each class
     that has estimates, in the namespaces ``NAME/ellipse``, ``NAME/velocity`` and ``NAME/label``
     with the class's name. They are at the estimate's height, or in the map's plane if it is
-    unknown. `datum` is the height of the map's zero, metres, to which flight levels in labels
-    refer.
+    unknown; in space an ellipse is three of an ellipsoid. `datum` is the height of the map's zero,
+    metres, to which flight levels in labels refer.
     """
     order = np.argsort(estimates.class_id, kind="stable")
     estimates = estimates.take(order)
     counts = np.bincount(estimates.class_id).tolist()
     up = vertical.states(estimates)
     position = np.column_stack([estimates.position, up[:, 0]])
-    ellipses = _ellipses(position, estimates.position_covariance)
+    if estimates.space.vertical:
+        covariance = vertical.known_or_zero(estimates.covariance_in_space[:, :3, :3])
+        flat = np.isnan(estimates.known_attributes.height[:, 0])
+        covariance[flat, :2, :2] = estimates.position_covariance[flat]
+        ellipses = _ellipsoids(position, covariance)
+    else:
+        ellipses = _ellipses(position, estimates.position_covariance)
     arrows = _arrows(position, np.column_stack([estimates.velocity, up[:, 1]]))
     places = position + np.array([0.0, 2.0 * LABEL_HEIGHT, 0.0])
     texts = _labels(estimates, class_names, datum)
@@ -171,6 +177,24 @@ def _ellipses(position: FloatArray, covariance: FloatArray) -> FloatArray:
     frame[:, 2] = position
     ends: FloatArray = _CIRCLE @ frame
     return ends
+
+
+def _ellipsoids(position: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the ends of the sides of each ellipsoid's three ellipses, (T, 6 * ELLIPSE_SIDES, 3).
+
+    The covariances, (T, 3, 3), are zero along z where a height is unknown: an ellipsoid is then
+    flat.
+    """
+    variance, axes = np.linalg.eigh(covariance)
+    root = (
+        ELLIPSE_SIGMA * (axes * np.sqrt(np.maximum(variance, 0.0))[:, None]) @ axes.swapaxes(1, 2)
+    )
+    # Images of the circles about z, y and x.
+    pairs = ((0, 1), (0, 2), (1, 2))
+    ends = [
+        _CIRCLE @ np.stack([root[:, one], root[:, other], position], axis=1) for one, other in pairs
+    ]
+    return np.concatenate(ends, axis=1)
 
 
 def _arrows(position: FloatArray, velocity: FloatArray) -> FloatArray:

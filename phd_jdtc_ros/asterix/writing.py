@@ -194,6 +194,10 @@ class TrackReport:
     height_std: float = math.nan  # m; NaN if unknown
     climb_std: float = math.nan  # m/s; NaN if unknown
     call_sign: int = NONE
+    # Altitude in the standard atmosphere, m; NaN if unknown, or if it is the height.
+    pressure_altitude: float = math.nan
+    # True if the height is above the ellipsoid, whatever those of the source usually are.
+    geometric: bool = False
 
 
 def track_record(track: TrackReport, time_ns: int, source: Source) -> bytes:
@@ -224,8 +228,7 @@ def track_record(track: TrackReport, time_ns: int, source: Source) -> bytes:
         items["245"] = b"\x00" + track.call_sign.to_bytes(6, "big")
     if track.address != NONE:
         items["380"] = _aircraft(track)
-    if math.isfinite(track.height):
-        items |= _heights(track.height, source)
+    items |= _heights(track, source)
     if math.isfinite(track.climb):
         items["220"] = signed(track.climb, CLIMB_UNIT, 2)
     return record(62, items)
@@ -241,7 +244,7 @@ def _aircraft(track: TrackReport) -> bytes:
 def _status(track: TrackReport, source: Source) -> bytes:
     """Encode I062/080 up to the octet with the coasting flag."""
     first = 0x80 * source.monosensor | 0x02 * (not track.confirmed)
-    if source.geometric and math.isfinite(track.height):
+    if (source.geometric or track.geometric) and math.isfinite(track.height):
         first |= 0x20 | 2 << 2  # the geometric height is more reliable; the source is plots
     second = 0x40 * track.last | 0x20 * track.first
     fourth = 0x80 * track.coasting
@@ -270,9 +273,18 @@ def _ages(track: TrackReport) -> bytes:
     return bytes([0x80 | sum(own)]) + b"".join(ages)
 
 
-def _heights(height: float, source: Source) -> dict[str, bytes]:
-    if source.geometric:
-        return {"130": signed(height, GEOMETRIC_UNIT, 2)}
+def _heights(track: TrackReport, source: Source) -> dict[str, bytes]:
+    """Encode I062/130, the geometric height, or I062/135 and 136, those of the atmosphere."""
+    if not math.isfinite(track.height):
+        return {}
+    if not (source.geometric or track.geometric):
+        return _levels(track.height)
+    items = {"130": signed(track.height, GEOMETRIC_UNIT, 2)}
+    known = math.isfinite(track.pressure_altitude)
+    return items | _levels(track.pressure_altitude) if known else items
+
+
+def _levels(height: float) -> dict[str, bytes]:
     level = signed(height, QUARTER_LEVEL, 2)
     # This item has the same unit, and a bit for the QNH correction, which leaves one bit less.
     quarters = round(min(max(height / QUARTER_LEVEL, -(2**14)), 2**14 - 1))
@@ -288,7 +300,8 @@ def _accuracies(track: TrackReport, source: Source) -> bytes:
         0x04: b"".join(unsigned(std, SPEED_UNIT, 1) for std in track.velocity_std),
     }
     if math.isfinite(track.height_std):
-        bit, unit = (0x10, GEOMETRIC_UNIT) if source.geometric else (0x08, QUARTER_LEVEL)
+        geometric = source.geometric or track.geometric
+        bit, unit = (0x10, GEOMETRIC_UNIT) if geometric else (0x08, QUARTER_LEVEL)
         parts[bit] = unsigned(track.height_std, unit, 1)
     extended = b""
     if math.isfinite(track.climb_std):

@@ -238,6 +238,8 @@ class TrackOutput:
                 velocity=tuple(velocity[row]),
                 geodetic=None if geodetic is None else tuple(geodetic[row]),
                 height=float(height[row]),
+                pressure_altitude=float(height[row]) + estimated.pressure_above,
+                geometric=bool(space.vertical),
                 climb=climb,
                 code=int(known.code[row]),
                 address=int(known.address[row]),

@@ -7,9 +7,12 @@ from scipy.integrate import trapezoid
 
 from msg_adapters.encoding import point_cloud
 from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.targets import estimates
 from phd_jdtc_ros.asterix.messages import NONE, CallSigns
 from phd_jdtc_ros.asterix.writing import Source
 from phd_jdtc_ros.asterix_bridge.conversion import TrackOutput
+from phd_jdtc_ros.core.state_space import SPATIAL
+from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.earth import SystemPlane
 
 NS = 10**9
@@ -140,6 +143,35 @@ def test_heights_codes_and_addresses_are_those_of_the_estimates():
     assert (first.code, first.address, first.vertical) == (4032, 7, 2)
     assert math.isnan(second.height)
     assert (second.code, second.address, second.vertical) == (-1, -1, 3)
+
+
+def test_heights_of_targets_in_space_are_geometric_beside_their_flight_levels():
+    state = np.zeros((2, 7))
+    state[0], state[1, 2] = [1e3, 50.0, 2e3, 0.0, 0.0, 3048.0, 4.0], 9e3
+    covariance = np.tile(np.diag([100.0, 4.0, 100.0, 4.0, 1e-4, 400.0, 1.0]), (2, 1, 1))
+    covariance[1, 5, 5] = 1e8
+    found = Estimates.empty(T0, 0, 1, SPATIAL).changed(
+        state=state,
+        covariance=covariance,
+        weight=np.ones(2),
+        class_probability=np.ones((2, 1)),
+        class_id=np.zeros(2, dtype=np.int64),
+        track_id=np.array([1, 2]),
+        track_state=np.ones(2, dtype=np.int64),
+    )
+    made = output()
+    made.update(estimates.to_msg(found.with_pressure(-76.2, 5.0).with_heights(1e3), "map"))
+    known, unknown = made.reports(T0 + 2 * NS)
+    assert known.position == pytest.approx((1100.0, 2000.0))
+    assert known.height == pytest.approx(3056.0)
+    assert known.geometric
+    (record, other, *_) = decoded(b"".join(made.datagrams(T0 + 2 * NS)))
+    assert 0.3048 * value(record, "I130", "Alt") == pytest.approx(3056.0, abs=1.0)
+    # The flight level is that of the pressure altitude.
+    assert 0.3048 * value(record, "I136", "MFL") == pytest.approx(3056.0 - 76.2, abs=3.9)
+    assert "I135" in record
+    assert math.isnan(unknown.height)
+    assert not {"I130", "I135", "I136"} & other.keys()
 
 
 def test_heights_are_counted_from_the_origin_where_known():

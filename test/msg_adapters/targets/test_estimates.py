@@ -220,7 +220,7 @@ def test_estimates_in_space_keep_the_layout_and_end_with_the_covariances_of_heig
     names = [field.name for field in message.fields]
     before = [field.name for field in adapter.to_msg(estimates(), "map").fields]
     assert names[: len(before)] == before
-    own = ["cov_zz", "cov_zvz", "cov_vzvz", "code", "address", *CROSS]
+    own = ["cov_zz", "cov_zvz", "cov_vzvz", "code", "address", *CROSS, "pressure_altitude"]
     assert names[len(before) :] == own
     known = [0, 2]
     for name, axis in (("z", 5), ("vz", 6)):
@@ -244,6 +244,18 @@ def test_estimates_in_space_survive_the_message():
     assert not found.covariance[1, 5:].any()
     assert_array_equal(found.attributes.height, given.attributes.height)
     assert_array_equal(found.covariance_in_space, given.covariance_in_space)
+
+
+def test_pressure_altitudes_are_beside_heights_where_they_are_known():
+    given = in_space().with_pressure(-40.0, 10.0).with_heights(500.0)
+    message = adapter.to_msg(given, "map")
+    shown = column(message, "pressure_altitude")
+    assert_array_equal(shown[[0, 2]], given.state[[0, 2], 5] - 40.0)
+    assert np.isnan(shown[1])
+    assert adapter.from_msg(message).pressure_above == -40.0
+    unknown = adapter.to_msg(in_space(), "map")
+    assert np.isnan(column(unknown, "pressure_altitude")).all()
+    assert np.isnan(adapter.from_msg(unknown).pressure_above)
 
 
 def test_covariance_in_space_has_axes_x_y_z_and_their_velocities():

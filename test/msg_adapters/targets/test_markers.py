@@ -16,6 +16,7 @@ from msg_adapters.targets.markers import (
     class_colour,
     class_rgb,
 )
+from phd_jdtc_ros.core.state_space import SPATIAL
 from phd_jdtc_ros.report import style
 
 NAMES = ("jet", "drone")
@@ -68,6 +69,26 @@ def test_ellipses_are_the_closed_outlines_of_the_covariances():
         inverse = np.linalg.inv(given.covariance[row][np.ix_([0, 2], [0, 2])])
         distance = np.sqrt(np.einsum("ni,ij,nj->n", offset, inverse, offset))
         assert_allclose(distance, ELLIPSE_SIGMA, rtol=1e-6)
+
+
+def test_ellipsoids_in_space_are_three_outlines_of_the_covariances():
+    rng, planar = np.random.default_rng(0), estimates(count=4)
+    root = rng.normal(size=(4, 7, 7)) * 20.0
+    covariance = root @ root.swapaxes(1, 2)
+    covariance[1, 5, 5] = 1e6
+    state = np.concatenate([planar.state, rng.normal(0.0, 50.0, (4, 2))], axis=1)
+    given = planar.changed(state=state, covariance=covariance, space=SPATIAL, attributes=None)
+    given = given.with_heights(500.0)
+    for ends, row in zip(lines("ellipse", given), by_class(given), strict=True):
+        offset = ends - [*given.state[row, [0, 2]], 0.0 if row == 1 else given.state[row, 5]]
+        if row == 1:
+            # A target without a height is flat.
+            assert not offset[:, 2].any()
+            continue
+        inverse = np.linalg.inv(given.covariance[row][np.ix_([0, 2, 5], [0, 2, 5])])
+        distance = np.sqrt(np.einsum("ni,ij,nj->n", offset, inverse, offset))
+        assert_allclose(distance, ELLIPSE_SIGMA, rtol=1e-5)
+        assert len(ends) == 3 * 48
 
 
 def test_negative_variances_from_rounding_give_ellipses_without_extent():
