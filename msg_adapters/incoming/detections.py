@@ -6,14 +6,17 @@ from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
 from phd_jdtc_ros.columns import sent_columns
 from phd_jdtc_ros.columns.selection import Report, select
-from phd_jdtc_ros.configuration.parameters.radar import Fields, RadarParameters
+from phd_jdtc_ros.configuration.parameters import sensor
+from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
+from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import Detections
 
 from ..encoding import point_cloud, stamps
@@ -25,8 +28,6 @@ NUMBERS = (*point_cloud.FLOATS, "i1", "u1", "i2", "u2", "i4", "u4")
 DOUBLES = ("f8",)
 # Columns that may have integer types.
 WHOLE = ("amplitude", "sector", "code", "address", "detection_type")
-# Quantities that a cloud must have if the radar's configuration names their fields.
-REQUIRED = ("range", "azimuth", "elevation")
 # Usual field names, in lower case, that are recognised if a radar's own name is missing, as is that
 # name in other letter cases. An SNR is in decibels; a power or an RCS has a reference that only the
 # driver defines.
@@ -37,6 +38,16 @@ SYNONYMS = {
 }
 # Default layout of written clouds.
 OWN_LAYOUT = RadarParameters()
+
+
+class Expected(NamedTuple):
+    """The quantities that clouds of a kind of sensor must have, and those that they need not."""
+
+    required: tuple[str, ...]  # If the sensor's configuration names their fields
+    optional: tuple[str, ...] = ()  # Under their usual names
+
+
+EXPECTED = Expected(required=("range", "azimuth", "elevation"))
 
 
 def to_msg(
@@ -75,22 +86,10 @@ def from_msg(cloud: PointCloud2, radar: RadarParameters) -> Report:
     otherwise see `stamps.of_input` and `point_cloud.decode`.
     """
     require_frame(cloud.header.frame_id, radar)
-    present = frozenset(point_cloud.field_names(cloud))
-    radar = _recognise_fields(radar, present)
-    own = present.intersection(vars(radar.fields).values())
-    named, missing = _wanted_fields(radar.fields, radar.time_since_epoch, own)
-    if not (present or cloud.width * cloud.height or len(cloud.data)):
-        nothing = {what: np.zeros(0) for what in sent_columns.names_of(radar.fields)}
-        return select(stamps.of_input(cloud.header), radar, nothing)
-    found = point_cloud.decode(cloud, dict(named.values()))
-    # Converting a signalling NaN warns. Such a value is handled like any other NaN.
-    with np.errstate(invalid="ignore"):
-        columns = {what: found[name].astype(np.float64) for what, (name, _) in named.items()}
+    radar = _recognise_fields(radar, point_cloud.field_names(cloud))
+    columns, missing = read_columns(cloud, radar.fields, radar.time_since_epoch, EXPECTED)
     report = select(stamps.of_input(cloud.header), radar, columns)
-    if not missing:
-        return report
-    lacking = Counter(f"{what}_missing" for what in missing)
-    return replace(report, anomalies=report.anomalies + lacking)
+    return replace(report, anomalies=report.anomalies + missing) if missing else report
 
 
 def _recognise_fields(radar: RadarParameters, present: Collection[str]) -> RadarParameters:
@@ -113,28 +112,48 @@ def _recognise_fields(radar: RadarParameters, present: Collection[str]) -> Radar
     return replace(radar, fields=replace(radar.fields, **found), amplitude_in_db=in_db)
 
 
+def read_columns(
+    cloud: PointCloud2, fields: sensor.Fields, time_since_epoch: bool, expected: Expected
+) -> tuple[dict[str, FloatArray], Counter[str]]:
+    """Return the columns of a cloud by quantity, arrays of shape (M,), and what it lacks.
+
+    The latter are anomalies. A cloud with neither points nor fields has columns without entries.
+
+    Raise `RejectedMessageError`; see `point_cloud.decode`.
+    """
+    present = frozenset(point_cloud.field_names(cloud))
+    named = present.intersection(vars(fields).values())
+    wanted, missing = _wanted_fields(fields, time_since_epoch, named, expected)
+    if not (present or cloud.width * cloud.height or len(cloud.data)):
+        names = sent_columns.names_of(fields)
+        return {what: np.zeros(0) for what in names if what not in expected.optional}, Counter()
+    found = point_cloud.decode(cloud, dict(wanted.values()))
+    # Converting a signalling NaN warns. Such a value is handled like any other NaN.
+    with np.errstate(invalid="ignore"):
+        columns = {what: found[name].astype(np.float64) for what, (name, _) in wanted.items()}
+    return columns, Counter(missing)
+
+
 @lru_cache(maxsize=64)
 def _wanted_fields(
-    fields: Fields, time_since_epoch: bool, present: frozenset[str]
+    fields: sensor.Fields, time_since_epoch: bool, present: frozenset[str], expected: Expected
 ) -> tuple[dict[str, tuple[str, Sequence[str]]], tuple[str, ...]]:
-    """Return the name and the allowed types of the fields to read, by column.
-
-    The other result has the columns whose missing fields are anomalies.
-    """
+    """Return the name and the allowed types of the fields to read, by column, and the anomalies."""
     types: dict[str, Sequence[str]] = dict.fromkeys(WHOLE, NUMBERS)
     if time_since_epoch:
         types["time"] = DOUBLES
     names = sent_columns.names_of(fields)
-    missing = [w for w, name in names.items() if w not in REQUIRED and name not in present]
+    lacking = [what for what, name in names.items() if name not in present]
     wanted = {
         what: (name, types.get(what, point_cloud.FLOATS))
         for what, name in names.items()
-        if what not in missing
+        if what in expected.required or what not in lacking
     }
-    return wanted, tuple(what for what in missing if what != "amplitude")
+    unused = {"amplitude", *(what for what in expected.optional if names.get(what) == what)}
+    return wanted, tuple(f"{w}_missing" for w in lacking if w not in wanted and w not in unused)
 
 
-def require_frame(frame: str, sensor: SensorParameters) -> None:
+def require_frame(frame: str, own: SensorParameters) -> None:
     """Raise `RejectedMessageError` if a message is not in its sensor's frame."""
-    if frame != sensor.frame:
-        raise RejectedMessageError("frame", f"frame_id {quote(frame)}, must be {sensor.frame!r}")
+    if frame != own.frame:
+        raise RejectedMessageError("frame", f"frame_id {quote(frame)}, must be {own.frame!r}")

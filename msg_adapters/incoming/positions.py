@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,17 +13,16 @@ from sensor_msgs.msg import PointCloud2
 from phd_jdtc_ros.columns import identities, sent_columns
 from phd_jdtc_ros.columns.position_selection import select
 from phd_jdtc_ros.columns.selection import Report
-from phd_jdtc_ros.configuration.parameters.position import Fields, PositionParameters
+from phd_jdtc_ros.configuration.parameters.position import PositionParameters
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import Detections
 
 from ..encoding import point_cloud, stamps
-from .detections import DOUBLES, NUMBERS, require_frame
+from .detections import Expected, read_columns, require_frame
 
-# Quantities whose fields a cloud may lack under their usual names.
-OPTIONAL = ("z", "x_std", "y_std", "z_std", "correlation", "vx", "vy")
-# Columns that may have integer types.
-WHOLE = ("amplitude", "code", "address", "detection_type")
+EXPECTED = Expected(
+    required=("x", "y"), optional=("z", "x_std", "y_std", "z_std", "correlation", "vx", "vy")
+)
 
 
 def from_msg(cloud: PointCloud2, own: PositionParameters) -> Report:
@@ -40,40 +37,10 @@ def from_msg(cloud: PointCloud2, own: PositionParameters) -> Report:
     otherwise see `stamps.of_input` and `point_cloud.decode`.
     """
     require_frame(cloud.header.frame_id, own)
-    present = frozenset(point_cloud.field_names(cloud))
-    stamp_ns = stamps.of_input(cloud.header)
-    if not (present or cloud.width * cloud.height or len(cloud.data)):
-        return select(stamp_ns, own, {"x": np.zeros(0), "y": np.zeros(0)})
-    fields = own.fields
-    if own.height_prior is None:
-        fields = replace(fields, z="", z_std="")
-    names = present.intersection(vars(fields).values())
-    wanted, missing = _wanted_fields(fields, names, own.time_since_epoch)
-    found = point_cloud.decode(cloud, dict(wanted.values()))
-    # Converting a signalling NaN warns. Such a value is handled like any other NaN.
-    with np.errstate(invalid="ignore"):
-        columns = {what: found[name].astype(np.float64) for what, (name, _) in wanted.items()}
-    report = select(stamp_ns, own, columns)
-    return replace(report, anomalies=report.anomalies + Counter(missing)) if missing else report
-
-
-@lru_cache(maxsize=64)
-def _wanted_fields(
-    fields: Fields, present: frozenset[str], time_since_epoch: bool
-) -> tuple[dict[str, tuple[str, tuple[str, ...]]], tuple[str, ...]]:
-    """Return the name and the allowed types of the fields to read, and the anomalies."""
-    types: dict[str, tuple[str, ...]] = dict.fromkeys(WHOLE, NUMBERS)
-    if time_since_epoch:
-        types["time"] = DOUBLES
-    named = sent_columns.names_of(fields)
-    missing = [what for what, name in named.items() if name not in present]
-    wanted = {
-        what: (name, types.get(what, point_cloud.FLOATS))
-        for what, name in named.items()
-        if what in ("x", "y") or what not in missing
-    }
-    noted = {*missing} - {"x", "y", "amplitude", *(w for w in OPTIONAL if named.get(w) == w)}
-    return wanted, tuple(f"{what}_missing" for what in missing if what in noted)
+    fields = own.fields if own.height_prior else replace(own.fields, z="", z_std="")
+    columns, missing = read_columns(cloud, fields, own.time_since_epoch, EXPECTED)
+    report = select(stamps.of_input(cloud.header), own, columns)
+    return replace(report, anomalies=report.anomalies + missing) if missing else report
 
 
 def to_cdr(detections: Detections, stamp_ns: int, own: PositionParameters) -> bytes:
