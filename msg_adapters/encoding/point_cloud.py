@@ -165,7 +165,8 @@ def field_names(cloud: PointCloud2) -> list[str]:
 def decode(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> dict[str, npt.NDArray[Any]]:
     """Return the wanted columns of a cloud of either byte order, copies in native byte order.
 
-    Each wanted field has its allowed type codes, such as `FLOATS`; further fields are ignored.
+    Each wanted field has its allowed type codes, such as `FLOATS`, before which stands the number
+    of its elements if that is not 1, as in ``20u1``; further fields are ignored.
 
     Raise `RejectedMessageError`: ``oversize`` above `MAX_POINTS`; ``schema`` if a field is missing
     or has another type or count, or if the steps do not match each other or the data.
@@ -219,7 +220,8 @@ def _checked_layout(
     order = ">" if is_bigendian else "<"
     formats, offsets = [], []
     for (name, allowed), place in zip(wanted, places, strict=True):
-        formats.append(order + _checked_code(name, place, allowed, point_step))
+        code = _checked_code(name, place, allowed, point_step)
+        formats.append(f"{code[:-2]}{order}{code[-2:]}")
         offsets.append(place[0])
     return np.dtype({"names": [name for name, _ in wanted], "formats": formats, "offsets": offsets})
 
@@ -229,12 +231,14 @@ def _checked_code(
 ) -> str:
     """Return a field's type code, after checks of its type and its place in the point."""
     offset, datatype, count = place
-    code = _CODES.get(datatype, "unknown")
-    if code not in allowed or count != 1:
+    base = _CODES.get(datatype, "unknown")
+    code = base if count == 1 else f"{count}{base}"
+    if code not in allowed:
+        single = "" if any(each[:-2] for each in allowed) else ", count 1"
         raise RejectedMessageError(
             "schema",
-            f"field {name!r} has type {code}, count {count}; "
-            f"must be one of {', '.join(allowed)}, count 1",
+            f"field {name!r} has type {base}, count {count}; "
+            f"must be one of {', '.join(allowed)}{single}",
         )
     if offset + np.dtype(code).itemsize > point_step:
         raise RejectedMessageError("schema", f"field {name!r} reaches beyond the point's step")

@@ -14,10 +14,11 @@ from phd_jdtc_ros.columns import identities
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.state_space import OMEGA, PLANAR, SPATIAL, VX, VY, X, Y
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, SENSORS, UNKNOWN, Attributes, Estimates
+from phd_jdtc_ros.core.types.reports import NAME_SIZE
 
 from ..encoding import point_cloud, stamps
 from ..encoding.errors import RejectedMessageError
-from . import vertical
+from . import reported, vertical
 
 _UPPER = tuple(zip(*np.triu_indices(len(PLANAR)), strict=True))
 _COVARIANCE = [f"cov_{row}{column}" for row, column in _UPPER]
@@ -52,6 +53,8 @@ def to_msg(estimates: Estimates, frame: str) -> PointCloud2:
     Estimates in space end with FLOAT32 ``cov_xz cov_xvz cov_vxz ... cov_omegavz``, the ten
     covariances of the plane's axes with height and climb rate, and ``pressure_altitude``, the
     altitude in the standard atmosphere; NaN for an unknown one.
+
+    With receivers of self-reports the columns of `reported` follow.
     """
     return point_cloud.encode(estimates.stamp_ns, frame, _columns_of(estimates))
 
@@ -96,6 +99,8 @@ def _columns_of(estimates: Estimates) -> dict[str, npt.NDArray[Any]]:
             for name, (one, other) in _CROSS.items():
                 columns[name] = np.where(unknown, np.nan, estimates.covariance[:, one, other])
             columns[PRESSURE] = known.height[:, 0] + estimates.pressure_above
+    if estimates.reports is not None:
+        columns |= reported.columns_of(estimates.reports, estimates.stamp_ns)
     return columns
 
 
@@ -129,14 +134,19 @@ def from_msg(cloud: PointCloud2) -> Estimates:
     if in_space:
         floats += _CROSS
         floats += {PRESSURE} & {*point_cloud.field_names(cloud)}
-    columns = point_cloud.decode(
-        cloud,
-        dict.fromkeys(floats, point_cloud.FLOATS) | dict.fromkeys(whole, point_cloud.UNSIGNED),
-    )
+    told = {*reported.FLOATS, *reported.WHOLE} <= {*point_cloud.field_names(cloud)}
+    if told:
+        floats += reported.FLOATS
+        whole += reported.WHOLE
+    wanted: dict[str, tuple[str, ...]] = dict.fromkeys(floats, point_cloud.FLOATS)
+    wanted |= dict.fromkeys(whole, point_cloud.UNSIGNED)
+    if told and reported.NAME in point_cloud.field_names(cloud):
+        wanted[reported.NAME] = (f"{NAME_SIZE}u1",)
+    columns = point_cloud.decode(cloud, wanted)
     stamp_ns = stamps.of_header(cloud.header)
     known = _attributes(columns, stamp_ns) if attributed else None
     point_cloud.require_finite(
-        {n: column for n, column in columns.items() if n not in _UNKNOWN_AS_NAN}
+        {n: column for n, column in columns.items() if n not in _UNKNOWN_AS_NAN + reported.FLOATS}
     )
     size = len(columns["x"])
     track_state = columns.get("state", np.full(size, CONFIRMED)).astype(np.int64)
@@ -170,6 +180,7 @@ def from_msg(cloud: PointCloud2) -> Estimates:
         track_state=track_state,
         attributes=known,
         pressure_above=_pressure_above(columns, known),
+        reports=reported.of_columns(columns, stamp_ns) if told else None,
     )
 
 

@@ -25,6 +25,7 @@ from . import models, zones
 from .models import platform_of, tracker_model
 from .parameters import replaced
 from .parameters.radar import RadarParameters
+from .parameters.reports import ReportsParameters
 from .parameters.sensor import SensorParameters
 from .parameters.tracker import LABELLED, SPACE, Parts, Tracking
 from .schema import ConfigError, Parameter, build, check
@@ -74,6 +75,7 @@ class TrackerConfig(Tracking):
     # Value of every parameter, given or default, by dotted name in the order of the table.
     values: dict[str, Any]
     inputs: tuple[SensorParameters, ...]  # In the configured order
+    receivers: tuple[ReportsParameters, ...]  # Of self-reports, in the configured order
     model: TrackerModel
     bounds: Bounds  # Bounds of the Gaussian engine's mixtures
     budget: ParticleBudget  # Numbers of particles of the engines with particles
@@ -251,6 +253,7 @@ def _config(values: dict[str, Any], parts: Parts, plane: Plane | None) -> Tracke
     inputs = tuple(
         sensor if plane is None else sensor.on_earth(plane) for sensor in parts.sensors.values()
     )
+    receivers = [own for own in parts.receivers.values() if isinstance(own, ReportsParameters)]
     if top.state == SPACE:
         inputs = tuple(sensor.in_space(top.height_prior, top.air) for sensor in inputs)
     places = zones.read(top.zones, plane if len(values["world_origin"]) == KNOWN_PLACE else None)
@@ -263,6 +266,7 @@ def _config(values: dict[str, Any], parts: Parts, plane: Plane | None) -> Tracke
         values,
         values=values,
         inputs=inputs,
+        receivers=tuple(own if plane is None else own.on_earth(plane) for own in receivers),
         model=model,
         bounds=Bounds(
             hypotheses=level.hypotheses,

@@ -31,9 +31,10 @@ from phd_jdtc_ros.core.targets.modes import ClassModel, ModeSpace
 from phd_jdtc_ros.core.targets.motion import MOTIONS, MotionModel
 from phd_jdtc_ros.core.targets.spawn import SpawnModel
 
+from .parameters.reports import ReportsParameters
 from .parameters.sensor import SensorParameters
 from .parameters.tracker import LABELLED, PHD, SPACE, Birth, Motion, Parts, TargetClass, Tracking
-from .tables import GROUPS, KINDS, TOP
+from .tables import GROUPS, KINDS, TOP, model_of
 
 # Fewer particles do not represent a target.
 LEAST_PER_TARGET = 10
@@ -133,20 +134,27 @@ def _births(parts: Parts) -> Faults:
 
 def _addresses(parts: Parts) -> Faults:
     for key in ("topic", "frame"):
-        used = [getattr(sensor, key) for sensor in parts.sensors.values()]
-        for name, own in zip(parts.sensors, used, strict=True):
+        listed = parts.sensors | parts.receivers
+        used = [getattr(sensor, key) for sensor in listed.values()]
+        for name, own in zip(listed, used, strict=True):
             if used.count(own) > 1:
                 yield f"{name}.{key}: {own!r} given, another sensor has it too"
 
 
-_CHECKS = (_names, _classes, _tracking, _births, _addresses)
+def _sensors(parts: Parts) -> Faults:
+    if parts.receivers and not parts.sensors:
+        yield f"sensors: {[*parts.receivers]} given, one at least must be a radar or positions"
+
+
+_CHECKS = (_names, _sensors, _classes, _tracking, _births, _addresses)
 
 
 def faults(parts: Parts) -> list[str]:
     """Return every fault of parameters that do not fit together."""
     found = [fault for check in _CHECKS for fault in check(parts)]
+    every = [*parts.sensors.values(), *parts.receivers.values()]
     for kind, own in KINDS.items():
-        sensors = [sensor for sensor in parts.sensors.values() if sensor.kind == kind]
+        sensors = [sensor for sensor in every if sensor.kind == kind]
         found += [fault for check in own.checks for each in sensors for fault in check(each, parts)]
     return found
 
@@ -204,10 +212,15 @@ def tracker_model(
         ),
         spawn=_spawn(top.spawn_rate, modes),
         amplitudes=_amplitudes(parts, inputs),
-        radars=tuple(KINDS[sensor.kind].model(sensor) for sensor in inputs),
+        radars=tuple(model_of(sensor) for sensor in inputs),
         factors={sensor.name: KINDS[sensor.kind].factors(sensor) for sensor in inputs},
         attributes=_attributes(parts),
         height_prior=top.height_prior if space.vertical else None,
+        receivers=tuple(
+            own.receiver([*parts.classes])
+            for own in parts.receivers.values()
+            if isinstance(own, ReportsParameters)
+        ),
     )
 
 

@@ -15,8 +15,10 @@ from phd_jdtc_ros.core.intake.input_checks import ReportCheck
 from phd_jdtc_ros.core.sensors.sensor import Sensor
 
 from . import position_models, radar_models
+from .parameters import reports
 from .parameters.position import PositionParameters
 from .parameters.radar import RadarParameters
+from .parameters.reports import ReportsParameters
 from .parameters.sensor import SensorParameters
 from .parameters.tracker import (
     IMPLIED,
@@ -38,9 +40,10 @@ class SensorKind(Generic[S]):
     """A kind of sensor."""
 
     parameters: type[S]
-    model: Callable[[S], Sensor]
+    # None for a receiver of self-reports, which is no sensor of the engine.
+    model: Callable[[S], Sensor] | None
     # Returns what else is assumed of its detections; see `core.factors`.
-    factors: Callable[[S], tuple[Factor, ...]]
+    factors: Callable[[S], tuple[Factor, ...]] = lambda _: ()
     # Checks of its parameters, each with a line per fault.
     checks: tuple[Callable[[S, Parts], Iterator[str]], ...] = ()
     # Returns the checks of its reports against its configuration.
@@ -59,6 +62,7 @@ KINDS: Mapping[str, SensorKind[Any]] = {
         position_models.CHECKS,
         position_models.report_check,
     ),
+    "reports": SensorKind(ReportsParameters, None, checks=reports.CHECKS),
 }
 
 
@@ -77,6 +81,14 @@ TABLES: Mapping[str, tuple[Parameter, ...]] = {
 ALL: Mapping[str, Parameter] = {
     each.name: each for own in reversed(list(TABLES.values())) for each in own
 }
+
+
+def model_of(sensor: SensorParameters) -> Sensor:
+    """Return the model of a sensor that has one."""
+    model = KINDS[sensor.kind].model
+    if model is None:
+        raise TypeError(f"{sensor.name}: kind {sensor.kind} has no detections")
+    return model(sensor)
 
 
 def parameters_of(kind: Any) -> tuple[Parameter, ...]:
@@ -123,12 +135,15 @@ def schema(given: Mapping[str, Any]) -> dict[str, Parameter]:
 
 def parts_of(values: Mapping[str, Any]) -> Parts:
     """Return checked values as the dataclasses that declare them."""
+    listed = {name: _sensor(values, name) for name in values["sensors"]}
+    receivers = {n: own for n, own in listed.items() if isinstance(own, ReportsParameters)}
     return Parts(
         build(Tracking, values),
-        {name: _sensor(values, name) for name in values["sensors"]},
+        {name: own for name, own in listed.items() if name not in receivers},
         {name: build(TargetClass, values, f"{name}.") for name in values["classes"]},
         {name: build(Motion, values, f"{name}.") for name in values["motions"]},
         {name: build(Birth, values, f"{name}.") for name in values["births"]},
+        {**receivers},
     )
 
 
@@ -140,7 +155,8 @@ def _sensor(values: Mapping[str, Any], name: str) -> SensorParameters:
 
 def topic_or_frame(values: Mapping[str, Any], sensor: str, key: str) -> str:
     """Return a sensor's topic or frame, or its default if it is empty."""
-    usual = {"topic": f"/{sensor}/detections", "frame": sensor}
+    declared: type[SensorParameters] = KINDS[values[f"{sensor}.kind"]].parameters
+    usual = {"topic": f"/{sensor}/{declared.TOPIC}", "frame": sensor}
     return str(values[f"{sensor}.{key}"] or usual[key])
 
 

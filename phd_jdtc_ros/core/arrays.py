@@ -20,6 +20,8 @@ Float4 = Annotated[FloatArray, 4]
 Int1 = Annotated[IntArray, 1]
 Int2 = Annotated[IntArray, 2]
 Bool1 = Annotated[BoolArray, 1]
+# Marks an unknown code, address or type.
+UNKNOWN = -1
 # scipy ships no type information.
 SparseArray = Any
 # Smallest positive normal number: a lower bound of divisors, and of arguments of logarithms.

@@ -20,13 +20,13 @@ from .intake.out_of_sequence import OutOfSequence
 from .intake.posed_reports import PosedReports
 from .intake.poses import Platform, PoseFault
 from .intake.revolution_history import Recut, RevolutionHistory
-from .intake.scans import Rejection, Reset, ScanGrouper
+from .intake.scans import Rejection, Reset, ScanGrouper, WaitingReports
 from .intake.slices import Slice
 from .models.tracker_model import TrackerModel
 from .tracks.manual import START, Command, Manual
 from .tracks.region import Everywhere, Region
 from .tracks.reporting_rule import ReportingRule, slowest_s
-from .types import Detections, Estimates, Pose, Scan
+from .types import Detections, Estimates, Pose, Scan, SelfReports
 
 # Reason for which reports of moving radars are dropped: the radar's pose is unknown.
 POSE_MISSING = "pose_missing"
@@ -121,6 +121,7 @@ class Pipeline:
         self._clocks, self._grouper, self._out_of_sequence = clocks, grouper, out_of_sequence
         self._region, self._configured = region, configured
         self._posed = PosedReports([sensor.platform for sensor in sensors])
+        self._reports = WaitingReports(configured[0].receivers)
         self._begin, self._on_filtered = begin, on_filtered
         self.manual = Manual()
         self.stamp_ns = 0  # Stamp of the latest scan
@@ -174,6 +175,18 @@ class Pipeline:
                 self._sensors[sent.sensor].drops.add(events.value, len(sent.detections))
             else:
                 yield from events
+
+    def add_reports(self, receiver: int, reports: SelfReports) -> None:
+        """Add self-reports, which wait for the scan after their times.
+
+        `receiver` is the index among the configured receivers. Reports that come after that scan
+        are used with the next one, as what they are: late.
+        """
+        self._reports.add(receiver, reports)
+
+    def take_unused_reports(self) -> Counter[str]:
+        """Return the numbers of self-reports that were not used since the last call, by reason."""
+        return self._reports.take_dropped()
 
     def clock_offset_s(self, radar: int) -> float | None:
         """Return how far a radar's stamps are ahead of those of others; see `Clocks.offset_s`."""
@@ -388,6 +401,7 @@ class Pipeline:
     def reset(self) -> None:
         """Discard all scans, and return the engine to its initial state but for track numbers."""
         self._forget_stamps()
+        self._reports.clear()
         self._out_of_sequence.forget()
         self.engine.flush()
         self._begun = False
@@ -409,7 +423,9 @@ class Pipeline:
             if not self._begun:
                 self._begin(self.engine, event.stamp_ns)
                 self._begun = True
-            step = self._restrict_to_region(self._out_of_sequence.step(event, self._pass_on))
+            reports = self._reports.take(event.stamp_ns)
+            scan = event if reports is None else replace(event, self_reports=reports)
+            step = self._restrict_to_region(self._out_of_sequence.step(scan, self._pass_on))
             since_ns = self._out_of_sequence.since_ns()
             for sensor in self._sensors:
                 sensor.history.forget_before(event.stamp_ns if since_ns is None else since_ns)

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Protocol
 
 from msg_adapters.encoding.errors import RejectedMessageError
+from phd_jdtc_ros.columns.report_selection import Told
 from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.engines import new_pipeline
@@ -42,6 +43,15 @@ class Notices(Protocol):
 
     def on_revolution_period(self, radar: int, revolution_s: float) -> None:
         """Receive the estimated time of a revolution, seconds; 0 if it is configured or unknown."""
+
+    def on_told(self, receiver: int, told: Told) -> None:
+        """Receive a message of self-reports, given the index of its receiver."""
+
+    def on_untold(self, receiver: int, error: RejectedMessageError) -> None:
+        """Receive the fault of a message that has no valid self-reports."""
+
+    def on_unused_reports(self, counts: Counter[str]) -> None:
+        """Receive the numbers of self-reports that no scan used, at least one, by reason."""
 
     def on_unreadable_pose(self, topic: str, error: RejectedMessageError) -> None:
         """Receive the fault of a message that is not a valid pose."""
@@ -114,6 +124,16 @@ class Feed:
             return None
         return self._monitor(events)
 
+    def self_reports(self, receiver: int, read: Callable[[], Told]) -> None:
+        """Process a message of self-reports, which `read` decodes; they wait for the next scans."""
+        try:
+            told = read()
+        except RejectedMessageError as error:
+            self._notices.on_untold(receiver, error)
+            return
+        self._notices.on_told(receiver, told)
+        self.pipeline.add_reports(receiver, told.reports)
+
     def pose(
         self, topic: str, read: Callable[[], tuple[Sequence[RadarPose], Sequence[PoseFault]]]
     ) -> Iterator[Event] | None:
@@ -166,6 +186,8 @@ class Feed:
                     monitor.forget_tracks()
                 else:
                     monitor.add_scan(event.scan, event.step.filtered)
+        if counts := self.pipeline.take_unused_reports():
+            self._notices.on_unused_reports(counts)
         for radar, drops in self.pipeline.take_drops():
             why = self._why_missing(radar) if POSE_MISSING in drops.reports else ""
             self._notices.on_drops(radar, drops, why)

@@ -10,6 +10,7 @@ from msg_adapters.encoding.errors import RejectedMessageError
 from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.calibration.registration.monitor import MeanResidual
 from phd_jdtc_ros.columns import anomalies
+from phd_jdtc_ros.columns.report_selection import Told
 from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
@@ -105,6 +106,9 @@ class Tally:
         self._without_amplitude: set[int] = set()
         self._silent = set(range(len(config.inputs)))  # Sensors without a message
         self._span_ns: dict[int, tuple[int, int]] = {}  # First and last stamp of each sensor
+        # Receivers without a message; and the self-reports of all others, used and unused.
+        self._deaf = set(range(len(config.receivers)))
+        self.self_reports = DetectionCounts()
         self._targets_seen, self._overdue = False, 0
         self._figures: Mapping[str, float] = {}
         self._resets: list[Reset] = []
@@ -152,6 +156,21 @@ class Tally:
     def on_revolution_period(self, radar: int, revolution_s: float) -> None:
         """Keep the estimated time of a revolution, seconds."""
         self._revolutions_s[radar] = revolution_s
+
+    def on_told(self, receiver: int, told: Told) -> None:
+        """Count the self-reports of a message, used and dropped."""
+        self._deaf.discard(receiver)
+        self.self_reports.read(len(told.reports), told.dropped)
+
+    def on_untold(self, receiver: int, error: RejectedMessageError) -> None:
+        """Count a message without valid self-reports."""
+        self._deaf.discard(receiver)
+        name = self._config.receivers[receiver].name
+        self.self_reports.unreadable(error.reason, f"{name}: {error}")
+
+    def on_unused_reports(self, counts: Counter[str]) -> None:
+        """Count self-reports that no scan used."""
+        self.self_reports.lost.update(counts)
 
     def on_unreadable_pose(self, topic: str, error: RejectedMessageError) -> None:
         """Count a message that is not a valid pose."""
@@ -231,6 +250,10 @@ class Tally:
 
         The last needs enough scans.
         """
+        for index in sorted(self._deaf):
+            yield f"{self._config.receivers[index].name}: silent, without self-reports"
+        if self.self_reports.lost:
+            yield self.self_reports.unused().replace("detections", "self-reports")
         if self._reparented:
             yield anomalies.reparented(self._reparented)
         if self._resets:

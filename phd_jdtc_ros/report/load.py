@@ -132,6 +132,7 @@ def input_types(config: TrackerConfig, bag: BagReader) -> dict[str, str]:
     If the bag has one of the two topics of transforms, the other one is left out.
     """
     types = {radar.topic: reader_of(radar).type_name for radar in config.inputs}
+    types |= {own.topic: names.CLOUD for own in config.receivers}
     types |= moving_radars.types_of(config)
     present = bag.types.keys() | bag.foreign.keys()
     absent = {*TRANSFORM_TOPICS} - present

@@ -21,6 +21,7 @@ from rich.progress import track
 
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.incoming import self_reports
 from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import reader_of
 from msg_adapters.outgoing import conflicts, diagnostics, manual, map_layers
@@ -68,6 +69,7 @@ class OfflineTracker:
         why = self._moving.missing
         self._feed = Feed(config, self.tally, [self._innovations], why_missing=why)
         self._radar_of = {radar.topic: index for index, radar in enumerate(config.inputs)}
+        self._receiver_of = {own.topic: index for index, own in enumerate(config.receivers)}
         self.scans = 0
         self._last_ns = 0
         self.step_ms: list[float] = []  # CPU time of each scan, milliseconds
@@ -98,6 +100,11 @@ class OfflineTracker:
             reader = reader_of(radar)
             read = partial(reader.from_cdr, entry.data, radar)
             return self._feed.message(index, read, entry.log_time_ns) or ()
+        if entry.topic in self._receiver_of:
+            index = self._receiver_of[entry.topic]
+            told = partial(self_reports.from_cdr, entry.data, self._config.receivers[index])
+            self._feed.self_reports(index, told)
+            return ()
         poses = partial(self._moving.read, entry.topic, entry.data)
         return self._feed.pose(entry.topic, poses) or ()
 

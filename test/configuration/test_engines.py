@@ -63,7 +63,9 @@ def test_a_lag_in_seconds_may_be_longer_than_the_time_between_estimates():
 def test_a_kind_is_refused_with_those_that_there_are():
     with pytest.raises(ConfigError) as refused:
         build.resolve({"radar_1.kind": "sonar", "radar_1.range_std": 9.0})
-    assert refused.value.faults == ("radar_1.kind: 'sonar' given, must be one of radar, position",)
+    assert refused.value.faults == (
+        "radar_1.kind: 'sonar' given, must be one of radar, position, reports",
+    )
 
 
 @pytest.mark.parametrize("kind", [3, ["radar"], ""])

@@ -39,6 +39,8 @@ class SensorParameters:
     sensor; the attributes without annotation are their values for a sensor that lacks them.
     """
 
+    # Last part of the name of its usual topic.
+    TOPIC: ClassVar[str] = "detections"
     # Parameter and unit of the noise of each component of a measurement that may be learned.
     noise_parameters: ClassVar[Mapping[str, tuple[str, str]]] = {}
     # True if its antenna may turn: the rotation is then estimated from the azimuths of detections.

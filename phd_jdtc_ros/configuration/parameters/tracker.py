@@ -373,6 +373,8 @@ class Parts(NamedTuple):
     classes: dict[str, TargetClass]
     motions: dict[str, Motion]
     births: dict[str, Birth]
+    # Receivers of self-reports, which are listed among the sensors.
+    receivers: dict[str, SensorParameters]
 
 
 # Defaults that follow from the value of another parameter.

@@ -11,6 +11,8 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray, ReadOnly
 from ..association.evidence import OutOfGate, Paired, PairEvidence, pair_as_reported
+from ..reports.layer import Layer
+from ..reports.model import Receiver
 from ..sensors.sensor import Sensor
 from ..sensors.view import View
 from ..snapshot import Snapshot, from_snapshot, to_snapshot
@@ -51,6 +53,7 @@ class Factors(ReadOnly):
     looks: RecentLooks | None = None  # None if nothing depends on them
     # Number of values of single targets after those of ended targets were last dropped.
     entries_kept: int = 0
+    reports: Layer | None = None  # The layer of self-reports; None without receivers
 
     @staticmethod
     def configured(
@@ -114,7 +117,11 @@ class Factors(ReadOnly):
         return self.changed(by_sensor=by_sensor, looks=looks, transponders=transponders)
 
     def retuned(
-        self, configured: Mapping[str, tuple[Factor, ...]], model: AttributeModel | None
+        self,
+        configured: Mapping[str, tuple[Factor, ...]],
+        model: AttributeModel | None,
+        receivers: tuple[Receiver, ...] = (),
+        noise_density: float = 0.0,
     ) -> Factors:
         """Return newly configured factors with what these have learned."""
         by_sensor = {}
@@ -127,7 +134,10 @@ class Factors(ReadOnly):
         transponders = self.transponders
         if transponders is not None and model is not None:
             transponders = transponders.changed(model=model)
-        return self.changed(by_sensor=by_sensor, transponders=transponders)
+        reports = self.reports and self.reports.changed(
+            receivers=receivers, noise_density=noise_density
+        )
+        return self.changed(by_sensor=by_sensor, transponders=transponders, reports=reports)
 
     def find(self, name: str, kind: type[FactorT]) -> FactorT | None:
         """Return the factor of a kind of a sensor; None if it has none."""
@@ -141,12 +151,13 @@ class Factors(ReadOnly):
 
     def figures(self, sensors: Sequence[Sensor]) -> dict[str, float]:
         """Return what was learned about configured sensors, by dotted name."""
-        return {
+        found = {
             f"{sensor.name}.{name}": figure
             for sensor in sensors
             for factor in _having("figures", self.by_sensor[sensor.name])
             for name, figure in factor.figures(sensor).items()
         }
+        return found if self.reports is None else found | self.reports.figures()
 
     def clutter_raster(self, sensors: Sequence[Sensor]) -> ClutterRaster | None:
         """Return the learned density of false detections; None if nothing was learned."""
@@ -176,7 +187,8 @@ class Factors(ReadOnly):
         Heights are kept that stamps from `stamp_ns` on need.
         """
         transponders = self.transponders and self.transponders.of_labels(labels, stamp_ns)
-        return self.changed(transponders=transponders)
+        reports = self.reports and self.reports.of_labels(stamp_ns)
+        return self.changed(transponders=transponders, reports=reports)
 
     @property
     def _entries(self) -> int:
@@ -193,6 +205,8 @@ class Factors(ReadOnly):
             to_snapshot(self.looks, snapshot, LOOKS)
         if self.transponders is not None:
             self.transponders.to_snapshot(snapshot)
+        if self.reports is not None:
+            self.reports.to_snapshot(snapshot)
 
     def restored(self, snapshot: Snapshot, sensors: Sequence[Sensor]) -> Factors:
         """Return these configured factors with what was stored.
@@ -218,7 +232,10 @@ class Factors(ReadOnly):
                 most = len(by_sensor)
                 raise ValueError(f"{LOOKS}.sensor: must be below the number of sensors, {most}")
         transponders = self.transponders and self.transponders.restored(snapshot)
-        return self.changed(by_sensor=by_sensor, looks=looks, transponders=transponders)
+        reports = self.reports and self.reports.restored(snapshot)
+        return self.changed(
+            by_sensor=by_sensor, looks=looks, transponders=transponders, reports=reports
+        )
 
 
 def _having(hook: str, factors: tuple[Factor, ...]) -> Iterator[Factor]:

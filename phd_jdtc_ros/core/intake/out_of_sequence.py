@@ -155,11 +155,14 @@ class OutOfSequence:
             if stamp_ns in scans:
                 latest = scans[stamp_ns].before
                 reports = list(scans[stamp_ns].scan.detections)
+                told = scans[stamp_ns].scan.self_reports
+            else:
+                told = None
             for radar, detections in self._changed.get(stamp_ns, {}).items():
                 reports[radar] = detections
             if any(report is not None for report in reports):
                 state_before = latest if merged else pending[0].before
-                merged.append(_PendingScan(state_before, Scan(stamp_ns, tuple(reports))))
+                merged.append(_PendingScan(state_before, Scan(stamp_ns, tuple(reports), told)))
         return merged
 
     def _trim(self, smoothed: Sequence[Estimates]) -> None:

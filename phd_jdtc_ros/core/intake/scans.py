@@ -14,17 +14,27 @@ later one, or the newest stamp is later by more than that time.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-from ..types import Detections, Scan
+import numpy as np
+
+from ..reports.model import Receiver
+from ..types import Detections, Scan, SelfReports
 
 # Number of missed scans, or of own intervals, after which a radar is silent.
 MISSES_UNTIL_SILENT = 2
 # Share of its interval by which a radar's report may be early or late, and by which longer
 # intervals change the estimate, so that missed reports hardly do.
 IRREGULAR, FORGETTING = 0.05, 0.1
+# Largest number of self-reports that wait; more than a minute of any receiver.
+MOST_WAITING = 200_000
+# Self-reports that are ahead of the scans by more than this have a wrong time, seconds.
+MOST_AHEAD_S = 60.0
+# Reasons for which self-reports are not used.
+OLD, AHEAD, MANY = "reports_old", "reports_ahead", "reports_many"
 
 
 class Rejection(Enum):
@@ -203,3 +213,49 @@ class ScanGrouper:
         self.closed_ns = stamp_ns
         scan = Scan(stamp_ns, tuple(map(reports.get, range(self.radars))))
         return [Reset(gap_ns * 1e-9), scan] if gap_ns > self.max_gap_s * 1e9 else [scan]
+
+
+class WaitingReports:
+    """Self-reports that wait for the scan after their time, in whatever order they came."""
+
+    def __init__(self, receivers: Sequence[Receiver]) -> None:
+        self._oldest_ns = np.array([each.max_age_s * 1e9 for each in receivers])
+        self.dropped: Counter[str] = Counter()
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all reports."""
+        self._waiting: list[SelfReports] = []
+
+    def add(self, receiver: int, reports: SelfReports) -> None:
+        """Add reports of a receiver."""
+        if not len(reports):
+            return
+        waiting = sum(map(len, self._waiting))
+        if waiting + len(reports) > MOST_WAITING:
+            kept = max(MOST_WAITING - waiting, 0)
+            self.dropped[MANY] += len(reports) - kept
+            reports = reports.take(np.arange(kept))
+        self._waiting.append(reports.changed(receiver=np.full(len(reports), receiver)))
+
+    def take(self, stamp_ns: int) -> SelfReports | None:
+        """Return the reports up to a stamp that are not too old; None without any."""
+        if not self._waiting:
+            return None
+        found = SelfReports.concatenate(self._waiting)
+        age_ns = stamp_ns - found.time_ns
+        old = age_ns > self._oldest_ns[found.receiver]
+        ahead = age_ns < -MOST_AHEAD_S * 1e9
+        for reason, mask in ((OLD, old), (AHEAD, ahead)):
+            if mask.any():
+                self.dropped[reason] += int(mask.sum())
+        later = np.flatnonzero((age_ns < 0) & ~ahead)
+        self._waiting = [found.take(later)] if len(later) else []
+        due = np.flatnonzero((age_ns >= 0) & ~old)
+        return found.take(due) if len(due) else None
+
+    def take_dropped(self) -> Counter[str]:
+        """Return the numbers of unused reports since the last call, by reason."""
+        taken = +self.dropped
+        self.dropped.clear()
+        return taken

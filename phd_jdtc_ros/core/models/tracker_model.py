@@ -13,6 +13,7 @@ from ..arrays import FloatArray, ReadOnly
 from ..factors.clutter.map import ClutterMap
 from ..factors.factor import Factor
 from ..factors.transponder.records import AttributeModel
+from ..reports.model import Receiver
 from ..sensors.gaussians import HeightPrior
 from ..sensors.range_rate import Rates
 from ..sensors.sensor import Sensor
@@ -54,6 +55,7 @@ class TrackerModel(ReadOnly):
     # Model of identities and heights; None if no radar reports any.
     attributes: AttributeModel | None = None
     height_prior: HeightPrior | None = None  # Heights of undetected targets; None in the plane
+    receivers: tuple[Receiver, ...] = ()  # Receivers of self-reports; see `reports`
 
     def reports(self, scan: Scan) -> list[View]:
         """Return the reports of a scan, each with its sensor at its pose, in the configured order.
@@ -85,6 +87,14 @@ class TrackerModel(ReadOnly):
                 view = factor.expect(view)
             views.append(view)
         return views
+
+    @cached_property
+    def noise_density(self) -> float:
+        """Mean spectral density of the acceleration of targets in the plane, m^2/s^3."""
+        modes = self.modes
+        axes = list(modes.space.velocity)
+        by_mode = modes.noise(1.0)[:, axes, axes].mean(axis=1)
+        return float((modes.motion_share * by_mode).sum() / len(modes.classes))
 
     @property
     def has_clutter_map(self) -> bool:

@@ -9,10 +9,10 @@ detection, E pairs of a target and a detection, J components, O modes, C classes
 Z measurement. Other letters are explained where they are used.
 """
 
+from ..arrays import UNKNOWN
 from .detections import (
     FULL_TURN,
     SENSORS,
-    UNKNOWN,
     UNKNOWN_COVERAGE,
     Coverage,
     Detections,
@@ -31,6 +31,7 @@ from .estimates import (
     Estimates,
     Truth,
 )
+from .reports import Reported, SelfReports
 
 __all__ = [
     "COASTING",
@@ -49,6 +50,8 @@ __all__ = [
     "Detections",
     "Estimates",
     "Pose",
+    "Reported",
     "Scan",
+    "SelfReports",
     "Truth",
 ]

@@ -8,10 +8,9 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, ReadOnly
+from .reports import SelfReports
 
 FULL_TURN = 2.0 * np.pi
-# Marks an unknown code or address.
-UNKNOWN = -1
 # The columns of detections with one number per detection.
 _PER_DETECTION = (
     *("amplitude", "time_s", "noise_correlation", "range_rate", "range_rate_std", "level", "rise"),
@@ -149,3 +148,5 @@ class Scan:
     # One entry per radar, in the configured order. None if the radar did not report at this stamp:
     # the filter is then not updated with it, which differs from an update with zero detections.
     detections: tuple[Detections | None, ...]
+    # Self-reports since the previous scan, late ones too; None without any.
+    self_reports: SelfReports | None = None

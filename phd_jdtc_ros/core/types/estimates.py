@@ -11,10 +11,11 @@ from typing import Annotated
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray, ReadOnly
+from ..arrays import UNKNOWN, BoolArray, FloatArray, IntArray, ReadOnly
 from ..snapshot import MAX_MASS, MAX_STATE, covariances, floats, integers
 from ..state_space import PLANAR, StateSpace
-from .detections import SENSORS, UNKNOWN
+from .detections import SENSORS
+from .reports import Reported
 
 # Track states, see `confirmation`.
 TENTATIVE, CONFIRMED, COASTING = range(3)
@@ -128,6 +129,7 @@ class Estimates(_Targets):
     attributes: Attributes | None = None  # Heights and identities; None if no radar reports any
     # Pressure altitude of targets in space minus their height, metres; NaN if it is not known.
     pressure_above: float = math.nan
+    reports: Reported | None = None  # What self-reports say; None without a receiver of them
 
     @property
     def position_covariance(self) -> FloatArray:
@@ -203,7 +205,8 @@ class Estimates(_Targets):
         values = self.__dict__
         columns = {name: values[name][rows] for name in _PER_TARGET}
         attributes = None if self.attributes is None else self.attributes.take(rows)
-        return self.changed(attributes=attributes, **columns)
+        reports = None if self.reports is None else self.reports.take(rows)
+        return self.changed(attributes=attributes, reports=reports, **columns)
 
     def select(self, mask: BoolArray) -> Estimates:
         """Return the estimates that a mask selects: these themselves if it selects all."""
@@ -231,6 +234,17 @@ class Estimates(_Targets):
         )
         named = dict(zip(_PER_TARGET, joined, strict=True))
         return parts[-1].changed(lag=lag, attributes=attributes, **named), stamps[order]
+
+    def with_rows(self, others: Estimates) -> Estimates:
+        """Return these estimates and others of the same stamp, after them."""
+        columns = zip(_per_target(self), _per_target(others), strict=True)
+        named = dict(zip(_PER_TARGET, map(np.concatenate, columns), strict=True))
+        attributes, reports = None, None
+        if self.attributes is not None and others.attributes is not None:
+            attributes = Attributes.concatenate([self.attributes, others.attributes])
+        if self.reports is not None and others.reports is not None:
+            reports = Reported.concatenate([self.reports, others.reports])
+        return self.changed(attributes=attributes, reports=reports, **named)
 
     @staticmethod
     def empty(stamp_ns: int, lag: int, classes: int, space: StateSpace = PLANAR) -> Estimates:

@@ -157,7 +157,9 @@ class GaussianEngine:
         """
         self.forward.model = model
         factors = self.forward.factors
-        self.forward.factors = factors.retuned(model.factors, model.attributes)
+        self.forward.factors = factors.retuned(
+            model.factors, model.attributes, model.receivers, model.noise_density
+        )
         self.rule = self._states.rule = rule
 
     def flush(self) -> tuple[Estimates, ...]:
@@ -252,11 +254,13 @@ class GaussianEngine:
 
     def _forget_dropped(self, stamp_ns: int) -> None:
         """Forget the targets that are in no entry of the window any more."""
-        self._tracks.forget_all_but(entry.label for entry in self._window)
-        if self.forward.factors.transponders is not None:
+        factors = self.forward.factors
+        carried = () if factors.reports is None else (factors.reports.labels,)
+        self._tracks.forget_all_but((*carried, *(entry.label for entry in self._window)))
+        if factors.transponders is not None or factors.reports is not None:
             oldest_ns = self._stamps[0] if self._stamps else stamp_ns
             labels = [entry.label for entry in self._window]
-            self.forward.factors = self.forward.factors.of_labels(labels, oldest_ns)
+            self.forward.factors = factors.of_labels(labels, oldest_ns)
 
     def _note_filtered(self, scan: Scan) -> FloatArray:
         """Store the filtered targets of a scan, and drop earlier ones of the rows that it swept.
@@ -304,6 +308,8 @@ class GaussianEngine:
         """Return targets with their attributes, and with track numbers instead of labels."""
         if (transponders := self.forward.factors.transponders) is not None:
             estimates = transponders.describe(estimates, smoothed)
+        if (reports := self.forward.factors.reports) is not None:
+            estimates = reports.describe(estimates, smoothed)
         if (prior := self.forward.model.height_prior) is not None:
             if (pressure := self.forward.factors.pressure) is not None:
                 estimates = estimates.with_pressure(pressure.mean, pressure.std)

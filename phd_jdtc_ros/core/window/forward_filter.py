@@ -25,6 +25,7 @@ from ..snapshot import MAX_STAMP_NS, Snapshot, from_snapshot, integers, to_snaps
 from ..tracks.confirmation import TrackStates
 from ..tracks.labels import MAX_SCANS
 from ..types import Estimates, Scan
+from .self_reports import after_scan, layer_of
 from .swept import partition_swept, swept_births
 from .update import update_scan
 from .window_snapshot import unswept_from_snapshot, unswept_to_snapshot
@@ -97,7 +98,9 @@ class ForwardFilter:
         """The factors before anything is learned; sensors without any have an empty tuple."""
         model, remembers = self.model, self.model.detection_births.enabled
         by_sensor = {radar.name: model.factors.get(radar.name, ()) for radar in model.radars}
-        return Factors.configured(by_sensor, model.attributes, remembers)
+        configured = Factors.configured(by_sensor, model.attributes, remembers)
+        layer = layer_of(model)
+        return configured if layer is None else configured.changed(reports=layer)
 
     @property
     def learned_figures(self) -> Mapping[str, float]:
@@ -138,6 +141,7 @@ class ForwardFilter:
         parent[len(parts[0]) if aged else 0 :] = -1
         parts.clear()  # the update needs the memory
         branched = Branched(predicted, parent)
+        self._take_reports(scan)
         steps = GaussianSteps(dynamics, self.bounds)
         updated = update_scan(branched, scan, steps, dt, index, self.factors)
         self.factors, self.approximate = updated.factors, updated.approximate
@@ -147,7 +151,18 @@ class ForwardFilter:
         link = Link(moves, ancestry) if linked and moves is not None else None
         entry = Entry(scan.stamp_ns, stored, tuple(rows.source for rows in swept), link)
         self._keep(entry, others)
+        if (layer := self.factors.reports) is not None:
+            living = (rows.row_label for rows in self.unswept)
+            self.factors = self.factors.changed(
+                reports=after_scan(layer, stored, living, scan.stamp_ns)
+            )
         return entry
+
+    def _take_reports(self, scan: Scan) -> None:
+        """Update the layer of self-reports with those before a scan."""
+        if self.factors.reports is not None and scan.self_reports is not None:
+            layer = self.factors.reports.with_reports(scan.self_reports, scan.stamp_ns)
+            self.factors = self.factors.changed(reports=layer)
 
     def report(self, states: TrackStates, scan: Scan) -> Estimates:
         """Return the reported targets of the latest scan; see `TrackStates.report_filtered`.

@@ -14,6 +14,7 @@ from ..models.tracker_model import TrackerModel
 from ..sensors.view import View
 from ..tracks import labels
 from ..types import Scan
+from .self_reports import after_look
 
 
 class Updated(NamedTuple):
@@ -84,6 +85,8 @@ def update(before: Updated, report: View, steps: GaussianSteps, dt: float, label
     newborns = posterior.newborns(view, model, model.least_newborn_mass(expected))
     rows, born, born_at = steps.with_newborns(posterior.rows, newborns, label)
     learned = factors.after(Look(view, expected, prior, posterior, born, born_at))
+    if learned.reports is not None:
+        learned = learned.changed(reports=after_look(learned.reports, view, prior, posterior))
     return Updated(
         rows,
         learned,

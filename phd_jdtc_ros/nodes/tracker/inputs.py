@@ -21,7 +21,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.lifecycle import LifecycleNode
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters.encoding import interfaces, point_cloud
+from msg_adapters.encoding import interfaces, names, point_cloud
 from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.incoming import moving_radars, positions
 from msg_adapters.incoming.moving_radars import MovingRadars
@@ -33,6 +33,7 @@ from phd_jdtc_ros.calibration.tuning.plots import limit_plots, plots_of
 from phd_jdtc_ros.calibration.tuning.rates import area_of
 from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.columns.position_selection import EVERYWHERE
+from phd_jdtc_ros.columns.report_selection import Told
 from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.place_forms import STATIC_TRANSFORMS, TRANSFORM_TOPICS
@@ -92,26 +93,35 @@ class Inputs:
             )
             for topic, carried in config.radars_by_platform.items()
         }
+        # A receiver is silent while it hears no one.
+        self.receivers = [
+            InputHealth(
+                own.name, topics.full_name(node, own.topic, f"{own.name}.topic"), Rhythm(nominal_s)
+            )
+            for own in config.receivers
+        ]
         self._now_s = self._checked_s = time.monotonic()
         self._warnings = ThrottledWarnings(node.get_logger())
         self._warned: set[str] = set()
-        # The radars' listeners, in their order, and then the platforms'.
+        # The radars' listeners, in their order, then the platforms' and the receivers'.
         self._listeners: list[Listener] = []
 
     def note_learned(self, figures: Mapping[str, float]) -> None:
         """Pass on what was learned of each radar, from a step's figures to the radar's health."""
-        for health in self.radars:
+        for health in (*self.radars, *self.receivers):
             health.learned = anomalies.figures_of(health.name, figures)
 
     def subscribe(
         self,
         on_message: Callable[[int, Reader, Any, Mapping[str, int]], None],
         on_pose: Callable[[str, bytes, Mapping[str, int]], None],
+        on_self_reports: Callable[[int, Any, Mapping[str, int]], None],
     ) -> None:
         """Subscribe to all inputs.
 
         `on_message` receives a radar's index and reader, the message, and its information;
-        `on_pose` a platform's topic, the serialised message, and its information. Raise
+        `on_pose` a platform's topic, the serialised message, and its information;
+        `on_self_reports` a receiver's index, the message, and its information. Raise
         `ConfigError` if a message's package is not installed, or a topic's QoS override is not
         valid.
         """
@@ -137,6 +147,10 @@ class Inputs:
                 latched=topic == STATIC_TRANSFORMS,
             )
             self._listeners.append(listener)
+        cloud = _message_class("message: reports", names.CLOUD)
+        for index, (own, health) in enumerate(zip(config.receivers, self.receivers, strict=True)):
+            take = partial(on_self_reports, index)
+            self._listeners.append(Listener(self._node, cloud, own.topic, take, health))
 
     def take_poses(self, awaited: Callable[[], int | None]) -> None:
         """Process poses from the queue while a cloud waits for one.
@@ -147,7 +161,8 @@ class Inputs:
         platform remembers a limited number of them, and a later cloud may need the oldest.
         """
         config = self._settings.config
-        poses = dict(zip(self.platforms, self._listeners[len(self.radars) :], strict=True))
+        end = len(self.radars) + len(self.platforms)
+        poses = dict(zip(self.platforms, self._listeners[len(self.radars) : end], strict=True))
         for _ in range(POSE_DEPTH * len(poses)):
             radar = awaited()
             if radar is None:
@@ -226,6 +241,27 @@ class Inputs:
             self._warnings.warn((source.name, "revolution_found"), f"{source.topic}: {text}")
         health.revolution_found_s = revolution_s
 
+    def on_told(self, receiver: int, told: Told) -> None:
+        """Count the self-reports of a message."""
+        health = self.receivers[receiver]
+        health.detections += len(told.reports) + told.dropped.total()
+        health.rhythm.beat(time.monotonic())
+        for reason, count in told.dropped.items():
+            text = f"{count} self-reports dropped: {reason}"
+            if health.note_dropped(reason, count, text, time.monotonic()):
+                self._warnings.warn((health.name, reason), f"{health.name}: {text}")
+
+    def on_untold(self, receiver: int, error: RejectedMessageError) -> None:
+        """Count a message that has no valid self-reports."""
+        text = f"self-reports rejected: {error}"
+        self._drop(self.receivers[receiver], error.reason, text)
+
+    def on_unused_reports(self, counts: Counter[str]) -> None:
+        """Count self-reports that no scan used; they wait for all receivers in one queue."""
+        for reason, count in counts.items():
+            text = f"{count} self-reports dropped: {reason}"
+            self._drop(self.receivers[0], reason, text, count)
+
     def on_unreadable_pose(self, topic: str, error: RejectedMessageError) -> None:
         """Count a message that is not a valid pose."""
         self._drop(self.platforms[topic], error.reason, f"pose rejected: {error}")
@@ -292,7 +328,7 @@ class Inputs:
         )
 
     def _all(self) -> tuple[InputHealth, ...]:
-        return (*self.radars, *self.platforms.values())
+        return (*self.radars, *self.platforms.values(), *self.receivers)
 
 
 def queue_depth(radar: SensorParameters) -> int:

@@ -12,6 +12,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.lifecycle import LifecycleNode
 
+from msg_adapters.incoming import self_reports
 from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import Reader, reader_of
 from msg_adapters.outgoing import manual
@@ -77,7 +78,7 @@ class LiveTracker:
         try:
             self._checkpoints = self._make_checkpoints()
             # Publishers discover the subscriptions while the engine loads its compiled loops.
-            self.inputs.subscribe(self._on_message, self._on_pose)
+            self.inputs.subscribe(self._on_message, self._on_pose, self._on_self_reports)
             monitors: list[Monitor] = [self._innovations]
             if self._registration is not None:
                 monitors.append(self._registration)
@@ -210,6 +211,17 @@ class LiveTracker:
     def take(self, index: int, message: Any, info: Mapping[str, int]) -> None:
         """Take in a message of a sensor, by its index, that was held until now."""
         self._on_message(index, reader_of(self._settings.config.inputs[index]), message, info)
+
+    def _on_self_reports(self, index: int, message: Any, info: Mapping[str, int]) -> None:
+        """Take in what transmitters report of themselves; it is used with the next scans."""
+        if not self._active:
+            return
+        begin_s, own = time.monotonic(), self._settings.config.receivers[index]
+        health = self.inputs.receivers[index]
+        health.note_message(begin_s, info.get("publication_sequence_number"), self._load.worked_s)
+        with self._step_clock:
+            self._feed.self_reports(index, lambda: self_reports.from_msg(message, own))
+        self._load.add(begin_s, time.monotonic())
 
     def _on_pose(self, topic: str, data: bytes, info: Mapping[str, int]) -> None:
         """Take in poses of platforms, and process the scans that waited for them.

@@ -1,0 +1,142 @@
+"""One receiver of self-reports: its parameters, and how its messages are read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from phd_jdtc_ros.core.reports.model import Receiver
+from phd_jdtc_ros.core.sensors.site import Plane
+from phd_jdtc_ros.core.types.reports import SPACES
+
+from ..schema import NOT_NEGATIVE, SMALL, parameter
+from .sensor import SensorParameters
+from .tracker import PHD, Parts
+
+# Standard deviations and probabilities are learned from this on.
+LEARNED = ("lost", "off")
+
+
+@dataclass(frozen=True)
+class ReportsParameters(SensorParameters):
+    """The parameters of a receiver of what transmitters report of themselves."""
+
+    TOPIC: ClassVar[str] = "reports"
+
+    message: str = parameter(
+        "reports",
+        "Type of the messages: sensor_msgs/PointCloud2 with latitude and longitude, or x and y.",
+        choices=("reports",),
+    )
+    trust: str = parameter(
+        "beside",
+        "How reports are used: beside the tracks of other sensors, which they do not change, as "
+        "sources may lie. Positions that cannot lie are those of a sensor of kind: position.",
+        choices=("beside",),
+    )
+    identity: str = parameter(
+        "mmsi",
+        "Identity space of the addresses in clouds without a field space: mmsi of ships, icao of "
+        "aircraft, number of another tracker's tracks, or other.",
+        choices=tuple(space for space in SPACES if space),
+    )
+    offset_std: float = parameter(
+        40.0,
+        "Standard deviation of an antenna's place ahead of the middle of its target, m, and a "
+        "fifth of it to the left: half of a usual ship's length; 5 for aircraft.",
+        (SMALL, 500.0),
+        mutable=True,
+    )
+    report_interval_s: float = parameter(
+        0.0,
+        "Interval of the reports of one transmitter, s; 0 for that of AIS at each speed with "
+        "identity mmsi, and otherwise 1 s.",
+        NOT_NEGATIVE,
+        mutable=True,
+    )
+    lost: float = parameter(
+        0.2,
+        "Probability that a report is not received.",
+        (0.001, 0.9),
+        mutable=True,
+    )
+    off_prior: float = parameter(
+        0.1,
+        "Probability that a target that is obliged to transmit does not.",
+        (1e-4, 0.9),
+        mutable=True,
+    )
+    obliged: list[str] = parameter(
+        [],
+        "Names of the classes whose targets are obliged to transmit. Without any, silent targets "
+        "are reported, and none is called dark.",
+        element=str,
+        mutable=True,
+    )
+    learn: list[str] = parameter(
+        list(LEARNED),
+        "What is learned from the reports, beginning with the values of the parameters: lost, and "
+        "off (off_prior).",
+        element=str,
+        choices=LEARNED,
+        mutable=True,
+    )
+    max_age_s: float = parameter(
+        10.0,
+        "Age up to which reports are used, s.",
+        (0.0, 600.0),
+        mutable=True,
+    )
+    coverage: list[float] = parameter(
+        [],
+        "Area in which transmitters are heard: x and y of each corner of a polygon in the world, "
+        "m; empty if it is learned from the reports.",
+        mutable=True,
+    )
+
+    # The map projection of latitudes and longitudes; None without `world_origin`.
+    plane: Plane | None = None
+
+    def on_earth(self, plane: Plane) -> ReportsParameters:
+        """Return the receiver with the map projection of its reports."""
+        return replace(self, plane=plane)
+
+    def receiver(self, classes: list[str]) -> Receiver:
+        """Return the model of the receiver, given the names of the classes of targets."""
+        return Receiver(
+            name=self.name,
+            space=SPACES.index(self.identity),
+            offset_std=self.offset_std,
+            interval_s=self.report_interval_s,
+            lost=self.lost,
+            off_prior=self.off_prior,
+            obliged=np.array([float(name in self.obliged) for name in classes]),
+            max_age_s=self.max_age_s,
+            coverage=np.reshape(self.coverage, (-1, 2)),
+            learns_lost="lost" in self.learn,
+            learns_off="off" in self.learn,
+        )
+
+
+def _tracker(own: ReportsParameters, parts: Parts) -> Iterator[str]:
+    if parts.tracking.engine in PHD:
+        engine = parts.tracking.engine
+        yield f"{own.name}.kind: reports given, must be radar with engine {engine}"
+    for name in own.obliged:
+        if name not in parts.classes:
+            known = ", ".join(parts.classes)
+            yield f"{own.name}.obliged: {name!r} given, must be among classes {known}"
+
+
+def _coverage(own: ReportsParameters, parts: Parts) -> Iterator[str]:
+    count = len(own.coverage)
+    if count and (count % 2 or count < 6):
+        yield (
+            f"{own.name}.coverage: {count} numbers given, must be x and y of at least three corners"
+        )
+
+
+CHECKS = (_tracker, _coverage)

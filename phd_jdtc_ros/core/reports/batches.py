@@ -1,0 +1,124 @@
+"""Reports of one batch as the compiled functions take them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray, frozen, run_starts
+from ..types import UNKNOWN
+from ..types.reports import ACCURATE, SelfReports
+from .model import MOST_OF_ADDRESS, MOST_PAIRS, MOST_PER_SECOND, MOST_SOURCES, Receiver
+from .pairs import Batch, Chains
+from .tables import Pairs, Sources
+
+# Standard deviations of errors are within these bounds, metres.
+LEAST_STD, MOST_STD = 1.0, 1e5
+
+
+def keys_of(address: IntArray, space: IntArray) -> IntArray:
+    """Return one number for each address in its space, (N,)."""
+    keys: IntArray = space * (1 << 33) + address + 1
+    return keys
+
+
+def selected(reports: SelfReports) -> SelfReports:
+    """Return reports in the order of their times, at most so many of one address in a second.
+
+    Reports of one time are in the order of their addresses and places, whatever the order in which
+    they came.
+    """
+    key = keys_of(reports.address, reports.space)
+    order = np.lexsort((*reports.position.T, key, reports.time_ns))
+    key, second = key[order], reports.time_ns[order] // 1_000_000_000
+    grouped = np.lexsort((second, key))
+    first = run_starts(key[grouped] * 31 + second[grouped])
+    rank = np.arange(len(order)) - np.repeat(first, np.diff(np.append(first, len(order))))
+    keep = np.zeros(len(order), dtype=np.bool_)
+    keep[grouped] = (rank < MOST_PER_SECOND) | (reports.address[order][grouped] == UNKNOWN)
+    return reports.take(order[keep])
+
+
+def batch_of(reports: SelfReports, receivers: tuple[Receiver, ...]) -> Batch:
+    """Return reports in the order of their times as a batch."""
+    habits = [receivers[index].habits for index in reports.receiver.tolist()]
+    usual = np.array([each.usual_std for each in habits])
+    accurate = np.array([each.accurate_std for each in habits])
+    usual = np.where(reports.accurate == ACCURATE, accurate, usual)
+    known = np.isfinite(reports.covariance.sum(axis=(1, 2)))
+    covariance = np.where(
+        known[:, None, None],
+        reports.covariance,
+        (usual**2)[:, None, None] * np.eye(2),
+    )
+    diagonal = np.clip(np.einsum("mkk->mk", covariance), LEAST_STD**2, MOST_STD**2)
+    cross = np.clip(
+        covariance[:, 0, 1], *(0.99 * side * np.sqrt(diagonal.prod(axis=1)) for side in (-1, 1))
+    )
+    moves = np.isfinite(reports.velocity.sum(axis=1))
+    velocity = np.where(moves[:, None], reports.velocity, 0.0)
+    step = np.array([each.time_step_s for each in habits])
+    noise = np.zeros((len(reports), 4, 4))
+    noise[:, [0, 1], [0, 1]] = diagonal
+    noise[:, 0, 1] = noise[:, 1, 0] = cross
+    # The error of a time in whole steps is along the velocity.
+    noise[:, :2, :2] += (step**2 / 12.0)[:, None, None] * (velocity[:, :, None] * velocity[:, None])
+    noise[:, [2, 3], [2, 3]] = (np.array([each.velocity_std for each in habits]) ** 2)[:, None]
+    return frozen(
+        Batch(
+            reports.time_ns.copy(),
+            np.concatenate([reports.position, velocity], axis=1),
+            noise,
+            np.where(moves, 4, 2),
+            _ahead(reports, velocity),
+            np.unique(keys_of(reports.address, reports.space), return_inverse=True)[1].ravel(),
+            reports.receiver.copy(),
+        )
+    )
+
+
+def _ahead(reports: SelfReports, velocity: FloatArray) -> FloatArray:
+    """Return the directions of the bows, (M, 2): headings, or courses of moving transmitters."""
+    has_heading = np.isfinite(reports.heading)
+    heading = np.where(has_heading, reports.heading, 0.0)
+    speed = np.hypot(*velocity.T)
+    course = velocity / np.maximum(speed, 1e-9)[:, None]
+    # The course of a slow ship is not where its bow is.
+    course[speed < 1.0] = 0.0
+    by_heading = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    return np.where(has_heading[:, None], by_heading, course)
+
+
+def chains_of(reports: SelfReports, sources: Sources, pairs: Pairs, free: int) -> Chains:
+    """Return the sources of each address of a batch, and the pairs of each source.
+
+    `free` is the number of rows for new sources.
+    """
+    keys = np.unique(keys_of(reports.address, reports.space))
+    own = keys_of(sources.address, sources.space)
+    size = len(own) + free
+    first, following = np.full(len(keys), -1), np.full(size, -1)
+    index = keys.searchsorted(own)
+    for row in np.flatnonzero(index < len(keys)).tolist():
+        chain = int(index[row])
+        if keys[chain] == own[row]:
+            following[row], first[chain] = first[chain], row
+    anonymous = keys % (1 << 33) == UNKNOWN + 1
+    slots = np.full((size, MOST_PAIRS), -1)
+    filled = np.zeros(size, dtype=np.int64)
+    for pair, row in enumerate(sources.number.searchsorted(pairs.source).tolist()):
+        if filled[row] < MOST_PAIRS:
+            slots[row, filled[row]] = pair
+            filled[row] += 1
+    most = np.where(anonymous, MOST_SOURCES, MOST_OF_ADDRESS)
+    return Chains(first, most, following, slots)
+
+
+def describe_sources(sources: Sources, reports: SelfReports, row: IntArray) -> None:
+    """Write what reports say of their sources besides places, in place; `row` is each one's."""
+    sources.address[row], sources.space[row] = reports.address, reports.space
+    for column, value, known in (
+        (sources.type, reports.type, reports.type != UNKNOWN),
+        (sources.height, reports.height, np.isfinite(reports.height)),
+        (sources.name, reports.name, reports.name.any(axis=1)),
+    ):
+        column[row[known]] = value[known]

@@ -1,0 +1,123 @@
+"""Silence of transmitters in continuous time, what it says of a target, and where it says it.
+
+A transmitter reports every T, and each report is lost with the probability q. It is evaluated only
+when somebody asks: at any two times the later result follows from the same formula, whatever was
+asked in between. Where a receiver hears no transmitter, nothing is silent.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..arrays import BoolArray, FloatArray, IntArray
+from .model import Receiver
+
+# Probability that a target has a transmitter that it is not obliged to have.
+VOLUNTARY = 0.05
+# Rate at which transmitters are switched off after they were heard, per second.
+SWITCHED_OFF = 1e-5
+# Cells along an axis on each side of the origin.
+SPAN = 1 << 20
+# Largest number of cells with reports that are kept.
+MOST_CELLS = 20_000
+
+
+def unheard(time_s: FloatArray, interval_s: FloatArray, lost: float) -> FloatArray:
+    """Return the probability that a transmitter of unknown phase is silent for a time, (N,)."""
+    whole = np.floor(time_s / interval_s)
+    part = time_s / interval_s - whole
+    found: FloatArray = lost**whole * (1.0 - part + part * lost)
+    return found
+
+
+def since_report(time_s: FloatArray, interval_s: FloatArray, lost: float) -> FloatArray:
+    """Return the probability that a transmitter is silent for a time after a report, (N,)."""
+    found: FloatArray = lost ** np.floor(time_s / interval_s)
+    return found
+
+
+class Silent(NamedTuple):
+    """What silence says of each target, (N,)."""
+
+    dark: FloatArray  # Probability that it is obliged to transmit and does not
+    silent: FloatArray  # Probability that it does not transmit
+
+
+def judge(
+    obliged: FloatArray,
+    off_prior: float,
+    was_heard: FloatArray,
+    quiet: FloatArray,
+    time_s: FloatArray,
+) -> Silent:
+    """Return what the silence of targets says.
+
+    Parameters
+    ----------
+    obliged : array of shape (N,)
+        Probability that the target is obliged to transmit.
+    off_prior : float
+        Probability that an obliged target never transmits.
+    was_heard : bool array of shape (N,)
+        Whether it has transmitted.
+    quiet : array of shape (N,)
+        Probability that a transmitter of its kind is silent as it was.
+    time_s : array of shape (N,)
+        Time since it was heard, seconds.
+    """
+    off = np.where(was_heard, np.minimum(time_s * SWITCHED_OFF, 0.5), off_prior)
+    has = np.where(was_heard, 1.0 - off, VOLUNTARY)
+    weights = np.stack(
+        [
+            obliged * off,
+            obliged * (1.0 - off) * quiet,
+            (1.0 - obliged) * (1.0 - has),
+            (1.0 - obliged) * has * quiet,
+        ]
+    )
+    share = weights / np.maximum(weights.sum(axis=0), 1e-300)
+    return Silent(share[0], share[0] + share[2])
+
+
+def cells_of(
+    position: FloatArray, index: int, width: float, shift: tuple[int, int] = (0, 0)
+) -> IntArray:
+    """Return a number for the cell of each position, or the one beside it, of a receiver, (N,)."""
+    cell = np.clip(np.floor(position / width), -SPAN + 2, SPAN - 2).astype(np.int64)
+    x, y = (cell + shift + SPAN).T
+    found: IntArray = (index * 2 * SPAN + x) * 2 * SPAN + y
+    return found
+
+
+def with_cells(known: IntArray, position: FloatArray, index: int, receiver: Receiver) -> IntArray:
+    """Return the cells in which transmitters were heard, ascending, with those of positions."""
+    if not len(position):
+        return known
+    return np.union1d(known, cells_of(position, index, receiver.habits.cell))[:MOST_CELLS]
+
+
+def covered(position: FloatArray, index: int, receiver: Receiver, known: IntArray) -> BoolArray:
+    """Return whether a receiver hears transmitters at positions, (N,).
+
+    It does within the configured polygon, or without one beside cells from which it has heard one.
+    """
+    if len(receiver.coverage):
+        return _inside(position, receiver.coverage)
+    near = np.zeros(len(position), dtype=np.bool_)
+    for x in (-1, 0, 1):
+        for y in (-1, 0, 1):
+            near |= np.isin(cells_of(position, index, receiver.habits.cell, (x, y)), known)
+    return near
+
+
+def _inside(position: FloatArray, corner: FloatArray) -> BoolArray:
+    """Return whether positions are within a polygon, by the number of crossed edges."""
+    inside = np.zeros(len(position), dtype=np.bool_)
+    x, y = position.T
+    for (x0, y0), (x1, y1) in zip(corner, np.roll(corner, -1, axis=0), strict=True):
+        crosses = (y0 > y) != (y1 > y)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            inside ^= crosses & (x < (x1 - x0) * (y - y0) / (y1 - y0) + x0)
+    return inside

@@ -1,0 +1,162 @@
+"""The columns of sources, pairs and tracks, as compiled functions and snapshots have them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any, NamedTuple, TypeVar, get_type_hints
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray, frozen
+from ..snapshot import MAX_INDEX, MAX_STAMP_NS, MAX_STATE, covariances, floats, integers
+from ..types.reports import NAME_SIZE
+
+TableT = TypeVar("TableT", bound=tuple[Any, ...])
+# Largest bound of log likelihood ratios in snapshots.
+MOST_LOG = 1e6
+NEVER = 0  # A time before all reports
+
+
+class Sources(NamedTuple):
+    """Sources: transmitters of one address whose reports follow one path, by ascending number."""
+
+    number: Annotated[IntArray, integers("S", 0, ascending=True)]
+    address: Annotated[IntArray, integers("S", -1, 1 << 32)]
+    space: Annotated[IntArray, integers("S", 0, 4)]
+    receiver: Annotated[IntArray, integers("S", 0, 1 << 16)]  # That heard it last
+    first_ns: Annotated[IntArray, integers("S", 0, MAX_STAMP_NS)]  # Time of its first report
+    last_ns: Annotated[IntArray, integers("S", 0, MAX_STAMP_NS)]  # And of its last one
+    # The ghost: position and velocity as its reports alone show them, at `last_ns`.
+    mean: Annotated[FloatArray, floats("SG", -MAX_STATE, MAX_STATE)]
+    covariance: Annotated[FloatArray, covariances("SGG", MAX_STATE)]
+    ahead: Annotated[FloatArray, floats("SA", -1.0, 1.0)]  # Direction of the bow; 0, 0 if unknown
+    gap_s: Annotated[FloatArray, floats("S", 0.0, 1e9)]  # Shortest time between reports; 0: unknown
+    reports: Annotated[IntArray, integers("S", 0)]
+    # Looks of radars that should have seen a target at its place, and the time of the last one.
+    looks: Annotated[IntArray, integers("S", 0)]
+    looked_ns: Annotated[IntArray, integers("S", 0, MAX_STAMP_NS)]
+    # Label of the last certain owner, and since when it owns it no more, -1 and 0 without.
+    owner: Annotated[IntArray, integers("S", -1)]
+    left_ns: Annotated[IntArray, integers("S", 0, MAX_STAMP_NS)]
+    # Label whose track number goes along with the source; -1 before it was certain.
+    public: Annotated[IntArray, integers("S", -1)]
+    type: Annotated[IntArray, integers("S", -1, 1 << 16)]
+    height: Annotated[FloatArray, floats("S", -MAX_STATE, MAX_STATE)]  # `MAX_STATE` if unknown
+    name: Annotated[IntArray, integers("SN", 0, 255)]
+
+    @staticmethod
+    def none() -> Sources:
+        """Return no sources."""
+        return frozen(_empty(Sources, {"G": 4, "A": 2, "N": NAME_SIZE}))
+
+
+class Pairs(NamedTuple):
+    """Pairs of a source and a track that may be its own, each with a filter of both."""
+
+    number: Annotated[IntArray, integers("P", 0)]
+    source: Annotated[IntArray, integers("P", 0)]  # Number of the source
+    label: Annotated[IntArray, integers("P", 0)]  # Of the track
+    time_ns: Annotated[IntArray, integers("P", 0, MAX_STAMP_NS)]
+    mean: Annotated[FloatArray, floats("PH", -MAX_STATE, MAX_STATE)]
+    covariance: Annotated[FloatArray, covariances("PHH", MAX_STATE)]
+    # Log of "the source reports this track, and rightly" against "it does not".
+    log_weight: Annotated[FloatArray, floats("P", -MOST_LOG, MOST_LOG)]
+    owned: Annotated[FloatArray, floats("P", 0.0, 1.0)]  # Probability that the source owns it
+    certain: Annotated[IntArray, integers("P", 0)]  # Reports in a row with a certain owner
+    heard_ns: Annotated[IntArray, integers("P", 0, MAX_STAMP_NS)]  # Time of its last report
+    # The link back to the state at `since_ns`; see `filters.link_back`.
+    since_ns: Annotated[IntArray, integers("P", 0, MAX_STAMP_NS)]
+    shift: Annotated[FloatArray, floats("PH", -1e12, 1e12)]
+    gain: Annotated[FloatArray, floats("PHH", -1e12, 1e12)]
+    rest: Annotated[FloatArray, floats("PHH", -1e18, 1e18)]
+
+    @staticmethod
+    def none() -> Pairs:
+        """Return no pairs."""
+        return frozen(_empty(Pairs, {"H": 6}))
+
+
+class Tracks(NamedTuple):
+    """The radar tracks as they were after their last looks, by ascending label."""
+
+    label: Annotated[IntArray, integers("T", 0, ascending=True)]
+    time_ns: Annotated[IntArray, integers("T", 0, MAX_STAMP_NS)]
+    mean: Annotated[FloatArray, floats("TG", -MAX_STATE, MAX_STATE)]  # Position and velocity
+    covariance: Annotated[FloatArray, covariances("TGG", MAX_STATE)]
+    existence: Annotated[FloatArray, floats("T", 0.0, 100.0)]
+    class_probability: Annotated[FloatArray, floats("TC", 0.0, 100.0)]
+    born_ns: Annotated[IntArray, integers("T", 0, MAX_STAMP_NS)]
+    known_ns: Annotated[IntArray, integers("T", 0, MAX_STAMP_NS)]  # Certain since; 0 if not yet
+    # Time of the last report of its own, and its source; 0 and -1 without one.
+    heard_ns: Annotated[IntArray, integers("T", 0, MAX_STAMP_NS)]
+    heard: Annotated[IntArray, integers("T", -1)]
+    # Label under whose number the track is published; its own, unless a source took another along.
+    public: Annotated[IntArray, integers("T", 0)]
+
+    @staticmethod
+    def none(classes: int) -> Tracks:
+        """Return no tracks."""
+        return frozen(_empty(Tracks, {"G": 4, "C": classes}))
+
+
+class Learned(NamedTuple):
+    """What was learned of K receivers."""
+
+    # Time of the last report that each got: it is silent itself since then.
+    alive_ns: Annotated[IntArray, integers("K", 0, MAX_STAMP_NS)]
+    # Numbers of received reports and of those that were sent, of sources with owners, (K, 2).
+    received: Annotated[FloatArray, floats("KB", 0.0, 1e15)]
+    # Probable numbers of ended targets that did not transmit and of those that are obliged, (K, 2).
+    ended: Annotated[FloatArray, floats("KB", 0.0, 1e15)]
+    # Probability that an obliged target does not transmit.
+    off: Annotated[FloatArray, floats("K", 0.0, 1.0)]
+    # The next number of a source and of a pair.
+    next: Annotated[IntArray, integers("B", 0)]
+    # Cells in which each receiver heard sources, see `silence`.
+    cells: Annotated[IntArray, integers("E", 0, ascending=True)]
+
+
+class Links(NamedTuple):
+    """Links of pairs back to their states at earlier scans, of one scan."""
+
+    number: Annotated[IntArray, integers("L", 0, MAX_INDEX)]  # Of the pair
+    time_ns: Annotated[IntArray, integers("L", 0, MAX_STAMP_NS)]  # Of the earlier state
+    shift: Annotated[FloatArray, floats("LH", -1e12, 1e12)]
+    gain: Annotated[FloatArray, floats("LHH", -1e12, 1e12)]
+    rest: Annotated[FloatArray, floats("LHH", -1e18, 1e18)]
+
+
+def _empty(table: type[TableT], sizes: dict[str, int]) -> TableT:
+    stored = (hint.__metadata__[0] for hint in get_type_hints(table, include_extras=True).values())
+    return table(
+        *(
+            np.zeros(
+                [0, *(sizes[axis] for axis in each.shape[1:])],
+                np.int64 if each.kind == "i" else np.float64,
+            )
+            for each in stored
+        )
+    )
+
+
+def take(table: TableT, rows: Any) -> TableT:
+    """Return rows of a table."""
+    return frozen(type(table)(*(column[rows] for column in table)))
+
+
+def concatenate(parts: Sequence[TableT]) -> TableT:
+    """Return the rows of several tables, at least one."""
+    if len(parts) == 1:
+        return parts[0]
+    columns = map(np.concatenate, zip(*parts, strict=True))
+    return frozen(type(parts[0])(*columns))
+
+
+def extended(table: TableT, rows: int) -> TableT:
+    """Return a copy of a table that can be written, with further rows of zeros."""
+    return type(table)(
+        *(
+            np.concatenate([column, np.zeros((rows, *column.shape[1:]), column.dtype)])
+            for column in table
+        )
+    )
