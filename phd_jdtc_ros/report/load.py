@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -88,7 +89,12 @@ def record(path: Path, config: TrackerConfig) -> Record:
         classes=classes or len(config.model.modes.classes),
         step_ms=np.array(parts["step_ms"], dtype=float),
         radars=tuple(
-            RadarSite(radar.name, radar.position, source.height)
+            RadarSite(
+                radar.name,
+                radar.position,
+                source.height,
+                tuple(map(math.radians, source.fov_elevation_deg)) if source.height_prior else (),
+            )
             for radar, source in zip(radars, config.inputs, strict=True)
             if isinstance(source, RadarParameters) and not source.pose.topic
         ),

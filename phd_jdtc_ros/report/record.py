@@ -155,6 +155,8 @@ class RadarSite:
     name: str
     position: tuple[float, float]
     height: float = math.nan
+    # Lowest and highest elevation of its field of view, radians; empty in the plane.
+    elevations: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ can be mailed, archived and opened from disk. It supports light and dark mode.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from functools import cache
 from html import escape
@@ -23,7 +24,7 @@ from phd_jdtc_ros.evaluation.evaluation import Evaluation
 
 from ..record import Record
 from ..units import Clock
-from . import words
+from . import heights, words
 from .charts import Chart, class_probabilities, numbers, ospa, times
 from .layers import AMPLITUDE_SCALES, pack
 from .picture import Picture, picture_of
@@ -48,6 +49,10 @@ def charts_of(record: Record, evaluation: Evaluation) -> list[Chart]:
     # A single class has probability 1 throughout.
     if estimated and not record.sets.one_class:
         charts.append(class_probabilities(record, evaluation))
+    if tracks := heights.paths(record):
+        charts.append(heights.over_time(record, tracks))
+        if any(math.isfinite(site.height) and site.elevations for site in record.radars):
+            charts.append(heights.from_the_side(record, tracks))
     return charts
 
 

@@ -198,13 +198,16 @@ def picture_of(record: Record) -> Picture | None:
     grid = Grid(corner, float(quantum), columns)
     height = known_heights(record)
     aircraft = _aircraft(record, height)
+    every = (each for source in SOURCES for each in record.of_source(source))
+    # Flight levels are pressure altitudes, which states in space do not have.
+    by_level = aircraft and not any(each.space.vertical for each in every)
     header: dict[str, Any] = {
         "first": frames.first_shown(record),
         "corner": corner.tolist(),
         "extent": (far - corner).tolist(),
         "quantum": float(quantum),
-        "levels": ("FL" if aircraft else "m") if len(height) else "",
-        "ground": _ground(record, height) if aircraft else None,
+        "levels": ("FL" if by_level else "m") if len(height) else "",
+        "ground": _ground(record, height, FLIGHT_LEVEL if by_level else 1.0) if aircraft else None,
         "no_level": NO_LEVEL,
         "axis": [AXIS_STEPS, LEAST_AXIS * RADIUS_95],
         "classes": _classes(record, aircraft),
@@ -223,7 +226,7 @@ def picture_of(record: Record) -> Picture | None:
     }
     for source in header["sources"]:
         known = header["identities"]
-        header["hold"][source] = add_estimates(grid, record, frames, source, known, aircraft)
+        header["hold"][source] = add_estimates(grid, record, frames, source, known, by_level)
     for identity in header["identities"]:
         identity.append(record.call_sign_of(identity[1]))
     _add_truth(record, frames, grid)
@@ -254,11 +257,14 @@ def _aircraft(record: Record, height: FloatArray) -> bool:
     return fast or bool((height > FLYING).any())
 
 
-def _ground(record: Record, height: FloatArray) -> dict[str, float]:
-    """Return the speed, m/s, and the level up to which aircraft are on the ground."""
+def _ground(record: Record, height: FloatArray, unit: float) -> dict[str, float]:
+    """Return the speed, m/s, and the level up to which aircraft are on the ground.
+
+    `unit` is that of levels, metres.
+    """
     datum = 0.0 if record.plane is None else record.plane.origin[2]
     top = float(np.percentile(height, 1.0)) + datum + APRON if len(height) else 0.0
-    return {"speed": TAXI, "level": round(top / FLIGHT_LEVEL)}
+    return {"speed": TAXI, "level": round(top / unit)}
 
 
 def _classes(record: Record, aircraft: bool) -> list[dict[str, Any]]:
