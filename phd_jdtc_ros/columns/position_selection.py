@@ -14,19 +14,15 @@ from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
 from phd_jdtc_ros.core.sensors.position import Area
 from phd_jdtc_ros.core.types import Detections
 
-from . import identities, sent_columns
 from .selection import (
-    MAX_AMPLITUDE,
     MAX_RANGE_RATE,
     MAX_SECONDS_OFF,
     RANGE_RATE_STDS,
     RANGE_STDS,
     Columns,
     Report,
-    kept_and_dropped,
+    keep,
     kept_values,
-    linear_amplitude,
-    repeats_of,
 )
 
 # Largest number in single precision, as the estimates are published.
@@ -60,27 +56,13 @@ def select(stamp_ns: int, own: PositionParameters, columns: Columns) -> Report:
         "not_finite": finite,
         "area": own.area.probability(np.where(finite[:, None], place, 0.0)) > 0.0,
     }
-    time = amplitude = None
-    if "time" in columns:
-        time = sent_columns.relative_time(columns["time"], stamp_ns, own)
-        passed["time"] = np.abs(time) <= MAX_SECONDS_OFF  # False for NaN
-    if "amplitude" in columns:
-        amplitude = linear_amplitude(columns["amplitude"], own)
-        possible = (amplitude >= 0.0) & (amplitude <= MAX_AMPLITUDE)
-        passed["amplitude"] = possible | np.isnan(columns["amplitude"])
-    kept, dropped = kept_and_dropped(passed)
-    counts: Counter[str] = Counter()
-    if (repeats := repeats_of(columns)) is not None:
-        counts["detections_repeated"] = int(np.count_nonzero(kept & repeats))
-        kept &= ~repeats
+    kept, dropped, common, common_counts = keep(stamp_ns, own, columns, passed, MAX_SECONDS_OFF)
+    counts = Counter(common_counts)
     std, correlation, counts["deviations_unusable"] = _noise(columns, kept)
     velocity, bad_velocities = _pair(columns, ("vx", "vy"), kept, (-MAX_RANGE_RATE, MAX_RANGE_RATE))
     counts["velocities_unusable"] = bad_velocities
     speed_std, bad_stds = kept_values(columns, "velocity_std", kept, RANGE_RATE_STDS)
     counts["deviations_unusable"] += bad_stds
-    code, bad_codes = identities.read(columns.get("code"), kept, identities.CODES)
-    address, bad_addresses = identities.read(columns.get("address"), kept, identities.ADDRESSES)
-    counts["identities_unusable"] = bad_codes + bad_addresses
     counts["positions_far"] = int(np.count_nonzero(np.abs(place[kept]).max(axis=1) >= FAR))
     height, z = columns.get("height"), None
     if height is not None:
@@ -95,8 +77,7 @@ def select(stamp_ns: int, own: PositionParameters, columns: Columns) -> Report:
             counts["deviations_unusable"] += bad_heights
     detections = Detections(
         place[kept],
-        None if amplitude is None else amplitude[kept],
-        None if time is None else time[kept],
+        **common,
         noise_std=std,
         noise_correlation=correlation,
         velocity=velocity,
@@ -106,11 +87,6 @@ def select(stamp_ns: int, own: PositionParameters, columns: Columns) -> Report:
         height=height,
         z=z,
         z_std=z_std,
-        code=code,
-        address=address,
-        detection_type=identities.read(
-            columns.get("detection_type"), kept, identities.DETECTION_TYPES
-        )[0],
     )
     return Report(stamp_ns, detections, dropped, +counts)
 

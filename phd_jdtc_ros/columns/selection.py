@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -99,20 +99,8 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         "range": (distance >= 0.0) & (reach >= radar.min_range) & (reach <= radar.max_range),
         "azimuth": azimuth_size <= MAX_TURNS * FULL_TURN,
     }
-    time = amplitude = None
-    if "time" in columns:
-        time = sent_columns.relative_time(columns["time"], stamp_ns, radar)
-        most = MAX_REVOLUTIONS_OFF * radar.rotation_s if radar.rotation_s else MAX_SECONDS_OFF
-        passed["time"] = np.abs(time) <= most  # False for NaN
-    if "amplitude" in columns:
-        amplitude = linear_amplitude(columns["amplitude"], radar)
-        possible = (amplitude >= 0.0) & (amplitude <= MAX_AMPLITUDE)
-        passed["amplitude"] = possible | np.isnan(amplitude)
-    kept, dropped = kept_and_dropped(passed)
-    repeated = 0
-    if (repeats := repeats_of(columns)) is not None:
-        repeated = _count(kept & repeats)
-        kept &= ~repeats
+    most_s = MAX_REVOLUTIONS_OFF * radar.rotation_s if radar.rotation_s else MAX_SECONDS_OFF
+    kept, dropped, common, common_counts = keep(stamp_ns, radar, columns, passed, most_s)
 
     range_std, bad_ranges = kept_values(columns, "range_std", kept, RANGE_STDS)
     scale = np.pi / 180.0 if radar.azimuth_in_degrees else 1.0
@@ -120,8 +108,6 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     rate_std, bad_rate_stds = kept_values(columns, "range_rate_std", kept, RANGE_RATE_STDS)
     rate, bad_rates = kept_values(columns, "range_rate", kept, (-MAX_RANGE_RATE, MAX_RANGE_RATE))
     interval = radar.range_rate_ambiguity or np.inf
-    code, bad_codes = identities.read(columns.get("code"), kept, identities.CODES)
-    address, bad_addresses = identities.read(columns.get("address"), kept, identities.ADDRESSES)
     sector, bad_sectors = _sector(columns.get("sector"), radar)
     measurement = measurement[kept]
     measurement[:, 1] = wrap_angle(measurement[:, 1])
@@ -134,26 +120,20 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     above = None if height is None else height[kept] - radar.datum
     detections = Detections(
         measurement,
-        None if amplitude is None else amplitude[kept],
-        None if time is None else time[kept],
-        _noise_std(range_std, azimuth_std) if radar.height_prior is None else noise_std,
+        **common,
+        noise_std=(_noise_std(range_std, azimuth_std) if radar.height_prior is None else noise_std),
         range_rate=rate,
         range_rate_std=None if rate is None else rate_std,
         level=None if rise is None else np.sqrt(1.0 - rise**2),
         rise=rise,
         height=above if radar.height_prior is None else None,
         z=None if radar.height_prior is None else above,
-        code=code,
-        address=address,
-        detection_type=identities.read(
-            columns.get("detection_type"), kept, identities.DETECTION_TYPES
-        )[0],
     )
     beyond, no_angles = azimuth_size > LARGEST_AZIMUTH, 0
     if is_beyond := bool(beyond.any()):
         no_angles = _count(np.isfinite(azimuth_size) & (np.abs(columns["azimuth"]) > NO_ANGLE))
     counts |= {
-        "detections_repeated": repeated,
+        **common_counts,
         "azimuths_beyond_a_turn": (
             _count(beyond & kept)
             if is_beyond and not (radar.azimuth_in_degrees or no_angles)
@@ -165,7 +145,6 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         "deviations_unusable": bad_ranges + bad_azimuths + bad_rate_stds,
         "elevations_zero": all_zero,
         "sectors_unusable": bad_sectors,
-        "identities_unusable": bad_codes + bad_addresses,
         "range_rates_unusable": bad_rates,
         "range_rates_beyond_ambiguity": (
             0 if rate is None else _count(np.abs(rate) > AMBIGUITY_TOLERANCE * interval)
@@ -306,7 +285,57 @@ def _sector(column: FloatArray | None, radar: RadarParameters) -> tuple[int | No
     return int(number), 0
 
 
-def kept_and_dropped(passed: Mapping[str, BoolArray]) -> tuple[BoolArray, Counter[str]]:
+class Kept(NamedTuple):
+    """The points of a message that are used, and what all kinds of sensors report of them."""
+
+    points: BoolArray  # True for the points that are used, (M,)
+    dropped: Counter[str]  # Numbers of the others by the test that each fails first
+    common: dict[str, Any]  # Fields of `Detections`
+    counts: dict[str, int]  # Anomalies
+
+
+def keep(
+    stamp_ns: int,
+    sensor: RadarParameters | PositionParameters,
+    columns: Columns,
+    passed: dict[str, BoolArray],
+    most_s: float,
+) -> Kept:
+    """Return the points that pass the tests, and a time within `most_s` of the stamp, only once.
+
+    `passed` has a truth value per point, (M,), for each test.
+    """
+    amplitude = time = None
+    if "time" in columns:
+        time = sent_columns.relative_time(columns["time"], stamp_ns, sensor)
+        passed["time"] = np.abs(time) <= most_s  # False for NaN
+    if "amplitude" in columns:
+        amplitude = linear_amplitude(columns["amplitude"], sensor)
+        possible = (amplitude >= 0.0) & (amplitude <= MAX_AMPLITUDE)
+        passed["amplitude"] = possible | np.isnan(amplitude)
+    kept, dropped = _kept_and_dropped(passed)
+    repeated = 0
+    if (repeats := repeats_of(columns)) is not None:
+        repeated = _count(kept & repeats)
+        kept &= ~repeats
+    code, bad_codes = identities.read(columns.get("code"), kept, identities.CODES)
+    address, bad_addresses = identities.read(columns.get("address"), kept, identities.ADDRESSES)
+    kind, _ = identities.read(columns.get("detection_type"), kept, identities.DETECTION_TYPES)
+    common = {
+        "amplitude": None if amplitude is None else amplitude[kept],
+        "time_s": None if time is None else time[kept],
+        "code": code,
+        "address": address,
+        "detection_type": kind,
+    }
+    counts = {
+        "detections_repeated": repeated,
+        "identities_unusable": bad_codes + bad_addresses,
+    }
+    return Kept(kept, dropped, common, counts)
+
+
+def _kept_and_dropped(passed: Mapping[str, BoolArray]) -> tuple[BoolArray, Counter[str]]:
     """Return which points pass every test, and the number of points that each test fails first."""
     tests = np.array([*passed.values()])
     kept: BoolArray = np.logical_and.reduce(tests)
