@@ -17,6 +17,7 @@ EXECUTABLES = (
     "monte_carlo",
     "hand_over",
     "compile_engines",
+    "picture",
     "demo",
 )
 
@@ -55,6 +56,8 @@ setup(
     ],
     extras_require={
         "ros": ROS_WHEELS,
+        # Serves the live picture.
+        "picture": ["aiohttp>=3.9"],
         # Checks the polygons of the parameter zones.
         "zones": ["shapely>=2.0"],
         # What report_bridge decodes AIS and raw 1090 MHz with.
@@ -66,6 +69,7 @@ setup(
             "hypothesis",
             "rosbags",
             "shapely>=2.0",
+            "aiohttp>=3.9",
             # Readers of what the tracker sends to other programs.
             "pynmea2",
             "takproto",

@@ -40,6 +40,7 @@ EXECUTABLES = {
         "tools.hand_over",
         "joins the bags of trackers that part an area; without arguments the node",
     ),
+    "picture": ("nodes.picture.node", "a tracker's live picture in a browser"),
     "demo": ("tools.demo.demo", "the three nodes on the shipped bag, and the report"),
 }
 
@@ -65,6 +66,8 @@ ROS_PACKAGES = {
     *("lifecycle_msgs", "nav_msgs", "rcl_interfaces", "rclpy", "rosgraph_msgs", "sensor_msgs"),
     *("std_msgs", "std_srvs", "visualization_msgs"),
 }
+# Other modules that an executable needs, with the extra that installs them.
+EXTRAS = {"aiohttp": "picture"}
 
 
 def run(name: str, argv: Sequence[str] | None = None) -> int:
@@ -78,6 +81,10 @@ def run(name: str, argv: Sequence[str] | None = None) -> int:
         module = _module(path)
     except ModuleNotFoundError as error:
         missing = (error.name or "").split(".")[0]
+        if missing in EXTRAS:
+            advice = f"pip install '.[{EXTRAS[missing]}]'"
+            print(f"{name}: {missing} is not installed: {advice}", file=sys.stderr)
+            return 2
         if missing not in ROS_PACKAGES:
             raise
         print(

@@ -4,6 +4,7 @@
 const UNKNOWN_PLACE = "position on the earth unknown";
 const NEW_LABEL = [[1, -1], [1, 1], [-1, 1], [-1, -1]]; // where labels are tried, in this order
 
+const MOST_LABELS = 400;
 const ALARM = "#d32f2f";
 const ZONES = { guard: "#c77700", exclusion: "#808080", land: "#8a6d3b" };
 
@@ -372,8 +373,9 @@ class Drawing {
 
   // Labels beside their tracks, where no other text is and, if there is such a place, no velocity;
   // the chosen track's comes first.
-  drawLabels(name, labelled) {
+  drawLabels(name, given) {
     const { brush } = this;
+    const labelled = given.filter(([, , px, py]) => px >= 0 && py >= 0 && px <= this.width && py <= this.height);
     const taken = labelled.map(([, , px, py]) => [px - 5, py - 5, px + 5, py + 5]).concat(this.written);
     const free = (box, own) => this.inside(box)
       && taken.every((other, k) => k === own || !meet(box, other));
@@ -384,11 +386,12 @@ class Drawing {
     });
     const clear = (box) => points.every(([px, py]) => px < box[0] - 1 || px > box[2] + 1
       || py < box[1] - 1 || py > box[3] + 1);
-    const order = labelled.map((_, k) => k)
+    // More would hide each other, and to look for places takes a time that grows with the square.
+    const many = labelled.length > MOST_LABELS;
+    const order = labelled.map((_, k) => k).filter((k) => !many || labelled[k][0] === this.selected)
       .sort((a, b) => (labelled[b][0] === this.selected) - (labelled[a][0] === this.selected));
     for (const k of order) {
       const [number, row, px, py] = labelled[k];
-      if (px < 0 || py < 0 || px > this.width || py > this.height) continue;
       const { who, level, speed } = this.words(name, number, row);
       const lines = [who, [level, speed].filter(Boolean).join(" ")];
       const width = Math.max(...lines.map((line) => brush.measureText(line).width));

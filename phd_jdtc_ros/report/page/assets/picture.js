@@ -3,6 +3,7 @@
 // position of the slider. Places are in the map's metres.
 
 const KNOT = 0.514444; // m/s
+const MOST_LISTED = 500; // lines of the list
 const AHEAD_S = [0.5, 1, 2, 5, 10, 30, 60, 120, 300, 600];
 
 // Returns the columns of the page by name: bytes of one weight after the other, of differences.
@@ -316,7 +317,7 @@ class Picture extends Drawing {
       const words = this.words(this.main, number, row);
       if (number === this.selected) this.tell(number, row, words);
       const names = [words.sign, words.code, words.address, String(number)].filter(Boolean);
-      if (!names.some((name) => name.toLowerCase().includes(wanted))) continue;
+      if (!names.some((name) => name.toLowerCase().includes(wanted)) || lines.length === MOST_LISTED) continue;
       if (!this.rows.has(number)) this.rows.set(number, this.newRow(number));
       const line = this.rows.get(number);
       const texts = [words.who === String(number) ? words.who : `${words.who} (${number})`,
