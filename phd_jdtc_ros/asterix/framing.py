@@ -11,6 +11,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from functools import lru_cache
+from itertools import islice
 
 from phd_jdtc_ros.transport import pcap, recordings
 from phd_jdtc_ros.transport.network import Datagram, Entry, RecordingError, follow
@@ -24,6 +25,10 @@ BLOCK_HEADER = 3
 LARGEST_BLOCK = 2047
 # Number of blocks that are tried for evidence, and of usual ones that suffice if none decodes.
 LOOKAHEAD, USUAL = 8, 4
+# Upper bound of what a recorder writes between blocks, bytes.
+LONGEST_SEPARATOR = 32
+# A data source that this number of decodable blocks has is not there by chance.
+SURE = 3
 _NOT_ZERO = re.compile(rb"[^\0]")
 
 
@@ -33,6 +38,7 @@ class RawBlocks:
     def __init__(self, data: bytes | mmap.mmap, counts: Counter[str]) -> None:
         self._data, self._size, self._counts = data, len(data), counts
         self._decodes = lru_cache(maxsize=64)(self._decode)
+        self._known = lru_cache(maxsize=1)(self._sources)
 
     def begins_within(self, limit: int) -> bool:
         """Return whether there is a data block in the first bytes of the file."""
@@ -43,7 +49,7 @@ class RawBlocks:
         """Return the block at a place or after zeros, an empty entry at the end; see `follow`."""
         begin = self._after_zeros(at)
         end = self._end(begin) if begin < self._size else begin
-        if not (end and (begin == end or self._decodes(begin, end) or self._fits(begin, end))):
+        if not end or (begin < end and not self._is_block(begin, end)):
             return None
         self._counts["padding_bytes"] += begin - at
         return Entry(begin, end)
@@ -56,15 +62,41 @@ class RawBlocks:
         return at
 
     def _next(self, at: int, limit: int) -> int:
-        """Return the next block that decodes and is followed by others, `limit` if none is."""
+        """Return the next block that decodes and is followed by others, `limit` if none is.
+
+        A block of a known source needs no follower: recorders may write something between blocks.
+        """
+        for begin, end in self._decoded(at, limit):
+            if self._goes_on(end) or self._source(begin) in self._known():
+                return begin
+        return limit
+
+    def _decoded(self, at: int, limit: int) -> Iterator[tuple[int, int]]:
+        """Yield begin and end of what decodes as a usual block, wherever it begins."""
         header = _usual_header()
         while found := header.search(self._data, at, limit):
             at = found.start()
             end = self._end(at)
-            if end and self._decodes(at, end) and self._goes_on(end):
-                return at
+            if end and self._decodes(at, end):
+                yield at, end
             at += 1
-        return limit
+
+    def _sources(self) -> frozenset[bytes]:
+        """Return the data sources that several blocks in the begin of the file have."""
+        begin = min(BEGIN, self._size)
+        found = Counter(self._source(at) for at, _ in self._decoded(0, begin))
+        return frozenset(source for source, count in found.items() if count >= SURE)
+
+    def _is_known(self, at: int) -> bool:
+        """Return whether a block is of a source of which there are several, if there is any."""
+        return not self._known() or self._source(at) in self._known()
+
+    def _source(self, at: int) -> bytes:
+        """Return the data source, SAC and SIC, of a block: the first item of its first record."""
+        at += BLOCK_HEADER
+        while self._data[at] & 1:
+            at += 1
+        return self._data[at + 1 : at + 3]
 
     def _after_zeros(self, at: int) -> int:
         if at < self._size and self._data[at]:
@@ -74,18 +106,33 @@ class RawBlocks:
 
     def _end(self, at: int) -> int:
         """Return the end of a block by its header, 0 if there is no possible header."""
-        if self._size - at <= BLOCK_HEADER or not self._data[at]:
+        if self._size - at < BLOCK_HEADER or not self._data[at]:
             return 0
         length = self._data[at + 1] << 8 | self._data[at + 2]
-        return at + length if length > BLOCK_HEADER and at + length <= self._size else 0
+        return at + length if length >= BLOCK_HEADER and at + length <= self._size else 0
 
     def _decode(self, begin: int, end: int) -> bool:
         block = self._data[begin:end]
         return records.count(block[0], block, BLOCK_HEADER, len(block)) > 0
 
-    def _fits(self, begin: int, end: int) -> bool:
-        """Return whether a block that does not decode has the right length."""
-        return self._goes_on(end) and not self._hides_others(begin, end)
+    def _is_block(self, begin: int, end: int) -> bool:
+        """Return whether what has the header of a block is one."""
+        decodes = self._decodes(begin, end)
+        if decodes and self._is_known(begin):
+            return True
+        if self._separates(begin, end):
+            return False
+        return decodes or (self._goes_on(end) and not self._hides_others(begin, end))
+
+    def _separates(self, begin: int, end: int) -> bool:
+        """Return whether this is what a recorder writes before a block of a known source.
+
+        Blocks may also contain such blocks: some behind their header, or one to their end.
+        """
+        for at, until in self._decoded(begin + 1, min(begin + LONGEST_SEPARATOR, end)):
+            if self._is_known(at):
+                return at > begin + BLOCK_HEADER and until != end
+        return False
 
     def _goes_on(self, at: int) -> bool:
         """Return whether a block that decodes follows, several usual ones, or the end."""
@@ -102,21 +149,14 @@ class RawBlocks:
         return end > 0 and usual == USUAL
 
     def _hides_others(self, begin: int, end: int) -> bool:
-        """Return whether a chain of blocks leads from within a block to its end and beyond.
+        """Return whether a wrong length makes one block of several.
 
         Blocks of a foreign category may contain such blocks: one, or some behind their header.
         """
-        at = self._next(begin + 1, end)
-        if at == begin + BLOCK_HEADER:
+        if self._next(begin + 1, end) == begin + BLOCK_HEADER:
             return False
-        hidden = 0
-        while at < end:
-            until = self._end(at := self._after_zeros(at))
-            if not until:
-                return False
-            hidden += self._decodes(at, until)
-            at = until
-        return hidden > (0 if records.readers(self._data[begin]) else 1)
+        hidden = (at for at, _ in self._decoded(begin + 1, end) if self._is_known(at))
+        return len([*islice(hidden, 2)]) > (0 if records.readers(self._data[begin]) else 1)
 
 
 @lru_cache(maxsize=1)

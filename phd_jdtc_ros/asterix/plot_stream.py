@@ -105,7 +105,7 @@ class BlockReader:
         while at < len(data):
             left = len(data) - at
             length = data[at + 1] << 8 | data[at + 2] if left >= BLOCK_HEADER else left + 1
-            if not BLOCK_HEADER < length <= left:
+            if not BLOCK_HEADER <= length <= left:
                 fault = "block_truncated" if length > left else "block_length"
                 # The header of a cut block still gives its whole length.
                 supported = bool(records.readers(data[at]))

@@ -96,10 +96,13 @@ def apart(first_ns: int, last_ns: int) -> str:
 def clock_off(offset_s: float | None, others: str = "sensors", what: str = "reports") -> str:
     """Return the warning about a sensor whose stamps are ahead of those of others, seconds.
 
-    `offset_s` is None if only single stamps were.
+    `offset_s` is None if only some stamps were.
     """
     if offset_s is None:
-        return f"single stamps are far from those before and after them; their {what} are left out"
+        return (
+            f"some stamps are far from those of the other {others}, because the clock is wrong for "
+            f"a while or {what} come too late; these {what} are left out"
+        )
     way = "ahead of" if offset_s > 0.0 else "behind"
     return (
         f"its stamps are {abs(offset_s):.1f} s {way} those of the other {others}: its {what} are "

@@ -41,6 +41,32 @@ def test_raw_recording_is_its_blocks_and_goes_on_behind_damage(blocks):
     assert counts == {"bytes_skipped": 64, "resynchronised": 1, "recording_cut": 1}
 
 
+@pytest.mark.parametrize("size", [1, 2, 4, 10, 30])
+@pytest.mark.parametrize("before", [True, False])
+def test_raw_recording_loses_no_block_to_what_a_recorder_writes_between_them(blocks, size, before):
+    rng = made.rng(size)
+    for between in (b"\n" * size, b"\xff" * size, None):
+        parts = [between or rng.bytes(size) for _ in blocks]
+        pairs = [*zip(parts, blocks, strict=True)]
+        data = b"".join(part + block if before else block + part for part, block in pairs)
+        found, counts = read(data)
+        assert [each.data for each in found if each.data in blocks] == blocks
+        others = sum(len(each.data) for each in found if each.data not in blocks)
+        assert counts["bytes_skipped"] + counts["padding_bytes"] + others == size * len(blocks)
+        assert others <= 40
+
+
+def test_wrong_length_of_a_block_hides_few_others(blocks):
+    data = b"".join(block + b"\n" for block in blocks)
+    for at in range(0, len(blocks) - 1, 3):
+        begin = sum(len(block) + 1 for block in blocks[:at])
+        for length in (b"\x40\x00", b"\x01\x00", b"\x00\x40"):
+            for category in (data[begin : begin + 1], b"\xb6"):
+                found, _ = read(data[:begin] + category + length + data[begin + 3 :])
+                kept = [each.data for each in found if each.data in blocks]
+                assert len(kept) >= len(blocks) - 2
+
+
 def test_final_envelopes_have_the_times_of_their_receipt(blocks):
     data = b"".join(made.final(block, 100.0 + k, line=3) for k, block in enumerate(blocks))
     found, counts = read(data, MIDNIGHT)

@@ -178,10 +178,16 @@ def test_surface_radars_have_ranges_in_metres():
     assert found[0].period == DAY
 
 
+def test_a_block_without_records_does_not_hide_those_behind_it():
+    good = made.plots(made.plot(10.0, 5.0))
+    found, counts = read(b"\x30\x00\x03" + good)
+    assert (len(found), counts) == (1, {})
+
+
 def test_blocks_before_a_wrong_length_are_used():
     good = made.plots(made.plot(10.0, 5.0))
     for rest, reason in (
-        (b"\x30\x00\x03", "block_length"),
+        (b"\x30\x00\x02", "block_length"),
         (b"\x30\x00\x00" + bytes(50), "block_length"),
         (b"\x30\xff\xff" + bytes(50), "block_truncated"),
         (b"\x30", "block_truncated"),

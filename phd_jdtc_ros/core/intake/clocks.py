@@ -21,6 +21,9 @@ CLOCK = "clock"
 AHEAD = 0.5
 # A sensor is silent after this number of its intervals.
 SILENT_INTERVALS = 2
+# The time of a clock that was never set, which counts from 1970 or from its start, is earlier than
+# others by more than this, two years.
+NEVER_SET_S = 6.3e7
 
 
 class Stamped(Protocol):
@@ -59,6 +62,7 @@ class _Clock(Generic[SentT]):
     held: list[tuple[int, SentT]] = field(default_factory=list)
     # The stamp of the first of them, or of the last one before another sensor went on.
     alone_since_ns: int = 0
+    alone: int = 0  # The number of its reports since then
     early: bool = False  # Whether its stamps are later than their receipt, unlike those of others
     # Whether other sensors went on without it, and it has not agreed with any since.
     contradicted: bool = False
@@ -140,8 +144,10 @@ class Clocks(Generic[SentT]):
         if self._is_near(sent) and not self._continues_jump_back(own, sent):
             # Time may have passed the first stamps that were ahead of it.
             since_ns = sent.stamp_ns if self._newest_ns is None else self._newest_ns
-            until_ns = sent.stamp_ns + AHEAD * self._patience_ns(own)
+            until_ns = sent.stamp_ns + AHEAD * self._reach_ns
             passed = self._held_within(since_ns - self._reach_ns, until_ns, first=True)
+            if own in passed and own.held[-1][1].stamp_ns > sent.stamp_ns:
+                passed.remove(own)
             due = [*self._release(passed), sent]
             self._leave_out(own)
             # The first report of a sensor does not show that it goes on.
@@ -152,8 +158,9 @@ class Clocks(Generic[SentT]):
         if own.held and not self._continues(own.held[-1][1], sent):
             self._leave_out(own)
         if not own.held:
-            own.alone_since_ns = sent.stamp_ns
+            own.alone_since_ns, own.alone = sent.stamp_ns, 0
         self._arrived += 1
+        own.alone += 1
         own.held.append((self._arrived, sent))
         reach_ns = self._reach_ns
         group = self._held_within(sent.stamp_ns - reach_ns, sent.stamp_ns + reach_ns)
@@ -172,8 +179,9 @@ class Clocks(Generic[SentT]):
             return True
         ahead_ns, own = sent.stamp_ns - self._newest_ns, self._clocks[sent.sensor]
         others = [each for each in self._others(sent.sensor) if self._is_live(each)]
-        # Nobody can be ahead by more than an interval while all report.
-        most_ns = AHEAD * self._patience_ns(own)
+        # Nobody can be ahead by more than an interval of another one that reports. The own interval
+        # tells nothing, because that of a wrong clock may be any.
+        most_ns = AHEAD * min(map(self._patience_ns, others), default=self._reach_ns)
         own.early = own.is_early(most_ns, others)
         most_ns = most_ns if others else self._gap_ns
         return -self._reach_ns <= ahead_ns <= most_ns and not own.early
@@ -214,24 +222,37 @@ class Clocks(Generic[SentT]):
         return [each for each in held if since_ns <= each.held[which][1].stamp_ns <= until_ns]
 
     def _goes_on(self, clock: _Clock[SentT], own: _Clock[SentT], sent: SentT) -> bool:
-        """Return whether a sensor may still go on as before, by the time that `own` waits."""
+        """Return whether a sensor may still go on as before, by the time that `own` waits.
+
+        One report shows no time, because the stamps of a wrong clock may be anywhere.
+        """
         waited_ns = sent.stamp_ns - own.alone_since_ns
-        return self._is_live(clock) and waited_ns <= self._patience_ns(clock)
+        is_soon = own.alone < 2 or waited_ns <= self._patience_ns(clock)
+        return self._is_live(clock) and is_soon
 
     def _has_jumped(
         self, own: _Clock[SentT], group: list[_Clock[SentT]], others: list[_Clock[SentT]]
     ) -> bool:
         """Return whether the sensors of a group, `own` among them, are right against the others."""
         if not others:
-            return len(group) > 1 or len(own.held) > 1
+            # Sensors that are late reach the time by themselves.
+            late = all(each.contradicted for each in group) and self._is_behind(own)
+            return not late and (len(group) > 1 or len(own.held) > 1)
         difference = sum(each.weight for each in group) - sum(each.weight for each in others)
         return difference > 0 or (difference == 0 and self._is_likelier(own))
+
+    def _is_behind(self, own: _Clock[SentT]) -> bool:
+        """Return whether a sensor is behind the time by less than a gap in it."""
+        if self._newest_ns is None:
+            return False
+        return 0 < self._newest_ns - own.held[-1][1].stamp_ns <= self._gap_ns
 
     def _is_likelier(self, own: _Clock[SentT]) -> bool:
         """Return whether one of two sensors that never agreed is right, and not the first one.
 
         It is if only its stamps are near the times of receipt. Otherwise, at the start, the earlier
-        time is right, because GPS and atomic time, which are sent instead of UTC, are ahead of it.
+        time is right, because GPS and atomic time, which are sent instead of UTC, are ahead of it,
+        unless it is earlier by years: then it is of a clock that was never set.
         """
         if len(self._followers) > 1 or self._newest_ns is None:
             return False
@@ -240,7 +261,8 @@ class Clocks(Generic[SentT]):
         if own_near != near:
             return own_near
         is_start = self._newest_ns - self._first_ns <= self._reach_ns
-        return is_start and own.held[-1][1].stamp_ns < self._newest_ns
+        ahead_ns = own.held[-1][1].stamp_ns - self._newest_ns
+        return is_start and (ahead_ns < 0) != (abs(ahead_ns) > NEVER_SET_S * 1e9)
 
     def _jump(self, group: list[_Clock[SentT]], against_others: bool) -> list[SentT]:
         """Follow the time of a group; return its reports that were held back."""
@@ -287,7 +309,7 @@ class Clocks(Generic[SentT]):
         for clock in self._clocks:
             if clock.held:
                 clock.contradicted = True
-                clock.alone_since_ns = clock.held[-1][1].stamp_ns
+                clock.alone_since_ns, clock.alone = clock.held[-1][1].stamp_ns, 0
                 self._leave_out(clock, keep=1)
 
     def _leave_out(self, clock: _Clock[SentT], keep: int = 0) -> None:

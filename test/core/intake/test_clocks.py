@@ -201,3 +201,42 @@ def test_add_leaves_out_nothing_of_right_clocks(case):
     assert sorted(due + held) == sorted(stream)
     # Only the end of the stream can still be held back.
     assert all(second > 30.0 - MAX_GAP_S for _, second in held)
+
+
+def random_s(second):
+    """Return an offset that is another one each second."""
+    return np.random.default_rng(second).uniform(-20.0, 20.0)
+
+
+@pytest.mark.parametrize("receipt", [False, True])
+@pytest.mark.parametrize(
+    "off_s",
+    [random_s, lambda second: 5.0 - 10.0 * (second % 2), lambda second: 30.0 * np.sin(second)],
+    ids=["random", "alternating", "swinging"],
+)
+def test_no_clock_however_wrong_takes_the_others_along(off_s, receipt):
+    compared, due = clocks(3), []
+    for second in range(120):
+        for sensor in range(3):
+            stamp_s = round(second + off_s(second) * (sensor == 1), 6)
+            received_ns = START + second * S if receipt else None
+            due += seconds(compared.add(sent(sensor, stamp_s), received_ns))
+    for good in (0, 2):
+        assert [second for sensor, second in due if sensor == good] == [*map(float, range(120))]
+
+
+def test_a_sensor_that_is_late_takes_over_from_silent_ones_without_a_jump_back():
+    both = [(sensor, second) for second in range(8) for sensor in (0, 1)]
+    late = [each for k in range(8) for each in ((0, 16 + k), (1, 8 + k))]
+    alone = [(0, second) for second in range(8, 16)], [(1, second) for second in range(16, 30)]
+    due, _ = fed(clocks(2), *both, *alone[0], *late, *alone[1])
+    stamps = [second for _, second in due]
+    assert (np.maximum.accumulate(stamps) - stamps <= REACH_S).all()
+    assert stamps[-10:] == [*range(20, 30)]
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_a_clock_that_was_never_set_is_wrong(order):
+    run = TwoOrThree(2, 1, -1.77e9, 0, order)
+    assert run.of(0) == [*map(float, range(SCANS))]
+    assert len(run.of(1)) <= 1
