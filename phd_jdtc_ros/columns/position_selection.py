@@ -23,6 +23,7 @@ from .selection import (
     Report,
     keep,
     kept_values,
+    plausible_heights,
 )
 
 # Largest number in single precision, as the estimates are published.
@@ -85,7 +86,7 @@ def select(stamp_ns: int, own: PositionParameters, columns: Columns) -> Report:
         if velocity is None or speed_std is None
         else np.tile(speed_std[:, None], (1, 2)),
         height=height,
-        z=z,
+        z=None if z is None else plausible_heights(z),
         z_std=z_std,
     )
     return Report(stamp_ns, detections, dropped, +counts)

@@ -34,6 +34,8 @@ RANGE_STDS = (1e-3, 1e5)
 AZIMUTH_STDS = (1e-6, np.pi)
 # Plausible standard deviations of elevations, rad.
 ELEVATION_STDS = (1e-6, 0.5 * np.pi)
+# No target is higher, m.
+MOST_HEIGHT = 1e6
 # Elevations this far outside the field of view are not those of its edge, rad.
 ELEVATION_MARGIN = 0.05
 # Upper bound of range rates, m/s; targets of such a radar are slower.
@@ -118,6 +120,8 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         bad_azimuths += bad
     rise = None if rate is None or sine is None else np.clip(sine[kept], -1.0, 1.0)
     above = None if height is None else height[kept] - radar.datum
+    if above is not None and radar.height_prior is not None:
+        above = plausible_heights(above)
     detections = Detections(
         measurement,
         **common,
@@ -225,6 +229,11 @@ def _noise_std(range_std: FloatArray | None, azimuth_std: FloatArray | None) -> 
     sides = [unknown if side is None else side for side in (range_std, azimuth_std)]
     noise_std: FloatArray = np.stack(sides, axis=1)
     return noise_std if np.isfinite(noise_std).any() else None
+
+
+def plausible_heights(height: FloatArray) -> FloatArray:
+    """Return heights, (M,), of which those are unknown that no target has."""
+    return np.where(np.abs(height) <= MOST_HEIGHT, height, np.nan)
 
 
 def _strange_elevations(elevation: FloatArray, radar: RadarParameters) -> dict[str, int]:

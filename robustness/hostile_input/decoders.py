@@ -8,6 +8,7 @@ import random
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +21,10 @@ from std_msgs.msg import Header
 
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.encoding.errors import RejectedMessageError
-from msg_adapters.incoming import detections
+from msg_adapters.incoming.readers import reader_of
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.intake.revolutions import Revolutions
 from phd_jdtc_ros.core.intake.scans import Rejection
 
@@ -33,8 +35,9 @@ from .small_chunks import rewritten
 
 EXAMPLES = 10_000
 FIELDS = (
-    *("x", "range", "azimuth", "elevation", "amplitude", "time", "sector", "height"),
-    *("range_std", "azimuth_std"),
+    *("x", "y", "z", "range", "azimuth", "elevation", "amplitude", "time", "sector", "height"),
+    *("range_std", "azimuth_std", "elevation_std", "x_std", "y_std", "z_std", "correlation"),
+    *("vx", "vy"),
 )
 # A radar with all optional fields.
 RADAR = resolve(
@@ -48,6 +51,22 @@ RADAR = resolve(
         "radar_1.fields.azimuth_std": "azimuth_std",
     }
 ).radars[0]
+_SPACE = {
+    "state": "space",
+    "sensors": ["radar_1", "lidar"],
+    "radar_1.fields.elevation": "elevation",
+    "radar_1.fields.elevation_std": "elevation_std",
+    "radar_1.fields.height": "height",
+    "lidar.kind": "position",
+    "lidar.frame": "radar_1",
+    "radar_1.frame": "other",
+}
+# The same in space, and sensors of positions in the plane and in space.
+IN_SPACE, LIDAR_IN_SPACE = resolve(_SPACE).inputs
+LIDAR = resolve({"sensors": ["lidar"], "lidar.kind": "position", "lidar.frame": "radar_1"}).inputs[
+    0
+]
+SENSORS = (RADAR, replace(IN_SPACE, frame=RADAR.frame), LIDAR, LIDAR_IN_SPACE)
 
 _SIZES = st.one_of(st.integers(0, 40), st.sampled_from([2**16, 2**31, 2**32 - 1]))
 _FIELD = st.builds(
@@ -71,7 +90,7 @@ def clouds(draw: st.DrawFn) -> PointCloud2:
     if consistent:
         fields += [
             PointField(name=name, offset=4 * place, datatype=PointField.FLOAT32, count=1)
-            for place, name in enumerate(("range", "azimuth"))
+            for place, name in enumerate(draw(st.sampled_from([("range", "azimuth"), ("x", "y")])))
             if name not in {field.name for field in fields}
         ]
     else:
@@ -105,9 +124,9 @@ def measure(examples: int = EXAMPLES) -> Found:
         phases=[Phase.generate],
         suppress_health_check=list(HealthCheck),
     )
-    @given(clouds())
-    def built(cloud: PointCloud2) -> None:
-        outcomes[_outcome(cloud)] += 1
+    @given(clouds(), st.sampled_from(SENSORS))
+    def built(cloud: PointCloud2, sensor: SensorParameters) -> None:
+        outcomes[_outcome(cloud, sensor)] += 1
 
     built()
     rng = random.Random(2)
@@ -146,20 +165,23 @@ def _decode(data: bytes) -> str:
     return _outcome(cloud)
 
 
-def _outcome(cloud: PointCloud2) -> str:
+def _outcome(cloud: PointCloud2, sensor: SensorParameters = RADAR) -> str:
     try:
-        report = detections.from_msg(cloud, RADAR)
+        report = reader_of(sensor).from_msg(cloud, sensor)
         found = report.detections
-        parts = Revolutions(4.0, 16).split(report.stamp_ns, found, report.sector)
+        polar = Revolutions(sensor.rotation_s or 4.0, sensor.sectors)
+        parts = polar.split(report.stamp_ns, found, report.sector) if sensor.may_turn else ()
     except RejectedMessageError as error:
         return f"rejected: {error.reason}"
     except Exception as error:  # any other exception would end a node
         return f"error: {type(error).__name__}: {error}"[:120]
-    if isinstance(parts, Rejection) or sum(len(part) for _, part in parts) != len(found):
+    lost = isinstance(parts, Rejection) or sum(len(part) for _, part in parts) != len(found)
+    if lost and sensor.may_turn:
         return "error: detections lost"
-    # Only amplitudes and standard deviations may be NaN, where they are unknown.
+    # Only amplitudes, heights, velocities and standard deviations may be NaN, where unknown.
     values = [found.measurement, *([] if found.time_s is None else [found.time_s])]
-    unknown = [each for each in (found.amplitude, found.noise_std) if each is not None]
+    optional = found.amplitude, found.noise_std, found.z_std, found.velocity
+    unknown = [each for each in optional if each is not None]
     finite = all(np.isfinite(value).all() for value in values)
     return "decoded" if finite and not any(np.isinf(each).any() for each in unknown) else "NaN"
 

@@ -146,3 +146,41 @@ def test_predicted_states_climb_and_keep_their_covariances_apart():
     np.testing.assert_allclose(noise[4:, 4:], 2.0 * np.array([[8 / 3, 2.0], [2.0, 2.0]]))
     assert not noise[:4, 4:].any()
     assert mixture_of(dynamics, [(0.5, state[0], np.ones(SIZE))]).covariance[0, 0, 5, 5] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("start", "velocity"),
+    [
+        ([470.0, -300.0, 180.0], [2.0, 0.0, 0.0]),  # over the antenna
+        ([3e3, 0.0, -400.0], [10.0, 0.0, 0.0]),  # below the floor of the prior
+        ([500.0, -299.0, 31.0], [0.0, 0.3, 0.1]),  # beside the antenna
+    ],
+    ids=["overhead", "below the floor", "at the antenna"],
+)
+def test_targets_at_odd_places_are_finite_and_one(start, velocity):
+    given = {**SPACE, "radar.fov_elevation_deg": [-90.0, 90.0], "radar.detection_probability": 0.95}
+    config, rng = lone(given), np.random.default_rng(7)
+    (radar,), state = config.model.radars, np.zeros((1, SIZE))
+    state[0, PLACE], state[0, MOTION] = start, velocity
+    engine, near = new_engine(config), []
+    for index in range(30):
+        found = engine.step(scan(index, seen(radar, state, rng, missing=0.2))).filtered[0]
+        assert np.isfinite(found.state).all()
+        assert np.isfinite(found.covariance).all()
+        if index > 10:
+            near.append(len(found) and np.linalg.norm(found.state[:, PLACE] - state[0, PLACE]))
+        state[:, PLACE] += state[:, MOTION]
+    assert len(found) == 1
+    assert np.median(near) < 40.0
+
+
+def test_heights_that_no_target_has_are_taken_as_garbled():
+    config, rng = lone({**SPACE, "radar.fields.height": "height"}), np.random.default_rng(8)
+    (radar,) = config.model.radars
+    truth, engine = paths(config, rng, targets=5, scans=15), new_engine(config)
+    for index, state in enumerate(truth):
+        absurd = np.array([-5e3, 1e5, 0.0, 3e4, np.nan])
+        report = seen(radar, state, rng).changed(z=absurd)
+        found = engine.step(scan(index, report)).filtered[0]
+    assert len(found) == 5
+    assert np.mean(nees(found, truth[-1])) < 4.0

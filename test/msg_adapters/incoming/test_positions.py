@@ -211,3 +211,12 @@ def test_z_is_a_height_in_space_and_nothing_in_the_plane():
     assert read({"x": [1.0], "y": [3.0]}, own).detections.z is None
     again = reader_of(own).from_cdr(reader_of(own).to_cdr(report.detections, STAMP_NS, own), own)
     assert_array_equal(again.detections.z, report.detections.z)
+
+
+@pytest.mark.parametrize("absurd", [1e30, -1e30, np.inf, NAN])
+def test_absurd_z_leaves_its_detection(absurd):
+    given = {"sensors": ["lidar"], "lidar.kind": "position", "state": "space"}
+    (own,) = resolve(given).inputs
+    report = read({"x": [1.0, 2.0], "y": [3.0, 4.0], "z": [0.5, absurd]}, own)
+    assert_array_equal(report.detections.z, [0.5, NAN])
+    assert len(report.detections) == 2
