@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import html
 import math
 import re
 import uuid
 from collections.abc import Sequence
-from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
@@ -75,9 +75,10 @@ def events(
             f'how="m-f" time="{now}" start="{now}" stale="{stale}">'
             f'<point lat="{places.latitude[row]:.7f}" lon="{places.longitude[row]:.7f}" '
             f'ce="{axes[row]:.1f}" {height}/>'
-            f"<detail><contact callsign={quoteattr(name)}/>"
+            f'<detail><contact callsign="{html.escape(name)}"/>'
             f'<track speed="{places.speed[row]:.2f}" course="{course:.1f}"/>'
-            f"<remarks>{escape(class_names[class_id])} {share:.0%}, {state}</remarks>"
+            f"<remarks>{html.escape(class_names[class_id], quote=False)} {share:.0%}, "
+            f"{state}</remarks>"
             "</detail></event>\n".encode()
         )
     return sent

@@ -1,4 +1,8 @@
-"""Encodes figures as DiagnosticArray messages: scores, cardinality, health."""
+"""Encodes figures as DiagnosticArray messages: scores, cardinality, health.
+
+The metrics are imported where scores are encoded, because a tracker has none and starts the sooner
+without.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,6 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Float64
 
 from phd_jdtc_ros.core.types import SOURCES
-from phd_jdtc_ros.evaluation.run_scores import CURVES, PUBLISHED
 
 from ..encoding import cdr, stamps
 
@@ -84,6 +87,8 @@ def values_of(message: DiagnosticStatus) -> dict[str, str]:
 
 def score_to_msg(score: ScanScore, cutoff: float, order: float) -> DiagnosticArray:
     """Encode a scan's scores: statuses ``filtered/all``, ``filtered/class_0`` and so on."""
+    from phd_jdtc_ros.evaluation.run_scores import PUBLISHED
+
     parameters = {"cutoff": cutoff, "order": order}
     statuses = [
         status(f"{score.source}/{key}", {**{n: values[n] for n in PUBLISHED}, **parameters})
@@ -114,6 +119,8 @@ def of_tracker(classes: int, engine: str | None = "gaussian") -> tuple[str, ...]
 
 def of_evaluator(classes: int) -> tuple[str, ...]:
     """Return the names of the evaluator's numbers."""
+    from phd_jdtc_ros.evaluation.run_scores import CURVES
+
     sets = ("all", *(f"class_{k}" for k in range(classes)))
     return tuple(
         of_score(source, key, name) for source in SOURCES for key in sets for name in CURVES
@@ -134,6 +141,8 @@ def of_step(step: Step, step_ms: float) -> dict[str, float]:
 
 def score_to_msgs(score: ScanScore) -> dict[str, Float64]:
     """Return the numbers of a scan's scores, by name."""
+    from phd_jdtc_ros.evaluation.run_scores import CURVES
+
     return {
         of_score(score.source, key, name): to_msg(value)
         for key, values in score.values.items()

@@ -18,7 +18,6 @@ from typing import Any, ClassVar, Protocol, TypeAlias, TypeVar, cast, get_args, 
 
 import numpy as np
 import numpy.typing as npt
-from scipy import sparse
 
 AnyArray = npt.NDArray[Any]
 T = TypeVar("T")
@@ -96,35 +95,6 @@ class _Array:
 
 
 @dataclass(frozen=True)
-class _Sparse:
-    """A sparse matrix in rows or columns, with numbers of at least 0; see `_Array`."""
-
-    matrix: Any
-    shape: str
-    high: float = np.inf
-    key: str = ""
-
-    def put(self, snapshot: Snapshot, name: str, value: Any) -> None:
-        for part in ("data", "indices", "indptr"):
-            snapshot.arrays[f"{name}.{part}"] = getattr(value, part)
-        snapshot.arrays[f"{name}.shape"] = np.array(value.shape, dtype=np.int64)
-
-    def get(self, snapshot: Snapshot, name: str, sizes: dict[str, int]) -> Any:
-        bounds = {
-            "data": _Array("f", "n", 0.0, self.high),
-            "indices": _Array("i", "i", 0, MAX_INDEX),
-            "shape": _Array("i", "s", 0, MAX_INDEX),
-            "indptr": _Array("i", "p", 0, MAX_INDEX),
-        }
-        parts = {part: bound.get(snapshot, f"{name}.{part}", {}) for part, bound in bounds.items()}
-        shape = tuple(parts.pop("shape").tolist())
-        _require_shape(name, shape, self.shape, sizes)
-        matrix = self.matrix((parts["data"], parts["indices"], parts["indptr"]), shape=shape)
-        matrix.check_format()
-        return matrix
-
-
-@dataclass(frozen=True)
 class _Nested:
     """A value with declared fields of its own."""
 
@@ -139,7 +109,7 @@ class _Nested:
         return from_snapshot(self.cls, snapshot, name, dict(self.sizes))
 
 
-_Stored: TypeAlias = "_Array | _Sparse | _Nested"
+_Stored: TypeAlias = "_Array | _Nested"
 
 
 class Stateful(Protocol):
@@ -207,16 +177,6 @@ def covariances(shape: str, std: float) -> _Stored:
 def nested(cls: type[Any], **sizes: int) -> _Stored:
     """Declare a value with declared fields of its own, with sizes of its axes by letter."""
     return _Nested(cls, tuple(sizes.items()))
-
-
-def sparse_rows(shape: str, high: float) -> _Stored:
-    """Declare a sparse matrix in rows, with numbers of at least 0."""
-    return _Sparse(sparse.csr_array, shape, high)
-
-
-def sparse_columns(shape: str) -> _Stored:
-    """Declare a sparse matrix in columns, with numbers of at least 0."""
-    return _Sparse(sparse.csc_array, shape)
 
 
 @cache

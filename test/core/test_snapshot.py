@@ -10,16 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from runs import stored_and_read
-from scipy import sparse
 
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray, SparseArray
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.snapshot import (
     Snapshot,
     covariances,
     floats,
     from_snapshot,
     integers,
-    sparse_rows,
     to_snapshot,
 )
 
@@ -33,12 +31,11 @@ class Value(NamedTuple):
     mode: Annotated[IntArray, integers("T", -1, below="O")]
     mean: Annotated[FloatArray, floats("TD", -1.0, 1.0)]
     covariance: Annotated[FloatArray, covariances("TDD", 2.0)]
-    part: Annotated[SparseArray, sparse_rows("TJ", 5.0)]
     cells: Annotated[FloatArray | None, floats("O", 0.0, 1.0)]
     note: Any = None
 
 
-SIZES = {"D": 2, "O": 3, "J": 4}
+SIZES = {"D": 2, "O": 3}
 
 
 def value(rows=2, cells=None):
@@ -49,7 +46,6 @@ def value(rows=2, cells=None):
         np.full(rows, 2),
         np.zeros((rows, 2)),
         np.tile(np.eye(2), (rows, 1, 1)),
-        sparse.csr_array(np.eye(rows, 4)),
         cells,
         "not stored",
     )
@@ -79,14 +75,13 @@ def test_value_comes_back_bit_by_bit_but_for_what_is_given(count, revolutions, m
     assert type(after.count) is int
     for name in ("row", "mode", "mean", "covariance", "cells"):
         np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
-    np.testing.assert_array_equal(after.part.toarray(), before.part.toarray())
 
 
 @pytest.mark.parametrize(("width", "order"), [("<4", "C"), (">8", "C"), ("<8", "F")])
 def test_arrays_of_other_types_become_those_of_compiled_functions(width, order):
     snapshot = stored(value())
     for name, array in snapshot.arrays.items():
-        if array.ndim and not name.startswith("it.part"):
+        if array.ndim:
             other = f"{width[0]}{array.dtype.kind}{width[1]}"
             snapshot.arrays[name] = np.asarray(array, other, order)
     after, before = read(snapshot), value()
@@ -100,11 +95,9 @@ def test_arrays_of_other_types_become_those_of_compiled_functions(width, order):
 
 def test_names_are_those_of_the_fields_that_are_declared_and_there():
     snapshot = stored(value())
-    of_part = {f"it.part.{part}" for part in ("data", "indices", "indptr", "shape")}
-    others = {
+    assert set(snapshot.arrays) == {
         f"it.{name}" for name in ("count", "revolutions", "row", "mode", "mean", "covariance")
     }
-    assert set(snapshot.arrays) == of_part | others
     assert snapshot.names_below("it") == {name.split(".")[1] for name in snapshot.arrays}
 
 
@@ -127,13 +120,6 @@ def test_names_are_those_of_the_fields_that_are_declared_and_there():
         ("covariance", np.tile([[0.0, 0.1], [0.1, 1.0]], (2, 1, 1)), "it.covariance: not a cov"),
         ("covariance", np.tile(-np.eye(2), (2, 1, 1)), "it.covariance: not a cov"),
         ("covariance", np.tile(5.0 * np.eye(2), (2, 1, 1)), "it.covariance: a number is not"),
-        ("part.data", [1.0, np.inf], "it.part.data: a number is not finite"),
-        ("part.data", [1.0, 6.0], "it.part.data: a number is not finite, or outside"),
-        ("part.data", [1.0], "."),
-        ("part.indices", [0, 4], "."),
-        ("part.indptr", [0, 9, 2], "."),
-        ("part.shape", [2, 5], r"it.part: shape \(2, 5\), expected \(2, 4\)"),
-        ("part.shape", [2], r"it.part: shape \(2,\), expected \(2, 4\)"),
     ],
 )
 def test_what_the_tracker_cannot_have_stored_is_refused(name, forged, reason):
@@ -143,7 +129,7 @@ def test_what_the_tracker_cannot_have_stored_is_refused(name, forged, reason):
         read(snapshot)
 
 
-@pytest.mark.parametrize("name", ["count", "row", "covariance", "part.indptr"])
+@pytest.mark.parametrize("name", ["count", "row", "covariance"])
 def test_missing_array_is_named(name):
     snapshot = stored(value())
     del snapshot.arrays[f"it.{name}"]

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ..arrays import BoolArray, FloatArray, IntArray, zeros_field
 from ..engine import Step
@@ -89,7 +88,7 @@ class NearCopies:
         before, self._before = self._before, place
         if not len(place) or not len(before):
             return False
-        farthest = float(cKDTree(before).query(place)[0].max())
+        farthest = float(_tree(before).query(place)[0].max())
         # Coarse measurements of targets at rest are often equal.
         near = len(place) == len(before) and 0.0 < farthest < NEAR * max(self._distances)
         self._distances = self._distances[1], farthest
@@ -145,7 +144,7 @@ class TwinCheck:
             return 0
         # A difference has twice the variance of one detection.
         std = np.sqrt(2.0) * np.median(sensor.noise_std_of(found), axis=0)
-        tree = cKDTree(found.measurement / std)
+        tree = _tree(found.measurement / std)
         reach = [REACH, 2.0 * REACH]
         near, around = (tree.count_neighbors(tree, reach, p=np.inf) - len(found)) // 2
         self._detections += len(found)
@@ -305,6 +304,14 @@ def is_copy(found: Detections, before: Detections) -> bool:
     if found.amplitude is None or before.amplitude is None:
         return found.amplitude is before.amplitude
     return np.array_equal(found.amplitude, before.amplitude, equal_nan=True)
+
+
+def _tree(place: FloatArray) -> Any:
+    """Return a tree of places, (M, Z), for searches of neighbours."""
+    # A tracker starts the sooner without.
+    from scipy.spatial import cKDTree
+
+    return cKDTree(place)
 
 
 def _cells(azimuth: FloatArray) -> IntArray:

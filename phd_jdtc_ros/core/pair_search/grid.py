@@ -8,7 +8,6 @@ candidates of a query are looked up in a table of cells, without sorting or sear
 from __future__ import annotations
 
 import numpy as np
-from scipy import sparse
 
 from ..arrays import FloatArray, IntArray, run_starts
 from .candidates import ROUNDING, Candidates, block_columns
@@ -80,6 +79,9 @@ def _extents(by_axis: FloatArray, group: IntArray, groups: int) -> tuple[FloatAr
 
 def _sort_by_cell(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:
     """Return the points in the order of their cells, and the index at which each cell begins."""
+    # A tracker starts the sooner without.
+    from scipy import sparse
+
     # Conversion to CSR is a counting sort, twice as fast as an argsort.
     column = np.arange(len(cell))
     table = sparse.csr_array(

@@ -27,10 +27,6 @@ from msg_adapters.incoming import moving_radars, positions
 from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import Reader, reader_of
 from msg_adapters.incoming.recognised import is_of_positions
-from phd_jdtc_ros.calibration.tuning import proposal, unspecified
-from phd_jdtc_ros.calibration.tuning.findings import findings
-from phd_jdtc_ros.calibration.tuning.plots import limit_plots, plots_of
-from phd_jdtc_ros.calibration.tuning.rates import area_of
 from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.columns.position_selection import EVERYWHERE
 from phd_jdtc_ros.columns.report_selection import Told
@@ -419,6 +415,12 @@ def _changes(
     own: SensorParameters, clouds: list[PointCloud2], with_targets: bool, last: bool
 ) -> dict[str, Any] | None:
     """Return the parameters that clouds show; None if they are too few and not the `last`."""
+    # Few trackers recognise a sensor, and all start the sooner without.
+    from phd_jdtc_ros.calibration.tuning import proposal, unspecified
+    from phd_jdtc_ros.calibration.tuning.findings import findings
+    from phd_jdtc_ros.calibration.tuning.plots import limit_plots, plots_of
+    from phd_jdtc_ros.calibration.tuning.rates import area_of
+
     name, reports, frame = own.name, [], clouds[0].header.frame_id
     sensor = PositionParameters(name=name, frame=frame, area=EVERYWHERE)
     for cloud in clouds:

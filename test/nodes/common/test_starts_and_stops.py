@@ -86,6 +86,8 @@ def test_node_refuses_stray_words_and_what_is_no_time_to_go_by(processes, tmp_pa
 def test_tracker_starts_without_what_it_does_not_need():
     # Together they took more than a second of every start.
     heavy = ["matplotlib", "plotly", "mcap", "pyproj", "rich", "scipy.stats", "scipy.optimize"]
+    heavy += ["scipy.spatial", "urllib.request"]
+    heavy += [f"phd_jdtc_ros.{name}" for name in ("calibration.tuning", "evaluation", "report")]
     script = f"import sys, phd_jdtc_ros.nodes.tracker.node; print(set({heavy}) & set(sys.modules))"
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60.0
