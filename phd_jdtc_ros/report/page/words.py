@@ -71,12 +71,11 @@ def picture_lead(record: Record) -> str:
         return ""
     clock, most = Clock.of(record), max(map(len, found))
     numbers = {label for each in found for label in each.track_id.tolist() if label}
-    tracks = f"{len(numbers)} tracks" if numbers else "Targets"
+    tracks = f"{len(numbers)} track{'s' * (len(numbers) > 1)}" if numbers else "Targets"
     begin = f" from {clock.begin}" if clock.begin else ""
-    return (
-        f'<p class="lead">{tracks} in {clock.text(clock.span_s)}{begin}, at most {most} at a time.'
-        "</p>"
-    )
+    when = f"in {clock.text(clock.span_s)}{begin}"
+    text = f"{tracks} {when}, at most {most} at a time" if most else f"No targets {when}"
+    return f'<p class="lead">{text}.</p>'
 
 
 def _caption(head: Mapping[str, Any]) -> str:
