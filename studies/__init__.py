@@ -16,6 +16,7 @@ They are not part of the installed package, whose `monte_carlo` is the reference
     changed_radars  how soon it is noticed that a radar has changed
     calibration     probabilities and covariances beside what is true, on drawn truth
     hard_traffic    aircraft in hard turns, and before a radar of coarse azimuths
+    league          trackers side by side on recordings that a manifest names
     tuning_truth    proposals of `tune` beside the simulated values
 
 `peers` has other trackers for comparison. A study computes the figures of a seed, and derives goals

@@ -36,6 +36,7 @@ STUDIES = {
     "calibration": "calibration.study.STUDY",
     "hard_traffic": "hard_traffic.STUDY",
     "tuning_truth": "tuning_truth.STUDY",
+    "league": "league.STUDY",
     "conflicts": "conflicts.STUDY",
 }
 # Studies that run one after the other in a second process, in parallel to the Monte Carlo study.

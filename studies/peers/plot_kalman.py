@@ -60,7 +60,9 @@ class Plots:
     """All plots of a run, ordered by time, as positions with covariances."""
 
     def __init__(self, reports: Sequence[SimulatedReport], radars: Sequence[RadarModel]) -> None:
-        columns = [_convert(report, radars[report.radar]) for report in reports]
+        columns = [
+            _convert(report, radars[report.radar].at(report.detections.pose)) for report in reports
+        ]
         time = np.concatenate([column[0] for column in columns])
         order = np.argsort(time, kind="stable")
         self.time: FloatArray = time[order]
@@ -213,13 +215,16 @@ def follow(
     radars: Sequence[RadarModel],
     stamps_ns: Sequence[int],
     settings: Settings = SETTINGS,
+    rotations: FloatArray | None = None,
 ) -> list[PointSet]:
     """Return the confirmed tracks, predicted to ascending stamps.
 
-    The radars turn. The tracks at a stamp use the plots up to it.
+    The tracks at a stamp use the plots up to it. `rotations` are the times between two looks of
+    each radar, seconds; those of their antennas if not given.
     """
     plots = Plots(reports, radars)
-    rotations = np.array([radar.rotation_s for radar in radars])
+    if rotations is None:
+        rotations = np.array([radar.rotation_s for radar in radars])
     tracker = Tracker(settings, rotations)
     batch = np.floor(plots.time / (BATCH * rotations.min()))
     edges = np.searchsorted(plots.time, np.array(stamps_ns) * 1e-9, side="right")
