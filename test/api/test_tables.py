@@ -369,7 +369,7 @@ def test_simulate_gives_plots_of_turning_antennas_their_own_times():
     ("scenario", "said"),
     [
         ("coastal_ship", "platform: given, must be absent"),
-        ("no_such", "scenario: 'no_such' given, must be .* one of approach_hour, automotive, "),
+        ("no_such", "scenario: 'no_such' given, must be .* one of .*approach_hour, automotive, "),
         ("no_such.yaml", "no_such.yaml: cannot be read"),
         ({"scans": -1}, "scans: -1"),
     ],
