@@ -22,6 +22,7 @@ PROFILE_BAGS = {
     "automotive": "automotive",
     "drone": "drones",
     "marine": "coastal",
+    "own_ship": "coastal_ship",
 }
 # The c of OSPA and GOSPA, metres, in bags whose targets are much nearer to each other than usual.
 BAG_CUTOFFS = {

@@ -47,7 +47,7 @@ EXAMPLES = [example for example in EXAMPLES if example not in SCENES]
 
 
 @pytest.mark.parametrize(
-    ("page", "examples"), [("connect_your_radar", 1), ("kinds_of_radar", 9), ("drivers", 2)]
+    ("page", "examples"), [("connect_your_radar", 1), ("kinds_of_radar", 10), ("drivers", 2)]
 )
 def test_pages_on_radars_have_their_examples(page, examples):
     names = [name for name, _ in EXAMPLES]
