@@ -45,8 +45,12 @@ UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 EARLIEST_S = 3e8  # In times since 1970 of which the unit is sought
 # No coordinate of a target is larger, metres.
 MOST_METRES = 1e9
-# A date and a time, and its offset from UTC in hours and minutes.
-_OFFSET = re.compile(r"(.*:.*)([+-])(\d\d):?(\d\d)?")
+# A date, perhaps with a time, and its offset from UTC in hours and minutes. NumPy would take other
+# texts too, some of them with a warning.
+_DATE = re.compile(
+    r"(\d{4}-\d\d(?:-\d\d)?(?:[T ]\d\d(?::\d\d(?::(\d\d)(?:\.\d+)?)?)?)?) ?"
+    r"(?:Z|UTC|([+-])(\d\d):?(\d\d)?)?"
+)
 
 
 class Located(dict[str, Column]):
@@ -263,7 +267,7 @@ def rows_by_stamp(stamps: IntArray) -> list[IntArray]:
 
 def _since_1970(value: Any) -> Any:
     """Convert a date of Python or pandas to seconds since 1970; the default time zone is UTC."""
-    if not isinstance(value, datetime):
+    if not isinstance(value, datetime) or value != value:  # pandas' NaT is a datetime
         return value
     return (value if value.tzinfo else value.replace(tzinfo=timezone.utc)).timestamp()
 
@@ -282,11 +286,14 @@ def _dates(name: str, columns: Columns) -> Column:
     column = columns[name]
 
     def date(text: str) -> np.datetime64:
-        if (found := _OFFSET.fullmatch(text)) is None:
-            return np.datetime64(text.removesuffix("Z"), "ns")
-        local, sign, hours, minutes = found.groups("0")
+        if (found := _DATE.fullmatch(text)) is None:
+            raise ValueError
+        local, second, sign, hours, minutes = found.groups("0")
+        leap = second == "60"  # A leap second is the next one
+        if leap:
+            local = local[: found.start(2)] + "59" + local[found.end(2) :]
         ahead = np.timedelta64(int(f"{sign}1") * (60 * int(hours) + int(minutes)), "m")
-        return np.datetime64(local, "ns") - ahead
+        return np.datetime64(local, "ns") - ahead + np.timedelta64(int(leap), "s")
 
     try:
         return np.array([date(text) for text in column.tolist()], dtype="datetime64[ns]")

@@ -64,7 +64,9 @@ def select(stamp_ns: int, own: PositionParameters, columns: Columns) -> Report:
     counts["velocities_unusable"] = bad_velocities
     speed_std, bad_stds = kept_values(columns, "velocity_std", kept, RANGE_RATE_STDS)
     counts["deviations_unusable"] += bad_stds
-    counts["positions_far"] = int(np.count_nonzero(np.abs(place[kept]).max(axis=1) >= FAR))
+    rounded = (place[kept].astype(np.float32) == place[kept]).all(axis=1)
+    far = np.abs(place[kept]).max(axis=1) >= FAR
+    counts["positions_far"] = int(np.count_nonzero(far & rounded))
     height, z = columns.get("height"), None
     if height is not None:
         height = height[kept] - own.datum

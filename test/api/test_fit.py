@@ -35,6 +35,12 @@ def test_fit_warns_of_degrees_that_are_read_as_radians():
         Tracker().fit(degrees)
 
 
+def test_fit_names_times_in_days():
+    days = {**DETECTIONS, "time": 45_991.0 + DETECTIONS["time"] / 86_400.0}
+    with pytest.raises(ValueError, match=r"1.2e-05 s, must be .* seconds; probably these are days"):
+        Tracker().fit(days)
+
+
 def all_around(unit):
     """Return false detections in all directions; `unit` is a revolution in the unit of azimuths."""
     rng, count = np.random.default_rng(1), 240

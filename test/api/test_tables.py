@@ -144,6 +144,7 @@ def test_numbers_names_the_columns_that_there_are():
         ["1700000000.25"],
         ["2023-11-14T22:13:20.250Z"],
         ["2023-11-14 22:13:20.25"],
+        ["2023-11-14 22:13:20.25 UTC"],
         ["2023-11-15T00:13:20.25+02:00"],
         ["2023-11-14 17:13:20.250-0500"],
         [np.timedelta64(1_700_000_000_250, "ms")],
@@ -157,6 +158,7 @@ def test_numbers_names_the_columns_that_there_are():
         "text",
         "ISO 8601",
         "with a space",
+        "with UTC",
         "with an offset",
         "behind UTC",
         "since 1970",
@@ -169,6 +171,21 @@ def test_numbers_names_the_columns_that_there_are():
 @pytest.mark.filterwarnings("error")
 def test_stamps_are_seconds_or_dates(column):
     assert stamps_ns(columns_of({"time": column})).tolist() == [1_700_000_000_250_000_000]
+
+
+def test_leap_second_is_the_next_one():
+    times = ["2016-12-31T23:59:59", "2016-12-31T23:59:60.5Z", "2017-01-01"]
+    found = stamps_ns(columns_of({"time": times}))
+    assert (np.diff(found) / 1e9).tolist() == [1.5, -0.5]
+
+
+@pytest.mark.parametrize(
+    "text", ["2026-01-31 12:00:00,500", "2026-01-31 12:00:00 CET", "31.01.2026"]
+)
+@pytest.mark.filterwarnings("error")
+def test_dates_of_other_forms_are_named(text):
+    with pytest.raises(ValueError, match=r"time: '.*' in row 1, must be seconds or a date such as"):
+        stamps_ns(columns_of({"time": [text]}))
 
 
 def test_stamps_of_seconds_since_1970_are_the_same_again():

@@ -52,7 +52,8 @@ def levels(plots: Plots, tracks: Tracks) -> Levels | None:
     means = [np.nanmean(0.5 * amplitude[own] ** 2) for own in tracks.plots if known[own].any()]
     quantiles = (np.nan, np.nan)
     if means:
-        low, high = 10.0 * np.log10(np.quantile(means, [0.05, 0.95]))
+        with np.errstate(divide="ignore"):  # amplitudes of zero are -inf dB
+            low, high = 10.0 * np.log10(np.quantile(means, [0.05, 0.95]))
         quantiles = float(low), float(high)
     return Levels(
         threshold,

@@ -13,7 +13,7 @@ from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.schema import Value
 from phd_jdtc_ros.core.sensors.site import LEAST_STD
 
-from .findings import MOST_BESIDE, MOST_CROWDED, MOST_LAND, Findings
+from .findings import MOST_BESIDE, MOST_CROWDED, MOST_LAND, Findings, TuningError
 from .rates import MARGIN
 from .tracking.noise import Noise
 
@@ -33,6 +33,7 @@ SLOWER = 0.5
 NOISE_FACTOR = 1.25
 MOST_PROBABILITY = 0.999
 LEAST_VELOCITY_STD = 1e-3  # The smallest value that the parameter may have
+SHORTEST_LOOK_S = 1e-3  # The smallest interval_s
 # The parameters of the noise.
 NOISE = ("range_std", "azimuth_std_deg")
 # The motion model of a class of things at rest.
@@ -87,8 +88,16 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
 
 
 def interval_s(found: Mapping[str, Findings]) -> float:
-    """Return the nominal interval: the shortest time between two looks of a radar, seconds."""
+    """Return the nominal interval: the shortest time between two looks of a radar, seconds.
+
+    Raise `TuningError` if no radar looks as often.
+    """
     shortest = min(each.timing.look_s for each in found.values())
+    if shortest < SHORTEST_LOOK_S:
+        raise TuningError(
+            f"scans follow each other in {shortest:.2g} s, must be at least {SHORTEST_LOOK_S:g} s: "
+            "times are in seconds; probably these are days, multiply them by 86400"
+        )
     return round_to_std(shortest, 1e-3 * shortest)
 
 

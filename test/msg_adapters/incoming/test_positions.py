@@ -220,3 +220,9 @@ def test_absurd_z_leaves_its_detection(absurd):
     report = read({"x": [1.0, 2.0], "y": [3.0, 4.0], "z": [0.5, absurd]}, own)
     assert_array_equal(report.detections.z, [0.5, NAN])
     assert len(report.detections) == 2
+
+
+def test_places_in_millions_that_are_not_rounded_are_not_noted():
+    own = sensor(area=[6e6, 5e6, 7e6, 6e6], position=[-6.5e6, -5.5e6])
+    report = read({"x": [6500010.01], "y": [5500020.01]}, own, wide=("x", "y"))
+    assert not report.anomalies
