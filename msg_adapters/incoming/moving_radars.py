@@ -235,7 +235,7 @@ class MovingRadars:
             return [RadarPose(radar, stamp_ns, pose) for radar in carried], []
         static = topic == STATIC_TRANSFORMS
         sent = transforms_from_cdr(data, self._buffer.needs)
-        faults = [PoseFault.PARENT for each in sent if self._buffer.add(each, static)]
+        faults = [fault for each in sent if (fault := self._buffer.add(each, static))]
         found = [
             RadarPose(radar, stamp_ns, pose)
             for frame, radars in self._radars_of.items()

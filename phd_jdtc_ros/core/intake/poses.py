@@ -46,6 +46,7 @@ class PoseFault(Enum):
     JUMP = "jump"
     ORIENTATION = "orientation"
     PARENT = "parent"  # The frame had another parent before; the pose is used
+    CIRCLE = "circle"  # The parent is a descendant of the frame; the transform is not used
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from ..types import Pose
+from .poses import PoseFault
 
 # Longest history of a transform, seconds, and the largest number of its stamps.
 HISTORY_S, MOST_STAMPS = 30.0, 10_000
@@ -156,9 +157,14 @@ class TransformBuffer:
         self._chains = {frame: _Chain() for frame in frames}
         self._find_chains()
 
-    def add(self, transform: Transform, static: bool) -> bool:
-        """Add a transform; return whether the frame of a chain had another parent before."""
+    def add(self, transform: Transform, static: bool) -> PoseFault | None:
+        """Add a transform, unless it closes a circle; return what is wrong with it.
+
+        A frame of a chain that had another parent before has the new one.
+        """
         parent, child, stamp_ns, placement = transform
+        if child in self._path(parent):
+            return PoseFault.CIRCLE
         link, moved = self._links.get(child), False
         if link is None or (link.parent, link.static) != (parent, static):
             moved = link is not None and link.parent != parent and self.needs(child)
@@ -168,7 +174,7 @@ class TransformBuffer:
             self._find_chains()
         history_ns = HISTORY_S * 1e9 if self.needs(child) else 0.0
         link.add(stamp_ns, placement, self._reset_ns, history_ns)
-        return moved
+        return PoseFault.PARENT if moved else None
 
     def needs(self, frame: str) -> bool:
         """Return whether a frame's transform is in a chain, as far as the chains are known."""
@@ -207,21 +213,32 @@ class TransformBuffer:
         if self._chains[frame].frames is not None:
             return ""
         end = self._path(frame)[-1]
-        how = "turns in a circle" if end in self._links else "ends"
         return (
-            f"no transform from {end!r} to {self._world!r}: the chain from {frame!r} {how} at "
+            f"no transform from {end!r} to {self._world!r}: the chain from {frame!r} ends at "
             f"{end!r}"
         )
 
     def late(self, frame: str) -> str:
-        """Return which transform of a frame's unbroken chain ends first; empty if none moves."""
+        """Return which transform of a frame's unbroken chain ends first; empty if none moves.
+
+        If another one begins later, as with another clock, both are named.
+        """
         names = (name for part in self._chains[frame].frames or () for name in part)
         ends = {name: self._links[name] for name in names if not self._links[name].static}
         if not ends:
             return ""
-        child = min(ends, key=lambda name: ends[name].stamps_ns[-1])
-        parent, end_s = ends[child].parent, ends[child].stamps_ns[-1] / 1e9
-        return f"the transform from {child!r} to {parent!r} ends at {end_s:.3f} s"
+        first = min(ends, key=lambda name: ends[name].stamps_ns[-1])
+        last = max(ends, key=lambda name: ends[name].stamps_ns[0])
+        end_ns, begin_ns = ends[first].stamps_ns[-1], ends[last].stamps_ns[0]
+        text = (
+            f"the transform from {first!r} to {ends[first].parent!r} ends at {end_ns / 1e9:.3f} s"
+        )
+        if begin_ns <= end_ns:
+            return text
+        return (
+            f"{text}, before that from {last!r} to {ends[last].parent!r} begins at "
+            f"{begin_ns / 1e9:.3f} s"
+        )
 
     def _pose(self, chain: _Chain, stamp_ns: int) -> Pose:
         up, down = (self._placement(names, stamp_ns) for names in chain.frames or ([], []))

@@ -54,6 +54,7 @@ POSE_FAULTS = {
     PoseFault.JUMP: "a jump from the previous pose; accepted once later poses continue from it",
     PoseFault.ORIENTATION: "its orientation is not a quaternion, or upside down; pose may be "
     "stabilised",
+    PoseFault.CIRCLE: "a transform whose parent is below its frame, which closes a circle",
 }
 # Poses come much more often than scans, and wait while one is stepped; and transforms of a whole
 # fleet may come on one topic.

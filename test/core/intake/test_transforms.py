@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.core.intake import transforms
+from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.intake.transforms import Placement, Transform, TransformBuffer
 
 S = 10**9
@@ -104,17 +105,34 @@ def test_a_broken_chain_names_its_missing_link_and_a_late_one_mends_it():
     assert [pose.position for _, pose in found.poses("radar")] == [(4.0, 0.0)]
 
 
-def test_a_chain_in_a_circle_is_broken():
-    found = buffer(("base", "radar", at(1.0, 0.0)), ("odom", "base", at(0.0, 0.0)))
-    found.add(Transform("radar", "odom", 0, at(0.0, 0.0)), static=True)
-    assert found.broken("radar").endswith("the chain from 'radar' turns in a circle at 'odom'")
+@pytest.mark.parametrize(
+    ("parent", "child"), [("radar", "odom"), ("radar", "map"), ("map", "map"), ("base", "base")]
+)
+def test_a_transform_that_closes_a_circle_changes_no_pose(parent, child):
+    chain = ("base", "radar", at(1.0, 0.0)), ("odom", "base", at(5.0, 0.0))
+    found = buffer(*chain, ("map", "odom", at(0.0, 2.0)))
+    circle = Transform(parent, child, 0, at(900.0, 0.0))
+    assert found.add(circle, static=True) is PoseFault.CIRCLE
+    assert [pose.position for _, pose in found.poses("radar")] == [(6.0, 2.0)]
+
+
+def test_a_transform_of_another_clock_is_named_beside_the_one_that_it_does_not_reach():
+    found = buffer(("base", "radar", at(1.0, 0.0)))
+    for stamp_s in range(3):
+        found.add(Transform("map", "odom", stamp_s * S, at(0.0, 0.0)), static=False)
+        found.add(Transform("odom", "base", (3600 + stamp_s) * S, at(0.0, 0.0)), static=False)
     assert found.poses("radar") == []
+    assert found.late("radar") == (
+        "the transform from 'odom' to 'map' ends at 2.000 s, before that from 'base' to 'odom' "
+        "begins at 3600.000 s"
+    )
 
 
 def test_a_frame_with_two_parents_has_the_latest_and_is_noticed_if_it_is_in_a_chain():
     found = buffer(("map", "radar", at(1.0, 0.0)), ("map", "other", at(5.0, 0.0)))
     assert not found.add(Transform("map", "radar", 1, at(2.0, 0.0)), static=True)
-    assert found.add(Transform("other", "radar", 2, at(2.0, 0.0)), static=True)
+    moved = Transform("other", "radar", 2, at(2.0, 0.0))
+    assert found.add(moved, static=True) is PoseFault.PARENT
     assert [pose.position for _, pose in found.poses("radar")] == [(7.0, 0.0)]
     found.add(Transform("map", "far", 0, at(0.0, 0.0)), static=True)
     assert not found.add(Transform("other", "far", 1, at(0.0, 0.0)), static=True)
