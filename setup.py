@@ -56,6 +56,8 @@ setup(
     ],
     extras_require={
         "ros": ROS_WHEELS,
+        # Writes messages of SAPIENT.
+        "sapient": ["sapient-proto>=0.1"],
         # Serves the live picture.
         "picture": ["aiohttp>=3.9"],
         # Checks the polygons of the parameter zones.
@@ -72,6 +74,7 @@ setup(
             "aiohttp>=3.9",
             # Readers of what the tracker sends to other programs.
             "pynmea2",
+            "sapient-pydantic",
             "takproto",
             # Decoders of AIS and of raw 1090 MHz, which `report_bridge` imports when they are used.
             "pyais>=3",

@@ -25,7 +25,7 @@ from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates, Pose
 from ..encoding import interfaces, names, stamps
 from ..targets import estimates, geo_json, geodetic, markers, tracks
 from ..targets.tracks import Trails
-from . import conflicts, cot, diagnostics, manual, map_layers, nmea, signal_k
+from . import conflicts, cot, diagnostics, manual, map_layers, nmea, sapient, signal_k
 
 # Triggers besides the estimates of a source: a `Scan`, a `StepResult`, `Conflicts`, and manual work
 # with its stamp.
@@ -113,6 +113,10 @@ class Stream:
     # Returns one message for each datagram, given own ship's pose if it is known.
     encode: Callable[[Estimates, View, Pose | None], list[bytes]]
     on_earth: bool = True  # True if the output needs the world frame's place on the earth
+    # Returns what a connection begins with, given the first estimates.
+    greet: Callable[[Estimates, View], list[bytes]] = lambda found, view: []
+    datagrams: bool = True  # Whether it may be sent by UDP
+    library: str = ""  # The package that writes the format; empty if none is needed
 
 
 def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
@@ -326,6 +330,16 @@ def _signal_k(found: Estimates, view: View, own: Pose | None) -> list[bytes]:
     return signal_k.deltas(found, view.plane, view.types, view.run, view.manual().names)
 
 
+def _sapient(found: Estimates, view: View, own: Pose | None) -> list[bytes]:
+    if view.plane is None:
+        return []
+    return sapient.reports(found, view.plane, view.class_names, view.run, view.manual())
+
+
+def _register(found: Estimates, view: View) -> list[bytes]:
+    return [sapient.registration(found.stamp_ns, view.run, view.class_names, view.stale_s / 3.0)]
+
+
 # Output of relative bearings, which needs own ship's heading.
 RELATIVE = "ttm_relative"
 STREAMS = (
@@ -334,6 +348,12 @@ STREAMS = (
     Stream("tll", "nmea", _tll),
     Stream("cot", "cot", _cot),
     Stream("signalk", "signalk", _signal_k),
+    Stream(
+        *("sapient", "sapient", _sapient),
+        greet=_register,
+        datagrams=False,
+        library="sapient_msg",
+    ),
 )
 
 # The words of the outputs that a user enables, and those of them that need a place on the earth.

@@ -34,9 +34,9 @@ class Node:
             "cot+udp://127.0.0.1:4242",
             "signalk+udp://127.0.0.1:8375",
         ],
-        "Where ttm, ttm_relative and tll in outputs (nmea), cot and signalk are sent: "
+        "Where ttm, ttm_relative and tll in outputs (nmea), cot, signalk and sapient are sent: "
         "FORMAT+udp:// or FORMAT+tcp:// with the HOST:PORT to send to, or FORMAT+listen:// with "
-        "that at which TCP clients connect.",
+        "that at which TCP clients connect; sapient not by UDP.",
         element=str,
     )
     cot_types: list[str] = parameter(

@@ -11,8 +11,9 @@ import os
 import socket
 import threading
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from typing import Any, NamedTuple
 
 from msg_adapters.outgoing.outputs import STREAMS, View
@@ -46,7 +47,8 @@ def destination(text: str) -> Destination:
     with suppress(ValueError):
         found = Destination(form, scheme, udp.address(place))
         group = found.address.multicast
-        if form in forms and (scheme == "udp" or (scheme in ("tcp", "listen") and not group)):
+        by_udp = scheme == "udp" and form in [row.form for row in STREAMS if row.datagrams]
+        if form in forms and (by_udp or (scheme in ("tcp", "listen") and not group)):
             return found
     raise ValueError(
         f"{text} given, must be one of {', '.join(forms)}, +udp://, +tcp:// or +listen://, and an "
@@ -63,6 +65,7 @@ class Link:
         self.stalled = 0  # Number of receivers that were disconnected because they did not read
         self.sent = 0  # Number of messages that were passed on
         self._open: set[Any] = set()
+        self._greeted: set[Any] = set()
         # A port of this machine is taken at once, so that one that is in use is refused.
         listens = where.scheme == "listen"
         self._port = socket.create_server(where.address) if listens else None
@@ -111,9 +114,16 @@ class Link:
             self._open.discard(writer.transport)
         writer.transport.abort()
 
-    def write(self, messages: Sequence[bytes]) -> None:
-        """Pass messages to all receivers; disconnect those that do not read, or leave them out."""
+    def write(self, messages: Sequence[bytes], greet: Callable[[], list[bytes]]) -> None:
+        """Pass messages to all receivers; disconnect those that do not read, or leave them out.
+
+        A new receiver gets first what `greet` returns.
+        """
+        self._greeted &= self._open
         for transport in list(self._open):
+            if transport not in self._greeted:
+                self._greeted.add(transport)
+                transport.write(b"".join(greet())) if self.where.scheme != "udp" else None
             if transport.get_write_buffer_size() > MOST_BYTES:
                 self.stalled += 1
                 if self.where.scheme != "udp":
@@ -182,7 +192,7 @@ class Senders:
             if any(link.receivers for link in links):
                 messages = row.encode(*given)
                 for link in links:
-                    link.write(messages)
+                    link.write(messages, partial(row.greet, *given[:2]))
 
     def close(self) -> None:
         """Close all sockets, and end the thread."""

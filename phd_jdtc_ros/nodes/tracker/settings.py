@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from typing import Any
 
 from msg_adapters.outgoing import cot, outputs
@@ -82,6 +83,11 @@ def _stream_faults(node: Mapping[str, Any], tracker: TrackerConfig) -> list[str]
         f"outputs: {row.switch} given, needs {row.form}+... in destinations"
         for row in outputs.STREAMS
         if row.switch in node["outputs"] and row.form not in forms and not faults
+    ]
+    faults += [
+        f"outputs: {row.switch} given, needs {row.library} (docs/outputs.md)"
+        for row in outputs.STREAMS
+        if row.switch in node["outputs"] and row.library and find_spec(row.library) is None
     ]
     moving = next((each for each in tracker.inputs if each.pose.topic), None)
     if outputs.RELATIVE in node["outputs"] and not (moving and moving.pose.yaw):

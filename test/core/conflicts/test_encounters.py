@@ -19,7 +19,9 @@ from phd_jdtc_ros.core.engine import Paths
 from phd_jdtc_ros.core.models.zones import Zone
 from phd_jdtc_ros.core.types import Pose
 
-MODEL = ConflictModel(distance=500.0, horizon_s=300.0, paths=4000, steps=20)
+# The probability is the share of the paths.
+PLAIN = {"slope": 1.0, "offset": 0.0}
+MODEL = ConflictModel(distance=500.0, horizon_s=300.0, paths=4000, steps=20, **PLAIN)
 
 
 def straight(*starts, model=MODEL, height=math.nan):
@@ -147,7 +149,7 @@ def test_zone_is_entered_with_the_share_of_the_paths_that_cross_it():
     start[:, 1] = rng.normal(0.0, 200.0, MODEL.paths)
     # Thinner than the way between two points of a path.
     zones = (square(1000.0, 0.0, 1010.0, 150.0), square(-100.0, -1e4, 50.0, 1e4, "here"))
-    model = ConflictModel(zones=zones, horizon_s=300.0, paths=MODEL.paths, steps=20)
+    model = ConflictModel(zones=zones, horizon_s=300.0, paths=MODEL.paths, steps=20, **PLAIN)
     found = predict(0, straight(start, model=model), np.ones(1), Named(), model)
     assert found.keys == [(ZONE, 1, 1), (ZONE, 1, 0)]
     assert found.probability.tolist() == pytest.approx(
@@ -177,3 +179,11 @@ def test_conflicts_of_nothing_are_empty():
 def test_own_ship_and_friends_are_as_the_operator_says(named, keys):
     paths = straight([0.0, 0.0, 0.0, 0.0], [100.0, 0.0, 0.0, 0.0])
     assert predict(0, paths, np.ones(2), named, MODEL).keys == keys
+
+
+def test_calibration_keeps_certainty_and_order():
+    shares = [0.0, 0.01, 0.3, 0.5, 0.7, 0.99, 1.0]
+    found = [ConflictModel().calibrated(share) for share in shares]
+    assert found == sorted(found)
+    assert (found[0], found[-1]) == (0.0, 1.0)
+    assert found[4] == pytest.approx(1.0 / (1.0 + (3.0 / 7.0) ** 1.3 * math.exp(-0.2)))

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import pytest
 from refusals import faults_of
 from samples import estimates, nothing
+from sapient_msg.bsi_flex_335_v2_0.sapient_message_pb2 import SapientMessage
 
 from msg_adapters.outgoing.outputs import View
 from msg_adapters.targets.tracks import Trails
@@ -92,10 +93,11 @@ def read_to_the_end(sock):
         ),
         *("nmea+udp://localhost:1", "nmea+http://127.0.0.1:80", "cot+tcp://127.0.0.1:0"),
         *("cot+tcp://239.2.3.1:6969", "nmea+listen://127.0.0.1:70000", "cot+udp://::1:5"),
+        "sapient+udp://127.0.0.1:5020",
     ],
 )
 def test_destination_refuses_what_is_none(text):
-    with pytest.raises(ValueError, match="must be one of nmea, cot, signalk, "):
+    with pytest.raises(ValueError, match="must be one of nmea, cot, signalk, sapient, "):
         destination(text)
 
 
@@ -247,3 +249,25 @@ def test_nothing_is_opened_for_outputs_that_are_off(made):
     sender = made(["markers", "cot"], f"nmea+listen://127.0.0.1:{free_port()}")
     assert not sender.links
     sender.send(nothing(), VIEW)
+
+
+def test_each_connection_of_sapient_begins_with_a_registration(made):
+    port = free_port()
+    sender = made(["sapient"], f"sapient+listen://127.0.0.1:{port}")
+    (link,) = sender.links
+
+    def kinds_of(sock, count):
+        found = []
+        with sock.makefile("rb") as stream:
+            for _ in range(count):
+                size = int.from_bytes(stream.read(4), "little")
+                message = SapientMessage.FromString(stream.read(size))
+                found.append(message.WhichOneof("content"))
+        return found
+
+    expected = ["registration", "status_report", "detection_report", "detection_report"]
+    for receivers in (1, 2):
+        client = socket.create_connection(("127.0.0.1", port), 10.0)
+        until(lambda receivers=receivers: link.receivers == receivers)
+        sender.send(estimates(), VIEW)
+        assert kinds_of(client, 4) == expected
