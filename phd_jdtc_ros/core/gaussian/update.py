@@ -32,6 +32,7 @@ from .measurement.amplitude import (
     snr_after,
 )
 from .measurement.gating import gate_pairs
+from .measurement.heights import above_floor
 from .measurement.iterated_update import PairUpdate, coarse_further, iterated_update
 from .measurement.likely_pairs import select_likely
 from .measurement.missed import after_miss, missed_and_measured
@@ -306,4 +307,6 @@ class PriorMixture:
             covariance=covariance,
             snr=snr,
         )
+        if (floor := self.steps.model.floor) > -np.inf:
+            branched = above_floor(branched, floor)
         return Branched(branched, self.parent.take(prior_row))

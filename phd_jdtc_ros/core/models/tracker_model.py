@@ -96,6 +96,12 @@ class TrackerModel(ReadOnly):
         by_mode = modes.noise(1.0)[:, axes, axes].mean(axis=1)
         return float((modes.motion_share * by_mode).sum() / len(modes.classes))
 
+    @cached_property
+    def floor(self) -> float:
+        """Floor of heights where these follow from ranges alone, metres; -inf otherwise."""
+        measured = any(sensor.measures_heights for sensor in self.radars)
+        return -math.inf if self.height_prior is None or measured else self.height_prior.floor
+
     @property
     def has_clutter_map(self) -> bool:
         """Whether a map of false detections is learned for any sensor."""

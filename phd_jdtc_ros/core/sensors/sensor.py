@@ -147,6 +147,11 @@ class Sensor(ReadOnly, ABC):
         """Return the measured motion of detections; None without a usable one."""
         return None
 
+    @property
+    def measures_heights(self) -> bool:
+        """Whether a single detection shows the height of a target."""
+        return self.reported_heights is not None
+
     def heights_of(self, detections: Detections) -> Heights | None:
         """Return the heights of detections as measurements of z; None without any."""
         return None if self.reported_heights is None else self.reported_heights.of(detections)

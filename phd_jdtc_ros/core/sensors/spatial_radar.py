@@ -154,6 +154,11 @@ class SpatialRadar(RadarModel):
         """Standard deviations of (range, azimuth, elevation), (3,)."""
         return np.array([self.range_std, self.azimuth_std, self.elevation_std])
 
+    @property
+    def measures_heights(self) -> bool:
+        """Whether it measures elevations, or reports heights."""
+        return self.elevation_std < UNKNOWN_STD or self.reported_heights is not None
+
     def log_correction(self, elevation_std: FloatArray) -> FloatArray:
         """Return what makes the log densities of unknown elevations uniform, (M,)."""
         uniform = math.log(UNKNOWN_STD * math.sqrt(2.0 * math.pi) / self.visibility.elevation_width)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import ndtr
 
 from ...arrays import FloatArray, IntArray
 from ...sensors.gaussians import Heights
@@ -65,3 +66,43 @@ def coarse_heights(mixture: Mixture, row: IntArray, measured: Heights) -> FloatA
     z, _ = SPATIAL.vertical
     found, _ = measured.compare(mixture.mean[row][..., z], mixture.covariance[row][..., z, z])
     return found
+
+
+# Gaussians whose mean is less than this many standard deviations above the floor are cut there.
+NEAR_FLOOR = 1.0
+# Gaussians with less of their mass above the floor keep their moments.
+LEAST_ABOVE = 1e-3
+
+
+def above_floor(mixture: Mixture, floor: float) -> Mixture:
+    """Return hypotheses of targets above a floor of heights, metres.
+
+    Slant ranges have a solution on either side of their antennas, of which one is below the ground.
+    A Gaussian that reaches below the floor has the moments of its part above it. Its weight has the
+    factor 2 P(z > floor), at most 1: the half of a target on the ground is not lost in each update.
+
+    References
+    ----------
+    Simon, "Kalman filtering with state constraints", IET Control Theory & Applications 4(8), 2010,
+    section 2.4.
+    """
+    z, _ = SPATIAL.vertical
+    std = np.sqrt(np.maximum(mixture.covariance[..., z, z], 0.0))
+    edge = (floor - mixture.mean[..., z]) / np.where(std > 0.0, std, 1.0)
+    cut = (std > 0.0) & (edge > -NEAR_FLOOR)
+    if not cut.any():
+        return mixture
+    rows, edge, std = np.nonzero(cut), edge[cut], std[cut]
+    above = ndtr(-edge)
+    weight, mean, covariance = (
+        column.copy() for column in (mixture.weight, mixture.mean, mixture.covariance)
+    )
+    weight[rows] *= np.minimum(2.0 * above, 1.0)[:, None]
+    known = above >= LEAST_ABOVE
+    hazard = np.exp(-0.5 * edge**2) / np.sqrt(2.0 * np.pi) / np.where(known, above, 1.0)
+    shift, kept = std * hazard, 1.0 + hazard * (edge - hazard)
+    gain = covariance[rows][..., z] / (std**2)[:, None]
+    mean[rows] += np.where(known, shift, 0.0)[:, None] * gain
+    change = np.where(known, (kept - 1.0) * std**2, 0.0)[:, None, None]
+    covariance[rows] += change * gain[:, :, None] * gain[:, None, :]
+    return mixture.changed(weight=weight, mean=mean, covariance=covariance)

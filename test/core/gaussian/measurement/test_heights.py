@@ -10,7 +10,8 @@ from lone import SIZE
 from scipy.stats import norm
 
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.gaussian.measurement.heights import update_heights
+from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
+from phd_jdtc_ros.core.gaussian.measurement.heights import above_floor, update_heights
 from phd_jdtc_ros.core.sensors.gaussians import SPAN, UNKNOWN_STD, Air, Births, Heights, PlanePlots
 from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.state_space import SPATIAL
@@ -205,3 +206,52 @@ def test_learned_pressure_is_stored_and_read():
     engine.forward.factors.to_snapshot(config.model.radars, snapshot)
     again = new_engine(config).forward.factors.restored(snapshot, config.model.radars).pressure
     assert (again.mean, again.std, again.stamp_ns) == (found.mean, found.std, found.stamp_ns)
+
+
+@pytest.mark.parametrize("height", [30.0, -20.0, -90.0])
+def test_density_below_the_floor_is_cut_off(height):
+    rng, dynamics = np.random.default_rng(9), Dynamics(lone.lone(space.SPACE).model)
+    mean, covariance = drawn(rng)
+    mean[Z] = height
+    before = lone.mixture_of(dynamics, [(0.8, mean, np.ones(SIZE))])
+    before = before.changed(
+        mean=np.broadcast_to(mean, before.mean.shape),
+        covariance=np.broadcast_to(covariance, before.covariance.shape),
+    )
+    after = above_floor(before, 0.0)
+    states = rng.multivariate_normal(mean, covariance, 400_000, method="cholesky")
+    kept = states[states[:, Z] > 0.0]
+    share = len(kept) / len(states)
+    assert after.mass[0] == pytest.approx(0.8 * min(2.0 * share, 1.0), rel=0.02)
+    std = np.sqrt(np.diag(covariance))
+    error = 4.0 / math.sqrt(len(kept)) + 1e-3
+    np.testing.assert_allclose(after.mean[0, 0] / std, kept.mean(axis=0) / std, atol=error)
+    np.testing.assert_allclose(
+        after.covariance[0, 0] / np.outer(std, std),
+        np.cov(kept.T) / np.outer(std, std),
+        atol=2.0 * error,
+    )
+
+
+def test_density_above_the_floor_stays():
+    dynamics = Dynamics(lone.lone(space.SPACE).model)
+    mean, _ = drawn(np.random.default_rng(9))
+    before = lone.mixture_of(dynamics, [(0.8, mean, np.ones(SIZE))])
+    assert above_floor(before, 0.0) is before
+    # Where an elevation is measured, the floor is that of new targets alone.
+    assert lone.lone(space.SPACE).model.floor == -math.inf
+    assert lone.lone(space.TWO_SLANT_RANGES).model.floor == 0.0
+    assert lone.lone().model.floor == -math.inf
+
+
+def test_mirror_image_below_the_ground_does_not_live():
+    config, rng = lone.lone(space.TWO_SLANT_RANGES), np.random.default_rng(11)
+    state = np.zeros((1, SIZE))
+    state[0] = [4500.0, -40.0, 5000.0, 25.0, 0.0, 1500.0, 3.0]
+    engine = new_engine(config)
+    for index in range(25):
+        reports = [space.seen(radar, state, rng) for radar in config.model.radars]
+        found = engine.step(space.scan(index, *reports)).filtered[0]
+        assert (found.state[:, Z] > -50.0).all()
+        state[:, [0, 2, Z]] += state[:, [1, 3, VZ]]
+    assert len(found) == 1
