@@ -16,7 +16,7 @@ from collections import Counter, deque
 from collections.abc import Iterator, Mapping
 from typing import Literal, NamedTuple, Protocol
 
-from .network import Datagram, Entry, Packet, datagram_of, follow
+from .network import Datagram, Entry, Packet, Packets, follow
 
 # The first four bytes of a pcap file: byte order, and units of the times per second.
 _MAGICS = {
@@ -53,17 +53,20 @@ def is_capture(begin: bytes) -> bool:
 def packets(data: bytes | mmap.mmap, counts: Counter[str]) -> Iterator[Datagram]:
     """Yield the UDP payloads of a capture.
 
-    `counts` gains the counts of `follow`, and the reasons of `datagram_of` for other packets.
+    `counts` gains the counts of `follow`, the reasons of `Packets.datagram_of` for other packets,
+    and ``fragment`` for those of which others are missing.
     """
-    capture = _Capture(data)
+    capture, found_in = _Capture(data), Packets()
     for entry in follow(len(data), capture.read, capture.resume, counts):
         if entry.content is None:
             continue
-        found = datagram_of(entry.content)
-        if isinstance(found, str):
-            counts[found] += 1
-        else:
+        found = found_in.datagram_of(entry.content)
+        if not isinstance(found, str):
             yield found
+        elif found:
+            counts[found] += 1
+    if found_in.incomplete:
+        counts["fragment"] += found_in.incomplete
 
 
 class _Section(Protocol):

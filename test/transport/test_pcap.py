@@ -135,3 +135,87 @@ def test_times_of_an_interface_have_its_resolution_and_offset(blocks):
             assert not counts
             expected_ns = (5_000 + (offset_s or 0)) * NS + NS // 4
             assert [each.received_ns for each in found] == [expected_ns]
+
+
+LOOPBACK, COOKED_VLAN = b"\x02\0\0\0", bytes(14) + b"\x81\0\0\5\x08\0"
+ERF = bytes(8) + b"\x82" + bytes(7) + b"\x80" + bytes(7) + bytes(8) + bytes(2)
+LINKS = {
+    "raw": (12, b""),
+    "loop": (108, LOOPBACK[::-1]),
+    "PPP": (9, b"\xff\x03\0\x21"),
+    "PPP without address": (50, b"\0\x21"),
+    "Cisco HDLC": (104, b"\x0f\0\x08\0"),
+    "cooked with VLAN": (113, COOKED_VLAN),
+    "ERF with further headers": (197, ERF + bytes(12) + b"\x08\0"),
+    "VLAN in VLAN": (1, bytes(12) + b"\x92\0\0\5\x93\0\0\6\x08\0"),
+    "PPP in Ethernet": (1, bytes(12) + b"\x88\x64\x11\0\0\1\0\x40\0\x21"),
+}
+
+
+def captured(packets, link=1):
+    data = bytearray(made.pcap([(START + k, each) for k, each in enumerate(packets)]))
+    data[20:24] = link.to_bytes(4, "little")
+    return bytes(data)
+
+
+def ip(protocol, body, offset=0, more=False, number=0):
+    place = (more << 13) | offset // 8
+    head = struct.pack(">BBHHHBBH", 0x45, 0, 20 + len(body), number, place, 9, protocol, 0)
+    return head + bytes(8) + body
+
+
+def on_ethernet(packet):
+    return bytes(12) + b"\x08\0" + packet
+
+
+@pytest.mark.parametrize(("link", "head"), LINKS.values(), ids=LINKS)
+def test_datagrams_are_found_behind_every_link_layer(blocks, link, head):
+    found, counts = read(captured([head + made.packet(block)[14:] for block in blocks], link))
+    assert (data_of(found), counts) == (blocks, {})
+
+
+def udp(port, body):
+    return ip(17, struct.pack(">HHHH", 1, port, 8 + len(body), 0) + body)
+
+
+TUNNELS = {
+    "TZSP": lambda frame: udp(37008, b"\1\0\0\1\x0a\1\7\0\1" + frame),
+    "VXLAN": lambda frame: udp(4789, b"\x08" + bytes(7) + frame),
+    "ERSPAN I": lambda frame: ip(47, b"\0\0\x88\xbe" + frame),
+    "ERSPAN II": lambda frame: ip(47, b"\x10\0\x88\xbe" + bytes(4) + bytes(8) + frame),
+    "ERSPAN III": lambda frame: ip(47, b"\x10\0\x22\xeb" + bytes(4) + bytes(12) + frame),
+    "GRE with key": lambda frame: ip(47, b"\x20\0\x65\x58" + bytes(4) + frame),
+    "IP in IP": lambda frame: ip(4, frame[14:]),
+}
+
+
+@pytest.mark.parametrize("around", TUNNELS.values(), ids=TUNNELS)
+def test_datagrams_are_found_in_what_switches_copy(blocks, around):
+    packets = [on_ethernet(around(made.packet(block))) for block in blocks]
+    found, counts = read(captured(packets))
+    assert (data_of(found), counts) == (blocks, {})
+    assert {each.source for each in found} == {"10.0.0.1 to 239.1.1.1:8600"}
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_fragments_are_joined_in_any_order_and_counted_if_one_is_missing(blocks, order):
+    pieces = []
+    for number, block in enumerate(blocks):
+        body = made.packet(block)[34:]
+        parts = [*range(0, len(body), 8)][::order]
+        pieces.append([ip(17, body[k : k + 8], k, k + 8 < len(body), number=number) for k in parts])
+    mixed = [each for row in itertools.zip_longest(*pieces) for each in row if each is not None]
+    found, counts = read(captured(map(on_ethernet, mixed)))
+    assert (sorted(data_of(found)), counts) == (sorted(blocks), {})
+    lost = pieces[0].pop(1)
+    found, counts = read(captured([on_ethernet(each) for each in mixed if each != lost]))
+    assert (sorted(data_of(found)), counts) == (sorted(blocks[1:]), {"fragment": len(pieces[0])})
+
+
+def test_layers_of_random_bytes_end(blocks):
+    rng = made.rng(3)
+    for link in (0, 1, 9, 12, 104, 113, 197, 276):
+        packets = [rng.bytes(int(rng.integers(200))) for _ in range(100)]
+        packets += [on_ethernet(around(rng.bytes(60))) for around in TUNNELS.values()]
+        found, _ = read(captured(packets, link) + captured([made.packet(blocks[0])]))
+        assert data_of(found)[-1:] == [blocks[0]]
