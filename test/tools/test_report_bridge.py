@@ -13,8 +13,11 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from msg_adapters.encoding import interfaces, names, point_cloud
+from msg_adapters.incoming import self_reports
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.core.types.reports import SelfReports, text_of
+from phd_jdtc_ros.parameter_files import from_arguments
 
 START = "2026-11-22T10:30:00"
 START_NS = 1_795_343_400 * 10**9
@@ -97,6 +100,32 @@ def test_an_independent_reader_reads_the_bag(bridge):
     assert point[offset : offset + 20].rstrip(b"\0") == b"ANNA"
     latitude = np.frombuffer(point, "<f8", 1, fields["latitude"].offset)
     assert latitude == pytest.approx(54.505, abs=1e-6)
+
+
+def test_the_tracker_takes_all_reports_as_they_are(bridge):
+    _, out, _ = bridge(log(), "--start", START)
+    given = {
+        "sensors": ["radar", "ais"],
+        "ais.kind": "reports",
+        "radar.geodetic": [54.5, 0.15, 0.0],
+    }
+    config = from_arguments.config_of({**given, "world_origin": [54.5, 0.15, 0.0]})
+    entries = BagReader(out).messages(["/ais/reports"])
+    found = [self_reports.from_cdr(entry.data, config.receivers[0]) for entry in entries]
+    assert not any(each.dropped for each in found)
+    told = SelfReports.concatenate([each.reports for each in found])
+    assert sorted({*told.address.tolist()}) == SHIPS
+    assert told.time_ns.tolist() == [
+        START_NS + 10**10 * k + 10**9 // 2 for k in range(6) for _ in SHIPS
+    ]
+    # 12.3 knots to 45.1 degrees, with the bow at 47 degrees; the map's north is that of its origin.
+    speed = np.hypot(*told.velocity.T)
+    assert speed == pytest.approx(12.3 * 1852.0 / 3600.0, abs=1e-6)
+    course = np.degrees(np.arctan2(told.velocity[:, 0], told.velocity[:, 1]))
+    assert course == pytest.approx(45.1, abs=0.1)
+    assert np.degrees(told.heading) == pytest.approx(43.0, abs=0.1)
+    assert told.covariance[:, 0, 0].tolist() == [16.0] * 12
+    assert text_of(told.name[-2]) == "ANNA"
 
 
 def test_the_same_log_is_the_same_bag_packed_or_not(bridge, tmp_path):

@@ -12,6 +12,7 @@ import numpy as np
 
 from msg_adapters.encoding import names
 from phd_jdtc_ros import resources
+from phd_jdtc_ros.asterix.messages import ADS_B, MULTILATERATION, TRACKS
 from phd_jdtc_ros.asterix.plot_stream import RadarState
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning import proposal
@@ -256,6 +257,31 @@ def _leave_place_open(proposed: Proposal, state: RadarState) -> None:
         f"the position of {radar} is unknown: shapes and distances are right on the round earth, "
         f"but there are no latitudes and longitudes; set {radar}.geodetic and world_origin"
     )
+
+
+# Identity spaces of the sources of positions, and what their reports are.
+_RECEIVERS = {
+    ADS_B: ("icao", "positions of ADS-B (CAT021)"),
+    MULTILATERATION: ("icao", "positions by multilateration (CAT010, CAT020)"),
+    TRACKS: ("number", "tracks of another centre (CAT062), never used as plots"),
+}
+# Standard deviation of the place of an aircraft's antenna, metres.
+AIRCRAFT_OFFSET = 5.0
+
+
+def add_receivers(proposed: Proposal, states: Sequence[RadarState]) -> None:
+    """Add the sources of positions beside the radars, if the place of these is known."""
+    sources = [state for state in states if state.positions]
+    if not sources or len(proposed.values.get("world_origin", ())) != 3:
+        return
+    for state in sources:
+        name = state.settings.name
+        identity, what = _RECEIVERS[state.source]
+        proposed.set(f"{name}.kind", "reports", what)
+        proposed.set(f"{name}.trust", "beside", "they do not change the radars' tracks")
+        proposed.set(f"{name}.identity", identity, "of addresses without a space")
+        proposed.set(f"{name}.offset_std", AIRCRAFT_OFFSET, "of aircraft")
+        proposed.values["sensors"] = [*proposed.values["sensors"], name]
 
 
 def _set_times(proposed: Proposal, together: Sequence[RadarState]) -> None:

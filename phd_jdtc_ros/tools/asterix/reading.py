@@ -226,6 +226,7 @@ def convert(
     found = parameters.propose(states, writer.disorder_ns * 1e-9)
     if found is not None:
         parameters.measure(found, states, out)
+        parameters.add_receivers(found, states)
         head = (
             f"For a tracker of {path.name}, by asterix_bridge: the profile "
             f"{parameters.PROFILE}, adapted to the recording.\n"

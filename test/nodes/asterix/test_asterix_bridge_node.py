@@ -292,3 +292,18 @@ def test_wrong_parameters_end_the_node(processes, arguments, expected):
     assert status == 2
     assert expected in log
     assert "Traceback" not in log
+
+
+def test_positions_of_aircraft_become_clouds_of_reports(processes, peer):
+    with closing(Site(processes, peer, LOOPBACK)) as site:
+        clouds = peer.collect(PointCloud2, "/adsb_25_3/reports", 100)
+        site.start(named=())
+        who, place = (("SAC", 25), ("SIC", 3)), (("LAT", 52.0), ("LON", 4.5))
+        for k in range(3):
+            squitter = {"040": ((0, 0, 0, 0, None),), "131": place, "080": 0x40621D + 3 * k}
+            now = made.ticks(today_s())
+            site.send([made.block(21, [{"010": who, "071": now, **squitter}])])
+        # The rest of them is sent without waiting for a next one.
+        assert peer.spin_until(lambda: sum(cloud.width for cloud in clouds) == 3)
+        status = site.health.until("adsb_25_3", lambda _, found: found["positions"] == "3")
+        assert status.message.startswith("3 positions in ")

@@ -6,7 +6,8 @@ import asterix_records as made
 import numpy as np
 import pytest
 
-from msg_adapters.encoding import interfaces, names
+from msg_adapters.encoding import interfaces, names, point_cloud
+from msg_adapters.incoming import self_reports
 from msg_adapters.incoming.readers import reader_of
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
@@ -411,3 +412,40 @@ def test_existing_bag_is_not_overwritten(bridge, tmp_path):
     status, _, said = bridge(b"".join(made.revolutions(1)))
     assert status == 2
     assert "already exists" in said.err
+
+
+def test_positions_and_tracks_become_sensors_beside_the_radar(bridge):
+    place = (("LAT", 52.0), ("LON", 4.5))
+    who = {"010": (("SAC", 9), ("SIC", 1))}
+    blocks = [made.site(52.0, 4.5, 10.0)]
+    for k, block in enumerate(made.revolutions(3, seen=SEEN)):
+        blocks.append(block)
+        time = made.ticks(1000.0 + k / 8)
+        north = (("LAT", 52.1 + k * 1e-4), ("LON", 4.5))
+        squitter = {"040": ((0, 0, 0, 0, None),), "071": time, "131": north, "080": 0x40621D}
+        blocks.append(made.block(21, [{**who, **squitter}]))
+        track = {"010": (("SAC", 9), ("SIC", 2)), "070": time, "105": place, "040": 7 + k}
+        blocks.append(made.block(62, [track]))
+    status, out, said = bridge(b"".join(blocks), "--date", "2026-11-22")
+    assert (status, said.err) == (0, "")
+    assert "adsb_9_1: " in said.out
+    assert "positions, tracks of another centre, on /tracks_9_2/reports" in said.out
+    counts = BagReader(out).counts
+    assert counts["/adsb_9_1/reports"] > 5
+    assert counts["/tracks_9_2/reports"] > 5
+    config = from_arguments.config_of(bag_parameters.read(out))
+    assert [each.name for each in config.radars] == ["radar_1_2"]
+    beside = {each.name: (each.topic, each.trust, each.identity) for each in config.receivers}
+    assert beside == {
+        "adsb_9_1": ("/adsb_9_1/reports", "beside", "icao"),
+        "tracks_9_2": ("/tracks_9_2/reports", "beside", "number"),
+    }
+    columns = {"latitude": ("f8",), "address": ("u4",), "space": ("u1",)}
+    (first, *_) = BagReader(out).messages(["/adsb_9_1/reports"])
+    found = point_cloud.decode(interfaces.decode(first.data, names.CLOUD), columns)
+    assert found["latitude"][0] == pytest.approx(52.1, abs=1e-6)
+    assert (found["address"][0], found["space"][0]) == (0x40621D, 1)
+    # The tracker's own reader takes them as they are.
+    told = self_reports.from_cdr(first.data, config.receivers[0])
+    assert not told.dropped
+    assert told.reports.address[0] == 0x40621D
