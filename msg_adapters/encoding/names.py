@@ -24,6 +24,9 @@ GRID = "nav_msgs/msg/OccupancyGrid"
 POSE_STAMPED = "geometry_msgs/msg/PoseStamped"
 RADAR_TRACKS = "radar_msgs/msg/RadarTracks"
 DETECTIONS_3D = "vision_msgs/msg/Detection3DArray"
+TRACKED_OBJECTS = "autoware_perception_msgs/msg/TrackedObjects"
+OBSTACLES = "nav2_dynamic_msgs/msg/ObstacleArray"
+DERIVED_OBJECTS = "derived_object_msgs/msg/ObjectArray"
 
 
 def detections(radar: str) -> str:

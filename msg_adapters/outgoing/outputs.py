@@ -23,7 +23,7 @@ from phd_jdtc_ros.core.tracks.manual import Manual
 from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates, Pose
 
 from ..encoding import interfaces, names, stamps
-from ..targets import estimates, geo_json, geodetic, markers, tracks
+from ..targets import estimates, geo_json, geodetic, markers, objects, tracks
 from ..targets.tracks import Trails
 from . import conflicts, cot, diagnostics, manual, map_layers, nmea, sapient, signal_k
 
@@ -217,6 +217,9 @@ def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
                 ("~/tracks/geojson", names.GEOJSON, _geojson, "geojson"),
                 ("~/radar_tracks", names.RADAR_TRACKS, _tracks, "radar_tracks"),
                 ("~/detections_3d", names.DETECTIONS_3D, _vision, "detections_3d"),
+                ("~/tracked_objects", names.TRACKED_OBJECTS, _tracked_objects, "tracked_objects"),
+                ("~/obstacles", names.OBSTACLES, _obstacles, "obstacles"),
+                ("~/derived_objects", names.DERIVED_OBJECTS, _derived_objects, "derived_objects"),
             )
         ),
     )
@@ -298,6 +301,18 @@ def _geojson(found: Estimates, view: View) -> list[Any]:
 
 def _tracks(found: Estimates, view: View) -> list[Any]:
     return [tracks.to_radar_tracks(found, view.frame, view.run)]
+
+
+def _tracked_objects(found: Estimates, view: View) -> list[Any]:
+    return [objects.to_tracked_objects(found, view.frame, view.class_names, view.run)]
+
+
+def _obstacles(found: Estimates, view: View) -> list[Any]:
+    return [objects.to_obstacles(found, view.frame, view.run)]
+
+
+def _derived_objects(found: Estimates, view: View) -> list[Any]:
+    return [objects.to_derived_objects(found, view.frame, view.class_names)]
 
 
 def _vision(found: Estimates, view: View) -> list[Any]:

@@ -73,8 +73,8 @@ def to_odometry(estimates: Estimates, frame: str) -> list[Odometry]:
             linear=Vector3(x=speed, y=0.0, z=climb),
             angular=Vector3(x=0.0, y=0.0, z=float(state[OMEGA])),
         )
-        of_pose = _pose_covariance(state, covariance)
-        of_twist = _twist_covariance(state, covariance)
+        of_pose = pose_covariance(state, covariance)
+        of_twist = twist_covariance(state, covariance)
         if up.known[row]:
             of_pose[2, 2], of_twist[2, 2] = np.diag(up.covariance[row])
         message.pose.covariance, message.twist.covariance = of_pose.ravel(), of_twist.ravel()
@@ -129,7 +129,7 @@ def pose_of(state: FloatArray, height: float = 0.0) -> Pose:
     )
 
 
-def _pose_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:
+def pose_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return the (6, 6) covariance of x, y, z, roll, pitch, yaw."""
     to_pose = np.zeros((6, len(state)))
     to_pose[0, X] = to_pose[1, Y] = 1.0
@@ -145,7 +145,7 @@ def _pose_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:
     return propagated
 
 
-def _twist_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:
+def twist_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return the (6, 6) covariance of vx, vy, vz and the three rates, in the track's frame."""
     yaw = math.atan2(state[VY], state[VX])
     to_twist = np.zeros((6, len(state)))

@@ -5,11 +5,25 @@ value of another type raises.
 """
 
 import numpy as np
-from geometry_msgs.msg import Point, Pose, PoseWithCovariance, Vector3
+from geometry_msgs.msg import (
+    Accel,
+    AccelWithCovariance,
+    Point,
+    Polygon,
+    Pose,
+    PoseWithCovariance,
+    Twist,
+    TwistWithCovariance,
+    Vector3,
+)
+from shape_msgs.msg import SolidPrimitive
 from std_msgs.msg import Header
 from unique_identifier_msgs.msg import UUID
 
-NUMBERS = {"float32": float, "float64": float, "uint16": int}
+NUMBERS = {
+    **{"float32": float, "float64": float},
+    **{"uint8": int, "uint16": int, "uint32": int, "bool": bool},
+}
 
 
 class _Field:
@@ -150,4 +164,111 @@ Detection3DArray = _make(
     """,
     Header=Header,
     Detection3D=Detection3D,
+)
+ObjectClassification = _make(
+    "ObjectClassification",
+    """
+    uint8 label
+    float32 probability
+    """,
+)
+TrackedObjectKinematics = _make(
+    "TrackedObjectKinematics",
+    """
+    PoseWithCovariance pose_with_covariance
+    TwistWithCovariance twist_with_covariance
+    AccelWithCovariance acceleration_with_covariance
+    uint8 orientation_availability
+    bool is_stationary
+    """,
+    PoseWithCovariance=PoseWithCovariance,
+    TwistWithCovariance=TwistWithCovariance,
+    AccelWithCovariance=AccelWithCovariance,
+)
+Shape = _make(
+    "Shape",
+    """
+    uint8 type
+    Polygon footprint
+    Vector3 dimensions
+    """,
+    Polygon=Polygon,
+    Vector3=Vector3,
+)
+TrackedObject = _make(
+    "TrackedObject",
+    """
+    UUID object_id
+    float32 existence_probability
+    ObjectClassification[] classification
+    TrackedObjectKinematics kinematics
+    Shape shape
+    """,
+    UUID=UUID,
+    ObjectClassification=ObjectClassification,
+    TrackedObjectKinematics=TrackedObjectKinematics,
+    Shape=Shape,
+)
+TrackedObjects = _make(
+    "TrackedObjects",
+    """
+    Header header
+    TrackedObject[] objects
+    """,
+    Header=Header,
+    TrackedObject=TrackedObject,
+)
+Obstacle = _make(
+    "Obstacle",
+    """
+    UUID uuid
+    float32 score
+    Point position
+    Vector3 velocity
+    Vector3 size
+    """,
+    UUID=UUID,
+    Point=Point,
+    Vector3=Vector3,
+)
+ObstacleArray = _make(
+    "ObstacleArray",
+    """
+    Header header
+    Obstacle[] obstacles
+    """,
+    Header=Header,
+    Obstacle=Obstacle,
+)
+DerivedObject = _make(
+    "DerivedObject",
+    """
+    Header header
+    uint32 id
+    uint8 detection_level
+    bool object_classified
+    Pose pose
+    Twist twist
+    Accel accel
+    Polygon polygon
+    SolidPrimitive shape
+    uint8 classification
+    uint8 classification_certainty
+    uint32 classification_age
+    """,
+    Header=Header,
+    Pose=Pose,
+    Twist=Twist,
+    Accel=Accel,
+    Polygon=Polygon,
+    SolidPrimitive=SolidPrimitive,
+)
+DerivedObjectArray = _make(
+    "DerivedObjectArray",
+    """
+    Header header
+    DerivedObject[] objects
+    """,
+    Header=Header,
+    DerivedObject=DerivedObject,
 )

@@ -1,0 +1,125 @@
+"""Estimates as the objects of driving stacks: Autoware, Nav2's dynamic obstacles, derived objects.
+
+Their classes are numbers. A class of the tracker has the number of the kind of its name, such as
+``car`` or ``pedestrian``, and is unknown if no kind has it. Boxes have no size, because targets are
+points.
+"""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import Point, PoseWithCovariance, Twist, TwistWithCovariance, Vector3
+
+from phd_jdtc_ros.core.state_space import OMEGA, VX, VY, X, Y
+from phd_jdtc_ros.core.types import Estimates
+
+from ..encoding import interfaces, names, stamps
+from . import vertical
+from .tracks import pose_covariance, pose_of, twist_covariance
+
+# The numbers of kinds in ``autoware_perception_msgs/ObjectClassification``, and in
+# ``derived_object_msgs/Object``.
+AUTOWARE = {
+    **{"unknown": 0, "car": 1, "truck": 2, "bus": 3, "trailer": 4, "motorcycle": 5},
+    **{"bicycle": 6, "pedestrian": 7, "animal": 8},
+}
+DERIVED = {
+    **{"unknown": 0, "pedestrian": 4, "bicycle": 5, "bike": 5, "car": 6, "truck": 7},
+    **{"motorcycle": 8, "vehicle": 9},
+}
+# Availability of the orientation: that of the velocity is known with its sign.
+AVAILABLE, TRACKED = 2, 1
+Classes = Callable[[str], Any]
+
+
+def _identifier(estimates: Estimates, row: int, run: uuid.UUID) -> Any:
+    label = int(estimates.track_id[row])
+    name = str(label) if label else f"{estimates.stamp_ns} {row}"
+    return np.frombuffer(uuid.uuid5(run, name).bytes, dtype=np.uint8)
+
+
+def to_tracked_objects(
+    estimates: Estimates,
+    frame: str,
+    class_names: Sequence[str],
+    run: uuid.UUID,
+    message_class: Classes = interfaces.message_class,
+) -> Any:
+    """Encode estimates as ``autoware_perception_msgs/TrackedObjects``.
+
+    The pose faces along the velocity, and the twist is in its frame, as Autoware wants it.
+    """
+    message = message_class(names.TRACKED_OBJECTS)(header=stamps.header(estimates.stamp_ns, frame))
+    up = vertical.of(estimates)
+    for row in range(len(estimates)):
+        state, covariance = estimates.state[row], estimates.covariance[row]
+        one = message_class("autoware_perception_msgs/msg/TrackedObject")()
+        one.object_id.uuid = _identifier(estimates, row, run)
+        one.existence_probability = min(float(estimates.existence[row]), 1.0)
+        for name, share in zip(class_names, estimates.class_probability[row].tolist(), strict=True):
+            kind = message_class("autoware_perception_msgs/msg/ObjectClassification")()
+            kind.label, kind.probability = AUTOWARE.get(name, 0), share
+            one.classification.append(kind)
+        pose = PoseWithCovariance(pose=pose_of(state, float(up.state[row, 0])))
+        pose.covariance = pose_covariance(state, covariance).ravel()
+        twist = TwistWithCovariance(covariance=twist_covariance(state, covariance).ravel())
+        twist.twist.linear.x = float(np.hypot(state[VX], state[VY]))
+        twist.twist.linear.z, twist.twist.angular.z = float(up.state[row, 1]), float(state[OMEGA])
+        kinematics = one.kinematics
+        kinematics.pose_with_covariance, kinematics.twist_with_covariance = pose, twist
+        kinematics.orientation_availability = AVAILABLE
+        message.objects.append(one)
+    return message
+
+
+def to_obstacles(
+    estimates: Estimates,
+    frame: str,
+    run: uuid.UUID,
+    message_class: Classes = interfaces.message_class,
+) -> Any:
+    """Encode estimates as ``nav2_dynamic_msgs/ObstacleArray``; the score is that of existence."""
+    message = message_class(names.OBSTACLES)(header=stamps.header(estimates.stamp_ns, frame))
+    up = vertical.of(estimates)
+    for row, state in enumerate(estimates.state.tolist()):
+        one = message_class("nav2_dynamic_msgs/msg/Obstacle")()
+        one.uuid.uuid = _identifier(estimates, row, run)
+        one.score = min(float(estimates.existence[row]), 1.0)
+        one.position = Point(x=state[X], y=state[Y], z=float(up.state[row, 0]))
+        one.velocity = Vector3(x=state[VX], y=state[VY], z=float(up.state[row, 1]))
+        message.obstacles.append(one)
+    return message
+
+
+def to_derived_objects(
+    estimates: Estimates,
+    frame: str,
+    class_names: Sequence[str],
+    message_class: Classes = interfaces.message_class,
+) -> Any:
+    """Encode estimates with a track number as ``derived_object_msgs/ObjectArray``.
+
+    The twist is in the world frame, and the certainty of the class is of 255.
+    """
+    header, up = stamps.header(estimates.stamp_ns, frame), vertical.of(estimates)
+    message = message_class(names.DERIVED_OBJECTS)(header=header)
+    for row in np.flatnonzero(estimates.track_id).tolist():
+        state, class_id = estimates.state[row], int(estimates.class_id[row])
+        one = message_class("derived_object_msgs/msg/Object")(header=header)
+        one.id, one.detection_level = int(estimates.track_id[row]), TRACKED
+        one.pose = pose_of(state, float(up.state[row, 0]))
+        one.twist = Twist()
+        one.twist.linear = Vector3(
+            x=float(state[VX]), y=float(state[VY]), z=float(up.state[row, 1])
+        )
+        one.twist.angular.z = float(state[OMEGA])
+        one.classification = DERIVED.get(class_names[class_id], 0)
+        one.object_classified = one.classification > 0
+        share = min(float(estimates.class_probability[row, class_id]), 1.0)
+        one.classification_certainty = round(255.0 * share)
+        message.objects.append(one)
+    return message
