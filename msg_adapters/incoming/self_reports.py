@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from phd_jdtc_ros.columns.report_selection import Told, select
+from phd_jdtc_ros.columns.report_selection import PLACES, Told, select
 from phd_jdtc_ros.configuration.parameters.reports import ReportsParameters
 from phd_jdtc_ros.core.types.reports import NAME_SIZE
 
 from ..encoding import interfaces, names, point_cloud, stamps
 from ..encoding.errors import RejectedMessageError
 
-PLACES = ("latitude", "longitude"), ("x", "y")
 # The fields that a cloud may have, with the types of each.
 NUMBERS = ("f4", "f8", "u1", "i1", "u2", "i2", "u4", "i4")
 OPTIONAL = {

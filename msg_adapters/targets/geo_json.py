@@ -14,7 +14,7 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import TRACK_STATES, Estimates
 
-from . import geodetic, vertical
+from . import geodetic, reported, vertical
 from .markers import class_colour
 from .tracks import rows_by_track
 
@@ -32,14 +32,19 @@ def of_scan(
 
     Foxglove shows the properties ``name`` and ``style``. The name contains the flight level, or in
     space the height, and the code, or the address if the code is unknown. ``code``, ``address`` and
-    ``flight_level`` are present if known.
+    ``flight_level`` are present if known. With receivers of self-reports the properties of
+    `reported.said_of` follow, and dark targets and doubtful sources have colours of their own.
     """
     places = geodetic.of(estimates, plane)
     words, names = vertical.words(estimates, plane.origin[2]), vertical.identities(estimates)
     features = []
     for track, row in rows_by_track(estimates):
         class_id = int(estimates.class_id[row])
-        style = {"color": class_colour(class_id)}
+        reports, colour, said = estimates.reports, class_colour(class_id), {}
+        if reports is not None:
+            colour = reported.colour_of(reports, row, colour)
+            said = reported.said_of(reports, row, estimates.stamp_ns)
+        style = {"color": colour}
         here = places.latitude[[row]], places.longitude[[row]], places.height[[row]]
         identity = zip(("code", "address"), names[row], strict=True)
         properties = {
@@ -52,6 +57,7 @@ def of_scan(
             "height": round_number(places.height[row], METRE_DIGITS),
             **{key: text for key, text in identity if text},
             **({} if estimates.space.vertical else level(places.height[row])),
+            **said,
             "style": style,
         }
         point = {"type": "Point", "coordinates": positions(*here)[0]}

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.types import UNKNOWN, Reported
-from phd_jdtc_ros.core.types.reports import NAME_SIZE, REASONS, SPACES
+from phd_jdtc_ros.core.types.reports import ALARM, NAME_SIZE, REASONS, SPACES
 
 # Stands for no address and no type in the unsigned columns.
 NONE = 2**32 - 1
@@ -20,6 +20,8 @@ FLOATS = (
 )
 WHOLE = ("source", "source_space", "source_type", "alone", "reason")
 NAME = "source_name"
+# Colours of dark targets and of doubtful sources, which no class has.
+DARK, DOUBTFUL = "#000000", "#ff00ff"
 
 
 def columns_of(reports: Reported, stamp_ns: int) -> dict[str, npt.NDArray[Any]]:
@@ -43,6 +45,26 @@ def columns_of(reports: Reported, stamp_ns: int) -> dict[str, npt.NDArray[Any]]:
         "reason": reports.reason,
         NAME: reports.name.astype(np.uint8),
     }
+
+
+def said_of(reports: Reported, row: int, stamp_ns: int) -> dict[str, Any]:
+    """Return what is said of one estimate as properties; unknown numbers are None."""
+    value = {"owned": reports.owned, "dark": reports.dark, "silent": reports.silent}
+    value["doubtful"] = reports.doubtful
+    known = {name: float(column[row]) for name, column in value.items()}
+    return {
+        "source": reports.source_text(row),
+        **{name: None if np.isnan(each) else round(each, 4) for name, each in known.items()},
+        "alone": bool(reports.alone[row]),
+        "reason": reports.reason_text(row, stamp_ns),
+    }
+
+
+def colour_of(reports: Reported, row: int, usual: str) -> str:
+    """Return the colour of an estimate: that of dark targets or doubtful sources, or the usual."""
+    if reports.dark[row] > ALARM:
+        return DARK
+    return DOUBTFUL if reports.doubtful[row] > ALARM else usual
 
 
 def of_columns(columns: Mapping[str, npt.NDArray[Any]], stamp_ns: int) -> Reported:

@@ -79,10 +79,11 @@ class Parameters:
 
     @property
     def radars(self) -> Sequence[str]:
-        """Names of the radars."""
+        """Names of the sensors of detections."""
         names = {**({} if self.for_node else DEFAULTS), **self.given}.get("sensors", ())
         listed = names if isinstance(names, (list, tuple)) else ()
-        return [name for name in listed if isinstance(name, str)]
+        heard = [name for name in listed if self.given.get(f"{name}.kind") == "reports"]
+        return [name for name in listed if isinstance(name, str) and name not in heard]
 
     def config(self, columns: Collection[str] = (), incomplete: bool = False) -> TrackerConfig:
         """Return the configuration for a table with these columns; `ConfigError` has all faults.

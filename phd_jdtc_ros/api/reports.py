@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.columns import position_selection, selection, sent_columns
+from phd_jdtc_ros.columns import position_selection, report_selection, selection, sent_columns
 from phd_jdtc_ros.columns.position_selection import unlimited
+from phd_jdtc_ros.columns.report_selection import Told
 from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.position import PositionParameters
@@ -140,6 +142,36 @@ def report_of(stamp_ns: int, columns: Columns, config: TrackerConfig, index: int
     nothing = dict.fromkeys(_place_of(sensor), np.zeros(0))
     sent = _columns_of(columns, sensor) if count else nothing
     return _report(stamp_ns, sent, np.arange(count), sensor)
+
+
+def told_of(columns: Columns, config: TrackerConfig) -> list[tuple[int, Told]]:
+    """Return the self-reports of a table, each set with the index of its receiver.
+
+    Raise `ValueError` if no receiver is configured, or a column is missing or invalid.
+    """
+    names, time_ns = [own.name for own in config.receivers], stamps_ns(columns)
+    if not names:
+        raise ValueError("reports: given, but none of the sensors has kind: reports")
+    sent: dict[str, Any] = {
+        name: numbers(columns, name) for name in report_selection.QUANTITIES if name in columns
+    }
+    if not any(set(place) <= set(sent) for place in report_selection.PLACES):
+        raise ValueError("reports: no columns latitude and longitude, or x and y")
+    sent["time"] = time_ns * 1e-9
+    if "name" in columns:
+        sent["name"] = columns["name"]
+    whose = np.full(len(time_ns), names[0], dtype=object)
+    if len(names) > 1 or "receiver" in columns:
+        whose = require_column(columns, "receiver").astype(np.str_)
+    found = []
+    for index, own in enumerate(config.receivers):
+        rows = np.flatnonzero(whose == own.name)
+        mine = {name: column[rows] for name, column in sent.items()}
+        found.append((index, report_selection.select(None, own, mine)))
+    unknown = set(whose.tolist()) - set(names)
+    if unknown:
+        raise ValueError(f"receiver: {min(unknown)!r} given, must be one of {', '.join(names)}")
+    return found
 
 
 def _rows_of_radars(columns: Columns, radars: Sequence[SensorParameters]) -> Iterator[IntArray]:

@@ -316,9 +316,10 @@ def _invalid(
     return ValueError(f"{name}: {column.dtype} given, must be {what}")
 
 
-def table_of(found: Sequence[Estimates], class_names: Sequence[str]) -> Column:
+def table_of(found: Sequence[Estimates], class_names: Sequence[str], told: bool = False) -> Column:
     """Return estimates as a structured array with a row per estimate, in the given order.
 
+    There are columns of self-reports if the tracker is `told` any.
     The docstring of `Tracker` describes the columns.
     """
     dtype = [
@@ -340,6 +341,9 @@ def table_of(found: Sequence[Estimates], class_names: Sequence[str]) -> Column:
         ("vz", np.float64),
         ("covariance_space", np.float64, (6, 6)),
     ]
+    if told:
+        dtype += [("source", "U48"), ("alone", np.bool_), ("reason", "U80")]
+        dtype += [(name, np.float64) for name in ("owned", "dark", "silent", "doubtful")]
     return structured_array(dtype, [(len(each), _columns(each, class_names)) for each in found])
 
 
@@ -357,7 +361,17 @@ def structured_array(dtype: Any, parts: Sequence[tuple[int, Mapping[str, Any]]])
 def _columns(found: Estimates, class_names: Sequence[str]) -> Mapping[str, Any]:
     """Return the columns of the estimates of one stamp."""
     axes, known = [*found.space.position, *found.space.velocity], found.known_attributes
+    said: dict[str, Any] = {}
+    if (reports := found.reports) is not None:
+        rows = range(len(found))
+        said = {
+            "source": [reports.source_text(row) for row in rows],
+            "alone": reports.alone == 1,
+            "reason": [reports.reason_text(row, found.stamp_ns) for row in rows],
+            **{name: getattr(reports, name) for name in ("owned", "dark", "silent", "doubtful")},
+        }
     return {
+        **said,
         "time": found.stamp_ns / 1e9,
         "label": found.track_id,
         "class": np.array(class_names)[found.class_id],

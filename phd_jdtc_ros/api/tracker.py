@@ -6,27 +6,31 @@ import warnings
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from os import PathLike
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.calibration.registration.monitor import RegistrationMonitor
 from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, findings
 from phd_jdtc_ros.calibration.tuning.plots import limit_plots, plots_of
 from phd_jdtc_ros.calibration.tuning.rates import area_of
+from phd_jdtc_ros.columns.report_selection import Told
 from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.intake.input_checks import NOT_IN_RECORDINGS
 from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.sensor import Sensor
-from phd_jdtc_ros.core.types import Detections, Estimates
+from phd_jdtc_ros.core.types import Detections, Estimates, SelfReports
 from phd_jdtc_ros.feed.feed import Feed, Monitor
 from phd_jdtc_ros.feed.tally import DetectionCounts, Tally
 
 from .parameters import Parameters
-from .reports import TIME, everywhere, report_of, reports_of, seem_degrees
-from .tables import Column, Table, columns_of, stamps_ns, table_of
+from .reports import TIME, everywhere, report_of, reports_of, seem_degrees, told_of
+from .tables import Column, Columns, Table, columns_of, stamps_ns, table_of
 
 
 class Tracks(NamedTuple):
@@ -97,6 +101,13 @@ class Tracker:
     ``code address``      Mode A code and Mode S address; -1 if unknown
     ``covariance``        of ``x y vx vy``, shape (4, 4)
     ===================== =================================================================
+
+    Tables of self-reports (AIS, ADS-B) need a sensor of ``kind: reports``. Their columns are
+    ``time`` and ``latitude`` and ``longitude`` (degrees) or ``x`` and ``y`` (metres in the world),
+    and if they are known ``address``, ``speed`` (m/s) and ``course`` (degrees from north) or ``vx``
+    and ``vy``, ``heading``, ``std``, ``type`` and ``name``; with several receivers ``receiver``.
+    Tables of tracks then have ``source`` (words), ``owned``, ``dark``, ``silent``, ``doubtful``
+    (probabilities), ``alone`` (a track of reports alone) and ``reason``.
 
     Equal detections give equal tracks, in one call of `track`, step by step with `update`, and in
     the live node.
@@ -182,13 +193,15 @@ class Tracker:
         self._parameters = parameters.with_findings(found, timed, columns)
         return self
 
-    def track(self, detections: Table) -> Tracks:
+    def track(self, detections: Table, reports: Table | None = None) -> Tracks:
         """Track a whole recording.
 
         Parameters
         ----------
         detections : table
             Detections in any order of time.
+        reports : table or None
+            What transmitters report of themselves, in any order of time; see `Tracker`.
 
         Returns
         -------
@@ -203,6 +216,8 @@ class Tracker:
         columns = self._parameters.in_plane(columns_of(detections))
         config = self._parameters.config(columns)
         run = _Run(config)
+        if reports is not None:
+            run.tell(columns_of(reports))
         for radar, report in reports_of(columns, config):
             run.add(radar, report)
         found = run.finish()
@@ -210,7 +225,11 @@ class Tracker:
         return found
 
     def update(
-        self, time: float, detections: Table | None = None, radar: str | None = None
+        self,
+        time: float,
+        detections: Table | None = None,
+        radar: str | None = None,
+        reports: Table | None = None,
     ) -> Tracks:
         """Process one report of one radar; reports must come in the order of time.
 
@@ -223,6 +242,8 @@ class Tracker:
             The first report defines the columns. None if there are no detections.
         radar : str or None
             Required with several radars.
+        reports : table or None
+            What transmitters have reported of themselves since the last call.
 
         Returns
         -------
@@ -244,6 +265,8 @@ class Tracker:
         if run is None:
             self._before_run.append((stamp_ns, index))
             return self._empty()
+        if reports is not None:
+            run.tell(columns_of(reports))
         run.add(index, report_of(stamp_ns, columns, config, index))
         return run.take()
 
@@ -265,8 +288,9 @@ class Tracker:
         return found
 
     def _empty(self) -> Tracks:
-        names = self._parameters.config(incomplete=True).values["classes"]
-        return Tracks(table_of([], names), table_of([], names))
+        config = self._parameters.config(incomplete=True)
+        nothing = table_of([], config.values["classes"], bool(config.receivers))
+        return Tracks(nothing, nothing.copy())
 
     def _warn(self, run: _Run) -> None:
         self.dropped += run.tally.dropped
@@ -313,17 +337,34 @@ class _Run:
         )
         monitors: list[Monitor] = [self._innovations, *filter(None, [self._registration])]
         self._feed = Feed(config, self.tally, monitors)
+        self._told: list[tuple[int, SelfReports]] = []
         self._filtered: list[Estimates] = []
         self._smoothed: list[Estimates] = []
 
+    def tell(self, columns: Columns) -> None:
+        """Take in self-reports, each of which waits for the reports of radars at its time."""
+        for receiver, told in told_of(columns, self.config):
+            none = told.reports.take(np.arange(0))
+            self._feed.self_reports(receiver, partial(Told, none, told.dropped))
+            self._told.append((receiver, told.reports))
+
     def add(self, radar: int, report: Report) -> None:
         """Process a report."""
+        waiting = []
+        for receiver, told in self._told:
+            due, later = np.flatnonzero(told.time_ns <= report.stamp_ns), told.time_ns
+            if len(due):
+                self._feed.self_reports(receiver, partial(Told, told.take(due), Counter()))
+            waiting.append((receiver, told.take(np.flatnonzero(later > report.stamp_ns))))
+        self._told = [each for each in waiting if len(each[1])]
         self._keep(self._feed.report(radar, report) or ())
 
     def take(self) -> Tracks:
         """Return the estimates since the last call."""
         names = [kind.name for kind in self.config.model.modes.classes]
-        found = Tracks(table_of(self._filtered, names), table_of(self._smoothed, names))
+        told = bool(self.config.receivers)
+        parts = (self._filtered, self._smoothed)
+        found = Tracks(*(table_of(each, names, told) for each in parts))
         self._filtered, self._smoothed = [], []
         return found
 

@@ -24,6 +24,12 @@ FASTEST = 2000.0
 # Types and accuracies that mean that they are unknown.
 NO_TYPE, NO_ACCURACY = 0, 255
 
+PLACES = ("latitude", "longitude"), ("x", "y")
+# The columns of numbers that reports may have, with the time.
+QUANTITIES = (
+    *("latitude", "longitude", "x", "y", "vx", "vy", "speed", "course", "heading", "height"),
+    *("std", "x_std", "y_std", "correlation", "address", "space", "type", "accurate"),
+)
 Columns = Mapping[str, npt.NDArray[Any]]
 
 

@@ -6,12 +6,12 @@ import csv
 import io
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from msg_adapters.targets import geo_json, geodetic, vertical
+from msg_adapters.targets import geo_json, geodetic, reported, vertical
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import TRACK_STATES, Estimates
 
@@ -43,6 +43,8 @@ class Fix(NamedTuple):
     address: str  # Six hexadecimal digits; empty if unknown
     flight_level: str  # Hundreds of feet of the standard atmosphere; empty if unknown
     run: int  # Number of the run, from 1: a jump of the stamps begins another one
+    # What self-reports say of it; None without receivers of them.
+    said: Mapping[str, Any] | None = None
 
 
 def fixes(
@@ -63,7 +65,9 @@ def fixes(
             if found.space.vertical:
                 level = ""  # of the pressure, which is not known in space
             words, number = (class_name, state, *names[row], level), int(found.track_id[row])
-            yield Fix._make((found.stamp_ns, number, *numbers[row], *words, run))
+            reports = found.reports
+            said = None if reports is None else reported.said_of(reports, row, found.stamp_ns)
+            yield Fix._make((found.stamp_ns, number, *numbers[row], *words, run, said))
 
 
 def _nowhere(found: Estimates) -> geodetic.Places:
@@ -77,14 +81,17 @@ def to_csv(rows: Sequence[Fix]) -> str:
     """Return fixes as comma-separated values with a header; times are stamps in seconds."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(HEADER)
+    said = next((tuple(row.said) for row in rows if row.said is not None), ())
+    writer.writerow((*HEADER, *said))
     for row in rows:
+        told = row.said or {}
         writer.writerow(
             [
                 _seconds(row.stamp_ns),
                 row.number,
                 *(_number(value, digits) for value, digits in zip(row[2:11], DIGITS, strict=True)),
-                *row[11:],
+                *row[11:17],
+                *(told.get(name) for name in said),
             ]
         )
     return out.getvalue()
@@ -118,6 +125,7 @@ def _feature(rows: Sequence[Fix]) -> dict[str, Any]:
         "run": rows[0].run,
         "name": f"{rows[0].number}",
         "class": _usual(row.class_name for row in rows),
+        **(rows[-1].said or {}),
         "times": [row.stamp_ns / 1e9 for row in rows],
     }
     for name in ("code", "address"):

@@ -1,0 +1,69 @@
+"""Tables of self-reports beside detections."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from harbour import KINDS, OK, PARAMETERS, turns
+
+from phd_jdtc_ros import Tracker
+
+SCENE = turns(1, 100.0)
+
+
+def tables():
+    """Return the detections and the self-reports of the scene as tables."""
+    plots = [(turn.stamp_ns * 1e-9, *row) for turn in SCENE for row in turn.plots.measurement]
+    amplitude = np.concatenate([turn.plots.amplitude for turn in SCENE])
+    time, distance, azimuth = np.array(plots).T
+    detections = {"time": time, "range": distance, "azimuth": azimuth, "amplitude": amplitude}
+    told = [turn.reports for turn in SCENE if len(turn.reports)]
+    reports = {
+        "time": np.concatenate([each.time_ns for each in told]) * 1e-9,
+        **dict(zip("xy", np.concatenate([each.position for each in told]).T, strict=True)),
+        **dict(zip(("vx", "vy"), np.concatenate([each.velocity for each in told]).T, strict=True)),
+        "std": np.full(sum(map(len, told)), 8.0),
+        "address": np.concatenate([each.address for each in told]),
+        "name": np.array([f"SHIP {a}" for each in told for a in each.address]),
+    }
+    return detections, reports
+
+
+def test_track_joins_reports_with_tracks():
+    detections, reports = tables()
+    tracks = Tracker(PARAMETERS).track(detections, reports).filtered
+    last = tracks[tracks["time"] == tracks["time"].max()]
+    place = SCENE[-1].truth[KINDS.index(OK)]
+    row = np.argmin(np.hypot(last["x"] - place[0], last["y"] - place[1]))
+    assert last["source"][row] == "SHIP 1001 (MMSI 1001)"
+    assert last["owned"][row] > 0.99
+    assert last["dark"].max() > 0.99
+
+
+def test_update_equals_track():
+    detections, reports = tables()
+    whole = Tracker(PARAMETERS).track(detections, reports).filtered
+    tracker, found = Tracker(PARAMETERS), []
+    for turn in SCENE:
+        at = np.isclose(detections["time"], turn.stamp_ns * 1e-9, atol=1e-3, rtol=0.0)
+        since = (reports["time"] > turn.stamp_ns * 1e-9 - 2.5) & (
+            reports["time"] <= turn.stamp_ns * 1e-9
+        )
+        plots = {name: column[at] for name, column in detections.items() if name != "time"}
+        told = {name: column[since] for name, column in reports.items()}
+        time = float(turn.stamp_ns * 1e-9)
+        found.append(tracker.update(time, plots, reports=told if since.any() else None).filtered)
+    found.append(tracker.flush().filtered)
+    steps = np.concatenate(found)
+    np.testing.assert_array_equal(steps["x"], whole["x"])
+    np.testing.assert_array_equal(steps["owned"], whole["owned"])
+
+
+def test_reports_need_a_receiver_and_places():
+    detections, reports = tables()
+    alone = {name: value for name, value in PARAMETERS.items() if not name.startswith("ais.")}
+    with pytest.raises(ValueError, match="none of the sensors has kind: reports"):
+        Tracker(alone | {"sensors": ["radar"]}).track(detections, reports)
+    del reports["y"]
+    with pytest.raises(ValueError, match="no columns latitude and longitude, or x and y"):
+        Tracker(PARAMETERS).track(detections, reports)
