@@ -243,6 +243,16 @@ def beside(
     return share
 
 
+def side_by_side(
+    plots: Plots, timing: Timing, range_std: float, azimuth_std: float, rows: IntArray
+) -> float:
+    """Return the share of the plots `rows`, two at least, with another one of them beside it."""
+    sigma = BESIDE_SIGMA * np.sqrt(2.0)
+    place = _scaled(plots, (sigma * range_std, sigma * azimuth_std), timing.look_s)[rows]
+    distance, _ = cKDTree(place).query(place, k=2, p=np.inf)
+    return float((distance[:, 1] <= 1.0).mean())
+
+
 def without_neighbours(
     plots: Plots, timing: Timing, range_std: float, azimuth_std: float
 ) -> IntArray:

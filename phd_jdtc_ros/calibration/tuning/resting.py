@@ -11,7 +11,7 @@ import numpy as np
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 
 from .plots import Plots
-from .rates import detection_probability
+from .rates import detection_probability, side_by_side
 from .rotation import Timing
 from .tracking.tracks import NoiseModel, Tracks
 
@@ -22,8 +22,9 @@ SLOW, SURE_SIGMA = 0.1, 2.0
 # Fixed clutter has at least this many times as many plots as the moving targets,
 OUTNUMBERING = 5.0
 # and its sources are detected with less than this share of the targets' probability, or a look has
-# so many plots of them that they cannot be targets.
-SELDOM, MULTITUDE = 0.8, 100.0
+# so many plots of them, this share of them with another one within the noise, that they cannot be
+# targets. As many that stand apart may be moored boats.
+SELDOM, MULTITUDE, SIDE_BY_SIDE = 0.8, 100.0, 0.5
 
 
 def moving(plots: Plots, tracks: Tracks, noise: NoiseModel) -> tuple[Tracks, FloatArray]:
@@ -59,6 +60,7 @@ def slow_speed(
     # The number of plots of sources with one detection probability is binomial.
     probability = 1.0 - float(count.var() / count.mean())
     seldom = probability < SELDOM * detection_probability(plots, timing, movers).value
-    if not seldom and count.mean() < MULTITUDE:
+    apart = side_by_side(plots, timing, noise.range_std, noise.azimuth_std, fixed) < SIDE_BY_SIDE
+    if not seldom and (count.mean() < MULTITUDE or apart):
         return 0.0
     return max(float(np.quantile(speeds, SLOW)), 0.0)
