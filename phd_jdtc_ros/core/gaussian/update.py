@@ -32,7 +32,7 @@ from .measurement.amplitude import (
     snr_after,
 )
 from .measurement.gating import gate_pairs
-from .measurement.heights import above_floor
+from .measurement.heights import above_floor, without_unlikely
 from .measurement.iterated_update import PairUpdate, coarse_further, iterated_update
 from .measurement.likely_pairs import select_likely
 from .measurement.missed import after_miss, missed_and_measured
@@ -43,6 +43,9 @@ from .measurement.pairs import PairLikelihoods, sum_modes
 from .mixture import Mixture
 from .reacquisition import with_reacquired
 from .reduction import Branched
+
+# A hypothesis with a smaller probability of detection is outside the coverage.
+UNSEEN = 0.05
 
 
 @dataclass(frozen=True)
@@ -307,6 +310,10 @@ class PriorMixture:
             covariance=covariance,
             snr=snr,
         )
-        if (floor := self.steps.model.floor) > -np.inf:
-            branched = above_floor(branched, floor)
+        model = self.steps.model
+        if model.floor > -np.inf:
+            branched = above_floor(branched, model.floor)
+        elif model.height_prior is not None:
+            outside = (pair < 0) & (self.detection_probability[prior_row] < UNSEEN).all(axis=(1, 2))
+            branched = without_unlikely(branched, outside, model.height_prior)
         return Branched(branched, self.parent.take(prior_row))

@@ -103,9 +103,15 @@ class HeightPrior:
     CELLS: ClassVar[int] = 6
     # Standard deviations from the mean up to which heights are considered.
     REACH: ClassVar[float] = 2.0
+    FARTHEST: ClassVar[float] = 3.0  # Likewise, of targets that no sensor sees
 
     # Share of the deviation to which a height has to be known to be reported.
     KNOWN: ClassVar[float] = 0.5
+
+    @property
+    def top(self) -> float:
+        """Height above which there are no targets outside all coverage, metres."""
+        return self.mean + self.FARTHEST * self.std
 
     @property
     def largest_std(self) -> float:

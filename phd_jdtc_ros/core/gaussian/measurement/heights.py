@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtr
 
-from ...arrays import FloatArray, IntArray
-from ...sensors.gaussians import Heights
+from ...arrays import BoolArray, FloatArray, IntArray
+from ...sensors.gaussians import HeightPrior, Heights
 from ...state_space import SPATIAL
 from ..algebra import kalman
 from ..mixture import Mixture
@@ -106,3 +106,22 @@ def above_floor(mixture: Mixture, floor: float) -> Mixture:
     change = np.where(known, (kept - 1.0) * std**2, 0.0)[:, None, None]
     covariance[rows] += change * gain[:, :, None] * gain[:, None, :]
     return mixture.changed(weight=weight, mean=mean, covariance=covariance)
+
+
+def without_unlikely(mixture: Mixture, outside: BoolArray, prior: HeightPrior) -> Mixture:
+    """Return hypotheses without those that no sensor sees at heights where there are no targets.
+
+    A miss at a limit of elevations moves a target beyond it. A track of false detections would
+    coast there, under the ground or above all targets. `outside` tells which hypotheses are outside
+    the coverage, (H,); the others, which a sensor may have measured, stay. The factors of a weight
+    are those of `above_floor`, of the floor and of the top of the prior.
+    """
+    z, _ = SPATIAL.vertical
+    std = np.sqrt(np.maximum(mixture.covariance[..., z, z], 0.0))
+    height, scale = mixture.mean[..., z], np.where(std > 0.0, std, 1.0)
+    factor = np.minimum(2.0 * ndtr((height - prior.floor) / scale), 1.0)
+    factor *= np.minimum(2.0 * ndtr((prior.top - height) / scale), 1.0)
+    factor = np.where(outside[:, None] & (std > 0.0), factor, 1.0)
+    if (factor == 1.0).all():
+        return mixture
+    return mixture.changed(weight=mixture.weight * factor[:, :, None])

@@ -11,8 +11,20 @@ from scipy.stats import norm
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
-from phd_jdtc_ros.core.gaussian.measurement.heights import above_floor, update_heights
-from phd_jdtc_ros.core.sensors.gaussians import SPAN, UNKNOWN_STD, Air, Births, Heights, PlanePlots
+from phd_jdtc_ros.core.gaussian.measurement.heights import (
+    above_floor,
+    update_heights,
+    without_unlikely,
+)
+from phd_jdtc_ros.core.sensors.gaussians import (
+    SPAN,
+    UNKNOWN_STD,
+    Air,
+    Births,
+    HeightPrior,
+    Heights,
+    PlanePlots,
+)
 from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.state_space import SPATIAL
 from phd_jdtc_ros.core.types import Detections
@@ -255,3 +267,16 @@ def test_mirror_image_below_the_ground_does_not_live():
         assert (found.state[:, Z] > -50.0).all()
         state[:, [0, 2, Z]] += state[:, [1, 3, VZ]]
     assert len(found) == 1
+
+
+@pytest.mark.parametrize(
+    ("height", "share"), [(-300.0, 0.0), (50e3, 0.0), (0.0, 1.0), (800.0, 1.0)]
+)
+def test_only_unseen_targets_under_the_ground_or_above_all_are_dropped(height, share):
+    dynamics, prior = Dynamics(lone.lone(space.SPACE).model), HeightPrior(1500.0, 1000.0, 0.0)
+    mean = np.array([3e3, 0.0, 2e3, 0.0, 0.0, height, 0.0])
+    before = lone.mixture_of(dynamics, [(0.8, mean, np.full(SIZE, 30.0))])
+    after = without_unlikely(before, np.array([True]), prior)
+    assert after.mass[0] == pytest.approx(0.8 * share, abs=1e-6)
+    np.testing.assert_array_equal(after.mean, before.mean)
+    assert without_unlikely(before, np.array([False]), prior) is before
