@@ -109,8 +109,10 @@ class TrackerModel(ReadOnly):
 
     @property
     def learns_figures(self) -> bool:
-        """Whether figures of the detection or the noise of any sensor are learned."""
-        return any(each.learns_figures for own in self.factors.values() for each in own)
+        """Whether figures of the detection or the noise of any sensor, or receiver, are learned."""
+        return bool(self.receivers) or any(
+            each.learns_figures for own in self.factors.values() for each in own
+        )
 
     def least_newborn_mass(self, view: View) -> float:
         """Return the smallest newborn mass with which a target is born at a sensor's detection.
