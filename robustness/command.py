@@ -50,6 +50,7 @@ MODULES = (
     *("operation.warm_restart", "hostile_input.forgeries", "reports.stamps_and_time"),
     *("operation.network", "operation.recordings", "operation.user_files"),
     "operation.receivers",
+    "operation.browsers",
     *("hostile_input.asterix_recordings", "hostile_input.bad_receivers"),
 )
 PARTS = {module.rpartition(".")[2]: module for module in MODULES}

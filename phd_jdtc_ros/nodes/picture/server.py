@@ -143,8 +143,11 @@ class Server:
         self._end()
 
     async def _stop(self) -> None:
-        self._ticks.cancel()
+        others = asyncio.all_tasks() - {asyncio.current_task()}
         await self._runner.cleanup()
+        for task in others:
+            task.cancel()
+        await asyncio.gather(*others, return_exceptions=True)
 
     def _end(self) -> None:
         self._loop.call_soon_threadsafe(self._loop.stop)
