@@ -31,6 +31,8 @@ PARTS = (
     (f"{CORE}.gaussian.smoothing.backward_step", POSITIONS),
     (f"{CORE}.gaussian.new_targets", f"{CORE}.gaussian.reduction"),
     (*TUNING, f"{CORE}.sensors.of_gaussians.polar", f"{CORE}.tracks.confirmation"),
+    # Only trackers with a receiver of self-reports load these.
+    (f"{CORE}.reports.beside",),
 )
 
 
