@@ -7,14 +7,15 @@ SHELL ["/bin/bash", "-o", "pipefail", "-c"]
 # All of package.xml but rviz2, which needs a screen.
 RUN apt-get update \
     && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends \
+        python3-aiohttp \
         python3-colcon-common-extensions \
         python3-matplotlib \
         python3-numpy \
         python3-pip \
         python3-pyproj \
-        python3-shapely \
         python3-rich \
         python3-scipy \
+        python3-shapely \
         python3-yaml \
         ros-jazzy-ament-index-python \
         ros-jazzy-builtin-interfaces \
@@ -55,6 +56,7 @@ RUN apt-get update \
         ros-jazzy-ament-flake8 \
         ros-jazzy-ament-pep257 \
         ros-jazzy-launch-testing \
+        ros-jazzy-shape-msgs \
         ros-jazzy-unique-identifier-msgs \
     && rm -rf /var/lib/apt/lists/* \
     && echo "source /opt/ros/jazzy/setup.bash" >>/etc/bash.bashrc

@@ -17,13 +17,17 @@ KEYS = {
     "plotly": None,
     "pyyaml": "python3-yaml",
     "rosbags": None,  # for the tests alone, and a pip key keeps a package out of an apt release
+    "sapient_msg": None,
+    "sapient_msg_pydantic": None,
     "setuptools": None,  # every Python build of colcon has it
     "zstandard": "mcap-ros2-support",
 }
 # Name of the module of a Python package, where it is another.
 MODULES = {"libasterix": "asterix", "pyyaml": "yaml"}
 # Imported where they are installed.
-OPTIONAL = {"dask", "distributed", "pyais", "rs1090", "stonesoup"}
+OPTIONAL = {
+    *("aiohttp", "dask", "distributed", "pyais", "rs1090", "sapient_msg", "shapely", "stonesoup")
+}
 OWN = {"phd_jdtc_ros", "msg_adapters"}
 
 
