@@ -31,7 +31,7 @@ OUTPUTS = ",".join({*settings.OUTPUTS} - {row.switch for row in STREAMS})
 ARGUMENTS = {
     "tracker": (
         *("--ros-args", "-p", "radar_1.clutter_map:=true", "-p", "world_origin:=[52.0, 4.0, 0.0]"),
-        *("-p", f"outputs:=[{OUTPUTS}]"),
+        *("-p", f"outputs:=[{OUTPUTS}]", "-p", "conflicts.distance:=[500.0]"),
     ),
     "asterix_bridge": (
         *("--ros-args", "-p", "radars:=[radar_1, radar_2]", "-p", "radar_2.source:=[0, 1]"),

@@ -8,7 +8,10 @@ import json
 import os
 
 PACKAGES = {
+    "autoware_perception_msgs": ("ObjectClassification", "TrackedObject", "TrackedObjects"),
+    "derived_object_msgs": ("Object", "ObjectArray"),
     "foxglove_msgs": ("GeoJSON",),
+    "nav2_dynamic_msgs": ("Obstacle", "ObstacleArray"),
     "radar_msgs": ("RadarTrack", "RadarTracks"),
     "tf2_msgs": ("TFMessage",),
     "vision_msgs": ("Detection3D", "Detection3DArray", "ObjectHypothesisWithPose"),
