@@ -364,7 +364,9 @@ STREAMS = (
     Stream("cot", "cot", _cot),
     Stream("signalk", "signalk", _signal_k),
     Stream(
-        *("sapient", "sapient", _sapient),
+        "sapient",
+        "sapient",
+        _sapient,
         greet=_register,
         datagrams=False,
         library="sapient_msg",
