@@ -266,8 +266,9 @@ def test_each_connection_of_sapient_begins_with_a_registration(made):
         return found
 
     expected = ["registration", "status_report", "detection_report", "detection_report"]
+    clients = []  # A connection ends with its last reference
     for receivers in (1, 2):
-        client = socket.create_connection(("127.0.0.1", port), 10.0)
+        clients.append(socket.create_connection(("127.0.0.1", port), 10.0))
         until(lambda receivers=receivers: link.receivers == receivers)
         sender.send(estimates(), VIEW)
-        assert kinds_of(client, 4) == expected
+        assert kinds_of(clients[-1], 4) == expected
