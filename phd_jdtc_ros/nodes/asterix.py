@@ -146,7 +146,7 @@ class AsterixBridge(ReceivingNode):
         self._sent: Counter[str] = Counter()
         # Other radars get their publishers with their first report.
         for name in self._values["radars"]:
-            self.add_output(names.detections(name), names.detections(name))
+            self.add_output(names.detections(name))
         if self._values["output"]:
             topics.subscribe(
                 self, PointCloud2, ESTIMATES, self._on_estimates, INPUT_DEPTH, ESTIMATES
@@ -221,7 +221,7 @@ class AsterixBridge(ReceivingNode):
 
     def _publish(self, state: RadarState, report: Cloud) -> None:
         topic = conversion.topic_of(report, state)
-        self.add_output(topic, topic).publish(conversion.cloud(report, state))
+        self.add_output(topic).publish(conversion.cloud(report, state))
 
     def _publish_due(self) -> None:
         if self.is_active and not self._values["replayed"]:

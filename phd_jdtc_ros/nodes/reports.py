@@ -46,7 +46,7 @@ class ReportBridge(ReceivingNode):
         self._stream = settings.stream(self._values)
         self._missing = ""
         for network in (AIS, ADSB):
-            self.add_output(network, names.reports(network))
+            self.add_output(names.reports(network))
         HealthReports(self, self._statuses, lambda: self.is_active)
         steady_timer(self, settings.PERIOD_S / 2.0, self._publish_due)
         self.start(self._values["autostart"])
@@ -99,7 +99,7 @@ class ReportBridge(ReceivingNode):
                 self._publish(network, batch)
 
     def _publish(self, network: str, batch: Batch) -> None:
-        self.add_output(network, names.reports(network)).publish(settings.cloud(batch, network))
+        self.add_output(names.reports(network)).publish(settings.cloud(batch, network))
 
     def _statuses(self) -> list[DiagnosticStatus]:
         self.log_subscribers()

@@ -107,7 +107,7 @@ def test_demo_records_everything_published(demo):
         *map(names.detections, ("radar_1", "radar_2")),
     }
     assert set(reader.types) == expected
-    for topic in expected - {names.DIAGNOSTICS, names.OSPA}:
+    for topic in expected - {names.DIAGNOSTICS, names.OSPA, names.manual()}:
         assert reader.counts[topic] == 80, topic
     assert reader.counts[names.OSPA] == 160
 

@@ -61,19 +61,13 @@ class TrackNumbers:
         """
         if reach is None or estimates.attributes is None:
             return self._with_numbers(estimates)
-        address, label = estimates.attributes.address.tolist(), estimates.track_id.tolist()
+        label = estimates.track_id.tolist()
         for row in [
             row for row, track_id in enumerate(label) if track_id and track_id not in self._number
         ]:
-            if address[row] != UNKNOWN:
-                position = estimates.position[row].tolist()
-                former_number = self.aircraft.number_of(
-                    address[row], position, estimates.stamp_ns, reach
-                )
-                if former_number is not None:
-                    self._number[label[row]] = former_number
+            self._continue(estimates, row, reach)
         self._join(estimates)
-        self._separate(estimates)
+        self._separate(estimates, reach)
         numbered = self._with_numbers(estimates)
         numbered = numbered.take(_best_rows(numbered))
         self.aircraft.note(numbered, reach)
@@ -90,16 +84,47 @@ class TrackNumbers:
             if numbers and _distance(estimates, first, second) <= MARGIN:
                 self._number.update(dict.fromkeys(labels, min(numbers)))
 
-    def _separate(self, estimates: Estimates) -> None:
-        """Withdraw a shared number from the younger of two confirmed tracks.
+    def _continue(self, estimates: Estimates, row: int, reach: Reach) -> None:
+        """Give a track the number that the aircraft with its address had, if it had one."""
+        address = UNKNOWN
+        if estimates.attributes is not None:
+            address = int(estimates.attributes.address[row])
+        if address == UNKNOWN:
+            return
+        position, stamp_ns = estimates.position[row].tolist(), estimates.stamp_ns
+        former = self.aircraft.number_of(address, position, stamp_ns, reach)
+        if former is not None:
+            self._number[int(estimates.track_id[row])] = former
 
-        It is withdrawn if they are too far apart to be one aircraft.
+    def _separate(self, estimates: Estimates, reach: Reach) -> None:
+        """Withdraw a shared number from one of two confirmed tracks.
+
+        If they have different addresses, it is withdrawn from the one that has not the number's,
+        which continues the aircraft of its own address. If they are too far apart to be one
+        aircraft, it is withdrawn from the younger one.
         """
         confirmed = estimates.track_state == CONFIRMED
-        number = [self._number.get(label, 0) for label in estimates.track_id.tolist()]
-        for first, second in _pairs_of_equal(np.where(confirmed, number, 0), 0):
-            if _distance(estimates, first, second) > MARGIN:
-                self._number.pop(int(estimates.track_id[[first, second]].max()), None)
+        labels = estimates.track_id.tolist()
+        number = np.where(confirmed, [self._number.get(label, 0) for label in labels], 0)
+        for pair in _pairs_of_equal(number, 0):
+            younger = max(pair, key=labels.__getitem__)
+            wrong = self._of_another_aircraft(estimates, pair)
+            if wrong is not None:
+                self._number.pop(labels[wrong], None)
+                self._continue(estimates, wrong, reach)
+            elif _distance(estimates, *pair) > MARGIN:
+                self._number.pop(labels[younger], None)
+
+    def _of_another_aircraft(self, estimates: Estimates, pair: tuple[int, int]) -> int | None:
+        """Return which of two tracks with one number has not its aircraft's address; or None."""
+        if estimates.attributes is None:
+            return None
+        address = estimates.attributes.address[[*pair]].tolist()
+        last_seen = self.aircraft.seen.get(self._number.get(int(estimates.track_id[pair[0]]), 0))
+        if last_seen is None or UNKNOWN in address or last_seen.address not in address:
+            return None
+        others = [row for row, own in zip(pair, address, strict=True) if own != last_seen.address]
+        return others[0] if others else None
 
     def _with_numbers(self, estimates: Estimates) -> Estimates:
         """Return the estimates with the numbers of their labels; new labels get the next ones."""

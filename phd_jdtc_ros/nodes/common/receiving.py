@@ -124,21 +124,21 @@ class ReceivingNode(ManagedNode):
     def _listed(self) -> list[str]:
         return list(map(str, self.inputs()[0]))
 
-    def add_output(self, name: str, topic: str) -> Publisher:
-        """Return the publisher of clouds of a source, which is made when it is first needed."""
-        if name not in self._outputs:
+    def add_output(self, topic: str) -> Publisher:
+        """Return the publisher of clouds on a topic, which is made when it is first needed."""
+        if topic not in self._outputs:
             qos = topics.reliable(OUTPUT_DEPTH)
-            self._outputs[name] = self.create_publisher(PointCloud2, topic, qos)
-            self.get_logger().info(f"{name}: publishing on {self._outputs[name].topic_name}")
-        return self._outputs[name]
+            self._outputs[topic] = self.create_publisher(PointCloud2, topic, qos)
+            self.get_logger().info(f"{topic}: publishing on {self._outputs[topic].topic_name}")
+        return self._outputs[topic]
 
     def log_subscribers(self) -> None:
-        """Log changes of the number of subscribers to each source's clouds."""
-        for name, output in self._outputs.items():
+        """Log changes of the number of subscribers to each topic of clouds."""
+        for topic, output in self._outputs.items():
             count = output.get_subscription_count()
-            if count != self._subscribers.get(name, 0):
-                self.get_logger().info(f"{name}: {count} subscribers")
-                self._subscribers[name] = count
+            if count != self._subscribers.get(topic, 0):
+                self.get_logger().info(f"{topic}: {count} subscribers")
+                self._subscribers[topic] = count
 
     def close(self) -> None:
         """Stop receiving; fail if nothing was received."""

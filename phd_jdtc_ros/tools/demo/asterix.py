@@ -59,7 +59,7 @@ def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path, cutoff: f
         }
         nodes.start(BRIDGE, [], {**bridge_parameters(config), **sockets})
         # The subscribers are the tracker and the evaluator, which records.
-        ready = [f"{radar.name}: 2 subscribers" for radar in config.inputs]
+        ready = [f"{names.detections(radar.name)}: 2 subscribers" for radar in config.inputs]
         if not all(nodes.wait_for(BRIDGE, text) for text in ready):
             return False
         sent = ["--recording", str(recording(bag)), "--send", str(where)]

@@ -81,6 +81,20 @@ def test_only_an_address_gives_a_number_again():
     assert tracks.aircraft.seen == {1: LastSeen(77, 0, (0.0, 0.0), 0.0)}
 
 
+def test_tracks_with_one_number_and_two_addresses_are_two_aircraft():
+    tracks = TrackNumbers()
+    assert numbers(tracks, 0, (5, 77, 0.0, CONFIRMED), (6, 78, 800.0, CONFIRMED)) == [1, 2]
+    tracks.forget_all_but([np.zeros(0, dtype=np.int64)])
+    # A track begins at a reflected reply of 77, and is then seen to be 78, which had ended.
+    assert numbers(tracks, 4, (5, 77, 0.0, COASTING), (30, 77, 900.0, CONFIRMED)) == [1]
+    assert numbers(tracks, 8, (5, 77, 0.0, CONFIRMED), (30, 78, 800.0, CONFIRMED)) == [1, 2]
+    # Without a number of its own it gets a new one.
+    tracks = TrackNumbers()
+    numbers(tracks, 0, (5, 77, 0.0, CONFIRMED))
+    numbers(tracks, 4, (5, 77, 0.0, COASTING), (30, 77, 900.0, CONFIRMED))
+    assert numbers(tracks, 8, (5, 77, 0.0, CONFIRMED), (30, 78, 800.0, CONFIRMED)) == [1, 2]
+
+
 def test_two_tracks_of_one_address_are_one_and_two_aircraft_two():
     tracks = TrackNumbers()
     numbers(tracks, 0, (5, 77, 0.0, CONFIRMED), (6, UNKNOWN, 20.0, CONFIRMED))

@@ -169,7 +169,7 @@ def test_estimates_of_plots_by_udp_are_those_of_the_recording(unicast, peer, tmp
     unicast.processes.start("tracker", "--ros-args", *parameters, *qos)
     assert peer.spin_until(lambda: peer.node.count_publishers(topics[-1]))
     peer.meet()
-    peer.said(bridge, "radar_1_2: 2 subscribers")
+    peer.said(bridge, f"{TOPIC}: 2 subscribers")
     radar, clouds = unicast.radar(), BagReader(bag).counts[TOPIC]
 
     tracker = Health(peer)

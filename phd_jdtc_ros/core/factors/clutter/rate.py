@@ -71,13 +71,18 @@ class ClutterRate(PoissonRate):
         return view.changed(clutter_rate=self.rate)
 
     def learn(self, look: Look) -> ClutterRate:
-        """Count the detections that are probably false, and that no local clutter explains."""
+        """Count the detections that are probably false, and that no local clutter explains.
+
+        Among replies new targets count as false, because a reflected reply looks like one.
+        """
         view = look.view
         revolutions = view.part_of_revolution
         if not (revolutions and view.complete):
             return self
         uniform = np.exp(-view.log_clutter_factor(view.detections.measurement))
-        false = float((look.association.false_probability * uniform).sum())
+        found = look.association
+        probability = found.false_probability if found.evidence is None else look.unclaimed
+        false = float((probability * uniform).sum())
         return self.after(false / view.sensor.visibility.clutter_share, revolutions)
 
 
