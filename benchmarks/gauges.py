@@ -2,8 +2,9 @@
 
 ``python -m benchmarks.gauges`` prints each gauge beside its limit, and ends with 1 if one exceeds
 it. A limit is what was reached last: whoever gets below it lowers it. Only a new capability raises
-one, by what it needs; the last ones were targets in space, sensors of positions, and streams to
-other programs.
+one, by what it needs; the last ones were reports of ships and aircraft, and their decoders, heights
+and tilted arrays in space, the law of clutter over range, conflicts and zones, manual work, and the
+live picture.
 
 A scan's path is traced by a profiler while one scan of two radars passes `Tracker.update`. A move
 is a step from one file of the project to another, and a return is a move to a file that the scan
@@ -42,18 +43,18 @@ MANY = 9  # Number of parameters from which a function has too many
 WARM_SCANS = 12  # Scans before the traced one
 
 LIMITS: Mapping[str, float] = {
-    "lines of the product": 67_520,
-    "files of the product": 473,
-    "declared parameters": 145,
-    "constants of modules per 1,000 lines": 16.7,
+    "lines of the product": 77_370,
+    "files of the product": 470,
+    "declared parameters": 160,
+    "constants of modules per 1,000 lines": 16.9,
     f"functions with {MANY} parameters or more": 1,
     "calls like f(*(a, b), c)": 0,
-    "imports of models of the world": 20,
-    "public members of Sensor": 38,
+    "imports of models of the world": 23,
+    "public members of Sensor": 31,
     "circles of imports": 0,
     "files that a scan enters": 82,
-    "Python calls in a scan": 1_075,
-    "returns in a scan": 1_080,
+    "Python calls in a scan": 1_140,
+    "returns in a scan": 1_110,
 }
 
 
