@@ -38,6 +38,7 @@ STUDIES = {
     "tuning_truth": "tuning_truth.STUDY",
     "league": "league.STUDY",
     "conflicts": "conflicts.STUDY",
+    "self_reports": "self_reports.STUDY",
 }
 # Studies that run one after the other in a second process, in parallel to the Monte Carlo study.
 REST = (
