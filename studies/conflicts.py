@@ -22,7 +22,7 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.conflicts.encounters import Conflicts
+from phd_jdtc_ros.core.conflicts.model import Conflicts
 from phd_jdtc_ros.core.conflicts.watch import Watch
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars

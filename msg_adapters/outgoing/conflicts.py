@@ -10,7 +10,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from phd_jdtc_ros.core.conflicts.encounters import Conflicts, words
+from phd_jdtc_ros.core.conflicts.model import Conflicts, words
 from phd_jdtc_ros.core.models.zones import EXCLUSION, GUARD, LAND, Zone
 
 from ..encoding import point_cloud, stamps

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.conflicts.encounters import closest_approach
+from phd_jdtc_ros.core.conflicts.model import closest_approach
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import TENTATIVE, Estimates, Pose
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
-from phd_jdtc_ros.core.conflicts.encounters import ConflictModel
+from phd_jdtc_ros.core.conflicts.model import ConflictModel
 from phd_jdtc_ros.core.gaussian.bounds import Bounds
 from phd_jdtc_ros.core.intake.antenna import MIN_PERIOD_S
 from phd_jdtc_ros.core.intake.clocks import Clocks, SentReport

@@ -16,7 +16,7 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
-from phd_jdtc_ros.core.conflicts.encounters import Conflicts
+from phd_jdtc_ros.core.conflicts.model import Conflicts
 from phd_jdtc_ros.core.factors.outliers import Outliers
 from phd_jdtc_ros.core.models.zones import Zone
 from phd_jdtc_ros.core.sensors.site import Plane

@@ -228,7 +228,7 @@ def twice(detections, apart, share=1.0, seed=9):
 @pytest.mark.parametrize(("apart", "share"), [(0.02, 1.0), (1.0, 1.0), (0.02, 0.5)])
 def test_plots_recorded_twice_make_no_second_track(apart, share):
     detections = twice(split_plots(0.0), apart, share)
-    with pytest.warns(UserWarning, match=r"^radar: \d+ % .*is every plot recorded twice\?") as said:
+    with pytest.warns(UserWarning, match=r"^radar: \d+ % .*Is every plot recorded twice\?") as said:
         tracker = Tracker().fit(detections)
     assert len(said) == 1
     assert tracker.parameters["radar.clutter_rate"] == pytest.approx(3.0, rel=0.3)

@@ -55,8 +55,8 @@ def test_stable_signatures_are_these():
     assert signature == {
         "Tracker": ["parameters"],
         "fit": ["self", "detections"],
-        "track": ["self", "detections"],
-        "update": ["self", "time", "detections", "radar"],
+        "track": ["self", "detections", "reports"],
+        "update": ["self", "time", "detections", "radar", "reports"],
         "flush": ["self"],
         "simulate": ["scenario", "seed"],
         "evaluate": ["truth", "tracks", "cutoff", "order", "times"],

@@ -102,7 +102,7 @@ def test_every_executable_and_shipped_file_is_installed(installed):
         assert {path for path in shipped if path.is_file()} <= found, folder
     assets = Path("phd_jdtc_ros", "report", "page", "assets")
     found = {path.name for path in (installed / assets).iterdir()}
-    assert found == {"page.css", "page.html", *SCRIPTS}
+    assert found == {"live.html", "live.js", "page.css", "page.html", *SCRIPTS}
 
 
 def test_an_installed_node_starts_from_an_empty_directory(installed, tmp_path):

@@ -4,7 +4,7 @@
 
     possible paths of the tracks           engine.paths, by gaussian.paths
       |  share that comes too near          encounters
-    Conflicts: probability, time, CPA       encounters
+    Conflicts: probability, time, CPA       model
       |  threshold, hysteresis              alarms
     alarms                                  watch: the path of a step
 

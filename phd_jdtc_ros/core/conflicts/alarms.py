@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .encounters import Conflicts
+from .model import Conflicts
 
 NONE, ALARM, ACKNOWLEDGED = range(3)
 HOUR_NS = 3600 * 10**9

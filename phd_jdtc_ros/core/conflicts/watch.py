@@ -10,7 +10,8 @@ from ..engine import Engine
 from ..tracks.manual import Manual
 from ..types import TENTATIVE, Estimates, Pose
 from .alarms import Alarms
-from .encounters import ConflictModel, Conflicts, Named, predict, words
+from .encounters import Named, predict
+from .model import ConflictModel, Conflicts, words
 
 
 class Watch:

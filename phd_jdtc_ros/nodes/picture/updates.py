@@ -10,7 +10,7 @@ import numpy as np
 
 from msg_adapters.targets import vertical
 from msg_adapters.targets.markers import class_colour
-from phd_jdtc_ros.core.conflicts.encounters import Conflicts
+from phd_jdtc_ros.core.conflicts.model import Conflicts
 from phd_jdtc_ros.core.types import FILTERED, Estimates
 from phd_jdtc_ros.report.page.picture import AXIS_STEPS, LEAST_AXIS, NO_LEVEL
 from phd_jdtc_ros.report.style import RADIUS_95

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.core.conflicts.alarms import ACKNOWLEDGED, ALARM, NONE, Alarms
-from phd_jdtc_ros.core.conflicts.encounters import PAIR, Conflicts
+from phd_jdtc_ros.core.conflicts.model import PAIR, Conflicts
 
 SECOND = 10**9
 

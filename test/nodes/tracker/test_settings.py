@@ -24,6 +24,14 @@ OTHERS = {
     **{f"{radar}.detection_probability_range": [0.0, 1e4] for radar in ("radar_1", "radar_2")},
 }
 
+# Parameters that only change together with others: lists of the same length.
+TOGETHER = {
+    f"{radar}.clutter_density{one}": {f"{radar}.clutter_density{other}": value}
+    for radar in ("radar_1", "radar_2")
+    for one, other, value in (("", "_range", [0.0, 1e4]), ("_range", "", [2.0, 1.0]))
+}
+OTHERS |= {f"{radar}.clutter_density_range": [0.0, 1e4] for radar in ("radar_1", "radar_2")}
+
 
 def test_resolve_keeps_the_nodes_own_apart_in_a_table_of_all():
     assert not NAMES & schema({}).keys()
@@ -141,7 +149,7 @@ def test_changed_parameter_can_be_taken_over_by_a_running_engine(name):
     engine = new_engine(small.config)
     for scan in scans[:3]:
         engine.step(scan)
-    found = change(small, {name: other})
+    found = change(small, {name: other, **TOGETHER.get(name, {})})
     assert found.values[name] == other
     engine.retune(found.config.model, found.config.rule)
     for scan in scans[3:]:
