@@ -43,8 +43,8 @@ MANY = 9  # Number of parameters from which a function has too many
 WARM_SCANS = 12  # Scans before the traced one
 
 LIMITS: Mapping[str, float] = {
-    "lines of the product": 77_370,
-    "files of the product": 470,
+    "lines of the product": 77_380,
+    "files of the product": 471,
     "declared parameters": 160,
     "constants of modules per 1,000 lines": 16.9,
     f"functions with {MANY} parameters or more": 1,
