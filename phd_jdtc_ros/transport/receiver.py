@@ -256,9 +256,10 @@ class Receiver:
             self._keep(data, each.source)
             return
         self._selector.unregister(opened)
+        # It is counted before another thread can see that it is disconnected.
+        self.ended[str(each.stream)] += 1
         with closing(opened):
             each.opened, each.fault = None, fault
-        self.ended[str(each.stream)] += 1
         each.again_s = time.monotonic() + RETRY_S
 
     def _read_datagram(self, sock: socket.socket, where: str) -> None:
