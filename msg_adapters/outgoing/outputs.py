@@ -116,7 +116,7 @@ class Stream:
     # Returns what a connection begins with, given the first estimates.
     greet: Callable[[Estimates, View], list[bytes]] = lambda found, view: []
     datagrams: bool = True  # Whether it may be sent by UDP
-    library: str = ""  # The package that writes the format; empty if none is needed
+    imports: str = ""  # The package that writes the format; empty if none is needed
 
 
 def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
@@ -369,7 +369,7 @@ STREAMS = (
         _sapient,
         greet=_register,
         datagrams=False,
-        library="sapient_msg",
+        imports="sapient_msg",
     ),
 )
 

@@ -141,8 +141,10 @@ class AisReader:
         key = (*sender, count, fields[3])
         parts = self._waiting.pop(key, {})
         old = next(iter(parts.values()), part)
-        late = received_ns is not None and old.received_ns is not None
-        if number in parts or (late and received_ns - old.received_ns > LONGEST_WAIT_NS):  # type: ignore[operator]
+        waited_ns = 0
+        if received_ns is not None and old.received_ns is not None:
+            waited_ns = received_ns - old.received_ns
+        if number in parts or waited_ns > LONGEST_WAIT_NS:
             self.counts["part_missing"] += 1
             parts = {}
         parts[number] = part
@@ -233,8 +235,9 @@ def _with_ship(heard: Heard, message: Any) -> Heard:
     found = heard._replace(name=name, type=int(getattr(message, "ship_type", 0) or 0))
     if hasattr(message, "to_bow") and heard.address // 10**7 != _AUXILIARY:
         sides = (message.to_bow, message.to_stern, message.to_port, message.to_starboard)
-        hull = tuple(int(side or 0) for side in sides)
-        found = found._replace(hull=hull if any(hull) else None)  # type: ignore[arg-type]
+        bow, stern, port, starboard = (int(side or 0) for side in sides)
+        hull = (bow, stern, port, starboard) if any(sides) else None
+        found = found._replace(hull=hull)
     return found
 
 

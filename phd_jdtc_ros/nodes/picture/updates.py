@@ -44,7 +44,8 @@ def head(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _rounded(values: Any, step: float = 1.0) -> list[int]:
-    return np.rint(np.asarray(values) / step).astype(np.int64).tolist()  # type: ignore[no-any-return]
+    rounded: list[int] = np.rint(np.asarray(values) / step).astype(np.int64).tolist()
+    return rounded
 
 
 def of_tracks(found: Estimates) -> dict[str, Any]:

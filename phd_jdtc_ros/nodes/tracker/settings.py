@@ -85,9 +85,9 @@ def _stream_faults(node: Mapping[str, Any], tracker: TrackerConfig) -> list[str]
         if row.switch in node["outputs"] and row.form not in forms and not faults
     ]
     faults += [
-        f"outputs: {row.switch} given, needs {row.library} (docs/outputs.md)"
+        f"outputs: {row.switch} given, needs {row.imports}, see docs/outputs.md"
         for row in outputs.STREAMS
-        if row.switch in node["outputs"] and row.library and find_spec(row.library) is None
+        if row.switch in node["outputs"] and row.imports and find_spec(row.imports) is None
     ]
     moving = next((each for each in tracker.inputs if each.pose.topic), None)
     if outputs.RELATIVE in node["outputs"] and not (moving and moving.pose.yaw):
