@@ -5,14 +5,15 @@ from __future__ import annotations
 import re
 import sys
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from msg_adapters.encoding import names
 from msg_adapters.outgoing import diagnostics, outputs
 from phd_jdtc_ros.asterix_bridge import settings as bridge
 from phd_jdtc_ros.configuration.parameters import replaced
-from phd_jdtc_ros.configuration.schema import Parameter
+from phd_jdtc_ros.configuration.parameters.node import Managed, Receiving
+from phd_jdtc_ros.configuration.schema import Parameter, table
 from phd_jdtc_ros.configuration.tables import GROUPS as PARTS
 from phd_jdtc_ros.configuration.tables import TABLES, TOP, schema
 from phd_jdtc_ros.evaluation.run_scores import CURVES, GROUPS, PUBLISHED, TERMS
@@ -40,6 +41,14 @@ _OF_RADARS = tuple(p for p in bridge.RADAR if p not in bridge.TABLE)
 # Parameters of sensors of positions that radars have too.
 _OF_POSITIONS = ", ".join(f"`{p.name}`" for p in TABLES["position"] if p in TABLES["radar"])
 
+# Parameters that several nodes have, and the others.
+_MANAGED, _RECEIVING = table(Managed), table(Receiving)
+
+
+def _own(declared: Iterable[Parameter]) -> tuple[Parameter, ...]:
+    return tuple(p for p in declared if p not in (*_MANAGED, *_RECEIVING))
+
+
 _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
     (
         "tracker",
@@ -60,7 +69,7 @@ _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
         tuple(p for p in TABLES["position"] if p not in TABLES["radar"]),
     ),
     *((f"tracker, for every name in `{name}`", "", PARTS[name]) for name in list(PARTS)[1:]),
-    ("tracker, as a node", "The offline executables do not have these.", tracker.TABLE),
+    ("tracker, as a node", "The offline executables do not have these.", _own(tracker.TABLE)),
     (
         "sensor_replay",
         "The flags `--rate`, `--start`, `--duration`, `--loop` and `--start-paused` and the "
@@ -71,14 +80,20 @@ _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
     (
         "asterix_bridge",
         "The offline tool has only the parameters of the conversion that it runs.",
-        bridge.TABLE,
+        _own(bridge.TABLE),
     ),
     (
         "asterix_bridge, for every name in `radars`",
         f"{_OF_ALL} can be set for a radar too; without, those above count.",
         _OF_RADARS,
     ),
-    ("report_bridge", "The offline tool has the first ones.", reports.TABLE),
+    ("report_bridge", "The offline tool has the first one.", _own(reports.TABLE)),
+    (
+        "asterix_bridge and report_bridge",
+        "The offline tools have the first one.",
+        _RECEIVING,
+    ),
+    ("tracker, asterix_bridge and report_bridge", "", _MANAGED),
     ("hand_over", "The offline tool has options for those that it needs.", hand_over.TABLE),
     ("hand_over, for every name in `trackers`", "", hand_over.TRACKER),
 )
@@ -87,10 +102,10 @@ _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
 def parameters() -> str:
     """Return the page of the nodes' parameters as Markdown."""
     parts = [_PARAMETERS.format(count=declared())]
-    for title, text, table in _SECTIONS:
+    for title, text, listed in _SECTIONS:
         rows = [
             (f"`{p.name}`{' *' * p.mutable}", f"`{_default_text(p)}`", p.allowed, p.description)
-            for p in table
+            for p in listed
         ]
         head = ("name", "default", "allowed", "meaning")
         parts.append(_section(title, text, head, rows))
@@ -99,7 +114,7 @@ def parameters() -> str:
 
 def declared() -> int:
     """Return the number of declared parameters."""
-    return sum(len(table) for _, _, table in _SECTIONS)
+    return sum(len(listed) for _, _, listed in _SECTIONS)
 
 
 def _default_text(parameter: Parameter) -> str:

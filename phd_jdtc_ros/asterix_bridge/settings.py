@@ -14,12 +14,14 @@ from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettin
 from phd_jdtc_ros.asterix.writing import Source
 from phd_jdtc_ros.calibration.tuning.rotation import PlotRevolutions
 from phd_jdtc_ros.configuration.parameters import replaced
+from phd_jdtc_ros.configuration.parameters.node import Managed, Receiving
 from phd_jdtc_ros.configuration.parameters.place_forms import PLACE
 from phd_jdtc_ros.configuration.schema import (
     ConfigError,
     Parameter,
     check,
     parameter,
+    shared,
     table,
     with_members,
 )
@@ -85,12 +87,7 @@ class InputParameters(RadarDefaults):
         element=str,
         most=MAX_RADARS,
     )
-    max_clock_offset_s: float = parameter(
-        10.0,
-        "Difference between a radar's times and the times of receipt, s, above which its clock "
-        "counts as wrong. Its times are then shifted by the difference.",
-        (0.5, 86400.0),
-    )
+    max_clock_offset_s: float = shared(Receiving, "max_clock_offset_s")
 
 
 @dataclass(frozen=True)
@@ -124,10 +121,9 @@ class OutputParameters:
 
 
 @dataclass(frozen=True)
-class NodeParameters:
+class NodeParameters(Managed):
     """Parameters of the node only."""
 
-    autostart: bool = parameter(True, "Configure and activate the node at the start.")
     inputs: list[str] = parameter(
         ["127.0.0.1:8600"],
         "Addresses to receive from, HOST:PORT of this machine or of multicast groups; empty for "
@@ -135,16 +131,8 @@ class NodeParameters:
         element=str,
         most=MOST_INPUTS,
     )
-    interface: str = parameter(
-        "",
-        "Address of the network interface for multicast groups, in and out; empty for the "
-        "system's choice.",
-    )
-    replayed: bool = parameter(
-        False,
-        "Whether the input is a replayed recording, whose times of receipt are ignored. The "
-        "first message is then of 1970-01-01, as for a file without --date.",
-    )
+    interface: str = shared(Receiving, "interface")
+    replayed: bool = shared(Receiving, "replayed")
     output: str = parameter(
         "", "Address to send tracks to, HOST:PORT of a host or a group; empty for none."
     )

@@ -37,7 +37,6 @@ MOST_TRACKERS = 50
 class TrackerParameters:
     """Parameters of each tracker."""
 
-    node: str = parameter("", "Full name of the tracker's node; /NAME/tracker if empty.")
     region: list[float] = parameter(
         [], "The tracker's region: [x_min, y_min, x_max, y_max, margin], world frame, m."
     )
@@ -49,7 +48,8 @@ class HandOverParameters:
 
     trackers: list[str] = parameter(
         [],
-        "Names of the trackers that share the area, two or more, each with its region.",
+        "Names of the trackers that share the area, two or more, each with its region. The node of "
+        "NAME is /NAME/tracker.",
         element=str,
         most=MOST_TRACKERS,
     )
@@ -79,12 +79,6 @@ class Settings:
         """Return the topic of a tracker's estimates."""
         return names.estimates(source, self.nodes[tracker])
 
-    def origin(self, tracker: int) -> tuple[str, str]:
-        """Return the parameter that names a tracker's node, and its value."""
-        name = self.names[tracker]
-        node = self.values[f"{name}.node"]
-        return (f"{name}.node", node) if node else ("trackers", name)
-
 
 def resolve(given: Mapping[str, Any]) -> Settings:
     """Check the parameters of the node, given by dotted name; `ConfigError` lists every fault."""
@@ -105,7 +99,7 @@ def resolve(given: Mapping[str, Any]) -> Settings:
         values,
         parameters,
         trackers,
-        tuple(_node(values, name) for name in trackers),
+        tuple(f"/{name}{names.TRACKER}" for name in trackers),
         regions,
         hysteresis(regions),
     )
@@ -133,16 +127,11 @@ def region_faults(owners: Sequence[str], regions: Sequence[Region]) -> list[str]
     return faults
 
 
-def _node(values: Mapping[str, Any], name: str) -> str:
-    return values[f"{name}.node"] or f"/{name}{names.TRACKER}"
-
-
 def _faults(values: Mapping[str, Any]) -> list[str]:
     trackers = values["trackers"]
     faults = []
     if len(trackers) < 2:
         faults.append(f"trackers: {trackers} given, must be two names or more")
-    nodes: dict[str, str] = {}
     for name in trackers:
         region = values[f"{name}.region"]
         if not is_region(region):
@@ -150,8 +139,4 @@ def _faults(values: Mapping[str, Any]) -> list[str]:
                 f"{name}.region: {region} given, must be [x_min, y_min, x_max, y_max, margin] of "
                 "the tracker's region"
             )
-        node = _node(values, name)
-        other = nodes.setdefault(node, name)
-        if other != name:
-            faults.append(f"{name}.node: {node} given, {other} has it too")
     return faults

@@ -195,7 +195,8 @@ class HandOver(RunnableNode):
                     self._settings.topic(tracker, source),
                     partial(self._take, tracker, source),
                     INPUT_DEPTH,
-                    *self._settings.origin(tracker),
+                    "trackers",
+                    self._settings.names[tracker],
                 )
         HealthReports(self, self._statuses)
         self.get_logger().info(f"joining the estimates of {', '.join(self._settings.nodes)}")

@@ -9,8 +9,9 @@ from typing import Any
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.encoding import point_cloud
+from phd_jdtc_ros.configuration.parameters.node import Managed, Receiving
 from phd_jdtc_ros.configuration.parameters.place_forms import PLACE
-from phd_jdtc_ros.configuration.schema import ConfigError, check, parameter, table
+from phd_jdtc_ros.configuration.schema import ConfigError, check, parameter, shared, table
 from phd_jdtc_ros.transponders.batches import WIDE, Batch, columns
 from phd_jdtc_ros.transponders.stream import ReportStream, StreamSettings
 from phd_jdtc_ros.transport import receiver, udp
@@ -25,12 +26,7 @@ PERIOD_S = 0.5
 class StreamParameters:
     """Parameters of the reports."""
 
-    max_clock_offset_s: float = parameter(
-        10.0,
-        "Difference between a report's time and its receipt, s, above which the time of receipt "
-        "is used. It holds for the times that receivers add (tag blocks) too.",
-        (0.5, 86400.0),
-    )
+    max_clock_offset_s: float = shared(Receiving, "max_clock_offset_s")
     geodetic: list[float] = parameter(
         [],
         "Latitude and longitude (degrees) and height (m) of the receiver, which aircraft on the "
@@ -40,10 +36,9 @@ class StreamParameters:
 
 
 @dataclass(frozen=True)
-class NodeParameters:
+class NodeParameters(Managed):
     """Parameters of the node only."""
 
-    autostart: bool = parameter(True, "Configure and activate the node at the start.")
     inputs: list[str] = parameter(
         ["127.0.0.1:10110"],
         "Inputs: HOST:PORT of this machine or of a multicast group (UDP), tcp://HOST:PORT of a "
@@ -51,15 +46,8 @@ class NodeParameters:
         element=str,
         most=MOST_INPUTS,
     )
-    interface: str = parameter(
-        "",
-        "Address of the network interface for multicast groups; empty for the system's choice.",
-    )
-    replayed: bool = parameter(
-        False,
-        "Whether the input is a replayed recording, whose times of receipt are ignored. Times are "
-        "then those in it, as for a file.",
-    )
+    interface: str = shared(Receiving, "interface")
+    replayed: bool = shared(Receiving, "replayed")
 
 
 OF_FILES = table(StreamParameters)

@@ -120,8 +120,8 @@ def test_another_kind_changes_the_parameters_of_a_live_tracker():
     values = settings.resolve({"sensors": ["radar_1"], "radar_1.topic": "/here"}).values
     table, edited = settings.edit(values, {"radar_1.kind": "position"})
     assert "radar_1.range_std" not in table
-    names = ("topic", "message", "position_std")
-    assert [edited[f"radar_1.{name}"] for name in names] == ["/here", "positions", 0.5]
+    names = ("topic", "position_std")
+    assert [edited[f"radar_1.{name}"] for name in names] == ["/here", 0.5]
 
 
 def test_the_registration_of_other_kinds_is_refused():

@@ -73,7 +73,7 @@ def rows(node, values):
     found = {}
     for section in parameters().split("\n## ")[1:]:
         title = section.splitlines()[0]
-        if title.split(",")[0] != node:
+        if node not in re.split(", | and ", title):
             continue
         group = re.search(r"in `(\w+)`", title)
         prefixes = [f"{name}." for name in values[group[1]][1]] if group else [""]
@@ -128,7 +128,7 @@ def test_topics_and_policies_have_a_new_output(monkeypatch):
 
 
 def test_no_more_parameters_are_declared_than_a_user_can_read():
-    assert declared_in_all() <= 160
+    assert declared_in_all() <= 153
 
 
 @pytest.mark.parametrize(("node", "declared"), [(n, n) for n in NODES], indirect=["declared"])

@@ -17,7 +17,7 @@ from phd_jdtc_ros.handover import settings
             "west.region: [] given, must be [x_min, y_min, x_max, y_max, margin]",
         ),
         ({"east.region": [1.0, 0.0, 0.0, 1.0]}, "east.region: [1.0, 0.0, 0.0, 1.0] given"),
-        ({"west.node": "/east/tracker"}, "east.node: /east/tracker given, west has it too"),
+        ({"west.node": "/east/tracker"}, "west.node: no longer a parameter, remap its topics"),
         ({"west.speed": 1.0}, "west.speed: unknown parameter"),
         ({"west.region": REGIONS["west"]}, "west.region: margin 0 given, must be above 0"),
         (
@@ -38,6 +38,6 @@ def test_two_trackers_of_one_name_are_one_fault():
 
 def test_defaults_follow_from_the_margin_and_the_names():
     assert settings.resolve(given()).hysteresis == pytest.approx(0.2 * MARGIN)
-    found = settings.resolve(given(**{"east.node": "/site_b/fusion"}))
+    found = settings.resolve(given())
     assert found.topic(0, FILTERED) == "/west/tracker/filtered/estimates"
-    assert found.topic(1, SMOOTHED) == "/site_b/fusion/smoothed/estimates"
+    assert found.topic(1, SMOOTHED) == "/east/tracker/smoothed/estimates"

@@ -58,11 +58,7 @@ class PositionParameters(SensorParameters):
         "y": ("position_std", "m"),
     }
 
-    message: str = parameter(
-        "positions",
-        "Type of the messages: sensor_msgs/PointCloud2 with x and y.",
-        choices=("positions",),
-    )
+    message = "positions"
     position: tuple[float, ...] = shared(RadarParameters, "position")
     yaw_deg: float = shared(RadarParameters, "yaw_deg")
     pose_topic: str = shared(RadarParameters, "pose_topic")

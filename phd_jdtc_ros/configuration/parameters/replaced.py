@@ -122,7 +122,10 @@ HAND_OVER: Mapping[str, str] = {
     "smoothed_wait_s": CONSTANT.format("8 s"),
     "world_frame": "it is the frame of the first estimates",
 }
-HAND_OVER_TRACKER: Mapping[str, str] = {"region_margin": REGION}
+HAND_OVER_TRACKER: Mapping[str, str] = {
+    "region_margin": REGION,
+    "node": "remap its topics, as with -r /NAME/tracker/filtered/estimates:=NOW",
+}
 
 
 # Words that stood in values, and their words in `learn`; that of `auto` is the parameter's own.

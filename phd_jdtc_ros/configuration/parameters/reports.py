@@ -26,11 +26,7 @@ class ReportsParameters(SensorParameters):
 
     TOPIC: ClassVar[str] = "reports"
 
-    message: str = parameter(
-        "reports",
-        "Type of the messages: sensor_msgs/PointCloud2 with latitude and longitude, or x and y.",
-        choices=("reports",),
-    )
+    message = "reports"
     trust: str = parameter(
         "beside",
         "How reports are used: beside the tracks of other sensors, which they do not change, as "

@@ -49,11 +49,11 @@ class SensorParameters:
     measures_amplitude: ClassVar[bool] = False
 
     kind: str = parameter("radar", "Kind of the sensor.")
-    message: str = parameter("", "Type of the messages.")
     topic: str = parameter("", "Topic of the detections; empty for /NAME/detections.")
     frame: str = parameter("", "frame_id of the messages; empty for the sensor's name.")
     name: str = ""
 
+    message = ""  # Type of the messages, if a kind has several
     fields = Fields()
     pose_max_age_s = 0.0
     rotation_s = 0.0

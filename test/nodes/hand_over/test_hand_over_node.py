@@ -19,7 +19,6 @@ from msg_adapters.outgoing import diagnostics
 from msg_adapters.targets import estimates
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Detections
-from phd_jdtc_ros.handover import settings
 from phd_jdtc_ros.parameter_files import bag_parameters
 
 NS = 10**9
@@ -298,14 +297,6 @@ def test_a_tracker_whose_clock_is_wrong_does_not_end_the_picture(processes, peer
     # Then both are quiet.
     assert rig.until("picture", DiagnosticStatus.WARN, "all trackers are silent")
     assert rig.until("east", DiagnosticStatus.WARN, "silent for")
-
-
-def test_invalid_node_name_is_reported_with_its_parameter(processes):
-    status, text = processes.run("hand_over", *joining(**{"west.node": "/9west"}))
-    assert status == 2
-    assert text.strip() == "hand_over: west.node: '/9west' given, must be a node's name"
-    found = settings.resolve(given())
-    assert found.origin(0) == ("trackers", "west")
 
 
 def test_executable_without_parameters_is_the_node_and_lists_what_it_needs(processes):

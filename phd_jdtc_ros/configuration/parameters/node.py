@@ -1,4 +1,4 @@
-"""The parameters of a live tracker that are the node's own and not the tracker's."""
+"""The parameters of a live tracker that are the node's own, and those that nodes have in common."""
 
 from __future__ import annotations
 
@@ -9,10 +9,39 @@ from . import replaced
 
 
 @dataclass(frozen=True)
-class Node:
-    """The parameters of the live node only."""
+class Managed:
+    """The parameter of every managed node."""
 
     autostart: bool = parameter(True, "Configure and activate the node at the start.")
+
+
+@dataclass(frozen=True)
+class Receiving:
+    """Common parameters of the nodes that receive from the network."""
+
+    max_clock_offset_s: float = parameter(
+        10.0,
+        "Difference between the times of a source and those of receipt, s, above which its clock "
+        "counts as wrong: the times of a radar are then shifted by the difference, and a report "
+        "has the time of its receipt.",
+        (0.5, 86400.0),
+    )
+    interface: str = parameter(
+        "",
+        "Address of the network interface for multicast groups, in and out; empty for the "
+        "system's choice.",
+    )
+    replayed: bool = parameter(
+        False,
+        "Whether the input is a replayed recording, whose times of receipt are ignored: times are "
+        "then those in it, and the first day of ASTERIX is 1970-01-01, as for a file.",
+    )
+
+
+@dataclass(frozen=True)
+class Node(Managed):
+    """The parameters of the live node only."""
+
     max_wait_s: float = parameter(
         0.0,
         "Longest time for which a scan waits for missing radars, s by the wall clock; 0 to wait "
