@@ -3,8 +3,8 @@
 ``python -m benchmarks.gauges`` prints each gauge beside its limit, and ends with 1 if one exceeds
 it. A limit is what was reached last: whoever gets below it lowers it. Only a new capability raises
 one, by what it needs; the last ones were reports of ships and aircraft, and their decoders, heights
-and tilted arrays in space, the law of clutter over range, conflicts and zones, manual work, and the
-live picture.
+and tilted arrays in space, the law of clutter over range, conflicts and zones, manual work, in
+replays too, the live picture, and the trackers that share a track.
 
 A scan's path is traced by a profiler while one scan of two radars passes `Tracker.update`. A move
 is a step from one file of the project to another, and a return is a move to a file that the scan
@@ -43,8 +43,8 @@ MANY = 9  # Number of parameters from which a function has too many
 WARM_SCANS = 12  # Scans before the traced one
 
 LIMITS: Mapping[str, float] = {
-    "lines of the product": 77_385,
-    "files of the product": 471,
+    "lines of the product": 77_585,
+    "files of the product": 472,
     "declared parameters": 153,
     "constants of modules per 1,000 lines": 16.9,
     f"functions with {MANY} parameters or more": 1,

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.parameter import parameter_value_to_python
+from rclpy.parameter import Parameter, parameter_value_to_python
 
 from phd_jdtc_ros.configuration import schema
 from phd_jdtc_ros.core.sensors.site import Plane
@@ -47,6 +47,19 @@ def of_request(verb: str, parameters: Sequence[Any], plane: Plane | None) -> Com
     return _command(verb, given)
 
 
+def to_request(command: Command) -> list[Any]:
+    """Return a command as the named values of its service, see `of_request`."""
+    named = _values_of(command).items()
+    return [Parameter(name, value=value).to_parameter_msg() for name, value in named]
+
+
+def _values_of(command: Command) -> dict[str, Any]:
+    if command.verb == START:
+        return dict(zip(MOTION, command.motion, strict=True))
+    texts = {VALUES[command.verb][-1]: command.text} if command.verb in (NAME, MARK) else {}
+    return {"track": command.track, **texts}
+
+
 def _command(verb: str, given: Mapping[str, Any]) -> Command:
     if verb == START:
         zero = {"vx": 0.0, "vy": 0.0}
@@ -71,12 +84,7 @@ def _number(given: Mapping[str, Any], name: str, most: float) -> float:
 
 def to_msg(stamp_ns: int, command: Command) -> DiagnosticArray:
     """Encode a command that was done after the scan of a stamp, 0 before the first one."""
-    if command.verb == START:
-        values: dict[str, object] = dict(zip(MOTION, command.motion, strict=True))
-    else:
-        named = (("track", command.track), (VALUES[command.verb][-1], command.text))
-        values = dict(named) if command.verb in (NAME, MARK) else {"track": command.track}
-    return diagnostics.array(stamp_ns, [diagnostics.status(command.verb, values)])
+    return diagnostics.array(stamp_ns, [diagnostics.status(command.verb, _values_of(command))])
 
 
 def from_msg(message: DiagnosticArray) -> tuple[int, Command]:

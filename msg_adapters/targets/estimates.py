@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import count, takewhile
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,7 @@ _CROSS = {
 _IDENTITIES = {"code": identities.CODES, "address": identities.ADDRESSES}
 _AGES = tuple(f"age_{sensor}" for sensor in SENSORS)
 PRESSURE = "pressure_altitude"
+OWNER, MEMBER = "owner", "member_"
 _UNKNOWN_AS_NAN = ("z", "vz", *_VERTICAL, *_CROSS, *_AGES, PRESSURE)
 _STATE = (("x", X), ("y", Y), ("vx", VX), ("vy", VY), ("omega", OMEGA))
 
@@ -54,7 +56,8 @@ def to_msg(estimates: Estimates, frame: str) -> PointCloud2:
     covariances of the plane's axes with height and climb rate, and ``pressure_altitude``, the
     altitude in the standard atmosphere; NaN for an unknown one.
 
-    With receivers of self-reports the columns of `reported` follow.
+    With receivers of self-reports the columns of `reported` follow. Estimates of several trackers
+    end with UINT32 ``owner member_0 member_1 ...``, see `Estimates.members`.
     """
     return point_cloud.encode(estimates.stamp_ns, frame, _columns_of(estimates))
 
@@ -101,6 +104,10 @@ def _columns_of(estimates: Estimates) -> dict[str, npt.NDArray[Any]]:
             columns[PRESSURE] = known.height[:, 0] + estimates.pressure_above
     if estimates.reports is not None:
         columns |= reported.columns_of(estimates.reports, estimates.stamp_ns)
+    if estimates.members is not None:
+        # Numbers that are unique over all series of a tracker are beyond 32 bits.
+        owner, *members = (estimates.members % 2**32).T
+        columns |= {OWNER: owner, **{f"{MEMBER}{k}": own for k, own in enumerate(members)}}
     return columns
 
 
@@ -138,6 +145,8 @@ def from_msg(cloud: PointCloud2) -> Estimates:
     if told:
         floats += reported.FLOATS
         whole += reported.WHOLE
+    members = _member_names(point_cloud.field_names(cloud))
+    whole += members
     wanted: dict[str, tuple[str, ...]] = dict.fromkeys(floats, point_cloud.FLOATS)
     wanted |= dict.fromkeys(whole, point_cloud.UNSIGNED)
     if told and reported.NAME in point_cloud.field_names(cloud):
@@ -181,7 +190,26 @@ def from_msg(cloud: PointCloud2) -> Estimates:
         attributes=known,
         pressure_above=_pressure_above(columns, known),
         reports=reported.of_columns(columns, stamp_ns) if told else None,
+        members=_members(columns, members),
     )
+
+
+def _member_names(fields: Sequence[str]) -> list[str]:
+    """Return the fields of `Estimates.members` in their order; none without an owner."""
+    if OWNER not in fields:
+        return []
+    return [OWNER, *takewhile(fields.__contains__, (f"{MEMBER}{k}" for k in count()))]
+
+
+def _members(columns: Mapping[str, npt.NDArray[Any]], names: Sequence[str]) -> IntArray | None:
+    """Return `Estimates.members`, None if the cloud has none."""
+    if not names:
+        return None
+    if (columns[OWNER] >= len(names) - 1).any():
+        raise RejectedMessageError(
+            "schema", f"owner is {columns[OWNER].max()}, must be below {len(names) - 1}"
+        )
+    return np.stack([columns[name] for name in names], axis=1).astype(np.int64)
 
 
 def _pressure_above(columns: Mapping[str, npt.NDArray[Any]], known: Attributes | None) -> float:

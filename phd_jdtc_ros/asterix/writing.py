@@ -198,6 +198,9 @@ class TrackReport:
     pressure_altitude: float = math.nan
     # True if the height is above the ellipsoid, whatever those of the source usually are.
     geometric: bool = False
+    # The trackers that have the track, the one whose estimate it is first: the number of each, from
+    # 1, and its number of the track. Empty for a single tracker.
+    composed: tuple[tuple[int, int], ...] = ()
 
 
 def track_record(track: TrackReport, time_ns: int, source: Source) -> bytes:
@@ -228,6 +231,8 @@ def track_record(track: TrackReport, time_ns: int, source: Source) -> bytes:
         items["245"] = b"\x00" + track.call_sign.to_bytes(6, "big")
     if track.address != NONE:
         items["380"] = _aircraft(track)
+    if track.composed:
+        items["510"] = _composed(track)
     items |= _heights(track, source)
     if math.isfinite(track.climb):
         items["220"] = signed(track.climb, CLIMB_UNIT, 2)
@@ -239,6 +244,15 @@ def _aircraft(track: TrackReport) -> bytes:
     if track.call_sign == NONE:
         return b"\x80" + address
     return b"\xc0" + address + track.call_sign.to_bytes(6, "big")
+
+
+def _composed(track: TrackReport) -> bytes:
+    """Encode I062/510; the last bit of each part says whether another follows."""
+    last = len(track.composed) - 1
+    return b"".join(
+        bytes([unit % 256]) + (number % 2**15 << 1 | (k < last)).to_bytes(2, "big")
+        for k, (unit, number) in enumerate(track.composed)
+    )
 
 
 def _status(track: TrackReport, source: Source) -> bytes:

@@ -20,6 +20,7 @@ from phd_jdtc_ros.asterix.slices import SectorReport
 from phd_jdtc_ros.asterix.writing import Source, TrackReport
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.site import Plane
+from phd_jdtc_ros.core.targets.modes import ModeSpace
 from phd_jdtc_ros.core.targets.motion import CoordinatedTurn
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, Estimates
 from phd_jdtc_ros.transponders import batches
@@ -124,7 +125,8 @@ LEAST_TURN, LEAST_CLIMB, TURN_DEVIATIONS = math.radians(0.5), 1.5, 2.0
 MOST_TRACKS = 10_000
 # Number of track numbers in ASTERIX.
 TRACK_NUMBERS = 2**16
-# Motion model for the prediction to the time of output; covariances are predicted to first order.
+# Motion model for the prediction to the time of output; covariances are predicted to first order,
+# with the process noise of the tracker's own modes.
 _TURN = CoordinatedTurn(0.0, 0.0)
 
 
@@ -153,6 +155,7 @@ class TrackOutput:
         self.source = source
         self._call_signs = call_signs
         self._plane = plane
+        self.modes: ModeSpace | None = None  # Those of the tracker, if they are known
         # Estimates have heights above the map's zero, which may differ from the zero of flight
         # levels.
         self._datum = 0.0 if plane is None else plane.origin[2]
@@ -213,6 +216,7 @@ class TrackOutput:
     ) -> dict[int, TrackReport]:
         space, jacobian = estimated.space, _TURN.jacobian(estimated.state, ahead_s)
         covariance = jacobian @ estimated.covariance @ jacobian.transpose(0, 2, 1)
+        covariance += self._noise(estimated, abs(ahead_s))
         later = replace(
             estimated, state=_TURN.mean(estimated.state, ahead_s), covariance=covariance
         )
@@ -227,6 +231,7 @@ class TrackOutput:
         climbed = np.array([[1.0, ahead_s], [0.0, 1.0]])
         up_std = _deviations(climbed @ known.height_covariance @ climbed.T)
         ages = known.ages_s(time_ns).tolist()
+        members = estimated.members
         found: dict[int, TrackReport] = {}
         for row in np.flatnonzero(estimated.track_id > 0).tolist():
             number = int(estimated.track_id[row])
@@ -257,8 +262,29 @@ class TrackOutput:
                 height_std=float(up_std[row, 0]),
                 climb_std=float(up_std[row, 1]),
                 call_sign=self._call_signs.of(int(known.address[row])),
+                composed=() if members is None else _composed(members[row].tolist()),
             )
         return found
+
+    def _noise(self, estimated: Estimates, dt: float) -> FloatArray:
+        """Return the process noise of each estimate in `dt` seconds, (T, D, D).
+
+        It is the mean over classes and motion modes; zero if these are not known.
+        """
+        modes, classes = self.modes, estimated.class_probability
+        known = modes is not None and modes.space == estimated.space
+        if modes is None or not known or len(modes.classes) != classes.shape[1]:
+            return np.zeros_like(estimated.covariance)
+        share = classes[:, modes.class_of] * modes.motion_share
+        noise: FloatArray = np.einsum("to,oij->tij", share, modes.noise(dt))
+        return noise
+
+
+def _composed(members: list[int]) -> tuple[tuple[int, int], ...]:
+    """Return the trackers that have a track, the owner first, as in `TrackReport.composed`."""
+    owner, *numbers = members
+    having = [tracker for tracker, number in enumerate(numbers) if number and tracker != owner]
+    return tuple((tracker + 1, numbers[tracker]) for tracker in (owner, *having))
 
 
 def _deviations(covariance: FloatArray) -> FloatArray:

@@ -87,7 +87,7 @@ class Handover:
             )
             parts[owner].append((by_tracker[owner], joint))
         self._forget(found, gathered.keys())
-        return _joint(found, parts)
+        return _joint(found, parts, rows)
 
     @property
     def numbers(self) -> dict[Track, int]:
@@ -103,16 +103,18 @@ class Handover:
         """
         found = self._complete(gathered)
         best: dict[int, tuple[float, int, int]] = {}
+        rows: dict[int, dict[int, int]] = {}
         for tracker, estimates in enumerate(found):
             depth = self.regions[tracker].depth(estimates.position).tolist()
             for row, number in enumerate(estimates.track_id.tolist()):
                 joint = numbers.get((tracker, number))
                 if joint is not None:
                     best[joint] = max(best.get(joint, (-np.inf, 0, 0)), (depth[row], tracker, row))
+                    rows.setdefault(joint, {})[tracker] = row
         parts: list[list[tuple[int, int]]] = [[] for _ in found]
         for joint, (_, tracker, row) in best.items():
             parts[tracker].append((row, joint))
-        return _joint(found, parts)
+        return _joint(found, parts, rows)
 
     def _complete(self, gathered: Mapping[int, Estimates]) -> list[Estimates]:
         """Return the estimates of every tracker, empty ones for missing trackers."""
@@ -217,17 +219,32 @@ class Handover:
         }
 
 
-def _joint(found: Sequence[Estimates], parts: Sequence[Sequence[tuple[int, int]]]) -> Estimates:
-    """Return rows of several trackers' estimates in one, with joint numbers."""
+def _joint(
+    found: Sequence[Estimates],
+    parts: Sequence[Sequence[tuple[int, int]]],
+    rows: Mapping[int, Mapping[int, int]],
+) -> Estimates:
+    """Return rows of several trackers' estimates in one, with joint numbers.
+
+    `parts` has each tracker's rows with their joint numbers, and `rows` those of all trackers by
+    joint number and tracker.
+    """
     attributed = any(estimates.attributes is not None for estimates in found)
-    own = []
-    for estimates, rows in zip(found, parts, strict=True):
-        index = np.array([row for row, _ in rows], dtype=np.int64)
-        number = np.array([joint for _, joint in rows], dtype=np.int64)
+    own, owner = list[Estimates](), dict[int, int]()
+    for tracker, (estimates, numbered) in enumerate(zip(found, parts, strict=True)):
+        index = np.array([row for row, _ in numbered], dtype=np.int64)
+        number = np.array([joint for _, joint in numbered], dtype=np.int64)
+        owner |= dict.fromkeys(number.tolist(), tracker)
         part = replace(estimates.take(index), track_id=number)
         own.append(replace(part, attributes=part.known_attributes if attributed else None))
     # The lag of empty estimates is unknown, because messages carry it with each estimate.
-    return Estimates.concatenate(own, max(estimates.lag for estimates in found))[0]
+    joined = Estimates.concatenate(own, max(estimates.lag for estimates in found))[0]
+    members = np.zeros((len(joined), 1 + len(found)), dtype=np.int64)
+    for entry, joint in zip(members, joined.track_id.tolist(), strict=True):
+        entry[0] = owner[joint]
+        for tracker, row in rows[joint].items():
+            entry[1 + tracker] = found[tracker].track_id[row]
+    return replace(joined, members=members)
 
 
 # A track that has ended keeps its number for smoothed estimates for KEPT_S seconds. Numbers are

@@ -11,6 +11,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
@@ -23,6 +24,10 @@ from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.plot_stream import PERIOD_NS, Cloud, PlotStream, RadarState
 from phd_jdtc_ros.asterix_bridge import conversion, settings
 from phd_jdtc_ros.asterix_bridge.conversion import TrackOutput
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.targets.modes import ModeSpace
+from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.transport import udp
@@ -31,6 +36,7 @@ from phd_jdtc_ros.transport.receiver import Input
 
 from .common import parameters, runtime, topics
 from .common.health import HealthReports, ThrottledWarnings, first, status_of
+from .common.parameters import TrackerParameters
 from .common.receiving import Moment, ReceivingNode, nothing_received
 from .common.runtime import steady_timer
 
@@ -140,6 +146,7 @@ class AsterixBridge(ReceivingNode):
         self._stream = self._new_stream()
         self._sender: socket.socket | None = None
         self._output: TrackOutput | None = None
+        self._modes: ModeSpace | None = None
         self._taken_s = 0.0
         self._clouds = 0
         self._dropped: Counter[str] = Counter()
@@ -151,6 +158,8 @@ class AsterixBridge(ReceivingNode):
             topics.subscribe(
                 self, PointCloud2, ESTIMATES, self._on_estimates, INPUT_DEPTH, ESTIMATES
             )
+            tracker = names.tracker_of(self.resolve_topic_name(ESTIMATES))
+            TrackerParameters(self, tracker, self._on_parameters)
         HealthReports(self, self._statuses, lambda: self.is_active)
         steady_timer(self, PERIOD_NS * 1e-9 / 2.0, self._publish_due)
         period_s = self._values["output_period_s"]
@@ -228,6 +237,15 @@ class AsterixBridge(ReceivingNode):
             for state, report in self._stream.due(time.time_ns()):
                 self._publish(state, report)
 
+    def _on_parameters(self, values: dict[str, Any]) -> None:
+        """Learn the tracker's motion modes, whose noise the accuracy of predicted tracks needs."""
+        try:
+            self._modes = resolve(values, SystemPlane).model.modes
+        except ConfigError:  # It is no tracker, such as `hand_over`
+            return
+        if self._output is not None:
+            self._output.modes = self._modes
+
     def _on_estimates(self, cloud: PointCloud2) -> None:
         if self._sender is None:
             return
@@ -235,6 +253,7 @@ class AsterixBridge(ReceivingNode):
         alone = len(self._stream.radars) == 1
         if self._output is None:
             self._output = settings.track_output(self._bridge, alone, self._stream.call_signs)
+            self._output.modes = self._modes
         # Radars without a name in the parameters become known while the bridge runs.
         self._output.source = replace(self._output.source, monosensor=alone)
         try:

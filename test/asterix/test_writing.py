@@ -144,6 +144,13 @@ def test_ages_are_those_of_the_sensors_that_saw_the_track(given, ages):
     assert value(record, "I290", "TRK", "TRK") == 60.0
 
 
+@pytest.mark.parametrize("trackers", [[(1, 7)], [(2, 40_000), (1, 3), (300, 2**15 - 1)]])
+def test_trackers_that_have_the_track_are_in_their_order(trackers):
+    found = one(TrackReport(5, (0.0, 0.0), (0.0, 0.0), composed=tuple(trackers)))["I510"]
+    read = [(part["SDPSUID"]["val"], part["STN"]["val"]) for part in found]
+    assert read == [(unit % 256, number % 2**15) for unit, number in trackers]
+
+
 def test_values_beyond_an_item_are_its_largest():
     far = replace(
         PLAIN,

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from msg_adapters.targets import estimates
 from phd_jdtc_ros.asterix.messages import NONE, CallSigns
 from phd_jdtc_ros.asterix.writing import Source
 from phd_jdtc_ros.asterix_bridge.conversion import TrackOutput
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.state_space import SPATIAL
 from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.earth import SystemPlane
@@ -105,6 +107,35 @@ def test_deviations_are_predicted_with_the_position(omega):
     assert track.position_std == pytest.approx(np.sqrt(np.diag(expected)), rel=1e-4)
     assert track.covariance == pytest.approx(expected[0, 1], rel=1e-3, abs=1e-3)
     assert track.position_std[0] > 30.0
+
+
+def test_deviations_have_the_noise_of_the_trackers_modes():
+    given = {"cov_00": 900.0, "cov_22": 400.0, "cov_44": 1e-6, "p_class_0": 1.0}
+    modes = resolve({"classes": ["one"]}).model.modes
+    made, without, foreign = output(), output(), output()
+    made.modes, foreign.modes = modes, resolve({}).model.modes  # of two classes
+    for each in (made, without, foreign):
+        each.update(cloud([given]))
+    before, after = without.reports(T0 + 6 * NS)[0], made.reports(T0 + 6 * NS)[0]
+    density = sum(modes.motion_share * [motion.noise_density for motion in modes.motions])
+    grown = np.square(after.position_std) - np.square(before.position_std)
+    assert grown == pytest.approx(density * 6.0**3 / 3.0)
+    assert np.square(after.velocity_std) == pytest.approx(density * 6.0)
+    assert foreign.reports(T0 + 6 * NS)[0].position_std == before.position_std
+    # A stamp a little ahead of the clock adds noise too.
+    assert made.reports(T0 - NS)[0].position_std[0] > 30.0
+    assert made.reports(T0)[0].position_std == (30.0, 20.0)
+
+
+def test_trackers_that_have_a_track_are_those_of_a_joint_cloud():
+    found = estimates.from_msg(cloud([{"track_id": 1}, {"track_id": 2}]))
+    members = np.array([[1, 12, 2**32 + 7, 0], [2, 0, 0, 5]])
+    made = output()
+    made.update(estimates.to_msg(replace(found, members=members), "map"))
+    assert [track.composed for track in made.reports(T0)] == [((2, 7), (1, 12)), ((3, 5),)]
+    wrong = replace(found, members=np.array([[3, 1, 1, 1], [0, 1, 1, 1]]))
+    with pytest.raises(RejectedMessageError, match="owner is 3, must be below 3"):
+        made.update(estimates.to_msg(wrong, "map"))
 
 
 def test_course_is_straight_or_unknown_where_it_does_not_turn_for_sure():

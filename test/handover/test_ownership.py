@@ -12,6 +12,7 @@ from scipy.sparse import csgraph
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.tracks.renumbering import GATE, match
 from phd_jdtc_ros.core.types import UNKNOWN, Attributes
+from phd_jdtc_ros.core.types.reports import Reported
 from phd_jdtc_ros.handover import ownership
 from phd_jdtc_ros.handover.ownership import APART, FORGOTTEN_S, TOGETHER, Handover, Numbers
 
@@ -58,6 +59,32 @@ def test_what_crosses_the_seam_changes_over_once_behind_the_hysteresis():
         assert list(tracks) == [1]
         owners.add(tracks[1] == x)
     assert len(owners) == 1
+
+
+def test_a_joint_track_names_its_owner_and_its_number_in_each_tracker():
+    handover = Handover(REGIONS, HYSTERESIS)
+    for stamp in range(TOGETHER + 1):
+        both = estimates(stamp, {3: (500.0, 0.0)}), estimates(stamp, {7: (520.0, 0.0), 9: (9e4, 0)})
+        found = handover.add(dict(enumerate(both)))
+    assert dict(zip(found.track_id.tolist(), found.members.tolist(), strict=True)) == {
+        1: [1, 3, 7],
+        2: [1, 0, 9],
+    }
+    again = handover.join_numbered(dict(enumerate(both)), handover.numbers)
+    assert again.members.tolist() == found.members.tolist()
+
+
+def test_what_self_reports_say_stays_with_its_target():
+    both = [estimates(0, {3: (-9e4, 0.0)}), estimates(0, {7: (9e4, 0.0)})]
+    told = [
+        replace(each, reports=replace(Reported.unknown(1), dark=np.array([dark])))
+        for each, dark in zip(both, (0.2, 0.7), strict=True)
+    ]
+    found = Handover(REGIONS, HYSTERESIS).add(dict(enumerate(told)))
+    assert found.reports.dark.tolist() == [0.2, 0.7]
+    # One tracker without a receiver leaves nothing to say.
+    found = Handover(REGIONS, HYSTERESIS).add({0: both[0], 1: told[1]})
+    assert (len(found), found.reports) == (2, None)
 
 
 def test_two_targets_near_each_other_keep_their_numbers():

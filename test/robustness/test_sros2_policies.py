@@ -48,6 +48,7 @@ ARGUMENTS = {
         *(BAG, "--rate", "0", "--ros-args", "-p", "start_paused:=true"),
         *("-p", "flush_service:=/tracker/flush"),
     ),
+    "picture": ("--port", "0", "--ros-args"),
 }
 # A tracker has the figures of its engine; another engine has others.
 FIGURES = {names.curve(name) for figures in diagnostics.FIGURES.values() for name in figures}

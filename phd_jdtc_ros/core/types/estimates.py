@@ -130,6 +130,9 @@ class Estimates(_Targets):
     # Pressure altitude of targets in space minus their height, metres; NaN if it is not known.
     pressure_above: float = math.nan
     reports: Reported | None = None  # What self-reports say; None without a receiver of them
+    # If several trackers contribute: the index of the tracker whose estimate it is, and the number
+    # of the track in each of the K trackers, 0 if it has none, (T, 1 + K). None for one tracker.
+    members: IntArray | None = None
 
     @property
     def position_covariance(self) -> FloatArray:
@@ -206,7 +209,8 @@ class Estimates(_Targets):
         columns = {name: values[name][rows] for name in _PER_TARGET}
         attributes = None if self.attributes is None else self.attributes.take(rows)
         reports = None if self.reports is None else self.reports.take(rows)
-        return self.changed(attributes=attributes, reports=reports, **columns)
+        members = None if self.members is None else self.members[rows]
+        return self.changed(attributes=attributes, reports=reports, members=members, **columns)
 
     def select(self, mask: BoolArray) -> Estimates:
         """Return the estimates that a mask selects: these themselves if it selects all."""
@@ -226,14 +230,16 @@ class Estimates(_Targets):
         order = np.concatenate([part.track_id for part in parts]).argsort(kind="stable")
         columns = zip(*map(_per_target, parts), strict=True)
         joined = [np.concatenate(column)[order] for column in columns]
-        attribute_parts = [part.attributes for part in parts if part.attributes is not None]
-        attributes = (
-            Attributes.concatenate(attribute_parts).take(order)
-            if len(attribute_parts) == len(parts)
-            else None
-        )
+        known = [part.attributes for part in parts if part.attributes is not None]
+        said = [part.reports for part in parts if part.reports is not None]
         named = dict(zip(_PER_TARGET, joined, strict=True))
-        return parts[-1].changed(lag=lag, attributes=attributes, **named), stamps[order]
+        attributes, reports = None, None
+        if len(known) == len(parts):
+            attributes = Attributes.concatenate(known).take(order)
+        if len(said) == len(parts):
+            reports = Reported.concatenate(said).take(order)
+        others = {"attributes": attributes, "reports": reports, "members": None}
+        return parts[-1].changed(lag=lag, **others, **named), stamps[order]
 
     def with_rows(self, others: Estimates) -> Estimates:
         """Return these estimates and others of the same stamp, after them."""
@@ -244,7 +250,7 @@ class Estimates(_Targets):
             attributes = Attributes.concatenate([self.attributes, others.attributes])
         if self.reports is not None and others.reports is not None:
             reports = Reported.concatenate([self.reports, others.reports])
-        return self.changed(attributes=attributes, reports=reports, **named)
+        return self.changed(attributes=attributes, reports=reports, members=None, **named)
 
     @staticmethod
     def empty(stamp_ns: int, lag: int, classes: int, space: StateSpace = PLANAR) -> Estimates:

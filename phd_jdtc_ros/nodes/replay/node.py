@@ -30,6 +30,7 @@ from phd_jdtc_ros.parameter_files.sections import ParameterFile
 from ..common import parameters, runtime, topics
 from ..common.runtime import RunnableNode, serve
 from . import playback
+from .operator import Operator
 from .playback import GIVE_UP_S, BagClock, Group, LockStep, Playback, ProgressLine
 
 DEPTH = 50
@@ -87,9 +88,10 @@ class SensorReplay(RunnableNode):
         self._steps = 0
         self._enter(self._wait_for_subscribers)
         self._ready_since: float | None = None
+        self._operator = Operator(self, names.tracker_of(self._estimates))
         self._playback = Playback(
             bag,
-            self._played.classes,
+            [*self._played.classes, *self._played.manual],
             self._played.scan_topics,
             self._values["start_s"],
             self._values["duration_s"],
@@ -136,7 +138,8 @@ class SensorReplay(RunnableNode):
         """Stop the progress line and log how much was published."""
         self._line.stop()
         counts = [f"{topic} {self._published[topic]}" for topic in self._played.scan_topics]
-        self.get_logger().info(f"published: {', '.join(counts) or 'no scans'}")
+        work = [f"manual work {what} {count}" for what, count in self._operator.counts.items()]
+        self.get_logger().info(f"published: {', '.join([*counts, *work]) or 'no scans'}")
 
     def _tick(self) -> None:
         self._phase()
@@ -189,6 +192,7 @@ class SensorReplay(RunnableNode):
         """Start at the next group: forget awaited replies and publish earlier latched messages."""
         if self._lock_step:
             self._lock_step.begin()
+        self._operator.forget()
         if self._playback.upcoming is not None:
             self._bag_clock.now_ns = self._playback.upcoming.log_time_ns
         latched = [topic for topic in playback.LATCHED if topic in self._outputs]
@@ -198,18 +202,27 @@ class SensorReplay(RunnableNode):
 
     def _play(self) -> None:
         while (group := self._playback.upcoming) is not None:
-            if self._paused and self._steps == 0:
+            if self._operator_waits() or (self._paused and self._steps == 0):
                 return
             if not self._is_due(group):
                 return
             self._publish_group(group)
             self._playback.advance()
+        if self._operator_waits():
+            return
         if not self._values["loop"]:
             self._enter(self._drain)
         # In lock-step, the first scan of the next pass waits for the last scan of this one too.
         elif self._is_settled():
             self._playback.seek(self._playback.first_ns)
             self._begin()
+
+    def _operator_waits(self) -> bool:
+        """Whether manual work comes before the next scan; in lock-step behind the latest estimate.
+
+        The work of a message that was recorded within a scan is done after it.
+        """
+        return self._operator.has_work and (not self._is_settled() or self._operator.waits())
 
     def _is_due(self, group: Group) -> bool:
         if self._lock_step is None:
@@ -230,6 +243,9 @@ class SensorReplay(RunnableNode):
         self._bag_clock.now_ns = group.log_time_ns
         self._publish_clock()
         for message in group.messages:
+            if message.topic in self._played.manual:
+                self._operator.add(message.data)
+                continue
             self._outputs[message.topic].publish(message.data)
             self._published[message.topic] += 1
         if group.stamp_ns is not None:

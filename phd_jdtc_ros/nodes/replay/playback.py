@@ -51,6 +51,7 @@ class Playable:
     scan_topics: tuple[str, ...]  # Detections and truth, whose stamps define the scans
     detections: tuple[str, ...]  # The scan topics to which a tracker replies with an estimate
     truth: tuple[str, ...]  # The other scan topics
+    manual: tuple[str, ...]  # The topic of manual work, if that is repeated
     skipped: tuple[str, ...]  # One line per topic that cannot be published
 
 
@@ -58,8 +59,9 @@ def select(bag: BagReader, wanted: list[str]) -> Playable:
     """Return the part of a bag that is played.
 
     If no topics are `wanted`, it has all but those that the tracker, the evaluator and every node
-    publish. Raise `BagError` if a wanted topic is missing or cannot be published, if detections or
-    the truth have a wrong type, or if there is nothing to play.
+    publish; of these only manual work, which is done again. Raise `BagError` if a wanted topic is
+    missing or cannot be published, if detections, the truth or manual work have a wrong type, or if
+    there is nothing to play.
     """
     bag.require({topic: "a ROS 2 message" for topic in wanted if topic in bag.foreign})
     missing = [topic for topic in wanted if topic not in bag.types]
@@ -81,6 +83,9 @@ def select(bag: BagReader, wanted: list[str]) -> Playable:
         # A driver may publish its detections under another name.
         detections = [t for t in selected if bag.types[t] in readable]
         detections = [topic for topic in detections if topic not in truth]
+    manual = tuple({names.manual()} & {*(wanted or bag.types)})
+    bag.require(dict.fromkeys(manual, names.FIGURES))
+    selected = [topic for topic in selected if topic not in manual]
     classes: dict[str, Any] = {}
     skipped = [] if wanted else [f"{t}: is {what}, not played" for t, what in bag.foreign.items()]
     for topic in selected:
@@ -95,9 +100,9 @@ def select(bag: BagReader, wanted: list[str]) -> Playable:
         reason = "; ".join(skipped) or f"it has {', '.join(sorted(bag.types)) or 'no topic'}"
         raise BagError(f"{bag.path}: has nothing to play: {reason}")
     detections = [topic for topic in detections if topic in classes]
-    return Playable(
-        classes, (*detections, *truth), tuple(detections), tuple(truth), tuple(map(short, skipped))
-    )
+    lines = tuple(map(short, skipped))
+    scans = (*detections, *truth)
+    return Playable(classes, scans, tuple(detections), tuple(truth), manual, lines)
 
 
 def _tracker_prefixes(topics: Iterable[str]) -> tuple[str, ...]:

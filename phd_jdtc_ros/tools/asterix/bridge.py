@@ -78,8 +78,7 @@ def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, obje
             print("the position of the radar is unknown: tracks have no latitudes and longitudes")
         bridge = settings.resolve({**origin, **given})
         topic = names.estimates(arguments.estimates)
-        radars = [radar.topic for radar in config.inputs]
-        done = writing.write_tracks(bag, arguments.out, bridge, topic, radars)
+        done = writing.write_tracks(bag, arguments.out, bridge, topic, config)
     dropped = counts_text(done.dropped)
     nothing = not done.clouds and not dropped
     print(

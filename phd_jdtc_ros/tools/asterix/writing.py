@@ -5,7 +5,7 @@ from __future__ import annotations
 import heapq
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -72,16 +72,17 @@ def bridge_parameters(config: TrackerConfig) -> dict[str, Any]:
 
 
 def write_tracks(
-    bag: BagReader, out: Path, bridge: Bridge, topic: str, radars: Sequence[str]
+    bag: BagReader, out: Path, bridge: Bridge, topic: str, config: TrackerConfig
 ) -> ConversionCounts:
     """Write the estimates of a bag as CAT062 and CAT065, predicted to the end of each period.
 
     In a gap, which may be long, outputs continue until all tracks have ended. `topic` is that of
-    the estimates, and `radars` are those of all radars, whose clouds may have call signs.
+    the estimates. The clouds of all radars of the tracker's configuration may have call signs.
     """
     bag.require({topic: names.CLOUD})
-    call_signs = CallSigns()
+    call_signs, radars = CallSigns(), [radar.topic for radar in config.inputs]
     output = settings.track_output(bridge, len(radars) == 1, call_signs)
+    output.modes = config.model.modes
     recorded = [radar for radar in radars if bag.types.get(radar) == names.CLOUD]
     period_ns = round(bridge.values["output_period_s"] * 1e9)
     done = ConversionCounts("tracks")

@@ -6,14 +6,19 @@ from functools import partial
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from live_radars import cloud, connected, start_tracker
+from live_radars import SCANS, TOPICS, cloud, connected, start_tracker
+from mcap_files import write
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
+from replay_listener import playing
+from sensor_msgs.msg import PointCloud2
 
+from msg_adapters.encoding import interfaces, names
 from msg_adapters.incoming.readers import reader_of
 from msg_adapters.outgoing import manual
 from msg_adapters.targets import estimates
 from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.tracks.manual import Command
 from phd_jdtc_ros.feed.feed import Feed
 from phd_jdtc_ros.feed.tally import Tally
 
@@ -116,3 +121,37 @@ def test_manual_work_that_cannot_be_done_is_refused(operator, verb, values, word
     assert words in reason
     radars.track(3)
     assert not recorded
+
+
+def test_replay_repeats_the_manual_work_of_a_bag(processes, peer, tmp_path):
+    done = {
+        3: [Command("start", motion=(*PLACE, 10.0, 0.0)), Command("drop", 1)],
+        5: [Command("restore", 1), Command("drop", 2), Command("restore", 3)],
+        # It was recorded at the very end.
+        7: [Command("name", 1, "Aurora")],
+    }
+    commands = [(SCANS[index].stamp_ns, each) for index, own in done.items() for each in own]
+    messages = [
+        (TOPICS[radar], SCANS[index].stamp_ns, interfaces.encode(cloud(index, radar)))
+        for index, radar in itertools.product(range(8), range(2))
+    ]
+    for stamp_ns, command in commands:
+        data = interfaces.encode(manual.to_msg(stamp_ns, command))
+        messages.append((names.manual(), stamp_ns + 1000, data))
+    types = {**dict.fromkeys(TOPICS, names.CLOUD), names.manual(): names.FIGURES}
+    messages.sort(key=lambda message: message[1])
+    bag = write(tmp_path / "worked.mcap", types, messages)
+    filtered = peer.collect(PointCloud2, names.estimates("filtered"), 100)
+    repeated = peer.collect(DiagnosticArray, names.manual(), 100)
+    peer.said(start_tracker(processes), "tracking ")
+    replay = processes.start("sensor_replay", *playing(0, bag=bag))
+    log = peer.said(replay, "published: ")
+    assert "manual work done 5, manual work refused 1\n" in log
+    assert "/tracker/restore_track 3: track: 3 given, must be a dropped one" in log
+    assert peer.spin_until(lambda: len(filtered) == 8 and len(repeated) == 5)
+    possible = [each for each in commands if each[1] != Command("restore", 3)]
+    assert [manual.from_msg(message) for message in repeated] == possible
+    expected = offline(8, possible)
+    for sent, other in zip(filtered, expected, strict=True):
+        assert bytes(sent.data) == bytes(estimates.to_msg(other, "map").data)
+    assert [1 in numbers(sent) for sent in filtered[3:]] == [True, False, False, True, True]

@@ -163,6 +163,9 @@ def test_estimates_become_tracks_that_another_decoder_reads(with_estimates, tmp_
     assert {value(record, "I080", "MON") for record in tracks} == {1}
     plane = SystemPlane([52.0, 4.5, 0.0])
     assert len(tracks) == 2 * len(ends)
+    # Mean of the process noise over the motion modes of the bag's parameters.
+    modes = from_arguments.config_of(bag_parameters.read(with_estimates)).model.modes
+    density = sum(modes.motion_share * [motion.noise_density for motion in modes.motions])
     for record in tracks:
         x, y = value(record, "I100", "X"), value(record, "I100", "Y")
         lat, lon = value(record, "I105", "Lat"), value(record, "I105", "Lon")
@@ -174,9 +177,10 @@ def test_estimates_become_tracks_that_another_decoder_reads(with_estimates, tmp_
         )
         # The deviation grows with the prediction from the latest estimates, which come every 4 s.
         ahead_s = since_s - 4.0 * min(since_s // 4.0, 10.0)
-        predicted = np.hypot(30.0, 2.0 * ahead_s)
-        assert value(record, "I500", "APC", "APC_X") == pytest.approx(predicted, abs=0.26)
-        assert value(record, "I500", "ATV", "ATV_X") == 2.0
+        noise = density * np.array([ahead_s**3 / 3.0, ahead_s])
+        predicted = np.sqrt(np.square([np.hypot(30.0, 2.0 * ahead_s), 2.0]) + noise)
+        assert value(record, "I500", "APC", "APC_X") == pytest.approx(predicted[0], abs=0.26)
+        assert value(record, "I500", "ATV", "ATV_X") == pytest.approx(predicted[1], abs=0.13)
 
 
 @pytest.mark.parametrize(
