@@ -172,8 +172,16 @@ class Parameters:
 
     def in_plane(self, columns: Columns) -> Columns:
         """Return columns with positions in the place of latitudes and longitudes."""
-        known = {**self.found, **self.given}
-        return reports.in_plane(columns, known.get("world_origin", ()))
+        return reports.in_plane(columns, self._origin)
+
+    def seem_wrong(self, columns: Columns) -> str:
+        """Return the sentence about places that seem to be wrong; empty if they do not."""
+        return reports.seem_wrong(columns, self._origin)
+
+    @property
+    def _origin(self) -> Sequence[float]:
+        origin: Sequence[float] = {**self.found, **self.given}.get("world_origin", ())
+        return origin
 
     def _usable(self) -> dict[str, Any]:
         """Return the estimated parameters that fit the given classes and motion models."""

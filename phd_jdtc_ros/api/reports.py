@@ -17,7 +17,7 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.position import PositionParameters
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
-from phd_jdtc_ros.core.arrays import IntArray
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.earth import SystemPlane
 
 from .tables import (
@@ -36,6 +36,11 @@ POSITION = ("x", "y")
 # Columns in degrees, with the largest magnitude of each.
 NAMES = (("lat", "lon"), ("latitude", "longitude"))
 MOST_DEG = (90.0, 360.0)
+# Other units of both, of which a degree has so many.
+UNITS = {6e5: "1/10000 minutes", 1e7: "1e-7 degrees"}
+# Places farther from a given origin than this, metres, seem wrong if another reading of their
+# columns is nearer by this factor.
+ELSEWHERE, NEARER = 1e6, 10.0
 # Columns x and y seem to be in degrees if they span less than this, this many times farther from 0.
 SPAN, AWAY = 1.5, 30.0
 
@@ -75,7 +80,7 @@ def in_plane(columns: Columns, origin: Sequence[float]) -> Columns:
             row = int(np.argmax(bad))
             raise ValueError(
                 f"{name}: {column[row]:g} in {place_of(columns, row)}, must be from {-most:g} to "
-                f"{most:g} degrees"
+                f"{most:g} degrees{_probably(pair, degrees)}"
             )
     unknown = np.isnan(degrees).any(axis=0)
     plane = SystemPlane(origin).to_plane(
@@ -86,7 +91,53 @@ def in_plane(columns: Columns, origin: Sequence[float]) -> Columns:
     return columns
 
 
-def seem_degrees(columns: Columns) -> str:
+def _probably(pair: tuple[str, str], degrees: Sequence[FloatArray]) -> str:
+    """Return the words for what explains places that are not on the earth; empty if nothing."""
+    largest = [float(np.nanmax(np.abs(column))) for column in degrees]
+    if _are_on_earth(largest[::-1]):
+        return f"; are {' and '.join(pair)} swapped?"
+    for factor, unit in UNITS.items():
+        if _are_on_earth([size / factor for size in largest]):
+            return f"; probably these are {unit}: divide both columns by {factor:.0f}"
+    return ""
+
+
+def _are_on_earth(degrees: Sequence[float]) -> bool:
+    return all(abs(size) <= most for size, most in zip(degrees, MOST_DEG, strict=True))
+
+
+def seem_wrong(columns: Columns, origin: Sequence[float]) -> str:
+    """Return the sentence about places of a table that seem to be wrong; empty if they do not.
+
+    `origin` is the given ``world_origin``, or empty without one.
+    """
+    found, pair = middle(columns), names(columns)
+    if pair is None or found is None:
+        return _seem_degrees(columns)
+    which, place = " and ".join(pair), found[:2]
+    if origin:
+        readings = {"swapped": place[::-1], "in radians": np.degrees(place).tolist()}
+        plane = SystemPlane(origin)
+        far = float(np.hypot(*plane.to_plane(*place)))
+        for what, reading in readings.items():
+            if far > ELSEWHERE and _are_on_earth(reading):
+                near = float(np.hypot(*plane.to_plane(*reading)))
+                if far > NEARER * near:
+                    return (
+                        f"the middle of {which} is {far / 1e3:.0f} km from world_origin, and "
+                        f"{near / 1e3:.0f} km if they are {what}; are they?"
+                    )
+        return ""
+    largest = [float(np.nanmax(np.abs(numbers(columns, name)))) for name in pair]
+    if largest[0] > 0.5 * np.pi or largest[1] > np.pi:
+        return ""
+    return (
+        f"{which} are within {largest[0]:.2g} and {largest[1]:.2g} degrees of 0, on the open sea "
+        "south of Ghana; if they are in radians, convert them to degrees"
+    )
+
+
+def _seem_degrees(columns: Columns) -> str:
     """Return the sentence about x and y that seem to be in degrees; empty if they do not."""
     if not {*POSITION} <= {*columns}:
         return ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 from itertools import chain
 from numbers import Real
@@ -86,6 +87,11 @@ def evaluate(
     ------
     ValueError
         If a table is invalid, the truth does not span a time, or tracks have other times.
+
+    Warns
+    -----
+    UserWarning
+        If some rows have no label, or that of another row of their time.
     """
     if not (_is_number(cutoff) and cutoff > 0.0):
         raise ValueError(f"cutoff: {short(repr(cutoff))} given, must be a number above 0")
@@ -96,6 +102,9 @@ def evaluate(
         _require_finite(table, columns)
     true = _with_numbers(true, zero_is_label=not _zero_is_shared(true))
     found = _with_numbers(found, zero_is_label=False)
+    for table, columns in (("truth", true), ("tracks", found)):
+        if text := _without_identity(columns):
+            warnings.warn(f"{table}: {text}", stacklevel=2)
     names = _class_names(true, found)
     samples, estimates = _by_stamp(true, names), _by_stamp(found, names)
     known = TrueTracks()
@@ -191,6 +200,27 @@ def _with_numbers(table: Columns, *, zero_is_label: bool) -> Columns:
         none |= label == ("0" if texts else 0)
     _, number = np.unique(label, return_inverse=True)
     return with_column(table, "label", np.where(none, 0, number.reshape(-1) + 1))
+
+
+def _without_identity(table: Columns) -> str:
+    """Return the sentence about rows whose labels say nothing, among others; empty if none do.
+
+    The labels are those of `_with_numbers`. A table without any label says that none are known.
+    """
+    label = table.get("label")
+    if label is None or not label.any():
+        return ""
+    pairs = np.column_stack([stamps_ns(table), label])
+    _, first, row = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
+    again = first[row.reshape(-1)] != np.arange(len(label))
+    for wrong, what in ((label == 0, "no label"), (again, "the label of another one of its time")):
+        if wrong.any():
+            return (
+                f"{np.count_nonzero(wrong)} of {len(label)} rows, such as "
+                f"{place_of(table, int(np.argmax(wrong)))}, with {what}; figures of identities, "
+                "such as identity_switches, are None"
+            )
+    return ""
 
 
 SHIPPED = Path("config", "scenarios")

@@ -29,7 +29,7 @@ from phd_jdtc_ros.feed.feed import Feed, Monitor
 from phd_jdtc_ros.feed.tally import DetectionCounts, Tally
 
 from .parameters import Parameters
-from .reports import TIME, everywhere, report_of, reports_of, seem_degrees, told_of
+from .reports import TIME, everywhere, report_of, reports_of, told_of
 from .tables import Column, Columns, Table, columns_of, stamps_ns, table_of
 
 
@@ -153,6 +153,7 @@ class Tracker:
             clutter.
         """
         columns = columns_of(detections)
+        text = self._parameters.seem_wrong(columns)
         parameters = self._parameters.with_origin(columns)
         columns = parameters.in_plane(columns)
         config = parameters.config(columns, incomplete=True)
@@ -167,7 +168,7 @@ class Tracker:
             noticed = set(checks[index].add(report.detections)) & {*NOT_IN_RECORDINGS}
             tally.on_anomalies(index, report.anomalies + Counter(noticed))
         about: dict[int, list[str]] = {}
-        if text := seem_degrees(columns):
+        if text:
             about = {index: [text] for index in range(len(config.inputs))}
             warnings.warn(text, stacklevel=2)
         for index, text in tally.about_radars():
@@ -213,7 +214,10 @@ class Tracker:
         UserWarning
             If detections are not used or contradict the parameters.
         """
-        columns = self._parameters.in_plane(columns_of(detections))
+        columns = columns_of(detections)
+        if text := self._parameters.seem_wrong(columns):
+            warnings.warn(text, stacklevel=2)
+        columns = self._parameters.in_plane(columns)
         config = self._parameters.config(columns)
         run = _Run(config)
         if reports is not None:

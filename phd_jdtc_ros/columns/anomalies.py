@@ -284,6 +284,10 @@ _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
         "all azimuths are within 6.3 degrees; probably radians, set "
         f"{radar.name}.azimuth_unit to rad"
     ),
+    "azimuths_in_turns": lambda radar, _: (
+        f"azimuths fill the arc from 0 to 1 {'degree' if radar.azimuth_in_degrees else 'rad'}, and "
+        "none is outside; if they are turns, multiply them by 2 pi, with azimuth_unit rad"
+    ),
     "ranges_near": lambda radar, _: (
         f"all ranges are far below {radar.name}.max_range, {radar.max_range:g} m; ranges must be "
         "in metres"

@@ -185,6 +185,52 @@ def test_fit_tracks_latitudes_and_longitudes_in_the_plane_about_their_middle():
         Tracker().fit({"time": table["time"], "lat": lat + 50.0, "lon": lon})
 
 
+HERE = (47.37, 8.54, 0.0)
+
+
+def on_earth(wrong=lambda lat, lon: (lat, lon)):
+    """Return positions with latitudes and longitudes that something is done to."""
+    table = crossing.cartesian(DETECTIONS)
+    lat, lon = wrong(*SystemPlane(HERE).to_geodetic(table["x"], table["y"]))
+    return {"time": table["time"], "lat": lat, "lon": lon}
+
+
+def test_latitudes_and_longitudes_that_are_wrong_are_named_with_their_cause():
+    def swapped(lat, lon):
+        return lon, lat
+
+    def radians(*both):
+        return np.radians(both)
+
+    given = {"world_origin": list(HERE)}
+    for wrong, what in ((swapped, "swapped"), (radians, "in radians")):
+        said = pytest.warns(
+            UserWarning, match=rf"km from world_origin, and \d km if they are {what}"
+        )
+        with said, contextlib.suppress(ValueError):
+            Tracker(given).fit(on_earth(wrong))
+        tracker = Tracker().fit(on_earth())
+        with pytest.warns(UserWarning, match=f"km if they are {what}; are they"):
+            tracker.track(on_earth(wrong))
+    with (
+        pytest.warns(UserWarning, match="if they are in radians, convert them to degrees"),
+        contextlib.suppress(ValueError),
+    ):
+        Tracker().fit(on_earth(radians))
+    for factor, unit in ((1e7, "1e-7 degrees"), (6e5, "1/10000 minutes")):
+        said = f"probably these are {unit}: divide both columns by {factor:.0f}"
+        with pytest.raises(ValueError, match=said):
+            Tracker().fit(on_earth(lambda lat, lon, by=factor: (by * lat, by * lon)))
+    with pytest.raises(ValueError, match=r"lat: 1.*degrees; are lat and lon swapped"):
+        Tracker().fit(on_earth(lambda lat, lon: (lon + 100.0, lat)))
+
+
+def test_places_far_from_their_origin_are_no_fault(recwarn):
+    tracker = Tracker({"world_origin": [40.0, 8.54, 0.0]})
+    tracker.fit(on_earth()).track(on_earth())
+    assert not [each for each in recwarn if "world_origin" in str(each.message)]
+
+
 def test_fit_says_why_detections_cannot_be_used():
     levels = np.full(len(DETECTIONS["time"]), -80.0)
     with pytest.raises(ValueError, match=r"0 detections in .*: amplitude \d+ \(amplitude_unit"):

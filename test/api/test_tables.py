@@ -253,6 +253,23 @@ def test_label_zero_of_the_truth_is_a_label():
     assert evaluate(none, swapped, cutoff=50.0)["identity_switches"] is None
 
 
+@pytest.mark.parametrize("table", ["truth", "tracks"])
+def test_a_row_without_a_label_of_its_own_is_named(table):
+    for label, said in (
+        (np.where(np.arange(len(TRUTH["time"])) == 4, np.nan, TRUTH["label"]), "no label"),
+        (np.where(np.arange(len(TRUTH["time"])) < 2, 1.0, TRUTH["label"]), "the label of another"),
+    ):
+        tables = {"truth": TRUTH, "tracks": TRUTH, table: {**TRUTH, "label": label}}
+        with pytest.warns(UserWarning, match=f"{table}: 1 of .* rows, such as row .*, with {said}"):
+            assert evaluate(**tables, cutoff=50.0)["identity_switches"] is None
+
+
+def test_tables_without_any_label_are_not_named(recwarn):
+    without = {name: column for name, column in TRUTH.items() if name != "label"}
+    evaluate(without, {**TRUTH, "label": np.zeros(len(TRUTH["time"]))}, cutoff=50.0)
+    assert not recwarn
+
+
 def test_evaluate_of_the_truth_finds_no_error_and_of_no_tracks_the_cutoff():
     found = evaluate(TRUTH, TRUTH, cutoff=100.0)
     assert found["scans"] == crossing.LAST
@@ -284,7 +301,9 @@ def test_evaluate_takes_names_as_labels_and_counts_times_without_tracks():
 def test_label_zero_or_none_is_no_track_in_numbers_and_in_texts():
     one = {name: column[TRUTH["label"] == 1] for name, column in TRUTH.items()}
     label = np.where(one["time"] < 30.0, 1, 0)
-    numbers = evaluate(TRUTH, {**one, "label": label}, cutoff=50.0)
+    some = pytest.warns(UserWarning, match="rows, such as row 21, with no label")
+    with some:
+        numbers = evaluate(TRUTH, {**one, "label": label}, cutoff=50.0)
     assert numbers["identity_switches"] is None
     for unlike in (
         label.astype(np.str_),
@@ -292,7 +311,8 @@ def test_label_zero_or_none_is_no_track_in_numbers_and_in_texts():
         np.where(label == 0, None, "DLH4"),
         np.where(label == 0, np.nan, np.array("DLH4", dtype=object)),
     ):
-        assert evaluate(TRUTH, {**one, "label": unlike}, cutoff=50.0) == numbers
+        with some:
+            assert evaluate(TRUTH, {**one, "label": unlike}, cutoff=50.0) == numbers
 
 
 def test_evaluate_interpolates_the_truth_at_given_times():

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray, zeros_field
+from ..arrays import BoolArray, FloatArray, IntArray, wrap_angle, zeros_field
 from ..engine import Step
 from ..sensors.polar_geometry import to_plane
 from ..sensors.sensor import Sensor
@@ -51,9 +51,11 @@ NEAR, COPIES, LEAST_COMPARED = 0.1, 0.3, 20
 # Number of reports that are compared, and of those from which they are the first: it takes time.
 COMPARED, COMPARED_OF = 100, 1000
 # The findings that contradict what no recording shows; the others contradict what it does.
-NOT_IN_RECORDINGS = ("azimuths_in_radians", REPEATED, NEARLY_REPEATED)
+NOT_IN_RECORDINGS = ("azimuths_in_radians", "azimuths_in_turns", REPEATED, NEARLY_REPEATED)
 # A revolution in radians, if it is taken for degrees.
 RADIANS_AS_DEGREES = math.radians(FULL_TURN)
+# Part of an azimuth's unit within which the first and the last one are of a revolution in turns.
+TURN_MARGIN = 0.03
 # A radar with a longer rotation period, seconds, and a longer range, metres, is for aircraft, whose
 # height matters.
 SLOW_REVOLUTION = 3.0
@@ -223,8 +225,9 @@ class RadarReportCheck(ReportCheck):
     sees_whole_turn: bool = False  # Whether it is configured to see all azimuths at once
     # True if its ground ranges are unknown although it is probably a radar for aircraft.
     lacks_ground_ranges: bool = False
-    # True if it is configured to see many directions, with azimuths in degrees.
-    may_be_radians: bool = False
+    # Azimuth's unit, radians, of a radar that is configured to see many directions; 0 for others.
+    unit: float = 0.0
+    zero: float = 0.0  # Where its azimuths begin, radians from the x axis
     # Range below which not all detections of the radar can be, metres.
     near: float = 0.0
     _reports: int = field(init=False, default=0)
@@ -239,7 +242,8 @@ class RadarReportCheck(ReportCheck):
         """Return the names of the findings in a report.
 
         They are those of `ReportCheck`, ``sectors_not_configured``, and once
-        ``fov_not_configured``, ``slant_ranges``, ``azimuths_in_radians`` and ``ranges_near``.
+        ``fov_not_configured``, ``slant_ranges``, ``azimuths_in_radians``, ``azimuths_in_turns`` and
+        ``ranges_near``.
         """
         noticed, measurement = super().add(detections), detections.measurement
         if self.lacks_ground_ranges and len(detections):
@@ -266,10 +270,19 @@ class RadarReportCheck(ReportCheck):
         distance, azimuth = np.concatenate(first).T[:2]
         self._first = None
         noticed = ["ranges_near"] if distance.max() < self.near else []
-        if self.may_be_radians:
+        if 0.0 < self.unit < 1.0:
             share = smallest_arc(azimuth)[1] / RADIANS_AS_DEGREES
             noticed += ["azimuths_in_radians"] if 0.5 < share < 1.0 else []
+        if self.unit and self._are_turns(azimuth):
+            noticed.append("azimuths_in_turns")
         return noticed
+
+    def _are_turns(self, azimuth: FloatArray) -> bool:
+        """Return whether azimuths fill the first unit of their revolution, and nothing else."""
+        share = wrap_angle(azimuth - self.zero) / self.unit
+        first, last = sorted(np.abs([share.min(), share.max()]))
+        one_way = bool(share.min() * share.max() >= 0.0)
+        return one_way and first < TURN_MARGIN and 1.0 - TURN_MARGIN < last <= 1.0 + 1e-6
 
     def _is_sector(self, azimuth: FloatArray) -> bool:
         """Return whether this is the last of `SECTOR_REPORTS` consecutive reports of sectors."""

@@ -7,7 +7,8 @@ aircraft. A track that is too far away belongs to another aircraft with the same
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, field
 from typing import Annotated, NamedTuple
 
@@ -41,6 +42,9 @@ class Reach:
 
     kept_s: float  # Time for which aircraft are stored, seconds
     speed: float  # Speed of the fastest aircraft, metres per second
+    # Time between two looks of the only radar, seconds; infinite with several radars, each of which
+    # may have its own track of an aircraft because they disagree about its place.
+    look_s: float = math.inf
 
     @staticmethod
     def of(model: TrackerModel) -> Reach | None:
@@ -48,7 +52,10 @@ class Reach:
         if model.attributes is None:
             return None
         speed = MAX_SPEED_SIGMA * model.detection_births.velocity_std
-        return Reach(model.attributes.code.kept_s, speed)
+        look_s = math.inf
+        if len(model.radars) == 1:
+            look_s = max(model.radars[0].rotation_s, model.modes.interval_s)
+        return Reach(model.attributes.code.kept_s, speed, look_s)
 
 
 class LastSeen(NamedTuple):
@@ -99,10 +106,14 @@ class KnownAircraft:
         """
         possible = [
             number
-            for number in self._of_address.get(address, ())
+            for number in self.seen_with(address)
             if self.seen[number].may_be_at(position, stamp_ns, reach)
         ]
         return min(possible, key=lambda n: (-self.seen[n].stamp_ns, n), default=None)
+
+    def seen_with(self, address: int) -> Set[int]:
+        """Return the numbers that were last reported with an address."""
+        return self._of_address.get(address, set())
 
     def note(self, estimates: Estimates, reach: Reach) -> None:
         """Store the positions of confirmed tracks, and drop aircraft not seen for too long."""

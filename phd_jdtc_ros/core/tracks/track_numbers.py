@@ -1,12 +1,16 @@
 """Track numbers: small, in the order in which tracks are first reported.
 
 A new track of an aircraft that had a number before, by its address, has that number again. Two
-tracks of one aircraft both have the older number, and the better one is reported.
+tracks of one aircraft both have the older number, and the better one is reported, or of two equally
+good ones the one that was reported before. Two tracks that one radar detects apart, look after
+look, are not of one aircraft: the address was assigned twice, or something reflects it. Each keeps
+its own number.
 """
 
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterable, Iterator
 from typing import Annotated, NamedTuple
 
@@ -22,6 +26,9 @@ from .known_aircraft import MARGIN, KnownAircraft, Reach
 MAX_TRACK_NUMBER = 1 << 31
 # The numbers of ended targets are kept while there are fewer labels than this.
 FEW_NUMBERS = 256
+# Two tracks are apart if their distance is more than this many standard deviations of it, and two
+# aircraft if they were in so many looks.
+APART_SIGMA, APART_LOOKS = 5.0, 3
 # Rank of a track by its state. Of two tracks of one aircraft, the one of lower rank is reported.
 PREFERENCE = {CONFIRMED: 0, COASTING: 1, TENTATIVE: 2}
 
@@ -52,6 +59,9 @@ class TrackNumbers:
         self.aircraft = aircraft or KnownAircraft()
         # How many numbers remained when those of ended targets were last dropped.
         self._kept = 0
+        # In how many looks two labels of one address were apart, and the stamp of the last one.
+        self._apart: dict[tuple[int, int], tuple[int, int]] = {}
+        self._reported: dict[int, int] = {}  # The label that was last reported with each number
 
     def assign(self, estimates: Estimates, reach: Reach | None = None) -> Estimates:
         """Return the estimates with distinct track numbers instead of labels; 0 stays 0.
@@ -66,23 +76,54 @@ class TrackNumbers:
             row for row, track_id in enumerate(label) if track_id and track_id not in self._number
         ]:
             self._continue(estimates, row, reach)
-        self._join(estimates)
+        self._join(estimates, reach)
         self._separate(estimates, reach)
         numbered = self._with_numbers(estimates)
-        numbered = numbered.take(_best_rows(numbered))
+        best = self._best_rows(estimates.track_id, numbered)
+        numbered = numbered.take(best)
+        self._reported |= zip(
+            numbered.track_id.tolist(), estimates.track_id[best].tolist(), strict=True
+        )
         self.aircraft.note(numbered, reach)
         return numbered
 
-    def _join(self, estimates: Estimates) -> None:
-        """Give tracks of one address that are near each other the oldest of their numbers."""
+    def _join(self, estimates: Estimates, reach: Reach) -> None:
+        """Give tracks of one address that are near each other the oldest of their numbers.
+
+        Numbers that were reported with this address before are of two aircraft. The younger of two
+        tracks that are found to be of two aircraft loses the number of the older one.
+        """
         if estimates.attributes is None:
             return
         address = np.where(estimates.track_id > 0, estimates.attributes.address, UNKNOWN)
         for first, second in _pairs_of_equal(address, UNKNOWN):
             labels = estimates.track_id[[first, second]].tolist()
             numbers = [self._number[label] for label in labels if label in self._number]
-            if numbers and _distance(estimates, first, second) <= MARGIN:
+            if _distance(estimates, first, second) > MARGIN:
+                continue
+            if not numbers:
+                self.count += 1
+                numbers = [self.count]
+            own = int(address[first])
+            known = {n for n in numbers if n in self.aircraft.seen_with(own)}
+            if self._are_two(estimates, (first, second), reach):
+                if len(numbers) > len(set(numbers)):
+                    del self._number[max(labels)]
+            elif len(known) < 2:
                 self._number.update(dict.fromkeys(labels, min(numbers)))
+
+    def _are_two(self, estimates: Estimates, pair: tuple[int, int], reach: Reach) -> bool:
+        """Return whether two tracks of one address were detected apart in enough looks."""
+        first, second = sorted(estimates.track_id[[*pair]].tolist())
+        looks, last_ns = self._apart.get((first, second), (0, 0))
+        if (estimates.track_state[[*pair]] == CONFIRMED).all():
+            variance = float(np.trace(estimates.position_covariance[[*pair]].sum(axis=0)))
+            if _distance(estimates, *pair) <= APART_SIGMA * math.sqrt(variance):
+                looks, last_ns = 0, estimates.stamp_ns
+            elif estimates.stamp_ns >= last_ns + (1e9 * reach.look_s if looks else 0.0):
+                looks, last_ns = looks + 1, estimates.stamp_ns
+            self._apart[first, second] = looks, last_ns
+        return looks >= APART_LOOKS
 
     def _continue(self, estimates: Estimates, row: int, reach: Reach) -> None:
         """Give a track the number that the aircraft with its address had, if it had one."""
@@ -136,6 +177,19 @@ class TrackNumbers:
         numbers = [number_of[track_id] if track_id else 0 for track_id in label]
         return estimates.changed(track_id=np.array(numbers, dtype=np.int64))
 
+    def _best_rows(self, label: IntArray, numbered: Estimates) -> IntArray:
+        """Return the rows of the best estimate of each number, and all without a number.
+
+        `label` has the labels of the tracks that are numbered.
+        """
+        number = numbered.track_id
+        states = numbered.track_state.tolist()
+        rank = np.array([PREFERENCE[state] for state in states], dtype=np.int64)
+        reported = [self._reported.get(each, 0) for each in number.tolist()]
+        order = np.lexsort((-numbered.weight, label != reported, rank, number))
+        is_best = np.append(True, np.diff(number[order]) > 0)[: len(order)] | (number[order] == 0)
+        return np.sort(order[is_best])
+
     @property
     def in_use(self) -> dict[int, int]:
         """The number of each label; a copy."""
@@ -168,6 +222,8 @@ class TrackNumbers:
         if len(self._number) > 2 * self._kept + FEW_NUMBERS:
             alive = set((np.concatenate([*labels]) + 1).tolist())
             self._number = {label: n for label, n in self._number.items() if label in alive}
+            self._reported = {n: label for n, label in self._reported.items() if label in alive}
+            self._apart = {pair: n for pair, n in self._apart.items() if alive.issuperset(pair)}
             self._kept = len(self._number)
 
 
@@ -192,12 +248,3 @@ def _pairs_of_equal(value: IntArray, none: int) -> Iterator[tuple[int, int]]:
 def _distance(estimates: Estimates, first: int, second: int) -> float:
     """Return the distance of two estimates, metres."""
     return float(np.hypot(*(estimates.position[first] - estimates.position[second])))
-
-
-def _best_rows(estimates: Estimates) -> IntArray:
-    """Return the rows of the best estimate of each number, and all without a number."""
-    number = estimates.track_id
-    rank = np.array([PREFERENCE[state] for state in estimates.track_state.tolist()], dtype=np.int64)
-    order = np.lexsort((-estimates.weight, rank, number))
-    is_best = np.append(True, np.diff(number[order]) > 0)[: len(order)] | (number[order] == 0)
-    return np.sort(order[is_best])

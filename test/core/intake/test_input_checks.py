@@ -148,6 +148,20 @@ def test_azimuths_in_radians_that_are_read_as_degrees_are_noticed_once():
     assert not noticed(check_of(**turning), uniform(40, 20, 0.0, 0.03))
 
 
+def test_azimuths_in_turns_are_noticed_where_they_fill_their_first_unit():
+    for unit, size in (("rad", 1.0), ("deg", np.radians(1.0))):
+        reports = uniform(40, 20, 0.0, size)
+        assert noticed(check_of(azimuth_unit=unit, rotation_s=4.0), reports) == {
+            "azimuths_in_turns": 1
+        }
+        compass = {"azimuth_unit": unit, "rotation_s": 4.0, "azimuth_convention": "compass_cw"}
+        from_north = uniform(40, 20, 0.5 * np.pi - size, 0.5 * np.pi)
+        assert noticed(check_of(**compass), from_north) == {"azimuths_in_turns": 1}
+        for low, high in ((-0.5, 0.5), (0.1, 1.0), (0.0, 0.9), (0.0, 1.1)):
+            part = uniform(40, 20, low * size, high * size)
+            assert not noticed(check_of(azimuth_unit=unit, rotation_s=4.0), part)
+
+
 def test_ranges_in_kilometres_are_noticed_once_where_the_radar_sees_far():
     reports = uniform(40, 20)
     assert noticed(check_of(max_range=1e6, clutter_max_range=1e6), reports) == {"ranges_near": 1}

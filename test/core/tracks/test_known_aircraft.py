@@ -1,5 +1,7 @@
 """Aircraft that return have their numbers again, and one address has one track."""
 
+from dataclasses import replace
+
 import estimate_sets
 import numpy as np
 import pytest
@@ -93,6 +95,38 @@ def test_tracks_with_one_number_and_two_addresses_are_two_aircraft():
     numbers(tracks, 0, (5, 77, 0.0, CONFIRMED))
     numbers(tracks, 4, (5, 77, 0.0, COASTING), (30, 77, 900.0, CONFIRMED))
     assert numbers(tracks, 8, (5, 77, 0.0, CONFIRMED), (30, 78, 800.0, CONFIRMED)) == [1, 2]
+
+
+def test_two_tracks_that_one_radar_detects_apart_are_two():
+    def found(tracks, seconds, reach, place=300.0, state=CONFIRMED):
+        two = estimates(seconds, (5, 77, 0.0, CONFIRMED), (6, 77, place, state))
+        return tracks.assign(two, reach).track_id.tolist()
+
+    one, several = replace(REACH, look_s=4.0), REACH
+    tracks = TrackNumbers()
+    assert [found(tracks, 4 * look, one) for look in range(3)] == [[1], [1], [1, 2]]
+    # They are two also after a restart, and where one is not detected.
+    snapshot = Snapshot(8 * SECOND)
+    tracks.to_snapshot(snapshot)
+    restored = TrackNumbers.from_snapshot(stored_and_read(snapshot))
+    for again in (tracks, restored):
+        assert found(again, 12, one, state=COASTING) == [1, 2]
+    # Estimates of one look do not count twice, nor do those of one place, or of several radars.
+    tracks = TrackNumbers()
+    assert {*map(tuple, (found(tracks, k, one) for k in range(8)))} == {(1,)}
+    tracks = TrackNumbers()
+    assert {*map(tuple, (found(tracks, 4 * k, one, 3.0) for k in range(8)))} == {(1,)}
+    tracks = TrackNumbers()
+    assert {*map(tuple, (found(tracks, 4 * k, several) for k in range(8)))} == {(1,)}
+
+
+def test_of_two_tracks_of_one_aircraft_the_one_that_was_reported_stays():
+    tracks, reported = TrackNumbers(), []
+    for look in range(6):
+        two = estimates(4 * look, (5, 77, 0.0, CONFIRMED), (6, 77, 300.0, CONFIRMED))
+        better = np.where(np.arange(2) == look % 2, 0.9, 0.91)
+        reported += tracks.assign(two.changed(weight=better), REACH).position[:, 0].tolist()
+    assert len({*reported}) == 1
 
 
 def test_two_tracks_of_one_address_are_one_and_two_aircraft_two():
