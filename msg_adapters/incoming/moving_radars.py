@@ -18,8 +18,14 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.place_forms import STATIC_TRANSFORMS, TF
 from phd_jdtc_ros.core.intake.posed_reports import RadarPose
 from phd_jdtc_ros.core.intake.poses import PoseFault
-from phd_jdtc_ros.core.intake.transforms import Placement, Transform, TransformBuffer
-from phd_jdtc_ros.core.types import Pose
+from phd_jdtc_ros.core.intake.transforms import (
+    Placement,
+    Transform,
+    TransformBuffer,
+    attitude,
+    of_angles,
+)
+from phd_jdtc_ros.core.types import LEVEL, Pose
 
 from ..encoding import interfaces, names, stamps
 from ..encoding.errors import RejectedMessageError, quote
@@ -30,8 +36,10 @@ POSE_TYPES = {"odometry": names.ODOMETRY, "pose_stamped": names.POSE_STAMPED}
 LEAST_NORM, LARGEST_NORM = 0.5, 2.0
 # Largest coordinate, metres; beyond it, single precision no longer resolves a metre.
 FARTHEST = 1e7
-# Places of the variances of x, y and yaw in a twist's covariance of 6 x 6.
-TWIST_VARIANCES = 0, 7, 35
+# Places of the variances in a twist's covariance of 6 x 6.
+TWIST_VARIANCES = 0, 7, 14, 21, 28, 35
+# Those of the motion along the ground: ahead, to the left, and the yaw rate.
+LEVEL_AXES = 0, 1, 5
 # Largest rate of a platform, m/s and rad/s.
 FASTEST = 1e3
 
@@ -39,8 +47,9 @@ FASTEST = 1e3
 def pose_from_msg(message: Odometry | PoseStamped, world_frame: str) -> tuple[int, Pose]:
     """Return the stamp and the pose of a message in the world frame.
 
-    The yaw is NaN if the orientation is not a unit quaternion, as in an uninitialised message. Only
-    odometry has a twist; see `_twist`.
+    The yaw is NaN if the orientation is not a unit quaternion, as in an uninitialised message. A
+    height that is not finite, as of a driver that knows none, counts as 0. Only odometry has a
+    twist; see `_twist`.
 
     Raise `RejectedMessageError`: ``frame`` if it is in another frame; ``schema`` if its stamp is
     invalid; ``not_finite`` or ``range`` if its position is not finite or farther away than
@@ -62,7 +71,10 @@ def pose_from_msg(message: Odometry | PoseStamped, world_frame: str) -> tuple[in
             "range", f"position {position}, must be within {FARTHEST:g} m of the map's origin"
         )
     twist = _twist(message) if has_twist else None
-    return stamp_ns, Pose(position, _yaw(pose.orientation), twist=twist)
+    height = float(pose.position.z)
+    height = height if abs(height) <= FARTHEST else 0.0  # also for NaN
+    yaw, tilt = _attitude(pose.orientation)
+    return stamp_ns, Pose(position, yaw, twist=twist, height=height, tilt=tilt)
 
 
 def pose_from_cdr(data: bytes, kind: str, world_frame: str) -> tuple[int, Pose]:
@@ -74,41 +86,46 @@ def pose_to_cdr(
     pose: Pose, stamp_ns: int, world_frame: str, kind: str, child_frame: str = ""
 ) -> bytes:
     """Serialise a message of a kind of `POSE_TYPES`; an odometry's velocity is 0."""
-    header, (x, y), half = stamps.header(stamp_ns, world_frame), pose.position, 0.5 * pose.yaw
+    header, (x, y) = stamps.header(stamp_ns, world_frame), pose.position
     message: Any = PoseStamped(header=header)
     own = message.pose
     if kind == "odometry":
         message = Odometry(header=header, child_frame_id=child_frame)
         own = message.pose.pose
-    own.position = Point(x=float(x), y=float(y), z=0.0)
-    own.orientation = Quaternion(x=0.0, y=0.0, z=math.sin(half), w=math.cos(half))
+    own.position = Point(x=float(x), y=float(y), z=pose.height)
+    own.orientation = Quaternion(**dict(zip("xyzw", of_angles(pose.yaw, pose.tilt), strict=True)))
     return interfaces.encode(message)
 
 
-def _twist(message: Odometry) -> tuple[float, float, float] | None:
-    """Return an odometry's velocity ahead and to the left, m/s, and its yaw rate, rad/s, or None.
+def _twist(message: Odometry) -> tuple[float, ...] | None:
+    """Return an odometry's velocities, m/s, and rates of turn, rad/s, see `Pose.twist`, or None.
 
-    It is unknown if a number is not finite or absurd, or if a variance is negative, as drivers mark
-    unknown quantities. A twist of zeros with a covariance of zeros is one that was never set. If
-    that of a platform at rest looks the same, the poses show the rest.
+    It is unknown if a number along the ground is not finite or absurd, or if a variance is
+    negative, as drivers mark unknown quantities; other such numbers count as 0. A twist of zeros
+    with a covariance of zeros is one that was never set. If that of a platform at rest looks the
+    same, the poses show the rest.
     """
     linear, angular = message.twist.twist.linear, message.twist.twist.angular
-    twist = float(linear.x), float(linear.y), float(angular.z)
+    sent = (linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
     variances = [float(message.twist.covariance[index]) for index in TWIST_VARIANCES]
-    if not all(abs(rate) <= FASTEST for rate in twist) or min(variances) < 0.0:  # also for NaN
+    known = [
+        abs(rate) <= FASTEST and variance >= 0.0  # False for NaN
+        for rate, variance in zip(map(float, sent), variances, strict=True)
+    ]
+    if not all(known[axis] for axis in LEVEL_AXES):
         return None
-    return twist if any(twist) or any(variances) else None
+    is_set = any(float(sent[axis]) or variances[axis] for axis in LEVEL_AXES)
+    twist = [float(rate) if used else 0.0 for rate, used in zip(sent, known, strict=True)]
+    return tuple(twist) if is_set else None
 
 
-def _yaw(turn: Quaternion) -> float:
-    """Return the direction of the x axis over ground, radians; NaN for an invalid quaternion."""
+def _attitude(turn: Quaternion) -> tuple[float, tuple[float, float]]:
+    """Return the yaw and the tilt of a pose; the yaw is NaN for an invalid quaternion."""
     # `hypot` avoids the squares of large finite numbers, which overflow with an error.
     norm = math.hypot(turn.x, turn.y, turn.z, turn.w)
     if not LEAST_NORM <= norm <= LARGEST_NORM:  # also true for NaN
-        return math.nan
-    ahead = turn.w**2 + turn.x**2 - turn.y**2 - turn.z**2
-    left = 2.0 * (turn.x * turn.y + turn.w * turn.z)
-    return math.atan2(left, ahead)
+        return math.nan, LEVEL
+    return attitude((turn.x, turn.y, turn.z, turn.w))[:2]
 
 
 # Longest name of a frame.

@@ -13,7 +13,7 @@ from phd_jdtc_ros.core.gaussian.bounds import Bounds
 from phd_jdtc_ros.core.intake.antenna import MIN_PERIOD_S
 from phd_jdtc_ros.core.intake.clocks import Clocks, SentReport
 from phd_jdtc_ros.core.intake.input_checks import ReportCheck
-from phd_jdtc_ros.core.intake.poses import Platform
+from phd_jdtc_ros.core.intake.posed_reports import Platform
 from phd_jdtc_ros.core.intake.revolutions import Revolutions
 from phd_jdtc_ros.core.intake.scans import ScanGrouper
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel

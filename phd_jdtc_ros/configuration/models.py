@@ -5,8 +5,9 @@ Degrees and decibels are converted here.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -17,7 +18,8 @@ from phd_jdtc_ros.core.factors.transponder import (
     HeightModel,
     IdentityModel,
 )
-from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack
+from phd_jdtc_ros.core.intake.posed_reports import Platform
+from phd_jdtc_ros.core.intake.poses import Mount, PoseTrack
 from phd_jdtc_ros.core.models.amplitude_model import AmplitudeModel, Band, Ignored, Memory
 from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
@@ -331,6 +333,11 @@ def platform_of(
     """Return the platform of a sensor; None if the sensor does not move."""
     if not sensor.pose.topic:
         return None
-    track = PoseTrack(sensor.pose.yaw, sensor.pose_max_age_s, POSE_MAX_SPEED, reset_threshold_s)
-    positions = isinstance(model, PositionSensor)
-    return Platform(track, Mount(model.position, model.yaw), positions)
+    in_space, positions = sensor.height_prior is not None, isinstance(model, PositionSensor)
+    pitch, roll = map(math.radians, sensor.tilt_deg)
+    limits = sensor.pose_max_age_s, POSE_MAX_SPEED, reset_threshold_s
+    track = PoseTrack(sensor.pose.yaw, *limits, in_space=in_space)
+    mount = Mount(model.position, model.yaw)
+    if in_space:
+        mount = replace(mount, height=sensor.height, tilt=(pitch, roll))
+    return Platform(track, mount, positions)

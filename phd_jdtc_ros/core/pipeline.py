@@ -17,8 +17,8 @@ from .engine import Engine, OnFiltered, Step, ignore_filtered
 from .intake.clocks import CLOCK, Clocks, SentReport
 from .intake.input_checks import REPEATED, TWINS, ReportCheck, ResultCheck, TwinCheck
 from .intake.out_of_sequence import OutOfSequence
-from .intake.posed_reports import PosedReports
-from .intake.poses import Platform, PoseFault
+from .intake.posed_reports import Platform, PosedReports
+from .intake.poses import PoseFault
 from .intake.revolution_history import Recut, RevolutionHistory
 from .intake.scans import Rejection, Reset, ScanGrouper, WaitingReports
 from .intake.slices import Slice

@@ -24,7 +24,8 @@ from phd_jdtc_ros.asterix.messages import CallSigns
 from phd_jdtc_ros.asterix.writing import Source
 from phd_jdtc_ros.asterix_bridge.conversion import TrackOutput
 from phd_jdtc_ros.configuration.engines import new_pipeline
-from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack
+from phd_jdtc_ros.core.intake.posed_reports import Platform
+from phd_jdtc_ros.core.intake.poses import Mount, PoseTrack
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Event, Pipeline, Stepped
 from phd_jdtc_ros.core.tracks.region import Region

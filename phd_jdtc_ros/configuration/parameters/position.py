@@ -7,7 +7,6 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import ClassVar
 
-from phd_jdtc_ros.core.sensors.gaussians import STANDARD_AIR, Air, HeightPrior
 from phd_jdtc_ros.core.sensors.position import Area
 from phd_jdtc_ros.core.sensors.site import Plane
 
@@ -116,17 +115,10 @@ class PositionParameters(SensorParameters):
     time_since_epoch: bool = shared(RadarParameters, "time_since_epoch")
 
     datum: float = 0.0  # Height of the world's zero as messages count heights, metres
-    # Heights of undetected targets in space; None in the plane.
-    height_prior: HeightPrior | None = None
-    air: Air = STANDARD_AIR  # Pressure altitudes of targets in space
 
     def on_earth(self, plane: Plane) -> PositionParameters:
         """Return the sensor with the datum of its heights."""
         return replace(self, datum=plane.origin[2])
-
-    def in_space(self, prior: HeightPrior, air: Air) -> PositionParameters:
-        """Return the sensor in a world with heights."""
-        return replace(self, height_prior=prior, air=air)
 
     @cached_property
     def pose(self) -> place_forms.PoseSource:

@@ -10,7 +10,6 @@ from typing import Any, ClassVar
 
 from phd_jdtc_ros.core.factors import MOST_CORRELATION, START_RATE
 from phd_jdtc_ros.core.sensors.bias import SensorBias
-from phd_jdtc_ros.core.sensors.gaussians import STANDARD_AIR, Air, HeightPrior
 from phd_jdtc_ros.core.sensors.site import Plane, Site
 
 from ..schema import NOT_NEGATIVE, POSITIVE, SMALL, Form, number, numbers, parameter
@@ -381,9 +380,6 @@ class RadarParameters(SensorParameters):
     # Site on the round earth; None for a radar that measures over a plane.
     site: Site | None = None
     datum: float = 0.0  # Height of the world's zero as messages count heights, metres
-    # Heights of undetected targets in space; None in the plane.
-    height_prior: HeightPrior | None = None
-    air: Air = STANDARD_AIR  # Pressure altitudes of targets in space
 
     @cached_property
     def pose(self) -> place_forms.PoseSource:
@@ -395,10 +391,6 @@ class RadarParameters(SensorParameters):
         place, yaw = self.geodetic, math.radians(self.yaw_deg)
         site = Site((place[0], place[1], place[2]), plane, yaw) if place else None
         return replace(self, site=site, datum=plane.origin[2])
-
-    def in_space(self, prior: HeightPrior, air: Air) -> RadarParameters:
-        """Return the radar in a world with heights."""
-        return replace(self, height_prior=prior, air=air)
 
     @property
     def curvature(self) -> float:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar, TypeVar
 
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
-from phd_jdtc_ros.core.sensors.gaussians import Air, HeightPrior
+from phd_jdtc_ros.core.sensors.gaussians import STANDARD_AIR, Air, HeightPrior
 from phd_jdtc_ros.core.sensors.site import Plane
 
 from ..schema import parameter
@@ -52,6 +52,9 @@ class SensorParameters:
     topic: str = parameter("", "Topic of the detections; empty for /NAME/detections.")
     frame: str = parameter("", "frame_id of the messages; empty for the sensor's name.")
     name: str = ""
+    # Heights of undetected targets in space; None in the plane.
+    height_prior: HeightPrior | None = None
+    air: Air = STANDARD_AIR  # Pressure altitudes of targets in space
 
     message = ""  # Type of the messages, if a kind has several
     fields = Fields()
@@ -61,6 +64,7 @@ class SensorParameters:
     compass = False
     clutter_map = False
     clutter_map_speed = 0.0
+    tilt_deg: Sequence[float] = (0.0, 0.0)
 
     @cached_property
     def bias(self) -> SensorBias:
@@ -72,10 +76,15 @@ class SensorParameters:
         """The topic of its platform's poses, and their use."""
         return place_forms.NO_POSE
 
+    @property
+    def height(self) -> float:
+        """Height of the sensor above the world's zero, metres."""
+        return 0.0
+
     def on_earth(self: S, plane: Plane) -> S:
         """Return the sensor with its place on the earth, given the world's map projection."""
         return self
 
     def in_space(self: S, prior: HeightPrior, air: Air) -> S:
         """Return the sensor in a world with heights, given those of undetected targets."""
-        return self
+        return replace(self, height_prior=prior, air=air)

@@ -26,7 +26,7 @@ class RecentLooks(NamedTuple):
 
     stamp_ns: Annotated[IntArray, integers("K", 0, MAX_STAMP_NS)]
     sensor: Annotated[IntArray, integers("K", 0, MAX_INDEX)]  # Index of the sensor
-    # Position of the sensor in the world, metres, and its yaw, radians, (K, 3).
+    # Position of the sensor in the world, metres, its yaw, radians, height, pitch and roll, (K, 6).
     pose: Annotated[FloatArray, floats("KP", -MAX_STATE, MAX_STATE)]
     # First azimuth and extent of its coverage, radians, (K, 2); 0 and 0 for the field of view.
     coverage: Annotated[FloatArray, floats("KC", -MAX_STATE, FULL_TURN)]
@@ -37,13 +37,15 @@ class RecentLooks(NamedTuple):
     def of_none() -> RecentLooks:
         """Return no looks."""
         none = np.zeros(0, dtype=np.int64)
-        return RecentLooks(none, none, np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(0))
+        return RecentLooks(none, none, np.zeros((0, 6)), np.zeros((0, 2)), np.zeros(0))
 
     def after(self, view: View, sensor: int) -> RecentLooks:
         """Return the looks after a report of the sensor with this index."""
         site, sector = view.sensor, view.detections.coverage
         edges = (0.0, 0.0) if sector is None else (sector.start, sector.width)
-        look = view.stamp_ns, sensor, (*site.position, site.yaw), edges, view.share
+        pose = site.pose
+        place = (*pose.position, pose.yaw, pose.height, *pose.tilt)
+        look = view.stamp_ns, sensor, place, edges, view.share
         return RecentLooks._make(
             np.concatenate([column[-MOST + 1 :], [value]])
             for column, value in zip(self, look, strict=True)
@@ -63,9 +65,10 @@ class RecentLooks(NamedTuple):
 
     def view(self, row: int, sensor: Sensor) -> View:
         """Return a look as a report of its sensor without detections."""
-        x, y, yaw = self.pose[row].tolist()
+        x, y, yaw, height, pitch, roll = self.pose[row].tolist()
+        pose = Pose((x, y), yaw, height=height, tilt=(pitch, roll))
         start, width = self.coverage[row].tolist()
         sector = Coverage(start, width) if width else None
         detections = Detections(np.zeros((0, 2)), None, coverage=sector)
         stamp_ns, share = int(self.stamp_ns[row]), float(self.share[row])
-        return View.of(sensor.at(Pose((x, y), yaw)), detections, stamp_ns, share)
+        return View.of(sensor.at(pose), detections, stamp_ns, share)

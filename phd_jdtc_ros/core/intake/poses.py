@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, wrap_angle
-from ..types import Detections, Pose
+from ..arrays import FloatArray
+from ..types import LEVEL, Pose, angles_of, rotation_of
 
 # Tolerance of a plausible change of position in addition to the motion, metres.
 POSITION_TOLERANCE = 5.0
@@ -55,13 +55,27 @@ class Mount:
 
     position: tuple[float, float]  # In the platform's frame, metres
     yaw: float  # Direction of the radar's x axis in that frame, radians counter-clockwise
+    height: float = 0.0  # Above the platform's origin, metres; 0 in the plane
+    tilt: tuple[float, float] = LEVEL  # See `Pose.tilt`
+
+    @property
+    def arm(self) -> FloatArray:
+        """Place of the radar in the platform's frame, metres, (3,)."""
+        return np.array([*self.position, self.height])
 
     def on(self, platform: Pose) -> Pose:
         """Return the radar's pose, given that of its platform."""
         (x, y), (ahead, left) = platform.position, self.position
+        if platform.tilt != LEVEL or self.tilt != LEVEL:
+            turn = platform.rotation
+            east, north, up = (turn @ self.arm).tolist()
+            yaw, tilt = angles_of(turn @ rotation_of(self.yaw, self.tilt))
+            height = platform.height + up
+            return Pose((x + east, y + north), yaw, height=height, tilt=tilt)
         cos, sin = math.cos(platform.yaw), math.sin(platform.yaw)
         position = x + cos * ahead - sin * left, y + sin * ahead + cos * left
-        return Pose(position, math.remainder(platform.yaw + self.yaw, 2.0 * math.pi))
+        yaw = math.remainder(platform.yaw + self.yaw, 2.0 * math.pi)
+        return Pose(position, yaw, height=platform.height + self.height)
 
 
 class _StampedPose(NamedTuple):
@@ -97,6 +111,7 @@ class PoseTrack:
     max_speed: float = 100.0
     # A stamp that is further behind the newest than this begins a new run.
     reset_threshold_s: float = math.inf
+    in_space: bool = False  # Whether heights, roll and pitch count
     _poses: list[_StampedPose] = field(init=False, default_factory=list)
     _suspect: _StampedPose | None = field(init=False, default=None)
     _fixed: Pose | None = field(init=False, default=None)  # Its pose while it does not move
@@ -106,8 +121,10 @@ class PoseTrack:
 
         Return why it was rejected, or None.
         """
+        if not self.in_space:
+            pose = replace(pose, height=0.0, tilt=LEVEL)
         if not self.yaw_applies:
-            pose = replace(pose, yaw=0.0, twist=_in_the_world(pose))
+            pose = replace(pose, yaw=0.0, tilt=LEVEL, twist=_in_the_world(pose))
         elif not math.isfinite(pose.yaw):
             return PoseFault.ORIENTATION
         self._fixed = pose if stamp_ns is None else None
@@ -138,25 +155,24 @@ class PoseTrack:
         until_ns = self._poses[last].stamp_ns - round(self._poses[last].velocity_s * 1e9)
         return self._pair(self._index(until_ns + 1) - 1, last)
 
-    def twist(self, stamp_ns: int) -> tuple[float, float, float] | None:
+    def twist(self, stamp_ns: int) -> tuple[float, ...] | None:
         """Return the measured velocity at a stamp, as a pose's; None if it is unknown.
 
         It is interpolated between the poses before and after the stamp, and is that of the nearest
         one without both of them.
         """
         if self._fixed is not None:
-            return 0.0, 0.0, 0.0
+            return (0.0,) * 6
         following = self._index(stamp_ns)
         nearest = self._poses[max(following - 1, 0) : following + 1]
         first, last = nearest[0], nearest[-1]
         if first.pose.twist is None or last.pose.twist is None or first.segment != last.segment:
             return None
         share = (stamp_ns - first.stamp_ns) / max(last.stamp_ns - first.stamp_ns, 1)
-        ahead, left, turning = (
+        return tuple(
             own + min(max(share, 0.0), 1.0) * (later - own)
             for own, later in zip(first.pose.twist, last.pose.twist, strict=True)
         )
-        return ahead, left, turning
 
     def reaches(self, stamp_ns: int) -> bool:
         """Return whether there is a pose at a stamp or after it."""
@@ -236,13 +252,13 @@ class PoseTrack:
         del self._poses[: max(min(oldest, len(self._poses) - 2), 0)]
 
 
-def _in_the_world(pose: Pose) -> tuple[float, float, float] | None:
+def _in_the_world(pose: Pose) -> tuple[float, ...] | None:
     """Return the twist of a platform whose yaw counts as 0, so that ahead is the world's x axis."""
     if pose.twist is None or not math.isfinite(pose.yaw):
         return None
-    ahead, left, _ = pose.twist
+    ahead, left, up, *_ = pose.twist
     cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-    return cos * ahead - sin * left, sin * ahead + cos * left, 0.0
+    return cos * ahead - sin * left, sin * ahead + cos * left, up, 0.0, 0.0, 0.0
 
 
 def _with_noise(added: _StampedPose, before: list[_StampedPose]) -> _StampedPose:
@@ -269,117 +285,14 @@ def _between(first: _StampedPose, second: _StampedPose, stamp_ns: int) -> Pose:
     (x, y), (later_x, later_y) = first.pose.position, second.pose.position
     share = (stamp_ns - first.stamp_ns) / (second.stamp_ns - first.stamp_ns)
     turn = math.remainder(second.pose.yaw - first.pose.yaw, 2.0 * math.pi)
+    (height, *tilt), later = ((each.pose.height, *each.pose.tilt) for each in (first, second))
+    between = [
+        own + share * math.remainder(other - own, 2.0 * math.pi)
+        for own, other in zip(tilt, later[1:], strict=True)
+    ]
     return Pose(
         (x + share * (later_x - x), y + share * (later_y - y)),
         math.remainder(first.pose.yaw + share * turn, 2.0 * math.pi),
+        height=height + share * (later[0] - height),
+        tilt=(between[0], between[1]),
     )
-
-
-def _turned(vector: FloatArray, angle: FloatArray | float) -> FloatArray:
-    """Return vectors, (M, 2), turned counter-clockwise by angles, radians."""
-    cos, sin = np.cos(angle), np.sin(angle)
-    x, y = vector.T
-    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
-
-
-@dataclass
-class Platform:
-    """A moving platform with its sensor."""
-
-    track: PoseTrack
-    mount: Mount
-    positions: bool = False  # Whether the sensor measures positions, and not range and azimuth
-
-    def with_pose(self, stamp_ns: int, detections: Detections) -> tuple[Detections | None, bool]:
-        """Return detections with the radar's pose at their stamp, and whether it is extrapolated.
-
-        Detections with times of their own were measured from the radar's pose at that time; they
-        are transformed to its pose at the stamp. The result is None if a pose is unknown. Range
-        rates also need the velocity, and are left out if it is unknown: after the first pose, and
-        after a jump.
-        """
-        at_stamp, extrapolated = self.track.at(stamp_ns)
-        if at_stamp is None:
-            return None, False
-        pose = self.mount.on(at_stamp)
-        if detections.range_rate is not None:
-            velocity = self.velocity(stamp_ns)
-            if velocity is None:
-                detections = replace(detections, range_rate=None, range_rate_std=None)
-            else:
-                pose = replace(pose, velocity=velocity)
-        if detections.time_s is None or not len(detections):
-            return replace(detections, pose=pose), extrapolated
-        poses = []
-        times_ns = [stamp_ns + round(time_s * 1e9) for time_s in detections.time_s.tolist()]
-        for time_ns in times_ns:
-            at_time, is_extrapolated = self.track.at(time_ns)
-            if at_time is None:
-                return None, False
-            mounted = self.mount.on(at_time)
-            poses.append((*mounted.position, mounted.yaw))
-            extrapolated |= is_extrapolated
-        x, y, yaw = np.transpose(poses)
-        if self.positions:
-            origin = np.stack([x, y], axis=1) - pose.position
-            place = _turned(_turned(detections.measurement, yaw) + origin, -pose.yaw)
-            turned = detections.velocity
-            if turned is not None:
-                turned = _turned(turned, yaw - pose.yaw)
-            detections = replace(detections, measurement=place, velocity=turned, pose=pose)
-            return detections, extrapolated
-        distance, azimuth, *elevation = detections.measurement.T
-        up = [distance * np.sin(angle) for angle in elevation]  # in space
-        distance = distance * np.cos(elevation[0]) if elevation else distance
-        bearing = azimuth + yaw
-        toward = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
-        east = x + distance * toward[:, 0] - pose.position[0]
-        north = y + distance * toward[:, 1] - pose.position[1]
-        angle = wrap_angle(np.arctan2(north, east) - pose.yaw)
-        columns = [np.hypot(east, north), angle]
-        if up:
-            columns = [np.hypot(columns[0], up[0]), angle, np.arctan2(up[0], columns[0])]
-        measurement = np.stack(columns, axis=1)
-        rate = detections.range_rate
-        if rate is not None:  # relative to the radar's velocity at the stamp
-            velocity_at = [self.velocity(time_ns) or pose.velocity for time_ns in times_ns]
-            change = np.array(velocity_at) - pose.velocity
-            rate = rate + (change * toward).sum(axis=1)
-        posed = replace(detections, measurement=measurement, pose=pose, range_rate=rate)
-        return posed, extrapolated
-
-    def own_pose(self, stamp_ns: int) -> Pose | None:
-        """Return the radar's place and velocity with the platform's heading; None if unknown.
-
-        The heading is NaN if azimuths do not turn with the platform, and the velocity if unknown.
-        """
-        pose = self.track.at(stamp_ns)[0]
-        if pose is None:
-            return None
-        yaw = pose.yaw if self.track.yaw_applies else math.nan
-        velocity = self.velocity(stamp_ns) or (math.nan, math.nan)
-        return Pose(self.mount.on(pose).position, yaw, velocity)
-
-    def velocity(self, stamp_ns: int) -> tuple[float, float] | None:
-        """Return the radar's velocity at a stamp in the world frame, m/s; None if unknown.
-
-        It is the measured one if there is one, or else follows from the last poses, and includes
-        the motion by the platform's rotation.
-        """
-        pose, twist = self.track.at(stamp_ns)[0], self.track.twist(stamp_ns)
-        if pose is not None and twist is not None:
-            cos, sin, (x, y) = math.cos(pose.yaw), math.sin(pose.yaw), self.mount.position
-            ahead, left = twist[0] - twist[2] * y, twist[1] + twist[2] * x
-            return cos * ahead - sin * left, sin * ahead + cos * left
-        poses = self.track.poses_for_velocity(stamp_ns)
-        if poses is None:
-            return None
-        first, second = poses
-        since = (second.stamp_ns - first.stamp_ns) * 1e-9
-        (x, y), (later_x, later_y) = (self.mount.on(stamped.pose).position for stamped in poses)
-        return (later_x - x) / since, (later_y - y) / since
-
-    def reaches(self, stamp_ns: int, detections: Detections) -> bool:
-        """Return whether the poses reach all times of some detections."""
-        latest = 0.0 if detections.time_s is None else float(detections.time_s.max(initial=0.0))
-        return self.track.reaches(stamp_ns + round(latest * 1e9))

@@ -29,6 +29,28 @@ Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
 
+def attitude(rotation: Quaternion) -> tuple[float, tuple[float, float], bool]:
+    """Return the yaw and the tilt of a pose, see `Pose`, and whether its z axis points up."""
+    i, j, k, w = rotation
+    ahead, left = w**2 + i**2 - j**2 - k**2, 2.0 * (i * j + w * k)
+    up, across = 2.0 * (i * k - w * j), 2.0 * (j * k + w * i)
+    above = w**2 + k**2 - i**2 - j**2
+    tilt = math.atan2(up, math.hypot(ahead, left)), math.atan2(across, above)
+    return math.atan2(left, ahead), tilt, above > 0.0
+
+
+def of_angles(yaw: float, tilt: tuple[float, float]) -> Quaternion:
+    """Return the rotation of a pose with a yaw and a tilt, the inverse of `attitude`."""
+    none = 0.0, 0.0, 0.0
+    half_yaw, half_pitch, half_roll = (0.5 * angle for angle in (yaw, *tilt))
+    turns = (
+        Placement(none, (0.0, 0.0, math.sin(half_yaw), math.cos(half_yaw))),
+        Placement(none, (0.0, -math.sin(half_pitch), 0.0, math.cos(half_pitch))),
+        Placement(none, (math.sin(half_roll), 0.0, 0.0, math.cos(half_roll))),
+    )
+    return turns[0].of(turns[1]).of(turns[2]).rotation
+
+
 class Placement(NamedTuple):
     """The pose of a frame in another one."""
 
@@ -71,11 +93,10 @@ class Placement(NamedTuple):
         return Placement((x, y, z), (i, j, k, w))
 
     def pose(self) -> Pose:
-        """Return it over ground; the yaw is NaN if the frame's z axis does not point up."""
-        i, j, k, w = self.rotation
-        ahead, left = w * w + i * i - j * j - k * k, 2.0 * (i * j + w * k)
-        upright = w * w - i * i - j * j + k * k > 0.0
-        return Pose(self.translation[:2], math.atan2(left, ahead) if upright else math.nan)
+        """Return it as a pose; the yaw is NaN if the frame's z axis does not point up."""
+        yaw, tilt, upright = attitude(self.rotation)
+        yaw = yaw if upright else math.nan
+        return Pose(self.translation[:2], yaw, height=self.translation[2], tilt=tilt)
 
     def _turned(self, vector: Vector) -> Vector:
         """Return a vector of this frame along the axes of the other one."""

@@ -64,6 +64,11 @@ class Sensor(ReadOnly, ABC):
             return self
         return self.changed(position=pose.position, yaw=pose.yaw, velocity=pose.velocity)
 
+    @property
+    def pose(self) -> Pose:
+        """Its pose at rest."""
+        return Pose(self.position, self.yaw)
+
     @abstractmethod
     def with_scaled_noise(self: SensorT, of_std: FloatArray) -> SensorT:
         """Return the sensor with deviations of its noise multiplied by factors, (Z + 1,).

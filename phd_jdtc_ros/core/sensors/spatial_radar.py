@@ -16,7 +16,7 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..state_space import SPATIAL, StateSpace
-from ..types import Detections
+from ..types import LEVEL, Detections, Pose, rotation_of
 from .gaussians import UNKNOWN_STD, Births, HeightPrior, Heights, PlanePlots
 from .of_gaussians.linearised import Linearised
 from .polar_geometry import MIN_RANGE
@@ -71,7 +71,7 @@ def linearise(
     return measured, jacobian
 
 
-def _sides(measured: FloatArray) -> FloatArray:
+def sides(measured: FloatArray) -> FloatArray:
     """Return places in the frame of range, azimuth and elevation, (..., 3)."""
     distance, azimuth, elevation = np.moveaxis(measured, -1, 0)
     level = distance * np.cos(elevation)
@@ -80,7 +80,7 @@ def _sides(measured: FloatArray) -> FloatArray:
 
 
 def _slopes(measured: FloatArray) -> FloatArray:
-    """Return the Jacobians of `_sides`, (..., 3, 3)."""
+    """Return the Jacobians of `sides`, (..., 3, 3)."""
     distance, azimuth, elevation = np.moveaxis(measured, -1, 0)
     (cos, sin), (level, up) = ((np.cos(a), np.sin(a)) for a in (azimuth, elevation))
     none = np.zeros_like(distance)
@@ -92,10 +92,18 @@ def _slopes(measured: FloatArray) -> FloatArray:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
+def seen_at(place: FloatArray) -> FloatArray:
+    """Return range, azimuth and elevation of places, (..., 3); the inverse of `sides`."""
+    x, y, z = np.moveaxis(place, -1, 0)
+    level = np.hypot(x, y)
+    return np.stack([np.hypot(level, z), np.arctan2(y, x), np.arctan2(z, level)], axis=-1)
+
+
 def turned(measured: FloatArray, turn: FloatArray) -> FloatArray:
     """Return range, azimuth and elevation, (..., 3), in a frame that a rotation leads to."""
-    x, y, z = np.moveaxis(_sides(measured) @ turn.T, -1, 0)
-    return np.stack([measured[..., 0], np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=-1)
+    seen = seen_at(sides(measured) @ turn.T)
+    seen[..., 0] = measured[..., 0]
+    return seen
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,25 +118,31 @@ class SpatialRadar(RadarModel):
 
     space: StateSpace = SPATIAL
     height: float  # Of the antenna, world frame, metres
+    climb: float = 0.0  # Of the antenna, metres per second
     # Standard deviation of elevations, radians; `UNKNOWN_STD` for a radar without elevations.
     elevation_std: float
     height_prior: HeightPrior  # Of targets that are born at detections without an elevation
     curvature: float = 0.0  # Of the earth, one over the radius in metres
     # Pitch, by which the array's x axis points up, and then roll, by which its left side is up,
     # radians. Azimuths and elevations are in the array's frame.
-    tilt: tuple[float, float] = (0.0, 0.0)
+    tilt: tuple[float, float] = LEVEL
 
     @cached_property
     def turn(self) -> FloatArray:
         """Rotation from the level frame to the array's, (3, 3); (0, 3) for a level array."""
-        if self.tilt == (0.0, 0.0):
-            return np.zeros((0, 3))
-        pitch, roll = self.tilt
-        (c, s), (cos, sin) = ((math.cos(angle), math.sin(angle)) for angle in (pitch, roll))
-        up = np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
-        left = np.array([[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]])
-        turn: FloatArray = (up @ left).T
-        return turn
+        return np.zeros((0, 3)) if self.tilt == LEVEL else rotation_of(0.0, self.tilt).T
+
+    def at(self, pose: Pose | None) -> SpatialRadar:
+        """Return the radar at a pose; None keeps its pose."""
+        placed = super().at(pose)
+        if pose is None:
+            return placed
+        return placed.changed(height=pose.height, climb=pose.climb, tilt=pose.tilt)
+
+    @property
+    def pose(self) -> Pose:
+        """Its pose at rest."""
+        return Pose(self.position, self.yaw, height=self.height, tilt=self.tilt)
 
     def with_scaled_noise(self, of_std: FloatArray) -> SpatialRadar:
         """Return the radar with deviations of its noise multiplied by factors; see `Sensor`."""
@@ -147,7 +161,7 @@ class SpatialRadar(RadarModel):
     @property
     def origin(self) -> FloatArray:
         """Place and velocity of the antenna, metres and metres per second, (2, 3)."""
-        return np.array([[*self.position, self.height], [*self.velocity, 0.0]])
+        return np.array([[*self.position, self.height], [*self.velocity, self.climb]])
 
     @property
     def noise_std(self) -> FloatArray:

@@ -12,12 +12,15 @@ Z measurement. Other letters are explained where they are used.
 from ..arrays import UNKNOWN
 from .detections import (
     FULL_TURN,
+    LEVEL,
     SENSORS,
     UNKNOWN_COVERAGE,
     Coverage,
     Detections,
     Pose,
     Scan,
+    angles_of,
+    rotation_of,
 )
 from .estimates import (
     COASTING,
@@ -38,6 +41,7 @@ __all__ = [
     "CONFIRMED",
     "FILTERED",
     "FULL_TURN",
+    "LEVEL",
     "SENSORS",
     "SMOOTHED",
     "SOURCES",
@@ -54,4 +58,6 @@ __all__ = [
     "Scan",
     "SelfReports",
     "Truth",
+    "angles_of",
+    "rotation_of",
 ]

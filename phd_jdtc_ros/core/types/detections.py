@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -48,18 +49,52 @@ class Coverage:
 UNKNOWN_COVERAGE = Coverage(0.0, 1e-9)
 
 
+def rotation_of(yaw: float, tilt: tuple[float, float]) -> FloatArray:
+    """Return the rotation from the frame of a pose to the world's, (3, 3); see `Pose`."""
+    pitch, roll = tilt
+    (c, s), (cos, sin) = ((math.cos(angle), math.sin(angle)) for angle in (pitch, roll))
+    up = np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
+    left = np.array([[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]])
+    c, s = math.cos(yaw), math.sin(yaw)
+    turn: FloatArray = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ up @ left
+    return turn
+
+
+def angles_of(rotation: FloatArray) -> tuple[float, tuple[float, float]]:
+    """Return the yaw and the tilt of a rotation, see `rotation_of`."""
+    (ahead, left, up), (across, above) = rotation[:, 0].tolist(), rotation[2, 1:].tolist()
+    return math.atan2(left, ahead), (
+        math.atan2(up, math.hypot(ahead, left)),
+        math.atan2(across, above),
+    )
+
+
+LEVEL = (0.0, 0.0)
+
+
 @dataclass(frozen=True)
 class Pose:
-    """Position, heading and velocity of a sensor or its platform."""
+    """Position, attitude and velocity of a sensor or its platform."""
 
     position: tuple[float, float]  # In the world frame, metres
     # Direction of its x axis in the world frame, radians counter-clockwise; NaN if unknown.
     yaw: float
     # In the world frame, metres per second; zero where it is not needed.
     velocity: tuple[float, float] = (0.0, 0.0)
-    # Measured velocity ahead and to the left, metres per second, and yaw rate, radians per second;
-    # None if unknown.
-    twist: tuple[float, float, float] | None = None
+    # Measured velocity ahead, to the left and upward, metres per second, and the rates of turn
+    # about these axes, radians per second; None if unknown.
+    twist: tuple[float, ...] | None = None
+    # Height above the world's zero, metres, and climb rate, metres per second; 0 in the plane.
+    height: float = 0.0
+    climb: float = 0.0
+    # Pitch, by which the x axis points up, and then roll, by which the left side is up, radians;
+    # `LEVEL` in the plane.
+    tilt: tuple[float, float] = LEVEL
+
+    @property
+    def rotation(self) -> FloatArray:
+        """Rotation from its frame to the world's, (3, 3)."""
+        return rotation_of(self.yaw, self.tilt)
 
 
 @dataclass(frozen=True)

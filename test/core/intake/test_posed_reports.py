@@ -7,7 +7,8 @@ import pytest
 from lone import lone
 
 from phd_jdtc_ros.configuration.engines import new_pipeline
-from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseFault, PoseTrack
+from phd_jdtc_ros.core.intake.posed_reports import Platform
+from phd_jdtc_ros.core.intake.poses import Mount, PoseFault, PoseTrack
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import RunEnded
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel

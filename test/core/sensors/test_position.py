@@ -7,7 +7,8 @@ import pytest
 from mast import mast
 from numpy.testing import assert_allclose, assert_array_equal
 
-from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack
+from phd_jdtc_ros.core.intake.posed_reports import Platform
+from phd_jdtc_ros.core.intake.poses import Mount, PoseTrack
 from phd_jdtc_ros.core.models.detection_clusters import merge_clusters
 from phd_jdtc_ros.core.sensors.position import Area, WatchedArea
 from phd_jdtc_ros.core.sensors.range_rate import VelocityModel

@@ -294,8 +294,8 @@ def test_an_orientation_that_is_absurd_has_no_yaw(axis, value):
 @pytest.mark.parametrize(
     ("linear", "variance", "twist"),
     [
-        ((14.0, -0.5), 0.0, (14.0, -0.5, 0.2)),
-        ((14.0, -0.5), 0.01, (14.0, -0.5, 0.2)),
+        ((14.0, -0.5), 0.0, (14.0, -0.5, 0.0, 0.0, 0.0, 0.2)),
+        ((14.0, -0.5), 0.01, (14.0, -0.5, 0.0, 0.0, 0.0, 0.2)),
         ((14.0, -0.5), -1.0, None),
         ((math.nan, 0.0), 0.01, None),
         ((1e300, 0.0), 0.01, None),
@@ -309,7 +309,7 @@ def test_the_velocity_of_an_odometry_is_known_unless_marked_otherwise(linear, va
     assert moving_radars.pose_from_msg(message, "map")[1].twist == twist
 
 
-@pytest.mark.parametrize(("variance", "twist"), [(0.0, None), (0.01, (0.0, 0.0, 0.0))])
+@pytest.mark.parametrize(("variance", "twist"), [(0.0, None), (0.01, (0.0,) * 6)])
 def test_a_velocity_of_zero_is_measured_if_it_has_a_covariance(variance, twist):
     message = odometry()
     message.twist.covariance[35] = variance
