@@ -43,7 +43,7 @@ MANY = 9  # Number of parameters from which a function has too many
 WARM_SCANS = 12  # Scans before the traced one
 
 LIMITS: Mapping[str, float] = {
-    "lines of the product": 77_760,
+    "lines of the product": 77_971,
     "files of the product": 472,
     "declared parameters": 153,
     "constants of modules per 1,000 lines": 16.9,
