@@ -12,6 +12,7 @@ from phd_jdtc_ros.configuration.parameters.radar import MOST_SECTORS
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.intake.sectors import smallest_arc
 
+from .copies import Copies, find_copies
 from .levels import Levels, clutter_ranges, levels, log_target_ratio
 from .plots import Plots, sectors
 from .rates import (
@@ -96,6 +97,7 @@ class Findings:
     # without any.
     velocity: Rate | None = None
     elevations: Elevations | None = None  # None without measured elevations
+    copies: Copies | None = None  # Copies of plots, which the other figures leave out
 
     @property
     def false_share(self) -> float:
@@ -123,14 +125,19 @@ def findings(plots: Plots) -> Findings:
     """
     _require_some(plots)
     found = _findings(plots)
-    if found.beside <= MOST_BESIDE:
-        return found
     noise = found.noise.range_std, found.noise.azimuth_std
-    try:
-        alone = _findings(plots.only(without_neighbours(plots, found.timing, *noise)))
-    except TuningError:
+    copies = find_copies(plots, found.timing, noise[0])
+    if copies is not None:
+        rows = np.setdiff1d(np.arange(len(plots)), copies.rows)
+    elif found.beside > MOST_BESIDE:
+        rows = without_neighbours(plots, found.timing, *noise)
+    else:
         return found
-    return replace(alone, beside=found.beside)
+    try:
+        alone = _findings(plots.only(rows))
+    except TuningError:
+        alone = found
+    return replace(alone, beside=found.beside, copies=copies)
 
 
 def _findings(plots: Plots) -> Findings:

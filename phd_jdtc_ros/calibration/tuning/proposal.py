@@ -208,8 +208,11 @@ def _elevations(found: Findings, now: Now) -> Iterator[Row]:
 
 def _clusters(found: Findings, now: Now) -> Iterator[Row]:
     """Yield the distance that merges the plots of a target that lie within their noise."""
-    given = now("cluster_distance")
-    if found.beside > MOST_BESIDE and not given:
+    given, copies = now("cluster_distance"), found.copies
+    if copies is not None and copies.distance and not given:
+        value = round_to_std(copies.distance, 0.1 * found.noise.range_std)
+        yield Row("cluster_distance", value, f"{len(copies.rows)} copies of plots", given)
+    elif found.beside > MOST_BESIDE and not given:
         source = (
             f"{100.0 * min(found.beside, 1.0):.0f} % of tracked plots have another one beside them"
         )
@@ -277,7 +280,20 @@ def remarks(found: Findings, values: Mapping[str, Any], radar: str) -> Iterator[
     def now(name: str) -> Any:
         return values.get(f"{radar}.{name}")
 
-    if found.beside > MOST_BESIDE and now("cluster_distance") is None:
+    copies = found.copies
+    if copies is not None and copies.delay_s:
+        yield (
+            f"{len(copies.rows)} detections are copies of others, {copies.delay_s:.3g} s later at "
+            "the same place with the same errors; each target may have several tracks. Leave the "
+            "copies out; is every plot recorded twice?"
+        )
+    elif copies is not None and now("cluster_distance") is None:
+        yield (
+            f"{len(copies.rows)} detections are copies of others, {copies.distance:.3g} m away in "
+            f"the same scan with the same errors; {radar}.cluster_distance now merges what is no "
+            "farther apart. Is every plot recorded twice, or are two recordings joined?"
+        )
+    elif found.beside > MOST_BESIDE and now("cluster_distance") is None:
         yield (
             f"{100.0 * min(found.beside, 1.0):.0f} % of the tracked detections have another one "
             f"within their noise in the same scan; {radar}.cluster_distance now merges those that "

@@ -1,7 +1,8 @@
 """Groups reports into scans by stamp, and decides when a scan is complete.
 
 Stamps define time; the time of arrival does not matter. Reports with the same stamp form one scan.
-A scan is closed when every live radar has reported its stamp, or when a later stamp arrives. A
+A scan is closed when every live radar has reported its stamp, or when a later stamp arrives that
+is later by more than a tenth of the interval of any radar that is still due at the scan's. A
 radar that has missed two scans is not live until its next report, or until this is due by the
 radar's own interval: one that reports once a second is waited for once a second. A caller that
 cannot wait for a later stamp closes the pending scans with `close_all`.
@@ -29,6 +30,8 @@ MISSES_UNTIL_SILENT = 2
 # Share of its interval by which a radar's report may be early or late, and by which longer
 # intervals change the estimate, so that missed reports hardly do.
 IRREGULAR, FORGETTING = 0.05, 0.1
+# Share of a radar's interval by which others' stamps may be later than one that it is due at.
+HARDLY = 0.1
 # Largest number of self-reports that wait; more than a minute of any receiver.
 MOST_WAITING = 200_000
 # Self-reports that are ahead of the scans by more than this have a wrong time, seconds.
@@ -172,11 +175,24 @@ class ScanGrouper:
     def _closable(self, stamps: list[int]) -> bool:
         """Return whether the oldest of the pending stamps need not wait.
 
-        Without `reorder_s` only an incomplete scan waits: for the next stamp.
+        Without `reorder_s` only an incomplete scan waits: for the next stamp, or if that is hardly
+        later, also for the radars that are due at its own.
         """
         if self.reorder_s:
             return self._is_final(stamps[0])
-        return len(stamps) > 1 or self._is_complete(stamps[0])
+        if len(stamps) > 1:
+            return not self._is_awaited(stamps[0], stamps[-1])
+        return self._is_complete(stamps[0])
+
+    def _is_awaited(self, stamp_ns: int, newest_ns: int) -> bool:
+        """Return whether a radar is due at a stamp, and others are hardly later."""
+        for radar, interval_ns in enumerate(self._interval_ns):
+            heard = self._heard[radar]
+            if heard is None or interval_ns is None or heard >= stamp_ns:
+                continue
+            if newest_ns - stamp_ns <= HARDLY * interval_ns and self._is_due(radar, stamp_ns):
+                return True
+        return False
 
     def _is_final(self, stamp_ns: int) -> bool:
         """Return whether no live radar can still report a stamp in time.

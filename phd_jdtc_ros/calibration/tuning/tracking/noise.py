@@ -131,18 +131,19 @@ def agreeing(plots: Plots, tracks: Tracks, noise: Noise) -> Noise:
     paths = np.column_stack([plots.time_s, *columns])[rows]
     slope = kinematics.slope(plots.position[rows[:, -1]], plots.pose[rows[:, -1]], plots.places)
     ratio = innovations.least_ratio(innovations.squares_of_differences(paths, slope))
-    std = np.maximum(ratio * np.sqrt(variance), _least_std(plots.places))
+    std = np.maximum(ratio * np.sqrt(variance), least_std(plots.places))
     return replace(noise, range_std=float(std[0]), azimuth_std=float(std[1]))
 
 
-def _least_std(places: bool) -> tuple[float, float]:
+def least_std(places: bool) -> tuple[float, float]:
+    """Return the smallest standard deviations of a measurement, or of `places`."""
     return LEAST_OF_PLACES if places else LEAST_STD
 
 
 def _start(noise: Noise, places: bool) -> tuple[FloatArray, list[tuple[float, float]]]:
     """Return the start of a search at an estimate, and its bounds; see `_log_likelihood`."""
     ratio = np.log(noise.densities[1] / noise.densities[0])
-    least = np.log([*_least_std(places), np.finfo(float).tiny])
+    least = np.log([*least_std(places), np.finfo(float).tiny])
     begin = np.maximum(np.log([noise.range_std, noise.azimuth_std, noise.densities[0]]), least)
     reach = np.array([SEARCH_WIDTH, SEARCH_WIDTH, DENSITY_SEARCH_WIDTH])
     lowest = np.maximum(begin - reach, least)
