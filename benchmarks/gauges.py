@@ -43,8 +43,8 @@ MANY = 9  # Number of parameters from which a function has too many
 WARM_SCANS = 12  # Scans before the traced one
 
 LIMITS: Mapping[str, float] = {
-    "lines of the product": 77_971,
-    "files of the product": 472,
+    "lines of the product": 78_105,
+    "files of the product": 473,
     "declared parameters": 153,
     "constants of modules per 1,000 lines": 16.9,
     f"functions with {MANY} parameters or more": 1,

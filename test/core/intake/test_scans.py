@@ -67,7 +67,7 @@ STREAMS = [
         a radar hardly ahead of two others takes no report from the third:
             1@0 2@0 0@0.3 1@6 2@6 0@6.3 | 1@12: 6.3/0; 0@12.3; 2@12: 12/12; 2@18: 12.3/0
         a radar that does not come is not waited for beyond the next stamp:
-            1@0 2@0 0@0.3 1@6 2@6 0@6.3 | 1@12: 6.3/0; 0@12.3; 1@18: 12/1 12.3/0; 2@18: 18/12
+            1@0 2@0 0@0.3 1@6 2@6 0@6.3 | 1@12: 6.3/0; 0@12.3; 1@18: 12/1 12.3/0; 2@18
         a radar further ahead is a scan of its own:
             1@0 2@0 0@2 1@6 2@6 0@8 | 1@12: 8/0; 0@14: 12/1; 2@12: late
         """,
