@@ -53,12 +53,20 @@ ColumnsT = TypeVar("ColumnsT", bound=tuple[Any, ...])
 
 
 def frozen(columns: ColumnsT) -> ColumnsT:
-    """Make the arrays of a named tuple read-only, as compiled functions take them; return it."""
+    """Return a named tuple with contiguous, read-only arrays, as compiled functions take them.
+
+    Contiguous arrays are not copied, and become read-only themselves.
+    """
+    values = []
     for column in columns:
         if isinstance(column, np.ndarray):
+            column = np.ascontiguousarray(column)  # noqa: PLW2901
             setflags: Any = column.setflags
             setflags(False)  # See `read_only`.
-    return columns
+        values.append(column)
+    own: Any = columns
+    same: ColumnsT = own._make(values)
+    return same
 
 
 # The dtype of each array type; dtype objects, because NumPy looks up other types at each call.
@@ -123,11 +131,6 @@ class ReadOnly:
 def zeros_field(*shape: int, dtype: type = np.float64) -> Any:
     """Return the default of a dataclass's field: an array of zeros."""
     return field(default_factory=lambda: np.zeros(shape, dtype))
-
-
-def contiguous(*arrays: Any) -> tuple[Any, ...]:
-    """Return arrays with contiguous memory, which compiled functions require."""
-    return tuple(map(np.ascontiguousarray, arrays))
 
 
 def wrap_angle(angle: FloatArray) -> FloatArray:

@@ -32,7 +32,6 @@ from ..arrays import (
     IntArray,
     ReadOnly,
     contains,
-    contiguous,
     frozen,
     zeros_field,
 )
@@ -135,7 +134,7 @@ class OpenTrials(ReadOnly):
         from .loops import count_trials
 
         before = Trials(self.label, self.cell, self.expected, self.detected, self.open_share)
-        own = frozen(ReportTrials(*contiguous(*trials)))
+        own = frozen(ReportTrials(*trials))
         trials_left, counted = count_trials(LEAST_OPEN, cells, before, own)
         return self.changed(**trials_left._asdict()), frozen(counted)
 

@@ -22,7 +22,6 @@ from ..arrays import (
     FloatArray,
     Int1,
     IntArray,
-    contiguous,
     frozen,
     read_only,
 )
@@ -135,7 +134,7 @@ class Dynamics:
     def pairs(self) -> ModePairs:
         """The pairs of motion modes that one class has."""
         class_of = self.model.modes.class_of[self.flat_of]
-        after, before = contiguous(*np.nonzero(class_of[:, None] == class_of))
+        after, before = np.nonzero(class_of[:, None] == class_of)
         return frozen(ModePairs(before, after))
 
     @cached_property

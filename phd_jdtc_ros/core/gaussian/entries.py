@@ -61,7 +61,7 @@ class Entry:
     @cached_property
     def label(self) -> IntArray:
         """Label of each target, ascending, (T,)."""
-        return self.stored.label
+        return self.stored.sums.label
 
     @cached_property
     def extents(self) -> Extents:

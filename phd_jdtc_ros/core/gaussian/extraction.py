@@ -87,7 +87,7 @@ def extract(
     A target's class is the one of largest weight. State and covariance are the moments of that
     class over all hypotheses and motion modes. The `track_id` of a target is its label plus one.
     """
-    targets = mixture.label, mixture.target, np.arange(len(mixture)), mixture.gaussians
+    targets = mixture.sums.label, mixture.sums.target, np.arange(len(mixture)), mixture.gaussians
     return extract_targets(*targets, dynamics, stamp_ns, lag, threshold)
 
 

@@ -134,34 +134,10 @@ class Mixture(ReadOnly):
         return len(self.row_label)
 
     @cached_property
-    def _sums(self) -> Sums:
+    def sums(self) -> Sums:
+        """The targets, and sums of the weights."""
         order = self.row_label.argsort(kind="stable")
         return frozen(_sums(self.row_label, order, self.weight))
-
-    @property
-    def label(self) -> IntArray:
-        """The distinct labels, ascending, shape (T,)."""
-        return self._sums.label
-
-    @property
-    def target(self) -> IntArray:
-        """Index of each hypothesis's target in `label`, shape (H,)."""
-        return self._sums.target
-
-    @property
-    def mode_weight(self) -> FloatArray:
-        """Weight of each Gaussian, shape (H, R)."""
-        return self._sums.mode_weight
-
-    @property
-    def mass(self) -> FloatArray:
-        """Weight of each hypothesis, shape (H,)."""
-        return self._sums.mass
-
-    @property
-    def existence(self) -> FloatArray:
-        """Existence probability of each target, shape (T,)."""
-        return self._sums.existence
 
     @property
     def gaussians(self) -> Gaussians:
@@ -172,7 +148,7 @@ class Mixture(ReadOnly):
     def hypotheses(self) -> Hypotheses:
         """The columns and sums, for compiled functions."""
         return Hypotheses(
-            *self._sums, self.row_label, self.weight, self.mean, self.covariance, self.snr
+            *self.sums, self.row_label, self.weight, self.mean, self.covariance, self.snr
         )
 
     def take(self, rows: IntArray) -> Mixture:
@@ -193,7 +169,9 @@ class Mixture(ReadOnly):
 
     def extents(self, space: StateSpace) -> Extents:
         """Return the position and extent of each target."""
-        return Extents(self.label, self.target, _extents(space.planar_axes, self.hypotheses))
+        return Extents(
+            self.sums.label, self.sums.target, _extents(space.planar_axes, self.hypotheses)
+        )
 
     @staticmethod
     def empty(modes: int, classes: int, cells: int, size: int) -> Mixture:

@@ -21,15 +21,17 @@ def with_reacquired(predicted: Branched, lost: OutOfGate, model: TrackerModel) -
     """
     mixture = predicted.mixture
     target, lost_row = np.unique(lost.target, return_index=True)
-    order = np.lexsort((-mixture.mass, mixture.target))
-    row = order[np.searchsorted(mixture.target[order], target)]
+    order = np.lexsort((-mixture.sums.mass, mixture.sums.target))
+    row = order[np.searchsorted(mixture.sums.target[order], target)]
     mean = mixture.mean[row][:, :, list(model.modes.space.velocity)]
     speed = np.hypot(mean[..., 0], mean[..., 1]).max(axis=1)
     spread = _manoeuvre_covariance(lost.since_s[lost_row], speed, mixture.mean.shape[2], model)
     used = mixture.covariance[row][:, :, np.arange(len(spread[0])), np.arange(len(spread[0]))] > 0.0
     weight = mixture.weight.copy()
-    weight[np.isin(mixture.target, target)] *= 1.0 - PROBABILITY
-    share = PROBABILITY * mixture.existence[target] / np.maximum(mixture.mass[row], 1e-300)
+    weight[np.isin(mixture.sums.target, target)] *= 1.0 - PROBABILITY
+    share = (
+        PROBABILITY * mixture.sums.existence[target] / np.maximum(mixture.sums.mass[row], 1e-300)
+    )
     added = Mixture(
         mixture.row_label[row],
         share[:, None, None] * mixture.weight[row],

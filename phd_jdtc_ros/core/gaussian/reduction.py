@@ -339,10 +339,10 @@ def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ance
 
 def _keep_targets(mixture: Mixture, bounds: Bounds) -> BoolArray:
     """Return whether each target's existence probability is sufficient, (T,)."""
-    existence = mixture.existence
+    existence = mixture.sums.existence
     is_kept: BoolArray = existence >= bounds.least_existence
     if len(mixture) > bounds.most:
-        size = np.bincount(mixture.target, minlength=len(existence))
+        size = np.bincount(mixture.sums.target, minlength=len(existence))
         order = np.argsort(-existence, kind="stable")
         is_kept[order] &= (np.cumsum(size[order]) <= bounds.most) | (
             size[is_kept].sum() <= bounds.most

@@ -141,22 +141,22 @@ class PriorMixture:
     @property
     def label(self) -> IntArray:
         """Label of each target, shape (T,)."""
-        return self.mixture.label
+        return self.mixture.sums.label
 
     @property
     def target(self) -> IntArray:
         """Index of each hypothesis's target, shape (H,)."""
-        return self.mixture.target
+        return self.mixture.sums.target
 
     @property
     def mass(self) -> FloatArray:
         """Weight of each hypothesis, shape (H,)."""
-        return self.mixture.mass
+        return self.mixture.sums.mass
 
     @property
     def existence(self) -> FloatArray:
         """Existence probability of each target, shape (T,)."""
-        return self.mixture.existence
+        return self.mixture.sums.existence
 
     @property
     def missed(self) -> FloatArray:

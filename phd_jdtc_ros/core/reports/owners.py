@@ -56,13 +56,11 @@ def owner_probabilities(
     odds, count = np.exp(np.minimum(log_weight, MOST_LOG_WEIGHT)), len(tracks)
     contested = np.bincount(column[log_weight > LIKELY], minlength=count) > 1
     (second,) = contested[column].nonzero()
-    edges = frozen(
-        (
-            np.concatenate([row, row[second]]).astype(np.int64),
-            np.concatenate([column, count + column[second]]).astype(np.int64),
-            np.concatenate([odds, SECOND * odds[second]]),
-            np.ones(2 * count),
-        )
+    edges = (
+        np.concatenate([row, row[second]]).astype(np.int64),
+        np.concatenate([column, count + column[second]]).astype(np.int64),
+        np.concatenate([odds, SECOND * odds[second]]),
+        np.ones(2 * count),
     )
     share: FloatArray = read_only(_marginals(MOST_WORK, len(sources), *edges))
     found: FloatArray = share[: len(row)].copy()

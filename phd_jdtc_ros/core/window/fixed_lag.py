@@ -130,7 +130,7 @@ class GaussianEngine:
         parts: list[Samples] = []
         for rows in self.forward.unswept:
             mixture, own = rows.stored, []
-            for label in mixture.label.tolist():
+            for label in mixture.sums.label.tolist():
                 track = number.get(label + 1, 0)
                 if track in wanted:
                     # Two labels of one aircraft share a number; one of them will do.

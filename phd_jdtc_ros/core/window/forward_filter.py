@@ -173,7 +173,7 @@ class ForwardFilter:
         unswept_ns = [rows.entry.stamp_ns for rows in self.unswept]
         estimates = extract(stored, self.dynamics, scan.stamp_ns, 0, states.rule.least)
         self.on_stage_end("extraction")
-        of_tracks = stored.label, unswept_ns, scan, self.model, self.views
+        of_tracks = stored.sums.label, unswept_ns, scan, self.model, self.views
         reported = states.report_filtered(estimates, *of_tracks)
         if not states.unseen.size:
             return reported

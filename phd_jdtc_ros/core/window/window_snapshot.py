@@ -139,8 +139,8 @@ def _entry_from_snapshot(
     if snapshot.array(f"{name}.origin").size > most:
         raise ValueError(f"{name}.origin: more than {most} hypotheses")
     stored = from_snapshot(Mixture, snapshot, name, sizes)
-    if stored.existence.max(initial=0.0) > MAX_MASS:
-        raise ValueError(f"{name}.weight: a target of mass {stored.existence.max():.3g}")
+    if stored.sums.existence.max(initial=0.0) > MAX_MASS:
+        raise ValueError(f"{name}.weight: a target of mass {stored.sums.existence.max():.3g}")
     if f"{name}.link.survival" not in snapshot.arrays:
         return Entry(stamp_ns, stored, sources)
     for source in sources:

@@ -8,7 +8,6 @@ from scipy import sparse
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse.csgraph import connected_components
 
-from phd_jdtc_ros.core.arrays import contiguous
 from phd_jdtc_ros.core.association import frontier, planning
 from phd_jdtc_ros.core.association.clusters import clusters_of, graph_of
 from phd_jdtc_ros.core.association.frontier import (
@@ -60,7 +59,7 @@ def test_graph_lists_nodes_by_cluster_with_their_edges():
     np.testing.assert_array_equal(order[graph.target], target)
     np.testing.assert_array_equal(order[graph.detection], 4 + detection)
     rng = np.random.default_rng(1)
-    target, detection = contiguous(*np.nonzero(rng.random((9, 7)) < 0.3))
+    target, detection = map(np.ascontiguousarray, np.nonzero(rng.random((9, 7)) < 0.3))
     order, graph = graph_of(9, 7, target, detection)
     for node in range(len(order)):
         own = graph.link[graph.start[node] : graph.start[node + 1]]

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from matchings import enumerated
 
-from phd_jdtc_ros.core.arrays import contiguous
 from phd_jdtc_ros.core.association import belief_propagation
 from phd_jdtc_ros.core.association import marginals as module
 from phd_jdtc_ros.core.association.belief_propagation import propagate, rounds
@@ -18,7 +17,7 @@ class Marginals(NamedTuple):
 
 
 def marginals(target, detection, odds, targets, clutter):
-    edges = contiguous(target, detection, odds, clutter)
+    edges = tuple(map(np.ascontiguousarray, (target, detection, odds, clutter)))
     return Marginals(*module.edge_probabilities(module.MOST_WORK, targets, *edges))
 
 
@@ -240,7 +239,7 @@ def test_marginals_do_not_depend_on_the_order_of_the_edges():
 
 def propagated(odds, iterations=200):
     """Return the marginals of dense odds, as (T, M) and (T,)."""
-    target, detection = contiguous(*np.nonzero(odds))
+    target, detection = map(np.ascontiguousarray, np.nonzero(odds))
     edge, none = propagate(*odds.shape, target, detection, odds[target, detection], iterations)
     found = np.zeros_like(odds)
     found[target, detection] = edge

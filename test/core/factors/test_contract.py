@@ -186,11 +186,11 @@ def equal(one, other):
 def by_target(after):
     """Return the existence and the mean position of each target, (T, 3)."""
     rows = after.rows.mixture
-    weight, position = rows.mass, rows.mean[..., [0, 2]]
-    mode = rows.mode_weight / rows.mode_weight.sum(axis=1, keepdims=True)
+    weight, position = rows.sums.mass, rows.mean[..., [0, 2]]
+    mode = rows.sums.mode_weight / rows.sums.mode_weight.sum(axis=1, keepdims=True)
     place = (mode[..., None] * position).sum(axis=1)
-    sums = np.zeros((len(rows.label), 3))
-    np.add.at(sums, rows.target, np.column_stack([weight, weight[:, None] * place]))
+    sums = np.zeros((len(rows.sums.label), 3))
+    np.add.at(sums, rows.sums.target, np.column_stack([weight, weight[:, None] * place]))
     sums[:, 1:] /= sums[:, :1]
     return sums
 

@@ -54,7 +54,7 @@ def existence_after(hits, correlation):
         state = MEAN + number * INTERVAL_S * np.array([MEAN[1], 0.0, MEAN[3], 0.0, 0.0])
         seen = radar.measure(state[None]) if hit else NONE
         engine.step(scan_at(number * INTERVAL_S, seen))
-        existence.append(float(engine.forward.unswept[-1].entry.stored.existence.sum()))
+        existence.append(float(engine.forward.unswept[-1].entry.stored.sums.existence.sum()))
     return existence
 
 
@@ -140,7 +140,7 @@ class Scene:
             figures = engine.step(scan).figures
             stored = engine.forward.unswept[-1].entry.stored
             each = np.zeros(self.TARGETS)
-            each[stored.label] = stored.existence
+            each[stored.sums.label] = stored.sums.existence
             found.append(each)
         return np.array(found), figures
 

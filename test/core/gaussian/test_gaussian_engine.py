@@ -72,10 +72,10 @@ def test_bounds_hold_after_every_scan(bound):
     for scan in SCANS:
         figures = engine.step(scan).figures
         stored = engine.forward.unswept[-1].entry.stored
-        assert np.bincount(stored.target).max() <= bound * modes
+        assert np.bincount(stored.sums.target).max() <= bound * modes
         assert len(stored) == figures["hypotheses"] <= 100
-        assert stored.existence.max() <= 1.0 + 1e-9
-        assert stored.existence.min() >= engine.forward.bounds.least_existence
+        assert stored.sums.existence.max() <= 1.0 + 1e-9
+        assert stored.sums.existence.min() >= engine.forward.bounds.least_existence
 
 
 def test_smoothed_existence_is_a_probability_and_hindsight_agrees_with_the_last_scan():
@@ -89,20 +89,20 @@ def test_smoothed_existence_is_a_probability_and_hindsight_agrees_with_the_last_
         np.testing.assert_array_equal(found, filtered)
     for mixture in smoothed:
         assert (mixture.weight >= 0.0).all()
-        assert mixture.existence.max() <= 1.0 + 1e-9
+        assert mixture.sums.existence.max() <= 1.0 + 1e-9
     # Who exists at the last scan existed before: nobody lives twice.
     last = smoothed[0]
     for earlier in smoothed[1:4]:
-        shared, now, then = np.intersect1d(last.label, earlier.label, return_indices=True)
+        shared, now, then = np.intersect1d(last.sums.label, earlier.sums.label, return_indices=True)
         assert len(shared) > 0
-        assert (earlier.existence[then] >= last.existence[now] - 1e-6).all()
+        assert (earlier.sums.existence[then] >= last.sums.existence[now] - 1e-6).all()
 
 
 def test_class_mass_is_that_of_the_stored_mixture():
     engine = gaussian()
     for scan in SCANS[:5]:
         step = engine.step(scan)
-    total = engine.forward.unswept[-1].entry.stored.existence.sum()
+    total = engine.forward.unswept[-1].entry.stored.sums.existence.sum()
     assert step.class_mass.sum() == pytest.approx(total, rel=1e-9)
 
 
@@ -139,7 +139,7 @@ def test_births_are_the_terms_in_every_mode_with_their_rates(amplitude):
     found = births([(0, 6.0), (2, 12.0)], dynamics, 5)
     first = labels.first_predicted(5)
     assert found.row_label.tolist() == [first, first + 2]
-    np.testing.assert_allclose(found.existence, [0.01, 0.02])
+    np.testing.assert_allclose(found.sums.existence, [0.01, 0.02])
     np.testing.assert_allclose(found.class_mass(), [0.015, 0.015])
     for row, term in enumerate((model.births[0], model.births[2])):
         for mode in range(2):
@@ -154,7 +154,7 @@ def test_survivors_lose_what_does_not_survive_and_keep_their_origins():
     dynamics = Dynamics(config.model)
     parts = [mixture_of(dynamics, [(0.8, MEAN, STD), (0.3, MEAN, STD)])] * 2
     found, moves = survivors([AgedMixture(parts[0], 6.0), AgedMixture(parts[1], 12.0)], dynamics)
-    np.testing.assert_allclose(found.mass, [0.72, 0.27, 0.648, 0.243])
+    np.testing.assert_allclose(found.sums.mass, [0.72, 0.27, 0.648, 0.243])
     assert found.row_label.tolist() == [0, 1, 0, 1]
     np.testing.assert_allclose(moves.survival[:, 0], [0.9, 0.9, 0.81, 0.81])
     np.testing.assert_allclose(found.mean[:, 0, 0], MEAN[0] + MEAN[1] * np.array([6, 6, 12, 12.0]))
@@ -193,7 +193,7 @@ def test_spawned_targets_are_about_their_predicted_parents():
     parents = mixture_of(dynamics, [(0.9, MEAN, STD), (1e-6, MEAN, STD)])
     found = spawn([AgedMixture(parents, 6.0)], dynamics, 3, 1e-4)
     assert len(found) == 1  # of the second one, next to nothing could be spawned
-    assert found.existence[0] == pytest.approx(0.9 * 0.02)
+    assert found.sums.existence[0] == pytest.approx(0.9 * 0.02)
     assert found.row_label[0] == labels.first_predicted(3) + len(dynamics.model.births)
     np.testing.assert_allclose(found.mean[0, :, 0], MEAN[0] + 6.0 * MEAN[1], atol=1.0)
     std = np.sqrt(STD[0] ** 2 + (6.0 * STD[1]) ** 2 + dynamics.model.spawn.std[0] ** 2)
@@ -270,8 +270,10 @@ def test_reacquired_hypothesis_is_one_of_the_most_probable_one():
     assert after.mixture.row_label.tolist() == [4, 4, 6, 4]
     assert after.parent.tolist() == [2, 1, 0, 1]
     np.testing.assert_array_equal(after.mixture.mean[3], before.mixture.mean[1])
-    np.testing.assert_allclose(after.mixture.existence, before.mixture.existence, rtol=1e-12)
-    np.testing.assert_allclose(after.mixture.mass[3], PROBABILITY * 0.7, rtol=1e-12)
+    np.testing.assert_allclose(
+        after.mixture.sums.existence, before.mixture.sums.existence, rtol=1e-12
+    )
+    np.testing.assert_allclose(after.mixture.sums.mass[3], PROBABILITY * 0.7, rtol=1e-12)
     after = with_reacquired(before, lost([0, 0], [0, 1], [SINCE_S, SINCE_S]), model)
     assert after.mixture.row_label.tolist() == [4, 4, 6, 4]
 

@@ -47,7 +47,7 @@ def test_gaussian_is_missed_as_probably_as_its_azimuth_is_measured_in_the_sector
     branched, _ = updated(config, mixture, replace(NOTHING, coverage=sector))
     detected = 0.7 * (norm.cdf(0.52 / std) - norm.cdf(0.02 / std))
     missed = 0.5 * (1.0 - detected)
-    np.testing.assert_allclose(branched.mixture.mass, missed / (0.5 + missed), rtol=1e-6)
+    np.testing.assert_allclose(branched.mixture.sums.mass, missed / (0.5 + missed), rtol=1e-6)
 
 
 def test_gaussian_is_detected_with_the_probability_at_its_range():
@@ -59,7 +59,7 @@ def test_gaussian_is_detected_with_the_probability_at_its_range():
     distance = radar.measure(np.stack([MEAN, far]))[:, 0]
     missed = 0.5 * (1.0 - np.interp(distance, [0.0, 2e4], [0.9, 0.1]))
     branched, _ = updated(config, mixture, NOTHING)
-    np.testing.assert_allclose(branched.mixture.mass, missed / (0.5 + missed), rtol=1e-9)
+    np.testing.assert_allclose(branched.mixture.sums.mass, missed / (0.5 + missed), rtol=1e-9)
 
 
 def test_class_is_detected_as_probably_as_its_band_says():
@@ -107,7 +107,7 @@ def test_detection_stronger_than_all_that_is_known_is_a_targets_beside_usual_one
     mixture = mixture_of(dynamics, [(0.3, MEAN, STD), (0.3, away, STD)])
     report = Detections(radar.measure(np.stack([MEAN, away])), np.array([30.0, 1500.0]))
     branched, _ = updated(config, mixture, report)
-    np.testing.assert_allclose(branched.mixture.existence, 1.0, atol=1e-6)
+    np.testing.assert_allclose(branched.mixture.sums.existence, 1.0, atol=1e-6)
 
 
 def test_hypotheses_without_weight_change_nothing():
@@ -119,7 +119,7 @@ def test_hypotheses_without_weight_change_nothing():
     report = Detections(radar.measure(MEAN[None]), None)
     expected, _ = updated(config, one, report)
     found, _ = updated(config, nil, report)
-    np.testing.assert_allclose(found.mixture.mass, expected.mixture.mass, rtol=1e-12)
+    np.testing.assert_allclose(found.mixture.sums.mass, expected.mixture.sums.mass, rtol=1e-12)
     np.testing.assert_array_equal(found.parent, 1)
 
 
@@ -140,8 +140,8 @@ def test_detection_with_noise_and_time_of_its_own_is_that_of_such_a_radar_then()
         mixture_of(dynamics, [(0.9, later, np.array([300.0, 1e-3, 250.0, 1e-3, 0.0]))]),
         Detections(place, None),
     )
-    np.testing.assert_allclose(found.mixture.mass, expected.mixture.mass, rtol=1e-4)
-    detected = int(np.argmax(found.mixture.mass))
+    np.testing.assert_allclose(found.mixture.sums.mass, expected.mixture.sums.mass, rtol=1e-4)
+    detected = int(np.argmax(found.mixture.sums.mass))
     shift = found.mixture.mean[detected, 0] - expected.mixture.mean[detected, 0]
     np.testing.assert_allclose(shift, in_space(MEAN - later), atol=0.5)
     np.testing.assert_allclose(
@@ -160,10 +160,12 @@ def test_existence_is_kept_when_only_the_best_hypotheses_are():
     few, _ = updated(config, mixture, Detections(place, None), hypotheses=2)
     assert len(every.mixture) == 4
     assert len(few.mixture) == 2
-    np.testing.assert_allclose(few.mixture.existence, every.mixture.existence, rtol=1e-12)
-    best = np.sort(every.mixture.mass)[::-1][:2]
+    np.testing.assert_allclose(few.mixture.sums.existence, every.mixture.sums.existence, rtol=1e-12)
+    best = np.sort(every.mixture.sums.mass)[::-1][:2]
     np.testing.assert_allclose(
-        np.sort(few.mixture.mass)[::-1], best / best.sum() * few.mixture.mass.sum(), rtol=1e-12
+        np.sort(few.mixture.sums.mass)[::-1],
+        best / best.sum() * few.mixture.sums.mass.sum(),
+        rtol=1e-12,
     )
 
 
@@ -213,7 +215,7 @@ def test_clutter_is_the_learned_one_and_learns_from_unclaimed_and_stationary_det
     more = replace(radar, clutter_rate=500.0)
     exact = replace(config, model=replace(config.model, radars=(more,)))
     expected, _ = updated(exact, mixture, report)
-    np.testing.assert_allclose(known.mixture.mass, expected.mixture.mass, rtol=1e-12)
+    np.testing.assert_allclose(known.mixture.sums.mass, expected.mixture.sums.mass, rtol=1e-12)
     (look,), ((measured, weight),) = notebook.looks, notebook.learned
     assert look.view.clutter_rate == 500.0
     np.testing.assert_array_equal(measured, place)
@@ -299,7 +301,7 @@ def test_target_that_stays_at_a_limit_keeps_the_existence_of_an_enumeration(fiel
     for scans in range(1, 2 if by_range else 6):
         found = updated(config, found, NOTHING)[0].mixture
         exact = existence_after(np.mean(np.power(missed, scans)))
-        assert found.existence[0] == pytest.approx(exact, abs=3e-3 if scans == 1 else 0.05)
+        assert found.sums.existence[0] == pytest.approx(exact, abs=3e-3 if scans == 1 else 0.05)
 
 
 def scan_update(config, *reports, scan_index=4):

@@ -116,7 +116,7 @@ def test_joint_weights_are_those_of_all_events_of_what_each_is_alone(targets, co
         pairs = [alone(config, dynamics, one, every.take(np.array([z])))[1] for z in range(count)]
         detected.append(np.reshape(pairs, (count, one.weight.size)).T)
     shape = mixture.weight.shape
-    target = mixture.target.repeat(shape[1] * shape[2])
+    target = mixture.sums.target.repeat(shape[1] * shape[2])
     expected = posterior(target, mixture.weight.ravel(), np.ravel(missed), np.concatenate(detected))
 
     branched = updated(config, dynamics, mixture, every)
@@ -129,7 +129,7 @@ def test_joint_weights_are_those_of_all_events_of_what_each_is_alone(targets, co
         expected_rows = expected_rows[np.argsort(expected_rows.sum(axis=1))]
         np.testing.assert_allclose(own, expected_rows, rtol=1e-9, atol=1e-15)
     existence = np.bincount(target, expected[0] + expected[1].sum(axis=1))
-    np.testing.assert_allclose(found.existence, existence, rtol=1e-9)
+    np.testing.assert_allclose(found.sums.existence, existence, rtol=1e-9)
 
 
 def test_detection_probabilities_of_the_joint_update_differ_by_gaussian():

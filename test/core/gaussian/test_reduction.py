@@ -49,9 +49,9 @@ def branched(rng, sizes, spread=30.0):
 def moments_of(mixture, mode):
     """Return weight, mean and covariance of one mode of each target."""
     found = []
-    for target in range(len(mixture.label)):
-        rows = np.flatnonzero(mixture.target == target)
-        weight = mixture.mode_weight[rows, mode]
+    for target in range(len(mixture.sums.label)):
+        rows = np.flatnonzero(mixture.sums.target == target)
+        weight = mixture.sums.mode_weight[rows, mode]
         share = weight / weight.sum()
         centre = share @ mixture.mean[rows, mode]
         apart = mixture.mean[rows, mode] - centre
@@ -67,7 +67,7 @@ def test_merging_conserves_weight_mean_and_covariance_of_each_mode(seed, distanc
     before = branched(rng, [1, 4, 7, 2])
     after, ancestry, floored = reduce_hypotheses(before, bounds(merge_distance=distance))
     assert floored == 0
-    np.testing.assert_allclose(after.existence, before.mixture.existence)
+    np.testing.assert_allclose(after.sums.existence, before.mixture.sums.existence)
     for mode in range(2):
         for ours, theirs in zip(
             moments_of(before.mixture, mode), moments_of(after, mode), strict=True
@@ -94,14 +94,14 @@ def test_probable_modes_go_on_as_hypotheses_of_their_own(seed, least):
     before = branched(np.random.default_rng(seed), [1, 4, 7])
     whole, _, _ = reduce_hypotheses(before, bounds(merge_distance=3.0))
     after, ancestry, _ = reduce_hypotheses(before, bounds(merge_distance=3.0, least_mode=least))
-    share = whole.mode_weight / whole.mass[:, None]
+    share = whole.sums.mode_weight / whole.sums.mass[:, None]
     assert len(after) == np.maximum((share >= least).sum(axis=1), 1).sum() > len(whole)
     for mode in range(2):
         for ours, theirs in zip(moments_of(whole, mode), moments_of(after, mode), strict=True):
             for part, other in zip(ours, theirs, strict=True):
                 np.testing.assert_allclose(part, other, rtol=1e-8, atol=1e-7)
     if least == 0.0:
-        assert ((after.mode_weight > 0.0).sum(axis=1) == 1).all()
+        assert ((after.sums.mode_weight > 0.0).sum(axis=1) == 1).all()
     # Improbable modes stay with the most probable one.
     lost = np.sort(after.weight[after.weight > 0.0]) - np.sort(whole.weight[whole.weight > 0.0])
     np.testing.assert_allclose(lost, 0.0, atol=1e-15)
@@ -161,13 +161,13 @@ def test_improbable_targets_are_dropped():
     weight = part.weight * np.array([1e-6, 1e-6, 1.0, 1.0])[:, None, None]
     faint = replace(part, weight=weight)
     after, _, _ = reduce_hypotheses(Branched(faint, np.arange(4)), BOUNDS)
-    assert after.label.tolist() == [10]
+    assert after.sums.label.tolist() == [10]
     before = branched(np.random.default_rng(1), [5] * 30, spread=1e4)
     after, _, _ = reduce_hypotheses(before, bounds(most=40))
     assert 30 <= len(after) <= 40
-    existence = before.mixture.existence
-    dropped = np.setdiff1d(before.mixture.label, after.label) // 10
-    assert existence[dropped].max() <= after.existence.min()
+    existence = before.mixture.sums.existence
+    dropped = np.setdiff1d(before.mixture.sums.label, after.sums.label) // 10
+    assert existence[dropped].max() <= after.sums.existence.min()
     none = Mixture.empty(2, 2, 3, SIZE)
     after, ancestry, floored = reduce_hypotheses(Branched(none, np.zeros(0, dtype=int)), BOUNDS)
     assert (len(after), len(ancestry.child), floored) == (0, 0, 0)
@@ -179,15 +179,15 @@ def test_modes_that_go_on_apart_cost_no_target(most, apart):
     before = branched(np.random.default_rng(1), [2] * 30, spread=1e4)
     whole, _, _ = reduce_hypotheses(before, bounds(most=most))
     after, _, _ = reduce_hypotheses(before, bounds(most=most, least_mode=0.0))
-    assert len(np.unique(after.label)) == 30
+    assert len(np.unique(after.sums.label)) == 30
     assert len(after) == (2 * len(whole) if apart else len(whole))
 
 
 def test_merged_hypotheses_have_the_mean_snr_of_each_class():
     before = branched(np.random.default_rng(2), [1, 4, 7, 2])
     after, _, _ = reduce_hypotheses(before, bounds(merge_distance=100.0))
-    for target in range(len(after.label)):
-        own, found = before.mixture.target == target, after.target == target
+    for target in range(len(after.sums.label)):
+        own, found = before.mixture.sums.target == target, after.sums.target == target
         weight = before.mixture.weight[own].sum(axis=1)
         expected = (weight[..., None] * before.mixture.snr[own]).sum(axis=0)
         merged = (after.weight[found].sum(axis=1)[..., None] * after.snr[found]).sum(axis=0)
@@ -208,10 +208,10 @@ def mixture(row_label, modes=2, classes=3):
 
 def test_masses_are_those_of_the_weights():
     found = mixture([7, 7, 9, 12, 12, 12])
-    assert found.label.tolist() == [7, 9, 12]
+    assert found.sums.label.tolist() == [7, 9, 12]
     expected = [found.weight[rows].sum() for rows in ([0, 1], [2], [3, 4, 5])]
-    np.testing.assert_allclose(found.existence, expected)
-    np.testing.assert_allclose(found.mode_weight.sum(axis=1), found.mass)
+    np.testing.assert_allclose(found.sums.existence, expected)
+    np.testing.assert_allclose(found.sums.mode_weight.sum(axis=1), found.sums.mass)
     found = mixture([7, 7, 9], classes=2)
     expected = [found.weight[..., 0].sum(), found.weight[..., 1].sum()]
     np.testing.assert_allclose(found.class_mass(), expected)
@@ -223,7 +223,7 @@ def test_extents_are_the_moments_of_each_target():
     found = mixture([3, 3, 8])
     extents = found.extents(PLANAR)
     for target, rows in enumerate(([0, 1], [2])):
-        share = found.mode_weight[rows].ravel() / found.mode_weight[rows].sum()
+        share = found.sums.mode_weight[rows].ravel() / found.sums.mode_weight[rows].sum()
         states = found.mean[rows].reshape(-1, SIZE)
         centre = share @ states
         apart = states - centre
@@ -247,6 +247,6 @@ def test_empty_and_read_only_mixtures():
     with pytest.raises(ValueError, match="read-only"):
         mixture([1]).weight[0] = 1.0
     found = Mixture.empty(2, 1, 4, SIZE)
-    assert len(found) == len(found.label) == len(found.existence) == 0
+    assert len(found) == len(found.sums.label) == len(found.sums.existence) == 0
     assert found.class_mass().tolist() == [0.0]
     assert len(found.extents(PLANAR).label) == 0

@@ -185,7 +185,7 @@ def test_mode_probabilities_of_the_filter_and_the_smoother_are_those_of_the_text
     backward = backward_pass(engine._window)
     for lag, mixture in enumerate(backward):
         probability, parts = textbook.imm_smoothed(steps[len(steps) - 1 - lag :], modes.motions)
-        np.testing.assert_allclose(mixture.mode_weight[0], probability, rtol=1e-9)
+        np.testing.assert_allclose(mixture.sums.mode_weight[0], probability, rtol=1e-9)
         for mode, part in enumerate(parts):
             mean = in_space(part.mean)
             np.testing.assert_allclose(mixture.mean[0, mode], mean, rtol=1e-8, atol=1e-9)

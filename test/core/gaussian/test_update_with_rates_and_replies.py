@@ -142,7 +142,7 @@ def test_weights_are_those_of_all_events_with_rates_and_replies(rated, replies, 
         clutter[:] = 0.2, 4.0, 1.0
         known = Register(factor, clutter)
     ratio = np.exp(evidence_of(config, mixture, seen)) * factor[ORIGIN] / clutter
-    weight, target = mixture.mass, mixture.target
+    weight, target = mixture.sums.mass, mixture.sums.target
     missed, detected = posterior(
         target, weight, (1.0 - DETECTION) * weight, DETECTION * weight[:, None] * ratio
     )
@@ -151,8 +151,8 @@ def test_weights_are_those_of_all_events_with_rates_and_replies(rated, replies, 
     found = np.zeros((4, 4))
     for row in range(4):
         own = np.flatnonzero(branched.parent == row)
-        order = np.argsort(branched.mixture.mass[own])
-        found[row, : len(own)] = branched.mixture.mass[own[order][::-1]]
+        order = np.argsort(branched.mixture.sums.mass[own])
+        found[row, : len(own)] = branched.mixture.sums.mass[own[order][::-1]]
     expected = np.sort(np.column_stack([missed, detected]), axis=1)[:, ::-1]
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
     assert len(branched.mixture) == (14 if replies else 16)
@@ -186,7 +186,7 @@ def test_hypothesis_with_a_detection_is_where_that_puts_its_gaussian(rated):
         mean, covariance = later.mean, later.covariance
     found, _ = updated(config, mixture, seen)
     np.testing.assert_array_equal(np.sort(found.parent), [0, 1, 1])
-    detected = int(np.argmax(found.mixture.mass * (found.parent == 1)))
+    detected = int(np.argmax(found.mixture.sums.mass * (found.parent == 1)))
     np.testing.assert_allclose(found.mixture.mean[detected], mean, rtol=1e-12)
     np.testing.assert_allclose(found.mixture.covariance[detected], covariance, rtol=1e-12)
     assert np.isfinite(covariance).all()
@@ -294,7 +294,7 @@ def test_scan_tells_what_is_known_its_stamp_and_the_newborn_of_each_radar():
     assert [born.tolist() for born, _ in known.newborn] == [[first, first + 1], [first + 2]]
     for (_, learned), seen in zip(known.newborn, reports, strict=True):
         np.testing.assert_array_equal(learned.measurement, seen.measurement)
-    np.testing.assert_array_equal(branched.mixture.label, first + np.arange(3))
+    np.testing.assert_array_equal(branched.mixture.sums.label, first + np.arange(3))
 
 
 @pytest.mark.parametrize("other", [None, Detections(np.zeros((0, 2)), None)])
@@ -302,8 +302,8 @@ def test_scan_leaves_to_later_radars_the_births_that_earlier_ones_missed(other):
     config = lone(TWO_RADARS)
     nothing = hypotheses(config, np.random.default_rng(0)).take(np.zeros(0, dtype=int))
     seen = Detections(config.model.radars[1].measure(MEAN[None]), None)
-    mass = scan_update(config, nothing, 0, (other, seen))[0].mixture.mass.sum()
-    alone = scan_update(config, nothing, 0, (None, seen))[0].mixture.mass.sum()
+    mass = scan_update(config, nothing, 0, (other, seen))[0].mixture.sums.mass.sum()
+    alone = scan_update(config, nothing, 0, (None, seen))[0].mixture.sums.mass.sum()
     missed = 1.0 if other is None else 1.0 - DETECTION
     assert mass / (1.0 - mass) == pytest.approx(missed * alone / (1.0 - alone), rel=1e-9)
 
@@ -317,12 +317,12 @@ def test_scan_goes_by_what_is_known_of_replies_and_of_clutter():
     factors = factors_of(config, known)
     expected = updated(config, mixture, seen, factors=factors)[0]
     branched, _ = scan_update(config, mixture, 4, (seen,), factors)
-    np.testing.assert_array_equal(branched.mixture.mass, expected.mixture.mass)
+    np.testing.assert_array_equal(branched.mixture.sums.mass, expected.mixture.sums.mass)
     configured = factors_of(config)
     of_radar = (Clutter(), *configured.by_sensor["radar"])
     factors = configured.changed(by_sensor={"radar": of_radar})
     branched, _ = scan_update(config, mixture, 4, (seen,), factors)
     more = lone({**GIVEN, "radar.clutter_rate": 500.0})
     np.testing.assert_array_equal(
-        branched.mixture.mass, updated(more, mixture, seen)[0].mixture.mass
+        branched.mixture.sums.mass, updated(more, mixture, seen)[0].mixture.sums.mass
     )

@@ -86,14 +86,14 @@ def reports_of_one_target(amplitude=200.0):
 def test_update_scan_finds_a_target_of_two_radars_once():
     updated = scan_update(*reports_of_one_target())
     assert [one.mass.sum() for one in updated.newborns] == pytest.approx([1.0, 0.0], abs=0.05)
-    assert updated.rows.mixture.mass.sum() == pytest.approx(1.0, abs=0.05)
+    assert updated.rows.mixture.sums.mass.sum() == pytest.approx(1.0, abs=0.05)
 
 
 def test_update_scan_gives_every_detection_an_origin_of_its_own():
     model, scan = reports_of_one_target()
     far = Detections(np.array([[6000.0, 0.5], [9000.0, 2.0]]), np.array([200.0, 200.0]))
     scan = replace(scan, detections=(far, scan.detections[1]))
-    first, second = (set(scan_update(model, scan, k).rows.mixture.label) for k in (2, 3))
+    first, second = (set(scan_update(model, scan, k).rows.mixture.sums.label) for k in (2, 3))
     assert [len(first), len(second)] == [3, 3]
     assert not first & second
 

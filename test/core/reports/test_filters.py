@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import frozen
 from phd_jdtc_ros.core.reports.filters import Link, State, link_back, observe, predict
 
 NOISE = 0.5
@@ -40,9 +39,7 @@ def test_predict_and_observe_equal_the_textbook():
     total = matrix @ covariance @ matrix.T + spread
     error = measured - matrix @ mean
     gain = covariance @ matrix.T @ np.linalg.inv(total)
-    log_likelihood, square = observe(
-        state, *frozen((measured.copy(), matrix.copy(), spread.copy())), 4
-    )
+    log_likelihood, square = observe(state, measured.copy(), matrix.copy(), spread.copy(), 4)
     np.testing.assert_allclose(square, error @ np.linalg.solve(total, error))
     np.testing.assert_allclose(
         log_likelihood, -0.5 * (square + np.linalg.slogdet(2.0 * np.pi * total)[1])
@@ -64,7 +61,7 @@ def test_links_over_several_predictions_smooth_as_one_joint_gaussian():
         predict(state, dt, NOISE)
         link_back(before, _copy(state), dt, link)
         measured = rng.normal(size=2) * 10.0
-        observe(state, *frozen((measured.copy(), matrix.copy(), spread.copy())), 2)
+        observe(state, measured.copy(), matrix.copy(), spread.copy(), 2)
         motion, noise = _motion(dt, size)
         last, cross = slice(len(mean) - size, len(mean)), joint[:, len(mean) - size :]
         mean = np.concatenate([mean, motion @ mean[last]])

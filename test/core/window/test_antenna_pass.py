@@ -56,7 +56,7 @@ def swept(sectors, plots, between_s=0.25):
         scan = Scan(10**12 + round(index * between_s * 1e9), (report,))
         updated = update_scan(rows, scan, steps, 4.0, index, factors)
         rows, factors = updated.rows, updated.factors
-    return rows.mixture.mass.sum()
+    return rows.mixture.sums.mass.sum()
 
 
 @cache

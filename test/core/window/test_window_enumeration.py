@@ -61,9 +61,9 @@ def alone(scan_of, scene, target):
         (filtered,) = (estimates.weight.tolist() for estimates in step.filtered)
         entries = zip(of._window[::-1], backward_pass(of._window), strict=True)
         smoothed = {
-            entry.stamp_ns // SLICE_NS - 1: float(mixture.mass.sum())
+            entry.stamp_ns // SLICE_NS - 1: float(mixture.sums.mass.sum())
             for entry, mixture in reversed(list(entries))
-            if mixture.mass.sum() > LEAST
+            if mixture.sums.mass.sum() > LEAST
         }
         assert len(filtered) <= 1
         stored.append(Stored(index, float(step.class_mass.sum()), *(filtered or [None]), smoothed))

@@ -2,13 +2,12 @@
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import contiguous
 from phd_jdtc_ros.core.association.clusters import graph_of
 
 
 def graph(odds):
     """Return the graph of dense odds, the targets and detections of its edges, and its nodes."""
-    target, detection = contiguous(*np.nonzero(odds))
+    target, detection = map(np.ascontiguousarray, np.nonzero(odds))
     order, found = graph_of(*odds.shape, target, detection)
     return found, target, detection, order
 

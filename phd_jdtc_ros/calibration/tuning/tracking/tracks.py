@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray, contiguous, read_only
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray, read_only
 
 from .. import kinematics
 from ..plots import Plots
@@ -98,19 +98,18 @@ def link_plots(plots: Plots, timing: Timing, model: LinkModel, log_ratio: FloatA
     )
     count = len(plots)
     measured = plots.measurement, plots.pose
-    columns = Columns._make(
-        contiguous(
-            plots.time_s,
-            plots.cloud.astype(np.float64),
-            *measured,
-            plots.position,
-            log_ratio,
-            *kinematics.initial_state(*measured, model.variance, model.speed_std, plots.places),
-            np.arange(count),
-            np.ones(count, dtype=np.int64),
-            LOG_NEW + log_ratio,
-        )
+    values = (
+        plots.time_s,
+        plots.cloud.astype(np.float64),
+        *measured,
+        plots.position,
+        log_ratio,
+        *kinematics.initial_state(*measured, model.variance, model.speed_std, plots.places),
+        np.arange(count),
+        np.ones(count, dtype=np.int64),
+        LOG_NEW + log_ratio,
     )
+    columns = Columns(*map(np.ascontiguousarray, values))
     added_to = link(*_batches(plots, timing), columns, numbers)
     track, plot = np.append(np.arange(count), added_to), np.tile(np.arange(count), 2)
     kept = (track >= 0) & (columns.hits[track] >= LEAST_HITS)

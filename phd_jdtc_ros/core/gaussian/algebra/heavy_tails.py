@@ -7,7 +7,7 @@ import math
 import numpy as np
 from scipy.special import expit
 
-from ...arrays import TINY, FloatArray, IntArray, contiguous, frozen
+from ...arrays import TINY, FloatArray, IntArray, frozen
 from ...compilation import Float1, Float2, Int1, compiled
 from ...sensors.gaussians import UNKNOWN_STD, HeavyTails
 from .kalman import Innovation
@@ -47,8 +47,9 @@ def mix_noises(
     if noise_std.shape[1] > 2:
         return _mix_in_space(innovation, outliers, noise_std, column)
     correlations = np.zeros(0) if correlation is None else correlation
-    columns = contiguous(noise_std, correlations, column)
-    mixed, outlier = _mix_noises(outliers.share, outliers.ratio, innovation, *columns)
+    std, column = np.ascontiguousarray(noise_std), np.ascontiguousarray(column)
+    tails = outliers.share, outliers.ratio
+    mixed, outlier = _mix_noises(*tails, innovation, std, correlations, column)
     return frozen(mixed), outlier
 
 

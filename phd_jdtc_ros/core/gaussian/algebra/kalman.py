@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import FloatArray, IntArray, contiguous, frozen
+from ...arrays import FloatArray, IntArray, frozen
 from ...compilation import Float1, Float2, Float3, Int1, compiled, inner
 from ...sensors.of_gaussians.linearised import Measured, WeightedGaussians
 from ...sensors.sensor import Sensor
@@ -82,7 +82,7 @@ def innovations(
     columns = sensor.of_gaussians.innovations(
         gaussians, measured, pairs, modes, iterations, converged
     )
-    return frozen(Innovation(*contiguous(*columns)))
+    return frozen(Innovation(*columns))
 
 
 @compiled
@@ -208,12 +208,13 @@ def update(
     """
     if pairs is None:
         pairs = (np.arange(len(mean)),) * 2
-    group, pair, times = contiguous(*pairs, NO_TIMES if time_s is None else time_s)
+    group, pair = map(np.ascontiguousarray, pairs)
+    times = NO_TIMES if time_s is None else np.ascontiguousarray(time_s)
     size, space = mean.shape[1], sensor.space
     if size < SIZE:  # planar states, as the paper's filters have them
         widths = (0, 0), (0, SIZE - size)
         mean, covariance = np.pad(mean, widths), np.pad(covariance, (*widths, widths[1]))
-    mean, covariance = contiguous(mean, covariance)
+    mean, covariance = map(np.ascontiguousarray, (mean, covariance))
     if space.vertical:
         axes = np.array([*space.place, *space.motion])
         return _update_in_space(modes, axes, mean, covariance, group, pair, innovation, times)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import FloatArray, contiguous
+from ...arrays import FloatArray
 from ...compilation import Float1, Float2, Float3, Int1, compiled, inner
 from ...sensors.polar_geometry import MIN_RANGE
 from ...sensors.range_rate import RangeRateModel, Rates
@@ -114,7 +114,8 @@ def _expected_in_space(
     """
     axes = np.array([*sensor.space.place, *sensor.space.motion])
     antenna = sensor.origin.ravel()
-    columns = contiguous(axes, antenna, mean, covariance, NO_TIMES if time_s is None else time_s)
+    times = NO_TIMES if time_s is None else time_s
+    columns = map(np.ascontiguousarray, (axes, antenna, mean, covariance, times))
     return Expected(*_rates_in_space(*columns))
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import TINY, FloatArray, contiguous, frozen
+from ...arrays import TINY, FloatArray, frozen
 from ...compilation import Float1, Float2, Float3, Int1, compiled
 from ...sensors.of_gaussians.linearised import Expected
 from ...sensors.view import View
@@ -99,7 +99,7 @@ class Amplitudes(NamedTuple):
     @staticmethod
     def of(report: View, dynamics: Dynamics) -> Amplitudes:
         """Return the likelihoods of a report's amplitudes."""
-        return frozen(_relative_to_largest(*contiguous(log_amplitude(report, dynamics))))
+        return frozen(_relative_to_largest(np.ascontiguousarray(log_amplitude(report, dynamics))))
 
 
 @compiled
@@ -182,5 +182,5 @@ def slower(mixture: Mixture, bound: float, space: StateSpace) -> FloatArray:
     axes = list(space.velocity)
     covariance = mixture.covariance[..., axes, :][..., axes]
     probability = stationary.probability_slower(mixture.mean[..., axes], covariance, bound)
-    slow: FloatArray = (mixture.mode_weight * probability).sum(axis=1)
-    return slow / np.maximum(mixture.mass, TINY)
+    slow: FloatArray = (mixture.sums.mode_weight * probability).sum(axis=1)
+    return slow / np.maximum(mixture.sums.mass, TINY)

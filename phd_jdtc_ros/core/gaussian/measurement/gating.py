@@ -21,4 +21,4 @@ def gate_pairs(
         The noise is that of outliers if the sensor has any.
     """
     gaussians = report.sensor.of_gaussians
-    return gaussians.gate_pairs(mixture.mode_weight, mixture.mean, expected, report)
+    return gaussians.gate_pairs(mixture.sums.mode_weight, mixture.mean, expected, report)

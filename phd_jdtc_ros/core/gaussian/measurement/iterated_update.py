@@ -86,7 +86,7 @@ def iterated_update(
     heights = None if detections.z is None else report.heights
     modes, size = mixture.mean.shape[1:]
     mean, covariance = mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size)
-    weight, pairs = mixture.mode_weight.reshape(-1), (row, column)
+    weight, pairs = mixture.sums.mode_weight.reshape(-1), (row, column)
     own, time_s = None, None
     if rates is not None or velocities is not None or heights is not None:
         gaussian, detection = gaussians_of_groups(row, modes), column.repeat(modes)

@@ -115,9 +115,9 @@ def after_miss(
     1[d within]). Its mean and variance are matched; the other axes follow by their regression on
     d. A Gaussian at limits of both components is changed along the one that divides it more evenly.
     """
-    size, components = mixture.mode_weight.size, expected.measured.shape[-1]
+    size, components = mixture.sums.mode_weight.size, expected.measured.shape[-1]
     measured = expected.measured.reshape(-1, components)
-    std, weight = expected.std.reshape(-1, components), mixture.mode_weight.ravel()
+    std, weight = expected.std.reshape(-1, components), mixture.sums.mode_weight.ravel()
     rows, axis, moments = _divided(*sensor.visibility.limits, weight, measured, std)
     if not len(rows) or not (usable := sensor.of_gaussians.is_nearly_normal(std[rows])).any():
         return None

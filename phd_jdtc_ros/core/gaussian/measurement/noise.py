@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import FloatArray, contiguous, frozen
+from ...arrays import FloatArray, frozen
 from ...association.evidence import KNOWN_EXISTENCE, NoiseEvidence, OutlierEvidence
 from ...compilation import Float1, Float2, Int1, compiled
 from ..algebra.kalman import Innovation
@@ -43,7 +43,7 @@ def evidence_of_pairs(
     if factor is None and outliers is None:
         return None, None
     outlier = NONE if update.outlier is None else update.outlier
-    pairs = _Pairs(*contiguous(update.row, update.column, probability, update.log_likelihood))
+    pairs = _Pairs(update.row, update.column, probability, update.log_likelihood)
     weight, excess, *found = _evidence(
         KNOWN_EXISTENCE,
         1.0 if factor is None else factor.certainty,
@@ -52,7 +52,7 @@ def evidence_of_pairs(
         innovation,
         np.ascontiguousarray(update.report.sensors_own_std),
         outlier,
-        _rate_squares(update, mixture.mode_weight.shape[1]),
+        _rate_squares(update, mixture.sums.mode_weight.shape[1]),
     )
     if outliers is None:
         return NoiseEvidence(weight[0], excess[0]), None

@@ -147,7 +147,11 @@ def associate(
     hypotheses = mixture.hypotheses
     claims, found, weights = _weigh(hypotheses, detection_probability, amplitude, pairs)
     shares = posterior_shares(
-        marginals.MOST_WORK, len(mixture.label), mixture.target, weights.prior, frozen(claims)
+        marginals.MOST_WORK,
+        len(mixture.sums.label),
+        mixture.sums.target,
+        weights.prior,
+        frozen(claims),
     )
     kept = _most_probable_hypotheses(
         bounds.hypotheses,

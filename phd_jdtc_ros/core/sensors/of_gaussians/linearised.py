@@ -19,7 +19,6 @@ from ...arrays import (
     Float4,
     FloatArray,
     IntArray,
-    contiguous,
     frozen,
     read_only,
 )
@@ -127,7 +126,7 @@ class Linearised:
         spread = jacobian @ covariance[..., position, :][..., position] @ jacobian.swapaxes(-1, -2)
         variance = np.diagonal(spread, axis1=-2, axis2=-1)
         std = np.sqrt(np.maximum(variance, LEAST_STD**2))
-        return frozen(Expected(*contiguous(measured, spread, std)))
+        return frozen(Expected(measured, spread, std))
 
     def candidate_count(self, predicted: FloatArray, detections: Detections) -> int:
         """Return a bound of the number of pairs of predicted measurements and detections in gates.

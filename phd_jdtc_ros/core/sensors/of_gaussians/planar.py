@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import TINY, FloatArray, IntArray, contiguous, frozen, read_only
+from ...arrays import TINY, FloatArray, IntArray, frozen, read_only
 from ...compilation import Float1, Float2, Float3, Float4, Int1, compiled, inner
 from ...types import Detections
 from ..gaussians import noise_covariance
@@ -96,7 +96,7 @@ def _plots(measured: Measured) -> _Plots:
     """Return measurements as compiled functions take them."""
     times = NO_TIMES if measured.time_s is None else measured.time_s
     noise = noise_covariance(measured.noise_std, measured.correlation)
-    return frozen(_Plots(*contiguous(measured.measurement, noise, times)))
+    return frozen(_Plots(measured.measurement, noise, times))
 
 
 @inner

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import TINY, BoolArray, FloatArray, IntArray, contiguous, frozen, read_only
+from ...arrays import TINY, BoolArray, FloatArray, IntArray, frozen, read_only
 from ...compilation import Float3, Float4, Int1, compiled, inner
 from ...types import FULL_TURN, Detections
 from ..polar_gate import candidate_count
@@ -79,7 +79,7 @@ class PolarGaussians(Linearised):
 def _plots(measured: Measured) -> Plots:
     """Return measurements as compiled functions take them."""
     times = NO_TIMES if measured.time_s is None else measured.time_s
-    return frozen(Plots(*contiguous(measured.measurement, measured.noise_std, times)))
+    return frozen(Plots(measured.measurement, measured.noise_std, times))
 
 
 @compiled

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...arrays import TINY, BoolArray, FloatArray, IntArray, contiguous, frozen, read_only
+from ...arrays import TINY, BoolArray, FloatArray, IntArray, frozen, read_only
 from ...compilation import Float1, Float2, Float3, Float4, Int1, compiled, inner
 from ...types import Detections
 from ..polar_gate import candidate_count
@@ -67,8 +67,7 @@ class SpatialGaussians(Linearised):
     def _plots(self, measured: Measured) -> SpatialPlots:
         times = NO_TIMES if measured.time_s is None else measured.time_s
         correction = self.sensor.log_correction(measured.noise_std[:, 2])
-        columns = contiguous(measured.measurement, measured.noise_std, times, correction)
-        return frozen(SpatialPlots(*columns))
+        return frozen(SpatialPlots(measured.measurement, measured.noise_std, times, correction))
 
     def expected(self, mean: FloatArray, covariance: FloatArray) -> Expected:
         """Return the expected measurements of Gaussians."""
@@ -104,7 +103,7 @@ class SpatialGaussians(Linearised):
         converged: float,
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return the columns of `kalman.Innovation`; errors are taken as independent."""
-        group, column = contiguous(*pairs)
+        group, column = map(np.ascontiguousarray, pairs)
         effort, plots = (iterations, converged, modes), self._plots(measured)
         return _innovations(*effort, self._antenna, gaussians, group, column, plots)
 

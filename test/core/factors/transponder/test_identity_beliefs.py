@@ -195,7 +195,7 @@ def test_joint_association_and_identities_are_those_of_the_sum_over_all(shown):
     belief = belief_of(({2: 0.6, 4: 0.1}, 0.2, 0.1), ({3: 0.5}, 0.2, 0.3))
     known = Beliefs(belief, Belief.fresh(2, attributes.address), Heights.fresh(2))
     factors = engine.forward.factors
-    records = AttributeRecords.of(stored.label, START_NS, known)
+    records = AttributeRecords.of(stored.sums.label, START_NS, known)
     transponders = factors.transponders.changed(records=records)
     engine.forward.factors = factors.changed(transponders=transponders)
     radar = model.radars[0]
@@ -224,7 +224,7 @@ def test_joint_association_and_identities_are_those_of_the_sum_over_all(shown):
     weight, nothing = enumerated(full(moved), existence, kinematic, shown, 1 - detection, clutter)
 
     stored = engine.forward.unswept[-1].entry.stored
-    np.testing.assert_allclose(stored.existence, 1.0 - nothing, rtol=1e-3)
+    np.testing.assert_allclose(stored.sums.existence, 1.0 - nothing, rtol=1e-3)
     records = engine.forward.factors.transponders.records
     found = full(Belief(records.code, records.code_weight))
     np.testing.assert_allclose(found, weight / weight.sum(axis=1)[:, None], rtol=2e-3, atol=1e-9)

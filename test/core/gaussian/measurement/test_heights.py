@@ -234,7 +234,7 @@ def test_density_below_the_floor_is_cut_off(height):
     states = rng.multivariate_normal(mean, covariance, 400_000, method="cholesky")
     kept = states[states[:, Z] > 0.0]
     share = len(kept) / len(states)
-    assert after.mass[0] == pytest.approx(0.8 * min(2.0 * share, 1.0), rel=0.02)
+    assert after.sums.mass[0] == pytest.approx(0.8 * min(2.0 * share, 1.0), rel=0.02)
     std = np.sqrt(np.diag(covariance))
     error = 4.0 / math.sqrt(len(kept)) + 1e-3
     np.testing.assert_allclose(after.mean[0, 0] / std, kept.mean(axis=0) / std, atol=error)
@@ -277,6 +277,6 @@ def test_only_unseen_targets_under_the_ground_or_above_all_are_dropped(height, s
     mean = np.array([3e3, 0.0, 2e3, 0.0, 0.0, height, 0.0])
     before = lone.mixture_of(dynamics, [(0.8, mean, np.full(SIZE, 30.0))])
     after = without_unlikely(before, np.array([True]), prior)
-    assert after.mass[0] == pytest.approx(0.8 * share, abs=1e-6)
+    assert after.sums.mass[0] == pytest.approx(0.8 * share, abs=1e-6)
     np.testing.assert_array_equal(after.mean, before.mean)
     assert without_unlikely(before, np.array([False]), prior) is before

@@ -7,7 +7,7 @@ import pytest
 from lone import MEAN, SIZE, STD, in_space, lone, mixture_of, squares_in_space
 from reference import resolve
 
-from phd_jdtc_ros.core.arrays import contiguous, frozen, wrap_angle
+from phd_jdtc_ros.core.arrays import frozen, wrap_angle
 from phd_jdtc_ros.core.association.marginals import LEAST_CLUTTER
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.measurement import likely_pairs
@@ -104,12 +104,12 @@ def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, cou
         single.covariance[0 * rows],
         single.snr[0 * rows],
     )
-    row, column = contiguous(*np.nonzero(rng.random((4, count)) < 0.9))
+    row, column = map(np.ascontiguousarray, np.nonzero(rng.random((4, count)) < 0.9))
     weight = rng.exponential(1.0, len(row)) * 10.0 ** rng.uniform(-3, 0.5, len(row))
     detection_probability = 1.0 - rng.uniform(0.1, 0.9, (4, 1, 1))
     missed = mixture.weight * (1.0 - detection_probability)
     total = np.array([0.3, 1e-12, 2.0])[:count]
-    log_likelihood = np.log(weight / mixture.mass[row])
+    log_likelihood = np.log(weight / mixture.sums.mass[row])
     no_amplitude, no_evidence = np.zeros(count), np.zeros(len(row))
     columns = log_likelihood[:, None], no_amplitude, no_evidence, np.log(total)[None]
     likelihoods = frozen(PairLikelihoods(row, column, *columns))
@@ -161,7 +161,7 @@ def by_brute_force(mixture, expected, detections):
     total = covariance + own[:, None, :, None] ** 2 * np.eye(2)
     square = np.einsum("hmri,hmrij,hmrj->hmr", error, np.linalg.inv(total), error)
     density = -0.5 * (square + np.log(np.linalg.det(total))) - np.log(2.0 * np.pi)
-    near = (square <= GATE_SIGMA**2) & (mixture.mode_weight > 0.0)[:, None]
+    near = (square <= GATE_SIGMA**2) & (mixture.sums.mode_weight > 0.0)[:, None]
     return np.where(near, density, -np.inf)
 
 
@@ -192,7 +192,7 @@ def test_gate_pairs_finds_the_pairs_of_a_brute_force_search(timed, own_noise):
     np.testing.assert_allclose(found[0][inside], right[0][inside], rtol=1e-9)
     near = measurement[:, 0] < GATE_SIGMA * RADAR.range_std / 2.0
     assert near.any()
-    assert np.isfinite(found[0][near][:, mixture.mode_weight[0] > 0.0]).all()
+    assert np.isfinite(found[0][near][:, mixture.sums.mode_weight[0] > 0.0]).all()
 
 
 def test_gate_pairs_of_no_detections_is_empty():

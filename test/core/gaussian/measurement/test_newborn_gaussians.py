@@ -81,9 +81,9 @@ def test_newborns_are_shared_among_probable_folds_of_range_rates(velocity_std, s
         order = np.argsort(radial)
         np.testing.assert_allclose(radial[order], gain * folds[row, expected], rtol=5e-3)
         np.testing.assert_allclose(
-            found.mass[own][order], mass * share[row, expected], rtol=1e-2, atol=1e-6
+            found.sums.mass[own][order], mass * share[row, expected], rtol=1e-2, atol=1e-6
         )
-        assert found.mass[own].sum() == pytest.approx(mass, rel=1e-12)
+        assert found.sums.mass[own].sum() == pytest.approx(mass, rel=1e-12)
 
 
 def test_folds_that_are_as_probable_as_the_least_are_kept(monkeypatch):
@@ -91,7 +91,7 @@ def test_folds_that_are_as_probable_as_the_least_are_kept(monkeypatch):
     config = rated(12.0, 100.0)
     # This range rate is as far from the one fold as from the other.
     found = born(config, Detections(PLACES[:1], None, range_rate=[50.0]))
-    np.testing.assert_allclose(found.mass, 0.15, rtol=1e-12)
+    np.testing.assert_allclose(found.sums.mass, 0.15, rtol=1e-12)
 
 
 def test_newborns_whose_range_rates_are_improbable_are_born_all_the_same():
@@ -100,7 +100,7 @@ def test_newborns_whose_range_rates_are_improbable_are_born_all_the_same():
     rates = np.array([0.5, 50.0, -80.0])
     found = born(config, Detections(PLACES, None, range_rate=rates))
     np.testing.assert_array_equal(found.row_label, [100, 101, 102])
-    np.testing.assert_allclose(found.mass, 0.3, rtol=1e-12)
+    np.testing.assert_allclose(found.sums.mass, 0.3, rtol=1e-12)
 
 
 def test_newborn_with_a_time_is_one_seen_then_where_it_was_before():
@@ -110,7 +110,7 @@ def test_newborn_with_a_time_is_one_seen_then_where_it_was_before():
     then = born(config, Detections(near, None, range_rate=rate))
     found = born(config, Detections(near, None, range_rate=rate, time_s=times))
     np.testing.assert_array_equal(found.row_label, then.row_label)
-    np.testing.assert_allclose(found.mass, then.mass, rtol=1e-9)
+    np.testing.assert_allclose(found.sums.mass, then.sums.mass, rtol=1e-9)
     for row, row_label in enumerate(found.row_label):
         back = np.eye(SIZE)
         back[[0, 2], [1, 3]] = -times[row_label - 100]

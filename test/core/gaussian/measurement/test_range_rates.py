@@ -76,7 +76,7 @@ def test_newborn_gaussians_are_one_hypothesis_for_each_fold():
     (newborn,) = update(before, View.of(radar, report), steps, 0.1, 1000).newborns
     found = newborn_mixture(newborn, dynamics, 1000)
 
-    mass = found.mass
+    mass = found.sums.mass
     for row in range(3):
         own = found.row_label == 1000 + row
         assert mass[own].sum() == pytest.approx(newborn.mass[row].sum(), rel=1e-9)

@@ -176,7 +176,7 @@ def test_classes_with_one_and_two_motions_have_a_textbook_smoother_each():
         smoothed_weight = found[-1].weight[0, first:last].sum()
         for index, mixture in enumerate(found, start=len(passed) - len(found)):
             probability, parts = textbook.imm_smoothed(passed[index:], own)
-            weight = mixture.mode_weight[0, first:last]
+            weight = mixture.sums.mode_weight[0, first:last]
             # All that survives is of the class that it is of in the end.
             assert weight.sum() == pytest.approx(smoothed_weight, rel=1e-9)
             np.testing.assert_allclose(weight / weight.sum(), probability, rtol=1e-8)
@@ -197,7 +197,7 @@ def test_target_that_was_dropped_has_died_or_never_was():
     engine.step(scan_at(12.0, []))
     earlier, later = smoothed(engine)
     assert len(later) == 0
-    alive = before.existence[0]
+    alive = before.sums.existence[0]
     expected = alive * (1.0 - survival) / (1.0 - alive * survival)
     np.testing.assert_allclose(earlier.existence, expected, rtol=1e-12)
     np.testing.assert_allclose(earlier.mean, before.mean, rtol=1e-12)
@@ -227,5 +227,5 @@ def test_merged_hypotheses_hand_all_their_weight_back(motions):
     found = smoothed(engine)
     for mixture in found:
         # Nobody dies, so all is there from the start as it is in the end.
-        np.testing.assert_allclose(mixture.existence, found[-1].existence, rtol=1e-9)
+        np.testing.assert_allclose(mixture.sums.existence, found[-1].sums.existence, rtol=1e-9)
         assert (mixture.weight >= 0.0).all()

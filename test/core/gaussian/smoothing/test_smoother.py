@@ -73,7 +73,7 @@ def alone(entries, label):
 
 def check_as_each_alone(entries):
     """Check the smoothed mixtures of a window against each target's own chain of scans."""
-    labels = np.unique(np.concatenate([entry.stored.label for entry in entries]))
+    labels = np.unique(np.concatenate([entry.stored.sums.label for entry in entries]))
     stamps = [entry.stamp_ns for entry in reversed(entries)]
     whole = dict(zip(stamps, smoother.backward_pass(entries), strict=True))
     for label in labels:
@@ -162,9 +162,9 @@ def test_target_whose_last_scan_was_dropped_is_found_once():
     label, last = next(
         (one, index)
         for index, entry in reversed(list(enumerate(entries)))
-        for one in entry.stored.label
+        for one in entry.stored.sums.label
     )
-    own = [index for index in range(last) if label in entries[index].stored.label]
+    own = [index for index in range(last) if label in entries[index].stored.sums.label]
     assert len(own) > 2
     kept = [entry for index, entry in enumerate(entries) if index not in own[1:]]
     found = lineages.Lineages()
@@ -183,7 +183,7 @@ def test_updates_around_a_stamp_are_the_last_before_it_and_the_first_after_it():
         before, after = every.around(entry.stamp_ns)
         for one, other in zip(before, after, strict=True):
             (label,) = every.labels(np.array([one]))
-            stamps = [each.stamp_ns for each in entries if label in each.stored.label]
+            stamps = [each.stamp_ns for each in entries if label in each.stored.sums.label]
             earlier = [stamp for stamp in stamps if stamp <= entry.stamp_ns]
             later = [stamp for stamp in stamps if stamp > entry.stamp_ns]
             assert every.stamps(np.array([one])) == max(earlier)
