@@ -31,7 +31,7 @@ _CROSS = {
     for row, one in enumerate(PLANAR.axes)
     for other, column in zip(SPATIAL.axes[len(PLANAR) :], SPATIAL.vertical, strict=True)
 }
-_IDENTITIES = {"code": identities.CODES, "address": identities.ADDRESSES}
+_IDENTITIES = ("code", "address")
 _AGES = tuple(f"age_{sensor}" for sensor in SENSORS)
 PRESSURE = "pressure_altitude"
 OWNER, MEMBER = "owner", "member_"
@@ -246,8 +246,10 @@ def _attributes(columns: Mapping[str, npt.NDArray[Any]], stamp_ns: int) -> Attri
     finite = point_cloud.finite
     unknown = ~(finite(covariance).all(axis=(1, 2)) & finite(height).all(axis=1))
     height[unknown], covariance[unknown] = np.nan, np.nan
-    code, address = (_identity(columns[name], part) for name, part in _IDENTITIES.items())
-    return Attributes(height, covariance, code, address, _detection_times(columns, stamp_ns))
+    every = np.ones(len(height), dtype=np.bool_)
+    sent = {name: columns[name].astype(np.float64) for name in _IDENTITIES}
+    found, _ = identities.read(sent, every)
+    return Attributes(height, covariance, **found, seen_ns=_detection_times(columns, stamp_ns))
 
 
 def _detection_times(columns: Mapping[str, npt.NDArray[Any]], stamp_ns: int) -> IntArray | None:
@@ -259,9 +261,3 @@ def _detection_times(columns: Mapping[str, npt.NDArray[Any]], stamp_ns: int) -> 
     known = np.isfinite(ages) & (ages >= 0.0) & (ages * 1e9 <= stamp_ns)
     seen_ns = stamp_ns - np.rint(np.where(known, ages, 0.0) * 1e9).astype(np.int64)
     return np.where(known, seen_ns, UNKNOWN)
-
-
-def _identity(column: npt.NDArray[Any], numbers: tuple[int, tuple[int, ...]]) -> IntArray:
-    all_rows = np.ones(len(column), dtype=np.bool_)
-    found, _ = identities.read(column.astype(np.float64), all_rows, numbers)
-    return np.full(len(column), UNKNOWN) if found is None else found

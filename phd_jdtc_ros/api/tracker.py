@@ -257,7 +257,7 @@ class Tracker:
         """
         columns = {} if detections is None else columns_of(detections)
         columns = self._parameters.in_plane(columns)
-        stamp_ns = int(stamps_ns(columns_of({TIME: [time]}))[0])
+        stamp_ns = int(stamps_ns({TIME: np.atleast_1d(time)})[0])
         run = self._run
         if run is None and columns:
             run = self._run = _Run(self._parameters.config(columns))

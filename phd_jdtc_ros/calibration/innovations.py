@@ -164,7 +164,9 @@ class InnovationMonitor:
         """Add the squares of a report's innovations and differences to the memory."""
         position = tracks.position + since_s * tracks.velocity
         expected, _ = radar.linearise(position)
-        (passed,) = (radar.coverage_probability(expected, found.coverage) > 0.5).nonzero()
+        view = radar.visibility
+        covered = view.coverage_probability(expected, found.coverage, radar.noise_std)
+        (passed,) = (covered > 0.5).nonzero()
         if len(passed) > SAMPLE:
             # Those that are followed already come first, because a difference takes several looks.
             followed = np.isin(tracks.track_id[passed], [*memory.paths])

@@ -327,19 +327,15 @@ def keep(
     if (repeats := repeats_of(columns)) is not None:
         repeated = _count(kept & repeats)
         kept &= ~repeats
-    code, bad_codes = identities.read(columns.get("code"), kept, identities.CODES)
-    address, bad_addresses = identities.read(columns.get("address"), kept, identities.ADDRESSES)
-    kind, _ = identities.read(columns.get("detection_type"), kept, identities.DETECTION_TYPES)
+    found, impossible = identities.read(columns, kept)
     common = {
         "amplitude": None if amplitude is None else amplitude[kept],
         "time_s": None if time is None else time[kept],
-        "code": code,
-        "address": address,
-        "detection_type": kind,
+        **found,
     }
     counts = {
         "detections_repeated": repeated,
-        "identities_unusable": bad_codes + bad_addresses,
+        "identities_unusable": impossible,
     }
     return Kept(kept, dropped, common, counts)
 

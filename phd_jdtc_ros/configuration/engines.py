@@ -14,7 +14,6 @@ from phd_jdtc_ros.core.intake.input_checks import ResultCheck
 from phd_jdtc_ros.core.intake.out_of_sequence import OutOfSequence
 from phd_jdtc_ros.core.intake.revolution_history import RevolutionHistory
 from phd_jdtc_ros.core.pipeline import Pipeline, SensorStages, start_cold
-from phd_jdtc_ros.core.tracks.region import Everywhere
 
 from .build import TrackerConfig
 from .parameters.tracker import PHD
@@ -94,7 +93,7 @@ def new_pipeline(
         sensors=[SensorStages(*each) for each in stages],
         results=ResultCheck(config.model.modes.interval_s),
         out_of_sequence=OutOfSequence(engine, len(config.inputs), reprocesses),
-        region=config.region or Everywhere(),
+        region=config.region,
         configured=(config.model, config.rule),
         on_filtered=on_filtered,
     )

@@ -24,7 +24,7 @@ from .intake.scans import Rejection, Reset, ScanGrouper, WaitingReports
 from .intake.slices import Slice
 from .models.tracker_model import TrackerModel
 from .tracks.manual import START, Command, Manual
-from .tracks.region import Everywhere, Region
+from .tracks.region import Region
 from .tracks.reporting_rule import ReportingRule, slowest_s
 from .types import Detections, Estimates, Pose, Scan, SelfReports
 
@@ -111,7 +111,7 @@ class Pipeline:
         sensors: Sequence[SensorStages],
         results: ResultCheck,
         out_of_sequence: OutOfSequence,
-        region: Region | Everywhere,
+        region: Region | None,
         configured: tuple[TrackerModel, ReportingRule],
         on_filtered: OnFiltered = ignore_filtered,
     ) -> None:
@@ -313,6 +313,8 @@ class Pipeline:
 
     def _select_in_region(self, radar: int, detections: Detections) -> Detections:
         """Return the detections of a radar within the region."""
+        if self._region is None:
+            return detections
         return self._region.select_detections(detections, self._configured[0].radars[radar])
 
     def add_pose(self, radar: int, stamp_ns: int | None, pose: Pose) -> Iterator[Event] | PoseFault:
@@ -442,7 +444,8 @@ class Pipeline:
         return Step(filtered, smoothed, step.class_mass, step.figures)
 
     def _reported(self, estimates: tuple[Estimates, ...]) -> tuple[Estimates, ...]:
-        return self.manual.select(self._region.select_estimates(estimates))
+        within = estimates if self._region is None else self._region.select_estimates(estimates)
+        return self.manual.select(within) if self.manual.dropped else within
 
     def _end(self, reset: Reset | None) -> RunEnded:
         """End the run; after a jump ahead, known aircraft keep their track numbers."""

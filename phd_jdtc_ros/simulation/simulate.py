@@ -94,7 +94,7 @@ def observe(
     envelope exceeds the threshold. If the radar has a detection probability, detection follows
     it, and the envelope is drawn above the threshold.
     """
-    visible = radar.coverage_probability(exact, None) > 0.0
+    visible = radar.visibility.probability_in_view(exact) > 0.0
     envelope = rng.rayleigh(np.sqrt(1.0 + snr))
     noisy = with_noise(exact, radar, rng)
     if radar.visibility.probabilities:

@@ -154,7 +154,7 @@ class RegistrationMonitor:
         rows = [row for row, n in enumerate(numbers) if self._others_see(index, n, stamp_ns)]
         after_s = (stamp_ns - tracks.stamp_ns) * 1e-9
         place, _ = radar.linearise(tracks.position[rows] + after_s * tracks.velocity[rows])
-        due = radar.coverage_probability(place, detections.coverage)
+        due = radar.visibility.coverage_probability(place, detections.coverage, radar.noise_std)
         probability = radar.visibility.detection_probability(place)
         due = due if probability is None else due * probability
         looks = np.array([due.sum(), np.count_nonzero(near[rows] & (due > 0.0))])

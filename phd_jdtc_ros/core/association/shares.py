@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import IntArray
-from ..compilation import Float1, Int1, compiled, inner
+from ..compilation import Float1, Int1, Writeable, compiled, inner
 from .claims import LEAST_MISSED, Claims
 from .marginals import edge_probabilities
 
@@ -70,7 +70,7 @@ def posterior_shares(
     targets: int,
     target_of: Int1,
     weight: Float1,
-    claims: Claims,
+    claims: Writeable[Claims],
 ) -> Shares:
     """Return the factors by which detections change the weights of Bernoulli targets.
 

@@ -346,7 +346,7 @@ def _trial_of(look: Look, prediction: LookPrediction | None) -> Trial:
     expected = np.zeros(size)
     if prediction is not None and look.view.complete:
         expected = prediction.usual(look.probability, targets.label)
-    covered = sensor.coverage_probability(measured, sector)
+    covered = sensor.visibility.coverage_probability(measured, sector, sensor.noise_std)
     existence = np.minimum(look.association.existence, 1.0)
     return Trial(
         look.label,

@@ -31,7 +31,6 @@ from .measurement.amplitude import (
     slower,
     snr_after,
 )
-from .measurement.gating import gate_pairs
 from .measurement.heights import above_floor, without_unlikely
 from .measurement.iterated_update import PairUpdate, coarse_further, iterated_update
 from .measurement.likely_pairs import select_likely
@@ -183,8 +182,18 @@ class PriorMixture:
         return sum_modes(self.mixture.weight * by_class) / np.maximum(self.mass, TINY)
 
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return the gated pairs; see `gating.gate_pairs`."""
-        return gate_pairs(self.mixture, self.expected, self.report.project_as(detections))
+        """Return the pairs of a hypothesis and a detection in the gate of one of its Gaussians.
+
+        Returns
+        -------
+        row, column : int arrays of shape (P,)
+        log_likelihood : array of shape (P, R)
+            Log likelihood with the measurement linearised at the mean; -inf outside a Gaussian's
+            gate. The noise is that of outliers if the sensor has any.
+        """
+        mixture, report = self.mixture, self.report.project_as(detections)
+        weight, gaussians = mixture.sums.mode_weight, report.sensor.of_gaussians
+        return gaussians.gate_pairs(weight, mixture.mean, self.expected, report)
 
     def probability_slower(self, bound: float) -> FloatArray:
         """Return the probability that each hypothesis is slower than a bound in m/s, (H,)."""

@@ -169,7 +169,9 @@ def missed_by(reports: Sequence[View], position: FloatArray, modes: ModeSpace) -
     for report in reports:
         sensor = report.sensor
         measured, _ = sensor.linearise(position)
-        covered = sensor.coverage_probability(measured, report.detections.coverage) * report.share
+        sector = report.detections.coverage
+        covered = sensor.visibility.coverage_probability(measured, sector, sensor.noise_std)
+        covered *= report.share
         log_p_d = report.log_detection_probability(measured, modes.classes)
         missed *= 1.0 - covered * np.exp(log_p_d)
     return missed

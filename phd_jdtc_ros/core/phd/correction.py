@@ -36,7 +36,7 @@ def detection_probability(
     detected = sensor.visibility.detection_probability(measured, std)
     if detected is None:
         detected = of_classes(sensor.threshold, modes.classes)[class_id]
-    return detected * sensor.coverage_probability(measured, None, std) * report.share
+    return detected * sensor.visibility.probability_in_view(measured, std) * report.share
 
 
 def log_amplitude_likelihood(
@@ -76,7 +76,7 @@ def correct(particles: Particles, report: View, modes: ModeSpace) -> Particles:
     (radar,) = polar_radars([report.sensor])
     # A target outside the field of view is no source of a detection inside it.
     visible = measured.copy()
-    visible[radar.coverage_probability(measured, None) == 0.0, 0] = np.inf
+    visible[radar.visibility.probability_in_view(measured) == 0.0, 0] = np.inf
     row, column, log_likelihood = radar.gated_pairs(visible, report.detections)
     log_likelihood = log_likelihood + log_amplitude_likelihood(report, class_id[row], column, modes)
     share = explained_shares(column, log_likelihood, particles.weight[row], report)

@@ -122,7 +122,7 @@ class RadarModel(Sensor):
         """Return log |dz/dp| at (range, azimuth), the log of one over the range; shape (N,)."""
         return -np.log(np.maximum(measured[:, 0], MIN_RANGE))
 
-    @property
+    @cached_property
     def noise_std(self) -> FloatArray:
         """Standard deviations of (range, azimuth), shape (2,)."""
         return np.array([self.range_std, self.azimuth_std])

@@ -198,7 +198,7 @@ class PositionSensor(Sensor):
         pose = np.array([*self.position, math.cos(self.yaw), math.sin(self.yaw)])
         return PlanarGaussians(self, pose)
 
-    @property
+    @cached_property
     def noise_std(self) -> FloatArray:
         """Standard deviations of (x, y), (2,)."""
         return np.array(self.std)

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..arrays import FloatArray, ReadOnly
 from ..state_space import PLANAR, StateSpace
-from ..types import Coverage, Detections, Pose
+from ..types import Detections, Pose
 from .gaussians import Births, HeavyTails, Heights, PlanePlots, ReportedHeights
 from .of_gaussians.linearised import Linearised
 from .range_rate import Rates, Velocities
@@ -132,21 +132,6 @@ class Sensor(ReadOnly, ABC):
     def wrap(self, error: FloatArray) -> FloatArray:
         """Return differences of measurements, (..., Z), with wrapped angles."""
         return error
-
-    def coverage_probability(
-        self, predicted: FloatArray, coverage: Coverage | None, std: FloatArray | None = None
-    ) -> FloatArray:
-        """Return the probability that a report covers each target, (N,).
-
-        Only a covered target can be missed. `predicted` has the predicted measurements, (N, Z), and
-        `std` their standard deviations without the sensor's noise; None if the positions are
-        certain.
-        """
-        view = self.visibility
-        probability = view.probability_in_view(predicted, std)
-        if coverage is not None:
-            probability *= view.probability_in_sector(predicted, coverage, self.noise_std, std)
-        return probability
 
     def motion_of(self, detections: Detections) -> Rates | Velocities | None:
         """Return the measured motion of detections; None without a usable one."""

@@ -163,7 +163,7 @@ class SpatialRadar(RadarModel):
         """Place and velocity of the antenna, metres and metres per second, (2, 3)."""
         return np.array([[*self.position, self.height], [*self.velocity, self.climb]])
 
-    @property
+    @cached_property
     def noise_std(self) -> FloatArray:
         """Standard deviations of (range, azimuth, elevation), (3,)."""
         return np.array([self.range_std, self.azimuth_std, self.elevation_std])

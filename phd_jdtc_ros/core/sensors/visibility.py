@@ -80,6 +80,23 @@ class FieldOfView(ABC):
     ) -> FloatArray:
         """Return the probability that targets are in the field of view, (N,)."""
 
+    def coverage_probability(
+        self,
+        measured: FloatArray,
+        sector: Coverage | None,
+        noise: FloatArray,
+        std: FloatArray | None = None,
+    ) -> FloatArray:
+        """Return the probability that a report covers targets, (N,); only these can be missed.
+
+        `sector` is that of the report, None for a whole one; for `noise` see
+        `probability_in_sector`.
+        """
+        covered = self.probability_in_view(measured, std)
+        if sector is not None:
+            covered *= self.probability_in_sector(measured, sector, noise, std)
+        return covered
+
     def probability_in_sector(
         self, measured: FloatArray, sector: Coverage, noise: FloatArray, std: FloatArray | None
     ) -> FloatArray:

@@ -84,7 +84,9 @@ def missed_and_spread(
         detected = view.detection_probability_at(detected, measured)
         area = np.multiply.reduce(std / sensor.noise_std, axis=1)
         spread = np.fmin(spread, area ** (1.0 / len(sensor.noise_std)))
-        covered = sensor.coverage_probability(measured, report.coverage, std)
+        covered = sensor.visibility.coverage_probability(
+            measured, report.coverage, sensor.noise_std, std
+        )
         missed *= 1.0 - np.where(covered < LEAST_COVERED, 0.0, covered) * detected
     return missed, spread
 

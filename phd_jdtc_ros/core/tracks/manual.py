@@ -69,8 +69,6 @@ class Manual:
 
     def select(self, estimates: tuple[Estimates, ...]) -> tuple[Estimates, ...]:
         """Return the estimates of each stamp without dropped tracks."""
-        if not self.dropped:
-            return estimates
         return tuple(found.select(~_among(found, self.dropped)) for found in estimates)
 
     @property

@@ -52,16 +52,3 @@ class Region:
     def select_estimates(self, estimates: tuple[Estimates, ...]) -> tuple[Estimates, ...]:
         """Return the estimates of each stamp in the core region or its margin."""
         return tuple(targets.select(self.covers(targets.position)) for targets in estimates)
-
-
-@dataclass(frozen=True)
-class Everywhere:
-    """No restriction: a tracker for the whole world."""
-
-    def select_detections(self, detections: Detections, sensor: Sensor) -> Detections:
-        """Return all detections."""
-        return detections
-
-    def select_estimates(self, estimates: tuple[Estimates, ...]) -> tuple[Estimates, ...]:
-        """Return all estimates."""
-        return estimates

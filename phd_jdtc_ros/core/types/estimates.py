@@ -92,12 +92,12 @@ class _Targets(ReadOnly):
     state: FloatArray
     space: StateSpace
 
-    @property
+    @cached_property
     def position(self) -> FloatArray:
         """Positions in the world frame, metres, shape (T, 2)."""
         return self.state[:, list(self.space.position)]
 
-    @property
+    @cached_property
     def velocity(self) -> FloatArray:
         """Velocities in the world frame, metres per second, shape (T, 2)."""
         return self.state[:, list(self.space.velocity)]

@@ -72,6 +72,7 @@ class ForwardFilter:
     approximate: int = field(init=False, default=0)  # Clusters associated approximately, last step
     floored: int = field(init=False, default=0)  # Covariances raised to their least, last step
     _dynamics: Dynamics | None = field(init=False, default=None, repr=False)
+    _looking: list[View] = field(init=False, repr=False)  # `views` after the last update
 
     def __post_init__(self) -> None:
         self.reset()
@@ -146,6 +147,7 @@ class ForwardFilter:
         updated = update_scan(branched, scan, steps, dt, index, self.factors)
         self.factors, self.approximate = updated.factors, updated.approximate
         self.on_stage_end("update")
+        self._looking = self.views
         stored, ancestry, self.floored = reduce_hypotheses(updated.rows, self._bounds_of_newborn())
         self.on_stage_end("reduce")
         link = Link(moves, ancestry) if linked and moves is not None else None
@@ -173,7 +175,7 @@ class ForwardFilter:
         unswept_ns = [rows.entry.stamp_ns for rows in self.unswept]
         estimates = extract(stored, self.dynamics, scan.stamp_ns, 0, states.rule.least)
         self.on_stage_end("extraction")
-        of_tracks = stored.sums.label, unswept_ns, scan, self.model, self.views
+        of_tracks = stored.sums.label, unswept_ns, scan, self.model, self._looking
         reported = states.report_filtered(estimates, *of_tracks)
         if not states.unseen.size:
             return reported
@@ -261,7 +263,7 @@ class ForwardFilter:
         model = self.model
         if not model.detection_births.enabled:
             return self.bounds
-        least = min(map(model.least_newborn_mass, self.views))
+        least = min(map(model.least_newborn_mass, self._looking))
         if least >= model.detection_births.least_mass:
             return self.bounds
         return replace(self.bounds, least_existence=min(self.bounds.least_existence, least))

@@ -86,6 +86,7 @@ def _seen(view: View, place: FloatArray, model: TrackerModel) -> BoolArray:
     if usual is None:
         usual = np.full(len(place), float(of_classes(sensor.threshold, model.modes.classes).max()))
     detected = view.detection_probability_at(usual, measured)
-    inside = sensor.coverage_probability(measured, view.detections.coverage)
+    sector = view.detections.coverage
+    inside = sensor.visibility.coverage_probability(measured, sector, sensor.noise_std)
     seen: BoolArray = detected * inside > LEAST_DETECTION
     return seen

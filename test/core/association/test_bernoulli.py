@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.core.arrays import frozen
 from phd_jdtc_ros.core.association import marginals
 from phd_jdtc_ros.core.association.claims import Claims
 from phd_jdtc_ros.core.association.shares import posterior_shares
@@ -22,7 +21,7 @@ def scene(seed=0, rows=12, targets=4, detections=3):
 
 def shares_of(target, targets, weight, claims):
     """Return the factors by which the detections change the weights, as an engine gets them."""
-    claims = frozen(Claims(*claims))
+    claims = Claims(*map(np.ascontiguousarray, claims))
     return posterior_shares(
         marginals.MOST_WORK, targets, *map(np.ascontiguousarray, (target, weight)), claims
     )

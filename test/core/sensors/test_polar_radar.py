@@ -210,10 +210,10 @@ def test_configured_detection_probability_replaces_that_of_the_bands():
 
 def test_coverage_probability_is_what_the_antenna_passed_of_the_field_of_view():
     predicted = np.array([[5e3, 0.1], [5e3, 1.0], [20e3, 0.1]])
-    assert RADAR.coverage_probability(predicted, Coverage(0.0, 0.5)).tolist() == pytest.approx(
-        [1.0, 0.0, 0.0]
-    )
-    assert RADAR.coverage_probability(predicted, None).tolist() == [1.0, 1.0, 0.0]
+    assert RADAR.visibility.coverage_probability(
+        predicted, Coverage(0.0, 0.5), RADAR.noise_std
+    ).tolist() == pytest.approx([1.0, 0.0, 0.0])
+    assert RADAR.visibility.probability_in_view(predicted).tolist() == [1.0, 1.0, 0.0]
 
 
 def test_linearised_is_the_measurement_and_its_derivative():

@@ -45,12 +45,15 @@ def test_noise_is_the_detections_own_in_the_world_frame():
 
 def test_targets_are_detected_in_the_area():
     measured = np.array([[0.0, 0.0], [50.0, 0.0], [80.0, 0.0]])
-    assert_array_equal(SENSOR.coverage_probability(measured, None), [1.0, 1.0, 0.0])
+    assert_array_equal(SENSOR.visibility.probability_in_view(measured), [1.0, 1.0, 0.0])
     std = np.full((3, 2), 1.0)
-    found = SENSOR.coverage_probability(measured, None, std)
+    found = SENSOR.visibility.probability_in_view(measured, std)
     assert_allclose(found, [1.0, 0.5, 0.0], atol=1e-12)
     # A sensor that does not turn has no sectors.
-    assert_array_equal(SENSOR.coverage_probability(measured, Coverage(0.0, 1.0), std), found)
+    assert_array_equal(
+        SENSOR.visibility.coverage_probability(measured, Coverage(0.0, 1.0), SENSOR.noise_std, std),
+        found,
+    )
     component, interval = FIELD.limits
     assert_array_equal(component, [0, 1])
     assert_array_equal(interval, [[-50.0, 50.0], [-20.0, 80.0]])

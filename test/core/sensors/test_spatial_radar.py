@@ -252,9 +252,9 @@ def test_elevations_limit_the_coverage_as_ranges_do():
     elevation = np.array([LOW - 0.1, LOW + 1e-3, 0.4, HIGH - 0.02, HIGH + 0.02, HIGH + 0.3])
     predicted = np.stack([np.full(6, 5e3), np.zeros(6), elevation], axis=1)
     std = np.full((6, 3), [50.0, 0.01, 0.02])
-    certain = RADAR.coverage_probability(predicted, None)
+    certain = RADAR.visibility.probability_in_view(predicted)
     np.testing.assert_array_equal(certain, [0, 1, 1, 1, 0, 0])
-    found = RADAR.coverage_probability(predicted, None, std)
+    found = RADAR.visibility.probability_in_view(predicted, std)
     inside = norm.cdf(HIGH, elevation, 0.02) - norm.cdf(LOW, elevation, 0.02)
     np.testing.assert_allclose(found, inside, atol=1e-12)
     component, limits = RADAR.visibility.limits

@@ -201,7 +201,7 @@ def test_a_target_that_comes_out_of_a_blind_sector_has_its_number(hidden, report
     tracks = []
     for index, place in enumerate(north):
         measured = radar.measure(space.state((8e3, place), (0.0, 40.0), 0.0)[None])
-        measured = measured[radar.coverage_probability(measured, None) > 0.0]
+        measured = measured[radar.visibility.probability_in_view(measured) > 0.0]
         seen = Detections(measured, np.full(len(measured), 60.0))
         (found,) = of.step(Scan((index + 1) * INTERVAL, (seen,))).filtered
         tracks.append(found.track_id.tolist())

@@ -20,7 +20,7 @@ from std_msgs.msg import String
 
 from msg_adapters.encoding import cdr, interfaces, stamps
 from msg_adapters.incoming import detections as adapter
-from phd_jdtc_ros.columns.identities import ADDRESSES, CODES, NONE, encode, read
+from phd_jdtc_ros.columns.identities import NONE, encode, read
 from phd_jdtc_ros.core.types import UNKNOWN, Detections
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -143,23 +143,26 @@ def test_what_is_sent_comes_back():
 
 
 @pytest.mark.parametrize(
-    ("kind", "value", "unusable"),
+    ("name", "value", "unusable"),
     [
-        *((CODES, none, 0) for none in (NONE, float(np.float32(NONE)), np.nan)),
-        *((CODES, bad, 1) for bad in (-1.0, 4096.0, 7.5, np.inf, -np.inf, 1e300)),
-        *((ADDRESSES, 0.0, 0), (ADDRESSES, 2.0**24, 1)),
+        *(("code", none, 0) for none in (NONE, float(np.float32(NONE)), np.nan)),
+        *(("code", bad, 1) for bad in (-1.0, 4096.0, 7.5, np.inf, -np.inf, 1e300)),
+        *(("address", 0.0, 0), ("address", 2.0**24, 1), ("detection_type", 9.0, 0)),
     ],
 )
-def test_invalid_identity_is_unknown_and_counted_unless_flagged(kind, value, unusable):
-    found, count = read(np.array([value, 1.0, 4095.0]), np.ones(3, dtype=bool), kind)
-    assert_array_equal(found, [UNKNOWN, 1, 4095])
+def test_invalid_identity_is_unknown_and_counted_unless_flagged(name, value, unusable):
+    read_ones, count = read({name: np.array([value, 1.0, 7.0])}, np.ones(3, dtype=bool))
+    assert_array_equal(read_ones[name], [UNKNOWN, 1, 7])
     assert count == unusable
-    least, _ = read(np.zeros(1), np.ones(1, dtype=bool), kind)
-    assert least == (0 if kind is CODES else UNKNOWN)
+    least, _ = read({name: np.zeros(1)}, np.ones(1, dtype=bool))
+    assert least[name] == (0 if name == "code" else UNKNOWN)
 
 
 def test_identities_are_of_each_detection_that_is_left():
-    code, unusable = read(np.array([5.0, -3.0, 6.0]), np.array([True, False, True]), CODES)
+    kept = np.array([True, False, True])
+    read_codes, unusable = read({"code": np.array([5.0, -3.0, 6.0]), "range": np.ones(3)}, kept)
+    code = read_codes.pop("code")
+    assert not read_codes
     assert_array_equal(code, [5, 6])
     assert unusable == 0
     given = found(height=np.array([1.0, 2.0]), code=np.array([3, 4]), address=np.array([5, 6]))

@@ -2,13 +2,14 @@ import pytest
 
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.incoming.readers import READERS
+from phd_jdtc_ros.configuration.parameters.position import PositionParameters
 from phd_jdtc_ros.configuration.tables import TABLES
 
 
 def test_readers_are_what_sensors_may_be_configured_to_send():
-    messages = [each for own in TABLES.values() for each in own if each.name == "message"]
-    # Self-reports are no detections: `incoming.self_reports` reads them.
-    assert [name for each in messages for name in each.choices] == [*READERS, "reports"]
+    choices = [each for own in TABLES.values() for each in own if each.name == "message"]
+    chosen = {name for each in choices for name in each.choices}
+    assert chosen | {PositionParameters.message} == set(READERS)
 
 
 @pytest.mark.parametrize("name", READERS)

@@ -50,7 +50,7 @@ def detection_probability(
     classes, (count, modes, size) = snr.shape[1], expected.measured.shape
     flat, std = expected.measured.reshape(-1, size), expected.std.reshape(-1, size)
     sensor = view.sensor
-    covered = sensor.coverage_probability(flat, None, std).reshape(count, modes, 1)
+    covered = sensor.visibility.probability_in_view(flat, std).reshape(count, modes, 1)
     by_gaussian = sensor.visibility.detection_probability(flat, std)
     if by_gaussian is None:
         cell = dynamics.cell_probability(sensor.threshold)

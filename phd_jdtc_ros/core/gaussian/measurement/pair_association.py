@@ -10,7 +10,7 @@ from ...arrays import FloatArray, IntArray, frozen
 from ...association import marginals
 from ...association.claims import Claims
 from ...association.shares import Shares, posterior_shares
-from ...compilation import Float1, Float2, Float3, compiled
+from ...compilation import Float1, Float2, Float3, Writeable, compiled
 from ...models.competing_sources import CompetingSources
 from ..algebra.vectors import sum_of
 from ..bounds import Bounds
@@ -71,7 +71,7 @@ def _weigh(
         mass[pair] = write_pair_weight(
             row[pair], weight, pair, measurement, amplitude, factor, pair, pair_weight
         )
-    claims = Claims(row, column, mass, sources.total, detected)
+    claims = Claims(row.copy(), column.copy(), mass, sources.total, detected)
     return claims, sources, _Weights(prior, pair_weight)
 
 
@@ -81,9 +81,9 @@ def _most_probable_hypotheses(
     least_share: float,
     mixture: Hypotheses,
     detection_probability: Float3,
-    claims: Claims,
-    weights: _Weights,
-    shares: Shares,
+    claims: Writeable[Claims],
+    weights: Writeable[_Weights],
+    shares: Writeable[Shares],
 ) -> tuple[FloatArray, FloatArray, IntArray, IntArray, FloatArray]:
     """Return columns of `Association`, from `pair` to `weight`."""
     target_of, weight = mixture.target, mixture.weight
@@ -128,6 +128,47 @@ def _most_probable_hypotheses(
     return mass[rows:], existence, prior_row, kept_pair, kept_weight
 
 
+class _Limits(NamedTuple):
+    """What the work and the number of hypotheses must not exceed."""
+
+    work: int  # See `marginals.edge_probabilities`
+    hypotheses: int  # These are those of the `Bounds`
+    least_share: float
+
+
+@compiled
+def _associate(
+    limits: _Limits,
+    mixture: Hypotheses,
+    detection_probability: Float3,
+    amplitude: Float2,
+    pairs: PairLikelihoods,
+) -> tuple[
+    Claims,
+    Sources,
+    tuple[FloatArray, int],
+    tuple[FloatArray, FloatArray, IntArray, IntArray, FloatArray],
+]:
+    """Return the claims, the other sources, and columns of `Association`.
+
+    The columns are `claimed` and `approximate`, and those from `pair` to `weight`.
+    """
+    claims, sources, weights = _weigh(mixture, detection_probability, amplitude, pairs)
+    shares = posterior_shares(
+        limits.work, len(mixture.label), mixture.target, weights.prior, claims
+    )
+    kept = _most_probable_hypotheses(
+        limits.hypotheses,
+        limits.least_share,
+        mixture,
+        detection_probability,
+        claims,
+        weights,
+        shares,
+    )
+    return claims, sources, (shares.claimed, shares.approximate), kept
+
+
 def associate(
     mixture: Mixture,
     detection_probability: FloatArray,
@@ -144,23 +185,9 @@ def associate(
     amplitude : array of shape (P, C)
         See `select_likely`.
     """
-    hypotheses = mixture.hypotheses
-    claims, found, weights = _weigh(hypotheses, detection_probability, amplitude, pairs)
-    shares = posterior_shares(
-        marginals.MOST_WORK,
-        len(mixture.sums.label),
-        mixture.sums.target,
-        weights.prior,
-        frozen(claims),
-    )
-    kept = _most_probable_hypotheses(
-        bounds.hypotheses,
-        bounds.least_share,
-        hypotheses,
-        detection_probability,
-        claims,
-        frozen(weights),
-        frozen(shares),
+    limits = _Limits(marginals.MOST_WORK, bounds.hypotheses, bounds.least_share)
+    claims, found, (claimed, approximate), kept = _associate(
+        limits, mixture.hypotheses, detection_probability, amplitude, pairs
     )
     sources = CompetingSources(found.scale, found.intensity)
-    return Association(claims, sources, shares.claimed, *kept, shares.approximate)
+    return Association(frozen(claims), sources, claimed, *kept, approximate)

@@ -20,7 +20,6 @@ from ...arrays import (
     FloatArray,
     IntArray,
     frozen,
-    read_only,
 )
 from ...state_space import StateSpace
 from ...types import Detections
@@ -98,7 +97,7 @@ class WeightedGaussians(NamedTuple):
     ) -> WeightedGaussians:
         """Return the Gaussians of these columns; their weights are 1 if None."""
         weight = np.ones(len(mean)) if weight is None else weight
-        return WeightedGaussians(*map(read_only, (mean, covariance, weight)))
+        return frozen(WeightedGaussians(mean, covariance, weight))
 
 
 class Expected(NamedTuple):
@@ -151,7 +150,7 @@ class Linearised:
     def gate_pairs(
         self, weight: FloatArray, mean: FloatArray, expected: Expected, report: Readings
     ) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return the results of `gating.gate_pairs`.
+        """Return the results of `PriorMixture.gate`.
 
         Parameters
         ----------

@@ -18,7 +18,6 @@ from phd_jdtc_ros.core.gaussian.measurement.amplitude import (
     log_amplitude,
     snr_after,
 )
-from phd_jdtc_ros.core.gaussian.measurement.gating import gate_pairs
 from phd_jdtc_ros.core.gaussian.measurement.missed import after_miss
 from phd_jdtc_ros.core.gaussian.measurement.pairs import PairLikelihoods
 from phd_jdtc_ros.core.gaussian.measurement.pruning import most_probable
@@ -165,6 +164,11 @@ def by_brute_force(mixture, expected, detections):
     return np.where(near, density, -np.inf)
 
 
+def gated(mixture, expected, detections):
+    weight, report = mixture.sums.mode_weight, View.of(RADAR, detections)
+    return RADAR.of_gaussians.gate_pairs(weight, mixture.mean, expected, report)
+
+
 @pytest.mark.parametrize("timed", [False, True], ids=["at the stamp", "when passed"])
 @pytest.mark.parametrize("own_noise", [False, True], ids=["one noise", "each its own"])
 def test_gate_pairs_finds_the_pairs_of_a_brute_force_search(timed, own_noise):
@@ -181,7 +185,7 @@ def test_gate_pairs_finds_the_pairs_of_a_brute_force_search(timed, own_noise):
     if timed:
         detections = replace(detections, time_s=rng.uniform(-2.0, 2.0, len(measurement)))
     expected = RADAR.of_gaussians.expected(mixture.mean, mixture.covariance)
-    row, column, log_likelihood = gate_pairs(mixture, expected, View.of(RADAR, detections))
+    row, column, log_likelihood = gated(mixture, expected, detections)
     right = by_brute_force(mixture, expected, detections)
     found = np.full_like(right, -np.inf)
     found[row, column] = log_likelihood
@@ -199,7 +203,7 @@ def test_gate_pairs_of_no_detections_is_empty():
     mixture = a_mixture(np.random.default_rng(0))
     expected = RADAR.of_gaussians.expected(mixture.mean, mixture.covariance)
     none = Detections(np.zeros((0, 2)), None)
-    row, column, log_likelihood = gate_pairs(mixture, expected, View.of(RADAR, none))
+    row, column, log_likelihood = gated(mixture, expected, none)
     assert len(row) == len(column) == 0
     assert log_likelihood.shape == (0, 2)
 

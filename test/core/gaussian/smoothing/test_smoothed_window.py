@@ -199,7 +199,7 @@ def test_target_that_was_dropped_has_died_or_never_was():
     assert len(later) == 0
     alive = before.sums.existence[0]
     expected = alive * (1.0 - survival) / (1.0 - alive * survival)
-    np.testing.assert_allclose(earlier.existence, expected, rtol=1e-12)
+    np.testing.assert_allclose(earlier.sums.existence, expected, rtol=1e-12)
     np.testing.assert_allclose(earlier.mean, before.mean, rtol=1e-12)
     np.testing.assert_allclose(earlier.covariance, before.covariance, rtol=1e-12)
 
