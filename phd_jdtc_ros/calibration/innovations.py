@@ -172,7 +172,8 @@ class InnovationMonitor:
             followed = np.isin(tracks.track_id[passed], [*memory.paths])
             order = np.lexsort((self._rng.random(len(passed)), ~followed))
             passed = passed[order[:SAMPLE]]
-        world = radar.to_world(found.measurement)
+        plots = radar.in_plane(found)
+        world = plots.position
         row, column = _pairs(position, world, passed)
         if not len(row):
             return
@@ -182,14 +183,15 @@ class InnovationMonitor:
         measured = found.measurement[column]
         innovation = radar.wrap(measured - radar.linearise(position)[0])
         memory.innovations.extend(innovation**2 / radar.noise_std_of(found)[column] ** 2)
-        covariance = radar.in_plane(found).covariance[column]
+        covariance = plots.covariance[column]
         flat = covariance[:, (0, 0, 1), (0, 1, 1)]
         now_s = tracks.stamp_ns * 1e-9 + since_s
         rows = np.column_stack([now_s + time_s, world[column], flat, measured])
         memory.drop_ended(now_s - self._max_age_s)
         paths = memory.follow(tracks.track_id[row], rows)
-        _, slope = radar.linearise(paths[:, -1, 1:3])
-        memory.differences.extend(squares_of_differences(paths, slope))
+        if len(paths):
+            _, slope = radar.linearise(paths[:, -1, 1:3])
+            memory.differences.extend(squares_of_differences(paths, slope))
 
     def fits(self) -> list[Fit]:
         """Return the comparison of each radar's detections with its noise."""

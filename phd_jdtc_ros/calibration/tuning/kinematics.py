@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray, wrap_angle
-from phd_jdtc_ros.core.sensors import polar_geometry
+from phd_jdtc_ros.core.sensors import polar_radar
 from phd_jdtc_ros.core.sensors.polar_geometry import MIN_RANGE
 
 
@@ -43,7 +43,7 @@ def linearise(position: FloatArray, pose: FloatArray) -> tuple[FloatArray, Float
 
     `pose`, shape (..., 3), is x, y and yaw of the radar.
     """
-    return polar_geometry.linearise(position, pose[..., :2], pose[..., 2])
+    return polar_radar.linearise(position, pose[..., :2], pose[..., 2])
 
 
 def slope(position: FloatArray, pose: FloatArray, places: bool) -> FloatArray:

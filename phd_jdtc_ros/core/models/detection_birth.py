@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, ReadOnly
-from ..sensors.polar_geometry import line_of_sight
+from ..sensors.polar_geometry import MIN_RANGE
 from ..sensors.range_rate import Rates
 from ..sensors.sensor import Sensor
 from ..sensors.view import View
@@ -79,7 +79,8 @@ class DetectionBirthModel(ReadOnly):
                 missed = missed_by([newborn.report for newborn in earlier], report.position, modes)
                 intensity = intensity + np.log(missed)
         if (measured := report.range_rates) is not None:
-            toward = line_of_sight(report.position, sensor.origin[0])[0]
+            line = report.position - sensor.origin[0]
+            toward = line / np.maximum(np.sqrt((line**2).sum(axis=1)), MIN_RANGE)[:, None]
             intensity = intensity + self.log_range_rate(toward, measured, sensor)
         velocities = None if report.detections.velocity is None else report.velocities
         if velocities is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
@@ -20,6 +20,27 @@ from .range_rate import RangeRateModel, Rates, Velocities, rates_of
 from .sensor import Sensor
 from .site import HeightProjection
 from .visibility import Visibility
+
+
+def linearise(
+    position: FloatArray, origin: Sequence[float] | FloatArray, yaw: float | FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the measurements of positions, (..., 2), and their derivatives by the position.
+
+    Measurements are (range, azimuth), and `origin` and `yaw` are as in `polar_geometry`. Every
+    position may have its own radar: `origin` is then (..., 2), and `yaw` (...).
+    """
+    line = position - np.asarray(origin)
+    east, north = line[..., 0], line[..., 1]
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    ahead, left = cos * east + sin * north, cos * north - sin * east
+    distance = np.maximum(np.sqrt(ahead**2 + left**2), MIN_RANGE)
+    along, across = east / distance, north / distance
+    measured, jacobian = np.empty(position.shape), np.empty((*position.shape, 2))
+    measured[..., 0], measured[..., 1] = distance, np.arctan2(left, ahead)
+    jacobian[..., 0, 0], jacobian[..., 0, 1] = along, across
+    jacobian[..., 1, 0], jacobian[..., 1, 1] = -across / distance, along / distance
+    return measured, jacobian
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,8 +95,8 @@ class RadarModel(Sensor):
         return polar_geometry.measure(position, self.position, self.yaw)
 
     def linearise(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return (range, azimuth) of positions and Jacobians; see `polar_geometry.linearise`."""
-        return polar_geometry.linearise(position, self.position, self.yaw)
+        """Return (range, azimuth) of positions and Jacobians; see `linearise`."""
+        return linearise(position, self.position, self.yaw)
 
     def range_rate_of(self, state: FloatArray, time_s: FloatArray | None = None) -> FloatArray:
         """Return the noise-free range rate of each state, m/s; shape (N, D) to (N,).
