@@ -30,8 +30,8 @@ def with_noise(exact: FloatArray, radar: RadarModel, rng: np.random.Generator) -
 
     A radar without elevations has none to add noise to: they stay, and are not sent.
     """
-    std = radar.noise_std
-    std[2:] = np.where(std[2:] < UNKNOWN_STD, std[2:], 0.0)
+    std = radar.noise_std.copy()
+    std[2:][std[2:] >= UNKNOWN_STD] = 0.0
     return polar(exact + rng.standard_normal(exact.shape) * std)
 
 

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, wrap_angle
+from ..arrays import FloatArray, IntArray, read_only, wrap_angle
 from ..types import Detections
 from . import polar_gate, polar_geometry
 from .gaussians import PlanePlots
@@ -146,7 +146,8 @@ class RadarModel(Sensor):
     @cached_property
     def noise_std(self) -> FloatArray:
         """Standard deviations of (range, azimuth), shape (2,)."""
-        return np.array([self.range_std, self.azimuth_std])
+        std: FloatArray = read_only([self.range_std, self.azimuth_std])
+        return std
 
     def gated_pairs(
         self, predicted: FloatArray, detections: Detections, rate: FloatArray | None = None

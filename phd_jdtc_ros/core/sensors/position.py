@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.special import ndtr, owens_t
 
-from ..arrays import TINY, FloatArray, IntArray, ReadOnly
+from ..arrays import TINY, FloatArray, IntArray, ReadOnly, read_only
 from ..types import Detections
 from . import polar_geometry
 from .gaussians import HeightPrior, PlanePlots, noise_covariance
@@ -201,7 +201,8 @@ class PositionSensor(Sensor):
     @cached_property
     def noise_std(self) -> FloatArray:
         """Standard deviations of (x, y), (2,)."""
-        return np.array(self.std)
+        std: FloatArray = read_only(self.std)
+        return std
 
     @cached_property
     def _rotation(self) -> FloatArray:

@@ -14,7 +14,7 @@ from typing import ClassVar, cast
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
+from ..arrays import FloatArray, IntArray, read_only
 from ..state_space import SPATIAL, StateSpace
 from ..types import LEVEL, Detections, Pose, rotation_of
 from .gaussians import UNKNOWN_STD, Births, HeightPrior, Heights, PlanePlots
@@ -166,7 +166,8 @@ class SpatialRadar(RadarModel):
     @cached_property
     def noise_std(self) -> FloatArray:
         """Standard deviations of (range, azimuth, elevation), (3,)."""
-        return np.array([self.range_std, self.azimuth_std, self.elevation_std])
+        std: FloatArray = read_only([self.range_std, self.azimuth_std, self.elevation_std])
+        return std
 
     @property
     def measures_heights(self) -> bool:

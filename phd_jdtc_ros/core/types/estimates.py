@@ -11,7 +11,7 @@ from typing import Annotated
 
 import numpy as np
 
-from ..arrays import UNKNOWN, BoolArray, FloatArray, IntArray, ReadOnly
+from ..arrays import UNKNOWN, BoolArray, FloatArray, IntArray, ReadOnly, read_only
 from ..snapshot import MAX_MASS, MAX_STATE, covariances, floats, integers
 from ..state_space import PLANAR, StateSpace
 from .detections import SENSORS
@@ -95,12 +95,14 @@ class _Targets(ReadOnly):
     @cached_property
     def position(self) -> FloatArray:
         """Positions in the world frame, metres, shape (T, 2)."""
-        return self.state[:, list(self.space.position)]
+        position: FloatArray = read_only(self.state[:, list(self.space.position)])
+        return position
 
     @cached_property
     def velocity(self) -> FloatArray:
         """Velocities in the world frame, metres per second, shape (T, 2)."""
-        return self.state[:, list(self.space.velocity)]
+        velocity: FloatArray = read_only(self.state[:, list(self.space.velocity)])
+        return velocity
 
 
 @dataclass(frozen=True)
