@@ -1,8 +1,8 @@
 """Whether said probabilities and covariances are right, on truth drawn from the tracker's model.
 
-Targets, their classes, SNR, motion and deaths, and all detections are drawn from the default model
-without spawned targets. Existence probabilities are scored for all targets above one percent,
-reported or not, classes and covariances for the likely ones.
+Targets, their classes, SNR, motion and deaths, and all detections are drawn from the model of the
+reference scenario without spawned targets. Existence probabilities are scored for all targets above
+one percent, reported or not, classes and covariances for the likely ones.
 """
 
 from __future__ import annotations
@@ -25,13 +25,14 @@ from phd_jdtc_ros.core.gaussian.smoothing.smoother import backward_pass
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Scan, Truth
 from phd_jdtc_ros.exit_status import ArgumentParser
+from phd_jdtc_ros.parameter_files import from_arguments
 
 from ..runner import Figures, Goal, Study, goal, table
 from .diagram import ENOUGH, TOLERANCE, draw
 from .drawn_truth import drawn_run
 from .scores import CLASS_EDGES, EXISTENCE_EDGES, LEAST, Bins, Errors, Reliability, of_run, pooled
 
-GIVEN: Mapping[str, Any] = {"spawn.rate": 0.0}
+GIVEN: Mapping[str, Any] = {**from_arguments.profile(from_arguments.REFERENCE), "spawn.rate": 0.0}
 # Every target keeps an SNR of its own, and the truth has it whatever a tracker assumes.
 TRUE: Mapping[str, Any] = {**GIVEN, "amplitude": "memory"}
 LAGS = {FILTERED: 0, SMOOTHED: 5}
