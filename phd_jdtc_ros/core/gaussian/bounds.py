@@ -12,8 +12,8 @@ class Bounds:
     hypotheses: int  # Largest number per target before hypotheses are split by motion mode
     # Hypotheses with less than this share of their target's existence probability are dropped.
     least_share: float
-    # Twice the Kullback-Leibler divergence within which hypotheses are merged: the square
-    # Mahalanobis distance of their means if their covariances are equal.
+    # Twice the Kullback-Leibler divergence, mode by mode, within which hypotheses are merged: the
+    # square Mahalanobis distance of their means if their covariances are equal.
     merge_distance: float
     least_existence: float  # Targets with a smaller existence probability are dropped
     most: int  # Largest number of hypotheses of all targets together

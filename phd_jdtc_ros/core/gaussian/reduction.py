@@ -70,25 +70,28 @@ class _Reduced(NamedTuple):
 
 
 @inner
-def _write_moments(
-    weight: FloatArray,
-    mean: FloatArray,
-    covariance: FloatArray,
+def _loss(
+    distance: float,
+    absorbed: tuple[FloatArray, FloatArray, FloatArray],
     centre: FloatArray,
-    spread: FloatArray,
-) -> None:
-    """Write a hypothesis's moments over its motion modes; unused axes have variance 1."""
-    mass = 0.0
+    factor: FloatArray,
+    scratch: tuple[FloatArray, FloatArray],
+) -> float:
+    """Return the mean divergence of an absorbed hypothesis's Gaussians from those of its modes.
+
+    `absorbed` is its weight, means and covariances, and `centre` and `factor` are those of the
+    absorbing hypothesis, mode by mode. The sum ends beyond `distance`.
+    """
+    weight, mean, covariance = absorbed
+    mass, total = 0.0, 0.0
     for mode in range(len(weight)):
         mass += total_of(weight[mode])
     for mode in range(len(weight)):
-        add_mean(total_of(weight[mode]) / mass if mass > 0.0 else 0.0, mean[mode], centre)
-    for mode in range(len(weight)):
-        share = total_of(weight[mode]) / mass if mass > 0.0 else 0.0
-        add_spread(share, mean[mode], covariance[mode], centre, spread)
-    for i in range(SIZE):
-        if spread[i, i] == 0.0:
-            spread[i, i] = 1.0
+        share = total_of(weight[mode])
+        if share > 0.0 and total <= distance:
+            own = mean[mode], covariance[mode]
+            total += share / mass * divergence(own, centre[mode], factor[mode], scratch)
+    return total
 
 
 @inner
@@ -106,26 +109,23 @@ def _find_clusters(
     count, edges, clusters = len(target), 0, 0
     row_of, cluster = np.empty(count, np.int64), np.empty(count, np.int64)
     leader, merged = np.empty(count, np.int64), np.empty(count, np.bool_)
-    centre, spread = np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE))
-    factor, scratch = np.empty((SIZE, SIZE)), (np.empty((SIZE, SIZE)), np.empty(SIZE))
+    factor, scratch = np.empty(covariance.shape[1:]), (np.empty((SIZE, SIZE)), np.empty(SIZE))
     begin = end = 0
     while begin < count:
         while end < count and target[end] == target[begin]:
             merged[end] = not is_kept[target[begin]]
             end += 1
-        for row in range(begin, end if end > begin + 1 else begin):
-            _write_moments(weight[row], mean[row], covariance[row], centre[row], spread[row])
         for leader_row in range(begin, end):
             if merged[leader_row]:
                 continue
             leader[clusters] = leader_row
-            if leader_row + 1 < end:
-                factorise(spread[leader_row], factor)
+            for mode in range(weight.shape[1] if leader_row + 1 < end else 0):
+                factorise(covariance[leader_row, mode], factor[mode])
             for row in range(leader_row, end):
+                own = weight[row], mean[row], covariance[row]
                 if merged[row] or (
                     row > leader_row
-                    and divergence((centre[row], spread[row]), centre[leader_row], factor, scratch)
-                    > distance
+                    and _loss(distance, own, mean[leader_row], factor, scratch) > distance
                 ):
                     continue
                 merged[row], row_of[edges], cluster[edges] = True, row, clusters
@@ -305,10 +305,12 @@ def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ance
     -----
     Targets of small existence probability are dropped. The most probable hypothesis of each other
     target absorbs all hypotheses within the merge distance, then the most probable remaining one
-    does, and so on. The distance is twice the Kullback-Leibler divergence of the absorbed from the
-    absorbing one, so that a narrow hypothesis, as that of a target which has flown straight on
-    unseen, does not become one with a wide one of the same mean. Each motion mode's Gaussian is
-    moment-matched to the Gaussians it absorbs.
+    does, and so on. Each motion mode's Gaussian is moment-matched to the Gaussians it absorbs. The
+    distance is therefore twice the Kullback-Leibler divergence of the absorbed from the absorbing
+    one, mode by mode, so that a narrow Gaussian, as that of a target which has flown straight on
+    unseen, does not become one with a wide one of the same mean. Hypotheses that differ only in the
+    shares of their modes and classes are merged without loss: their moments over all modes, which
+    differ most where a class is at rest, would keep them apart.
 
     A merge of hypotheses of different motion modes only after the update is the second-order
     generalised pseudo-Bayesian filter; hypotheses that are kept apart make this more exact.

@@ -250,3 +250,38 @@ def test_empty_and_read_only_mixtures():
     assert len(found) == len(found.sums.label) == len(found.sums.existence) == 0
     assert found.class_mass().tolist() == [0.0]
     assert len(found.extents(PLANAR).label) == 0
+
+
+def with_modes(shares, variances, means=(0.0, 0.0)):
+    """Return two hypotheses of one target with their shares of two modes and their Gaussians."""
+    covariance = np.zeros((2, 2, SIZE, SIZE))
+    mean = np.zeros((2, 2, SIZE))
+    for row in range(2):
+        mean[row, :, 0] = means[row]
+        for mode in range(2):
+            covariance[row, mode] = variances[row][mode] * np.eye(SIZE)
+    weight = np.array([[[0.5], [0.5]], [[0.2], [0.2]]]) * np.array(shares)[..., None]
+    return Branched(
+        Mixture(np.zeros(2, dtype=np.int64), weight, mean, covariance, np.ones((2, 1, 1))),
+        np.arange(2),
+    )
+
+
+def test_hypotheses_that_differ_only_in_the_shares_of_their_modes_are_merged_without_loss():
+    # The moments over both modes are far apart: one hypothesis is mostly narrow, the other wide.
+    narrow_or_wide = [[1.0, 100.0], [1.0, 100.0]]
+    before = with_modes([[0.98, 0.02], [0.02, 0.98]], narrow_or_wide)
+    after, _, _ = reduce_hypotheses(before, bounds(merge_distance=1e-9))
+    assert len(after) == 1
+    np.testing.assert_allclose(after.mean[0], before.mixture.mean[0])
+    np.testing.assert_allclose(after.covariance[0], before.mixture.covariance[0])
+    np.testing.assert_allclose(after.weight[0], before.mixture.weight.sum(axis=0))
+
+
+@pytest.mark.parametrize(
+    ("variance", "mean", "is_merged"), [(1.0, 1.9, True), (1.0, 2.1, False), (20.0, 0.0, False)]
+)
+def test_the_distance_is_that_of_the_gaussians_of_each_mode(variance, mean, is_merged):
+    before = with_modes([[0.9, 0.1]] * 2, [[1.0, 1.0], [variance] * 2], (0.0, mean))
+    after, _, _ = reduce_hypotheses(before, bounds(merge_distance=4.0))
+    assert len(after) == (1 if is_merged else 2)
