@@ -34,8 +34,6 @@ TYPES: Mapping[str, Sequence[str]] = {"fields.amplitude": NUMBERS, "fields.secto
 # A unit of time is rejected if it puts detections farther from the stamp than FARTHEST_S seconds,
 # or than FARTHEST_INTERVALS times the interval between clouds.
 FARTHEST_S, FARTHEST_INTERVALS = 60.0, 20.0
-# Times within this of the stamp, seconds, give no evidence of their unit.
-LEAST_S = 1e-4
 
 
 # Usual names of the fields of positions, likewise.
@@ -51,8 +49,6 @@ POSITIONS: Mapping[str, Sequence[str]] = {
 }
 # Fields of what trackers publish: tracks, and detections of other sensors.
 OF_TRACKERS = {"track_id", "radar_index"}
-# Clouds with more points are not detections, but what a lidar measures of all surfaces.
-MOST_DETECTIONS = 2000
 
 
 def is_of_positions(fields: Sequence[str]) -> bool:
@@ -102,7 +98,8 @@ def _of_positions(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:
     found: dict[str, Any] = {"kind": "position", "frame": clouds[0].header.frame_id}
     if OF_TRACKERS.intersection(point_cloud.field_names(clouds[0])):
         return None
-    if np.median([cloud.width * cloud.height for cloud in clouds]) > MOST_DETECTIONS:
+    # Clouds with more points are not detections, but what a lidar measures of all surfaces.
+    if np.median([cloud.width * cloud.height for cloud in clouds]) > 2000:
         return None
     for parameter, names in POSITIONS.items():
         present = _present(clouds[0], names)
@@ -193,7 +190,8 @@ def _times(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any] | None:
                 off = np.nanmax(np.abs(column * seconds - zero_s), initial=0.0)
                 farthest[unit] = max(farthest[unit], float(off))
         else:
-            near = [unit for unit, off in farthest.items() if LEAST_S < off < limit_s]
+            # Times within this of the stamp, seconds, give no evidence of their unit.
+            near = [unit for unit, off in farthest.items() if 1e-4 < off < limit_s]
             if near:
                 return {"time_unit": near[0], "time_reference": reference}
     return None

@@ -30,8 +30,6 @@ from . import conflicts, cot, diagnostics, manual, map_layers, nmea, sapient, si
 # Triggers besides the estimates of a source: a `Scan`, a `StepResult`, `Conflicts`, and manual work
 # with its stamp.
 SCAN, STEP, CONFLICTS, MANUAL = "scan", "step", "conflicts", "manual"
-# Shortest time between two clutter maps, seconds, by the stamps of scans.
-CLUTTER_PERIOD_S = 10.0
 
 
 @dataclass
@@ -162,7 +160,8 @@ def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
             usual=False,
             latched=True,
             needs=lambda view: view.has_clutter_map,
-            period_s=CLUTTER_PERIOD_S,
+            # Shortest time between two clutter maps, seconds, by the stamps of scans.
+            period_s=10.0,
         ),
         Output(
             names.manual("~"),

@@ -213,10 +213,6 @@ def to_detections_3d(
     return message
 
 
-# First number that the message's definition reserves for a user's own classifications.
-FIRST_OWN_CLASSIFICATION = 32000
-
-
 def to_radar_tracks(
     estimates: Estimates,
     frame: str,
@@ -241,7 +237,8 @@ def to_radar_tracks(
         track.uuid.uuid = np.frombuffer(uuid.uuid5(run, name).bytes, dtype=np.uint8)
         track.position = Point(x=state[X], y=state[Y], z=height)
         track.velocity = Vector3(x=state[VX], y=state[VY], z=climb)
-        track.classification = FIRST_OWN_CLASSIFICATION + int(estimates.class_id[row])
+        # First number that the message's definition reserves for a user's own classifications.
+        track.classification = 32000 + int(estimates.class_id[row])
         track.position_covariance = _upper_triangle(covariance, (X, Y), up.covariance[row, 0, 0])
         track.velocity_covariance = _upper_triangle(covariance, (VX, VY), up.covariance[row, 1, 1])
         message.tracks.append(track)

@@ -33,16 +33,12 @@ CLOCKS = {
     86_400e3: "milliseconds of the day",
     604_800e3: "milliseconds of the GPS week",
 }
-# The clock began again only if the step back is a whole turn of it within this share, and all times
-# together are less than half a turn.
-SAME_TURN = 1.0 / 24.0
 # Times are refused if their resolution is more than half of the usual step, and of the second one
 # of these; steps longer than the first one are no scans.
 LONGEST_STEP_S, SHORTEST_STEP_S = 2.0, 0.06
 # Doubles that are all of single precision, from 5e8 s on, have been of that type before.
 SURELY_COARSE_S = 32.0
 UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
-EARLIEST_S = 3e8  # In times since 1970 of which the unit is sought
 # No coordinate of a target is larger, metres.
 MOST_METRES = 1e9
 # A date, perhaps with a time, and its offset from UTC in hours and minutes. NumPy would take other
@@ -214,7 +210,8 @@ def stamps_ns(columns: Columns, name: str = "time") -> IntArray:
 def _unit(time: float) -> str:
     """Return the words for the unit in which a number is a time since 1970; empty if in none."""
     for factor, unit in UNITS.items():
-        if EARLIEST_S < time / factor < LATEST_S:
+        # Times since 1970 of which the unit is sought are later.
+        if 3e8 < time / factor < LATEST_S:
             return f"; probably these are {unit}: divide them by {factor:.0f}"
     return ""
 
@@ -246,7 +243,9 @@ def _unrolled(name: str, columns: Columns, seconds: FloatArray) -> FloatArray:
         if not (large < 0.0).any() or seconds.max() > turn + 1.0:  # a leap second
             continue
         found = np.unwrap(seconds, period=turn)
-        whole = (np.abs(np.abs(large) - turn) < SAME_TURN * turn).all()
+        # The clock began again only if the step back is a whole turn of it within this share, and
+        # all times together are less than half a turn.
+        whole = (np.abs(np.abs(large) - turn) < turn / 24.0).all()
         if whole and found.min() >= 0.0 and np.ptp(found) < 0.5 * turn:
             row = int(np.argmin(steps)) + 1
             warnings.warn(

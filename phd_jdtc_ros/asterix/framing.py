@@ -25,8 +25,6 @@ BLOCK_HEADER = 3
 LARGEST_BLOCK = 2047
 # Number of blocks that are tried for evidence, and of usual ones that suffice if none decodes.
 LOOKAHEAD, USUAL = 8, 4
-# Upper bound of what a recorder writes between blocks, bytes.
-LONGEST_SEPARATOR = 32
 # A data source that this number of decodable blocks has is not there by chance.
 SURE = 3
 _NOT_ZERO = re.compile(rb"[^\0]")
@@ -129,7 +127,8 @@ class RawBlocks:
 
         Blocks may also contain such blocks: some behind their header, or one to their end.
         """
-        for at, until in self._decoded(begin + 1, min(begin + LONGEST_SEPARATOR, end)):
+        # Upper bound of what a recorder writes between blocks, bytes.
+        for at, until in self._decoded(begin + 1, min(begin + 32, end)):
             if self._is_known(at):
                 return at > begin + BLOCK_HEADER and until != end
         return False

@@ -133,8 +133,6 @@ class BlockReader:
 MAX_WAITING = 1000
 # Time for which positions are collected to a cloud.
 PERIOD_NS = 500_000_000
-# A second source of a radar is accepted after the first has been silent for this time.
-SOURCE_TIMEOUT_S = 10.0
 
 
 @dataclass(frozen=True)
@@ -216,7 +214,8 @@ class RadarState:
         if source is None:
             return True
         own = self.sources.get(kind, source)
-        if source != own and abs(now_ns - self._received_ns[kind]) < SOURCE_TIMEOUT_S * 1e9:
+        # A second source of a radar is accepted after the first has been silent for this time.
+        if source != own and abs(now_ns - self._received_ns[kind]) < 10e9:
             self.other_source = source
             self.counts["second_source"] += 1
             return False

@@ -14,10 +14,6 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, TypeAlias
 
-# Upper bound of cached plans. A radar uses a few dozen; hostile data would fill the memory.
-MAX_PLANS = 4096
-
-
 # A run of fixed-length items (pairs of an item's index and its offset in the run), the length of
 # the run, and the index and rule of the variable-length item that follows, or None.
 Segment: TypeAlias = "tuple[tuple[tuple[int, int], ...], int, Rule | None, int]"
@@ -93,7 +89,8 @@ class Layout:
                 run, size = [], 0
         if run:
             segments.append((tuple(run), size, None, -1))
-        if len(self._plans) >= MAX_PLANS:
+        # Upper bound of cached plans. A radar uses a few dozen; hostile data would fill the memory.
+        if len(self._plans) >= 4096:
             self._plans.clear()
         self._plans[key] = segments
         return segments

@@ -123,8 +123,6 @@ def cloud(report: Cloud, radar: RadarState) -> PointCloud2:
 LEAST_TURN, LEAST_CLIMB, TURN_DEVIATIONS = math.radians(0.5), 1.5, 2.0
 # Largest number of tracks sent at once, each of which is a message.
 MOST_TRACKS = 10_000
-# Number of track numbers in ASTERIX.
-TRACK_NUMBERS = 2**16
 # Motion model for the prediction to the time of output; covariances are predicted to first order,
 # with the process noise of the tracker's own modes.
 _TURN = CoordinatedTurn(0.0, 0.0)
@@ -238,7 +236,8 @@ class TrackOutput:
             life, climb = self._lives[number], float(known.height[row, 1])
             turn, turn_std = (float(of[row, space.turn_rate]) for of in (later.state, std))
             found[number] = TrackReport(
-                number=(number - 1) % (TRACK_NUMBERS - 1) + 1,
+                # ASTERIX has 16 bits for a track number, and none is 0.
+                number=(number - 1) % (2**16 - 1) + 1,
                 position=tuple(position[row].tolist()),
                 velocity=tuple(velocity[row]),
                 geodetic=None if geodetic is None else tuple(geodetic[row]),

@@ -149,8 +149,6 @@ _IN_DATA = {
     Opcode.METADATA,
     Opcode.DATA_END,
 }
-# First opcode of the records that programs may add for themselves.
-_PRIVATE = 0x80
 # Pattern of a chunk's beginning: opcode, length (below 2^40), first and last time, size, checksum,
 # compression, length of its data.
 _CHUNK_HEAD = (
@@ -331,7 +329,8 @@ def _can_follow(stream: BinaryIO, position: int, end: int) -> bool:
     if position + RECORD_HEAD > end:
         return position <= end
     opcode, length = head(stream, position)
-    is_known = opcode in _IN_DATA or opcode >= _PRIVATE
+    # First opcode of the records that programs may add for themselves.
+    is_known = opcode in _IN_DATA or opcode >= 0x80
     return is_known and (length <= MAX_CHUNK or position + length <= end)
 
 

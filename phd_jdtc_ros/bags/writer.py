@@ -18,8 +18,6 @@ from phd_jdtc_ros import interruption
 from .errors import BagError
 from .parts import METADATA
 
-# Small chunks limit the loss, because a damaged byte costs one chunk.
-CHUNK_SIZE = 2**14
 # rosbag2's infinite duration.
 _ENDLESS = {"sec": 9223372036, "nsec": 854775807}
 ROS_DISTRO = "jazzy"
@@ -73,7 +71,8 @@ class BagWriter:
             raise BagError(f"{directory}: already exists, a bag is not overwritten") from None
         except OSError as error:
             raise BagError(f"{directory}: cannot be written: {error.strerror}") from None
-        self._writer = Writer(self._stream, chunk_size=CHUNK_SIZE, compression=CompressionType.NONE)
+        # Small chunks limit the loss, because a damaged byte costs one chunk.
+        self._writer = Writer(self._stream, chunk_size=2**14, compression=CompressionType.NONE)
         # The library's version is left out, because the bytes must depend on the content only.
         self._writer.start(profile="ros2", library="phd_jdtc_ros")
         self._channels: dict[str, int] = {}

@@ -17,9 +17,6 @@ from phd_jdtc_ros.core.sensors.site import (
 from phd_jdtc_ros.core.sensors.spatial_radar import linearise
 from phd_jdtc_ros.core.types import Detections
 
-# Bending of rays in the standard atmosphere: half of a quarter of the earth's curvature, per metre.
-REFRACTION = 0.125
-
 
 def read(
     distance: FloatArray,
@@ -67,7 +64,9 @@ def in_space(
     usable = np.isfinite(distance) & np.isfinite(azimuth) & (np.abs(distance) <= MAX_SLANT_RANGE)
     slant, direction = (np.where(usable, each, 0.0) for each in (distance, azimuth))
     slant = np.maximum(slant, MIN_SLANT_RANGE)
-    true = elevation - REFRACTION * radar.curvature * slant
+    # Bending of rays in the standard atmosphere: half of a quarter of the earth's curvature, per
+    # metre.
+    true = elevation - 0.125 * radar.curvature * slant
     known = np.isfinite(true)
     place = radar.site.to_world(slant, direction, np.sin(np.where(known, true, 0.0)))
     place[:, 2] -= radar.datum

@@ -18,12 +18,8 @@ from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
 from . import ground_ranges, identities, sent_columns
 
-# Largest envelope: 120 dB above the noise, more than any receiver reports.
-MAX_AMPLITUDE = 1e6
 # Largest azimuth within a revolution: compass azimuths may be rounded up beyond a whole revolution.
 LARGEST_AZIMUTH = FULL_TURN * (1.0 + 1e-6)
-# Largest azimuth in revolutions; beyond it, single precision is coarser than 0.03 degrees.
-MAX_TURNS = 1000.0
 # No azimuth, in radians or degrees, has a larger magnitude; a range has.
 NO_ANGLE = 720.0
 # Largest time from the stamp in revolutions, or in seconds if the time of a revolution is unknown.
@@ -34,14 +30,10 @@ RANGE_STDS = (1e-3, 1e5)
 AZIMUTH_STDS = (1e-6, np.pi)
 # Plausible standard deviations of elevations, rad.
 ELEVATION_STDS = (1e-6, 0.5 * np.pi)
-# No target is higher, m.
-MOST_HEIGHT = 1e6
 # Elevations this far outside the field of view are not those of its edge, rad.
 ELEVATION_MARGIN = 0.05
 # Upper bound of range rates, m/s; targets of such a radar are slower.
 MAX_RANGE_RATE = 5e3
-# Factor on the ambiguity interval, because single precision may round a range rate beyond it.
-AMBIGUITY_TOLERANCE = 1.0 + 1e-6
 # Plausible standard deviations of range rates, m/s.
 RANGE_RATE_STDS = (1e-3, 1e3)
 
@@ -99,7 +91,8 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         "height": possible,
         # An elevation beyond the zenith is invalid, and makes the ground range negative.
         "range": (distance >= 0.0) & (reach >= radar.min_range) & (reach <= radar.max_range),
-        "azimuth": azimuth_size <= MAX_TURNS * FULL_TURN,
+        # Largest azimuth in revolutions; beyond it, single precision is coarser than 0.03 degrees.
+        "azimuth": azimuth_size <= 1000.0 * FULL_TURN,
     }
     most_s = MAX_REVOLUTIONS_OFF * radar.rotation_s if radar.rotation_s else MAX_SECONDS_OFF
     kept, dropped, common, common_counts = keep(stamp_ns, radar, columns, passed, most_s)
@@ -151,7 +144,9 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         "sectors_unusable": bad_sectors,
         "range_rates_unusable": bad_rates,
         "range_rates_beyond_ambiguity": (
-            0 if rate is None else _count(np.abs(rate) > AMBIGUITY_TOLERANCE * interval)
+            # Factor on the ambiguity interval, because single precision may round a range rate
+            # beyond it.
+            0 if rate is None else _count(np.abs(rate) > (1.0 + 1e-6) * interval)
         ),
     }
     anomalies = Counter({what: count for what, count in counts.items() if count})
@@ -233,7 +228,8 @@ def _noise_std(range_std: FloatArray | None, azimuth_std: FloatArray | None) -> 
 
 def plausible_heights(height: FloatArray) -> FloatArray:
     """Return heights, (M,), of which those are unknown that no target has."""
-    return np.where(np.abs(height) <= MOST_HEIGHT, height, np.nan)
+    # No target is higher, m.
+    return np.where(np.abs(height) <= 1e6, height, np.nan)
 
 
 def _strange_elevations(elevation: FloatArray, radar: RadarParameters) -> dict[str, int]:
@@ -320,7 +316,8 @@ def keep(
         passed["time"] = np.abs(time) <= most_s  # False for NaN
     if "amplitude" in columns:
         amplitude = linear_amplitude(columns["amplitude"], sensor)
-        possible = (amplitude >= 0.0) & (amplitude <= MAX_AMPLITUDE)
+        # Largest envelope: 120 dB above the noise, more than any receiver reports.
+        possible = (amplitude >= 0.0) & (amplitude <= 1e6)
         passed["amplitude"] = possible | np.isnan(amplitude)
     kept, dropped = _kept_and_dropped(passed)
     repeated = 0

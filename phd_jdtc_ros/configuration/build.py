@@ -39,14 +39,10 @@ _FORMER = ({**replaced.TRACKER, **replaced.NODE}, {**replaced.RADAR, **replaced.
 RESET_THRESHOLD_SCANS = 3.0
 # Number of values of a known ``world_origin``; an unknown place has its height alone.
 KNOWN_PLACE = 3
-# A hypothesis with a smaller share of its target has no visible effect.
-LEAST_HYPOTHESIS = 1e-4
 # Square Mahalanobis distance within which two hypotheses are merged.
 MERGE_DISTANCE = 4.0
 # Bounds for all targets together, far above the needs of a thousand targets.
 MOST_HYPOTHESES, MOST_PARTICLES = 50_000, 200_000
-# Fewer particles of one origin and class do not represent it.
-LEAST_PARTICLES = 200
 
 
 class Accuracy(NamedTuple):
@@ -270,7 +266,8 @@ def _config(values: dict[str, Any], parts: Parts, plane: Plane | None) -> Tracke
         model=model,
         bounds=Bounds(
             hypotheses=level.hypotheses,
-            least_share=LEAST_HYPOTHESIS,
+            # A hypothesis with a smaller share of its target has no visible effect.
+            least_share=1e-4,
             merge_distance=MERGE_DISTANCE,
             least_existence=top.birth_least_probability,
             most=MOST_HYPOTHESES,
@@ -278,7 +275,8 @@ def _config(values: dict[str, Any], parts: Parts, plane: Plane | None) -> Tracke
         ),
         budget=ParticleBudget(
             per_target=per_target,
-            least=min(LEAST_PARTICLES, per_target),
+            # Fewer particles of one origin and class do not represent it.
+            least=min(200, per_target),
             per_birth_term=top.particles_per_birth or level.per_birth,
             most=MOST_PARTICLES,
         ),

@@ -168,13 +168,8 @@ POSE_MAX_SPEED = 100.0
 AMPLITUDE_JITTER = 0.1
 # Transponders reply almost always, and one reply in a hundred is garbled.
 REPLY_PROBABILITY, GARBLED_PROBABILITY = 0.95, 0.01
-# Probability that a reply's address is garbled: its parity excludes most of these.
-ADDRESS_GARBLED_PROBABILITY = 1e-4
 # Mean time for which an aircraft keeps its code, s: it gets another one at a border of control.
 CODE_KEPT_S = 1800.0
-# Mean time for which a track keeps its address, s: an address belongs to one aircraft, but a track
-# can have taken over another aircraft.
-ADDRESS_KEPT_S = 1e6
 # Share of targets with a shared code: flights under visual rules, and emergencies.
 SHARED_CODE_PROBABILITY = 0.2
 # Probability of a reply in a false detection: replies to other interrogators.
@@ -251,8 +246,11 @@ def _attributes(parts: Parts) -> AttributeModel | None:
         address=IdentityModel(
             ADDRESSES,
             *transponder,
-            ADDRESS_GARBLED_PROBABILITY,
-            kept_s=ADDRESS_KEPT_S,
+            # Probability that a reply's address is garbled: its parity excludes most of these.
+            1e-4,
+            # Mean time for which a track keeps its address, s: an address belongs to one aircraft,
+            # but a track can have taken over another aircraft.
+            kept_s=1e6,
             unique=True,
         ),
         height=HeightModel(

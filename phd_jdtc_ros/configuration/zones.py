@@ -22,13 +22,8 @@ from .schema import ConfigError
 
 # Largest size of a file, and number of its corners: a coast of this many is computed in 0.2 s.
 MOST_BYTES, MOST_CORNERS = 2**24, 100_000
-# Longest part of a side, degrees: sides are straight in latitude and longitude, and not in the
-# plane, from which a part of this length differs by at most 20 m up to 80 degrees of latitude.
-LONGEST_DEG = 0.1
 # Places beyond this distance of the origin are too distorted, metres.
 FARTHEST = 2e6
-# Places within this distance are the same one, metres: PROJ keeps longitudes off 180 degrees.
-SAME = 0.01
 
 
 def read(path: str, plane: Plane | None) -> tuple[Zone, ...]:
@@ -144,7 +139,8 @@ def _without_spurs(ring: FloatArray) -> FloatArray:
 
 
 def _same(one: FloatArray, other: FloatArray) -> bool:
-    return bool(np.abs(one - other).max() < SAME)
+    # Places within this distance are the same one, metres: PROJ keeps longitudes off 180 degrees.
+    return bool(np.abs(one - other).max() < 0.01)
 
 
 def _parts(corners: FloatArray) -> Iterator[tuple[float, float]]:
@@ -154,7 +150,10 @@ def _parts(corners: FloatArray) -> Iterator[tuple[float, float]]:
     """
     for (longitude, latitude), (next_longitude, next_latitude) in pairwise(corners):
         east = (next_longitude - longitude + 180.0) % 360.0 - 180.0
-        count = max(1, math.ceil(max(abs(east), abs(next_latitude - latitude)) / LONGEST_DEG))
+        # Longest part of a side, degrees: sides are straight in latitude and longitude, and not in
+        # the plane, from which a part of this length differs by at most 20 m up to 80 degrees of
+        # latitude.
+        count = max(1, math.ceil(max(abs(east), abs(next_latitude - latitude)) / 0.1))
         for share in np.arange(count) / count:
             yield longitude + share * east, latitude + share * (next_latitude - latitude)
     yield corners[-1][0], corners[-1][1]

@@ -29,12 +29,6 @@ TINY = float(np.finfo(np.float64).tiny)
 # The golden ratio minus 1: the fractional parts of its first n multiples are evenly spread for
 # every n.
 GOLDEN_RATIO = 0.5 * (5.0**0.5 - 1.0)
-# Mean length of a run of equal values above which a sum by runs is faster.
-SHORT_RUN = 4
-# Number of values up to which the test for runs costs more than it saves.
-FEW_VALUES = 64
-# Largest number of cells per entry at which a table of all cells is faster than a sort of entries.
-CELLS_PER_ENTRY = 8
 
 
 def read_only(array: npt.ArrayLike, dtype: npt.DTypeLike = np.float64) -> Any:
@@ -153,9 +147,11 @@ def sum_by(index: IntArray, weight: FloatArray, size: int) -> FloatArray:
     Long runs of equal indices, such as the particles of one target, are summed run by run, which is
     ten times as fast.
     """
-    if len(index) > FEW_VALUES:
+    # Number of values up to which the test for runs costs more than it saves.
+    if len(index) > 64:
         first = run_starts(index)
-        if len(first) < len(index) // SHORT_RUN:
+        # Mean length of a run of equal values above which a sum by runs is faster.
+        if len(first) < len(index) // 4:
             index, weight = index.take(first), np.add.reduceat(weight, first)
     total: FloatArray = np.bincount(index, weights=weight, minlength=size).astype(
         np.float64, copy=False
@@ -216,7 +212,9 @@ def distinct_cells(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:
     For many entries, a table of all cells replaces the sort of `numpy.unique`, which would take
     half of the time of an update with particles.
     """
-    if cells > CELLS_PER_ENTRY * len(cell):
+    # Largest number of cells per entry at which a table of all cells is faster than a sort of
+    # entries.
+    if cells > 8 * len(cell):
         found, index = np.unique(cell, return_inverse=True)
         return found, index.ravel()
     table = np.zeros(cells, dtype=np.int64)

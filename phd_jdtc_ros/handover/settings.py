@@ -29,8 +29,6 @@ HYSTERESIS = 0.2
 SMOOTHED_WAIT_S = 8.0
 # Upper bound of every waiting time, seconds.
 LONGEST_S = 600.0
-# Largest number of trackers, because each pair of them is compared at every stamp.
-MOST_TRACKERS = 50
 
 
 @dataclass(frozen=True)
@@ -51,7 +49,8 @@ class HandOverParameters:
         "Names of the trackers that share the area, two or more, each with its region. The node of "
         "NAME is /NAME/tracker.",
         element=str,
-        most=MOST_TRACKERS,
+        # Largest number of trackers, because each pair of them is compared at every stamp.
+        most=50,
     )
     max_delay_s: float = parameter(
         5.0,

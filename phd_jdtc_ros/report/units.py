@@ -13,8 +13,6 @@ from phd_jdtc_ros.core.arrays import FloatArray
 
 from .record import Record, concatenate_rows
 
-# Stamps from this one on, of 2001, count from 1970, and earlier ones from the start of something.
-SINCE_1970_NS = 10**18
 # Maps with a smaller extent than this are in metres.
 SHORT_M = 2000.0
 
@@ -43,7 +41,9 @@ class Clock:
     @property
     def begin(self) -> str:
         """Date and time of the first stamp, UTC; empty if stamps do not count from 1970."""
-        if self.origin_ns < SINCE_1970_NS:
+        # Stamps from this one on, of 2001, count from 1970, and earlier ones from the start of
+        # something.
+        if self.origin_ns < 10**18:
             return ""
         begin = datetime.fromtimestamp(self.origin_ns // 10**9, timezone.utc)
         return f"{begin:%Y-%m-%d %H:%M:%S} UTC"

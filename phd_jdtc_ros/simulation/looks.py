@@ -19,11 +19,6 @@ from .traffic.flight import Flight
 # Fixed-point steps for the time of a pass; the beam is far faster than any target, so that each
 # step greatly reduces the error.
 STEPS = 12
-# Solutions closer than this are the same pass, to which several steps may converge near the radar.
-SAME_PASS_S = 1e-3
-# Revolutions added for targets that circle the radar, which are passed more often than the beam
-# turns.
-SPARE_REVOLUTIONS = 8
 
 
 class Looks(NamedTuple):
@@ -87,9 +82,9 @@ class TurningRadar:
         """
         rotation_s = self.model.rotation_s
         end = min(flight.end_s, self.scenario.duration_s)
-        grid = np.arange(
-            flight.start_s - rotation_s, end + SPARE_REVOLUTIONS * rotation_s, rotation_s
-        )
+        # Revolutions are added for targets that circle the radar, which are passed more often than
+        # the beam turns.
+        grid = np.arange(flight.start_s - rotation_s, end + 8 * rotation_s, rotation_s)
 
         def bearing_revolutions(time_s: FloatArray) -> FloatArray:
             plane = self.scenario.measure(self.index, flight.states(time_s), time_s)
@@ -102,7 +97,9 @@ class TurningRadar:
             error = bearing_revolutions(time) - self.revolutions_at(time)
             time = time + (error - np.round(error)) * rotation_s
         time = np.sort(time[(time >= flight.start_s) & (time <= end)])
-        return time[np.diff(time, prepend=-np.inf) > SAME_PASS_S]
+        # Solutions closer than this are the same pass, to which several steps may converge near the
+        # radar.
+        return time[np.diff(time, prepend=-np.inf) > 1e-3]
 
     def looks(self) -> Looks:
         """Return the passes over all targets.

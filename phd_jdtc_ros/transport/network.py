@@ -7,14 +7,12 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-# Latest time that fits a stamp, which has 31 bits of seconds since 1970, less a day of margin
-# because a slice ends after its plots.
-LAST_NS = (2**31 - 1 - 86_400) * 10**9
-
 
 def fits_stamp(time_ns: int) -> bool:
     """Return whether a time fits a stamp."""
-    return 0 <= time_ns <= LAST_NS
+    # Latest time that fits a stamp, which has 31 bits of seconds since 1970, less a day of margin
+    # because a slice ends after its plots.
+    return 0 <= time_ns <= (2**31 - 1 - 86_400) * 10**9
 
 
 class Datagram(NamedTuple):
@@ -100,8 +98,6 @@ _UDP, _GRE, _IN_IP = 17, 47, (4, 41)
 _OTHER_PROTOCOLS = {1: "icmp", 2: "igmp", 6: "tcp", 58: "icmp", 132: "sctp"}
 # Headers between that of IPv6 and UDP: options, routing and destination, fragments, authentication.
 _OPTIONS, _FRAGMENT, _AUTHENTICATION = (0, 43, 60), 44, 51
-# Upper bound of fragments that wait for others.
-_MOST_WAITING = 512
 
 
 class Packet(NamedTuple):
@@ -183,7 +179,8 @@ class Packets:
         if not more:
             del self._waiting[key]
             return b"".join(parts)
-        while self.incomplete - self._lost > _MOST_WAITING:
+        # Upper bound of fragments that wait for others.
+        while self.incomplete - self._lost > 512:
             self._lost += len(self._waiting.pop(next(iter(self._waiting))))
         return None
 

@@ -36,8 +36,6 @@ _LARGEST_PACKET = 2**18
 _RECENT_S = 10**9
 _SECTION, _INTERFACE, _SIMPLE, _ENHANCED = 0x0A0D0D0A, 1, 3, 6
 _RESOLUTION, _OFFSET = 9, 14
-# Upper bound of a block's length that is sought, bytes.
-_LARGEST_BLOCK = 2**20
 # The begin of such a block of a usual kind, by byte order.
 _BLOCK = {
     "<": re.compile(rb"[\x01-\x06]\x00\x00\x00..[\x00-\x0f]\x00", re.DOTALL),
@@ -260,7 +258,8 @@ class _NextGeneration:
         end = at + self._number(at + 4)
         if self._is_whole(at):
             return end
-        follower = self.resume(at + 12, min(at + _LARGEST_BLOCK, len(self._data)))
+        # Upper bound of a block's length that is sought, bytes.
+        follower = self.resume(at + 12, min(at + 2**20, len(self._data)))
         length = follower - at
         if self._fits(at, length) and self._number(follower - 4) == length:
             return follower

@@ -8,8 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import NamedTuple
 
-# Upper bound of unread datagrams in the kernel, bytes.
-KERNEL_BYTES = 2**22
 # This option makes Linux report the number of lost datagrams; Python does not define it.
 SO_RXQ_OVFL = 40
 
@@ -73,7 +71,8 @@ def receiving_socket(where: Address, interface: str) -> socket.socket:
     system's choice.
     """
     with _datagram_socket() as sock:
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, KERNEL_BYTES)
+        # Upper bound of unread datagrams in the kernel, bytes.
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2**22)
         if where.multicast:
             # A group may have several listeners, a local address only one.
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

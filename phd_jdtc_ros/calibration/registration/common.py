@@ -30,9 +30,6 @@ STEP_LOOKS, MOST_TIMES, LEAST_TIMES = 1.5, 1000, 4
 # Largest expected biases before any is estimated: of ranges in standard deviations and as a share
 # of the range, of azimuths in radians, and of times in seconds.
 RANGE_STDS, RANGE_SHARE, AZIMUTH, TIME_S = 10.0, 0.01, np.radians(1.5), 1.5
-# Largest mean distance of two tracks of one target once biases are estimated, in standard
-# deviations of a plot.
-NEAR_STDS = 2.0
 # Tolerated variation of the distance along the tracks: a share of the distance, and in addition
 # standard deviations of a plot.
 VARIATION_SHARE, VARIATION_STDS = 0.35, 2.0
@@ -112,7 +109,9 @@ def _near(
         off = np.where(both[..., None], apart - mean[:, None], 0.0)
         variation = np.sqrt((off**2).sum(axis=(1, 2)) / count)
         plot_std = np.hypot(one.plot_std[row], other.plot_std)
-        limit = NEAR_STDS * plot_std if known else np.hypot(one.reach[row], other.reach)
+        # Largest mean distance of two tracks of one target once biases are estimated, in standard
+        # deviations of a plot.
+        limit = 2.0 * plot_std if known else np.hypot(one.reach[row], other.reach)
         distance = np.hypot(mean[:, 0], mean[:, 1]) / limit
         near = (both.sum(axis=1) >= LEAST_TIMES) & (distance < 1.0)
         near &= variation < VARIATION_SHARE * limit + VARIATION_STDS * plot_std

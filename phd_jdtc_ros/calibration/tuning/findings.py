@@ -54,8 +54,6 @@ PROBABILITIES = (0.3, 0.98)
 LEAST_DENSITY = 1e-9
 # Ratio of the standard deviation of a newborn target's velocity to the tracks'.
 SPEED_MARGIN = 1.5
-# Ratio by which the manoeuvres' density is enlarged for one of the tried guesses.
-WILDER = 20.0
 # Ratio of units that are often confused, of ranges or times, and the largest plausible speed, m/s.
 KILO = 1000.0
 FASTEST = 1000.0
@@ -364,7 +362,8 @@ def _candidates(
         estimated, range_std=noise.range_std, azimuth_std=noise.azimuth_std, densities=(calm, hard)
     )
     # Tracks break at manoeuvres, so that they underestimate the manoeuvres' density.
-    wild = replace(fitting, densities=(calm, WILDER * max(hard, calm)))
+    # Ratio by which the manoeuvres' density is enlarged for one of the tried guesses.
+    wild = replace(fitting, densities=(calm, 20.0 * max(hard, calm)))
     return [fitting, wild, estimated]
 
 

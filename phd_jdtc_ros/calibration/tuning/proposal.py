@@ -32,7 +32,6 @@ SLOWER = 0.5
 # Clutter counts as noise if its mean level is within this factor of the noise level.
 NOISE_FACTOR = 1.25
 MOST_PROBABILITY = 0.999
-LEAST_VELOCITY_STD = 1e-3  # The smallest value that the parameter may have
 SHORTEST_LOOK_S = 1e-3  # The smallest interval_s
 # The parameters of the noise.
 NOISE = ("range_std", "azimuth_std_deg")
@@ -150,7 +149,8 @@ def _motion_noise(found: Findings, now: Now, name: str) -> Iterator[Row]:
     """Yield the noise of velocities or range rates."""
     if found.velocity is not None:
         speed, source = found.velocity, f"{found.velocity.count} plots of tracks"
-        shown = max(round_to_std(speed.value, speed.std), LEAST_VELOCITY_STD)
+        # The smallest value that the parameter may have
+        shown = max(round_to_std(speed.value, speed.std), 1e-3)
         yield Row(name, shown, source, now(name), speed.std)
 
 

@@ -20,17 +20,9 @@ from .tracking.tracks import MOST_MISSES, Tracks
 
 # A field of view is proposed only if a gap in azimuth without plots is wider than this, radians.
 LEAST_GAP = np.radians(20.0)
-# The gap must also be wider than this many times the mean azimuth spacing of the plots.
-LEAST_SPACES = 12.0
 # A cell is land clutter if it has plots in at least the share `LAND_SHARE` of all looks, and at
 # least `LEAST_LAND_PLOTS`. It is `CELL_SIGMA` standard deviations wide in range and in azimuth.
 LAND_SHARE, LEAST_LAND_PLOTS, CELL_SIGMA = 0.15, 5.0, 3.0
-# Where plots are dense, a cell of land also has this many standard deviations of a Poisson number
-# more than the mean of all cells.
-CHANCE_SIGMA = 5.0
-# The times of a land cell's plots are spread over the recording, unlike those of a target that
-# stops for a while: their standard deviation is at least this share of that of uniform times.
-LEAST_SPREAD = 0.7
 # Crowded areas: cells of these numbers in range and azimuth with `CROWD` times the mean number of
 # untracked plots, and at least `LEAST_CROWD` of them.
 CELLS, CROWD, LEAST_CROWD = (32, 64), 10.0, 10
@@ -38,9 +30,6 @@ CELLS, CROWD, LEAST_CROWD = (32, 64), 10.0, 10
 # plots, in range and in azimuth, and half a look apart at most. Others up to twice as far away show
 # how many are there by chance.
 BESIDE_SIGMA, BESIDE_LOOKS = 3.0, 0.5
-# Plots of two tracks of one target are mostly nearer than this many such standard deviations, and
-# those of targets side by side are not.
-SAME_SIGMA = 1.0
 # Half the windows of positions whose slope is compared with a measured velocity, in plots; the
 # least number of such comparisons; and the median of the square of a normal number.
 WINDOWS, LEAST_COMPARED, ONE = (2, 4, 8, 16), 30, 0.4549
@@ -166,11 +155,15 @@ def outside_land(plots: Plots, looks: float, range_std: float, azimuth_std: floa
     place = place.ravel()
     first, second = (np.bincount(place, plots.time_s**power) / count for power in (1, 2))
     spread = np.sqrt(np.maximum(second - first**2, 0.0))
-    lasting = spread >= LEAST_SPREAD * plots.duration_s / np.sqrt(12.0)
+    # The times of a land cell's plots are spread over the recording, unlike those of a target that
+    # stops for a while: their standard deviation is at least this share of that of uniform times.
+    lasting = spread >= 0.7 * plots.duration_s / np.sqrt(12.0)
     _, width = smallest_arc(plots.measurement[:, 1])
     covered = (np.ptp(row) + 1.0) * (width / (CELL_SIGMA * azimuth_std) + 1.0)
     mean = len(plots) / covered
-    by_chance = mean + CHANCE_SIGMA * np.sqrt(mean)
+    # Where plots are dense, a cell of land also has this many standard deviations of a Poisson
+    # number more than the mean of all cells.
+    by_chance = mean + 5.0 * np.sqrt(mean)
     land = lasting & (count >= max(LAND_SHARE * looks, LEAST_LAND_PLOTS, by_chance))
     # The plots at the edge of the noise are in the cells around it.
     around = np.add.outer(np.arange(-1, 2) * columns, np.arange(-1, 2)).ravel()
@@ -220,7 +213,9 @@ def beside(
     """
     free, claimed = np.setdiff1d(rows, tracks.claimed), tracks.claimed
     share, sigma = 0.0, np.sqrt(2.0)
-    for others, reach in ((free, BESIDE_SIGMA), (claimed, SAME_SIGMA)):
+    # Plots of two tracks of one target are mostly nearer than this many such standard deviations,
+    # and those of targets side by side are not.
+    for others, reach in ((free, BESIDE_SIGMA), (claimed, 1.0)):
         if not len(others):
             continue
         near, around = (
@@ -386,7 +381,8 @@ def field_of(plots: Plots, claimed: IntArray) -> Field:
         clutter = min(farthest * (len(free) + 1.0) / len(free), clutter)
     start, width = smallest_arc(azimuth)
     gap = FULL_TURN - width
-    partly = gap > LEAST_GAP and gap > LEAST_SPACES * width / len(plots)
+    # The gap must also be wider than this many times the mean azimuth spacing of the plots.
+    partly = gap > LEAST_GAP and gap > 12.0 * width / len(plots)
     return Field(
         float(distance.min()), float(distance.max()), clutter, (start, width) if partly else None
     )

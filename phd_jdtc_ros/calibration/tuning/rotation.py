@@ -15,16 +15,10 @@ from phd_jdtc_ros.core.types import FULL_TURN
 
 from .plots import Plots
 
-# The antenna counts as turning if it was followed for at least this share of the recording.
-LEAST_FOLLOWED = 0.25
 # The antenna is followed in steps of at least `PLOTS` plots and `PERIOD_S` seconds.
 PLOTS, PERIOD_S = 12, 1.0
 # Limit on plots per step; no radar has more in that time.
 MOST_PLOTS = 1000
-# The number of revolutions in a longer gap is ambiguous.
-MOST_REVOLUTIONS = 3.0
-# If a revolution differs from the mean by more than this share, the antenna has changed its speed.
-SWITCHED = 0.1
 # A cloud belongs to the same look as the one before if it follows within this share of the usual
 # gap, which is the upper quartile.
 SAME_LOOK = 0.2
@@ -70,7 +64,8 @@ def timing_of(plots: Plots) -> Timing:
     for time_s, own in zip(plots.time_s, azimuth, strict=True):
         revolutions.add(float(own), round(time_s * 1e9))
     revolutions.find()
-    if revolutions.counted_s < LEAST_FOLLOWED * plots.duration_s:
+    # The antenna counts as turning if it was followed for at least this share of the recording.
+    if revolutions.counted_s < 0.25 * plots.duration_s:
         return still
     sectors = round(revolutions.revolution_s / interval_s)
     narrow = 1.5 * FULL_TURN / max(sectors, 1)
@@ -166,7 +161,9 @@ class PlotRevolutions:
         self._before = None if line is None else (now_s, line)
         if line is None:
             return
-        if self.counted_s and abs(line.period_s / self.revolution_s - 1.0) > SWITCHED:
+        # If a revolution differs from the mean by more than this share, the antenna has changed its
+        # speed.
+        if self.counted_s and abs(line.period_s / self.revolution_s - 1.0) > 0.1:
             self._counted = np.zeros(4)
         elif before is not None:
             self._count(now_s, line, *before)
@@ -174,7 +171,8 @@ class PlotRevolutions:
     def _count(self, now_s: float, line: Antenna, before_s: float, before: Antenna) -> None:
         """Count the angle turned since the last step."""
         passed_s = now_s - before_s
-        if not 0.0 < passed_s < MOST_REVOLUTIONS * before.period_s:
+        # The number of revolutions in a longer gap is ambiguous.
+        if not 0.0 < passed_s < 3.0 * before.period_s:
             return
         due = before.rate * passed_s
         turned = line.azimuth_at(now_s) - before.azimuth_at(before_s)

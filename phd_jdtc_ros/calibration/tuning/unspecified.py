@@ -20,8 +20,6 @@ BESIDE_DB = 5.0
 # Least standard deviation of the heights of undetected targets, metres, and their floor in standard
 # deviations below the mean.
 LEAST_HEIGHT_STD, FLOOR_SIGMA = 5.0, 3.0
-# Least probability that a target survives a look. Lost tracks would make a lower one too low.
-LEAST_SURVIVAL = 0.99
 
 
 def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict[str, Any]:
@@ -82,7 +80,8 @@ def _survival_probability(found: Mapping[str, Findings], look_s: float) -> float
     Each radar's tracks bound the rate of disappearances from above; the lowest bound counts.
     """
     rate = min(each.ends.value / each.timing.look_s for each in found.values())
-    return max(LEAST_SURVIVAL, round(1.0 - round_to_std(rate * look_s, rate * look_s), 6))
+    # Least probability that a target survives a look. Lost tracks would make a lower one too low.
+    return max(0.99, round(1.0 - round_to_std(rate * look_s, rate * look_s), 6))
 
 
 def _amplitudes(found: Mapping[str, Findings]) -> dict[str, Any]:

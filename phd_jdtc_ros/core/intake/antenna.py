@@ -20,34 +20,12 @@ from ..types import FULL_TURN
 # Largest residuals in the rounds of the regression, radians; a detection outside the last one does
 # not fit.
 REFINEMENT_GATES = (0.9, 0.5, 0.4)
-# Smallest share of fitting detections, by weight.
-MIN_FIT = 0.7
-# Smallest sum of weights for a fit.
-MIN_WEIGHT = 3.0
-# Age in revolutions at which a detection's weight is halved.
-HALF_AGE = 0.5
 # Largest age of a detection in revolutions.
 MAX_AGE = 2.2
-# Number of revolutions without detections after which the line is dropped, because wind changes an
-# antenna's speed.
-MAX_UNSEEN = 10.0
 # Rates that are tried when there is no line, relative to the latest or the nominal rate.
 RATES = np.exp(0.05 * np.arange(-6, 7))
 # Standard deviation of the logarithm of the rotation period.
 RATE_STD = 0.05
-# Standard deviation of a detection's azimuth, radians.
-AZIMUTH_STD = 0.05
-# Required advantage over the best line of the other direction.
-MIN_ADVANTAGE = 4.0
-# Weight of the fit against the prior of the rate.
-CONCENTRATION = 4.0
-# Number of consecutive unclear reports after which the rotation period is searched again.
-MAX_UNCLEAR = 8
-# Largest period of a line in nominal periods: a longer one would follow an antenna that stops, and
-# not find it when it starts again.
-MAX_PERIOD_RATIO = 2.0
-# Smallest number of detections in a report whose times are checked for outliers.
-MIN_FOR_OUTLIERS = 3
 # A time is an outlier if its distance from the median exceeds both this number of median deviations
 # and this number of seconds.
 MAX_MEDIAN_DEVIATIONS = 4.0
@@ -63,21 +41,10 @@ MIN_PERIOD_S = 0.5
 MAX_PERIOD_S = 60.0
 # Smallest number of detections in which an unknown period is searched.
 MIN_SEARCHED = 30
-# Smallest coherence of these detections with the line, from 0 to 1; chance gives 0.5 with so few.
-MIN_COHERENCE = 0.85
-# Required advantage over an antenna that stands still: a target that is seen at one azimuth once a
-# second also agrees with a period of one second.
-MIN_TURNING_ADVANTAGE = 15.0
-# The detections of this time are searched first, seconds: the antenna may have just started.
-FIRST_SEARCH_S = 15.0
 # Difference of the searched rates, in revolutions over the searched time.
 RATE_STEP = 0.1
 # Smallest number of revolutions in the searched time.
 MIN_REVOLUTIONS = 1.5
-# Interval between searches, as a share of the searched time.
-SEARCH_INTERVAL = 0.2
-# Largest interval between searches, seconds.
-MAX_SEARCH_INTERVAL_S = 10.0
 
 
 class Antenna(NamedTuple):
@@ -126,7 +93,8 @@ class Sightings(NamedTuple):
     def plausible(self) -> Sightings:
         """Return those of a report with times near the median; others come from a wrong clock."""
         time_s = self.time_s
-        if time_s.size < MIN_FOR_OUTLIERS or time_s.max() - time_s.min() <= MIN_OUTLIER_S:
+        # Smallest number of detections in a report whose times are checked for outliers.
+        if time_s.size < 3 or time_s.max() - time_s.min() <= MIN_OUTLIER_S:
             return self
         off_s = np.abs(time_s - median(time_s))
         near = off_s <= max(MAX_MEDIAN_DEVIATIONS * median(off_s), MIN_OUTLIER_S)
@@ -176,7 +144,9 @@ class AntennaTrack(NamedTuple):
         period.
         """
         period_s, line = self.period_s, self.antenna
-        if line is not None and now_s - line.time_s > MAX_UNSEEN * period_s:
+        # Number of revolutions without detections after which the line is dropped, because wind
+        # changes an antenna's speed.
+        if line is not None and now_s - line.time_s > 10.0 * period_s:
             return AntennaTrack(self.nominal_period_s).follow(now_s, time_s, azimuth)
         if not len(time_s):
             return self
@@ -189,18 +159,24 @@ class AntennaTrack(NamedTuple):
             if latest.suffice(period_s)
             else self.sightings.with_latest(latest, MAX_AGE * period_s)
         )
-        weight = 0.5 ** ((sightings.time_s.max() - sightings.time_s) / (HALF_AGE * period_s))
+        # Age in revolutions at which a detection's weight is halved.
+        weight = 0.5 ** ((sightings.time_s.max() - sightings.time_s) / (0.5 * period_s))
         total = np.add.reduce(weight)
-        if total < MIN_WEIGHT:
+        # Smallest sum of weights for a fit.
+        if total < 3.0:
             return self._replace(sightings=sightings)
         for line in self._candidate_lines(sightings, weight, FULL_TURN / period_s):
-            fits = weight @ line.fits(*sightings) >= MIN_FIT * total
-            if fits and line.period_s < MAX_PERIOD_RATIO * self.nominal_period_s:
+            # Smallest share of fitting detections, by weight.
+            fits = weight @ line.fits(*sightings) >= 0.7 * total
+            # Largest period of a line in nominal periods: a longer one would follow an antenna that
+            # stops, and not find it when it starts again.
+            if fits and line.period_s < 2.0 * self.nominal_period_s:
                 return AntennaTrack(self.nominal_period_s, line, sightings)
         if self.antenna is None and not sightings.suffice(period_s):
             return self._replace(sightings=sightings)
         # After many unclear reports the assumed period itself is probably wrong.
-        nominal_period_s = self.nominal_period_s if self.unclear < MAX_UNCLEAR else 0.0
+        # Number of consecutive unclear reports after which the rotation period is searched again.
+        nominal_period_s = self.nominal_period_s if self.unclear < 8 else 0.0
         return AntennaTrack(nominal_period_s, None, latest, self.unclear + 1)
 
     def with_period(self, period_s: float) -> AntennaTrack:
@@ -221,17 +197,19 @@ class AntennaTrack(NamedTuple):
             yield _refine(self.antenna, sightings, weight, rate)
         log_prior = -0.5 * (np.log(RATES) / RATE_STD) ** 2
         (fit, line), (other_fit, _) = search_lines(sightings, weight, rate * RATES, log_prior)
-        if weight.sum() * (fit**2 - other_fit**2) >= MIN_ADVANTAGE:
+        # Required advantage over the best line of the other direction.
+        if weight.sum() * (fit**2 - other_fit**2) >= 4.0:
             yield _refine(line, sightings, weight, rate)
 
     def _search(self, now_s: float, sightings: Sightings, min_period_s: float) -> AntennaTrack:
         """Return the estimate for an unknown period, which is searched at intervals."""
-        due_s = self.searched_s + min(
-            MAX_SEARCH_INTERVAL_S, SEARCH_INTERVAL * float(np.ptp(sightings.time_s))
-        )
+        # Interval between searches, seconds, and as a share of the searched time.
+        due_s = self.searched_s + min(10.0, 0.2 * float(np.ptp(sightings.time_s)))
         if len(sightings.time_s) < MIN_SEARCHED or now_s < due_s:
             return self._replace(sightings=sightings)
-        for longest_s in (FIRST_SEARCH_S, MAX_PERIOD_S):
+        # The detections of this time are searched first, seconds: the antenna may have just
+        # started.
+        for longest_s in (15.0, MAX_PERIOD_S):
             latest = sightings.since(float(sightings.time_s.max()) - longest_s)
             count, span_s = len(latest.time_s), float(np.ptp(latest.time_s))
             if count < MIN_SEARCHED or span_s < MIN_REVOLUTIONS * min_period_s:
@@ -239,7 +217,10 @@ class AntennaTrack(NamedTuple):
             revolutions = np.arange(MIN_REVOLUTIONS, span_s / min_period_s + RATE_STEP, RATE_STEP)
             (fit, line), _ = search_lines(latest, np.ones(count), revolutions * FULL_TURN / span_s)
             standing = float(np.abs(np.exp(1j * latest.azimuth).mean()))
-            if fit >= MIN_COHERENCE and count * (fit**2 - standing**2) >= MIN_TURNING_ADVANTAGE:
+            # Smallest coherence of these detections with the line, from 0 to 1; chance gives 0.5
+            # with so few. And the required advantage over an antenna that stands still: a target
+            # that is seen at one azimuth once a second also agrees with a period of one second.
+            if fit >= 0.85 and count * (fit**2 - standing**2) >= 15.0:
                 track = AntennaTrack(line.period_s).follow(now_s, *latest)
                 return track._replace(nominal_period_s=track.period_s)
         return self._replace(sightings=sightings, searched_s=now_s)
@@ -259,7 +240,8 @@ def search_lines(
     for sign, rotation in ((1, rotation_back), (-1, rotation_back.conj())):
         # Each sum points to the azimuth at the last detection, if the antenna has that rate.
         total = rotation @ phasors
-        best = int(np.argmax(CONCENTRATION * np.abs(total) + log_prior))
+        # Weight of the fit against the prior of the rate.
+        best = int(np.argmax(4.0 * np.abs(total) + log_prior))
         line = Antenna(last_s, float(np.angle(total[best])), sign * float(rates[best]))
         lines.append((float(abs(total[best]) / weight.sum()), line))
     return sorted(lines, reverse=True)
@@ -267,7 +249,8 @@ def search_lines(
 
 def _refine(line: Antenna, sightings: Sightings, weight: FloatArray, prior_rate: float) -> Antenna:
     """Return the regression of azimuth on time near a line, at a rate near the usual one, rad/s."""
-    ridge, last_s = (AZIMUTH_STD / RATE_STD) ** 2, float(sightings.time_s[-1])
+    # Standard deviation of a detection's azimuth, radians.
+    ridge, last_s = (0.05 / RATE_STD) ** 2, float(sightings.time_s[-1])
     azimuth, rate, since_s = line.azimuth_at(last_s), line.rate, sightings.time_s - last_s
     for farthest in REFINEMENT_GATES:
         passed = rate * since_s

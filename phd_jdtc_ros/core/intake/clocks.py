@@ -19,11 +19,6 @@ from ..types import Detections
 CLOCK = "clock"
 # Share of the longest delay by which a stamp may be ahead of those of other sensors.
 AHEAD = 0.5
-# A sensor is silent after this number of its intervals.
-SILENT_INTERVALS = 2
-# The time of a clock that was never set, which counts from 1970 or from its start, is earlier than
-# others by more than this, two years.
-NEVER_SET_S = 6.3e7
 
 
 class Stamped(Protocol):
@@ -206,7 +201,8 @@ class Clocks(Generic[SentT]):
 
     def _patience_ns(self, clock: _Clock[SentT]) -> float:
         """Return the time after which a sensor is silent."""
-        return max(self._reach_ns, SILENT_INTERVALS * clock.step_ns)
+        # A sensor is silent after this number of its intervals.
+        return max(self._reach_ns, 2 * clock.step_ns)
 
     def _continues(self, before: SentT, sent: SentT) -> bool:
         """Return whether a report comes after another one of the same sensor and time."""
@@ -262,7 +258,9 @@ class Clocks(Generic[SentT]):
             return own_near
         is_start = self._newest_ns - self._first_ns <= self._reach_ns
         ahead_ns = own.held[-1][1].stamp_ns - self._newest_ns
-        return is_start and (ahead_ns < 0) != (abs(ahead_ns) > NEVER_SET_S * 1e9)
+        # The time of a clock that was never set, which counts from 1970 or from its start, is
+        # earlier than others by more than this, two years.
+        return is_start and (ahead_ns < 0) != (abs(ahead_ns) > 6.3e16)
 
     def _jump(self, group: list[_Clock[SentT]], against_others: bool) -> list[SentT]:
         """Follow the time of a group; return its reports that were held back."""

@@ -23,20 +23,10 @@ from .sectors import smallest_arc
 CELLS = 72
 # Number of consecutive reports that can show sectors.
 SECTOR_REPORTS = 60
-# Smallest number of detections in such a report.
-SECTOR_DETECTIONS = 4
-# Largest arc of a report of a sector, in revolutions.
-SECTOR_ARC = 0.5
-# Smallest part of the revolution that these reports cover together.
-SECTORS_TOGETHER = 0.75
 # Smallest number of reports that can show a limited field of view.
 FIELD_REPORTS = 50
 # Smallest number of detections in all these reports.
 FIELD_DETECTIONS = 200
-# Largest arc of these detections, in revolutions.
-FIELD_ARC = 0.4
-# Smallest number of reports, with `FIELD_DETECTIONS` together, whose extent shows their units.
-EXTENT_REPORTS = 20
 # Smallest number of detections in a report that shows that a radar's reports come several times.
 # Fewer can repeat by chance where measurements are coarse and targets rest.
 COPIED_DETECTIONS = 5
@@ -252,7 +242,8 @@ class RadarReportCheck(ReportCheck):
         azimuth = measurement[:, 1]
         if (
             not self.reports_sectors
-            and azimuth.size >= SECTOR_DETECTIONS
+            # Fewer detections of a report show no sector.
+            and azimuth.size >= 4
             and self._is_sector(azimuth)
         ):
             noticed.append("sectors_not_configured")
@@ -265,7 +256,9 @@ class RadarReportCheck(ReportCheck):
     def _wrong_units(self, first: list[FloatArray], measurement: FloatArray) -> list[str]:
         """Return the findings about the extent of the first reports, polar; at most once."""
         first.append(measurement)
-        if len(first) < EXTENT_REPORTS or sum(map(len, first)) < FIELD_DETECTIONS:
+        # Smallest number of reports, with `FIELD_DETECTIONS` together, whose extent shows their
+        # units.
+        if len(first) < 20 or sum(map(len, first)) < FIELD_DETECTIONS:
             return []
         distance, azimuth = np.concatenate(first).T[:2]
         self._first = None
@@ -287,12 +280,14 @@ class RadarReportCheck(ReportCheck):
     def _is_sector(self, azimuth: FloatArray) -> bool:
         """Return whether this is the last of `SECTOR_REPORTS` consecutive reports of sectors."""
         start, width = smallest_arc(azimuth)
-        if width < SECTOR_ARC * FULL_TURN:
+        # Largest arc of a report of a sector, in revolutions.
+        if width < 0.5 * FULL_TURN:
             self._sectors += 1
             self._together[_cells(start + np.linspace(0.0, width, CELLS))] = True
             if self._sectors < SECTOR_REPORTS:
                 return False
-        covered = self._sectors == SECTOR_REPORTS and self._together.mean() > SECTORS_TOGETHER
+        # Smallest part of the revolution that these reports cover together.
+        covered = self._sectors == SECTOR_REPORTS and self._together.mean() > 0.75
         self._sectors = 0
         self._together[:] = False
         return bool(covered)
@@ -306,7 +301,8 @@ class RadarReportCheck(ReportCheck):
             return False
         self.sees_whole_turn = False
         seen = np.linspace(0.0, FULL_TURN, CELLS, endpoint=False)[self._all]
-        return smallest_arc(seen)[1] < FIELD_ARC * FULL_TURN
+        # Largest arc of these detections, in revolutions.
+        return smallest_arc(seen)[1] < 0.4 * FULL_TURN
 
 
 def is_copy(found: Detections, before: Detections) -> bool:

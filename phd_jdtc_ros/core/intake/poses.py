@@ -22,20 +22,12 @@ import numpy as np
 from ..arrays import FloatArray
 from ..types import LEVEL, Pose, angles_of, rotation_of
 
-# Tolerance of a plausible change of position in addition to the motion, metres.
-POSITION_TOLERANCE = 5.0
-# The same tolerance of the yaw, radians.
+# Tolerance of a plausible change of yaw in addition to the motion, radians.
 YAW_TOLERANCE = math.radians(10.0)
-# Largest yaw rate of a platform, rad/s.
-MAX_YAW_RATE = 1.0
 # Shortest interval over which a velocity is computed, seconds.
 VELOCITY_S = 0.1
 # Usual acceleration of a platform, m/s^2, which limits this interval.
 ACCELERATION = 2.0
-# Number of poses over which the variance of their noise is averaged.
-NOISE_POSES = 20
-# Largest number of poses that are kept.
-MAX_POSES = 100_000
 
 
 class PoseFault(Enum):
@@ -219,8 +211,10 @@ class PoseTrack:
         distance = math.dist(earlier.pose.position, later.pose.position)
         turn = abs(math.remainder(later.pose.yaw - earlier.pose.yaw, 2.0 * math.pi))
         return (
-            distance <= POSITION_TOLERANCE + self.max_speed * since
-            and turn <= YAW_TOLERANCE + MAX_YAW_RATE * since
+            # Tolerance of a plausible change of position in addition to the motion, metres.
+            distance <= 5.0 + self.max_speed * since
+            # Largest yaw rate of a platform, rad/s.
+            and turn <= YAW_TOLERANCE + 1.0 * since
         )
 
     def _reject_jump(self, added: _StampedPose, segment: int) -> PoseFault | None:
@@ -245,7 +239,8 @@ class PoseTrack:
         self._suspect = None
         self._poses.append(_with_noise(added, self._poses[-2:]))
         kept_s = self.reset_threshold_s + 2.0 * self.max_age_s
-        oldest = max(len(self._poses) - MAX_POSES, 0)
+        # Largest number of poses that are kept.
+        oldest = max(len(self._poses) - 100_000, 0)
         if math.isfinite(kept_s):
             oldest = max(oldest, self._index(added.stamp_ns - round(kept_s * 1e9)))
         # The two newest stay, because the next pose is compared with them.
@@ -275,7 +270,8 @@ def _with_noise(added: _StampedPose, before: list[_StampedPose]) -> _StampedPose
     share = (middle.stamp_ns - first.stamp_ns) / (added.stamp_ns - first.stamp_ns)
     squares = math.dist(between, middle.pose.position) ** 2
     variance = 0.5 * squares / (1.0 + share**2 + (1.0 - share) ** 2)
-    count = min(middle.averaged + 1, NOISE_POSES)
+    # Number of poses over which the variance of their noise is averaged.
+    count = min(middle.averaged + 1, 20)
     mean = middle.variance + (variance - middle.variance) / count
     return added._replace(variance=mean, averaged=count)
 

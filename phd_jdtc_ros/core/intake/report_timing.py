@@ -15,17 +15,6 @@ from ..arrays import FloatArray, median
 
 # Time for which reports are remembered, in revolutions.
 MEMORY_REVOLUTIONS = 4.0
-# Smallest number of reports that are remembered.
-MIN_REPORTS = 8
-# Largest median relative deviation of the report intervals of a regular radar.
-MAX_DEVIATION = 0.15
-# A radar with fewer report intervals counts as regular.
-MIN_INTERVALS = 4
-# Detections farther than this beyond the expected end of a report do not move it, in report
-# intervals.
-MAX_BEYOND_INTERVALS = 0.75
-# The same bound in revolutions.
-MAX_BEYOND_REVOLUTIONS = 0.06
 
 
 class ReportTiming(NamedTuple):
@@ -54,12 +43,15 @@ class ReportTiming(NamedTuple):
             time_s = self._plausible_times(stamp_s, time_s, period_s)
             timing[1:] = time_s.min() - self.last_s, time_s.max() - stamp_s
         recent = self.timings[:, 0] > stamp_s - MEMORY_REVOLUTIONS * period_s
-        recent[-MIN_REPORTS:] = True
+        # Smallest number of reports that are remembered.
+        recent[-8:] = True
         timings = np.concatenate([self.timings[recent], [timing]])
         intervals = timings[1:, 0] - timings[:-1, 0]
         interval_s = median(intervals) if intervals.size else 0.0
-        regular = intervals.size < MIN_INTERVALS or (
-            median(np.abs(intervals / interval_s - 1.0)) < MAX_DEVIATION
+        # A radar with fewer report intervals counts as regular.
+        regular = intervals.size < 4 or (
+            # Largest median relative deviation of the report intervals of a regular radar.
+            median(np.abs(intervals / interval_s - 1.0)) < 0.15
         )
         lead_s = np.fmin(np.fmax.reduce(timings[:, 2]), np.fmin.reduce(timings[:, 1]))
         lead_s = self.lead_s if np.isnan(lead_s) else float(lead_s)
@@ -74,7 +66,9 @@ class ReportTiming(NamedTuple):
         if math.isnan(self.lead_s) or not self.interval_s:
             return time_s
         end_s, begin_s = stamp_s + self.lead_s, self.last_s + self.lead_s
-        beyond_s = min(MAX_BEYOND_INTERVALS * self.interval_s, MAX_BEYOND_REVOLUTIONS * period_s)
+        # Detections farther than this beyond the expected end of a report do not move it, in report
+        # intervals and in revolutions.
+        beyond_s = min(0.75 * self.interval_s, 0.06 * period_s)
         near = (time_s > begin_s - beyond_s) & (time_s < end_s + beyond_s)
         plausible = time_s[near]
         return plausible if 2 * plausible.size > time_s.size else time_s

@@ -34,8 +34,6 @@ IRREGULAR, FORGETTING = 0.05, 0.1
 HARDLY = 0.1
 # Largest number of self-reports that wait; more than a minute of any receiver.
 MOST_WAITING = 200_000
-# Self-reports that are ahead of the scans by more than this have a wrong time, seconds.
-MOST_AHEAD_S = 60.0
 # Reasons for which self-reports are not used.
 OLD, AHEAD, MANY = "reports_old", "reports_ahead", "reports_many"
 
@@ -261,7 +259,8 @@ class WaitingReports:
         found = SelfReports.concatenate(self._waiting)
         age_ns = stamp_ns - found.time_ns
         old = age_ns > self._oldest_ns[found.receiver]
-        ahead = age_ns < -MOST_AHEAD_S * 1e9
+        # Self-reports that are ahead of the scans by more than this have a wrong time, seconds.
+        ahead = age_ns < -60.0 * 1e9
         for reason, mask in ((OLD, old), (AHEAD, ahead)):
             if mask.any():
                 self.dropped[reason] += int(mask.sum())

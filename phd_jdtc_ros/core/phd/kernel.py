@@ -29,9 +29,6 @@ from ..targets.motion import whitener
 from .particles import Particles
 from .resampling import comb
 
-# Gate on the process noise, in standard deviations: with 6, single weights are off by 5 %, with 7
-# by up to 2e-3, and with 7.5 by less than 1e-4.
-KERNEL_GATE_SIGMA = 7.5
 # Largest number of pairs of a later row.
 MAX_PAIRS_PER_ROW = 128
 # Later row, earlier row and density of pairs; the later rows ascend.
@@ -100,7 +97,9 @@ def _rated(
     one_block = np.zeros(len(query), dtype=np.int64), np.zeros(len(point), dtype=np.int64)
     if not len(query) or not len(point):
         return
-    search = candidates(query, one_block[0], point, one_block[1], KERNEL_GATE_SIGMA)
+    # Gate on the process noise, in standard deviations: with 6, single weights are off by 5 %, with
+    # 7 by up to 2e-3, and with 7.5 by less than 1e-4.
+    search = candidates(query, one_block[0], point, one_block[1], 7.5)
     for row, index, square in complete_rows(near_chunks(search)):
         column = sources[index]
         yield row, column, peak * np.exp(-0.5 * square) * rate[column]

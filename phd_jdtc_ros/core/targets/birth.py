@@ -11,9 +11,6 @@ from ..arrays import FloatArray, IntArray, ReadOnly
 from .modes import ModeSpace
 from .sobol import sobol_points
 
-# Standard deviations in any coordinate beyond which a birth term counts as zero.
-BIRTH_GATE_SIGMA = 8.0
-
 
 @dataclass(frozen=True)
 class BirthTerm(ReadOnly):
@@ -74,7 +71,8 @@ def intensity(
     east = np.argsort(state[:, axis])
     sorted_east = state[east, axis]
     for term in terms:
-        gate = BIRTH_GATE_SIGMA * term.std
+        # Standard deviations in any coordinate beyond which a birth term counts as zero.
+        gate = 8.0 * term.std
         first, last = sorted_east.searchsorted(
             [term.mean[axis] - gate[axis], term.mean[axis] + gate[axis]]
         )

@@ -24,8 +24,6 @@ from ..state_space import OMEGA, PLANAR, VX, VY, VZ, StateSpace, X, Y, Z
 
 # Turn angle below which a series is more accurate than quotients that cancel, radians.
 STRAIGHT = 1e-4
-# Argument of the Langevin function below which its series is more accurate, by the same reason.
-LEAST_LANGEVIN = 1e-2
 
 
 @dataclass(frozen=True)
@@ -120,7 +118,8 @@ def turn_arc(dt: FloatArray | float, time_constant_s: float) -> FloatArray:
 
 def _langevin(value: FloatArray) -> FloatArray:
     """Return coth x - 1 / x of positive numbers, by its series where the two cancel."""
-    small = value < LEAST_LANGEVIN
+    # Below it the series is more accurate, as rounding errors cancel no digits.
+    small = value < 1e-2
     safe = np.where(small, 1.0, value)
     series = value / 3.0 - value**3 / 45.0
     return np.where(small, series, 1.0 / np.tanh(safe) - 1.0 / safe)

@@ -14,10 +14,6 @@ from scipy.special import chndtr
 
 from ..arrays import FloatArray
 
-# Smallest standard deviation of a velocity, metres per second.
-MIN_SPEED_STD = 0.1
-# Smallest standard deviation of a velocity, as a share of the bound.
-MIN_SPEED_STD_SHARE = 0.05
 # Excess, in detections per revolution, at which a neighbourhood is fixed clutter with probability
 # 0.5.
 EVEN_EXCESS = 0.5
@@ -29,7 +25,8 @@ def probability_slower(mean: FloatArray, covariance: FloatArray, bound: float) -
     The covariance ellipse of a velocity, (..., 2, 2), is replaced by a circle of the same area.
     """
     area = np.sqrt(np.maximum(np.linalg.det(covariance), 0.0))
-    variance = np.maximum(area, max(MIN_SPEED_STD, MIN_SPEED_STD_SHARE * bound) ** 2)
+    # Smallest standard deviation of a velocity, metres per second and as a share of the bound.
+    variance = np.maximum(area, max(0.1, 0.05 * bound) ** 2)
     square, limit = (mean**2).sum(axis=-1) / variance, bound**2 / variance
     # Beyond ten standard deviations the probability is zero, and its series would be long.
     probability: FloatArray = chndtr(limit, 2.0, np.minimum(square, (np.sqrt(limit) + 10.0) ** 2))

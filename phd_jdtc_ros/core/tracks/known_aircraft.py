@@ -29,8 +29,6 @@ from ..types import CONFIRMED, UNKNOWN, Estimates
 
 # Largest number of aircraft that are stored; the most recently detected ones stay.
 MAX_AIRCRAFT = 10_000
-# Largest speed, in standard deviations of a new target's velocity.
-MAX_SPEED_SIGMA = 3.0
 # Tolerance of the distance between two tracks of one aircraft, for errors of both, metres.
 MARGIN = 1000.0
 MAX_ADDRESS = (1 << 24) - 1
@@ -51,7 +49,8 @@ class Reach:
         """Return the reach of a model's targets; None if no radar reports identities."""
         if model.attributes is None:
             return None
-        speed = MAX_SPEED_SIGMA * model.detection_births.velocity_std
+        # Largest speed, in standard deviations of a new target's velocity.
+        speed = 3.0 * model.detection_births.velocity_std
         look_s = math.inf
         if len(model.radars) == 1:
             look_s = max(model.radars[0].rotation_s, model.modes.interval_s)

@@ -19,17 +19,9 @@ from .labels import birth_scan
 GATE = 16.0
 # The same gate for positions with velocities.
 MOVING_GATE = 20.0
-# Cost of an unmatched target: above any sum of square distances within the gates, so that as many
-# targets as possible are matched.
-_NO_MATCH = 1e6
 # Number of nearest targets of the other set that are compared with each target; bounds the number
 # of pairs of two sets of thousands.
 NEIGHBOURS = 32
-# Range of the artificial third coordinate in the neighbour search, metres: without it, targets at
-# one place would share one leaf of the tree and be compared one by one.
-_SPREAD = 1e-3
-# Slack of correlation matrices, which single precision may have rounded to singular ones.
-_MIN_EIGENVALUE = 2e-6
 
 
 def match(first: Estimates, second: Estimates, moving: bool = False) -> tuple[IntArray, IntArray]:
@@ -55,7 +47,9 @@ def match(first: Estimates, second: Estimates, moving: bool = False) -> tuple[In
     in_gate = cost <= gate
     # A column of its own leaves a target unmatched. The sparse matrix drops weights of zero.
     unmatched = np.arange(len(first))
-    edge = np.concatenate([cost[in_gate], np.full(len(first), _NO_MATCH)]) + 1.0
+    # Cost of an unmatched target: above any sum of square distances within the gates, so that as
+    # many targets as possible are matched.
+    edge = np.concatenate([cost[in_gate], np.full(len(first), 1e6)]) + 1.0
     start = np.concatenate([rows[in_gate], unmatched])
     end = np.concatenate([columns[in_gate], len(second) + unmatched])
     # SciPy before 1.15 matches only with indices of four bytes.
@@ -71,7 +65,9 @@ def _neighbours(first: Estimates, second: Estimates) -> tuple[IntArray, IntArray
     from scipy.spatial import KDTree
 
     query, point = (
-        np.column_stack([estimates.position, np.linspace(0.0, _SPREAD, len(estimates))])
+        # Range of the artificial third coordinate in the neighbour search, metres: without it,
+        # targets at one place would share one leaf of the tree and be compared one by one.
+        np.column_stack([estimates.position, np.linspace(0.0, 1e-3, len(estimates))])
         for estimates in (first, second)
     )
     count = min(NEIGHBOURS, len(second))
@@ -92,9 +88,8 @@ def _square_distance(
     if not (variance > 0.0).all():
         raise np.linalg.LinAlgError("covariance: a variance is negative, must be positive")
     scale = np.sqrt(variance)
-    correlation = spread / (scale[:, :, None] * scale[:, None]) + _MIN_EIGENVALUE * np.eye(
-        len(axes)
-    )
+    # Slack of correlation matrices, which single precision may have rounded to singular ones.
+    correlation = spread / (scale[:, :, None] * scale[:, None]) + 2e-6 * np.eye(len(axes))
     difference = difference / scale
     squared: FloatArray = np.einsum(
         "pk,pk->p", difference, np.linalg.solve(correlation, difference[..., None])[..., 0]

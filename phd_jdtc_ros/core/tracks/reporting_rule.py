@@ -20,8 +20,6 @@ from ..models.tracker_model import TrackerModel
 from ..sensors.sensor import Sensor
 from ..targets.modes import ClassModel
 
-# Threshold of estimates without labels: at even odds, a false report costs as much as a missed one.
-UNLABELLED_THRESHOLD = 0.5
 # Below this existence probability a track is deleted, whatever its record.
 MIN_EXISTENCE = 0.05
 # Number of points in a class's SNR band at which the detection probability is evaluated.
@@ -90,7 +88,9 @@ def rule_of(
     classes = model.modes.classes
     reported, never = model.modes.moves | report_resting, np.full(len(classes), np.inf)
     if not labelled:
-        above = np.full(len(classes), confirm or UNLABELLED_THRESHOLD)
+        # Threshold of estimates without labels: at even odds, a false report costs as much as a
+        # missed one.
+        above = np.full(len(classes), confirm or 0.5)
         return ReportingRule(above, above, above, reported, never, labelled=False)
     limits = coasting_scans * slowest_s(model), coasting_gates
     misses = [_miss_probabilities(target_class, model.radars) for target_class in classes]

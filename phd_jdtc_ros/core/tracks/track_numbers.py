@@ -21,9 +21,6 @@ from ..snapshot import MAX_INDEX, Snapshot, from_snapshot, integers, to_snapshot
 from ..types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Estimates
 from .known_aircraft import MARGIN, KnownAircraft, Reach
 
-# Largest restored number: messages have 32 bits for a track number, and half of the range remains
-# for tracks after the restart.
-MAX_TRACK_NUMBER = 1 << 31
 # The numbers of ended targets are kept while there are fewer labels than this.
 FEW_NUMBERS = 256
 # Two tracks are apart if their distance is more than this many standard deviations of it, and two
@@ -36,7 +33,9 @@ PREFERENCE = {CONFIRMED: 0, COASTING: 1, TENTATIVE: 2}
 class Numbers(NamedTuple):
     """Snapshot of the last assigned number, and of the labels and numbers in use, each (T,)."""
 
-    last: Annotated[int, integers("", 0, MAX_TRACK_NUMBER)]
+    # Largest restored number: messages have 32 bits for a track number, and half of the range
+    # remains for tracks after the restart.
+    last: Annotated[int, integers("", 0, 1 << 31)]
     label: Annotated[IntArray, integers("T", 0, MAX_INDEX + 1)]
     number: Annotated[IntArray, integers("T", 1)]
 

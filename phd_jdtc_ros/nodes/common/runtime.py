@@ -137,8 +137,6 @@ class ManagedNode(LifecycleNode, RunnableNode):
         return TransitionCallbackReturn.FAILURE
 
 
-# The longest time until the spin loop notices a stop request.
-POLL_SECONDS = 0.1
 # Errors that users can cause are reported in one line; others end with a traceback.
 REPORTED = (
     ConfigError,
@@ -214,7 +212,8 @@ def _spin(node: RunnableNode, stop: StopRequest) -> None:
     executor.add_node(node)
     try:
         while not stop.made and node.exit_status is None:
-            executor.spin_once(timeout_sec=POLL_SECONDS)
+            # The longest time until the spin loop notices a stop request.
+            executor.spin_once(timeout_sec=0.1)
     except ExternalShutdownException:
         pass
     except Exception:

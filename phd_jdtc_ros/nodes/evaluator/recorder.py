@@ -34,8 +34,6 @@ from ..common.topics import SequenceNumbers
 DEPTH = 1000
 
 CHECK_PERIOD_S = 0.5
-# Length of the prefix of a DDS identifier (GUID) that is its participant's.
-PARTICIPANT_BYTES = 12
 # Types of the tracker's inputs, and what the tracker has of them.
 KINDS = {
     **{reader.type_name: "a radar's detections" for reader in READERS.values()},
@@ -175,11 +173,10 @@ def _inputs(node: Node, tracker: str) -> list[tuple[str, list[str]]]:
 
 def _participant(endpoint: TopicEndpointInfo) -> tuple[int, ...]:
     """Return the part of an endpoint's identifier that all endpoints of a process share."""
-    return tuple(endpoint.endpoint_gid[:PARTICIPANT_BYTES])
+    # Length of the prefix of a DDS identifier (GUID) that is its participant's.
+    return tuple(endpoint.endpoint_gid[:12])
 
 
-# A warning is due once this many stamps, of the truth and of the estimates, have none in common.
-UNMATCHED = 20
 # Time after the last score in which further messages can still arrive for the recording, seconds.
 LINGER_S = 0.5
 
@@ -208,7 +205,9 @@ class ReceivedClouds:
 
     def mismatch(self, evaluation: Evaluation) -> str | None:
         """Return the warning that no stamps are common, once there are enough; None otherwise."""
-        few = min(self.received[self.truth], max(map(self._count, SOURCES))) < UNMATCHED
+        # A warning is due once this many stamps, of the truth and of the estimates, have none in
+        # common.
+        few = min(self.received[self.truth], max(map(self._count, SOURCES))) < 20
         return None if few or any(evaluation.scored.values()) else self._no_common_time()
 
     def no_score_reason(self) -> str:

@@ -24,9 +24,6 @@ SILENT_AFTER_SCANS, SILENCE_SLACK_S = 2.0, 0.25
 # A killed publisher stays in the graph for the middleware's lease, by default at most 20 s. Two
 # that are listed together for longer than this must both be alive.
 LEASE_S = 30.0
-# If more than this share of the time since a radar's previous message was spent on work, a loss is
-# the tracker's own: its queue overflows meanwhile. A loss in transit is equally likely at any time.
-WORKING_SHARE = 0.5
 # Faults of single detections, or clouds, are a warning if they are more than a normal share of all
 # of the last minute, and until they are less than this part of it. Of fewer than LEAST one fault is
 # no share.
@@ -95,7 +92,10 @@ class InputHealth:
             if self.gaps > before and self._last_s is not None:
                 share = (worked_s - self._worked_s) / max(now_s - self._last_s, 1e-9)
                 self._lost += self.gaps - before
-                self._lost_by_overload += (self.gaps - before) * (share > WORKING_SHARE)
+                # If more than this share of the time since a radar's previous message was spent on
+                # work, a loss is the tracker's own: its queue overflows meanwhile. A loss in
+                # transit is equally likely at any time.
+                self._lost_by_overload += (self.gaps - before) * (share > 0.5)
         self._last_s, self._worked_s = now_s, worked_s
 
     def begin_series(self) -> None:

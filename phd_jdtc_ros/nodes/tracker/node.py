@@ -40,8 +40,6 @@ from .live import LiveTracker
 from .peers import ManagerBond, NameClaim
 
 TEXT = "the tracker is compiling, once for each installation"
-# The longest time that the end of the reports may take, seconds.
-END_S = 5.0
 
 
 @contextmanager
@@ -59,7 +57,8 @@ def report_compilation(argv: Sequence[str]) -> Iterator[None]:
         compilation.ON_COMPILATION.remove(thread.start)
         ended.set()
         if thread.is_alive():
-            thread.join(END_S)
+            # The longest time that the end of the reports may take, seconds.
+            thread.join(5.0)
 
 
 def _report(argv: list[str], ended: threading.Event) -> None:

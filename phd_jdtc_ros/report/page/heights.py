@@ -25,8 +25,6 @@ SIDE_CAPTION = (
     "The {source} estimates from the side of each radar: the distance along the ground and the "
     "height. Dashed lines are the limits of its elevations, without the curvature of the earth."
 )
-# A line of more points is thinned, to keep the file small.
-MOST_POINTS = 400
 
 
 class Path(NamedTuple):
@@ -76,7 +74,8 @@ def true_paths(record: Record) -> list[Path]:
 
 def _paths(rows: dict[int, list[tuple[int, int, float, float, float]]]) -> Iterator[Path]:
     for own in rows.values():
-        kept = own[:: -(-len(own) // MOST_POINTS)]
+        # A line of more points is thinned, to keep the file small.
+        kept = own[:: -(-len(own) // 400)]
         stamps, classes, *columns = zip(*kept, strict=True)
         x, y, height = np.array(columns)
         if np.isfinite(height).any():

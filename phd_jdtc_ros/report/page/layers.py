@@ -101,8 +101,6 @@ def clutter_levels(raster: ClutterRaster, columns: Columns) -> dict[str, Any]:
     }
 
 
-# Largest number of lines of the graticule across the picture.
-MOST_LINES = 8
 # Number of points of a line.
 POINTS = 73
 # Largest number of rings of a radar, and allowed steps as multiples of a power of ten.
@@ -126,7 +124,8 @@ def graticule(
     beyond = BEYOND * (far - corner)
     extents = _extent(plane, corner - beyond, far + beyond)
     for along, across, name in ((0, 1, "NS"), (1, 0, "EW")):
-        step = round_step(float(np.ptp(extents[along])) / MOST_LINES)
+        # Largest number of lines of the graticule across the picture.
+        step = round_step(float(np.ptp(extents[along])) / 8)
         first, last = np.ceil(extents[along][0] / step), np.floor(extents[along][1] / step)
         for value in np.arange(first, last + 1.0) * step:
             pair = [np.full(POINTS, value)] * 2

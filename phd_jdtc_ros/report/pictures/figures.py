@@ -191,8 +191,6 @@ PICTURES = (
 ROWS = (("range", "m", 1.0), ("azimuth, left", "degrees", float(np.degrees(1.0))))
 # Quantile of the absolute residuals that sets the limits of the axes.
 SHOWN = 0.99
-# Largest number of drawn plots of a radar; a regular subset is drawn if there are more.
-MOST_DRAWN = 3000
 # Number of equal parts of the time, each with its mean drawn.
 PARTS = 20
 
@@ -240,7 +238,8 @@ def _draw(
 ) -> None:
     own = found.residuals
     time = (own.time_s - begin) / unit_s
-    chosen = slice(None, None, max(1, len(time) // MOST_DRAWN))
+    # Largest number of drawn plots of a radar; a regular subset is drawn if there are more.
+    chosen = slice(None, None, max(1, len(time) // 3000))
     series = ((own.before, GREY, "before"), (own.after, class_colour(0), "after"))
     plain_axes(axes)
     for error, colour, label in series:

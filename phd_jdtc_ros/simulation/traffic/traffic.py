@@ -29,14 +29,10 @@ ACCELERATION = (0.25, 0.7)
 # Turns: bank and angle in degrees, straight flight between turns in seconds, and the rate of a
 # standard turn, the upper bound, in degrees per second.
 BANK_DEG, TURN_DEG, STRAIGHT_S, STANDARD_DEG_S = (15.0, 27.0), (15.0, 110.0), (30.0, 150.0), 3.0
-# Take-offs and landings are within this distance of the field's reference point, metres.
-RUNWAY = 1000.0
 # Taxiing: speed in m/s, acceleration in m/s^2, times of a turn, of a straight part and at a holding
 # point in seconds, and largest distance from the reference point in metres.
 TAXI_SPEED, TAXI_ACCELERATION, TAXI_TURN_S = (5.0, 10.0), 1.0, 6.0
 TAXI_STRAIGHT_S, HOLD_S, APRON = (15.0, 50.0), (10.0, 45.0), 1500.0
-# An aircraft that enters over the edge heads for the field within this angle, radians.
-MOST_ASIDE = 0.8
 # Time that suffices to leave the radius, seconds.
 LONGEST_S = 3600.0
 
@@ -115,7 +111,8 @@ def _climb(traffic: Traffic, rng: np.random.Generator) -> Flight:
         Leg((speeds[2] - speeds[1]) / acceleration, acceleration=acceleration),
         *_vectors(traffic, rng, speeds[2], LONGEST_S),
     ]
-    return _anywhere(traffic, rng, RUNWAY, speeds[0], legs)
+    # Take-offs and landings are within this distance of the field's reference point, metres.
+    return _anywhere(traffic, rng, 1000.0, speeds[0], legs)
 
 
 def _overflight(traffic: Traffic, rng: np.random.Generator) -> Flight:
@@ -128,7 +125,8 @@ def _overflight(traffic: Traffic, rng: np.random.Generator) -> Flight:
 def _entering(traffic: Traffic, rng: np.random.Generator) -> Flight:
     """Return an overflight from one edge to another, which begins at any time of the run."""
     speed, bearing = rng.uniform(*CRUISE_SPEED), rng.uniform(-np.pi, np.pi)
-    inward = bearing + np.pi + rng.uniform(-1.0, 1.0) * MOST_ASIDE
+    # An aircraft that enters over the edge heads for the field within this angle, radians.
+    inward = bearing + np.pi + rng.uniform(-1.0, 1.0) * 0.8
     # A start exactly on the edge would count as having left.
     place = traffic.radius - 1.0, bearing
     legs = _vectors(traffic, rng, speed, LONGEST_S)

@@ -38,10 +38,6 @@ OVER_RANGE = ("clutter_density", "clutter_density_range")
 MIN_TRACKS = 10
 # Plausible detection probabilities, and their assumed decrease per metre of range.
 PROBABILITIES, PROBABILITY_SLOPE = (0.5, 0.99), 0.03 / 100e3
-# Clouds that are out of order by more than this, seconds, indicate a wrong clock.
-MAX_DISORDER_S = 60.0
-# Upper bound of `equipped_probability`.
-MAX_EQUIPPED = 0.99
 
 
 @dataclass
@@ -86,7 +82,8 @@ def propose(states: Sequence[RadarState], disorder_s: float) -> Proposal | None:
     together = _place_radars(proposed, active)
     proposed.values["sensors"] = [state.settings.name for state in together]
     _set_times(proposed, together)
-    if disorder_s > MAX_DISORDER_S:
+    # Clouds that are out of order by more than this, seconds, indicate a wrong clock.
+    if disorder_s > 60.0:
         proposed.hints.append(
             f"a cloud is stamped {disorder_s:.0f} s before one that arrived earlier: the clock of "
             "a radar is wrong; reorder_s is left at its default"
@@ -265,8 +262,6 @@ _RECEIVERS = {
     MULTILATERATION: ("icao", "positions by multilateration (CAT010, CAT020)"),
     TRACKS: ("number", "tracks of another centre (CAT062), never used as plots"),
 }
-# Standard deviation of the place of an aircraft's antenna, metres.
-AIRCRAFT_OFFSET = 5.0
 
 
 def add_receivers(proposed: Proposal, states: Sequence[RadarState]) -> None:
@@ -280,7 +275,8 @@ def add_receivers(proposed: Proposal, states: Sequence[RadarState]) -> None:
         proposed.set(f"{name}.kind", "reports", what)
         proposed.set(f"{name}.trust", "beside", "they do not change the radars' tracks")
         proposed.set(f"{name}.identity", identity, "of addresses without a space")
-        proposed.set(f"{name}.offset_std", AIRCRAFT_OFFSET, "of aircraft")
+        # Standard deviation of the place of an aircraft's antenna, metres.
+        proposed.set(f"{name}.offset_std", 5.0, "of aircraft")
         proposed.values["sensors"] = [*proposed.values["sensors"], name]
 
 
@@ -308,7 +304,8 @@ def _set_equipped_probability(
     aircraft = sum(state.plots * (1.0 - false.get(state.settings.name, 0.0)) for state in replied)
     share = round(identified / max(REPLY_PROBABILITY * aircraft, 1.0), 2)
     known = all(state.settings.name in false for state in replied)
-    value = min(max(share, 0.01 if known else default), MAX_EQUIPPED)
+    # Upper bound of `equipped_probability`.
+    value = min(max(share, 0.01 if known else default), 0.99)
     plots = sum(state.plots for state in replied)
     clutter = f"{aircraft:.0f} are of aircraft" if known else "how many are clutter is unknown"
     origin = f"{identified} of {plots} plots have a code or an address, {clutter}"

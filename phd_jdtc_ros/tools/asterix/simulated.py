@@ -31,8 +31,6 @@ from .writing import OWN_SAC, plots_of
 
 # Suffix of a capture. Other files have the data blocks one after the other.
 CAPTURE = ".pcap"
-# Delay of a north mark or a sector crossing after the antenna's passage, seconds.
-SERVICE_DELAY_S = 0.02
 
 
 def check(run: Scenario) -> None:
@@ -90,7 +88,8 @@ def _blocks(
             azimuth = FULL_TURN * (number % sectors) / sectors
             revolution_s = radar.model.rotation_s
             service = plots_out.service_block(source, passed_ns + own_ns, azimuth, revolution_s)
-            yield passed_ns + round(SERVICE_DELAY_S * 1e9), service
+            # Delay of a north mark or a sector crossing after the antenna's passage, seconds.
+            yield passed_ns + round(0.02 * 1e9), service
         for begin in range(row, last, sending.plots):
             some = range(begin, min(begin + sending.plots, last))
             timed = [(run.ns_after(float(time_s[k])) + own_ns, records[k]) for k in some]

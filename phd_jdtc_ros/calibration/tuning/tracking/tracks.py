@@ -24,8 +24,6 @@ GATE = 4.5
 LOG_NEW = -np.log(50.0)
 # A track is accepted with at least this many plots and this score.
 LEAST_HITS, LEAST_SCORE = 5, 8.0
-# Least share of an accepted track's plots that belong to no better track.
-LEAST_OWN = 0.7
 # A track ends when its misses are less probable than `IMPROBABLE`, within these bounds on their
 # number.
 IMPROBABLE, LEAST_MISSES, MOST_MISSES = 0.005, 3, 6
@@ -132,7 +130,8 @@ def _accepted(tracks: list[IntArray], scores: FloatArray) -> Tracks:
     accepted, total = [], 0.0
     for index in np.argsort(-scores, kind="stable"):
         own = [plot for plot in tracks[index].tolist() if plot not in taken]
-        enough = len(own) >= max(LEAST_HITS, LEAST_OWN * len(tracks[index]))
+        # Least share of an accepted track's plots that belong to no better track.
+        enough = len(own) >= max(LEAST_HITS, 0.7 * len(tracks[index]))
         if enough and scores[index] >= LEAST_SCORE:
             taken.update(own)
             accepted.append(np.array(own))
