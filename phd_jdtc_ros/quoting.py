@@ -9,8 +9,6 @@ from collections.abc import Mapping
 # so are all names of a large configuration.
 LONGEST_WORD = 240
 LONGEST = 4000
-# Number of characters that are left at each end of a word.
-_END = 60
 
 # Control characters but the line feed and the tab, and those that turn the direction of a text: a
 # terminal would obey them.
@@ -20,7 +18,8 @@ _LONG_WORD = re.compile(rf"\S{{{LONGEST_WORD + 1},}}")
 
 def short(text: str, longest: int = LONGEST) -> str:
     """Return a `printable` text without the middle of words that are too long, and of the whole."""
-    words = _LONG_WORD.sub(lambda word: _ends(word[0], _END), text)
+    # Number of characters that are left at each end of a word.
+    words = _LONG_WORD.sub(lambda word: _ends(word[0], 60), text)
     return printable(words if len(words) <= longest else _ends(words, longest // 2))
 
 

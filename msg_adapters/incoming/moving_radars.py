@@ -40,8 +40,6 @@ FARTHEST = 1e7
 TWIST_VARIANCES = 0, 7, 14, 21, 28, 35
 # Those of the motion along the ground: ahead, to the left, and the yaw rate.
 LEVEL_AXES = 0, 1, 5
-# Largest rate of a platform, m/s and rad/s.
-FASTEST = 1e3
 
 
 def pose_from_msg(message: Odometry | PoseStamped, world_frame: str) -> tuple[int, Pose]:
@@ -109,7 +107,8 @@ def _twist(message: Odometry) -> tuple[float, ...] | None:
     sent = (linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
     variances = [float(message.twist.covariance[index]) for index in TWIST_VARIANCES]
     known = [
-        abs(rate) <= FASTEST and variance >= 0.0  # False for NaN
+        # The largest rate of a platform, m/s and rad/s.
+        abs(rate) <= 1e3 and variance >= 0.0  # False for NaN
         for rate, variance in zip(map(float, sent), variances, strict=True)
     ]
     if not all(known[axis] for axis in LEVEL_AXES):

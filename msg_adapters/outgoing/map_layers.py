@@ -73,8 +73,6 @@ def frames_to_cdr(mountings: Sequence[Mounting], stamp_ns: int, world_frame: str
 
 # Density of the value 0, number of values per factor of ten, and largest value.
 LEAST_DENSITY, PER_DECADE, MOST_VALUE = 0.01, 20.0, 100
-# Upper bound of the cells of a map.
-MOST_CELLS = 1 << 22
 
 
 def clutter_to_msg(raster: ClutterRaster, stamp_ns: int, world_frame: str) -> OccupancyGrid:
@@ -101,7 +99,8 @@ def clutter_from_msg(message: OccupancyGrid) -> ClutterRaster:
     """
     info = message.info
     rows, columns, cell = int(info.height), int(info.width), float(info.resolution)
-    if not 0 < rows * columns == len(message.data) <= MOST_CELLS:
+    # Upper bound of the cells of a map.
+    if not 0 < rows * columns == len(message.data) <= 1 << 22:
         raise RejectedMessageError(
             "schema", f"{len(message.data)} values for {columns} by {rows} cells"
         )

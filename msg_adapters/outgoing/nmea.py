@@ -24,8 +24,6 @@ from ..targets.tracks import rows_by_track
 
 MILE = 1852.0
 KNOT = MILE / 3600.0
-# The standard's longest sentence, with its line end.
-LONGEST = 82
 
 
 class Target(NamedTuple):
@@ -131,7 +129,8 @@ def ttm(targets: Sequence[Target], own: Pose, plane: Plane | None, relative: boo
         text = f"RATTM,{target.number:02d},{','.join(values)}"
         end = f"{target.status},,{_time(target.found.stamp_ns)},A"
         named = _sentence(f"{text},{target.name},{end}")
-        sentences.append(named if len(named) <= LONGEST else _sentence(f"{text},,{end}"))
+        # The standard's longest sentence, with its line end.
+        sentences.append(named if len(named) <= 82 else _sentence(f"{text},,{end}"))
     return sentences
 
 

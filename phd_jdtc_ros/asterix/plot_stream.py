@@ -129,8 +129,6 @@ class BlockReader:
                 self.counts -= self._faults.pop(size)  # those rests were trailers
 
 
-# Upper bound of a radar's messages that wait until its clock error is known.
-MAX_WAITING = 1000
 # Time for which positions are collected to a cloud.
 PERIOD_NS = 500_000_000
 
@@ -314,7 +312,8 @@ class PlotStream:
     def _process(self, state: RadarState, message: Message, received_ns: int | None) -> list[Cloud]:
         """Process a message, or keep it until its radar's clock error is known."""
         ready = state.clock.can_decide(message, received_ns)
-        if not ready and len(state.waiting) < MAX_WAITING:
+        # Upper bound of a radar's messages that wait until its clock error is known.
+        if not ready and len(state.waiting) < 1000:
             state.waiting.append((message, received_ns))
             return []
         found = self._decide(state)

@@ -30,8 +30,6 @@ from phd_jdtc_ros.transport import udp
 
 from .conversion import TrackOutput
 
-# Largest number of input addresses, each of which needs a socket and a buffer.
-MOST_INPUTS = 64
 # Longest prediction of estimates, seconds: some revolutions of a radar. Tracks without newer
 # estimates end after it.
 MAX_PREDICTION_S = 10.0
@@ -129,7 +127,8 @@ class NodeParameters(Managed):
         "Addresses to receive from, HOST:PORT of this machine or of multicast groups; empty for "
         "none.",
         element=str,
-        most=MOST_INPUTS,
+        # Largest number of input addresses, each of which needs a socket and a buffer.
+        most=64,
     )
     interface: str = shared(Receiving, "interface")
     replayed: bool = shared(Receiving, "replayed")

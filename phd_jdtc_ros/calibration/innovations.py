@@ -46,9 +46,6 @@ ONE, ERROR = 0.4549, 1.17
 # The noise is wrong if its deviation is off by more than this factor, surely, by so many standard
 # deviations, and until it is not off by more than the factor.
 WRONG, SURE = 1.4, 2.5
-# With so many differences the deviation of the median counts twice where the noise seems too large,
-# because medians of few are often far too small.
-FEW = 10
 # Tracks break if at least so many have ended, and ends are this share of ends and differences: then
 # few live for four detections. The noise is the cause if most innovations exceed it so many times.
 LEAST_BROKEN, BROKEN, FAR = 6, 0.6, 5.0
@@ -281,7 +278,9 @@ def _fit(radar: Sensor, memory: _Memory, before: Fit, learned: BoolArray) -> Fit
         log_ratio = np.log(noise)
         log_plausible = np.log(np.maximum(noise, np.divide(radar.least_std, radar.noise_std)[:2]))
     too_small = log_ratio - np.where(before.too_small, 0.0, sure) > limit
-    surely = sure * (1.0 + FEW / np.maximum(count, 1))
+    # With so many differences the deviation of the median counts twice where the noise seems too
+    # large, because medians of few are often far too small.
+    surely = sure * (1.0 + 10 / np.maximum(count, 1))
     too_large = ~learned & (log_plausible + np.where(before.too_large, 0.0, surely) < -limit)
     if memory.tracks_break:
         # The differences, if there are any, must not decide it.

@@ -30,8 +30,6 @@ from .selection import (
 LARGEST = float(np.finfo(np.float32).max)
 # A larger correlation makes a covariance singular in single precision.
 MOST_CORRELATION = 0.9999
-# Coordinates from here on are rounded by single precision to 0.06 m or more, metres.
-FAR = 1e6
 # No coordinate or range of a target is larger, metres.
 MOST_METRES = 1e9
 EVERYWHERE = Area.rectangle(-MOST_METRES, -MOST_METRES, MOST_METRES, MOST_METRES)
@@ -65,7 +63,8 @@ def select(stamp_ns: int, own: PositionParameters, columns: Columns) -> Report:
     speed_std, bad_stds = kept_values(columns, "velocity_std", kept, RANGE_RATE_STDS)
     counts["deviations_unusable"] += bad_stds
     rounded = (place[kept].astype(np.float32) == place[kept]).all(axis=1)
-    far = np.abs(place[kept]).max(axis=1) >= FAR
+    # Coordinates from here on are rounded by single precision to 0.06 m or more, metres.
+    far = np.abs(place[kept]).max(axis=1) >= 1e6
     counts["positions_far"] = int(np.count_nonzero(far & rounded))
     height, z = columns.get("height"), None
     if height is not None:

@@ -17,10 +17,6 @@ from phd_jdtc_ros.core.types.reports import NAME_SIZE, OTHER, SPACES
 
 # Addresses have 32 bits, of which the last number means that there is none; 0 is none too.
 NO_ADDRESS = (1 << 32) - 1
-# Farther from the origin a position has a fault, metres: halfway around the earth.
-FARTHEST = 2e7
-# Largest speed of a transmitter, metres per second: no aircraft is as fast.
-FASTEST = 2000.0
 # Types and accuracies that mean that they are unknown.
 NO_TYPE, NO_ACCURACY = 0, 255
 
@@ -60,7 +56,8 @@ def select(stamp_ns: int | None, own: ReportsParameters, columns: Columns) -> To
 
     place = np.stack([floats(names[0]), floats(names[1])], axis=1)
     position, north = _in_plane(place, own) if "x" not in columns else (place, np.zeros(count))
-    has_place = (np.abs(position) <= FARTHEST).all(axis=1)
+    # Farther from the origin a position has a fault, metres: halfway around the earth.
+    has_place = (np.abs(position) <= 2e7).all(axis=1)
     usual_s = np.nan if stamp_ns is None else stamp_ns * 1e-9
     time_s = np.where(np.isfinite(floats("time")), floats("time"), usual_s)
     has_time = (time_s >= 0.0) & (time_s <= MAX_STAMP_NS * 1e-9)
@@ -118,7 +115,8 @@ def _velocity(floats: Any, columns: Columns, north: FloatArray) -> FloatArray:
         # A transmitter at rest has no course.
         course = np.where((speed == 0.0) & np.isnan(course), 0.0, course)
         velocity = speed[:, None] * np.stack([np.cos(course), np.sin(course)], axis=1)
-    known = (np.abs(velocity) <= FASTEST).all(axis=1)
+    # Largest speed of a transmitter, metres per second: no aircraft is as fast.
+    known = (np.abs(velocity) <= 2000.0).all(axis=1)
     return np.where(known[:, None], velocity, np.nan)
 
 

@@ -35,12 +35,8 @@ from .tables import GROUPS, KINDS, entries, parts_of, schema, unlisted
 # Former parameters with their replacements: without a prefix, and of each part.
 _FORMER = ({**replaced.TRACKER, **replaced.NODE}, {**replaced.RADAR, **replaced.BIRTH})
 
-# A backward jump of the stamps by more intervals or revolutions than this starts a new run.
-RESET_THRESHOLD_SCANS = 3.0
 # Number of values of a known ``world_origin``; an unknown place has its height alone.
 KNOWN_PLACE = 3
-# Square Mahalanobis distance within which two hypotheses are merged.
-MERGE_DISTANCE = 4.0
 # Bounds for all targets together, far above the needs of a thousand targets.
 MOST_HYPOTHESES, MOST_PARTICLES = 50_000, 200_000
 
@@ -122,7 +118,8 @@ class TrackerConfig(Tracking):
     @property
     def reset_threshold_s(self) -> float:
         """Smallest backward jump of the stamps that begins a new run, seconds."""
-        return RESET_THRESHOLD_SCANS * self._slowest_s
+        # A backward jump of the stamps by more intervals or revolutions than this starts a new run.
+        return 3.0 * self._slowest_s
 
     @property
     def least_speed(self) -> float:
@@ -268,7 +265,8 @@ def _config(values: dict[str, Any], parts: Parts, plane: Plane | None) -> Tracke
             hypotheses=level.hypotheses,
             # A hypothesis with a smaller share of its target has no visible effect.
             least_share=1e-4,
-            merge_distance=MERGE_DISTANCE,
+            # Square Mahalanobis distance within which two hypotheses are merged.
+            merge_distance=4.0,
             least_existence=top.birth_least_probability,
             most=MOST_HYPOTHESES,
             least_mode=level.least_mode,

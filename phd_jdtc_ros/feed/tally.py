@@ -20,8 +20,6 @@ from phd_jdtc_ros.core.intake.scans import Reset
 from phd_jdtc_ros.core.pipeline import POSE_MISSING, Drops, Event, RunEnded
 from phd_jdtc_ros.quoting import counts_text
 
-# Least share of used detections for a result that counts as a success.
-LEAST_USED = 0.5
 # Largest number of reasons in a message, and the parameters to check for each reason.
 MAX_LISTED = 3
 PARAMETERS = {
@@ -75,7 +73,8 @@ class DetectionCounts:
     def fault(self) -> str | None:
         """Return an error message if too few detections were used, else None."""
         lost = min(self.lost.total(), self.offered)
-        if self.offered - lost >= LEAST_USED * self.offered:
+        # Least share of used detections for a result that counts as a success.
+        if self.offered - lost >= 0.5 * self.offered:
             return None
         listed = ", ".join(
             f"{reason} {count}{self._hint(reason)}"

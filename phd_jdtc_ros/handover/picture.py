@@ -28,8 +28,6 @@ from .synchroniser import Gathered, Gathering, Refusal, too_many
 SERIES = 2**32
 # Time for which the beginning of a series is remembered, seconds.
 KEPT_S = 600.0
-# After this silence the tracks of a tracker cannot be matched with the earlier ones, seconds.
-SILENT_S = 60.0
 
 
 class TrackSeries:
@@ -47,7 +45,9 @@ class TrackSeries:
         """Add the filtered estimates of a stamp, None if the tracker has none; stamps increase."""
         before = self._newest
         if found is None:
-            if before is not None and stamp_ns - before.stamp_ns > SILENT_S * 1e9:
+            # After this silence the tracks of a tracker cannot be matched with the earlier ones,
+            # seconds.
+            if before is not None and stamp_ns - before.stamp_ns > 60.0 * 1e9:
                 self._newest = None
             return
         self._newest = found

@@ -20,9 +20,6 @@ from phd_jdtc_ros.configuration.schema import (
 )
 from phd_jdtc_ros.core.tracks.region import Region
 
-# Distance beyond a seam at which a target is handed over, as a share of the smallest
-# margin.
-HYSTERESIS = 0.2
 # A smoothed estimate waits until the filtered picture is SMOOTHED_WAIT_S seconds ahead of it,
 # because the smoother reports a target before the filter has confirmed and numbered it. If the
 # smoother's lag is longer than this, no estimate has to wait.
@@ -106,7 +103,8 @@ def resolve(given: Mapping[str, Any]) -> Settings:
 
 def hysteresis(regions: Sequence[Region]) -> float:
     """Return the distance beyond a seam at which a target is handed over, metres."""
-    return HYSTERESIS * min(region.margin for region in regions)
+    # Distance beyond a seam at which a target is handed over, as a share of the smallest margin.
+    return 0.2 * min(region.margin for region in regions)
 
 
 def region_faults(owners: Sequence[str], regions: Sequence[Region]) -> list[str]:

@@ -161,8 +161,6 @@ class Gathering:
 
 # Largest number of targets of one stamp, which bounds work and memory.
 MOST_TARGETS = 10_000
-# FLOAT32 rounding does not make an eigenvalue of a correlation matrix smaller than this.
-ROUNDING = -1e-6
 # Matching adds this to each axis; half of it belongs to each estimate.
 _SLACK = 0.5
 
@@ -193,7 +191,8 @@ def fault_of(found: Estimates) -> tuple[str, str] | None:
     scale = np.sqrt(variance[usable] + _SLACK)
     whole = covariance[usable] + _SLACK * np.eye(len(axes))
     lowest[usable] = np.linalg.eigvalsh(whole / (scale[:, :, None] * scale[:, None]))[:, 0]
-    bad = np.flatnonzero(lowest < ROUNDING)
+    # FLOAT32 rounding does not make an eigenvalue of a correlation matrix smaller than this.
+    bad = np.flatnonzero(lowest < -1e-6)
     if len(bad):
         return "covariance", (
             f"the covariance of track {found.track_id[bad[0]]} has a negative eigenvalue, must be "

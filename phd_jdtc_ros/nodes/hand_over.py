@@ -28,8 +28,6 @@ from .common.health import HealthReports, Rhythm, Rises, ThrottledWarnings, firs
 from .common.runtime import RunnableNode, serve
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
-# First guess of the interval between clouds: no surveillance radar turns more slowly, seconds.
-LONGEST_REVOLUTION_S = 12.0
 
 
 @dataclass
@@ -45,7 +43,8 @@ class TrackerHealth:
     clock_offset_s: float | None = None
     left_out: bool = False  # True if the latest cloud is not in the picture
     last_s: float | None = None  # Time of the last cloud by the steady clock
-    _rhythm: Rhythm = field(default_factory=lambda: Rhythm(LONGEST_REVOLUTION_S))
+    # First guess of the interval between clouds: no surveillance radar turns more slowly, seconds.
+    _rhythm: Rhythm = field(default_factory=lambda: Rhythm(12.0))
     _rises: Rises = field(default_factory=Rises)
 
     def take(self, source: str, now_s: float) -> None:
@@ -140,8 +139,6 @@ def of_picture(
 
 
 INPUT_DEPTH, OUTPUT_DEPTH = 50, 10
-# Stamps that may wait for another tracker: ten minutes, the longest delay, at two a second.
-MAX_WAITING = 1200
 # Longest delay of a tracker whose clock is right: in delays that stamps wait, and at least so many
 # seconds; and the longest gap in the estimates of a single one.
 LONGEST_DELAY, LEAST_DELAY_S, LONGEST_GAP_S = 4.0, 30.0, 3600.0
@@ -170,7 +167,9 @@ class HandOver(RunnableNode):
             self._settings.hysteresis,
             settings.SMOOTHED_WAIT_S,
             limit_s,
-            MAX_WAITING,
+            # Stamps that may wait for another tracker: ten minutes, the longest delay, at two a
+            # second.
+            1200,
         )
         self._trackers = [TrackerHealth(limit_s) for _ in self._settings.names]
         reach_s = max(LONGEST_DELAY * limit_s, LEAST_DELAY_S)

@@ -24,8 +24,6 @@ from phd_jdtc_ros.configuration.tables import schema
 LARGEST_BYTES = 2**19
 DEEPEST = 32
 MOST_VALUES = 20_000
-# Largest number of characters of YAML that a fault quotes.
-_QUOTED = 240
 
 # Hint in faults of assignments: a shell removes quotation marks, and :="" leaves nothing.
 EMPTY_STRING = """; the value is missing: an empty string is -p "NAME:=''\""""
@@ -202,7 +200,8 @@ def load(path: Path) -> Any:
 
 def one_line(error: object) -> str:
     """Return a text as one line, shortened in its middle."""
-    return quoting.short(" ".join(str(error).split()), _QUOTED)
+    # Largest number of characters of YAML that a fault quotes.
+    return quoting.short(" ".join(str(error).split()), 240)
 
 
 # The section of the shipped profiles: a tracker in any namespace.

@@ -16,8 +16,6 @@ from phd_jdtc_ros.transponders.batches import WIDE, Batch, columns
 from phd_jdtc_ros.transponders.stream import ReportStream, StreamSettings
 from phd_jdtc_ros.transport import receiver, udp
 
-# Largest number of inputs, each of which needs a socket.
-MOST_INPUTS = 64
 # Time for which reports are collected to a cloud, seconds; the tracker needs none of them sooner.
 PERIOD_S = 0.5
 
@@ -44,7 +42,8 @@ class NodeParameters(Managed):
         "Inputs: HOST:PORT of this machine or of a multicast group (UDP), tcp://HOST:PORT of a "
         "server, serial:PATH:BAUD of a serial line. The format is recognised.",
         element=str,
-        most=MOST_INPUTS,
+        # Largest number of inputs, each of which needs a socket.
+        most=64,
     )
     interface: str = shared(Receiving, "interface")
     replayed: bool = shared(Receiving, "replayed")

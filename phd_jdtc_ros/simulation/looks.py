@@ -16,10 +16,6 @@ from .antenna import Antenna
 from .scenario import Scenario
 from .traffic.flight import Flight
 
-# Fixed-point steps for the time of a pass; the beam is far faster than any target, so that each
-# step greatly reduces the error.
-STEPS = 12
-
 
 class Looks(NamedTuple):
     """The passes of one radar's beam over targets."""
@@ -93,7 +89,9 @@ class TurningRadar:
         unwrapped = np.unwrap(bearing_revolutions(grid), period=1.0)
         first = np.floor(self.revolutions_at(grid[:1]) - unwrapped[0])
         time = self.times_at(first + np.arange(len(grid)) + unwrapped)
-        for _ in range(STEPS):
+        # Fixed-point steps for the time of a pass; the beam is far faster than any target, so that
+        # each step greatly reduces the error.
+        for _ in range(12):
             error = bearing_revolutions(time) - self.revolutions_at(time)
             time = time + (error - np.round(error)) * rotation_s
         time = np.sort(time[(time >= flight.start_s) & (time <= end)])

@@ -19,8 +19,6 @@ from phd_jdtc_ros.core.types import UNKNOWN, Detections
 from .checked import mapping, read
 from .traffic.flight import Flight
 
-# The code that some targets share.
-SHARED = 0o7000
 # Heights in metres: resolution of Mode C (100 ft), range of the levels, range of garbled heights.
 MODE_C, LEVELS, GARBLED = 30.48, (1500.0, 11e3), (0.0, 14e3)
 # Ranges of the climb rate, m/s, and of the duration of a climb, s. An aircraft that begins slower
@@ -81,7 +79,8 @@ class Transponders:
         rng = np.random.default_rng([self.seed, number, STREAM])
         equipped, shared = rng.random() < self.share, rng.random() < self.shared_code_share
         own, address = int(rng.integers(1, 0o7000)), int(rng.integers(1, 1 << 24))
-        code = SHARED if shared else own
+        # The code that some targets share.
+        code = 0o7000 if shared else own
         level, climb = rng.uniform(*LEVELS), rng.uniform(*CLIMB)
         # One third of the targets keep their level, one third climb and one third descend.
         sense = int(rng.integers(-1, 2))

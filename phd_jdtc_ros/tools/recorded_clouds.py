@@ -18,8 +18,6 @@ from phd_jdtc_ros.transport import network
 from phd_jdtc_ros.transport.network import Datagram
 
 DEPTH = 50
-# Largest number of ports, or of unknown radars, in a message.
-MAX_LISTED = 8
 
 
 @dataclass
@@ -78,7 +76,8 @@ class Ports:
 
 def most(counts: Counter[Any]) -> str:
     """Return the most frequent ports or radars with their counts, in words."""
-    return ", ".join(f"{name} ({count})" for name, count in counts.most_common(MAX_LISTED))
+    # Largest number of ports, or of unknown radars, in a message.
+    return ", ".join(f"{name} ({count})" for name, count in counts.most_common(8))
 
 
 def damage(counts: Counter[str]) -> Iterator[str]:

@@ -44,8 +44,6 @@ from phd_jdtc_ros.parameter_files import from_arguments
 from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.report.load import Intact, input_types, posed_reports
 
-# Number of clouds by which fields are recognised.
-MOST_CLOUDS = 40
 # Messages whose definition fixes their fields, by type.
 _DEFINED = {own.type_name: name for name, own in READERS.items() if own.type_name != names.CLOUD}
 
@@ -246,7 +244,8 @@ def _clouds(bag: BagReader, topic: str) -> list[Any]:
             found.append(interfaces.decode(entry.data, names.CLOUD))
         except RejectedMessageError:
             continue
-        if len([cloud for cloud in found if cloud.width]) >= MOST_CLOUDS:
+        # Number of clouds by which fields are recognised.
+        if len([cloud for cloud in found if cloud.width]) >= 40:
             break
     return found
 

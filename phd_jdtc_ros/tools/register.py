@@ -37,8 +37,6 @@ from phd_jdtc_ros.report.pictures import figures
 from . import command, recorded_plots
 from .recorded_plots import RecordedPlots
 
-# Smallest width of the tables, characters, at which each error fits a line.
-WIDTH = 110
 # The entries of the parameter `biases`: their names, digits, and scales (degrees in radians).
 NAMES = dict(zip(KINDS, ("range, m", "range gain, m/m", "azimuth, deg", "time, s"), strict=True))
 DIGITS, SCALES = (1, 6, 4, 4), (1.0, 1.0, math.degrees(1.0), 1.0)
@@ -207,7 +205,8 @@ def _work(arguments: argparse.Namespace) -> int:
     found, parameters, damage = _estimate(source, given, arguments.reference, arguments.seconds)
     now = from_arguments.config_of(given)
     console = Console()
-    console.width = max(console.width, WIDTH)
+    # Smallest width of the tables, characters, at which each error fits a line.
+    console.width = max(console.width, 110)
     corrected = rows(found, parameters, now)
     console.print(table(corrected))
     console.print(residuals(found))

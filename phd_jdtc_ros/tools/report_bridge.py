@@ -36,8 +36,6 @@ from .recorded_clouds import CloudWriter, Ports
 NAME = "report_bridge"
 # Size of the pieces of a recording, bytes.
 PIECE = 2**16
-# Smallest share of a recording's messages that must be used; otherwise the tool fails.
-LEAST_USED = 0.5
 # The table of reports: seconds since 1970, the number of a ship in decimal and of an aircraft in
 # hexadecimal digits, degrees, metres per second, metres. Unknown values are empty.
 COLUMNS = (
@@ -77,7 +75,8 @@ class Conversion:
             return
         yield from recorded_clouds.damage(self.recording)
         faulty, used = self.stream.faulty, self.reports
-        if used and used + self.stream.counts["names"] >= LEAST_USED * (used + faulty):
+        # Smallest share of a recording's messages that must be used; otherwise the tool fails.
+        if used and used + self.stream.counts["names"] >= 0.5 * (used + faulty):
             return
         reasons = counts_text(self.recording + self.stream.counts)
         held = f"of {self.stream.formats.total()} messages {used} could be used as reports"

@@ -25,16 +25,6 @@ MEMORY, LEAST = 400, 60
 # A bias is significant if the mean residual exceeds the sum of SIGMAS standard deviations of the
 # mean and SHARE standard deviations of a single plot.
 SIGMAS, SHARE = 5.0, 0.25
-# Inflation of a mean's standard deviation: residuals of one track are correlated.
-CORRELATED = 1.25
-# Gate on residuals, in standard deviations. With a larger bias only few residuals are inside, near
-# its edge; their mean is significant.
-GATE = 6.0
-# A radar does not see the tracks of others if this share of the detections expected there is near.
-APART = 0.25
-# A track counts if its estimate, and its last detection by another radar, are no older than this
-# many scans of the slowest radar.
-MAX_AGE_SCANS = 2.5
 
 
 class MeanResidual(NamedTuple):
@@ -70,7 +60,8 @@ class _Mean:
 
     @property
     def sigma(self) -> FloatArray:
-        sigma: FloatArray = CORRELATED * np.sqrt(self.variance * self.squared_weights)
+        # Inflation of a mean's standard deviation: residuals of one track are correlated.
+        sigma: FloatArray = 1.25 * np.sqrt(self.variance * self.squared_weights)
         return sigma
 
 
@@ -80,7 +71,9 @@ class RegistrationMonitor:
     def __init__(self, radars: Sequence[RadarModel], interval_s: float) -> None:
         self._radars = tuple(radars)
         slowest_s = max(interval_s, *(radar.rotation_s for radar in self._radars))
-        self._max_age_ns = round(MAX_AGE_SCANS * slowest_s * 1e9)
+        # A track counts if its estimate, and its last detection by another radar, are no older than
+        # this many scans of the slowest radar.
+        self._max_age_ns = round(2.5 * slowest_s * 1e9)
         self._means = [_Mean() for _ in self._radars]
         # Numbers of each radar's detections expected near others' tracks, and found there.
         self._looks = np.zeros((len(self._radars), 2))
@@ -127,7 +120,9 @@ class RegistrationMonitor:
         residual[..., 1] = wrap_angle(residual[..., 1])
         variance = radar.noise_std_of(detections) ** 2
         predicted = slope @ tracks.position_covariance[:, None] @ slope.swapaxes(-1, -2)
-        limit = GATE * np.sqrt(np.diagonal(predicted, axis1=-2, axis2=-1) + variance)
+        # Gate on residuals, in standard deviations. With a larger bias only few residuals are
+        # inside, near its edge; their mean is significant.
+        limit = 6.0 * np.sqrt(np.diagonal(predicted, axis1=-2, axis2=-1) + variance)
         near = (np.abs(residual) < limit).all(axis=-1)
         # Clutter is often within the whole gate.
         closer = (np.abs(residual) / limit).max(axis=-1) < 0.5
@@ -166,7 +161,9 @@ class RegistrationMonitor:
 
 
 def _mean_residual(radar: RadarModel, mean: _Mean, looks: FloatArray) -> MeanResidual:
-    near = looks[1] / looks[0] if looks[0] >= LEAST and looks[1] < APART * looks[0] else math.nan
+    # A radar does not see the tracks of others if this share of the detections expected there is
+    # near.
+    near = looks[1] / looks[0] if looks[0] >= LEAST and looks[1] < 0.25 * looks[0] else math.nan
     if not mean.count:
         unknown = np.full(2, np.nan)
         return MeanResidual(radar.name, 0, unknown, unknown, (False, False), near)

@@ -25,10 +25,6 @@ from .common import (
 )
 from .tracked_radars import RegistrationError, TrackedRadar
 
-# Targets are on a line if their extent across it is below this share of the extent along it.
-LINE = 0.02
-# A recording with fewer scans is short.
-SHORT = 20.0
 # A bias is not observable if its standard deviation exceeds this share of one plot's.
 OBSERVABLE_SHARE = 0.5
 
@@ -127,11 +123,13 @@ def hidden_reason(radars: Sequence[TrackedRadar], plots: Sequences) -> str:
     seen = f"{targets} common tracks with {count} plots"
     place = plots.position[plots.valid]
     extent = np.linalg.svd(place - place.mean(axis=0), compute_uv=False)
-    if extent[1] < LINE * extent[0]:
+    # Targets are on a line if their extent across it is below this share of the extent along it.
+    if extent[1] < 0.02 * extent[0]:
         return f"{seen}, all on one line"
     begin, end = plots.time_s[plots.valid].min(), plots.time_s[plots.valid].max()
     looks = (end - begin) / max(each.look_s for each in radars)
-    if looks < SHORT:
+    # A recording with fewer scans is short.
+    if looks < 20.0:
         return f"{seen}, too short: {looks:.0f} looks in {end - begin:.0f} s"
     return f"{seen}, too few, or all in one place"
 
@@ -139,8 +137,6 @@ def hidden_reason(radars: Sequence[TrackedRadar], plots: Sequences) -> str:
 # Largest number of association rounds, and number of relinearisations in each. A pass before these
 # finds the process noise.
 ROUNDS, PASSES = 3, 3
-# The rounds end when no bias changes by more than this many standard deviations.
-CONVERGED = 0.2
 # Plots with larger residuals, in standard deviations, have less weight, but at least LEAST_WEIGHT.
 FAR, LEAST_WEIGHT = 2.5, 0.02
 # Median of the square of a two-dimensional residual of unit variances.
@@ -150,8 +146,6 @@ FACTOR, STEPS = 4.0, 8
 # OFF_COURSE sets the initial process noise: the displacement by acceleration between two scans, in
 # range standard deviations.
 OFF_COURSE = 0.5
-# Speed that is assumed if all targets are stationary, m/s.
-LEAST_SPEED = 0.1
 
 
 @dataclass(frozen=True)
@@ -219,7 +213,8 @@ def register(radars: Sequence[TrackedRadar], reference: str) -> Registration:
         before = biases
         found = _iterate(radars, targets, biases, density, index)
         biases, density = found.biases, found.density
-        if number and _change(before, found) < CONVERGED:
+        # The rounds end when no bias changes by more than this many standard deviations.
+        if number and _change(before, found) < 0.2:
             break
     require_observable(radars, found.observability.free, index, found.plots)
     return _registration(radars, found, reference)
@@ -304,7 +299,8 @@ def _noise_of_one_plot(
         own = plots.valid & (plots.radar == index)
         range_std, azimuth_std = each.noise_std
         farthest = float(plots.measurement[..., 0][own].max(initial=1.0))
-        speed = max(float(np.median(np.hypot(*trajectories.velocity[own].T))), LEAST_SPEED)
+        # Speed that is assumed if all targets are stationary, m/s.
+        speed = max(float(np.median(np.hypot(*trajectories.velocity[own].T))), 0.1)
         found.append([range_std, range_std / farthest, azimuth_std, range_std / speed])
     scaled: FloatArray = np.array(found) / UNITS
     return scaled.ravel()

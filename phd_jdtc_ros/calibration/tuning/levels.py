@@ -18,8 +18,6 @@ from .tracking.tracks import Tracks
 LOWEST_DB, CELL_DB, PRIOR = -40.0, 3.0, 1.0
 # Bound of an amplitude's absolute log likelihood ratio.
 MOST = 4.0
-# Fewest plots of targets, and of clutter, for which amplitudes are used.
-LEAST = 30
 
 
 @dataclass(frozen=True)
@@ -76,7 +74,8 @@ def log_ratio(plots: Plots, linked: Plots, tracks: Tracks) -> FloatArray:
     known = np.flatnonzero(np.isfinite(linked.amplitude))
     claimed = np.intersect1d(known, tracks.claimed)
     free = np.setdiff1d(known, claimed)
-    if min(len(claimed), len(free)) < LEAST:
+    # Fewest plots of targets, and of clutter, for which amplitudes are used.
+    if min(len(claimed), len(free)) < 30:
         return ratio
     cell = _cells(linked.amplitude)
     cells = int(cell.max()) + 1

@@ -28,7 +28,6 @@ MOST_PLOTS, LEAST_CLOUDS = 15_000, 10
 # If LEAST_CLOUDS have more, targets are distinct from such clutter only in more clouds: in a sector
 # of DENSE_CLOUDS. SECTORS bounds how many sectors are tried.
 DENSE_CLOUDS, SECTORS = 20, 3
-LEAST_LEVEL = 0.1  # Smallest cosine of an elevation by which a ground range is divided
 
 
 @dataclass(frozen=True)
@@ -79,7 +78,8 @@ class Plots:
         """What changes with `velocity`: positions, (N, 2), or slant ranges, (N, 1), metres."""
         if self.places:
             return self.position
-        level = 1.0 if self.level is None else np.maximum(self.level, LEAST_LEVEL)
+        # Smallest cosine of an elevation by which a ground range is divided
+        level = 1.0 if self.level is None else np.maximum(self.level, 0.1)
         slant: FloatArray = self.measurement[:, :1] / np.reshape(level, (-1, 1))
         return slant
 

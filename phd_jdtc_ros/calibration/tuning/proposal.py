@@ -27,8 +27,6 @@ ALARMS = (1e-12, 0.5)
 MOST_BEYOND = 1.5
 # Upper bounds of the shares of the clutter that are nearer than the minimum range, and obstructed.
 MOST_NEAR, MOST_BLIND = 0.99, 0.99
-# Upper bound of a clutter map's speed, as a share of the speed of slow targets.
-SLOWER = 0.5
 # Clutter counts as noise if its mean level is within this factor of the noise level.
 NOISE_FACTOR = 1.25
 MOST_PROBABILITY = 0.999
@@ -331,7 +329,8 @@ def _given_speed(now: Now) -> float:
 
 def _map_speed(found: Findings, now: Now) -> float:
     """Return a speed below which a map hides no moving target, m/s."""
-    slow = SLOWER * found.slow_speed
+    # Upper bound of a clutter map's speed, as a share of the speed of slow targets.
+    slow = 0.5 * found.slow_speed
     return min(_given_speed(now), round_to_std(slow, 0.5 * slow))
 
 

@@ -18,8 +18,6 @@ from .plots import Plots
 from .rotation import Timing
 from .tracking.tracks import MOST_MISSES, Tracks
 
-# A field of view is proposed only if a gap in azimuth without plots is wider than this, radians.
-LEAST_GAP = np.radians(20.0)
 # A cell is land clutter if it has plots in at least the share `LAND_SHARE` of all looks, and at
 # least `LEAST_LAND_PLOTS`. It is `CELL_SIGMA` standard deviations wide in range and in azimuth.
 LAND_SHARE, LEAST_LAND_PLOTS, CELL_SIGMA = 0.15, 5.0, 3.0
@@ -37,8 +35,6 @@ WINDOWS, LEAST_COMPARED, ONE = (2, 4, 8, 16), 30, 0.4549
 MARGIN, LEAST_HALF = 1.1, 1.0
 # Places farther from the median than this many times the distance of MOST of them are errors.
 FAR, MOST = 30.0, 0.9
-# The number of plots beside tracks must differ by this many standard deviations from chance.
-SURE_SIGMA = 4.0
 
 
 # Number of plots in a third difference.
@@ -233,7 +229,9 @@ def beside(
         # The area from one to two times the reach is three times as large as the inner one.
         by_chance = (around - near) / 3.0
         further = near - by_chance
-        if further > SURE_SIGMA * np.sqrt(near + by_chance / 3.0):
+        # The number of plots beside tracks must differ by this many standard deviations from
+        # chance.
+        if further > 4.0 * np.sqrt(near + by_chance / 3.0):
             share += float(further / len(claimed))
     return share
 
@@ -381,8 +379,9 @@ def field_of(plots: Plots, claimed: IntArray) -> Field:
         clutter = min(farthest * (len(free) + 1.0) / len(free), clutter)
     start, width = smallest_arc(azimuth)
     gap = FULL_TURN - width
-    # The gap must also be wider than this many times the mean azimuth spacing of the plots.
-    partly = gap > LEAST_GAP and gap > 12.0 * width / len(plots)
+    # A field of view is proposed only if a gap in azimuth without plots is wider than this,
+    # radians, and than this many times their mean spacing in azimuth.
+    partly = gap > np.radians(20.0) and gap > 12.0 * width / len(plots)
     return Field(
         float(distance.min()), float(distance.max()), clutter, (start, width) if partly else None
     )

@@ -17,11 +17,6 @@ from .plots import Plots
 
 # The antenna is followed in steps of at least `PLOTS` plots and `PERIOD_S` seconds.
 PLOTS, PERIOD_S = 12, 1.0
-# Limit on plots per step; no radar has more in that time.
-MOST_PLOTS = 1000
-# A cloud belongs to the same look as the one before if it follows within this share of the usual
-# gap, which is the upper quartile.
-SAME_LOOK = 0.2
 
 
 @dataclass(frozen=True)
@@ -84,7 +79,9 @@ def timing_of(plots: Plots) -> Timing:
 def _look_interval_s(cloud_s: FloatArray) -> float:
     """Return the median time between looks, each of one cloud or of some in quick succession."""
     gap = np.diff(cloud_s)
-    begins = gap > SAME_LOOK * np.quantile(gap, 0.75)
+    # A cloud belongs to the same look as the one before if it follows within this share of the
+    # usual gap, which is the upper quartile.
+    begins = gap > 0.2 * np.quantile(gap, 0.75)
     first = cloud_s[np.append(True, begins)]
     return float(np.median(np.diff(first))) if len(first) > 1 else 0.0
 
@@ -138,7 +135,8 @@ class PlotRevolutions:
     def add(self, azimuth: float, time_ns: int) -> None:
         """Add a plot's azimuth, radians, and its time."""
         time_s = time_ns * 1e-9
-        if len(self._waiting) < MOST_PLOTS:  # bounds the memory in a flood of plots
+        # Limit on plots per step; no radar has more in that time.
+        if len(self._waiting) < 1000:  # bounds the memory in a flood of plots
             self._waiting.append((time_s, azimuth))
         past_s = time_s - self._waiting[0][0]
         if len(self._waiting) >= PLOTS and abs(past_s) >= PERIOD_S:

@@ -26,10 +26,6 @@ BEST = 3
 # Guesses are compared on the first LOOKS looks of a recording, or on fewer, at least LEAST_LOOKS,
 # if these have more than PLOTS plots.
 LOOKS, PLOTS, LEAST_LOOKS = 24, 1000, 10.0
-# Assumed detection probability before any estimate.
-DETECTION_PROBABILITY = 0.85
-# Displacement by a manoeuvre between two looks, in standard deviations of a plot's position.
-OFF_COURSE = 0.5
 
 
 def guess_of(
@@ -39,13 +35,15 @@ def guess_of(
     across = plots.across(azimuth_std, np.arange(len(plots)))
     position = min(range_std, across) if across > 0.0 else range_std
     looks = plots.duration_s / timing.look_s + 1.0
-    density = float(3.0 * (OFF_COURSE * position) ** 2 / timing.look_s**3)
+    # Displacement by a manoeuvre between two looks, in standard deviations of a plot's position.
+    density = float(3.0 * (0.5 * position) ** 2 / timing.look_s**3)
     return LinkModel(
         range_std=range_std,
         azimuth_std=azimuth_std,
         densities=(0.1 * density, density),
         speed_std=speed_std,
-        detection_probability=DETECTION_PROBABILITY,
+        # Assumed detection probability before any estimate.
+        detection_probability=0.85,
         clutter_rate=len(plots) / looks,
     )
 

@@ -13,8 +13,6 @@ from .proposal import ALARMS, round_to_std
 # the range's standard deviation. As displacement in a single look, it would exceed the
 # accelerations of slow targets by far where looks are frequent.
 LAG_LOOKS, LEAST_OFF_COURSE = 5.0, 0.1
-# Least ratio of the manoeuvres' density to the density at constant velocity.
-LEAST_RATIO = 20.0
 # The SNR band is wider than the tracks' levels by this much on either side, dB.
 BESIDE_DB = 5.0
 # Least standard deviation of the heights of undetected targets, metres, and their floor in standard
@@ -38,7 +36,8 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
     noise = first.likelier_noise
     floor = 3.0 * (LEAST_OFF_COURSE * noise.range_std) ** 2 / (LAG_LOOKS * look_s) ** 3
     calm = max(noise.densities[0], floor, LEAST_DENSITY)
-    hard = max(noise.densities[1], LEAST_RATIO * calm)
+    # Least ratio of the manoeuvres' density to the density at constant velocity.
+    hard = max(noise.densities[1], 20.0 * calm)
     given: dict[str, Any] = {
         "engine": "gaussian",
         "interval_s": round_to_std(look_s, 1e-3 * look_s),

@@ -22,12 +22,8 @@ import numpy as np
 from ..arrays import FloatArray
 from ..types import LEVEL, Pose, angles_of, rotation_of
 
-# Tolerance of a plausible change of yaw in addition to the motion, radians.
-YAW_TOLERANCE = math.radians(10.0)
 # Shortest interval over which a velocity is computed, seconds.
 VELOCITY_S = 0.1
-# Usual acceleration of a platform, m/s^2, which limits this interval.
-ACCELERATION = 2.0
 
 
 class PoseFault(Enum):
@@ -88,7 +84,8 @@ class _StampedPose(NamedTuple):
         It is the sum of the variances of the noise, 2 s^2 / T^2, and of half the change of the
         velocity, (a T / 2)^2.
         """
-        return max(VELOCITY_S, math.sqrt(math.sqrt(8.0 * self.variance) / ACCELERATION))
+        # Usual acceleration of a platform, m/s^2, which limits this interval.
+        return max(VELOCITY_S, math.sqrt(math.sqrt(8.0 * self.variance) / 2.0))
 
 
 @dataclass
@@ -213,8 +210,8 @@ class PoseTrack:
         return (
             # Tolerance of a plausible change of position in addition to the motion, metres.
             distance <= 5.0 + self.max_speed * since
-            # Largest yaw rate of a platform, rad/s.
-            and turn <= YAW_TOLERANCE + 1.0 * since
+            # The same of the yaw, radians, with the largest yaw rate of a platform, rad/s.
+            and turn <= math.radians(10.0) + 1.0 * since
         )
 
     def _reject_jump(self, added: _StampedPose, segment: int) -> PoseFault | None:

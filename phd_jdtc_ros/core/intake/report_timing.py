@@ -13,9 +13,6 @@ import numpy as np
 
 from ..arrays import FloatArray, median
 
-# Time for which reports are remembered, in revolutions.
-MEMORY_REVOLUTIONS = 4.0
-
 
 class ReportTiming(NamedTuple):
     """Timing of the latest reports of a radar, from which the next one's is predicted."""
@@ -42,7 +39,8 @@ class ReportTiming(NamedTuple):
         if time_s.size:
             time_s = self._plausible_times(stamp_s, time_s, period_s)
             timing[1:] = time_s.min() - self.last_s, time_s.max() - stamp_s
-        recent = self.timings[:, 0] > stamp_s - MEMORY_REVOLUTIONS * period_s
+        # Time for which reports are remembered, in revolutions.
+        recent = self.timings[:, 0] > stamp_s - 4.0 * period_s
         # Smallest number of reports that are remembered.
         recent[-8:] = True
         timings = np.concatenate([self.timings[recent], [timing]])

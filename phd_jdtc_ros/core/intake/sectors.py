@@ -13,12 +13,6 @@ import numpy as np
 from ..arrays import FloatArray, wrap_angle
 from ..types import FULL_TURN, Coverage
 
-# A detection may lie outside its sector by half a sector, or by this margin in radians if it is
-# larger, because some come with the next report.
-MIN_MARGIN = math.radians(20.0)
-# Smallest number of detections that can refute a sector's number.
-MIN_DETECTIONS = 3
-
 
 def coverage_of(sector: int, sectors: int, compass: bool) -> Coverage:
     """Return the azimuths of a sector, numbered from 0.
@@ -40,11 +34,14 @@ def sector_of(coverage: Coverage, sectors: int, compass: bool) -> int:
 
 def is_sector(azimuth: FloatArray, sector: Coverage) -> bool:
     """Return whether detections can belong to a sector: half are in or near it, or they are few."""
-    if len(azimuth) < MIN_DETECTIONS:
+    # Smallest number of detections that can refute a sector's number.
+    if len(azimuth) < 3:
         return True
     half = 0.5 * sector.width
     residual = np.abs(wrap_angle(azimuth - sector.start - half))
-    near = int(np.count_nonzero(residual <= half + max(half, MIN_MARGIN)))
+    # A detection may lie outside its sector by half a sector, or by this margin in radians if it is
+    # larger, because some come with the next report.
+    near = int(np.count_nonzero(residual <= half + max(half, math.radians(20.0))))
     return 2 * near >= len(azimuth)
 
 

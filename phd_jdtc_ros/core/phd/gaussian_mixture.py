@@ -31,10 +31,6 @@ from .correction import detection_probability, explained_shares, log_amplitude_l
 
 # Gaussians of less weight are left out.
 LEAST_WEIGHT = 1e-4
-# Square Mahalanobis distance within which Gaussians are merged.
-MERGE_DISTANCE = 4.0
-# Gate on each component of a measurement, in standard deviations of the innovation.
-GATE_SIGMA = 6.0
 
 
 @dataclass(frozen=True)
@@ -156,7 +152,8 @@ def correct(updated: Updated, report: View, modes: ModeSpace) -> Updated:
     report = limit_detections(report, measured, mixture.weight)
     sensor, plots = report.sensor, report.detections
     error = sensor.wrap(plots.measurement - measured[:, None])
-    gate = GATE_SIGMA**2 * (variance[:, None] + report.detection_std**2)
+    # Gate on each component of a measurement, in standard deviations of the innovation.
+    gate = 6.0**2 * (variance[:, None] + report.detection_std**2)
     row, column = (error**2 <= gate).all(axis=2).nonzero()
 
     gaussians = WeightedGaussians.of(mixture.mean, mixture.covariance)
@@ -199,7 +196,8 @@ def reduce(mixture: Mixture, modes: ModeSpace) -> tuple[Mixture, IntArray]:
         leader = first.repeat(np.diff(np.append(first, len(rest))))
         offset = mixture.mean[rest] - mixture.mean[rest[leader]]
         square = (offset[:, None] @ precision[rest] @ offset[..., None])[:, 0, 0]
-        near = square <= MERGE_DISTANCE
+        # Square Mahalanobis distance within which Gaussians are merged.
+        near = square <= 4.0
         rank = np.cumsum(np.bincount(first, minlength=len(rest))) - 1
         cluster[rest[near]] = clusters + rank[near]
         leaders.append(rest[first])

@@ -24,8 +24,6 @@ from ..targets.modes import ClassModel
 MIN_EXISTENCE = 0.05
 # Number of points in a class's SNR band at which the detection probability is evaluated.
 SNR_POINTS = 400
-# Relative variances below this are rounding errors.
-ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -135,7 +133,8 @@ def _record_weight(missed: FloatArray) -> float:
     """
     variance = float(missed.var())
     mean = float(missed.mean())
-    return mean**2 / variance if variance > ROUNDING * mean**2 else float(np.inf)
+    # Relative variances below this are rounding errors.
+    return mean**2 / variance if variance > 1e-9 * mean**2 else float(np.inf)
 
 
 def slowest_s(model: TrackerModel) -> float:

@@ -154,10 +154,6 @@ class Numbers(Accumulator):
         return true, estimated, abs(estimated - true)
 
 
-# Number of axes: position and velocity in space.
-AXES = 6
-
-
 class Space(Accumulator):
     """OSPA and GOSPA of positions in space, and the NEES of six axes; for all targets only."""
 
@@ -211,7 +207,8 @@ class Space(Accumulator):
             ospa(*parameters).distance,
             gospa(*parameters).distance,
             len(squares),
-            float(squares.sum()) / AXES,
+            # Number of axes: position and velocity in space.
+            float(squares.sum()) / 6,
         )
 
 

@@ -38,14 +38,10 @@ CLOCK_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 CLOCK_PERIOD_S = 0.01
 TICK_S = 0.005
 
-# The graph shows endpoints some time before they are connected.
-SETTLE_S = 0.5
 # The wait for subscribers of the truth is a share of that for subscribers of the detections, and at
 # most MAX_TRUTH_S, because most replays have no evaluator.
 TRUTH_SHARE, MAX_TRUTH_S = 0.2, 10.0
 ACKNOWLEDGE_S = 5.0
-# Longest wait for acknowledgements at a time, because it delays signals.
-POLL_S = 0.05
 
 
 class SensorReplay(RunnableNode):
@@ -161,7 +157,8 @@ class SensorReplay(RunnableNode):
             waited_s = now - self._ready_since
             unconnected = [topic for topic in self._played.truth if not self._is_connected(topic)]
             longest_s = min(TRUTH_SHARE * self._values["subscriber_timeout_s"], MAX_TRUTH_S)
-            if waited_s < max(SETTLE_S, longest_s if unconnected else 0.0):
+            # The graph shows endpoints some time before they are connected.
+            if waited_s < max(0.5, longest_s if unconnected else 0.0):
                 return
             if unconnected:
                 self._play_without(unconnected)
@@ -264,7 +261,8 @@ class SensorReplay(RunnableNode):
         if not self._is_settled():
             return
         waited_s = time.monotonic() - self._since
-        poll = Duration(seconds=POLL_S)
+        # Longest wait for acknowledgements at a time, because it delays signals.
+        poll = Duration(seconds=0.05)
         arrived = all(output.wait_for_all_acked(poll) for output in self._outputs.values())
         if not arrived and waited_s < ACKNOWLEDGE_S:
             return

@@ -82,8 +82,6 @@ def _report(argv: list[str], ended: threading.Event) -> None:
 
 # The file in `config` that has the defaults.
 DEFAULT_PROFILE = "defaults"
-# Interval between looks at clouds that wait for the kind of their sensor, seconds.
-LOOK_S = 0.1
 
 _DONE = SetParametersResult(successful=True)
 
@@ -103,7 +101,8 @@ class Tracker(ManagedNode):
         self._source = _source(given, parameters.sources(self, files))
         self._settings, self._given = settings.resolve(given), given
         self._recognition = Recognition(self._settings.config, given)
-        self._look = steady_timer(self, LOOK_S, self._recognise, autostart=False)
+        # Interval between looks at clouds that wait for the kind of their sensor, seconds.
+        self._look = steady_timer(self, 0.1, self._recognise, autostart=False)
         # While the tracker is not configured, these may differ from the settings and be invalid.
         self._values = self._settings.values
         parameters.declare(self, self._settings.table, self._values, frozenset(self._values))

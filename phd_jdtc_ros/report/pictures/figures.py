@@ -29,9 +29,6 @@ from ..style import DPI, GREY, INK, WIDTH_IN, class_colour, plain_axes, row_head
 from ..units import Clock, metres_text
 from . import maps
 
-# Number of scans above which lines are drawn thin.
-CROWDED = 400
-
 
 class Panel(NamedTuple):
     """One row of a figure over time."""
@@ -116,7 +113,8 @@ def _distances(record: Record, panels: Sequence[Panel], label: str) -> Figure:
                 value,
                 "-" if len(time) > 1 else ".",
                 color=colour,
-                linewidth=width if len(time) <= CROWDED else 0.5,
+                # Number of scans above which lines are drawn thin.
+                linewidth=width if len(time) <= 400 else 0.5,
                 label=f"{source}, mean {metres_text(mean)}",
             )
             axes.axhline(mean, color=colour, linewidth=1.0, linestyle=(0, (5, 3)), zorder=3)
@@ -189,8 +187,6 @@ PICTURES = (
 
 # Rows of axes: name, unit and scale of the residual.
 ROWS = (("range", "m", 1.0), ("azimuth, left", "degrees", float(np.degrees(1.0))))
-# Quantile of the absolute residuals that sets the limits of the axes.
-SHOWN = 0.99
 # Number of equal parts of the time, each with its mean drawn.
 PARTS = 20
 
@@ -230,7 +226,8 @@ def residuals(found: Registration) -> Figure:
 
 def _bound(found: RadarEstimate, axis: int) -> float:
     both = np.abs([found.residuals.before[:, axis], found.residuals.after[:, axis]])
-    return float(1.15 * np.quantile(both, SHOWN, axis=1).max())
+    # Quantile of the absolute residuals that sets the limits of the axes.
+    return float(1.15 * np.quantile(both, 0.99, axis=1).max())
 
 
 def _draw(

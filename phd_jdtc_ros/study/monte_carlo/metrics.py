@@ -27,8 +27,6 @@ PROMPT_SCANS = 4
 # An estimate closer than this to a reflector counts as false there, unless a target is as close,
 # metres; the first revolutions, in which reflectors are unknown, do not count.
 ON_REFLECTOR, LEARNING_REVOLUTIONS = 100.0, 20
-# A target counts as found if an estimate is within this distance, metres.
-FOUND = 200.0
 
 
 class RunAccumulator(Accumulator):
@@ -227,7 +225,8 @@ class ReflectorsAndDelays(RunAccumulator):
         grown = {*truth.track_id[age - unseen >= YOUNG_SCANS].tolist()} - self._before
         self._before |= grown
         late = len(grown - self._seen)
-        target, _ = assign(truth.position, estimates.position, FOUND)
+        # A target counts as found if an estimate is within this distance, metres.
+        target, _ = assign(truth.position, estimates.position, 200.0)
         self._seen |= {*truth.track_id[target].tolist()}
         points = [point for kind in scenario.reflectors for point in kind.points]
         on_reflectors = math.nan

@@ -124,10 +124,6 @@ def slug(name: str) -> str:
     return re.sub(r"[^\w]+", "_", name)
 
 
-# Version of the stored rows; increase it when their meaning changes.
-FORMAT = 5
-
-
 @dataclass(frozen=True)
 class Task:
     """One seeded run of variants that share data and, for this package's engines, one filter."""
@@ -209,7 +205,8 @@ def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
     code, values = code_of(kind), tracker_config.resolve(parameters).values
     in_force = {name: value for name, value in values.items() if name not in OWN}
     shared = {
-        "format": FORMAT,
+        # Version of the stored rows; increase it when their meaning changes.
+        "format": 5,
         "version": phd_jdtc_ros.__version__,
         "code": code,
         "case": case.name,

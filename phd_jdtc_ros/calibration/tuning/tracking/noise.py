@@ -32,11 +32,6 @@ from .tracks import GATE, NoiseModel, Tracks
 
 # Prior probability that a track's plot is clutter, uniform in the gate; amplitudes refine it.
 CLUTTER_PROBABILITY = 0.01
-# Outliers are found if the log likelihood is larger with them by this much: strong evidence (Kass
-# and Raftery, "Bayes factors", Journal of the American Statistical Association 90, 1995).
-LEAST_EVIDENCE = 3.0
-# Approximate number of plots used; a regular subset of the tracks is taken if there are more.
-MOST_PLOTS = 1000
 # Logarithmic distance of the search's bounds from its start: for the measurement noise, and for
 # the spectral densities.
 SEARCH_WIDTH, DENSITY_SEARCH_WIDTH = np.log(30.0), np.log(1e4)
@@ -105,7 +100,9 @@ def find_outliers(
     begin, bounds = _start(noise, plots.places)
     (without,) = _log_likelihood(usual, begin[None])
     likelihood, found = _search(replace(usual, components=WITH_OUTLIERS), begin, bounds)
-    return found if likelihood - without > LEAST_EVIDENCE else None
+    # Outliers are found if the log likelihood is larger with them by this much: strong evidence
+    # (Kass and Raftery, "Bayes factors", Journal of the American Statistical Association 90, 1995).
+    return found if likelihood - without > 3.0 else None
 
 
 def agreeing(plots: Plots, tracks: Tracks, noise: Noise) -> Noise:
@@ -209,7 +206,8 @@ def _sequences(plots: Plots, tracks: Tracks, log_ratio: FloatArray, speed_std: f
     Manoeuvring targets have short tracks, which must be represented too.
     """
     ordered = sorted(tracks.plots, key=len, reverse=True)
-    chosen = ordered[:: max(1, round(len(tracks.claimed) / MOST_PLOTS))]
+    # Approximate number of plots used; a regular subset of the tracks is taken if there are more.
+    chosen = ordered[:: max(1, round(len(tracks.claimed) / 1000))]
     rows = np.concatenate(chosen)
     return _Sequences(
         np.cumsum([0, *map(len, chosen)]),

@@ -16,8 +16,6 @@ from .. import kinematics
 from ..plots import Plots
 from ..rotation import Timing
 
-# Share of a revolution whose plots are assigned together.
-BATCH = 1.0 / 12.0
 # Gate, in standard deviations.
 GATE = 4.5
 # Initial score of a track: the log prior that an unassociated plot is of a new target.
@@ -146,7 +144,8 @@ def _batches(plots: Plots, timing: Timing) -> tuple[IntArray, IntArray]:
     """
     number: FloatArray = plots.cloud.astype(np.float64)
     if timing.rotation_s:
-        number = np.floor(plots.time_s / (BATCH * timing.rotation_s))
+        # Share of a revolution whose plots are assigned together.
+        number = np.floor(plots.time_s / (1.0 / 12.0 * timing.rotation_s))
     order = np.argsort(number, kind="stable")
     edges = np.flatnonzero(np.diff(number[order], prepend=-np.inf))
     return order, np.append(edges, len(order))
