@@ -28,10 +28,9 @@ from phd_jdtc_ros.core.sensors.position import PositionSensor
 from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.state_space import PLANAR, SPATIAL, StateSpace
 from phd_jdtc_ros.core.targets import amplitude_density
-from phd_jdtc_ros.core.targets.birth import BirthTerm
+from phd_jdtc_ros.core.targets.birth import BirthTerm, SpawnModel
 from phd_jdtc_ros.core.targets.modes import ClassModel, ModeSpace
 from phd_jdtc_ros.core.targets.motion import MOTIONS, MotionModel
-from phd_jdtc_ros.core.targets.spawn import SpawnModel
 
 from .parameters.reports import ReportsParameters
 from .parameters.sensor import SensorParameters

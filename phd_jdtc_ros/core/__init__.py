@@ -4,7 +4,7 @@ The path of the data, with the package of each step::
 
     reports (radar, stamp, Detections)         types
       |  check for anomalies                   intake.input_checks, intake.clocks
-      |  cut revolutions into slices          intake.revolutions, antenna, report_timing, sectors
+      |  cut revolutions into slices          intake.revolutions, antenna, sectors
       |  attach poses of moving radars         intake.posed_reports, poses, transforms
       |  group by stamp, gaps, resets          intake.scans
     Scan                                       pipeline: revolutions -> posed_reports -> scans

@@ -21,7 +21,7 @@ from .intake.posed_reports import Platform, PosedReports
 from .intake.poses import PoseFault
 from .intake.revolution_history import Recut, RevolutionHistory
 from .intake.scans import Rejection, Reset, ScanGrouper, WaitingReports
-from .intake.slices import Slice
+from .intake.sectors import Slice
 from .models.tracker_model import TrackerModel
 from .tracks.manual import START, Command, Manual
 from .tracks.region import Region

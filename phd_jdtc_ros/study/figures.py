@@ -26,8 +26,7 @@ from phd_jdtc_ros.report.style import COLOURS, DPI, GREY, INK, WIDTH_IN
 from phd_jdtc_ros.report.table import simple_table
 
 from .monte_carlo import ALL, Mean, Result, slug
-from .monte_carlo.definition import METRICS
-from .monte_carlo.kinds import KINDS
+from .monte_carlo.definition import KINDS, METRICS
 
 # The lag drawn over time, or the largest smaller one of the study.
 SHOWN_LAG = 5

@@ -26,7 +26,7 @@ from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, check_sites, truth_and_reports
 
 from . import command
-from .asterix import simulated as simulated_asterix
+from .asterix import writing as asterix_writing
 
 # The scenario that is simulated by default.
 REFERENCE = Path("config", "scenarios", "paper_scenario.yaml")
@@ -104,7 +104,7 @@ def main(argv: Sequence[str]) -> int:
         type=Path,
         metavar="FILE",
         help="file for the radars' ASTERIX output; a capture with times of receipt if it ends with "
-        f"{simulated_asterix.CAPTURE}",
+        f"{asterix_writing.CAPTURE}",
     )
     command.add_parameter_arguments(
         parser, "scenario file to simulate; without one the reference scenario"
@@ -121,7 +121,7 @@ def main(argv: Sequence[str]) -> int:
         check_sites(config.radars)
         sent_to: Path | None = arguments.asterix
         if sent_to is not None:
-            simulated_asterix.check(run)
+            asterix_writing.check(run)
         faults: list[str] = []
         sent = antenna.read_sending(document, radars, faults)
         if faults:
@@ -129,7 +129,7 @@ def main(argv: Sequence[str]) -> int:
         output_files.require_new({"--asterix": sent_to}, arguments.out)
         write_bag(arguments.out, run, config, arguments.seed)
         if sent_to is not None:
-            blocks = simulated_asterix.write(sent_to, run, config, sent, arguments.seed)
+            blocks = asterix_writing.write(sent_to, run, config, sent, arguments.seed)
             print(f"{sent_to}: {blocks} data blocks")
         noun = "radar" if len(radars) == 1 else "radars"
         print(f"{arguments.out}: {run.scans} scans, {len(radars)} {noun}, seed {arguments.seed}")

@@ -28,7 +28,7 @@ from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.types import Detections, Estimates
 from phd_jdtc_ros.handover.ownership import Handover
 from phd_jdtc_ros.parameter_files import from_arguments
-from phd_jdtc_ros.tools.asterix import reading
+from phd_jdtc_ros.tools.asterix import bridge
 from phd_jdtc_ros.transport import pcap
 
 from ..harness import scans
@@ -181,7 +181,7 @@ def _forged_record_times() -> dict[str, str]:
         path, out = Path(directory) / "forged.pcap", Path(directory) / "bag"
         path.write_bytes(pcap.header() + b"".join(packets))
         try:
-            done = reading.convert(path, out, settings.resolve({}), None, ())
+            done = bridge.convert(path, out, settings.resolve({}), None, ())
         except Exception as error:  # any but an error of the recording would end with a traceback
             return {"times of records": f"{type(error).__name__}: {error}"}
         clouds = sum(1 for _ in BagReader(out).messages([names.detections("radar_1_1")]))

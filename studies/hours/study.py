@@ -33,7 +33,7 @@ from phd_jdtc_ros.core.types import SOURCES, Estimates
 from phd_jdtc_ros.exit_status import ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, yaml_files
 from phd_jdtc_ros.simulation import antenna, scenario_file
-from phd_jdtc_ros.tools.asterix import simulated as simulated_asterix
+from phd_jdtc_ros.tools.asterix import writing as asterix_writing
 
 from ..runner import Figures, Study, figures_table, until
 from . import hour as hours
@@ -74,7 +74,7 @@ def record(hour: Hour, config: TrackerConfig, document: Mapping[str, Any], path:
     sent = antenna.read_sending(document, hour.scenario.radars, faults)
     if faults:
         raise ConfigError(*faults)
-    simulated_asterix.write(path, hour.scenario, config, sent, hour.seed)
+    asterix_writing.write(path, hour.scenario, config, sent, hour.seed)
 
 
 def path_of_user(recording: Path, work: Path) -> dict[str, tuple[Path, list[Run]]]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.study.monte_carlo import kinds
+from phd_jdtc_ros.study.monte_carlo import definition
 from phd_jdtc_ros.study.tracker import SimulatedRun, TrackingResult, Tracks
 
 from .mixture_phd import gm_phd
@@ -49,10 +49,10 @@ PEERS = {
 _MODULES = ("studies.peers",)
 # All kinds of a study, those of an installed package included.
 KINDS = {
-    **kinds.KINDS,
+    **definition.KINDS,
     **{
-        name: replace(kinds.KINDS[name], track=peer, modules=_MODULES, package="stonesoup")
+        name: replace(definition.KINDS[name], track=peer, modules=_MODULES, package="stonesoup")
         for name, peer in PEERS.items()
     },
-    "plot_kalman": replace(kinds.KINDS["plot_kalman"], track=plot_kalman, modules=_MODULES),
+    "plot_kalman": replace(definition.KINDS["plot_kalman"], track=plot_kalman, modules=_MODULES),
 }

@@ -7,7 +7,7 @@ from scenes import short_scenario, small
 
 from phd_jdtc_ros.configuration.engines import new_engine, new_pipeline
 from phd_jdtc_ros.core.intake.scans import Rejection
-from phd_jdtc_ros.core.intake.slices import slices_per_revolution
+from phd_jdtc_ros.core.intake.sectors import slices_per_revolution
 from phd_jdtc_ros.core.pipeline import RunEnded, Stepped
 from phd_jdtc_ros.simulation.simulate import simulate
 

@@ -9,9 +9,8 @@ from refusals import faults_of
 import studies
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.study import monte_carlo
-from phd_jdtc_ros.study.monte_carlo import kinds
-from phd_jdtc_ros.study.monte_carlo.definition import merge_layers
-from phd_jdtc_ros.study.monte_carlo.kinds import KINDS, Kind
+from phd_jdtc_ros.study.monte_carlo import definition
+from phd_jdtc_ros.study.monte_carlo.definition import KINDS, Kind, merge_layers
 from phd_jdtc_ros.tools.monte_carlo import load_study
 from studies import peers
 
@@ -300,17 +299,17 @@ def test_peers_have_sources_of_their_own_in_the_repository():
     own = {SOURCES / "studies" / "peers" / name for name in ("settings.py", "__init__.py")}
     assert own <= set(peers.KINDS["gnn_loud"].sources())
     assert not own & set(peers.KINDS["gaussian"].sources())
-    assert "python -m studies monte_carlo" in kinds.KINDS["gnn"].missing()
-    assert kinds.KINDS["gaussian"].missing() is None
+    assert "python -m studies monte_carlo" in definition.KINDS["gnn"].missing()
+    assert definition.KINDS["gaussian"].missing() is None
 
 
 def test_code_follows_the_sources_of_a_kind(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "own_tracker.py").write_text("GATE = 3.0\n")
     kind = Kind("own", lambda *_: None, modules=("own_tracker",))
-    before = kinds.code_of.__wrapped__(kind)
+    before = definition.code_of.__wrapped__(kind)
     (tmp_path / "own_tracker.py").write_text("GATE = 4.0\n")
-    assert kinds.code_of.__wrapped__(kind) != before
+    assert definition.code_of.__wrapped__(kind) != before
 
 
 def test_sources_have_every_module_that_the_kinds_import():

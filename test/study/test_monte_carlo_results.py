@@ -10,10 +10,9 @@ from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.evaluation.run_scores import GLOBAL_METRICS
 from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo import Mean, Result
-from phd_jdtc_ros.study.monte_carlo.definition import Variant
-from phd_jdtc_ros.study.monte_carlo.kinds import KINDS
+from phd_jdtc_ros.study.monte_carlo.definition import KINDS, Variant
 from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
-from phd_jdtc_ros.study.monte_carlo.scores import Scores, score
+from phd_jdtc_ros.study.monte_carlo.tasks import Scores, score
 from phd_jdtc_ros.study.tracker import simulated_run
 
 # --- scores ---------------------------------------------------------------------------------------

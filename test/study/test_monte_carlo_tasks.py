@@ -14,7 +14,7 @@ from fatal_tasks import tasks as light_tasks
 
 from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo import Store, execution
-from phd_jdtc_ros.study.monte_carlo.kinds import KINDS
+from phd_jdtc_ros.study.monte_carlo.definition import KINDS
 from phd_jdtc_ros.study.monte_carlo.tasks import perform
 from phd_jdtc_ros.tools.monte_carlo import load_study
 

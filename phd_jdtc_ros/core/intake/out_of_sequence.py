@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from ..engine import Engine, EngineState, OnFiltered, Step, ignore_filtered
 from ..types import Detections, Estimates, Scan
-from .slices import Slice
+from .sectors import Slice
 
 # Number of reprocessed scans that each new scan pays for.
 EARNED = 2.0

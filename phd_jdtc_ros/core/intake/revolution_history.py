@@ -13,7 +13,7 @@ from typing import NamedTuple
 from ..types import Detections
 from .revolutions import Revolutions, State
 from .scans import Rejection
-from .slices import Slice
+from .sectors import Slice
 
 
 class _Record(NamedTuple):

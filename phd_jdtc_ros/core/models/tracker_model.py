@@ -19,9 +19,8 @@ from ..sensors.range_rate import Rates
 from ..sensors.sensor import Sensor
 from ..sensors.view import View
 from ..targets.amplitude_density import of_classes
-from ..targets.birth import BirthTerm
+from ..targets.birth import BirthTerm, SpawnModel
 from ..targets.modes import ModeSpace
-from ..targets.spawn import SpawnModel
 from ..types import Detections, Scan
 from .amplitude_model import AmplitudeModel
 from .detection_birth import DetectionBirthModel

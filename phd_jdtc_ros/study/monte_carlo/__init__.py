@@ -10,7 +10,7 @@ The steps of a study, with the module of each::
       |  remaining: tasks without scores     store
       |  run_on_processes, run_on_dask:      execution
       |    tasks of dead workers again
-      |  perform: simulate, track, score     tasks, kinds, scores
+      |  perform: simulate, track, score     tasks, definition
     Outcome                                  tasks
       |  write                               store
     Store: tidy rows by case, variant, seed  store
@@ -20,15 +20,14 @@ The steps of a study, with the module of each::
 A task is a case, variants that share a filter, and a seed. The data of a run depend on case and
 seed alone, so that all variants of a case have the same scans and differences between them are
 paired. The name of a score file contains a digest of all inputs of the scores, including the code
-of the tracker (`kinds`).
+of the tracker (`definition`).
 """
 
 from phd_jdtc_ros.evaluation.comparison import ALL
 
-from .definition import Study
+from .definition import KINDS, Kind, Study
 from .document import REFERENCE, Scene, resolve
 from .execution import Report, run_on_dask, run_on_processes
-from .kinds import KINDS, Kind
 from .results import Mean, Result, collect, summarise, write_csv
 from .tasks import Outcome, Plan, Store, Task, plan, remaining, slug
 

@@ -15,8 +15,7 @@ from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.transponder import transponders
 
 from ..tracker import TAXIING, IgnoredTargets
-from .definition import FIGURES, OWN, Case, Goal, Study, Variant, merge_layers
-from .kinds import KINDS, Kind
+from .definition import FIGURES, KINDS, OWN, Case, Goal, Kind, Study, Variant, merge_layers
 
 # The reference scenario, which is built in.
 REFERENCE = "paper_scenario"

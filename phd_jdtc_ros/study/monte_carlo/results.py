@@ -22,8 +22,7 @@ from phd_jdtc_ros.evaluation.comparison import ALL
 
 from .definition import METRICS, ORDER, REDUCTION, Goal, Study, Variant, merge_layers
 from .metrics import VALUES
-from .scores import Scores
-from .tasks import HEADER, Outcome, Store, Task
+from .tasks import HEADER, Outcome, Scores, Store, Task
 
 
 @dataclass(frozen=True)

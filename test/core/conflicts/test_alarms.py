@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.core.conflicts.alarms import ACKNOWLEDGED, ALARM, NONE, Alarms
 from phd_jdtc_ros.core.conflicts.model import PAIR, Conflicts
+from phd_jdtc_ros.core.conflicts.watch import ACKNOWLEDGED, ALARM, NONE, Alarms
 
 SECOND = 10**9
 

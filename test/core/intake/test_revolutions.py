@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from phd_jdtc_ros.core.intake.revolution_history import RevolutionHistory
 from phd_jdtc_ros.core.intake.revolutions import Revolutions
 from phd_jdtc_ros.core.intake.scans import Rejection
-from phd_jdtc_ros.core.intake.slices import slices_per_revolution
+from phd_jdtc_ros.core.intake.sectors import slices_per_revolution
 from phd_jdtc_ros.core.types import Detections
 
 SLICES = slices_per_revolution(4.0)

@@ -21,8 +21,7 @@ from hypothesis import strategies as st
 
 from phd_jdtc_ros.core.intake.revolutions import Revolutions
 from phd_jdtc_ros.core.intake.scans import Rejection
-from phd_jdtc_ros.core.intake.sectors import coverage_of
-from phd_jdtc_ros.core.intake.slices import slices_per_revolution
+from phd_jdtc_ros.core.intake.sectors import coverage_of, slices_per_revolution
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN_COVERAGE, Detections
 
 SLICES = slices_per_revolution(4.0)

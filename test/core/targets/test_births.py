@@ -9,7 +9,7 @@ from scipy.stats import norm, qmc
 
 from phd_jdtc_ros.core.state_space import OMEGA
 from phd_jdtc_ros.core.targets import birth
-from phd_jdtc_ros.core.targets.sobol import AXES, BITS, sobol_points
+from phd_jdtc_ros.core.targets.birth import AXES, BITS, sobol_points
 
 BIRTH_MODEL = small({"start_1.std": [200.0, 40.0, 2e-3], "start_1.velocity": [10.0, -5.0]}).model
 TERM = BIRTH_MODEL.births[0]

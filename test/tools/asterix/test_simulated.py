@@ -15,7 +15,7 @@ from phd_jdtc_ros.core.types import UNKNOWN
 from phd_jdtc_ros.simulation import antenna
 from phd_jdtc_ros.simulation.turning_antenna import plots_with_replies
 from phd_jdtc_ros.tools import simulate
-from phd_jdtc_ros.tools.asterix import simulated as simulated_asterix
+from phd_jdtc_ros.tools.asterix import writing as simulated_asterix
 from phd_jdtc_ros.transport import pcap
 from studies.hours import study as hours
 
