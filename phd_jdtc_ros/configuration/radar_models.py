@@ -384,18 +384,11 @@ def report_check(radar: RadarParameters) -> RadarReportCheck:
         lacks_ground_ranges=radar.rotation_s > SLOW_REVOLUTION
         and radar.max_range > FAR
         and not ground_known,
-<<<<<<< HEAD
         unit=(math.radians(1.0) if radar.azimuth_in_degrees else 1.0)
         if radar.named_fields and visibility.fov.width > 2.0 * RADIANS_AS_DEGREES
         else 0.0,
         zero=0.5 * math.pi if radar.compass else 0.0,
-        near=NEAR * radar.max_range,
-=======
-        may_be_radians=radar.named_fields
-        and radar.azimuth_in_degrees
-        and visibility.fov.width > 2.0 * RADIANS_AS_DEGREES,
         # Share of its range within which no radar has all detections, unless they are not in
         # metres.
         near=0.002 * radar.max_range,
->>>>>>> 2132d0ba (Put further numbers where they are used)
     )
