@@ -4,7 +4,6 @@
 
     particles and detections of a radar    gating: lists by cells of range and azimuth
     particles of two scans, any origin     sweep: sort and sweep over two coordinates
-    particles of two scans, one origin     grid: a grid of cells for each group
       |  candidate pairs                   candidates: expanded and tested chunk by chunk
     pairs within the radius
 """

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..arrays import BoolArray, IntArray
+from ..arrays import IntArray
 
 LABELS_PER_SCAN = 1 << 24
 # Largest number of scans. Labels contain the scan index and must fit 64 bits; at one scan a second
@@ -23,8 +23,3 @@ def first_detected(scan_index: int) -> int:
 def birth_scan(label: IntArray) -> IntArray:
     """Return the index of the scan in which each label was created."""
     return label // LABELS_PER_SCAN
-
-
-def born_at_detection(label: IntArray) -> BoolArray:
-    """Return a mask of the labels that were created at detections."""
-    return label % LABELS_PER_SCAN >= LABELS_PER_SCAN // 2

@@ -1,23 +1,21 @@
-"""Searches of near pairs within groups, by cells and by a sweep, against brute force."""
+"""The search of near pairs within groups, by a sweep, against brute force."""
 
 from unittest import mock
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
-from phd_jdtc_ros.core.pair_search import candidates, grid, sweep
+from phd_jdtc_ros.core.pair_search import candidates, sweep
 
-SEARCHES = {"grid": grid.grid_candidates, "sweep": sweep.candidates}
-of_both = pytest.mark.parametrize("search", SEARCHES.values(), ids=SEARCHES)
 KINDS = ("wide", "clustered", "flat", "duplicate", "own axes")
 
 
-def check(search, query, query_group, point, point_group, radius):
+def check(query, query_group, point, point_group, radius):
     """Compare all near pairs with those of brute force, and return their number."""
-    tested = search(query, query_group, point, point_group, radius)
+    tested = sweep.candidates(query, query_group, point, point_group, radius)
     empty = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)
     found = list(candidates.near_chunks(tested))
     row, column, square = (np.concatenate(part) for part in zip(empty, *found, strict=True))
@@ -53,7 +51,6 @@ def draw_points(rng, kind, count, dimension):
     return np.repeat(rng.normal(0.0, 3.0, (1, dimension)), count, axis=0)  # duplicates
 
 
-@of_both
 @settings(deadline=None, max_examples=150)
 @given(
     seed=st.integers(0, 10**6),
@@ -65,10 +62,7 @@ def draw_points(rng, kind, count, dimension):
     radius=st.sampled_from([0.3, 2.0, 7.5, 100.0, 300.0]),
     chunk=st.sampled_from([1, 7, 1 << 18]),
 )
-def test_near_pairs_equal_brute_force(
-    search, seed, kind, sizes, dimension, groups, spread, radius, chunk
-):
-    assume(search is sweep.candidates or min(sizes) > 0)
+def test_near_pairs_equal_brute_force(seed, kind, sizes, dimension, groups, spread, radius, chunk):
     rng = np.random.default_rng(seed)
     if kind == "own axes":
         both, group = clouds(rng, groups, sum(sizes), dimension, spread)
@@ -77,7 +71,7 @@ def test_near_pairs_equal_brute_force(
         group = rng.integers(0, groups, sum(sizes))
     (query, point), (own, other) = np.split(both, sizes[:1]), np.split(group, sizes[:1])
     with mock.patch.object(candidates, "CHUNK_PAIRS", chunk):
-        check(search, query, own, point, other, radius)
+        check(query, own, point, other, radius)
 
 
 @settings(deadline=None, max_examples=100)
@@ -92,7 +86,7 @@ def test_sweep_takes_a_radius_for_each_query(seed, kind, sizes, spread):
     query, point = np.split(draw_points(rng, kind, sum(sizes), 4), sizes[:1])
     own, other = np.split(rng.integers(0, 2, sum(sizes)), sizes[:1])
     radius = 2.0 * spread ** rng.uniform(-1.0, 1.0, sizes[0])
-    check(sweep.candidates, query, own, point, other, radius)
+    check(query, own, point, other, radius)
 
 
 @pytest.mark.parametrize("radius", [1.0, 2.0, 5.0])
@@ -101,40 +95,16 @@ def test_sweep_includes_pairs_exactly_as_far_as_the_radius(radius, origin):
     side = np.arange(9.0)
     lattice = np.stack(np.meshgrid(side, side, [0.0, 3.0]), axis=-1).reshape(-1, 3) + origin
     none = np.zeros(len(lattice), int)
-    check(sweep.candidates, lattice[::-1], none, lattice, none, radius)
+    check(lattice[::-1], none, lattice, none, radius)
 
 
-@of_both
-def test_all_pairs_up_to_the_radius_are_found_and_none_of_far_queries(search):
+def test_all_pairs_up_to_the_radius_are_found_and_none_of_far_queries():
     point, group = np.zeros((300, 4)), np.repeat([0, 1, 2], 100)
-    assert check(search, point, group, point, group, 1.0) == 3 * 100**2
+    assert check(point, group, point, group, 1.0) == 3 * 100**2
     axis = np.arange(-30.0, 31.0)
     point = np.stack([axis, np.zeros(61), np.zeros(61)], axis=1)
     group = np.zeros(61, dtype=np.int64)
-    assert check(search, point, group, point, group, 7.0) == 61 * 15 - 2 * 28
+    assert check(point, group, point, group, 7.0) == 61 * 15 - 2 * 28
     point = np.random.default_rng(0).normal(0.0, 5.0, (50, 3))
     for far in (1e5, 1e12, -1e12):
-        assert check(search, point + far, group[:50], point, group[:50], 7.0) == 0
-
-
-@pytest.mark.parametrize("axis", [0, 2])
-def test_a_cloud_like_a_line_needs_no_more_cells_than_its_points_can_fill(axis, monkeypatch):
-    point, group, cells = np.zeros((2, 3)), np.zeros(2, dtype=np.int64), []
-    point[1, axis] = 1e9
-    sort_by_cell = grid._sort_by_cell
-    monkeypatch.setattr(
-        grid,
-        "_sort_by_cell",
-        lambda cell, number: cells.append(number) or sort_by_cell(cell, number),
-    )
-    assert check(grid.grid_candidates, point, group, point, group, 7.5) == 2
-    assert cells[0] <= 4 * grid.MAX_CELLS_PER_POINT
-
-
-def test_grid_of_far_spread_clouds_needs_few_cells():
-    rng = np.random.default_rng(0)
-    point, group = clouds(rng, 20, 2000, 4, 1e6)
-    found = grid.grid_candidates(point, group, point, group, 7.5)
-    near = sum(len(part.query) for part in candidates.near_chunks(found))
-    assert len(found.rank) == 2000
-    assert found.count.sum() <= 12 * near
+        assert check(point + far, group[:50], point, group[:50], 7.0) == 0
