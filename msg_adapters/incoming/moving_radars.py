@@ -36,8 +36,6 @@ POSE_TYPES = {"odometry": names.ODOMETRY, "pose_stamped": names.POSE_STAMPED}
 LEAST_NORM, LARGEST_NORM = 0.5, 2.0
 # Largest coordinate, metres; beyond it, single precision no longer resolves a metre.
 FARTHEST = 1e7
-# Places of the variances in a twist's covariance of 6 x 6.
-TWIST_VARIANCES = 0, 7, 14, 21, 28, 35
 # Those of the motion along the ground: ahead, to the left, and the yaw rate.
 LEVEL_AXES = 0, 1, 5
 
@@ -105,7 +103,8 @@ def _twist(message: Odometry) -> tuple[float, ...] | None:
     """
     linear, angular = message.twist.twist.linear, message.twist.twist.angular
     sent = (linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
-    variances = [float(message.twist.covariance[index]) for index in TWIST_VARIANCES]
+    # Places of the variances in a twist's covariance of 6 x 6.
+    variances = [float(message.twist.covariance[index]) for index in (0, 7, 14, 21, 28, 35)]
     known = [
         # The largest rate of a platform, m/s and rad/s.
         abs(rate) <= 1e3 and variance >= 0.0  # False for NaN
@@ -129,8 +128,6 @@ def _attitude(turn: Quaternion) -> tuple[float, tuple[float, float]]:
 
 # Longest name of a frame.
 MOST_LETTERS = 256
-# Identifiers of plain CDR in an encapsulation's second byte, with the byte order.
-_ORDERS = {0: ">", 1: "<"}
 
 
 def plain(frame: str) -> str:
@@ -165,7 +162,8 @@ def transforms_from_cdr(data: bytes, needed: Callable[[str], bool]) -> list[Tran
 
 def _unpacked(data: bytes) -> list[tuple[str, str, int, int, tuple[float, ...]]]:
     """Return parent, child, seconds and nanoseconds, translation and quaternion of each."""
-    order = _ORDERS[int.from_bytes(data[:2], "big")]
+    # Identifiers of plain CDR in an encapsulation's second byte, with the byte order.
+    order = {0: ">", 1: "<"}[int.from_bytes(data[:2], "big")]
     body, at = memoryview(data)[4:], 4
     stamp, length, pose = (struct.Struct(order + code) for code in ("iI", "I", "7d"))
 

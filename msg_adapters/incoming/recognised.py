@@ -47,8 +47,6 @@ POSITIONS: Mapping[str, Sequence[str]] = {
     "fields.vy": ("vy", "velocity_y", "vel_y"),
     "fields.time": NAMES["fields.time"],
 }
-# Fields of what trackers publish: tracks, and detections of other sensors.
-OF_TRACKERS = {"track_id", "radar_index"}
 
 
 def is_of_positions(fields: Sequence[str]) -> bool:
@@ -96,7 +94,8 @@ def parameters(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:
 def _of_positions(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:
     """Return the parameters for reading clouds of positions, None if they have none."""
     found: dict[str, Any] = {"kind": "position", "frame": clouds[0].header.frame_id}
-    if OF_TRACKERS.intersection(point_cloud.field_names(clouds[0])):
+    # Fields of what trackers publish: tracks, and detections of other sensors.
+    if {"track_id", "radar_index"}.intersection(point_cloud.field_names(clouds[0])):
         return None
     # Clouds with more points are not detections, but what a lidar measures of all surfaces.
     if np.median([cloud.width * cloud.height for cloud in clouds]) > 2000:

@@ -39,8 +39,6 @@ from .messages import (
 WGS84, FINER, FINEST, COARSE = 180.0 / 2**25, 180.0 / 2**30, 180.0 / 2**31, 180.0 / 2**23
 SPEED_UNIT, ANGLE_UNIT = NAUTICAL_MILE / 2**14, 360.0 / 2**16
 ALTITUDE_UNIT, QUARTER = 6.25 * FOOT, 0.25
-# Types of I010/020 that are positions of transponders, and not radar plots or loops.
-LOCATED = (0, 1, 2, 5)
 
 
 def read_ads_b(data: bytes, items: tuple[int, ...]) -> PositionMessage | str:
@@ -126,7 +124,8 @@ def read_surface(data: bytes, items: tuple[int, ...]) -> PositionMessage | str:
     at010, at020, at140, at041, at042, at161, at202, at090, at220, at245, at500 = items
     first, second, *_ = _octets(data, at020, 2)
     fault = _fault(second & 0x20, second & 0x40, at010, max(at041, at042))
-    if fault or first >> 5 not in LOCATED:
+    # Types of I010/020 that are positions of transponders, and not radar plots or loops.
+    if fault or first >> 5 not in (0, 1, 2, 5):
         return fault or "no_position"
     x_std = y_std = UNKNOWN_STD
     if at500 >= 0:

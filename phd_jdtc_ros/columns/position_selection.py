@@ -26,8 +26,6 @@ from .selection import (
     plausible_heights,
 )
 
-# Largest number in single precision, as the estimates are published.
-LARGEST = float(np.finfo(np.float32).max)
 # A larger correlation makes a covariance singular in single precision.
 MOST_CORRELATION = 0.9999
 # No coordinate or range of a target is larger, metres.
@@ -50,7 +48,10 @@ def select(stamp_ns: int, own: PositionParameters, columns: Columns) -> Report:
     is kept. A covariance that is not positive definite is unknown.
     """
     place = np.column_stack([columns["x"], columns["y"]])
-    finite: BoolArray = np.logical_and.reduce(np.abs(place) <= LARGEST, axis=1)
+    # Largest number in single precision, as the estimates are published.
+    finite: BoolArray = np.logical_and.reduce(
+        np.abs(place) <= float(np.finfo(np.float32).max), axis=1
+    )
     passed: dict[str, BoolArray] = {
         "not_finite": finite,
         "area": own.area.probability(np.where(finite[:, None], place, 0.0)) > 0.0,

@@ -28,8 +28,6 @@ MAX_SECONDS_OFF = 60.0
 # Plausible standard deviations of ranges, m, and of azimuths, rad.
 RANGE_STDS = (1e-3, 1e5)
 AZIMUTH_STDS = (1e-6, np.pi)
-# Plausible standard deviations of elevations, rad.
-ELEVATION_STDS = (1e-6, 0.5 * np.pi)
 # Elevations this far outside the field of view are not those of its edge, rad.
 ELEVATION_MARGIN = 0.05
 # Upper bound of range rates, m/s; targets of such a radar are slower.
@@ -108,7 +106,8 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     measurement[:, 1] = wrap_angle(measurement[:, 1])
     if radar.height_prior is not None:
         scale = abs(radar.elevation_scale)
-        own_std, bad = kept_values(columns, "elevation_std", kept, ELEVATION_STDS, scale)
+        # Plausible standard deviations of elevations, rad.
+        own_std, bad = kept_values(columns, "elevation_std", kept, (1e-6, 0.5 * np.pi), scale)
         noise_std = _spatial_noise(measurement, range_std, azimuth_std, own_std)
         bad_azimuths += bad
     rise = None if rate is None or sine is None else np.clip(sine[kept], -1.0, 1.0)

@@ -139,8 +139,6 @@ def hidden_reason(radars: Sequence[TrackedRadar], plots: Sequences) -> str:
 ROUNDS, PASSES = 3, 3
 # Plots with larger residuals, in standard deviations, have less weight, but at least LEAST_WEIGHT.
 FAR, LEAST_WEIGHT = 2.5, 0.02
-# Median of the square of a two-dimensional residual of unit variances.
-MEDIAN_SQUARE = 2.0 * np.log(2.0)
 # Search for the process noise: factor of a step, and largest number of steps.
 FACTOR, STEPS = 4.0, 8
 # OFF_COURSE sets the initial process noise: the displacement by acceleration between two scans, in
@@ -263,7 +261,8 @@ def _weights(plots: Sequences, trajectories: Trajectories) -> FloatArray:
     c / r, and so the information (c / r)^2; with Huber's weights it would have c / r.
     """
     distance2 = ((_residual(plots, trajectories) / plots.noise_std) ** 2).sum(axis=-1)
-    scale = np.sqrt(np.median(distance2[plots.valid]) / MEDIAN_SQUARE)
+    # Median of the square of a two-dimensional residual of unit variances.
+    scale = np.sqrt(np.median(distance2[plots.valid]) / (2.0 * np.log(2.0)))
     far = np.sqrt(distance2) / max(float(scale), 1e-9)
     weight: FloatArray = np.maximum(FAR / np.maximum(far, FAR), LEAST_WEIGHT)
     return weight

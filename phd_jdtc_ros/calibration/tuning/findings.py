@@ -37,13 +37,9 @@ from .start import first_guess
 from .tracking.noise import Noise, agreeing, find_outliers, fit_noise
 from .tracking.tracks import LinkModel, NoiseModel, Tracks, link_plots
 
-# A target has moved if its track is longer than this many standard deviations of a plot's position.
-MOVED_SIGMA = 10.0
 # The speed of slow targets: this quantile of the moving ones, each less SURE_SIGMA deviations.
 SLOW, SURE_SIGMA = 0.1, 2.0
-# Fixed clutter has at least this many times as many plots as the moving targets,
-OUTNUMBERING = 5.0
-# and its sources are detected with less than this share of the targets' probability, or a look has
+# The sources of fixed clutter are detected with less than this share of the targets' probability, or a look has
 # so many plots of them, this share of them with another one within the noise, that they cannot be
 # targets. As many that stand apart may be moored boats.
 SELDOM, MULTITUDE, SIDE_BY_SIDE = 0.8, 100.0, 0.5
@@ -58,7 +54,9 @@ def moving(plots: Plots, tracks: Tracks, noise: NoiseModel) -> tuple[Tracks, Flo
         velocity = off @ (position[own] - position[own].mean(axis=0)) / (off @ off)
         across = plots.across(noise.azimuth_std, own)
         std, speed = max(noise.range_std, across), float(np.hypot(*velocity))
-        if speed * np.ptp(time_s) > MOVED_SIGMA * std:
+        # A target has moved if its track is longer than this many standard deviations of a plot's
+        # position.
+        if speed * np.ptp(time_s) > 10.0 * std:
             found.append(own)
             slowest.append(speed - SURE_SIGMA * std / float(np.sqrt(off @ off)))
     return Tracks(tuple(found), tracks.score), np.array(slowest)
@@ -75,7 +73,8 @@ def slow_speed(
     of_fixed[fixed] = True
     others = tuple(own for own in tracks.plots if of_fixed[own].mean() < 0.5)
     movers, speeds = moving(plots, Tracks(others, tracks.score), noise)
-    if not len(speeds) or len(fixed) < OUTNUMBERING * len(movers.claimed):
+    # Fixed clutter has at least this many times as many plots as the moving targets.
+    if not len(speeds) or len(fixed) < 5.0 * len(movers.claimed):
         return 0.0
     look = timing.looks(plots.time_s, plots.cloud.astype(np.float64))[fixed].astype(np.int64)
     count = np.bincount(look)
@@ -99,8 +98,6 @@ MOST_LAND = 0.2
 MOST_CROWDED = 0.1
 # A larger share of tracks' plots with another one beside them gives targets a second track.
 MOST_BESIDE = 0.03
-# Bounds of the detection probability in linking: certain detection would allow no missed plot.
-PROBABILITIES = (0.3, 0.98)
 # Smallest spectral density of the white acceleration, m^2/s^3.
 LEAST_DENSITY = 1e-9
 # Ratio of the standard deviation of a newborn target's velocity to the tracks'.
@@ -404,7 +401,9 @@ def _candidates(
         guess,
         speed_std=SPEED_MARGIN * _speed_std(plots, tracks),
         detection_probability=float(
-            np.clip(detection_probability(plots, timing, tracks).value, *PROBABILITIES)
+            # Bounds of the detection probability in linking: certain detection would allow no
+            # missed plot.
+            np.clip(detection_probability(plots, timing, tracks).value, 0.3, 0.98)
         ),
         clutter_rate=max(clutter_rate(plots, timing, tracks).value, 0.1),
     )

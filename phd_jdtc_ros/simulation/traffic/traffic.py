@@ -24,8 +24,6 @@ ARRIVALS, DEPARTURES = 0.4, 0.3
 RUNWAY_SPEED, TERMINAL_SPEED, CRUISE_SPEED = (65.0, 80.0), (110.0, 150.0), (190.0, 250.0)
 # Times at the first two of these speeds, seconds.
 RUNWAY_S, TERMINAL_S = (20.0, 50.0), (60.0, 180.0)
-# Change of speed in a climb or descent, m/s^2.
-ACCELERATION = (0.25, 0.7)
 # Turns: bank and angle in degrees, straight flight between turns in seconds, and the rate of a
 # standard turn, the upper bound, in degrees per second.
 BANK_DEG, TURN_DEG, STRAIGHT_S, STANDARD_DEG_S = (15.0, 27.0), (15.0, 110.0), (30.0, 150.0), 3.0
@@ -103,7 +101,8 @@ def _in_the_air(traffic: Traffic, rng: np.random.Generator) -> Flight:
 def _climb(traffic: Traffic, rng: np.random.Generator) -> Flight:
     """Return a flight that takes off at 0 s, accelerates in two steps and leaves the area."""
     speeds = [rng.uniform(*limits) for limits in (RUNWAY_SPEED, TERMINAL_SPEED, CRUISE_SPEED)]
-    acceleration = rng.uniform(*ACCELERATION)
+    # Change of speed in a climb or descent, m/s^2.
+    acceleration = rng.uniform(0.25, 0.7)
     legs = [
         Leg(rng.uniform(*RUNWAY_S)),
         Leg((speeds[1] - speeds[0]) / acceleration, acceleration=acceleration),

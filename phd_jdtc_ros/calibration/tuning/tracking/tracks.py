@@ -18,8 +18,6 @@ from ..rotation import Timing
 
 # Gate, in standard deviations.
 GATE = 4.5
-# Initial score of a track: the log prior that an unassociated plot is of a new target.
-LOG_NEW = -np.log(50.0)
 # A track is accepted with at least this many plots and this score.
 LEAST_HITS, LEAST_SCORE = 5, 8.0
 # A track ends when its misses are less probable than `IMPROBABLE`, within these bounds on their
@@ -103,7 +101,8 @@ def link_plots(plots: Plots, timing: Timing, model: LinkModel, log_ratio: FloatA
         *kinematics.initial_state(*measured, model.variance, model.speed_std, plots.places),
         np.arange(count),
         np.ones(count, dtype=np.int64),
-        LOG_NEW + log_ratio,
+        # Initial score of a track: the log prior that an unassociated plot is of a new target.
+        -np.log(50.0) + log_ratio,
     )
     columns = Columns(*map(np.ascontiguousarray, values))
     added_to = link(*_batches(plots, timing), columns, numbers)
