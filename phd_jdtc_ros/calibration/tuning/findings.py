@@ -39,9 +39,9 @@ from .tracking.tracks import LinkModel, NoiseModel, Tracks, link_plots
 
 # The speed of slow targets: this quantile of the moving ones, each less SURE_SIGMA deviations.
 SLOW, SURE_SIGMA = 0.1, 2.0
-# The sources of fixed clutter are detected with less than this share of the targets' probability, or a look has
-# so many plots of them, this share of them with another one within the noise, that they cannot be
-# targets. As many that stand apart may be moored boats.
+# The sources of fixed clutter are detected with less than this share of the targets' probability,
+# or a look has so many plots of them, this share of them with another one within the noise, that
+# they cannot be targets. As many that stand apart may be moored boats.
 SELDOM, MULTITUDE, SIDE_BY_SIDE = 0.8, 100.0, 0.5
 
 
