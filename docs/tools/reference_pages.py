@@ -10,6 +10,7 @@ from pathlib import Path
 
 from msg_adapters.encoding import names
 from msg_adapters.outgoing import diagnostics, outputs
+from phd_jdtc_ros import report_bridge as reports
 from phd_jdtc_ros.asterix_bridge import settings as bridge
 from phd_jdtc_ros.configuration.parameters import replaced
 from phd_jdtc_ros.configuration.parameters.node import Managed, Receiving
@@ -20,7 +21,6 @@ from phd_jdtc_ros.evaluation.run_scores import CURVES, GROUPS, PUBLISHED, TERMS
 from phd_jdtc_ros.handover import settings as hand_over
 from phd_jdtc_ros.nodes.tracker import settings as tracker
 from phd_jdtc_ros.parameter_files import node_tables, yaml_files
-from phd_jdtc_ros.report_bridge import settings as reports
 from phd_jdtc_ros.study.monte_carlo.metrics import OF_STUDY
 
 _PARAMETERS = """\

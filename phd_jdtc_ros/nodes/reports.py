@@ -12,9 +12,9 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from msg_adapters.encoding import names
+from phd_jdtc_ros import report_bridge as settings
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 from phd_jdtc_ros.quoting import counts_text
-from phd_jdtc_ros.report_bridge import settings
 from phd_jdtc_ros.transponders import stream
 from phd_jdtc_ros.transponders.batches import Batch
 from phd_jdtc_ros.transponders.messages import ADSB, AIS

@@ -16,13 +16,13 @@ from typing import Any
 
 from msg_adapters.encoding import names
 from phd_jdtc_ros import output_files
+from phd_jdtc_ros import report_bridge as settings
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.writer import BagWriter
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import from_arguments
 from phd_jdtc_ros.quoting import counts_text, short
-from phd_jdtc_ros.report_bridge import settings
 from phd_jdtc_ros.transponders.batches import Batch
 from phd_jdtc_ros.transponders.messages import ICAO, MMSI, NONE, NOT_SAID
 from phd_jdtc_ros.transponders.stream import ReportStream

@@ -3,9 +3,9 @@
 ::
 
     possible paths of the tracks           engine.paths, by gaussian.paths
-      |  share that comes too near          encounters
+      |  share that comes too near          watch
     Conflicts: probability, time, CPA       model
-      |  threshold, hysteresis              alarms
+      |  threshold, hysteresis              watch
     alarms                                  watch: the path of a step
 
 A probability is the share of the possible paths on which it happens, so that it takes the joint

@@ -8,16 +8,210 @@ the largest probabilities.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from ..engine import Engine
+from ..arrays import FloatArray
+from ..compilation import Float3, compiled
+from ..engine import Engine, Paths
+from ..models.zones import Zone
 from ..tracks.manual import Manual
 from ..types import TENTATIVE, Estimates, Pose
-from .encounters import Named, predict
-from .model import ConflictModel, Conflicts, words
+from .model import OWN, OWN_SHIP, PAIR, ZONE, ConflictModel, Conflicts, closest_approach, words
+
+
+@compiled
+def _times_of_approach(first: Float3, second: Float3, distance: float, height: float) -> FloatArray:
+    """Return when each pair of paths, (N, K + 1, 3), is first too near, in intervals, (N,).
+
+    It is infinite for never. The distance is between straight lines from point to point. Heights
+    count if `height` is positive and both are known.
+    """
+    count, points, _ = first.shape
+    times = np.full(count, np.inf)
+    for n in range(count):
+        for k in range(points - 1):
+            x, y = second[n, k, 0] - first[n, k, 0], second[n, k, 1] - first[n, k, 1]
+            dx = second[n, k + 1, 0] - first[n, k + 1, 0] - x
+            dy = second[n, k + 1, 1] - first[n, k + 1, 1] - y
+            # The distance is below the least one between the roots of a quadratic.
+            square, half = dx * dx + dy * dy, x * dx + y * dy
+            excess = x * x + y * y - distance * distance
+            begin, end = 0.0, 1.0
+            if square > 0.0:
+                discriminant = half * half - square * excess
+                if discriminant < 0.0:
+                    continue
+                root = np.sqrt(discriminant)
+                begin, end = max(begin, (-half - root) / square), min(end, (-half + root) / square)
+            elif excess > 0.0:
+                continue
+            z = second[n, k, 2] - first[n, k, 2]
+            if height > 0.0 and not np.isnan(z):
+                dz = second[n, k + 1, 2] - first[n, k + 1, 2] - z
+                if dz != 0.0:
+                    low, high = (-height - z) / dz, (height - z) / dz
+                    begin, end = max(begin, min(low, high)), min(end, max(low, high))
+                elif abs(z) >= height:
+                    continue
+            if begin <= end:
+                times[n] = k + begin
+                break
+    return times
+
+
+@compiled
+def _times_of_crossing(path: Float3, sides: Float3) -> FloatArray:
+    """Return when each path, (N, K + 1, 3), first crosses one of some sides, (S, 2, 2).
+
+    The times are in intervals, (N,); infinite for never.
+    """
+    count, points, _ = path.shape
+    times = np.full(count, np.inf)
+    for n in range(count):
+        for k in range(points - 1):
+            x, y = path[n, k, 0], path[n, k, 1]
+            dx, dy = path[n, k + 1, 0] - x, path[n, k + 1, 1] - y
+            for side in sides:
+                ex, ey = side[1, 0] - side[0, 0], side[1, 1] - side[0, 1]
+                area = dx * ey - dy * ex
+                if area != 0.0:
+                    px, py = side[0, 0] - x, side[0, 1] - y
+                    along, across = (px * ey - py * ex) / area, (px * dy - py * dx) / area
+                    if 0.0 <= along <= 1.0 and 0.0 <= across <= 1.0:
+                        times[n] = min(times[n], k + along)
+            if times[n] <= k + 1:
+                break
+    return times
+
+
+def straight_path(own: Pose, model: ConflictModel) -> FloatArray:
+    """Return the path of own ship at its present course and speed as `Paths.place`, (1, N, K, 3).
+
+    What a mariner asks is what happens if own ship stands on.
+    """
+    times = model.interval_s * np.arange(model.steps + 1)
+    place = np.full((1, model.paths, model.steps + 1, 3), np.nan)
+    place[..., :2] = np.array(own.position) + times[:, None] * np.array(own.velocity)
+    return place
+
+
+class _Reach(NamedTuple):
+    """Circles around all paths of each object at each time."""
+
+    centre: FloatArray  # (K + 1, T, 2)
+    radius: FloatArray  # (K + 1, T)
+    step: FloatArray  # Longest way of an object in an interval, (T,)
+
+
+def _reach_of(place: FloatArray) -> _Reach:
+    centre = place[..., :2].mean(axis=1)
+    radius = np.hypot(*np.moveaxis(place[..., :2] - centre[:, None], -1, 0)).max(axis=1)
+    step = np.hypot(*np.moveaxis(np.diff(place[..., :2], axis=2), -1, 0)).max(axis=(1, 2))
+    return _Reach(centre.transpose(1, 0, 2), radius.T, step)
+
+
+def _candidates(reach: _Reach, distance: float) -> list[tuple[int, int]]:
+    """Return the pairs of objects, by ascending index, some of whose paths may be too near."""
+    size = len(reach.step)
+    near = np.zeros((size, size), dtype=np.bool_)
+    for centre, radius in zip(reach.centre, reach.radius, strict=True):
+        # Both may come nearer on the way to and from this time.
+        around = radius + 0.5 * reach.step
+        gap = np.hypot(*(centre[:, None] - centre).transpose(2, 0, 1))
+        near |= gap <= around[:, None] + around + distance
+    first, second = np.triu(near, 1).nonzero()
+    return list(zip(first.tolist(), second.tolist(), strict=True))
+
+
+class Named(NamedTuple):
+    """Who is own ship, and who need not be watched."""
+
+    own: Pose | None = None  # Own ship's pose, if it is known
+    tracks: frozenset[int] = frozenset()  # Tracks that are own ship
+    friends: frozenset[int] = frozenset()  # Tracks that are in no conflict with each other
+
+
+def predict(
+    stamp_ns: int, paths: Paths, existence: FloatArray, named: Named, model: ConflictModel
+) -> Conflicts:
+    """Return the conflicts of the tracks and of own ship, if it is known.
+
+    `existence` has the probability that the target of each track exists, (T,).
+    """
+    number, place, own = *paths, named.own
+    mine = np.isin(number, [*named.tracks])
+    if own is None and mine.any():
+        first = int(mine.argmax())
+        order = np.concatenate([[first], np.flatnonzero(~mine)])
+        number, place, existence = number[order], place[order], existence[order]
+        number[0] = OWN_SHIP
+    elif mine.any():
+        number, place, existence = number[~mine], place[~mine], existence[~mine]
+    if own is not None:
+        number = np.concatenate([[OWN_SHIP], number])
+        existence = np.concatenate([[1.0], existence])
+        place = np.concatenate([straight_path(own, model), place])
+    found: list[tuple[float, ...]] = []
+    mean = place[..., :2].mean(axis=1)
+    velocity = (mean[:, 1] - mean[:, 0]) / model.interval_s
+    pairs = _candidates(_reach_of(place), model.distance) if model.distance > 0.0 else []
+    friends = {OWN_SHIP, *named.friends}
+    for one, other in pairs:
+        if {int(number[one]), int(number[other])} <= friends:
+            continue
+        times = _times_of_approach(place[one], place[other], model.distance, model.height)
+        share, median = _summary(times, existence[one] * existence[other], model)
+        if share >= model.least_probability:
+            line, relative = mean[other, 0] - mean[one, 0], velocity[other] - velocity[one]
+            approach = closest_approach(line, relative, velocity[one])
+            kind = OWN if number[one] == OWN_SHIP else PAIR
+            names = kind, number[one], number[other]
+            at = mean[other, round(median)]
+            found.append((*names, share, median * model.interval_s, *approach, *at))
+    for index, zone in enumerate(model.zones):
+        for one in range(len(number)):
+            times = _times_of_entry(place[one], zone)
+            share, median = _summary(times, existence[one], model)
+            if share >= model.least_probability:
+                names, at = (ZONE, number[one], index), mean[one, round(median)]
+                unknown = (math.nan,) * 4
+                found.append((*names, share, median * model.interval_s, *unknown, *at))
+    found.sort(key=lambda row: (-row[3], row[:3]))
+    columns = np.array(found, dtype=np.float64).reshape(-1, 11).T
+    whole, real = columns[:3].astype(np.int64), columns[3:9]
+    of_name = dict(zip(("kind", "first", "second"), whole, strict=True))
+    of_name |= dict(
+        zip(("probability", "time_s", "cpa", "tcpa_s", "ahead", "starboard"), real, strict=True)
+    )
+    return Conflicts(stamp_ns, place=np.ascontiguousarray(columns[9:].T), **of_name)
+
+
+def _summary(times: FloatArray, existence: float, model: ConflictModel) -> tuple[float, float]:
+    """Return the probability of an event, and its median time; `times` are infinite for never."""
+    happens = times[np.isfinite(times)]
+    if not len(happens):
+        return 0.0, 0.0
+    probability = model.calibrated(len(happens) / len(times))
+    return min(float(existence), 1.0) * probability, float(np.median(happens))
+
+
+def _times_of_entry(path: FloatArray, zone: Zone) -> FloatArray:
+    """Return when each path, (N, K + 1, 3), is first in a zone, in intervals, (N,)."""
+    corners = path[..., :2].reshape(-1, 2)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    if (low > zone.bounds[1]).any() or (high < zone.bounds[0]).any():
+        return np.full(len(path), np.inf)
+    ends = zone.sides
+    near = ((ends.max(axis=1) >= low) & (ends.min(axis=1) <= high)).all(axis=1)
+    times = _times_of_crossing(path, np.ascontiguousarray(ends[near]))
+    times[zone.contains(path[:, 0, :2])] = 0.0
+    return times
+
 
 NONE, ALARM, ACKNOWLEDGED = range(3)
 HOUR_NS = 3600 * 10**9

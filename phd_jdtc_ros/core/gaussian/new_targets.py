@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compilation import Float2, Float3, Float4, Int1, Writeable, compiled, in_place
-from ..tracks import labels
+from ..tracks import track_numbers
 from .algebra.blocks import SIZE, add_mean, add_spread
 from .algebra.curvature import Moved, move, new_moved_inside
 from .algebra.vectors import total_of
@@ -25,7 +25,7 @@ def births(terms: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: i
     terms : sequence of (int, float)
         Index of each birth term, and the time since its last births, seconds.
     """
-    first = labels.first_predicted(scan_index)
+    first = track_numbers.first_predicted(scan_index)
     rows = np.array([index for index, _ in terms], dtype=np.int64)
     expected = np.array([dt for _, dt in terms]) / dynamics.model.modes.interval_s
     weight, mean, covariance = dynamics.births
@@ -59,7 +59,7 @@ def placed(places: Sequence[Place], dynamics: Dynamics, scan_index: int) -> Mixt
     for row, (position, velocity) in enumerate(places):
         mean[row, : len(modes.space)] = modes.space.state(position, velocity, 0.0)
     weight = PLACED_EXISTENCE * dynamics.birth_weight.mean(axis=0)
-    first = labels.first_predicted(scan_index) + labels.LABELS_PER_SCAN // 4
+    first = track_numbers.first_predicted(scan_index) + track_numbers.LABELS_PER_SCAN // 4
     return dynamics.nothing.changed(
         row_label=first + np.arange(count),
         weight=weight[None].repeat(count, axis=0),
@@ -84,7 +84,7 @@ def spawn(
     The parent's hypotheses are moment-matched by one Gaussian, which each motion mode predicts.
     """
     model, parts = dynamics.model, []
-    label = labels.first_predicted(scan_index) + len(model.births)
+    label = track_numbers.first_predicted(scan_index) + len(model.births)
     for mixture, dt in earlier:
         rate = min(model.spawn.rate * dt / model.modes.interval_s, 1.0)
         motion, _ = dynamics.over(np.array([dt]))

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..types import Estimates
-from .labels import birth_scan
+from .track_numbers import birth_scan
 
 # Gate of the square Mahalanobis distance between the positions of two estimates of one target.
 GATE = 16.0

@@ -23,7 +23,7 @@ from ..models.tracker_model import TrackerModel
 from ..sensors.view import View
 from ..snapshot import MAX_STAMP_NS, Snapshot, from_snapshot, integers, to_snapshot
 from ..tracks.confirmation import TrackStates
-from ..tracks.labels import MAX_SCANS
+from ..tracks.track_numbers import MAX_SCANS
 from ..types import Estimates, Scan
 from .self_reports import after_scan, layer_of
 from .swept import partition_swept, swept_births

@@ -12,7 +12,7 @@ from ..models.competing_sources import log_intensities
 from ..models.detection_birth import EarlierLooks, Newborn
 from ..models.tracker_model import TrackerModel
 from ..sensors.view import View
-from ..tracks import labels
+from ..tracks import track_numbers
 from ..types import Scan
 from .self_reports import after_look
 
@@ -49,7 +49,7 @@ def update_scan(
     scan_index : int
         Determines the labels of births.
     """
-    label, after = labels.first_detected(scan_index), Updated(rows, factors)
+    label, after = track_numbers.first_detected(scan_index), Updated(rows, factors)
     for report in steps.dynamics.model.reports(scan):
         after = update(after, report, steps, dt, label)
         label += sum(map(len, after.newborns[-1:]))

@@ -14,7 +14,7 @@ from ..gaussian.mixture import Mixture
 from ..gaussian.prediction import Moves
 from ..gaussian.reduction import Ancestry
 from ..snapshot import MAX_MASS, MAX_STAMP_NS, Snapshot, from_snapshot, integers, to_snapshot
-from ..tracks.labels import MAX_SCANS
+from ..tracks.track_numbers import MAX_SCANS
 
 
 class Window(NamedTuple):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from phd_jdtc_ros.core.conflicts.encounters import Named, predict
 from phd_jdtc_ros.core.conflicts.model import OWN, PAIR, ZONE, ConflictModel, closest_approach
+from phd_jdtc_ros.core.conflicts.watch import Named, predict
 from phd_jdtc_ros.core.engine import Paths
 from phd_jdtc_ros.core.models.zones import Zone
 from phd_jdtc_ros.core.types import Pose

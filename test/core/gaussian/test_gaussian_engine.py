@@ -23,7 +23,7 @@ from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.smoothing.smoother import backward_pass
 from phd_jdtc_ros.core.models.manoeuvre import ACCELERATION, PROBABILITY, SPEEDING, TURN_RATE
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
-from phd_jdtc_ros.core.tracks import labels
+from phd_jdtc_ros.core.tracks import track_numbers
 from phd_jdtc_ros.parameter_files import sections
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
@@ -137,7 +137,7 @@ def test_births_are_the_terms_in_every_mode_with_their_rates(amplitude):
     dynamics = dynamics_of({"amplitude": amplitude})
     model = dynamics.model
     found = births([(0, 6.0), (2, 12.0)], dynamics, 5)
-    first = labels.first_predicted(5)
+    first = track_numbers.first_predicted(5)
     assert found.row_label.tolist() == [first, first + 2]
     np.testing.assert_allclose(found.sums.existence, [0.01, 0.02])
     np.testing.assert_allclose(found.class_mass(), [0.015, 0.015])
@@ -194,7 +194,7 @@ def test_spawned_targets_are_about_their_predicted_parents():
     found = spawn([AgedMixture(parents, 6.0)], dynamics, 3, 1e-4)
     assert len(found) == 1  # of the second one, next to nothing could be spawned
     assert found.sums.existence[0] == pytest.approx(0.9 * 0.02)
-    assert found.row_label[0] == labels.first_predicted(3) + len(dynamics.model.births)
+    assert found.row_label[0] == track_numbers.first_predicted(3) + len(dynamics.model.births)
     np.testing.assert_allclose(found.mean[0, :, 0], MEAN[0] + 6.0 * MEAN[1], atol=1.0)
     std = np.sqrt(STD[0] ** 2 + (6.0 * STD[1]) ** 2 + dynamics.model.spawn.std[0] ** 2)
     assert np.sqrt(found.covariance[0, 0, 0, 0]) == pytest.approx(std, rel=1e-6)

@@ -16,7 +16,7 @@ from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import GaussianSteps
 from phd_jdtc_ros.core.targets.amplitude_density import of_classes
-from phd_jdtc_ros.core.tracks import labels
+from phd_jdtc_ros.core.tracks import track_numbers
 from phd_jdtc_ros.core.types import Coverage, Detections, Scan
 from phd_jdtc_ros.core.window.update import update_scan
 
@@ -323,7 +323,7 @@ def test_newborn_is_at_its_detection_with_the_radars_noise_and_a_broad_velocity(
     report = Detections(place, None, time_s=times, noise_std=own)
     branched = scan_update(config, report)
     found = branched.mixture
-    first = labels.first_detected(4)
+    first = track_numbers.first_detected(4)
     np.testing.assert_array_equal(found.row_label, [first, first + 1])
     np.testing.assert_array_equal(branched.parent, [-1, -1])
     usual = np.broadcast_to(radar.noise_std, (2, 2))
@@ -362,7 +362,7 @@ def test_newborns_of_a_radar_have_origins_after_those_of_the_radars_before():
     points = np.zeros((5, 5))
     points[:, [0, 2]] = [[5e3, 0], [0, 5e3], [-5e3, 0], [0, -5e3], [5e3, 5e3]]
     reports = [Detections(r.measure(points[p]), None) for r, p in ((one, [0, 1, 2]), (two, [3, 4]))]
-    first = labels.first_detected(4)
+    first = track_numbers.first_detected(4)
     found = scan_update(config, *reports).mixture
     np.testing.assert_array_equal(np.sort(found.row_label), first + np.arange(5))
 

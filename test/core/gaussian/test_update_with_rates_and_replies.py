@@ -19,7 +19,7 @@ from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import GaussianSteps
 from phd_jdtc_ros.core.sensors.of_gaussians.linearised import Measured, WeightedGaussians
 from phd_jdtc_ros.core.sensors.view import View
-from phd_jdtc_ros.core.tracks import labels
+from phd_jdtc_ros.core.tracks import track_numbers
 from phd_jdtc_ros.core.types import Detections, Scan
 from phd_jdtc_ros.core.window.update import update_scan
 
@@ -287,7 +287,7 @@ def test_scan_tells_what_is_known_its_stamp_and_the_newborn_of_each_radar():
         for radar, own in zip(config.model.radars, (slice(2), slice(2, 3)), strict=True)
     )
     known = Register(np.ones((0, 3)), np.ones(2))
-    first = labels.first_detected(4)
+    first = track_numbers.first_detected(4)
     known.evidence = lambda *_: None
     branched, _ = scan_update(config, nothing, 0, reports, factors_of(config, known))
     assert known.stamps == [STAMP_NS] * 2

@@ -12,7 +12,7 @@ from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import GaussianSteps
 from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.state_space import SPATIAL
-from phd_jdtc_ros.core.tracks import labels
+from phd_jdtc_ros.core.tracks import track_numbers
 from phd_jdtc_ros.core.types import Detections, Scan
 from phd_jdtc_ros.core.window.update import Updated, update
 
@@ -119,7 +119,7 @@ def learned(config, mixture, detections, factors=None, stamp_ns=0, **bounds):
     before = Updated(Branched(mixture, np.arange(len(mixture))), factors or forward.factors)
     steps = GaussianSteps(Dynamics(config.model), replace(forward.bounds, **bounds))
     view = View.of(radar, detections, stamp_ns)
-    return update(before, view, steps, INTERVAL_S, labels.first_detected(0))
+    return update(before, view, steps, INTERVAL_S, track_numbers.first_detected(0))
 
 
 def scan_at(seconds, measurement, amplitude=None, **more):
