@@ -287,7 +287,7 @@ def test_select_lists_every_unknown_name(study):
         ("gaussian", "core/gaussian/update.py"),
         ("gaussian", "study/monte_carlo/tasks.py"),
         ("reference", "study/reference.py"),
-        ("gnn_loud", "study/monte_carlo/scores.py"),
+        ("gnn_loud", "study/monte_carlo/tasks.py"),
         ("turning", "study/tracker.py"),
     ],
 )

@@ -213,7 +213,7 @@ def test_perform_scores_turning_radars_and_their_cpu_time(tmp_path):
         assert outcome.error == ""
         (scores,) = outcome.scores.values()
         assert len(scores.time_s) == 11
-        columns = dict(zip(monte_carlo.scores.VALUES, scores.values[0, :, 0].T, strict=True))
+        columns = dict(zip(monte_carlo.tasks.VALUES, scores.values[0, :, 0].T, strict=True))
         assert (columns["cpu_ms"] > 0.0).all()
         assert np.isfinite(columns["identity_switches"]).all()
         assert columns["near"][6:].sum() >= 0.7 * columns["n_true"][6:].sum()

@@ -40,13 +40,9 @@ SHARED = (
         )
     ),
     "phd_jdtc_ros.quoting",
-    *(
-        f"phd_jdtc_ros.study.{name}"
-        for name in (
-            *("reference", "tracker"),
-            *("monte_carlo.scores", "monte_carlo.tasks"),
-        )
-    ),
+    "phd_jdtc_ros.study.reference",
+    "phd_jdtc_ros.study.tracker",
+    "phd_jdtc_ros.study.monte_carlo.tasks",
 )
 
 
