@@ -4,7 +4,8 @@
 it. A limit is what was reached last: whoever gets below it lowers it. Only a new capability raises
 one, by what it needs; the last ones were reports of ships and aircraft, and their decoders, heights
 and tilted arrays in space, the law of clutter over range, conflicts and zones, manual work, in
-replays too, the live picture, and the trackers that share a track.
+replays too, the live picture, the trackers that share a track, and the parameters of receivers of
+reports, which are listed now.
 
 A scan's path is traced by a profiler while one scan of two radars passes `Tracker.update`. A move
 is a step from one file of the project to another, and a return is a move to a file that the scan
@@ -45,7 +46,7 @@ WARM_SCANS = 12  # Scans before the traced one
 LIMITS: Mapping[str, float] = {
     "lines of the product": 77_612,
     "files of the product": 455,
-    "declared parameters": 153,
+    "declared parameters": 162,
     "constants of modules per 1,000 lines": 14.6,
     f"functions with {MANY} parameters or more": 1,
     "calls like f(*(a, b), c)": 0,

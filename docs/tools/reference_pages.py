@@ -68,6 +68,13 @@ _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
         f"`kind` is position. Of a radar's parameters it has {_OF_POSITIONS} too.",
         tuple(p for p in TABLES["position"] if p not in TABLES["radar"]),
     ),
+    (
+        "tracker, for every receiver in `sensors`",
+        "`kind` is reports. `kind`, `topic` and `frame` are as those of a radar, and the topic is "
+        "/NAME/reports if it is empty. Reports are beside the tracks of other sensors, which they "
+        "do not change.",
+        tuple(p for p in TABLES["reports"] if p not in TABLES["radar"]),
+    ),
     *((f"tracker, for every name in `{name}`", "", PARTS[name]) for name in list(PARTS)[1:]),
     ("tracker, as a node", "The offline executables do not have these.", _own(tracker.TABLE)),
     (

@@ -22,17 +22,15 @@ LEARNED = ("lost", "off")
 
 @dataclass(frozen=True)
 class ReportsParameters(SensorParameters):
-    """The parameters of a receiver of what transmitters report of themselves."""
+    """The parameters of a receiver of what transmitters report of themselves.
+
+    Reports are beside the tracks of other sensors, which they do not change, as sources may lie.
+    Positions that cannot lie are those of a sensor of ``kind: position``.
+    """
 
     TOPIC: ClassVar[str] = "reports"
 
     message = "reports"
-    trust: str = parameter(
-        "beside",
-        "How reports are used: beside the tracks of other sensors, which they do not change, as "
-        "sources may lie. Positions that cannot lie are those of a sensor of kind: position.",
-        choices=("beside",),
-    )
     identity: str = parameter(
         "mmsi",
         "Identity space of the addresses in clouds without a field space: mmsi of ships, icao of "

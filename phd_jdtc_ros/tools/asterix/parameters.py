@@ -273,7 +273,6 @@ def add_receivers(proposed: Proposal, states: Sequence[RadarState]) -> None:
         name = state.settings.name
         identity, what = _RECEIVERS[state.source]
         proposed.set(f"{name}.kind", "reports", what)
-        proposed.set(f"{name}.trust", "beside", "they do not change the radars' tracks")
         proposed.set(f"{name}.identity", identity, "of addresses without a space")
         # Standard deviation of the place of an aircraft's antenna, metres.
         proposed.set(f"{name}.offset_std", 5.0, "of aircraft")

@@ -435,10 +435,10 @@ def test_positions_and_tracks_become_sensors_beside_the_radar(bridge):
     assert counts["/tracks_9_2/reports"] > 5
     config = from_arguments.config_of(bag_parameters.read(out))
     assert [each.name for each in config.radars] == ["radar_1_2"]
-    beside = {each.name: (each.topic, each.trust, each.identity) for each in config.receivers}
+    beside = {each.name: (each.topic, each.identity) for each in config.receivers}
     assert beside == {
-        "adsb_9_1": ("/adsb_9_1/reports", "beside", "icao"),
-        "tracks_9_2": ("/tracks_9_2/reports", "beside", "number"),
+        "adsb_9_1": ("/adsb_9_1/reports", "icao"),
+        "tracks_9_2": ("/tracks_9_2/reports", "number"),
     }
     columns = {"latitude": ("f8",), "address": ("u4",), "space": ("u1",)}
     (first, *_) = BagReader(out).messages(["/adsb_9_1/reports"])
