@@ -26,7 +26,7 @@ help:
 	@echo "make demo    replay the shipped bag through the tracker, show the scores, write out/demo;"
 	@echo "             BAG=three_classes for another of bags/, into out/demo_three_classes;"
 	@echo "             PROFILE=air_traffic from two radars' ASTERIX to tracks as ASTERIX;"
-	@echo "             PROFILE=marine, automotive, drone, phd, surveillance: other radars, other filters;"
+	@echo "             PROFILE=marine, automotive, automotive_4d, drone, phd, surveillance: other radars, other filters;"
 	@echo "             ENGINE=phd for the paper's filter, into out/demo_phd"
 	@echo "make study   the Monte Carlo study, RUNS=50 (RUNS=12 for a quick one), into out/study"
 	@echo "make bench   measure speed and scale, BENCH=--quick for a short run, into out/bench"
@@ -151,7 +151,7 @@ format: $(VENV)/.ready-test
 
 SCENARIOS := paper_scenario clutter_50 one_radar manoeuvring three_classes \
     terminal_radar terminal_radar_by_sector two_terminal_radars two_approach_radars automotive \
-    coastal coastal_ship drones
+    coastal coastal_ship drones cars_4d air_3d two_slant
 # What the radars of this one would send, as ASTERIX.
 RECORDED := two_approach_radars
 

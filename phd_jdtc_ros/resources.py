@@ -20,13 +20,14 @@ PROFILE_BAGS = {
     "air_traffic": "two_approach_radars",
     "autoferry": "autoferry_2",
     "automotive": "automotive",
+    "automotive_4d": "cars_4d",
     "drone": "drones",
     "marine": "coastal",
     "own_ship": "coastal_ship",
 }
 # The c of OSPA and GOSPA, metres, in bags whose targets are much nearer to each other than usual.
 BAG_CUTOFFS = {
-    **{"autoferry_2": 50.0, "automotive": 20.0, "drones": 30.0},
+    **{"autoferry_2": 50.0, "automotive": 20.0, "cars_4d": 20.0, "drones": 30.0},
     **{"coastal": 200.0, "coastal_ship": 200.0},
 }
 # The environment variables that name the profiles' file for Fast DDS 2 and Fast DDS 3.

@@ -9,6 +9,7 @@ from unfolded import columns_of, rows_of
 
 from msg_adapters.targets.markers import class_colour
 from phd_jdtc_ros.asterix.messages import CallSigns
+from phd_jdtc_ros.core.state_space import SPATIAL
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes
 from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
 from phd_jdtc_ros.earth import SystemPlane
@@ -126,6 +127,20 @@ def test_levels_and_ground_traffic_are_of_aircraft():
     others = words.section(picture_of(record_of(2)).header)
     for offered in ("Flight level from", "ground traffic", ">level</button></th>"):
         assert (offered in aircraft, offered in others) == (True, False)
+
+
+def test_a_drone_that_hovers_high_is_not_on_the_ground():
+    high = Attributes(np.array([[340.0, 0.0]]), np.ones((1, 2, 2)), np.array([-1]), np.array([-1]))
+    flat = tracked(0, classes=1)
+    given = replace(
+        flat,
+        attributes=high,
+        space=SPATIAL,
+        state=np.pad(flat.state, ((0, 0), (0, 2))),
+        covariance=np.pad(flat.covariance, ((0, 0), (0, 2), (0, 2))),
+    )
+    header = picture_of(record_of(1, filtered=(given,), smoothed=())).header
+    assert (header["levels"], header["ground"]) == ("m", None)
 
 
 def test_identities_are_codes_and_addresses_of_the_time():

@@ -170,8 +170,9 @@ def known_heights(record: Record) -> FloatArray:
 
 # Number of position steps across the picture, and least extent of the picture, metres.
 STEPS, LEAST_EXTENT = 1e5, 100.0
-# The targets count as aircraft, with flight levels and knots, if any height exceeds `FLYING`,
-# metres, or most of the fastest tracks exceed `FLIGHT`, metres per second.
+# The targets count as aircraft, with flight levels and knots, if most of the fastest tracks exceed
+# `FLIGHT`, metres per second, or if any reported height exceeds `FLYING`, metres. A measured one
+# may be a drone's, which hovers there.
 FLYING, FLIGHT = 300.0, 80.0
 # Aircraft are on the ground if slower than `TAXI`, metres per second, and at most `APRON` above the
 # lowest one, metres.
@@ -197,10 +198,11 @@ def picture_of(record: Record) -> Picture | None:
     quantum = 10.0 ** np.floor(np.log10(max((far - corner).max(), LEAST_EXTENT) / STEPS))
     grid = Grid(corner, float(quantum), columns)
     height = known_heights(record)
-    aircraft = _aircraft(record, height)
     every = (each for source in SOURCES for each in record.of_source(source))
+    in_space = any(each.space.vertical for each in every)
+    aircraft = _are_fast(record) or (not in_space and bool((height > FLYING).any()))
     # Flight levels are pressure altitudes, which states in space do not have.
-    by_level = aircraft and not any(each.space.vertical for each in every)
+    by_level = aircraft and not in_space
     header: dict[str, Any] = {
         "first": frames.first_shown(record),
         "corner": corner.tolist(),
@@ -246,15 +248,14 @@ def _radars(record: Record) -> list[str]:
     return sorted({plot.radar for plot in record.plots})
 
 
-def _aircraft(record: Record, height: FloatArray) -> bool:
-    """Return whether the targets are aircraft, by the heights and speeds of all estimates."""
+def _are_fast(record: Record) -> bool:
+    """Return whether the targets are as fast as aircraft, by the speeds of all estimates."""
     speeds = concatenate_rows(
         np.hypot(*entry.velocity.T)
         for part in ((record.truth,) if not record.filtered else (record.filtered,))
         for entry in part
     )
-    fast = len(speeds) > 0 and float(np.percentile(speeds, 95.0)) > FLIGHT
-    return fast or bool((height > FLYING).any())
+    return len(speeds) > 0 and float(np.percentile(speeds, 95.0)) > FLIGHT
 
 
 def _ground(record: Record, height: FloatArray, unit: float) -> dict[str, float]:
