@@ -39,6 +39,7 @@ STUDIES = {
     "league": "league.STUDY",
     "conflicts": "conflicts.STUDY",
     "self_reports": "self_reports.STUDY",
+    "space": "space.STUDY",
 }
 # Studies that run one after the other in a second process, in parallel to the Monte Carlo study.
 REST = (

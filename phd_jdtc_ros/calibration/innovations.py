@@ -170,7 +170,7 @@ class InnovationMonitor:
             order = np.lexsort((self._rng.random(len(passed)), ~followed))
             passed = passed[order[:SAMPLE]]
         plots = radar.in_plane(found)
-        world = plots.position
+        world = plots.position[:, :2]
         row, column = _pairs(position, world, passed)
         if not len(row):
             return

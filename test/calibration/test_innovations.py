@@ -12,6 +12,7 @@ from phd_jdtc_ros.calibration.innovations import LEAST_BROKEN, SAMPLE, Innovatio
 from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.factors import Noise
+from phd_jdtc_ros.core.sensors.gaussians import HeightPrior
 from phd_jdtc_ros.core.types import Coverage, Detections, Scan
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
@@ -130,9 +131,9 @@ def test_differences_are_compared_with_the_whole_covariance_of_the_noise():
     np.testing.assert_allclose(fit.noise, 0.5, atol=0.1)
 
 
-def positions_of(offset):
+def positions_of(offset, prior=None):
     """Return the comparison of a sensor of positions with a track, given each detection's error."""
-    sensor = mast(3.0, position=(0.0, 0.0))
+    sensor = mast(3.0, position=(0.0, 0.0), height_prior=prior)
     monitor = InnovationMonitor(replace(ALONE, radars=(sensor,)))
     for number, error in enumerate(offset):
         begin_ns = number * 10**9
@@ -151,8 +152,10 @@ def test_smoothed_positions_do_not_show_that_the_noise_is_too_large():
         assert anomalies.of_noise(fit) is None
 
 
-def test_wrong_noise_of_positions_names_its_parameter():
-    fit = positions_of(0.3 * np.random.default_rng(5).standard_normal((300, 2)))
+# In space a place has a height, which is not compared.
+@pytest.mark.parametrize("prior", [None, HeightPrior(1.0, 5.0)])
+def test_wrong_noise_of_positions_names_its_parameter(prior):
+    fit = positions_of(0.3 * np.random.default_rng(5).standard_normal((300, 2)), prior)
     text = anomalies.of_noise(fit)
     assert text.startswith("innovations are ")
     assert "x is off by " in text

@@ -52,6 +52,11 @@ def test_side_view_has_each_radar_with_a_height_and_the_edges_of_its_beam():
     assert (down.y[1] - 10.0) / (1e3 * down.x[1]) == pytest.approx(np.tan(-0.05), rel=1e-2)
     assert (up.y[1] - 10.0) / (1e3 * up.x[1]) == pytest.approx(np.tan(0.5), rel=0.05)
     assert [note.text for note in chart.figure.layout.annotations] == ["<b>one</b>"]
+    # The limit below the horizon leaves the axis.
+    shown = [trace for trace in chart.figure.data if trace.name != "limit"]
+    low, high = chart.figure.layout.yaxis.range
+    assert low < 10.0 < max(max(trace.y) for trace in shown) < high
+    assert low > min(10.0, *(min(trace.y) for trace in shown)) - 0.1 * (high - low) - 2.0
 
 
 def test_page_has_charts_of_heights_where_these_are_known():

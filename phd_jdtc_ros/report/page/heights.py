@@ -123,7 +123,12 @@ def from_the_side(record: Record, tracks: list[Path]) -> Chart:
             x = np.round(distance / 1e3, 4).tolist()
             _add(figure, row, x, path.height, name, line, name not in named)
             named.add(name)
-        top = max(float(np.nanmax(path.height)) for path in tracks)
+        heights = np.concatenate([path.height for path in tracks])
+        bottom, top = float(np.nanmin(heights)), float(np.nanmax(heights))
+        # The heights decide on the axis: a limit of elevations goes far below the ground.
+        margin = 0.05 * (max(top, site.height) - min(bottom, site.height)) + 1.0
+        limits = [min(bottom, site.height) - margin, max(top, site.height) + margin]
+        figure.update_yaxes(range=limits, row=row, col=1)
         for edge in _edges(site, farthest, top):
             _add(figure, row, *edge, "limit", {"color": NEUTRAL, "width": 1.0, "dash": "dash"})
     figure.update_layout(hovermode="closest")
