@@ -34,6 +34,7 @@ from phd_jdtc_ros.feed.tally import Tally
 from phd_jdtc_ros.parameter_files import sections
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
+from phd_jdtc_ros.simulation.transponder import Transponders
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 
 from . import runner
@@ -62,13 +63,24 @@ class Scene(NamedTuple):
     turn_rate_deg_s: float
     near: float  # Largest distance between a track and its target, metres
     duration_s: float
+    # Transponders with heights: a third of the targets each keep their level, climb and descend.
+    transponders: Transponders | None = None
 
 
+AIRCRAFT = Scene(
+    Path("config/air_traffic.yaml"),
+    {"conflicts.distance": [5556.0], "conflicts.horizon_s": 180.0},
+    *(40, 70e3, (120.0, 240.0), 240.0, (15.0, 90.0), 2.0, 1000.0, 420.0),
+)
 SCENES = {
-    "aircraft": Scene(
-        Path("config/air_traffic.yaml"),
-        {"conflicts.distance": [5556.0], "conflicts.horizon_s": 180.0},
-        *(40, 70e3, (120.0, 240.0), 240.0, (15.0, 90.0), 2.0, 1000.0, 420.0),
+    "aircraft": AIRCRAFT,
+    "aircraft with heights": AIRCRAFT._replace(
+        parameters={
+            **AIRCRAFT.parameters,
+            "conflicts.distance": [5556.0, 600.0],
+            **{f"approach.fields.{each}": each for each in ("height", "code", "address")},
+        },
+        transponders=Transponders(shared_code_share=0.0),
     ),
     "ships": Scene(
         Path("config/marine.yaml"),
@@ -78,14 +90,15 @@ SCENES = {
 }
 
 
-def scenario(scene: Scene, config: TrackerConfig, rng: np.random.Generator) -> Scenario:
-    """Return random traffic that the radar of a configuration sees."""
+def scenario(scene: Scene, config: TrackerConfig, rng: np.random.Generator, seed: int) -> Scenario:
+    """Return random traffic that the radar of a configuration sees; `seed` is of its heights."""
     return Scenario(
         start_ns=START_NS,
         interval_s=config.interval_s,
         scans=int(scene.duration_s / config.interval_s) + 1,
         targets=tuple(_flight(scene, rng) for _ in range(scene.targets)),
         radars=polar_radars(config.model.radars),
+        transponders=scene.transponders and replace(scene.transponders, seed=seed),
     )
 
 
@@ -131,7 +144,7 @@ def forecasts(name: str, seed: int) -> Figures:
     scene = SCENES[name]
     profile = sections.read(resources.find(scene.profile)).values("/tracker")
     config = resolve({**profile, **scene.parameters, "lag": 0, "lag_s": 0.0})
-    seen = scenario(scene, config, np.random.default_rng([seed, len(name)]))
+    seen = scenario(scene, config, np.random.default_rng([seed, len(name)]), seed)
     found: Figures = {"said": [], "true": [], "alarm_said": [], "alarm_true": []}
     scored_s = SETTLING_S
     raised: set[tuple[int, int, int]] = set()
@@ -174,7 +187,11 @@ def _comes_near(
     model = config.conflicts
     times = now_s + np.linspace(0.0, model.horizon_s, round(model.horizon_s) + 1)
     one, other = (_places(seen.flights[index or 0], times) for index in pair)
-    return bool(np.hypot(*(one - other).T).min() < model.distance)
+    near = np.hypot(*(one - other).T) < model.distance
+    if model.height:
+        own, others = (seen.replies_of[(index or 0) + 1].height(times)[:, 0] for index in pair)
+        near &= np.abs(own - others) < model.height
+    return bool(near.any())
 
 
 def _places(flight: Flight, times: FloatArray) -> FloatArray:

@@ -6,7 +6,7 @@ import re
 import pytest
 from manifest import REQUIREMENTS, ROOT, declared
 
-TEXT = (ROOT / "Dockerfile").read_text()
+TEXT = (ROOT / "Dockerfile").read_text().replace("${DISTRO}", "jazzy")
 # Needs a screen.
 LEFT_OUT = {"ros-jazzy-rviz2"}
 # Tools that build the package, and those in a checkout's .venv.
@@ -21,6 +21,8 @@ def read_stages():
     found, name = {}, ""
     for line in filter(None, map(str.strip, lines)):
         instruction, _, rest = line.partition(" ")
+        if not name and instruction == "ARG":  # of the base image's name
+            continue
         if instruction == "FROM":
             name = rest.split(" AS ")[1]
         found.setdefault(name, []).append((instruction, " ".join(rest.split())))

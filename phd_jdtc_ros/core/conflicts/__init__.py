@@ -2,7 +2,7 @@
 
 ::
 
-    possible paths of the tracks           engine.paths, by gaussian.paths
+    possible paths of the tracks           engine.paths, by gaussian.paths; heights: model
       |  share that comes too near          watch
     Conflicts: probability, time, CPA       model
       |  threshold, hysteresis              watch

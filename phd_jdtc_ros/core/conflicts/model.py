@@ -11,6 +11,7 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray, ReadOnly
 from ..models.zones import Zone
+from ..types import Attributes
 
 # What a conflict is with: own ship and a track, two tracks, or a track or own ship and a zone.
 OWN, PAIR, ZONE = range(3)
@@ -20,12 +21,62 @@ OWN_SHIP = 0
 
 
 @dataclass(frozen=True)
+class LevelFlight:
+    """How aircraft keep and change their levels, for heights beside the states.
+
+    An aircraft keeps its level for minutes, and then changes it at a nearly constant rate. So a
+    path is level, or climbs or descends, for times that are exponentially distributed.
+    """
+
+    slowest: float = 1.5  # Climb rate below which an aircraft is level, 300 ft/min, m/s
+    level_s: float = 600.0  # Mean time until a level aircraft begins to climb or to descend
+    climb_s: float = 180.0  # Mean time until it is level again, seconds
+    climb_std: float = 8.0  # Standard deviation of the rate of a new climb or descent, m/s
+
+    def paths(
+        self,
+        known: Attributes,
+        age_s: float,
+        interval_s: float,
+        size: tuple[int, int],
+        rng: np.random.Generator,
+    ) -> FloatArray:
+        """Return heights at the K + 1 points of N paths of each target, (T, N, K + 1), metres.
+
+        `size` is N and K + 1. They begin `age_s` after the heights that are known, and are NaN
+        where none is.
+        """
+        count, points = size
+        unknown = np.isnan(known.height[:, 0])
+        mean = np.where(unknown[:, None], 0.0, known.height)
+        covariance = np.where(unknown[:, None, None], 0.0, known.height_covariance)
+        values, vectors = np.linalg.eigh(covariance)
+        root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+        drawn = mean[:, None] + rng.standard_normal((len(mean), count, 2)) @ root.swapaxes(1, 2)
+        height, climb = drawn[..., 0], drawn[..., 1]
+        level = np.abs(mean[:, 1]) < self.slowest + np.sqrt(covariance[:, 1, 1])
+        climb[level] = 0.0
+        height = height + age_s * climb
+        found = np.empty((len(mean), count, points))
+        for point in range(points):
+            found[:, :, point] = height
+            height = height + interval_s * climb
+            lasting_s = np.where(climb == 0.0, self.level_s, self.climb_s)
+            ends = rng.random(climb.shape) < -np.expm1(-interval_s / lasting_s)
+            fresh = self.climb_std * rng.standard_normal(climb.shape)
+            climb = np.where(ends, np.where(climb == 0.0, fresh, 0.0), climb)
+        found[unknown] = np.nan
+        return found
+
+
+@dataclass(frozen=True)
 class ConflictModel:
     """What counts as a danger, and how it is computed."""
 
     distance: float = 0.0  # Least distance that is none, metres; 0 for zones only
     # Least difference of heights that is none, metres; 0 if heights do not matter.
     height: float = 0.0
+    level_flight: LevelFlight = field(default_factory=LevelFlight)
     horizon_s: float = 360.0  # How far ahead dangers are predicted, seconds
     alarms_per_hour: float = 6.0  # How many alarms may be raised in an hour, see `Alarms`
     zones: tuple[Zone, ...] = ()

@@ -346,8 +346,13 @@ class Watch:
         paths = engine.paths(*drawn)
         if paths is None:
             return None
-        row_of = dict(zip(reported.track_id.tolist(), reported.weight.tolist(), strict=True))
-        existence = np.array([row_of[track] for track in paths.track_id.tolist()])
+        row_of = {track: row for row, track in enumerate(reported.track_id.tolist())}
+        rows = np.array([row_of[track] for track in paths.track_id.tolist()], dtype=np.int64)
+        existence, known = reported.weight[rows], reported.attributes
+        if model.height and known is not None and not reported.space.vertical:
+            age_s, size = (stamp_ns - reported.stamp_ns) * 1e-9, (model.paths, model.steps + 1)
+            flown = known.take(rows), age_s, model.interval_s, size, rng
+            paths.place[..., 2] = model.level_flight.paths(*flown)
         moves = own is not None and bool(np.isfinite(own.velocity).all())
         names = Named(own if moves else None, manual.own, manual.friends)
         found = predict(stamp_ns, paths, existence, names, model)
