@@ -125,7 +125,7 @@ def count_sources(product: list[Module]) -> dict[str, float]:
     page = (ROOT / "docs" / "parameters.md").read_text()
     constants = sum(len(_constants(module.tree)) for module in product)
     return {
-        "lines of the product": 77_672lines,
+        "lines of the product": lines,
         "files of the product": len(product),
         "declared parameters": len(re.findall(r"^\| `", page, re.MULTILINE)),
         "constants of modules per 1,000 lines": round(1e3 * constants / lines, 1),
