@@ -355,6 +355,8 @@ def _visibility(radar: RadarParameters) -> Visibility:
         ranges=tuple(ranges),
         probabilities=tuple(table),
         clutter_max_range=radar.clutter_max_range,
+        clutter_ranges=tuple(radar.clutter_density_range),
+        clutter_density=tuple(radar.clutter_density),
     )
 
 

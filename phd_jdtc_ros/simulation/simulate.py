@@ -9,6 +9,7 @@ import numpy as np
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.spatial_radar import SpatialRadar
+from phd_jdtc_ros.core.sensors.visibility import Visibility
 from phd_jdtc_ros.core.types import FULL_TURN, Detections, Scan, Truth
 
 from .clutter import NOISE, ClutterLaw, Echoes, Reflectors
@@ -112,18 +113,41 @@ def false_detections(
     """Return measurements of clutter, shape (count, Z), and their envelopes, shape (count,).
 
     Clutter is uniform in the azimuths of the field of view, and in space uniform on the sphere
-    between its elevations.
+    between its elevations. Its ranges have the radar's density.
     """
     fov = radar.visibility.fov
     # The start of a field of view of a whole revolution has no meaning.
     first = -np.pi if fov.width == FULL_TURN else fov.start
-    distance = rng.uniform(0.0, radar.visibility.clutter_range, count)
+    distance = _with_density(
+        radar.visibility, rng.uniform(0.0, radar.visibility.clutter_range, count)
+    )
     azimuth = rng.uniform(first, first + fov.width, count)
     columns = [distance, azimuth]
     if isinstance(radar, SpatialRadar):
         low, high = np.sin(radar.visibility.elevation_limits)
         columns.append(np.arcsin(rng.uniform(low, high, count)))
     return polar(np.stack(columns, axis=1)), law.draw(radar.threshold, count, rng)
+
+
+def _with_density(visibility: Visibility, uniform: FloatArray) -> FloatArray:
+    """Return uniform ranges of clutter moved to where its density has the same integral, (N,).
+
+    The density is that of the ranges at which the radar reports; those below stay as they are.
+    """
+    near, far = visibility.min_range, visibility.clutter_range
+    if not visibility.clutter_density or near >= far:
+        return uniform
+    given = np.array(visibility.clutter_ranges)
+    edges = np.concatenate([[near], given[(given > near) & (given < far)], [far]])
+    level = np.interp(edges, given, visibility.clutter_density)
+    integral = np.append(0.0, np.cumsum(0.5 * (level[1:] + level[:-1]) * np.diff(edges)))
+    wanted = np.maximum(uniform - near, 0.0) / (far - near) * integral[-1]
+    part = np.minimum(np.searchsorted(integral, wanted, side="right"), len(edges) - 1) - 1
+    slope, rest = np.diff(level)[part] / np.diff(edges)[part], wanted - integral[part]
+    # The root of a linear density's integral, in the form that also holds without a slope.
+    root = np.sqrt(np.maximum(level[part] ** 2 + 2.0 * slope * rest, 0.0))
+    moved: FloatArray = edges[part] + 2.0 * rest / (level[part] + root)
+    return np.where(uniform < near, uniform, moved)
 
 
 def simulate(scenario: Scenario, seed: int) -> list[tuple[Truth, Scan]]:

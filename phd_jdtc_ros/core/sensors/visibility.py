@@ -158,8 +158,12 @@ class Visibility(FieldOfView):
     # constant outside; empty if it follows from the classes' signal-to-noise ratios.
     ranges: tuple[float, ...] = ()
     probabilities: tuple[float, ...] = ()  # Detection probability at each of `ranges`
-    # Largest range of the uniform clutter, metres; 0 for `max_range`.
+    # Largest range of the clutter, metres; 0 for `max_range`.
     clutter_max_range: float = 0.0
+    # Ranges at which the relative density of false detections is given, metres. It is linear
+    # between them, and constant outside; empty if it is uniform.
+    clutter_ranges: tuple[float, ...] = ()
+    clutter_density: tuple[float, ...] = ()  # Density at each of `clutter_ranges`
 
     @property
     def size(self) -> float:
