@@ -29,7 +29,7 @@ _PARAMETERS = """\
 Written by `make parameters` from the declarations in the code, {count} in all. Parameters marked *
 can change while the tracker runs, from the next scan on. A change is checked together with all
 other values, and if it is refused, every reason is given. The tracker's other parameters change
-only while it is not configured; those of the other nodes are fixed at the start, except `seek_s`
+only while it is not configured; those of the other nodes are fixed at the start, except `start_s`
 of `sensor_replay`. Whole numbers are accepted for all numbers. All faults of a configuration are
 listed at once, and the node then ends with status 2.
 """

@@ -15,7 +15,6 @@ from phd_jdtc_ros.configuration.schema import (
     POSITIVE,
     ConfigError,
     Form,
-    Parameter,
     number,
     parameter,
     table,
@@ -99,7 +98,7 @@ POSITION = Form("a finite number, at least 0", lambda value: number(value, 0.0))
 
 @dataclass(frozen=True)
 class Replay:
-    """Parameters that are set at the start."""
+    """The parameters of the replay."""
 
     bag: str = parameter(
         "", "Path of a rosbag2 directory or an MCAP file, or a shipped bag's name.", form=BAG
@@ -111,7 +110,13 @@ class Replay:
         form=RATE,
     )
     loop: bool = parameter(False, "Start again at the end.")
-    start_s: float = parameter(0.0, "Length of the bag's beginning to skip, s.", NOT_NEGATIVE)
+    start_s: float = parameter(
+        0.0,
+        "Where to begin, s from the bag's start; set during the replay, where to continue. It is "
+        "then rejected outside the part that is played.",
+        form=POSITION,
+        mutable=True,
+    )
     duration_s: float = parameter(0.0, "Length of the part to play, s; 0 for all.", NOT_NEGATIVE)
     start_paused: bool = parameter(False, "Start paused and wait for ~/resume or ~/step.")
     topics: list[str] = parameter(
@@ -141,17 +146,7 @@ class Replay:
     flush_service: str = parameter("", "Service called at the end, such as /tracker/flush.")
 
 
-AT_THE_START = table(Replay)
-# The parameter that is set during the replay.
-SEEK = Parameter(
-    "seek_s",
-    0.0,
-    "Position to continue from, s from the bag's start, set during the replay; rejected outside "
-    "the part that is played.",
-    form=POSITION,
-    mutable=True,
-)
-REPLAY = (*AT_THE_START, SEEK)
+REPLAY = table(Replay)
 
 
 def rate(text: str) -> float:

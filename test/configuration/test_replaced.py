@@ -48,11 +48,11 @@ def refused(table, prefix=""):
 
 @pytest.mark.parametrize(
     ("parameters", "table"),
-    [(node_tables.EVALUATOR, replaced.EVALUATOR), (node_tables.AT_THE_START, replaced.REPLAY)],
+    [(node_tables.EVALUATOR, replaced.EVALUATOR), (node_tables.REPLAY, replaced.REPLAY)],
     ids=["evaluator", "sensor_replay"],
 )
 def test_plain_nodes_refuse_the_names_of_before(parameters, table):
-    needed = {"bag": "a_bag"} if parameters is node_tables.AT_THE_START else {}
+    needed = {"bag": "a_bag"} if parameters is node_tables.REPLAY else {}
     _, faults = check(parameters, {**needed, **dict.fromkeys(table, 1)}, table)
     assert faults == refused(table)
 

@@ -128,7 +128,7 @@ def test_topics_and_policies_have_a_new_output(monkeypatch):
 
 
 def test_no_more_parameters_are_declared_than_a_user_can_read():
-    assert declared_in_all() <= 162
+    assert declared_in_all() <= 161
 
 
 @pytest.mark.parametrize(("node", "declared"), [(n, n) for n in NODES], indirect=["declared"])
@@ -141,21 +141,20 @@ def test_page_lists_what_the_node_declares(node, declared):
         mutable, text = listed[name]
         assert descriptor.description == text, name
         assert descriptor.additional_constraints.startswith("must be "), name
-        # Beside the one that the page's introduction names: the tracker's structure.
+        # The tracker's structure.
         later = "while the node is not configured" in descriptor.additional_constraints
-        assert descriptor.read_only != (mutable or later or name == "seek_s"), name
+        assert descriptor.read_only != (mutable or later), name
         assert not (mutable and later), name
 
 
 @pytest.mark.parametrize("declared", NODES, indirect=True)
 def test_every_number_is_typed_and_ranged(declared):
     for name, (descriptor, value) in declared.items():
-        # Empty lists have no type; a seek takes whole numbers too, and its end is the bag's; others
-        # may be written in several ways.
+        # Empty lists have no type; others may be written in several ways.
         several = name in SEVERAL_WAYS
-        free = value == [] or name == "seek_s" or several
+        free = value == [] or several
         assert descriptor.dynamic_typing == free, name
-        if isinstance(value, bool) or name == "seek_s" or several:
+        if isinstance(value, bool) or several:
             continue
         ranges = [*descriptor.integer_range, *descriptor.floating_point_range]
         assert bool(ranges) == isinstance(value, (int, float)), name

@@ -100,6 +100,7 @@ EVALUATOR: Mapping[str, str] = {
 REPLAY: Mapping[str, str] = {
     "progress": "a terminal always has a progress line",
     "estimates_topic": REMAPPED,
+    "seek_s": "set start_s",
     "truth_timeout_s": "use subscriber_timeout_s, a fifth of which is the wait for the truth",
 }
 OF_PLOTS: Mapping[str, str] = {

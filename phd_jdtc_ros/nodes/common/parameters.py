@@ -157,7 +157,8 @@ def resolve(
     values, faults = check(table, {**given_values(node, files), **flags}, old)
     if faults:
         raise ConfigError(*faults)
-    declare(node, {parameter.name: parameter for parameter in table}, values)
+    mutable = frozenset(parameter.name for parameter in table if parameter.mutable)
+    declare(node, {parameter.name: parameter for parameter in table}, values, mutable)
     return values
 
 

@@ -24,7 +24,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.parameters import replaced
 from phd_jdtc_ros.exit_status import FAILED, OK, fail
 from phd_jdtc_ros.parameter_files import node_tables
-from phd_jdtc_ros.parameter_files.node_tables import SEEK
+from phd_jdtc_ros.parameter_files.node_tables import POSITION
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
 from ..common import parameters, runtime, topics
@@ -57,9 +57,7 @@ class SensorReplay(RunnableNode):
         bag: BagReader | None = None,
     ) -> None:
         super().__init__("sensor_replay")
-        self._values = parameters.resolve(
-            self, node_tables.AT_THE_START, flags, files, replaced.REPLAY
-        )
+        self._values = parameters.resolve(self, node_tables.REPLAY, flags, files, replaced.REPLAY)
         bag = bag or BagReader(resources.bag(self._values["bag"]))
         self._played = playback.select(bag, self._values["topics"])
         for line in self._played.skipped:
@@ -101,8 +99,6 @@ class SensorReplay(RunnableNode):
         }.items():
             serve(self, name, action)
         # Seeking is a parameter, because std_srvs has no service that takes a number.
-        seek = {SEEK.name: SEEK}
-        parameters.declare(self, seek, {SEEK.name: SEEK.default}, frozenset(seek))
         self.add_on_set_parameters_callback(self._check_seek)
         self.add_post_set_parameters_callback(self._seek)
         playback.begin(self, bag.path, self._estimates)
@@ -328,22 +324,22 @@ class SensorReplay(RunnableNode):
             self._lock_step.restart(time.monotonic())
 
     def _check_seek(self, given: list[Parameter]) -> SetParametersResult:
-        faults = (self._seek_fault(each.value) for each in given if each.name == SEEK.name)
+        faults = (self._seek_fault(each.value) for each in given if each.name == "start_s")
         reason = "; ".join(filter(None, faults))
         return SetParametersResult(successful=not reason, reason=reason)
 
     def _seek_fault(self, value: Any) -> str:
         """Return the reason for which the replay cannot go to `value`; empty if it can."""
         if self._phase in (self._drain, self._finish_flush):
-            return f"{SEEK.name}: {value} given, but the bag has been played to its end"
-        seconds = SEEK.coerce(value)
+            return f"start_s: {value} given, but the bag has been played to its end"
+        seconds = POSITION.read(value)
         first, last = self._part_s
         if not isinstance(seconds, float) or not first <= seconds <= last:
-            return f"{SEEK.name}: {value} given, must be a number from {first:g} to {last:g}"
+            return f"start_s: {value} given, must be a number from {first:g} to {last:g}"
         return ""
 
     def _seek(self, given: list[Parameter]) -> None:
-        for each in (each for each in given if each.name == SEEK.name):
+        for each in (each for each in given if each.name == "start_s"):
             self._playback.seek(self._playback.time_ns(float(each.value)))
             self._begin()
             self._show()

@@ -28,7 +28,7 @@ SECOND = 10**9
 
 
 def seek(peer, seconds):
-    parameter = Parameter("seek_s", value=seconds).to_parameter_msg()
+    parameter = Parameter("start_s", value=seconds).to_parameter_msg()
     request = SetParametersAtomically.Request(parameters=[parameter])
     service = "/sensor_replay/set_parameters_atomically"
     return peer.call(SetParametersAtomically, service, request).result
@@ -106,7 +106,7 @@ def test_replay_loops_the_chosen_part_and_refuses_to_seek_outside(processes, pee
     for seconds in (11.9, 24.1, -1.0, float("nan"), "soon"):
         result = seek(peer, seconds)
         assert not result.successful
-        assert result.reason == f"seek_s: {seconds} given, must be a number from 12 to 24"
+        assert result.reason == f"start_s: {seconds} given, must be a number from 12 to 24"
     peer.call(Trigger, "/sensor_replay/resume")
     assert peer.spin_until(lambda: listener.scans >= 7)
     assert played_s(listener)[:6] == [12.0, 18.0, 24.0] * 2
