@@ -44,12 +44,6 @@ class Evaluator:
         ["class_0", "class_1"], "Names of the target classes.", element=str, most=MOST_CLASSES
     )
     cutoff: float = parameter(1000.0, "Cut-off c of OSPA and GOSPA, m.", POSITIVE)
-    least_speed: float = parameter(
-        0.0,
-        "Speed below which targets and the estimates of them are not scored, m/s. Set it to the "
-        "tracker's clutter_map_speed.",
-        (0.0, 1e3),
-    )
     report: str = parameter("", "Path of the final report (JSON); empty for none.")
     record: str = parameter("", "Directory of a bag of everything published; empty for none.")
     record_topics: list[str] = parameter(

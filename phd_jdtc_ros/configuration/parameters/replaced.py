@@ -96,6 +96,7 @@ EVALUATOR: Mapping[str, str] = {
     "pose_message": RECORDED,
     "world_frame": "it is the frame of the first cloud",
     "order": CONSTANT.format("2"),
+    "least_speed": "it is the tracker's clutter_map_speed, for which it is asked",
 }
 REPLAY: Mapping[str, str] = {
     "progress": "a terminal always has a progress line",

@@ -67,7 +67,6 @@ class Evaluator(RunnableNode):
             ORDER,
             MAX_SCANS,
             tuple(self._values["classes"]),
-            self._values["least_speed"],
         )
         self._truth_topic = self.resolve_topic_name(names.TRUTH)
         tracker = self._values["tracker"]
@@ -216,7 +215,8 @@ class Evaluator(RunnableNode):
             raise RejectedMessageError("oversize", text)
 
     def _on_parameters(self, values: Mapping[str, Any]) -> None:
-        """Record the tracker's parameters, which it sends once it has discovered this node."""
+        """Use and record the tracker's parameters, sent once it has discovered this node."""
+        self._evaluation.least_speed = least_speed(values)
         engine = values.get("engine")
         self._engine = None if engine is None else str(engine)
         if self._recorder is not None:
@@ -256,6 +256,21 @@ class Evaluator(RunnableNode):
             self.get_logger().warning(text)
         if self._completion.is_reached(time.monotonic()):
             self.exit_status = OK
+
+
+def least_speed(values: Mapping[str, Any]) -> float:
+    """Return the speed of the slowest targets that a tracker with these parameters reports, m/s.
+
+    Slower ones are in the clutter maps of all sensors.
+    """
+    found = [
+        float(values.get(f"{name}.clutter_map_speed", 0.0))
+        if values.get(f"{name}.clutter_map")
+        else 0.0
+        for name in values.get("sensors", ())
+        if values.get(f"{name}.kind") != "reports"
+    ]
+    return min(found, default=0.0)
 
 
 def _recorded_topics(topics: Sequence[str], messages: Sequence[str]) -> dict[str, str]:

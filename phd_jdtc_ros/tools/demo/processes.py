@@ -130,7 +130,6 @@ def evaluator_parameters(
         "classes": f"[{', '.join(kind.name for kind in classes)}]",
         "exit_after_scans": scans,
         "cutoff": cutoff,
-        "least_speed": config.least_speed,
     }
 
 
