@@ -218,7 +218,9 @@ def _words(component: str) -> str:
 
 
 def _beyond_a_turn(radar: RadarParameters, count: int) -> str:
-    """Return the warning about azimuths beyond one revolution in radians."""
+    """Return the warning about azimuths beyond one revolution."""
+    if radar.azimuth_in_degrees:
+        return f"{count} azimuths beyond 360 degrees; are they degrees, and not gradians?"
     cause = (
         f"degrees, set {radar.name}.azimuth_unit to deg"
         if radar.named_fields

@@ -130,11 +130,7 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         no_angles = _count(np.isfinite(azimuth_size) & (np.abs(columns["azimuth"]) > NO_ANGLE))
     counts |= {
         **common_counts,
-        "azimuths_beyond_a_turn": (
-            _count(beyond & kept)
-            if is_beyond and not (radar.azimuth_in_degrees or no_angles)
-            else 0
-        ),
+        "azimuths_beyond_a_turn": (_count(beyond & kept) if is_beyond and not no_angles else 0),
         "azimuths_no_angles": no_angles,
         "ranges_negative": _count(columns["range"] < 0.0) if dropped else 0,
         "heights_unknown": 0 if height is None else _count(~np.isfinite(height[kept])),

@@ -37,7 +37,7 @@ def test_fit_warns_of_degrees_that_are_read_as_radians():
 
 def test_fit_names_times_in_days():
     days = {**DETECTIONS, "time": 45_991.0 + DETECTIONS["time"] / 86_400.0}
-    with pytest.raises(ValueError, match=r"1.2e-05 s, must be .* seconds; probably these are days"):
+    with pytest.raises(ValueError, match=r"1.2e-05 s, must be .*; these are probably hours or"):
         Tracker().fit(days)
 
 

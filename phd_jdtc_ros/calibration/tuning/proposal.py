@@ -93,7 +93,7 @@ def interval_s(found: Mapping[str, Findings]) -> float:
     if shortest < SHORTEST_LOOK_S:
         raise TuningError(
             f"scans follow each other in {shortest:.2g} s, must be at least {SHORTEST_LOOK_S:g} s: "
-            "times are in seconds; probably these are days, multiply them by 86400"
+            "times are in seconds; these are probably hours or days: multiply them by 3600 or 86400"
         )
     return round_to_std(shortest, 1e-3 * shortest)
 

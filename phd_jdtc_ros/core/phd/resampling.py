@@ -7,12 +7,16 @@ particles from a target that was just missed.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, factorize, run_starts, sum_by
 from ..targets.modes import ModeSpace
-from .particles import Particles
+
+if TYPE_CHECKING:
+    # Configurations have a budget also for engines without particles, which start the sooner.
+    from .particles import Particles
 
 
 @dataclass(frozen=True)

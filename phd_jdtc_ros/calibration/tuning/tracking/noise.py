@@ -38,6 +38,8 @@ SEARCH_WIDTH, DENSITY_SEARCH_WIDTH = np.log(30.0), np.log(1e4)
 # Smallest standard deviations, m and rad, and those of places: only synthetic plots are more
 # accurate.
 LEAST_STD, LEAST_OF_PLACES = (0.01, 1e-5), (0.001, 0.001)
+# Relative error of multiples of a rounding step, for numbers in single precision.
+ROUNDED = 1e-3
 # Step of the finite differences, and least logarithmic ratio of the second density to the first.
 STEP, LEAST_RATIO = 1e-3, np.log(4.0)
 
@@ -106,7 +108,7 @@ def find_outliers(
 
 
 def agreeing(plots: Plots, tracks: Tracks, noise: Noise) -> Noise:
-    """Return the noise, enlarged where third differences of plots surely show a larger one.
+    """Return the noise, enlarged where plots show a larger one: third differences, or rounding.
 
     The acceleration of the likelihood's modes is white, so that it takes a steady turn for a
     smaller noise; differences are blind to a constant acceleration. The tracker warns by the same
@@ -128,8 +130,19 @@ def agreeing(plots: Plots, tracks: Tracks, noise: Noise) -> Noise:
     paths = np.column_stack([plots.time_s, *columns])[rows]
     slope = kinematics.slope(plots.position[rows[:, -1]], plots.pose[rows[:, -1]], plots.places)
     ratio = innovations.least_ratio(innovations.squares_of_differences(paths, slope))
-    std = np.maximum(ratio * np.sqrt(variance), least_std(plots.places))
+    rounding = [_step(column) / math.sqrt(12.0) for column in plots.measurement.T]
+    std = np.maximum(ratio * np.sqrt(variance), [*least_std(plots.places)])
+    std = np.maximum(std, rounding)
     return replace(noise, range_std=float(std[0]), azimuth_std=float(std[1]))
+
+
+def _step(value: FloatArray) -> float:
+    """Return the step that values are rounded to, if most of them repeat; otherwise 0."""
+    steps = np.diff(np.unique(value))
+    if not len(steps) or 2 * len(steps) > len(value):
+        return 0.0
+    whole = steps / steps.min()
+    return float(steps.min()) if (np.abs(whole - np.rint(whole)) < ROUNDED * whole).all() else 0.0
 
 
 def least_std(places: bool) -> tuple[float, float]:
