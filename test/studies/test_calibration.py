@@ -126,6 +126,7 @@ def test_study_scores_the_tracker_on_drawn_truth(tmp_path, capsys):
     assert "class probability" in capsys.readouterr().out
     found = json.loads((tmp_path / "calibration.json").read_text())["gaussian"]
     assert sum(found["filtered"]["existence"]["number"]) > 0
+    assert all(found[source]["covered"]["pairs"] > 0 for source in ("filtered", "smoothed"))
     assert (tmp_path / "reliability.png").stat().st_size > 1e4
     joined = json.loads((tmp_path / "summary.json").read_text())
     assert len(joined["goals"]) == 6
