@@ -42,6 +42,8 @@ class IdentityModel:
     # Probability that a target has a shared identity; all of them are equally probable.
     shared_probability: float = 0.0
     unique: bool = False  # Whether no two targets have the same identity
+    # Probability that a unique identity is cloned all the same: two targets send it.
+    cloned: float = 1e-3
 
     def prior(self, identity: IntArray) -> FloatArray:
         """Return the prior probability of identities for a new target, elementwise."""

@@ -15,9 +15,6 @@ from ...arrays import FloatArray, IntArray, sum_by
 from ...association.evidence import OutOfGate
 from .identity import Belief, IdentityModel
 
-# Upper bound of the probability that a known target has an identity; keeps logarithms finite.
-MAX_CONFLICT = 1.0 - 1e-12
-
 
 class Conflicts(NamedTuple):
     """Probabilities that known targets have the identities shown by M detections."""
@@ -44,12 +41,15 @@ def identity_conflicts(
 
     If a new target is the source of a detection, an old one is not, and exists with probability
     r' = r (1 - p_D) / (1 - r p_D). With the belief b in the identity, the old target leaves it free
-    with probability 1 - r' b. The reply of a new target may also be garbled.
+    with probability 1 - (1 - c) r' b, where c is the probability that the identity is cloned. The
+    reply of a new target may also be garbled.
     """
     if not model.unique:
         return Conflicts(np.zeros(len(target)), np.zeros(len(reply)))
     probability = belief.probability_of(target, reply[column])
-    log_free = np.log1p(-np.minimum(undetected[target] * probability, MAX_CONFLICT))
+    # Where the identity is cloned, its owner does not exclude another one.
+    excludes = (1.0 - model.cloned) * np.minimum(undetected[target] * probability, 1.0)
+    log_free = np.log1p(-excludes)
     log_free_of_all = sum_by(column, log_free, len(reply))
     by_another = -np.expm1(log_free_of_all[column] - log_free)
     log_undetected = np.log1p(model.genuine_probability(reply) * np.expm1(log_free_of_all))

@@ -252,8 +252,8 @@ def by_state(weight, candidates):
 def weights_of_all_events():
     """Return the weight of each source: the targets, clutter and an undetected target.
 
-    The sum over who exists, what they have and which were missed. No other target has what
-    the source of the detection has.
+    The sum over who exists, what they have and which were missed. Another target has what the
+    source of the detection has only if the identity is cloned.
     """
     belief = beliefs()
     tables = [by_state(w, c) for w, c in zip(belief.weight, belief.candidate, strict=True)]
@@ -272,13 +272,15 @@ def weights_of_all_events():
             taken = [has[i] for i in range(2) if exist[i]]
             shows = UNIQUENESS.reply
             weight["clutter"] += prior * np.prod(missed) * CLUTTER
-            if SHOWN not in taken:
-                one = UNDETECTED_TARGETS * fresh[SHOWN] * shows
-                weight["unknown"] += prior * np.prod(missed) * one
+            one = (
+                UNDETECTED_TARGETS * fresh[SHOWN] * shows * UNIQUENESS.cloned ** taken.count(SHOWN)
+            )
+            weight["unknown"] += prior * np.prod(missed) * one
             for i in range(2):
                 other = 1 - i
-                if exist[i] and has[i] == SHOWN and not (exist[other] and has[other] == SHOWN):
+                if exist[i] and has[i] == SHOWN:
                     one = DETECTED[i] * LIKELIHOOD[i] * shows
+                    one *= UNIQUENESS.cloned ** (taken.count(SHOWN) - 1)
                     weight[i] += prior * missed[other] * one
     return weight
 
@@ -315,7 +317,8 @@ def test_taken_is_of_unique_identities_and_leaves_what_is_garbled():
     found = uniqueness.identity_conflicts(belief, one, one, np.array([SHOWN]), np.ones(1), model)
     garbled = 1.0 - model.genuine_probability(np.array([SHOWN]))[0]
     assert 0.01 < garbled < 0.012
-    assert np.exp(found.log_undetected[0]) == pytest.approx(garbled, rel=1e-9)
+    left = garbled + model.cloned * (1.0 - garbled)
+    assert np.exp(found.log_undetected[0]) == pytest.approx(left, rel=1e-9)
     model = IdentityModel(ADDRESS_SIZE, unique=False)
     one = np.zeros(2, dtype=np.int64)
     found = uniqueness.identity_conflicts(
