@@ -152,8 +152,9 @@ format: $(VENV)/.ready-test
 SCENARIOS := paper_scenario clutter_50 one_radar manoeuvring three_classes \
     terminal_radar terminal_radar_by_sector two_terminal_radars two_approach_radars automotive \
     coastal coastal_ship drones cars_4d air_3d two_slant
-# What the radars of this one would send, as ASTERIX.
-RECORDED := two_approach_radars
+# What the radars of these would send, as ASTERIX, and what a receiver of AIS would.
+RECORDED := two_approach_radars harbour_ais
+HEARD := harbour_ais
 
 bags: $(VENV)/.ready
 	@for name in $(SCENARIOS); do \
@@ -161,8 +162,15 @@ bags: $(VENV)/.ready
 	    $(RUN) -m phd_jdtc_ros simulate --scenario config/scenarios/$$name.yaml --out bags/$$name \
 	    || exit 1; \
 	done
-	@$(RUN) -m phd_jdtc_ros asterix_bridge bags/$(RECORDED) --plots \
-	    --out bags/$(RECORDED)/recording.ast
+	@for name in $(HEARD); do \
+	    rm -rf bags/$$name && \
+	    $(RUN) -m phd_jdtc_ros simulate --scenario config/scenarios/$$name.yaml --out bags/$$name \
+	        --reports bags/$$name/recording.nmea || exit 1; \
+	done
+	@for name in $(RECORDED); do \
+	    $(RUN) -m phd_jdtc_ros asterix_bridge bags/$$name --plots --out bags/$$name/recording.ast \
+	    || exit 1; \
+	done
 
 parameters: $(VENV)/.ready
 	PYTHONPATH=. $(RUN) docs/tools/reference_pages.py docs

@@ -22,13 +22,14 @@ PROFILE_BAGS = {
     "automotive": "automotive",
     "automotive_4d": "cars_4d",
     "drone": "drones",
+    "harbour": "harbour_ais",
     "marine": "coastal",
     "own_ship": "coastal_ship",
 }
 # The c of OSPA and GOSPA, metres, in bags whose targets are much nearer to each other than usual.
 BAG_CUTOFFS = {
     **{"autoferry_2": 50.0, "automotive": 20.0, "cars_4d": 20.0, "drones": 30.0},
-    **{"coastal": 200.0, "coastal_ship": 200.0},
+    **{"coastal": 200.0, "coastal_ship": 200.0, "harbour_ais": 200.0},
 }
 # The environment variables that name the profiles' file for Fast DDS 2 and Fast DDS 3.
 PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")

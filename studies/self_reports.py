@@ -179,6 +179,8 @@ def received(
                 velocity=velocity[None],
                 address=np.array([address]),
                 space=np.array([MMSI]),
+                # Class B is told from class A by the type of its messages.
+                interval_s=np.array([30.0 if kind == CLASS_B else 2.0]),
             )
             found.append((time_s + latency_s, report))
     return sorted(found, key=lambda each: each[0])

@@ -18,6 +18,7 @@ from ..encoding.errors import RejectedMessageError
 NUMBERS = ("f4", "f8", "u1", "i1", "u2", "i2", "u4", "i4")
 OPTIONAL = {
     **dict.fromkeys(("vx", "vy", "speed", "course", "heading", "height"), point_cloud.FLOATS),
+    **dict.fromkeys(("interval", "ahead", "left", "length"), point_cloud.FLOATS),
     **dict.fromkeys(("std", "x_std", "y_std", "correlation"), point_cloud.FLOATS),
     **dict.fromkeys(("address", "space", "type", "accurate"), NUMBERS),
     "time": ("f8",),

@@ -111,6 +111,15 @@ def call_sign_text(call_sign: int) -> str:
     return "".join(chr(each + 64 * (each <= 26)) for each in letters).strip()
 
 
+def call_sign_of(text: str) -> int:
+    """Return a name as a call sign: its first letters and digits; `NONE` without any."""
+    letters = [each for each in text.upper() if each.isascii() and (each.isalnum() or each == " ")]
+    found = 0
+    for each in "".join(letters)[:CHARACTERS].strip().ljust(CHARACTERS):
+        found = found << BITS | ord(each) & 63
+    return found if any(each != " " for each in letters) else NONE
+
+
 class CallSigns:
     """The latest call sign of each address."""
 

@@ -201,6 +201,11 @@ class TrackReport:
     # The trackers that have the track, the one whose estimate it is first: the number of each, from
     # 1, and its number of the track. Empty for a single tracker.
     composed: tuple[tuple[int, int], ...] = ()
+    # What self-reports say: time since the last one of ADS-B, NaN for never; whether the track is
+    # of reports alone; and whether it is not heard although others are.
+    report_age_s: float = math.nan
+    alone: bool = False
+    unheard: bool = False
 
 
 def track_record(track: TrackReport, time_ns: int, source: Source) -> bytes:
@@ -256,12 +261,15 @@ def _composed(track: TrackReport) -> bytes:
 
 
 def _status(track: TrackReport, source: Source) -> bytes:
-    """Encode I062/080 up to the octet with the coasting flag."""
+    """Encode I062/080 up to the octet with the coasting flag.
+
+    That octet also says that a track has no primary plots (PSR) and no recent self-report (ADS).
+    """
     first = 0x80 * source.monosensor | 0x02 * (not track.confirmed)
     if (source.geometric or track.geometric) and math.isfinite(track.height):
         first |= 0x20 | 2 << 2  # the geometric height is more reliable; the source is plots
     second = 0x40 * track.last | 0x20 * track.first
-    fourth = 0x80 * track.coasting
+    fourth = 0x80 * track.coasting | 0x40 * track.alone | 0x08 * track.unheard
     if not (second or fourth):
         return bytes([first])
     if not fourth:
@@ -280,7 +288,9 @@ def _ages(track: TrackReport) -> bytes:
         for bit, age in zip((0x40, 0x20, 0x10), track.sensor_ages_s, strict=True)
         if math.isfinite(age)
     }
-    if not own:
+    if math.isfinite(track.report_age_s):
+        own[0x04] = track.report_age_s
+    if not own and not track.alone:
         assumed = 0x10 if track.address != NONE else 0x20 if track.code != NONE else 0x40
         own = {assumed: track.since_s}
     ages = (unsigned(age, AGE_UNIT, 1) for age in (track.age_s, *own.values()))

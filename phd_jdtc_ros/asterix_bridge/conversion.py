@@ -14,7 +14,7 @@ from msg_adapters.encoding import names, point_cloud
 from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.targets import estimates
 from phd_jdtc_ros.asterix import writing as tracks_out
-from phd_jdtc_ros.asterix.messages import ADS_B, NONE, CallSigns, Plot
+from phd_jdtc_ros.asterix.messages import ADS_B, NONE, CallSigns, Plot, call_sign_of
 from phd_jdtc_ros.asterix.plot_stream import Cloud, RadarState
 from phd_jdtc_ros.asterix.slices import SectorReport
 from phd_jdtc_ros.asterix.writing import Source, TrackReport
@@ -22,13 +22,16 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.targets.modes import ModeSpace
 from phd_jdtc_ros.core.targets.motion import CoordinatedTurn
-from phd_jdtc_ros.core.types import COASTING, CONFIRMED, Estimates
+from phd_jdtc_ros.core.types import COASTING, CONFIRMED, Estimates, Reported
+from phd_jdtc_ros.core.types.reports import ICAO, text_of
 from phd_jdtc_ros.transponders import batches
 from phd_jdtc_ros.transponders.batches import Batch
 
 # Level of a receiver's noise that amplitudes are converted with, dBm. The tracker's parameter
 # `amplitude_offset_db` corrects it for a radar.
 NOISE_DBM = -100.0
+# Owner probability from which a source is a track's, and from which a track is silent.
+OWNED = 0.5
 # Marks an unknown code or address in a cloud.
 UNKNOWN = 2**32 - 1
 
@@ -230,10 +233,19 @@ class TrackOutput:
         up_std = _deviations(climbed @ known.height_covariance @ climbed.T)
         ages = known.ages_s(time_ns).tolist()
         members = estimated.members
+        told = estimated.reports or Reported.unknown(len(estimated))
+        owned = (told.owned > OWNED) | (told.alone == 1)
+        by_icao = owned & (told.space == ICAO)
+        addresses = np.where(by_icao & (known.address == NONE), told.address, known.address)
+        heard = by_icao & (told.heard_ns > 0)
+        report_age_s = np.where(heard, (time_ns - told.heard_ns) * 1e-9, np.nan).clip(min=0.0)
         found: dict[int, TrackReport] = {}
         for row in np.flatnonzero(estimated.track_id > 0).tolist():
             number = int(estimated.track_id[row])
             life, climb = self._lives[number], float(known.height[row, 1])
+            address, named = int(addresses[row]), NONE
+            if owned[row]:
+                named = call_sign_of(text_of(told.name[row]))
             turn, turn_std = (float(of[row, space.turn_rate]) for of in (later.state, std))
             found[number] = TrackReport(
                 # ASTERIX has 16 bits for a track number, and none is 0.
@@ -246,7 +258,7 @@ class TrackOutput:
                 geometric=bool(space.vertical),
                 climb=climb,
                 code=int(known.code[row]),
-                address=int(known.address[row]),
+                address=address,
                 course=_course(turn, turn_std),
                 vertical=_vertical(climb),
                 confirmed=int(estimated.track_state[row]) in (CONFIRMED, COASTING),
@@ -260,8 +272,11 @@ class TrackOutput:
                 covariance=float(later.position_covariance[row, 0, 1]),
                 height_std=float(up_std[row, 0]),
                 climb_std=float(up_std[row, 1]),
-                call_sign=self._call_signs.of(int(known.address[row])),
                 composed=() if members is None else _composed(members[row].tolist()),
+                call_sign=self._call_signs.of(address) if named == NONE else named,
+                report_age_s=float(report_age_s[row]),
+                alone=bool(told.alone[row]),
+                unheard=bool(told.silent[row] > OWNED),
             )
         return found
 

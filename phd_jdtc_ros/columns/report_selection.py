@@ -17,6 +17,8 @@ from phd_jdtc_ros.core.types.reports import NAME_SIZE, OTHER, SPACES
 
 # Addresses have 32 bits, of which the last number means that there is none; 0 is none too.
 NO_ADDRESS = (1 << 32) - 1
+# Longest interval of the reports of a transmitter, seconds.
+LONGEST_S = 3600.0
 # Types and accuracies that mean that they are unknown.
 NO_TYPE, NO_ACCURACY = 0, 255
 
@@ -24,7 +26,8 @@ PLACES = ("latitude", "longitude"), ("x", "y")
 # The columns of numbers that reports may have, with the time.
 QUANTITIES = (
     *("latitude", "longitude", "x", "y", "vx", "vy", "speed", "course", "heading", "height"),
-    *("std", "x_std", "y_std", "correlation", "address", "space", "type", "accurate"),
+    *("std", "x_std", "y_std", "correlation", "address", "space", "type", "accurate", "interval"),
+    *("ahead", "left", "length"),
 )
 Columns = Mapping[str, npt.NDArray[Any]]
 
@@ -82,6 +85,8 @@ def select(stamp_ns: int | None, own: ReportsParameters, columns: Columns) -> To
         type=_small(floats("type"), NO_TYPE)[kept],
         name=_names(columns.get("name"), count)[kept],
         accurate=_small(floats("accurate"), NO_ACCURACY)[kept],
+        hull=np.stack([floats(name) for name in ("ahead", "left", "length")], axis=1)[kept],
+        interval_s=_within(floats("interval"), 0.0, LONGEST_S)[kept],
     )
     return Told(reports, dropped)
 
@@ -118,6 +123,11 @@ def _velocity(floats: Any, columns: Columns, north: FloatArray) -> FloatArray:
     # Largest speed of a transmitter, metres per second: no aircraft is as fast.
     known = (np.abs(velocity) <= 2000.0).all(axis=1)
     return np.where(known[:, None], velocity, np.nan)
+
+
+def _within(value: FloatArray, least: float, most: float) -> FloatArray:
+    """Return values between bounds, above the lower one; NaN for others."""
+    return np.where((value > least) & (value <= most), value, np.nan)
 
 
 def _covariance(floats: Any) -> FloatArray:

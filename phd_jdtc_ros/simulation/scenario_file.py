@@ -75,7 +75,7 @@ class Timing:
 BLOCKS = (
     *("profile", "parameters", "targets", "traffic", "manoeuvres", "antennas", "biases", "clutter"),
     *("echoes", "world_origin", "sites", "reflectors", "platform", "transponders", "gaps"),
-    *("mirrors", "sending"),
+    *("mirrors", "sending", "self_reports"),
 )
 
 

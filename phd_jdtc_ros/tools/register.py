@@ -1,8 +1,9 @@
 """Finds the systematic errors of radars in a recording: range, azimuth and time.
 
-It links each radar's detections to tracks, finds the targets that several radars see, and prints
-each error with its standard deviation. With --out it writes a parameter file with which the tracker
-corrects them, and a picture of the residuals before and after.
+It links each radar's detections to tracks, finds the targets that several radars see, or that
+report themselves to a receiver beside a radar, and prints each error with its standard deviation.
+With --out it writes a parameter file with which the tracker corrects them, and a picture of the
+residuals before and after.
 """
 
 from __future__ import annotations
@@ -18,20 +19,29 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.incoming import self_reports
 from phd_jdtc_ros import output_files, resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.registration.common import KINDS
 from phd_jdtc_ros.calibration.registration.solution import RadarEstimate, Registration, register
-from phd_jdtc_ros.calibration.registration.tracked_radars import RegistrationError, tracked_radar
+from phd_jdtc_ros.calibration.registration.tracked_radars import (
+    RegistrationError,
+    tracked_radar,
+    tracked_reports,
+)
 from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.parameters.reports import ReportsParameters
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
+from phd_jdtc_ros.core.types import SelfReports
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.report import style
+from phd_jdtc_ros.report.load import Intact
 from phd_jdtc_ros.report.pictures import figures
 
 from . import command, recorded_plots
@@ -227,11 +237,15 @@ def _estimate(
     """Return the errors found, the corrections for the tracker, and the damage of a recording."""
     config = from_arguments.config_of(given)
     config.require_plane("register, which estimates no biases of elevations")
-    names = [radar.name for radar in config.radars]
+    receivers = [own.name for own in config.receivers]
+    names = [*receivers, *(radar.name for radar in config.radars)]
     if reference is not None and reference not in names:
         raise ConfigError(f"--reference: {reference} given, must be one of {', '.join(names)}")
     if len(names) < 2:
-        raise BagError(f"{source}: radars: {names[0]} alone given, must be at least two to compare")
+        raise BagError(
+            f"{source}: radars: {names[0]} alone given, must be at least two to compare, or one "
+            "with a receiver of self-reports"
+        )
     found, recorded = _register(source, config, reference or names[0], seconds)
     parameters = _parameters(config, found)
     if any(r.fields.elevation or r.fields.height or r.site is not None for r in config.radars):
@@ -260,9 +274,29 @@ def _register(
                     "some, or be left out of radars"
                 )
             sensors.append(tracked_radar(plots, radar, bag.start_ns, bool(layout.pose.topic)))
-        return register(sensors, reference), recorded
+        radars = len(sensors)
+        for own in config.receivers:
+            told = _told(bag, own, seconds)
+            std = own.receiver([]).habits.usual_std
+            sensors.append(tracked_reports(own.name, told, std, bag.start_ns))
+        found = register(sensors, reference)
+        return replace(found, radars=found.radars[:radars]), recorded
     except RegistrationError as error:
         raise BagError(f"{source}: {error}") from error
+
+
+def _told(bag: BagReader, own: ReportsParameters, seconds: float) -> SelfReports:
+    """Return the self-reports of a receiver in the first seconds of a bag."""
+    until_ns = bag.start_ns + round(seconds * 1e9)
+    parts = []
+    for entry in Intact(bag).messages([own.topic], until_ns):
+        try:
+            parts.append(self_reports.from_cdr(entry.data, own).reports)
+        except RejectedMessageError as error:
+            raise BagError(f"{bag.path}: {own.topic}: {error}") from error
+    if not parts:
+        raise RegistrationError(f"{own.name}: silent, no reports on {own.topic}")
+    return SelfReports.concatenate(parts)
 
 
 def _join(first: Registration, second: Registration) -> Registration:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import heapq
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,11 +21,13 @@ from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Truth
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, yaml_files
-from phd_jdtc_ros.simulation import antenna, scenario_file
+from phd_jdtc_ros.report_bridge.settings import cloud, missing
+from phd_jdtc_ros.simulation import antenna, scenario_file, self_reports
 from phd_jdtc_ros.simulation.scenario import Scenario
+from phd_jdtc_ros.simulation.self_reports import Received
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, check_sites, truth_and_reports
 
-from . import command
+from . import command, simulated_reports
 from .asterix import writing as asterix_writing
 
 # The scenario that is simulated by default.
@@ -35,8 +37,17 @@ DEPTH = 50
 PLATFORM = "platform"
 
 
-def write_bag(directory: Path, run: Scenario, config: TrackerConfig, seed: int) -> None:
-    """Simulate a scenario into a new bag, with parameters beside it, byte for byte reproducible."""
+def write_bag(
+    directory: Path,
+    run: Scenario,
+    config: TrackerConfig,
+    seed: int,
+    told: Mapping[str, list[Received]],
+) -> None:
+    """Simulate a scenario into a new bag, with parameters beside it, byte for byte reproducible.
+
+    `told` has the self-reports by receiver.
+    """
     with BagWriter(directory) as bag:
         for radar in config.radars:
             kind = reader_of(radar)
@@ -45,11 +56,22 @@ def write_bag(directory: Path, run: Scenario, config: TrackerConfig, seed: int) 
         for topic in config.radars_by_platform:
             bag.add_topic(Topic(topic, moving_radars.POSE_TYPES[config.pose_message], DEPTH))
         bag.add_topic(Topic(names.TRUTH, names.CLOUD, DEPTH))
-        # By stamp; then poses, truth, detections.
-        parts = _poses(run, config), _scans(run, config, seed)
+        for own in config.receivers:
+            bag.add_topic(Topic(own.topic, names.CLOUD, DEPTH))
+        # By stamp; then poses, truth, detections, self-reports.
+        parts = _poses(run, config), _scans(run, config, seed), _clouds(config, told)
         for stamp_ns, topic, data in heapq.merge(*parts, key=lambda message: message[0]):
             bag.write(topic, data, stamp_ns)
     bag_parameters.write(directory / bag_parameters.NAME, config.values)
+
+
+def _clouds(
+    config: TrackerConfig, told: Mapping[str, list[Received]]
+) -> Iterator[tuple[int, str, bytes]]:
+    for own in config.receivers:
+        for batch in self_reports.batches(told.get(own.name, [])):
+            data = interfaces.encode(cloud(batch, config.world_frame))
+            yield batch.stamp_ns, own.topic, data
 
 
 def check_platform(run: Scenario, config: TrackerConfig) -> None:
@@ -94,6 +116,19 @@ def _scans(run: Scenario, config: TrackerConfig, seed: int) -> Iterator[tuple[in
     yield from heapq.merge(*parts, key=lambda message: message[0])
 
 
+def _write_reports(path: Path, told: Mapping[str, list[Received]]) -> None:
+    """Write the reports of all receivers as lines, in the order of their receipt."""
+    every = sorted(
+        (each for reports in told.values() for each in reports), key=lambda each: each.receipt_ns
+    )
+    try:
+        with output_files.opened(path) as stream:
+            stream.writelines(line for _, line in simulated_reports.lines(every))
+    except ModuleNotFoundError as error:
+        raise ConfigError(f"{path}: {missing(error)}") from error
+    print(f"{path}: {len(every)} reports")
+
+
 def main(argv: Sequence[str]) -> int:
     """Run the simulation tool."""
     parser = ArgumentParser("simulate", description=__doc__)
@@ -105,6 +140,12 @@ def main(argv: Sequence[str]) -> int:
         metavar="FILE",
         help="file for the radars' ASTERIX output; a capture with times of receipt if it ends with "
         f"{asterix_writing.CAPTURE}",
+    )
+    parser.add_argument(
+        "--reports",
+        type=Path,
+        metavar="FILE",
+        help="file for what receivers of self-reports send: sentences of AIS, SBS-1 of aircraft",
     )
     command.add_parameter_arguments(
         parser, "scenario file to simulate; without one the reference scenario"
@@ -124,10 +165,21 @@ def main(argv: Sequence[str]) -> int:
             asterix_writing.check(run)
         faults: list[str] = []
         sent = antenna.read_sending(document, radars, faults)
+        receptions = self_reports.receptions(document, len(run.targets), faults)
         if faults:
             raise ConfigError(*faults)
-        output_files.require_new({"--asterix": sent_to}, arguments.out)
-        write_bag(arguments.out, run, config, arguments.seed)
+        self_reports.check(receptions, config.receivers)
+        output_files.require_new(
+            {"--asterix": sent_to, "--reports": arguments.reports}, arguments.out
+        )
+        told = {
+            own.name: self_reports.received(run, receptions[own.name], own, arguments.seed)
+            for own in config.receivers
+            if own.name in receptions
+        }
+        write_bag(arguments.out, run, config, arguments.seed, told)
+        if arguments.reports is not None:
+            _write_reports(arguments.reports, told)
         if sent_to is not None:
             blocks = asterix_writing.write(sent_to, run, config, sent, arguments.seed)
             print(f"{sent_to}: {blocks} data blocks")

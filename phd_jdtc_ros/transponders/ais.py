@@ -27,7 +27,8 @@ ACCURATE_STD, INACCURATE_STD = 4.0, 12.0
 COARSE_STD = 1852.0 / 10.0 / math.sqrt(12.0)
 # Bits of each type up to the last field that is used: the rest of a cut message is zeros.
 _BITS = {1: 143, 2: 143, 3: 143, 4: 78, 5: 270, 18: 139, 19: 301, 24: 160, 27: 94}
-_POSITIONS = (1, 2, 3, 18, 19, 27)
+# Shortest intervals of positions by type, seconds: class A, class B, and long range (ITU-R M.1371).
+_POSITIONS = {**dict.fromkeys((1, 2, 3), 2.0), **dict.fromkeys((18, 19), 30.0), 27: 180.0}
 _STATIC = (5, 19, 24)
 _BASE_STATION = 4
 # Values of "not available": speed (knots), course and heading (degrees).
@@ -226,6 +227,7 @@ def _with_position(heard: Heard, message: Any, coarse: bool) -> Heard:
         x_std=std,
         y_std=std,
         accurate=int(bool(message.accuracy)),
+        interval_s=_POSITIONS[message.msg_type],
         long_range=coarse,
     )
 

@@ -65,8 +65,8 @@ def columns(batch: Batch, ellipses: bool = False) -> dict[str, npt.NDArray[Any]]
     ``course heading`` (degrees clockwise from true north), ``height`` (m), ``std`` of each axis, or
     with `ellipses` ``x_std y_std correlation`` (m, east and north); ``length beam`` of a ship, and
     the antenna's place ``ahead left`` of her middle (m); ``address`` (`UNKNOWN` without one),
-    ``space``, ``type`` (0 if unknown), ``accurate`` (255 if unknown), and ``name``, shape
-    (M, `NAME_SIZE`), ASCII padded with zeros.
+    ``space``, ``interval`` (the shortest one of such a transmitter, s), ``type`` (0 if unknown),
+    ``accurate`` (255 if unknown), and ``name``, shape (M, `NAME_SIZE`), ASCII padded with zeros.
     """
     found = [report.heard for report in batch.reports]
     by_name = dict(zip(Heard._fields, zip(*found, strict=True), strict=True))
@@ -89,6 +89,7 @@ def columns(batch: Batch, ellipses: bool = False) -> dict[str, npt.NDArray[Any]]
         **{name: hulls[:, k] for k, name in enumerate(("length", "beam", "ahead", "left"))},
         "address": np.where(address == NONE, UNKNOWN, address).astype(np.uint32),
         "space": small("space"),
+        "interval": column("interval_s"),
         "type": small("type"),
         "accurate": small("accurate"),
         "name": _names(by_name["name"]),

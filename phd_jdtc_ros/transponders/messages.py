@@ -49,6 +49,8 @@ class Heard(NamedTuple):
     # Distances of the antenna from bow, stern, port and starboard, metres. Those from bow and port
     # are 0 if only the ship's size is known.
     hull: tuple[int, int, int, int] | None = None
+    # Shortest interval at which such a transmitter reports its place, seconds.
+    interval_s: float = math.nan
     network: str = ADSB
     long_range: bool = False  # A coarse position for satellites, AIS type 27
     own_ship: bool = False  # Of the ship that the receiver is on

@@ -91,7 +91,8 @@ def _sample_tracks(radar: TrackedRadar, bias: SensorBias, times: FloatArray) -> 
         speed = float(np.hypot(*(place[-1] - place[0]))) / max(time_s[-1] - time_s[0], 1e-9)
         range_std, azimuth_std = radar.noise_std
         plot_std[row] = np.hypot(range_std, distance * azimuth_std)
-        reach[row] = RANGE_STDS * range_std + (RANGE_SHARE + AZIMUTH) * distance + TIME_S * speed
+        share = 0.0 if radar.exact else RANGE_SHARE + AZIMUTH
+        reach[row] = RANGE_STDS * range_std + share * distance + TIME_S * speed
     return _SampledTracks(position, plot_std, reach)
 
 

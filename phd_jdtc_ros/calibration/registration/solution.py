@@ -40,14 +40,22 @@ class Observability:
     hidden: tuple[int, ...]  # Indices of the unobservable biases of other radars
 
 
-def analyse(information: FloatArray, one_plot: FloatArray, reference: int) -> Observability:
+def analyse(
+    information: FloatArray,
+    one_plot: FloatArray,
+    reference: int,
+    exact: Sequence[bool] = (),
+) -> Observability:
     """Determine which biases can be estimated, given their information matrix, shape (P, P).
 
     `one_plot`, shape (P,), is the standard deviation of one plot as a bias of each kind, in the
-    equations' units; `reference` is the index of the reference radar.
+    equations' units; `reference` is the index of the reference radar, and `exact` tells which of
+    the radars have no bias; empty if any may have one.
     """
     free = np.ones(len(one_plot), dtype=bool)
     kinds = len(KINDS)
+    if exact:
+        free &= ~np.repeat(exact, kinds)
     time_offset = KINDS.index("time_offset_s")
     free[kinds * reference + time_offset] = False
     common, hidden = [KINDS[time_offset]], []
@@ -109,7 +117,7 @@ def require_observable(
     nothing = [
         each.name
         for index, each in enumerate(radars)
-        if index != reference and not free.reshape(-1, len(KINDS))[index].any()
+        if not (index == reference or each.exact) and not free.reshape(-1, len(KINDS))[index].any()
     ]
     if nothing:
         raise RegistrationError(
@@ -233,7 +241,8 @@ def _iterate(
     for number in range(PASSES + 1):
         found = filter_targets(plots, trajectories, density, weight, len(radars))
         plot_noise = _noise_of_one_plot(radars, plots, trajectories)
-        observability = analyse(found.information, plot_noise, reference)
+        exact = [each.exact for each in radars]
+        observability = analyse(found.information, plot_noise, reference, exact)
         correction = found.bias_estimate(observability.free)
         trajectories = smooth_targets(plots, found, correction, density)
         if number == 0:

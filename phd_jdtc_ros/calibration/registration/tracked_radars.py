@@ -1,4 +1,8 @@
-"""One radar of a registration: its noise, and its plots linked to tracks."""
+"""One radar of a registration: its noise, and its plots linked to tracks.
+
+A receiver of self-reports takes part as a radar without bias, so far away that its errors are the
+same in all directions; its tracks are those of the addresses.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ import numpy as np
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
 from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.types import UNKNOWN, SelfReports
 
 from ..tuning import kinematics
 from ..tuning.plots import Plots
@@ -20,6 +25,10 @@ from ..tuning.tracking.tracks import Tracks, link_plots
 SPEEDS, LOOKS = (5.0, 40.0, 200.0), 12.0
 # Least number of clouds of each radar, and of plots in tracks.
 LEAST_CLOUDS, LEAST_PLOTS = 5, 20
+# Reports of an address are of one track up to this time between them, seconds.
+SILENT_S = 30.0
+# How far from the world's origin reports are seen from, metres.
+AWAY = 1e6
 
 
 @dataclass(frozen=True)
@@ -34,6 +43,7 @@ class TrackedRadar:
     noise_std: FloatArray  # Metres and radians, (2,)
     look_s: float  # Time between two opportunities to detect a target, seconds
     tracks: tuple[IntArray, ...]  # Indices of each track's plots in the order of time
+    exact: bool = False  # Whether it has no bias
 
     @property
     def position(self) -> FloatArray:
@@ -92,6 +102,40 @@ def tracked_radar(plots: Plots, radar: RadarModel, zero_ns: int, moving: bool) -
         radar.noise_std,
         timing.look_s,
         tracks.plots,
+    )
+
+
+def tracked_reports(
+    name: str, reports: SelfReports, usual_std: float, zero_ns: int
+) -> TrackedRadar:
+    """Return the self-reports of a receiver as plots of a radar; see `tracked_radar`.
+
+    `usual_std` is the standard deviation of positions along each axis without one of their own,
+    metres.
+    """
+    reports = reports.take(np.flatnonzero(reports.address != UNKNOWN))
+    reports = reports.take(np.argsort(reports.time_ns, kind="stable"))
+    if not len(reports):
+        raise RegistrationError(f"{name}: no report with an address")
+    time_s = np.asarray((reports.time_ns - zero_ns) * 1e-9, dtype=np.float64)
+    order = np.lexsort((reports.time_ns, reports.address, reports.space))
+    same = (np.diff(reports.address[order]) == 0) & (np.diff(reports.space[order]) == 0)
+    apart_s = np.diff(time_s[order])
+    tracks = np.split(order, np.flatnonzero(~same | (apart_s > SILENT_S)) + 1)
+    pose = np.tile([-AWAY, 0.0, 0.0], (len(reports), 1))
+    measurement = kinematics.linearise(reports.position, pose)[0]
+    variance = np.einsum("mkk->mk", reports.covariance).mean(axis=1)
+    std = float(np.median(np.sqrt(np.where(np.isfinite(variance), variance, usual_std**2))))
+    interval_s = float(np.median(apart_s[same])) if same.any() else 1.0
+    return TrackedRadar(
+        name,
+        time_s,
+        measurement,
+        pose,
+        np.array([std, std / AWAY]),
+        max(interval_s, 0.1),
+        tuple(track for track in tracks if len(track) > 1),
+        exact=True,
     )
 
 

@@ -13,6 +13,9 @@ from .tables import Pairs, Sources
 
 # Standard deviations of errors are within these bounds, metres.
 LEAST_STD, MOST_STD = 1.0, 1e5
+# Antennas that ships say are farther from their middles are errors, metres. The others are right
+# within the larger one of this standard deviation and the ship's length by this number.
+LONGEST, LEAST_ANTENNA_STD, LENGTHS = 500.0, 5.0, 10.0
 
 
 def keys_of(address: IntArray, space: IntArray) -> IntArray:
@@ -72,6 +75,8 @@ def batch_of(reports: SelfReports, receivers: tuple[Receiver, ...]) -> Batch:
             _ahead(reports, velocity),
             np.unique(keys_of(reports.address, reports.space), return_inverse=True)[1].ravel(),
             reports.receiver.copy(),
+            np.where(reports.interval_s > 0.0, reports.interval_s + step, 0.0),
+            _antennas(reports.hull),
         )
     )
 
@@ -86,6 +91,17 @@ def _ahead(reports: SelfReports, velocity: FloatArray) -> FloatArray:
     course[speed < 1.0] = 0.0
     by_heading = np.stack([np.cos(heading), np.sin(heading)], axis=1)
     return np.where(has_heading[:, None], by_heading, course)
+
+
+def _antennas(hull: FloatArray) -> FloatArray:
+    """Return where antennas are ahead and left, with the standard deviation, (M, 3).
+
+    The latter is 0 if nothing is said. What a radar sees is not the middle of a long ship.
+    """
+    known = np.abs(hull[:, 0]) + np.abs(hull[:, 1]) < LONGEST  # False for NaN
+    long = np.nan_to_num(hull[:, 2], nan=0.0, posinf=0.0).clip(0.0, LONGEST)
+    std = np.where(known, np.maximum(LEAST_ANTENNA_STD, long / LENGTHS), 0.0)
+    return np.column_stack([np.where(known[:, None], hull[:, :2], 0.0), std])
 
 
 def chains_of(reports: SelfReports, sources: Sources, pairs: Pairs, free: int) -> Chains:

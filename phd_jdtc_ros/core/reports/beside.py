@@ -189,7 +189,7 @@ class SelfReporting(LayerState):
         """Return where the reports of each source expect it at a stamp, metres, (S, 2)."""
         sources = self.sources
         dt = (stamp_ns - sources.last_ns)[:, None] * 1e-9
-        place: FloatArray = sources.mean[:, :2] + dt * sources.mean[:, 2:]
+        place: FloatArray = sources.mean[:, :2] + dt * sources.mean[:, 2:4]
         return place
 
     # The end of a scan

@@ -55,12 +55,18 @@ def of_receiver(layer: LayerState, index: int, stamp_ns: int) -> Judged:
     interval_s = layer.intervals_of(
         np.full(size, index), tracks.mean[:, 2:], tracks.covariance[:, 2:, 2:], gap_s
     )
-    lost = float(layer.lost[index])
-    quiet = np.where(
-        heard,
-        silence.since_report(quiet_s, interval_s, lost),
-        silence.unheard(quiet_s, interval_s, lost),
+    losses = silence.Losses(float(layer.lost[index]), habits.hidden, habits.hidden_s)
+    quiet, rarely = (
+        np.where(
+            heard,
+            silence.since_report(quiet_s, each_s, losses),
+            silence.unheard(quiet_s, each_s, losses),
+        )
+        for each_s in (interval_s, np.maximum(interval_s, habits.rare_s))
     )
+    # Before its second report nobody knows how often a transmitter reports, unless it says so.
+    rare = 0.0 if receiver.interval_s else habits.rare
+    quiet += np.where(gap_s > 0.0, 0.0, rare) * (rarely - quiet)
     obliged = np.zeros(size)
     if len(receiver.obliged):
         obliged = tracks.class_probability @ receiver.obliged
@@ -250,7 +256,7 @@ def _ghosts(
     density = by_receiver[sources.receiver[row]]
     motion = np.tile(np.eye(4), (len(row), 1, 1))
     motion[:, 0, 2] = motion[:, 1, 3] = dt
-    moved = motion @ sources.covariance[row] @ motion.swapaxes(1, 2)
+    moved = motion @ sources.covariance[row, :4, :4] @ motion.swapaxes(1, 2)
     for axis in (0, 1):
         moved[:, axis, axis] += density * np.abs(dt) ** 3 / 3.0
         moved[:, axis, axis + 2] += density * dt * np.abs(dt) / 2.0
@@ -258,7 +264,7 @@ def _ghosts(
         moved[:, axis + 2, axis + 2] += density * np.abs(dt)
     axes = space.planar_axes
     state = np.zeros((len(row), len(space)))
-    state[:, axes] = (motion @ sources.mean[row][:, :, None])[:, :, 0]
+    state[:, axes] = (motion @ sources.mean[row, :4, None])[:, :, 0]
     covariance = np.tile(1e-6 * np.eye(len(space)), (len(row), 1, 1))
     covariance[:, axes[:, None], axes] = 0.5 * (moved + moved.swapaxes(1, 2))
     return state, covariance

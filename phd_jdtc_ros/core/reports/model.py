@@ -27,11 +27,19 @@ class Habits(NamedTuple):
     usual_std: float
     time_step_s: float  # Step of the reported times, seconds
     cell: float  # Width of the cells of the map of a receiver's coverage, metres
+    # Share of the transmitters that report no more often than every `rare_s` seconds.
+    rare: float
+    rare_s: float
+    # Share of the time in which nothing of a transmitter is received, as something is in the way,
+    # and how long that takes in the mean, seconds.
+    hidden: float
+    hidden_s: float
 
 
-# AIS sends times in whole seconds, and its accuracy flag means 10 m (95 %); see ITU-R M.1371.
-AIS = Habits(8.0, 1e8, 0.1, 0.4, 4.0, 12.0, 1.0, 2000.0)
-AIRCRAFT = Habits(250.0, 1e10, 2.0, 1.0, 20.0, 50.0, 0.0, 20_000.0)
+# AIS sends times in whole seconds, and its accuracy flag means 10 m (95 %); class B sends every
+# 30 s. See ITU-R M.1371.
+AIS = Habits(8.0, 1e8, 0.1, 0.4, 4.0, 12.0, 1.0, 2000.0, 0.05, 30.0, 0.01, 20.0)
+AIRCRAFT = Habits(250.0, 1e10, 2.0, 1.0, 20.0, 50.0, 0.0, 20_000.0, 0.0, 1.0, 0.015, 10.0)
 HABITS = {ICAO: AIRCRAFT, MMSI: AIS}
 
 

@@ -25,6 +25,11 @@ FAR = 1e4
 RECENT_S = 30.0
 # Log weight from which the source's last report is that of the track.
 LIKELY = 3.0
+# The velocities that a new source says are as if they had been right this long ago, seconds.
+UNTRUE_S = 4.0
+# Standard deviation of an antenna's place ahead from which it tells whether the ship says it
+# rightly, metres, and the square distance within which she does.
+KNOWN_ANTENNA, FITTING = 20.0, 4.0
 # Bounds of log weights: no evidence is stronger.
 MOST_WEIGHT = 30.0
 
@@ -39,6 +44,9 @@ class Batch(NamedTuple):
     ahead: Float2  # Direction of the bow, unit vector, or 0, 0 if unknown, (M, 2)
     chain: Int1  # Index of the report's address among those of the batch, (M,)
     receiver: Int1
+    gap_s: Float1  # Shortest time between two reports of such a transmitter, 0 if unknown, (M,)
+    # The antenna's place ahead and left as said, and its standard deviation, 0 if unknown, (M, 3).
+    antenna: Float2
 
 
 class Chains(NamedTuple):
@@ -130,6 +138,13 @@ def write_matrix(matrix: FloatArray, ahead: FloatArray, late_s: float) -> None:
 
 
 @inner
+def _write_own_matrix(matrix: FloatArray, late_s: float) -> None:
+    """Write the measurement of a ghost's report: place, and velocity with its error."""
+    write_matrix(matrix, np.zeros(2), late_s)
+    matrix[2, 4] = matrix[3, 5] = 1.0
+
+
+@inner
 def write_noise(noise: FloatArray, own: FloatArray, late_s: float, density: float) -> None:
     """Write the noise of a report that is late: what the state may have done since is added."""
     for i in range(4):
@@ -155,15 +170,15 @@ def advance(pairs: Writeable[Pairs], row: int, time_ns: int, density: float) -> 
 
 @inner
 def _copy(state: State, to: State) -> None:
-    for i in range(4):
+    for i in range(len(state.mean)):
         to.mean[i] = state.mean[i]
-        for k in range(4):
+        for k in range(len(state.mean)):
             to.covariance[i, k] = state.covariance[i, k]
 
 
 @inner
-def _new_state() -> State:
-    return State(np.empty(4), np.empty((4, 4)))
+def _new_state(size: int) -> State:
+    return State(np.empty(size), np.empty((size, size)))
 
 
 @compiled
@@ -180,8 +195,8 @@ def _find(
     time_ns, z, receiver = batch.time_ns[report], batch.measured[report], batch.receiver[report]
     density, size = assumed.noise_density[receiver], batch.components[report]
     found, best_log, count, oldest = -1, -np.inf, 0, -1
-    matrix, noise, straight = np.zeros((4, 4)), np.empty((4, 4)), np.zeros(2)
-    state, speeds = _new_state(), math.exp(0.5 * assumed.log_speeds[receiver])
+    matrix, noise = np.zeros((4, 6)), np.empty((4, 4))
+    state, speeds = _new_state(6), math.exp(0.5 * assumed.log_speeds[receiver])
     row = chains.first[batch.chain[report]]
     while row >= 0:
         count += 1
@@ -197,7 +212,10 @@ def _find(
             late_s = max(-dt, 0.0)
             if dt > 0.0:
                 predict(state, dt, density)
-            write_matrix(matrix, straight, late_s)
+                # A source that begins to lie need not say so by its velocities.
+                for i in range(4, 6):
+                    state.covariance[i, i] += density * dt
+            _write_own_matrix(matrix, late_s)
             write_noise(noise, batch.noise[report], late_s, density)
             log_likelihood, square = observe(state, z, matrix, noise, size)
             if square < gate and log_likelihood > best_log:
@@ -209,23 +227,32 @@ def _find(
 
 @inner
 def _write_source(
-    batch: Batch, report: int, row: int, number: int, log_speeds: float, sources: Sources
+    batch: Batch, report: int, row: int, number: int, assumed: Assumed, sources: Sources
 ) -> None:
     """Write a new source into a row."""
+    log_speeds = assumed.log_speeds[batch.receiver[report]]
+    density = assumed.noise_density[batch.receiver[report]]
     sources.number[row] = number
     sources.first_ns[row] = sources.last_ns[row] = batch.time_ns[report]
-    sources.gap_s[row] = 0.0
+    sources.gap_s[row] = batch.gap_s[report]
     sources.reports[row] = sources.looks[row] = 0
     sources.left_ns[row] = sources.looked_ns[row] = 0
     sources.owner[row] = sources.public[row] = -1
     sources.ahead[row, 0] = sources.ahead[row, 1] = 0.0
-    for i in range(4):
-        known = i < batch.components[report]
-        sources.mean[row, i] = batch.measured[report, i] if known else 0.0
-        for k in range(4):
-            sources.covariance[row, i, k] = batch.noise[report, i, k] if known else 0.0
-        if not known:
-            sources.covariance[row, i, i] = math.exp(log_speeds) / 4.0
+    mean, covariance, size = sources.mean[row], sources.covariance[row], batch.components[report]
+    for i in range(6):
+        mean[i] = batch.measured[report, i] if i < size else 0.0
+        for k in range(6):
+            known = i < size and k < size
+            covariance[i, k] = batch.noise[report, i, k] if known else 0.0
+    for i in range(2):
+        untrue = UNTRUE_S * density
+        covariance[i + 4, i + 4] = untrue
+        if size == 4:
+            covariance[i + 2, i + 2] += untrue
+            covariance[i + 2, i + 4] = covariance[i + 4, i + 2] = -untrue
+        else:
+            covariance[i + 2, i + 2] = math.exp(log_speeds) / 4.0
 
 
 @compiled
@@ -262,7 +289,7 @@ def _begin_pairs(
     time_ns, z, size = batch.time_ns[report], batch.measured[report], batch.components[report]
     offset_std = assumed.offset_std[batch.receiver[report]]
     matrix, noise, straight = np.zeros((4, 4)), np.empty((4, 4)), np.zeros(2)
-    state, expected = _new_state(), _new_state()
+    state, expected = _new_state(4), _new_state(4)
     write_matrix(matrix, straight, 0.0)
     for track in range(len(tracks.label)):
         if tracks.existence[track] < LEAST_EXISTENCE:
@@ -327,6 +354,28 @@ def _begin_pairs(
     return used
 
 
+@inner
+def _narrow(state: State, antenna: FloatArray) -> None:
+    """Update the antenna's place with what the ship says of it, in place.
+
+    Some ships say it wrongly, so that it counts only where it fits what is known already.
+    """
+    variance, known = antenna[2] ** 2, state.covariance[4, 4]
+    if antenna[2] == 0.0 or not variance < known < KNOWN_ANTENNA**2:
+        return
+    square = 0.0
+    for i in range(2):
+        square += (state.mean[4 + i] - antenna[i]) ** 2 / (
+            state.covariance[4 + i, 4 + i] + variance
+        )
+    if square > FITTING:
+        return
+    matrix, noise = np.zeros((2, 6)), np.zeros((2, 2))
+    for i in range(2):
+        matrix[i, 4 + i], noise[i, i] = 1.0, variance
+    observe(state, antenna[:2], matrix, noise, 2)
+
+
 @compiled
 def _update_pairs(
     batch: Batch,
@@ -355,6 +404,7 @@ def _update_pairs(
         write_noise(noise, batch.noise[report], late_s, rules.noise_density)
         state = State(pairs.mean[row], pairs.covariance[row])
         log_likelihood, _ = observe(state, batch.measured[report], matrix, noise, size)
+        _narrow(state, batch.antenna[report])
         pairs.log_weight[row] = turned(pairs.log_weight[row] + log_likelihood - log_ghost, rules)
         pairs.heard_ns[row] = max(pairs.heard_ns[row], time_ns)
 
@@ -374,7 +424,7 @@ def take_reports(
     """
     sources, pairs, chains = tables
     count, pair_count, next_source = used.sources, used.pairs, used.source_number
-    source_of, ghost = np.full(len(batch.time_ns), -1), _new_state()
+    source_of, ghost = np.full(len(batch.time_ns), -1), _new_state(6)
     for report in range(len(batch.time_ns)):
         time_ns, receiver = batch.time_ns[report], batch.receiver[report]
         chain, log_speeds = batch.chain[report], assumed.log_speeds[receiver]
@@ -409,7 +459,7 @@ def take_reports(
                 chains.first[chain] = row
             else:
                 continue
-            _write_source(batch, report, row, next_source, log_speeds, sources)
+            _write_source(batch, report, row, next_source, assumed, sources)
             next_source += 1
         source_of[report] = row
         sources.receiver[row] = receiver
@@ -452,8 +502,8 @@ def adopted(
     age_s, receiver = age_s[free], sources.receiver[free]
     motion = np.tile(np.eye(4), (len(free), 1, 1))
     motion[:, 0, 2] = motion[:, 1, 3] = age_s
-    mean = (motion @ sources.mean[free][:, :, None])[:, :, 0]
-    spread = motion @ sources.covariance[free] @ motion.swapaxes(1, 2)
+    mean = (motion @ sources.mean[free, :4, None])[:, :, 0]
+    spread = motion @ sources.covariance[free, :4, :4] @ motion.swapaxes(1, 2)
     density, long = assumed.noise_density[receiver], np.abs(age_s)
     for axis in (0, 1):
         spread[:, axis, axis] += density * long**3 / 3.0 + assumed.offset_std[receiver] ** 2

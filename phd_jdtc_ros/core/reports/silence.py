@@ -1,8 +1,9 @@
 """Silence of transmitters in continuous time, what it says of a target, and where it says it.
 
-A transmitter reports every T, and each report is lost with the probability q. It is evaluated only
-when somebody asks: at any two times the later result follows from the same formula, whatever was
-asked in between. Where a receiver hears no transmitter, nothing is silent.
+A transmitter reports every T. A report is lost with the probability q, and certainly while its
+transmitter is hidden from the receiver, which begins and ends at constant rates. It is evaluated
+only when somebody asks: at any two times the later result follows from the same formula, whatever
+was asked in between. Where a receiver hears no transmitter, nothing is silent.
 """
 
 from __future__ import annotations
@@ -24,18 +25,44 @@ SPAN = 1 << 20
 MOST_CELLS = 20_000
 
 
-def unheard(time_s: FloatArray, interval_s: FloatArray, lost: float) -> FloatArray:
+class Losses(NamedTuple):
+    """How reports are lost."""
+
+    lost: float  # Probability that a report is lost of a transmitter in sight
+    hidden: float = 0.0  # Share of the time in which a transmitter is hidden
+    hidden_s: float = 1.0  # Mean time for which it is, seconds
+
+    def in_row(self, count: FloatArray, interval_s: FloatArray, hidden: float) -> FloatArray:
+        """Return the probability that so many reports in a row are lost, (N,).
+
+        `hidden` is the probability that the transmitter is hidden an interval before the first of
+        them. From report to report, in sight or hidden is a Markov chain, so that the result is a
+        sum of two powers: of the eigenvalues of "it goes over to a state, and is lost there".
+        """
+        stays = np.exp(-interval_s / (self.hidden_s * (1.0 - self.hidden)))
+        hides, shows = self.hidden * (1.0 - stays), (1.0 - self.hidden) * (1.0 - stays)
+        trace = (1.0 - hides) * self.lost + 1.0 - shows
+        determinant = self.lost * stays
+        root = np.sqrt(np.maximum(0.25 * trace**2 - determinant, 1e-18))
+        high, low = 0.5 * trace + root, 0.5 * trace - root
+        is_hidden = hidden * (1.0 - shows) + (1.0 - hidden) * hides
+        first = is_hidden + (1.0 - is_hidden) * self.lost
+        share = (first - low) / (high - low)
+        found: FloatArray = share * high**count + (1.0 - share) * low**count
+        return found.clip(0.0, 1.0)
+
+
+def unheard(time_s: FloatArray, interval_s: FloatArray, losses: Losses) -> FloatArray:
     """Return the probability that a transmitter of unknown phase is silent for a time, (N,)."""
     whole = np.floor(time_s / interval_s)
     part = time_s / interval_s - whole
-    found: FloatArray = lost**whole * (1.0 - part + part * lost)
-    return found
+    less, more = (losses.in_row(whole + k, interval_s, losses.hidden) for k in (0, 1))
+    return (1.0 - part) * less + part * more
 
 
-def since_report(time_s: FloatArray, interval_s: FloatArray, lost: float) -> FloatArray:
+def since_report(time_s: FloatArray, interval_s: FloatArray, losses: Losses) -> FloatArray:
     """Return the probability that a transmitter is silent for a time after a report, (N,)."""
-    found: FloatArray = lost ** np.floor(time_s / interval_s)
-    return found
+    return losses.in_row(np.floor(time_s / interval_s), interval_s, 0.0)
 
 
 class Silent(NamedTuple):

@@ -40,8 +40,8 @@ class LayerState(ReadOnly):
 
     def intervals(self, sources: Sources) -> FloatArray:
         """Return the interval of the reports of sources, seconds, (S,)."""
-        covariance = sources.covariance[:, 2:, 2:]
-        return self.intervals_of(sources.receiver, sources.mean[:, 2:], covariance, sources.gap_s)
+        covariance = sources.covariance[:, 2:4, 2:4]
+        return self.intervals_of(sources.receiver, sources.mean[:, 2:4], covariance, sources.gap_s)
 
     def intervals_of(
         self,

@@ -26,11 +26,13 @@ class Sources(NamedTuple):
     receiver: Annotated[IntArray, integers("S", 0, 1 << 16)]  # That heard it last
     first_ns: Annotated[IntArray, integers("S", 0, MAX_STAMP_NS)]  # Time of its first report
     last_ns: Annotated[IntArray, integers("S", 0, MAX_STAMP_NS)]  # And of its last one
-    # The ghost: position and velocity as its reports alone show them, at `last_ns`.
-    mean: Annotated[FloatArray, floats("SG", -MAX_STATE, MAX_STATE)]
-    covariance: Annotated[FloatArray, covariances("SGG", MAX_STATE)]
+    # The ghost: position and velocity as its reports alone show them, at `last_ns`, and the error
+    # of the velocities that they say.
+    mean: Annotated[FloatArray, floats("SH", -MAX_STATE, MAX_STATE)]
+    covariance: Annotated[FloatArray, covariances("SHH", MAX_STATE)]
     ahead: Annotated[FloatArray, floats("SA", -1.0, 1.0)]  # Direction of the bow; 0, 0 if unknown
-    gap_s: Annotated[FloatArray, floats("S", 0.0, 1e9)]  # Shortest time between reports; 0: unknown
+    # Shortest time between reports, at first of its kind of transmitters; 0: unknown.
+    gap_s: Annotated[FloatArray, floats("S", 0.0, 1e9)]
     reports: Annotated[IntArray, integers("S", 0)]
     # Looks of radars that should have seen a target at its place, and the time of the last one.
     looks: Annotated[IntArray, integers("S", 0)]
@@ -47,7 +49,7 @@ class Sources(NamedTuple):
     @staticmethod
     def none() -> Sources:
         """Return no sources."""
-        return frozen(_empty(Sources, {"G": 4, "A": 2, "N": NAME_SIZE}))
+        return frozen(_empty(Sources, {"H": 6, "A": 2, "N": NAME_SIZE}))
 
 
 class Pairs(NamedTuple):

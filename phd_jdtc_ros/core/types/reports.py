@@ -38,6 +38,11 @@ class SelfReports(ReadOnly):
     type: IntArray  # Type of ship or emitter as sent, (M,); `UNKNOWN` without one
     name: IntArray  # ASCII codes of the name, padded with zeros, (M, `NAME_SIZE`)
     accurate: IntArray  # `ACCURATE`, 0, or `UNKNOWN`, (M,)
+    # Shortest interval at which such a transmitter reports, seconds, (M,); NaN where unknown.
+    interval_s: FloatArray
+    # Place of the antenna ahead and to the left of the middle of its ship, and the ship's length,
+    # metres, (M, 3); NaN where unknown.
+    hull: FloatArray
     # Index of the receiver among those that are configured, (M,).
     receiver: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
@@ -46,7 +51,13 @@ class SelfReports(ReadOnly):
         if not self.receiver.size:
             object.__setattr__(self, "receiver", np.zeros(size, dtype=np.int64))
         super().__post_init__()
-        inner = {"position": (2,), "velocity": (2,), "covariance": (2, 2), "name": (NAME_SIZE,)}
+        inner = {
+            "position": (2,),
+            "velocity": (2,),
+            "covariance": (2, 2),
+            "hull": (3,),
+            "name": (NAME_SIZE,),
+        }
         for each in fields(self):
             shape, expected = getattr(self, each.name).shape, (size, *inner.get(each.name, ()))
             if shape != expected:
@@ -73,6 +84,8 @@ class SelfReports(ReadOnly):
             "type": np.full(count, UNKNOWN),
             "name": np.zeros((count, NAME_SIZE), dtype=np.int64),
             "accurate": np.full(count, UNKNOWN),
+            "interval_s": np.full(count, np.nan),
+            "hull": np.full((count, 3), np.nan),
         }
         given: dict[str, Any] = {**unknown, **columns}
         return SelfReports(time_ns=time_ns, position=position, **given)

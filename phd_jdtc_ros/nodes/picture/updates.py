@@ -12,7 +12,13 @@ from msg_adapters.targets import vertical
 from msg_adapters.targets.markers import class_colour
 from phd_jdtc_ros.core.conflicts.model import Conflicts
 from phd_jdtc_ros.core.types import FILTERED, Estimates
-from phd_jdtc_ros.report.page.picture import AXIS_STEPS, LEAST_AXIS, NO_LEVEL
+from phd_jdtc_ros.report.page.picture import (
+    AXIS_STEPS,
+    LEAST_AXIS,
+    MARKS,
+    NO_LEVEL,
+    said_of,
+)
 from phd_jdtc_ros.report.style import RADIUS_95
 
 
@@ -38,6 +44,8 @@ def head(values: Mapping[str, Any]) -> dict[str, Any]:
         "zones": [],
         "amplitudes": [],
         "identities": [],
+        "told": [],
+        "marks": MARKS,
         "place_unknown": False,
         "columns": [],
     }
@@ -56,6 +64,10 @@ def of_tracks(found: Estimates) -> dict[str, Any]:
     variance, axes = np.linalg.eigh(found.position_covariance)
     semi = np.log2(np.sqrt(np.maximum(variance, LEAST_AXIS**2)) / LEAST_AXIS)
     share = found.class_probability[rows, found.class_id]
+    told: list[str] = []
+    said: dict[str, Any] = {name: _rounded(v) for name, v in said_of([found], told).items()}
+    if said:
+        said["source"] = [told[k] for k in said["source"]]
     return {
         "time_s": found.stamp_ns * 1e-9,
         "number": found.track_id.tolist(),
@@ -74,6 +86,7 @@ def of_tracks(found: Estimates) -> dict[str, Any]:
         "major": _rounded(semi[:, 1], 1.0 / AXIS_STEPS),
         "angle": _rounded(np.degrees(np.arctan2(axes[:, 1, 1], axes[:, 0, 1])) % 180.0),
         "who": vertical.identities(found),
+        **said,
     }
 
 

@@ -33,7 +33,14 @@ from phd_jdtc_ros.feed.feed import Feed, Monitor, StepClock
 from ..common.health import WARNING_MEMORY_S, Rhythm
 from ..common.runtime import steady_timer
 from .checkpoint import Checkpoints, require_replaceable
-from .health import Load, OutputHealth, StepHealth, conflict_status, registration_status
+from .health import (
+    Load,
+    OutputHealth,
+    StepHealth,
+    conflict_status,
+    registration_status,
+    reports_status,
+)
 from .inputs import Inputs
 from .outputs import Outputs
 from .settings import Settings
@@ -63,6 +70,7 @@ class LiveTracker:
         self._step_health = StepHealth(Rhythm(nominal_s), Rhythm(nominal_s), config.engine)
         self._load = Load(WARNING_MEMORY_S)
         self._output_health = OutputHealth()
+        self._latest: Estimates | None = None
         self._innovations = InnovationMonitor(config.model)
         self._registration: RegistrationMonitor | None = None
         if "registration" in settings.node["outputs"] and len(config.inputs) > 1:
@@ -263,6 +271,7 @@ class LiveTracker:
 
     def _publish_filtered(self, filtered: tuple[Estimates, ...]) -> None:
         """Publish filtered estimates at once: they do not wait for the smoothing of the scan."""
+        self._latest = filtered[-1] if filtered else self._latest
         for estimates in filtered:
             self._outputs.publish(FILTERED, estimates.stamp_ns, estimates)
 
@@ -339,6 +348,7 @@ class LiveTracker:
         for health, fit in zip(self.inputs.radars, self._innovations.fits(), strict=True):
             health.fit = fit
         lost, busy = self.inputs.lost_by_overload(now_s), self._load.share(now_s)
+        latest = self._latest
         unsaved = "" if self._checkpoints is None else self._checkpoints.fault
         residuals = [] if self._registration is None else self._registration.mean_residuals()
         return [
@@ -347,4 +357,5 @@ class LiveTracker:
             self._output_health.status(name, now_s, unsaved, self._outputs.links),
             *([conflict_status(self._watch, name)] if self._watch.model.enabled else []),
             *(registration_status(found, name) for found in residuals),
+            *([reports_status(latest, name)] if latest is not None and latest.reports else []),
         ]

@@ -19,7 +19,8 @@ from msg_adapters.targets.vertical import FLIGHT_LEVEL
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.models.zones import Zone
 from phd_jdtc_ros.core.sensors.site import Plane
-from phd_jdtc_ros.core.types import SOURCES, Estimates
+from phd_jdtc_ros.core.types import SOURCES, Estimates, Reported
+from phd_jdtc_ros.core.types.reports import LEFT
 from phd_jdtc_ros.evaluation.comparison import PointSet, TrueTracks
 
 from ..record import RadarPlots, Record, concatenate_rows
@@ -93,12 +94,13 @@ class Grid:
 
 
 def add_estimates(
-    grid: Grid, record: Record, frames: Frames, source: str, known: list[list[str]], flying: bool
+    grid: Grid, record: Record, frames: Frames, source: str, header: dict[str, Any], flying: bool
 ) -> int:
-    """Add the shown estimates of a source as columns, and new identities to `known`.
+    """Add the shown estimates of a source as columns, and new identities to the header's.
 
     Return the number of frames for which a set of estimates remains the newest.
     """
+    known: list[list[str]] = header["identities"]
     found = record.of_source(source)
     at = frames.at([entry.stamp_ns for entry in found])
     shown = [
@@ -136,10 +138,42 @@ def add_estimates(
         "major": AXIS_STEPS * np.log2(semi[:, 1] / LEAST_AXIS),
         "angle": np.degrees(np.arctan2(axes[:, 1, 1], axes[:, 0, 1])) % 180.0,
     }
+    columns |= said_of(sets, header["told"])
     for name, values in columns.items():
         grid.columns.add(f"{source}.{name}", np.rint(values[order]))
     apart = np.diff([frame for frame, _ in shown])
     return int(np.median(apart)) if len(apart) else 1
+
+
+# What self-reports say of a track, most urgent last, in words; a track of no receiver has none.
+MARKS = ("", "no report", "reports", "left by", "dark", "doubtful")
+
+
+def said_of(sets: Sequence[Estimates], told: list[str]) -> dict[str, FloatArray | IntArray]:
+    """Return columns of what self-reports say, and add new names of sources to `told`.
+
+    ``mark`` is an index in `MARKS`, ``chance`` its probability in percent, ``since`` for how long
+    it has been so, seconds, -1 if unknown, and ``source`` an index in `told`. There are none
+    without a receiver.
+    """
+    if not any(entry.reports is not None for entry in sets):
+        return {}
+    places = {text: k for k, text in enumerate(told)}
+    rows = []
+    for entry in sets:
+        said = entry.reports or Reported.unknown(len(entry))
+        doubt = np.nan_to_num(said.doubtful)
+        cases = [doubt > 0.5, said.dark > 0.5, said.reason == LEFT, said.owned > 0.5]
+        cases.append((said.alone == 1) | np.isfinite(said.silent))
+        mark = np.select(cases, [5, 4, 3, 2, 1 + said.alone], 0)
+        chance = np.select(cases[:4], [doubt, said.dark, 1.0 - said.owned, said.owned], 0.0)
+        begin_ns = np.where((mark == 4) | (mark == 2), said.heard_ns, said.since_ns)
+        since = np.where(begin_ns > 0, (entry.stamp_ns - begin_ns) * 1e-9, -1.0)
+        names = [places.setdefault(said.source_text(k), len(places)) for k in range(len(entry))]
+        rows.append(np.column_stack([mark, 100.0 * chance, since, names]).reshape(-1, 4))
+    told[:] = places
+    columns = concatenate_rows(rows, 4).T
+    return dict(zip(("mark", "chance", "since", "source"), columns, strict=True))
 
 
 def _course(entry: Estimates, plane: Plane | None) -> FloatArray:
@@ -224,11 +258,12 @@ def picture_of(record: Record) -> Picture | None:
         },
         "rings": rings(record.radars, corner, far),
         "identities": [],
+        "told": [""],
+        "marks": MARKS,
         "place_unknown": record.plane is not None and not record.place_known,
     }
     for source in header["sources"]:
-        known = header["identities"]
-        header["hold"][source] = add_estimates(grid, record, frames, source, known, by_level)
+        header["hold"][source] = add_estimates(grid, record, frames, source, header, by_level)
     for identity in header["identities"]:
         identity.append(record.call_sign_of(identity[1]))
     _add_truth(record, frames, grid)

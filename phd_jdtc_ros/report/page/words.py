@@ -88,6 +88,12 @@ def _caption(head: Mapping[str, Any]) -> str:
         )
     if head["known"]["truth"]:
         parts.append("plus signs and thin lines are the truth")
+    if any(head["told"]):
+        parts.append(
+            "rings tell what receivers hear: a thin green one is about a target that reports, a "
+            "thick one about a dark target, a broken thick one about a doubtful source, and a "
+            "broken thin one about a track that its source has left"
+        )
     if head["known"]["plots"]:
         amplitudes = head["amplitudes"]
         scale = (

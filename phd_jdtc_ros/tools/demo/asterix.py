@@ -1,7 +1,8 @@
 """The demo of an air traffic picture: ASTERIX in, ASTERIX out.
 
-A recording is sent by UDP as radars would send it, bridged, tracked and scored live. The tracks
-that the bridge sends by UDP are written to a file. All traffic stays on the loopback interface.
+A recording is sent by UDP as radars would send it, bridged, tracked and scored live; sentences of
+AIS beside it go through their bridge in the same way. The tracks that the bridge sends by UDP are
+written to a file. All traffic stays on the loopback interface.
 """
 
 from __future__ import annotations
@@ -27,19 +28,19 @@ from . import processes
 from .processes import FINISH_S, PARAMETERS, RECORDING, Processes
 
 # The recording beside a bag, and the tracks from the bridge.
-SHIPPED, TRACKS = "recording.ast", "tracks.ast"
-BRIDGE, PLAYER = "asterix_bridge", "asterix_player"
+SHIPPED, SENTENCES, TRACKS = "recording.ast", "recording.nmea", "tracks.ast"
+BRIDGE, REPORTS, PLAYER = "asterix_bridge", "report_bridge", "asterix_player"
 LOOPBACK = "127.0.0.1"
 # Longest time for a datagram to arrive on the loopback interface, seconds.
 LOOK_S = 0.5
 STATUS_CATEGORY = 65
 # Additional results of a demo with ASTERIX, relative to its output directory.
-ARTEFACTS = (TRACKS, *(f"logs/{node}.log" for node in (BRIDGE, PLAYER)))
+ARTEFACTS = (TRACKS, *(f"logs/{node}.log" for node in (BRIDGE, REPORTS, PLAYER)))
 
 
-def recording(bag: Path) -> Path | None:
-    """Return the recording of ASTERIX beside a bag, None without one."""
-    path = (bag if bag.is_dir() else bag.parent) / SHIPPED
+def recording(bag: Path, name: str = SHIPPED) -> Path | None:
+    """Return the recording of ASTERIX, or another one, beside a bag; None without one."""
+    path = (bag if bag.is_dir() else bag.parent) / name
     return path if path.is_file() else None
 
 
@@ -48,7 +49,8 @@ def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path, cutoff: f
 
     The tracks are written to ``out / TRACKS``.
     """
-    where = input_address()
+    where, heard_at = input_address(), input_address()
+    sentences = recording(bag, SENTENCES) if config.receivers else None
 
     def play(nodes: Processes) -> bool:
         sockets = {
@@ -62,8 +64,16 @@ def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path, cutoff: f
         ready = [f"{names.detections(radar.name)}: 2 subscribers" for radar in config.inputs]
         if not all(nodes.wait_for(BRIDGE, text) for text in ready):
             return False
+        if sentences is not None:
+            own = {"inputs": f"['{heard_at}']", "interface": LOOPBACK, "replayed": True}
+            nodes.start(REPORTS, [], own)
+            ready = [f"{receiver.topic}: 1 subscribers" for receiver in config.receivers]
+            if not all(nodes.wait_for(REPORTS, text) for text in ready):
+                return False
         sent = ["--recording", str(recording(bag)), "--send", str(where)]
         sent += ["--tracker", str(logs / PARAMETERS)]
+        if sentences is not None:
+            sent += ["--sentences", str(sentences), "--send-sentences", str(heard_at)]
         if not processes.replay(nodes, bag, config, sent, PLAYER, f"{__package__}.{PLAYER}"):
             return False
         outputs = BagReader(out / RECORDING).counts[names.estimates(FILTERED)]

@@ -1,17 +1,18 @@
 """Replays a bag to a tracker behind a bridge, with the detections by UDP.
 
 They are sent from a recording of ASTERIX, sector by sector, in the lock-step of
-`sensor_replay`.
+`sensor_replay`, and self-reports from a recording of sentences with times of receipt.
 """
 
 from __future__ import annotations
 
 import heapq
+import re
 import sys
 import time
 from argparse import Namespace
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from operator import attrgetter
 from pathlib import Path
@@ -39,6 +40,8 @@ from ..asterix.writing import bridge_parameters
 from .asterix import LOOPBACK
 
 NAME = "asterix_player"
+# The time of receipt at the beginning of a line.
+_RECEIPT = re.compile(rb"\\c:(\d+)\*")
 DEPTH = 50
 
 
@@ -52,10 +55,16 @@ class Datagram(BagMessage):
 
 
 class Recording(BagReader):
-    """A bag whose detections are in a recording of ASTERIX, as a bridge would assemble them."""
+    """A bag whose detections are in a recording of ASTERIX, as a bridge would assemble them.
 
-    def __init__(self, bag: Path, recording: Path, bridge: Bridge) -> None:
+    Those of `receivers` are in a recording of sentences.
+    """
+
+    def __init__(
+        self, bag: Path, recording: Path, bridge: Bridge, receivers: Mapping[str, Path]
+    ) -> None:
         super().__init__(bag)
+        self.sentences = receivers
         self._recording, self._bridge = recording, bridge
         self.clouds: Counter[str] = Counter()  # Clouds of the sectors read, by radar
         self.detections = [names.detections(radar.name) for radar in bridge.radars.values()]
@@ -67,8 +76,10 @@ class Recording(BagReader):
 
         Raise `BagError` if the file is not a recording.
         """
-        others = set(self.types if topics is None else topics).difference(self.detections)
-        parts = super().messages(list(others), until_ns), self._datagrams()
+        others = set(self.types if topics is None else topics)
+        others = others.difference(self.detections, self.sentences)
+        parts = [super().messages(list(others), until_ns), self._datagrams()]
+        parts += [_sentences(topic, path) for topic, path in self.sentences.items()]
         yield from heapq.merge(*parts, key=attrgetter("log_time_ns"))
 
     def _datagrams(self) -> Iterator[BagMessage]:
@@ -89,6 +100,13 @@ class Recording(BagReader):
                         waiting.clear()
         except RecordingError as error:
             raise BagError(f"{self._recording}: {error}") from error
+
+
+def _sentences(topic: str, path: Path) -> Iterator[BagMessage]:
+    """Yield the lines of a file with the times of their receipt, whole seconds in tag blocks."""
+    for line in path.read_bytes().splitlines(keepends=True):
+        if (found := _RECEIPT.match(line)) is not None:
+            yield Datagram(topic, int(found[1]) * 10**9, line)
 
 
 class UdpOutput:
@@ -117,15 +135,19 @@ class AsterixPlayer(SensorReplay):
         records.prepare()
         config = from_arguments.load_config(given.tracker, names.TRACKER)
         bridge = settings.resolve(bridge_parameters(config))
-        self._bag = Recording(Path(flags["bag"]), given.recording, bridge)
-        self._udp = UdpOutput(given.send)
+        topics_of = [own.topic for own in config.receivers] if given.sentences else []
+        receivers = dict.fromkeys(topics_of, given.sentences)
+        self._bag = Recording(Path(flags["bag"]), given.recording, bridge, receivers)
+        self._udp = dict.fromkeys(self._bag.detections, UdpOutput(given.send))
+        if given.sentences:
+            self._udp |= dict.fromkeys(topics_of, UdpOutput(given.send_sentences))
         self._received: Counter[str] = Counter()
         super().__init__(flags, bag=self._bag)
         qos = topics.reliable(DEPTH)
         self.create_subscription(DiagnosticArray, names.DIAGNOSTICS, self._on_health, qos)
 
     def _output(self, topic: str, message_class: Any) -> Any:
-        return self._udp if topic in self._bag.detections else super()._output(topic, message_class)
+        return self._udp.get(topic) or super()._output(topic, message_class)
 
     def _drain(self) -> None:
         """Wait until the tracker has received all sectors, before it is flushed."""
@@ -148,6 +170,8 @@ def main(argv: Sequence[str]) -> int:
     parser = ArgumentParser(NAME, description=__doc__)
     parser.add_argument("--recording", type=Path, required=True, help="of ASTERIX")
     parser.add_argument("--send", required=True, type=udp.address, metavar="HOST:PORT")
+    parser.add_argument("--sentences", type=Path, help="recording of AIS")
+    parser.add_argument("--send-sentences", type=udp.address, metavar="HOST:PORT")
     parser.add_argument("--tracker", type=Path, required=True, help="its parameter file")
     others, _ = parameters.split(NAME, argv)
     given, flags = parser.parse_known_args(others)

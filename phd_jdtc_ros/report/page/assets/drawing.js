@@ -6,6 +6,7 @@ const NEW_LABEL = [[1, -1], [1, 1], [-1, 1], [-1, -1]]; // where labels are trie
 
 const MOST_LABELS = 400;
 const ALARM = "#d32f2f";
+const [REPORTS, DOUBTFUL] = ["#2e7d32", "#d500d5"];
 const ZONES = { guard: "#c77700", exclusion: "#808080", land: "#8a6d3b" };
 
 function meet(box, other) {
@@ -355,6 +356,7 @@ class Drawing {
       this.outline(rows.class[row], px, py, filled ? 3 : 5.5);
       if (filled) brush.fill();
       else brush.stroke();
+      if (name === this.main && rows.mark) this.drawMark(rows.mark[row], px, py);
       if (name === this.main) {
         const ahead = 0.1 * this.ahead * this.scale;
         brush.strokeStyle = this.ink;
@@ -369,6 +371,24 @@ class Drawing {
       brush.globalAlpha = 1;
     }
     if (name === this.main && this.option("labels")) this.drawLabels(name, labelled);
+  }
+
+  // What self-reports say: a thin ring about those that report, a thick one about dark targets, a
+  // broken one about doubtful sources and about tracks that their sources have left.
+  drawMark(mark, px, py) {
+    const { brush } = this;
+    const [shade, width, dash] = {
+      reports: [REPORTS, 2, []], dark: [this.ink, 4, []],
+      "left by": [DOUBTFUL, 2, [2, 3]], doubtful: [DOUBTFUL, 4, [5, 4]],
+    }[this.head.marks[mark]] || [];
+    if (!shade) return;
+    brush.strokeStyle = shade;
+    brush.lineWidth = width;
+    brush.setLineDash(dash);
+    brush.beginPath();
+    brush.arc(px, py, 11, 0, 2 * Math.PI);
+    brush.stroke();
+    brush.setLineDash([]);
   }
 
   // Labels beside their tracks, where no other text is and, if there is such a place, no velocity;
@@ -392,8 +412,8 @@ class Drawing {
       .sort((a, b) => (labelled[b][0] === this.selected) - (labelled[a][0] === this.selected));
     for (const k of order) {
       const [number, row, px, py] = labelled[k];
-      const { who, level, speed } = this.words(name, number, row);
-      const lines = [who, [level, speed].filter(Boolean).join(" ")];
+      const { who, level, speed, alert } = this.words(name, number, row);
+      const lines = [[who, alert].filter(Boolean).join(": "), [level, speed].filter(Boolean).join(" ")];
       const width = Math.max(...lines.map((line) => brush.measureText(line).width));
       const boxes = NEW_LABEL.flatMap(([right, down]) => [12, 30].map((apart) => {
         const x = px + right * apart - (right < 0 ? width : 0);

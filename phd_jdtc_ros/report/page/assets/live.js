@@ -8,6 +8,7 @@ const MOST_ROWS = 60000, MOST_UPDATES = 300, MOST_PLOTS = 20000;
 const SILENT_MS = 15000;
 const COLUMNS = ["x", "y", "vx", "vy", "course", "level", "climb", "class", "share", "weight", "state",
   "minor", "major", "angle"];
+const SAID = ["mark", "chance", "since"]; // of trackers with receivers of self-reports
 
 function colour(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -68,7 +69,8 @@ class Live extends Picture {
     }));
     const group = { number: [], start: [], frame: [], identity: [] };
     for (const name of COLUMNS) group[name] = [];
-    const known = new Map();
+    if (this.updates.some((update) => update.mark)) for (const name of [...SAID, "source"]) group[name] = [];
+    const [known, told] = [new Map(), new Map([["", 0]])];
     for (const number of [...of.keys()].sort((a, b) => a - b)) {
       group.number.push(number);
       group.start.push(group.frame.length);
@@ -79,8 +81,14 @@ class Live extends Picture {
         const who = update.who[row].join(" ");
         if (!known.has(who)) known.set(who, [known.size, [...update.who[row], ""]]);
         group.identity.push(known.get(who)[0]);
+        if (!group.mark) continue;
+        for (const name of SAID) group[name].push(update[name] ? update[name][row] : 0);
+        const from = update.source ? update.source[row] : "";
+        if (!told.has(from)) told.set(from, told.size);
+        group.source.push(told.get(from));
       }
     }
+    this.head.told = [...told.keys()];
     this.head.identities = [...known.values()].map(([, who]) => who);
     this.groups[this.main] = group;
     // An alarm stays until the next one.

@@ -147,16 +147,36 @@ class Picture extends Drawing {
   words(name, number, row) {
     const { level, climb, identity, course } = this.groups[name];
     const [code, address, sign] = this.head.identities[identity[row]];
+    const { alert, source, said } = this.said(name, row);
     const height = level[row];
     const rate = climb[row] > 15 ? "\u2191" : climb[row] < -15 ? "\u2193" : "";
     const metres = this.speed(name, row);
     return {
-      who: sign || code || address || String(number),
-      sign, code, address,
+      who: source.split(" (")[0] || sign || code || address || String(number),
+      sign, code, address, source, alert, said,
       level: this.grounded(name, row) ? "ground" : !this.head.levels || height === this.head.no_level ? ""
         : (this.head.levels === "FL" ? flightLevel(height) : `${height} m`) + rate,
       speed: this.head.ground ? `${Math.round(metres / KNOT)} kt` : `${metres.toFixed(1)} m/s`,
       course: `${String(course[row]).padStart(3, "0")}\u00b0`,
+    };
+  }
+
+  // What self-reports say of a row: its source, a word where it matters, and the whole sentence.
+  said(name, row) {
+    const { mark, chance, since, source } = this.groups[name];
+    if (!mark) return { alert: "", source: "", said: "" };
+    const [what, from] = [this.head.marks[mark[row]], this.head.told[source[row]]];
+    const urgent = what === "dark" || what === "doubtful";
+    const ago = since[row] < 0 ? "" : `, ${what === "dark" || what === "reports" ? "last heard" : "for"} ${since[row]} s`
+      + (what === "dark" || what === "reports" ? " ago" : "");
+    return {
+      alert: urgent ? `${what} ${chance[row]} %` : what === "left by" ? "left" : "",
+      // Who has left a track is not its name.
+      source: what === "left by" ? "" : from,
+      said: what === "left by" ? `left by ${from}${ago}`
+        : what === "reports" ? `${from || "a transmitter"} reports${ago}`
+          : what === "doubtful" ? `${from} is not where radars look for it (${chance[row]} %)${ago}`
+            : what === "dark" ? `does not transmit (${chance[row]} %)${ago || ", never heard"}` : what,
     };
   }
 
@@ -316,11 +336,12 @@ class Picture extends Drawing {
       count += 1;
       const words = this.words(this.main, number, row);
       if (number === this.selected) this.tell(number, row, words);
-      const names = [words.sign, words.code, words.address, String(number)].filter(Boolean);
+      const names = [words.source, words.alert, words.sign, words.code, words.address, String(number)].filter(Boolean);
       if (!names.some((name) => name.toLowerCase().includes(wanted)) || lines.length === MOST_LISTED) continue;
       if (!this.rows.has(number)) this.rows.set(number, this.newRow(number));
       const line = this.rows.get(number);
-      const texts = [words.who === String(number) ? words.who : `${words.who} (${number})`,
+      const texts = [(words.who === String(number) ? words.who : `${words.who} (${number})`)
+        + (words.alert ? `: ${words.alert}` : ""),
         ...(this.head.levels || this.head.ground ? [words.level] : []), words.speed, words.course];
       line.cells[0].firstChild.setAttribute("aria-pressed", number === this.selected);
       texts.forEach((text, k) => { (line.cells[k].firstChild || line.cells[k]).textContent = text; });
@@ -367,7 +388,7 @@ class Picture extends Drawing {
       `Track ${number}`,
       words.sign && `call sign ${words.sign}`, words.code && `code ${words.code}`, words.address && `address ${words.address}`,
       `${this.head.classes[kind[row]].title} (${share[row]} %)`,
-      words.level, words.speed, `course ${words.course}`, this.place(x[row], y[row]),
+      words.said, words.level, words.speed, `course ${words.course}`, this.place(x[row], y[row]),
       `exists with ${weight[row]} %`, state[row] === 2 && "coasting",
     ].filter(Boolean).join(", ");
   }
