@@ -44,7 +44,8 @@ ELSEWHERE = (
 MODULES = (
     *("reports.bad_scans", "reports.turning", "reports.late_sectors", "reports.moving"),
     *("hostile_input.bags", "operation.overload", "reports.clutter", "reports.crowd"),
-    *("reports.numerics", "reports.absurd", "reports.reflected", "hostile_input.hostile"),
+    *("reports.numerics", "reports.absurd", "reports.reflected", "reports.self_reports"),
+    "hostile_input.hostile",
     "hostile_input.flood",
     *("hostile_input.bombs", "operation.publishers", "operation.restarts"),
     *("operation.warm_restart", "hostile_input.forgeries", "reports.stamps_and_time"),

@@ -42,7 +42,7 @@ def write_bag(
     run: Scenario,
     config: TrackerConfig,
     seed: int,
-    told: Mapping[str, list[Received]],
+    told: Mapping[str, list[Received]] | None = None,
 ) -> None:
     """Simulate a scenario into a new bag, with parameters beside it, byte for byte reproducible.
 
@@ -59,7 +59,7 @@ def write_bag(
         for own in config.receivers:
             bag.add_topic(Topic(own.topic, names.CLOUD, DEPTH))
         # By stamp; then poses, truth, detections, self-reports.
-        parts = _poses(run, config), _scans(run, config, seed), _clouds(config, told)
+        parts = _poses(run, config), _scans(run, config, seed), _clouds(config, told or {})
         for stamp_ns, topic, data in heapq.merge(*parts, key=lambda message: message[0]):
             bag.write(topic, data, stamp_ns)
     bag_parameters.write(directory / bag_parameters.NAME, config.values)
