@@ -21,7 +21,7 @@ from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Truth
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, yaml_files
-from phd_jdtc_ros.report_bridge.settings import cloud, missing
+from phd_jdtc_ros.report_bridge import cloud, missing
 from phd_jdtc_ros.simulation import antenna, scenario_file, self_reports
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.self_reports import Received

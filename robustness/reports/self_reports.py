@@ -10,6 +10,7 @@ import numpy as np
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.types import Detections, Estimates, SelfReports
 from phd_jdtc_ros.core.types.reports import MMSI
@@ -77,7 +78,9 @@ def _turns(ships: FloatArray, turns: int, every_s: float, until_s: float) -> Ite
         plots = np.stack([np.hypot(x, y), np.arctan2(y, x)], axis=1)
         plots = plots + rng.standard_normal(plots.shape) * [10.0, np.radians(0.05)]
         events = pipeline.add(0, START_NS + round(now_s * NS), Detections(plots, None))
-        for event in events if not isinstance(events, str) else ():
+        if isinstance(events, Rejection):
+            raise ValueError(f"a revolution was rejected: {events.value}")
+        for event in events:
             if isinstance(event, Stepped):
                 yield from event.step.filtered
 
