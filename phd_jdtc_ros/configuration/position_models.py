@@ -15,8 +15,8 @@ from phd_jdtc_ros.core.factors import (
     Limit,
     Noise,
     Outliers,
+    Pressure,
 )
-from phd_jdtc_ros.core.factors.transponder import Pressure
 from phd_jdtc_ros.core.intake.input_checks import PositionReportCheck
 from phd_jdtc_ros.core.sensors.gaussians import ReportedHeights
 from phd_jdtc_ros.core.sensors.position import PositionSensor, WatchedArea, farthest

@@ -27,9 +27,9 @@ from phd_jdtc_ros.core.factors import (
     Noise,
     Outliers,
     PolarGrid,
+    Pressure,
     Sectors,
 )
-from phd_jdtc_ros.core.factors.transponder import Pressure
 from phd_jdtc_ros.core.intake.input_checks import (
     FAR,
     RADIANS_AS_DEGREES,

@@ -24,7 +24,6 @@ STEP = "use {}, with the squared step divided by 12 added to its square"
 SOURCE = "use output_source: [SAC, SIC, service]"
 RECORDED = "use record_topics and record_types"
 
-# Values of `engine`.
 TRACKER: Mapping[str, str] = {
     "radars": "use sensors",
     "existence_threshold": "use confirm_probability and delete_probability",

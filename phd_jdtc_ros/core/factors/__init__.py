@@ -36,10 +36,12 @@ from .multipath import Multipath
 from .noise import Noise
 from .outliers import Outliers
 from .sectors import Sectors
+from .transponder import AttributeModel, Pressure
 
 __all__ = [
     "MOST_CORRELATION",
     "START_RATE",
+    "AttributeModel",
     "Bursts",
     "ClutterMap",
     "ClutterRanges",
@@ -54,5 +56,6 @@ __all__ = [
     "Noise",
     "Outliers",
     "PolarGrid",
+    "Pressure",
     "Sectors",
 ]

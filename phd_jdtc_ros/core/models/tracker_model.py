@@ -10,9 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays import FloatArray, ReadOnly
-from ..factors.clutter.map import ClutterMap
-from ..factors.factor import Factor
-from ..factors.transponder.records import AttributeModel
+from ..factors import AttributeModel, ClutterMap, Factor
 from ..reports.model import Receiver
 from ..sensors.gaussians import HeightPrior
 from ..sensors.range_rate import Rates

@@ -263,14 +263,10 @@ def least_speed(values: Mapping[str, Any]) -> float:
 
     Slower ones are in the clutter maps of all sensors.
     """
-    found = [
-        float(values.get(f"{name}.clutter_map_speed", 0.0))
-        if values.get(f"{name}.clutter_map")
-        else 0.0
-        for name in values.get("sensors", ())
-        if values.get(f"{name}.kind") != "reports"
-    ]
-    return min(found, default=0.0)
+    own = [name for name in values.get("sensors", ()) if values.get(f"{name}.kind") != "reports"]
+    if not all(values.get(f"{name}.clutter_map") for name in own):
+        return 0.0
+    return min((float(values[f"{name}.clutter_map_speed"]) for name in own), default=0.0)
 
 
 def _recorded_topics(topics: Sequence[str], messages: Sequence[str]) -> dict[str, str]:
