@@ -213,7 +213,6 @@ def test_every_factor_has_a_case():
     assert offered == {type(case.factor) for case in CASES}
     learning = [each for each in subclasses(Factor) if each.NAME]
     assert len({each.NAME for each in learning}) == len(learning)
-    # That of heights in space has tests of its own, `test_heights`.
     assert set(learning) - {Pressure} <= offered
 
 
