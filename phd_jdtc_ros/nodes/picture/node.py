@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 import secrets
+import socket
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -69,8 +70,9 @@ class Picture(RunnableNode):
         token = given.token or ("" if is_loopback(given.host) else secrets.token_urlsafe(16))
         self.server = Server(given.host, given.port, token, self._page, self._first, self._take)
         query = f"?token={token}" if token else ""
-        # A local address is a link that can be followed.
-        host = "localhost" if is_loopback(given.host) else given.host
+        # The link can be followed, also where the address is that of all networks.
+        everywhere = socket.gethostname() if given.host in ("0.0.0.0", "::") else given.host
+        host = "localhost" if is_loopback(given.host) else everywhere
         self.get_logger().info(f"look at http://{host}:{self.server.port}/{query}")
 
     def _subscribe(self, kind: type, topic: str, callback: Callable[[Any], None]) -> None:
