@@ -49,8 +49,7 @@ def of_request(verb: str, parameters: Sequence[Any], plane: Plane | None) -> Com
 
 def to_request(command: Command) -> list[Any]:
     """Return a command as the named values of its service, see `of_request`."""
-    named = _values_of(command).items()
-    return [Parameter(name, value=value).to_parameter_msg() for name, value in named]
+    return [Parameter(n, value=v).to_parameter_msg() for n, v in _values_of(command).items()]
 
 
 def _values_of(command: Command) -> dict[str, Any]:

@@ -100,8 +100,7 @@ def select(bag: BagReader, wanted: list[str]) -> Playable:
         reason = "; ".join(skipped) or f"it has {', '.join(sorted(bag.types)) or 'no topic'}"
         raise BagError(f"{bag.path}: has nothing to play: {reason}")
     detections = [topic for topic in detections if topic in classes]
-    lines = tuple(map(short, skipped))
-    scans = (*detections, *truth)
+    scans, lines = (*detections, *truth), tuple(map(short, skipped))
     return Playable(classes, scans, tuple(detections), tuple(truth), manual, lines)
 
 
