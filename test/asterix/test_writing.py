@@ -9,7 +9,7 @@ from asterix_reference import decoded, value
 from phd_jdtc_ros.asterix import plot_stream, writing
 from phd_jdtc_ros.asterix import writing as plots_out
 from phd_jdtc_ros.asterix import writing as tracks_out
-from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
+from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot, call_sign_of, call_sign_text
 from phd_jdtc_ros.asterix.writing import Source, TrackReport
 
 NS = 10**9
@@ -239,3 +239,18 @@ def test_antenna_reports_crossings_of_north_and_other_azimuths():
 def test_revolution_that_is_not_known_is_left_out():
     (found,) = plot_stream.BlockReader(Counter()).messages(plots_out.service_block(1, 0, 0.0, 0.0))
     assert math.isnan(found.rotation_s)
+
+
+def test_tracks_of_reports_alone_and_silent_ones_are_said_to_be_so():
+    heard = replace(PLAIN, alone=True, report_age_s=3.0, address=0x3C6500)
+    record = one(heard)
+    assert (value(record, "I080", "PSR"), value(record, "I080", "ADS")) == (1, 0)
+    assert value(record, "I290", "ES", "ES") == pytest.approx(3.0)
+    assert value(record, "I290", "MDS", "MDS") is None
+    silent = one(replace(PLAIN, unheard=True))
+    assert (value(silent, "I080", "PSR"), value(silent, "I080", "ADS")) == (0, 1)
+
+
+def test_names_are_call_signs_of_their_first_letters():
+    assert call_sign_text(call_sign_of("Alma-Mater of Kiel")) == "ALMAMATE"
+    assert call_sign_of("") == call_sign_of("--") == NONE

@@ -10,11 +10,12 @@ from unfolded import columns_of, rows_of
 from msg_adapters.targets.markers import class_colour
 from phd_jdtc_ros.asterix.messages import CallSigns
 from phd_jdtc_ros.core.state_space import SPATIAL
-from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes
+from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes, Reported
 from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
+from phd_jdtc_ros.core.types.reports import LEFT, MMSI
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.report.page import words
-from phd_jdtc_ros.report.page.picture import Frames, picture_of
+from phd_jdtc_ros.report.page.picture import MARKS, Frames, picture_of
 from phd_jdtc_ros.report.record import RadarPlots
 from phd_jdtc_ros.report.style import RADIUS_95
 
@@ -272,3 +273,31 @@ def test_an_hour_of_fifty_aircraft_is_less_than_two_megabytes():
 
     # The charts' library takes two of the five that a page of an hour may have.
     assert len(picture_of(record).columns.text()) < 2e6
+
+
+def test_what_self_reports_say_is_a_mark_with_its_chance_and_time():
+    said = Reported.unknown(5)
+    columns = {name: value.copy() for name, value in vars(said).items()}
+    columns["owned"][:] = [0.98, 0.0, 0.0, 0.0, 0.0]
+    columns["dark"][1] = 0.995
+    columns["doubtful"][2] = 1.0
+    columns["reason"][3] = LEFT
+    columns["silent"][4] = 0.3
+    columns["address"][:4], columns["space"][:4] = 211_000_001, MMSI
+    columns["heard_ns"][0] = stamp_ns(0) - 7 * 10**9
+    columns["since_ns"][2:4] = stamp_ns(0) - 12 * 10**9
+    found = tracked(0, classes=5, reports=Reported(**columns))
+    record = record_of(5, filtered=(found,), smoothed=())
+    picture = picture_of(record)
+    shown = rows_of(picture, "filtered")
+    words_of = [MARKS[mark] for mark in shown["mark"]]
+    assert words_of == ["reports", "dark", "doubtful", "left by", "no report"]
+    assert shown["chance"].tolist()[:3] == [98, 100, 100]
+    assert shown["since"].tolist() == [7, -1, 12, 12, -1]
+    told = picture.header["told"]
+    assert [told[k] for k in shown["source"]] == ["MMSI 211000001"] * 4 + [""]
+    assert "thick one about a dark target" in words.section(picture.header)
+
+
+def test_tracks_without_a_receiver_have_no_marks():
+    assert "filtered.mark" not in dict(picture_of(record_of(2)).header["columns"])
