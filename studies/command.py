@@ -35,7 +35,7 @@ STUDIES = {
     "changed_radars": "changed_radars.STUDY",
     "calibration": "calibration.study.STUDY",
     "hard_traffic": "hard_traffic.STUDY",
-    "tuning_truth": "tuning_truth.STUDY",
+    "tuning_truth": "calibration.tuning_truth.STUDY",
     "league": "league.STUDY",
     "conflicts": "conflicts.STUDY",
     "self_reports": "self_reports.STUDY",

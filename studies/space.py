@@ -1,4 +1,4 @@
-"""How well targets are tracked in space, beside the plane, in random traffic of several scenes.
+"""How well targets are tracked in space, beside the plane, in random traffic of five scenes.
 
 The same detections go to three trackers: in space; in the plane, which takes an elevation to
 flatten the range and a slant range for one over ground; and in the plane with what a user can work
@@ -65,14 +65,11 @@ class Scene(NamedTuple):
     scenario: str
     cutoff: float  # Metres
     targets: str  # Kind of the traffic; empty for that of the file
-    interval_s: float = 0.0  # Between scans; 0 for that of the file
-    scans: int = 0
     third: bool = False  # With a third radar beside the two of the file
 
 
 SCENES = {
-    "drones, 2 Hz": Scene("drones", 30.0, "drones"),
-    "drones, 10 Hz": Scene("drones", 30.0, "drones", 0.1, 300),
+    "drones and birds": Scene("drones", 30.0, "drones"),
     "air, 3-D and 2-D": Scene("air_3d", 2000.0, "aircraft"),
     "two slant ranges": Scene("two_slant", 1000.0, "approaches"),
     "three slant ranges": Scene("two_slant", 1000.0, "approaches", third=True),
@@ -135,8 +132,6 @@ def scene_of(name: str, seed: int) -> tuple[Scenario, dict[str, Any]]:
         parameters["sensors"] = [*parameters["sensors"], "north"]
         parameters["north.position"] = [12e3, 25e3, 30.0]
     scenario = scenario_file.resolve(document, polar_radars(resolve(parameters).model.radars))
-    interval_s = scene.interval_s or scenario.interval_s
-    scenario = replace(scenario, interval_s=interval_s, scans=scene.scans or scenario.scans)
     if scene.targets:
         rng = np.random.default_rng([seed, len(name)])
         own = flights(scene.targets, scenario.duration_s, rng)

@@ -16,7 +16,7 @@ from phd_jdtc_ros.core.types import Detections
 
 from ..encoding import interfaces, names, point_cloud
 from ..encoding.errors import RejectedMessageError
-from . import detections, positions, radar_scan
+from . import detections, positions, radar_scan, vision
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,7 @@ READERS = {
         lambda data, sensor: positions.from_msg(interfaces.decode(data, names.CLOUD), sensor),
         positions.to_cdr,
     ),
+    "detections_3d": Reader(names.DETECTIONS_3D, vision.from_msg, vision.from_cdr, vision.to_cdr),
 }
 
 

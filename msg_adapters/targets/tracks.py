@@ -199,7 +199,7 @@ def to_detections_3d(
             pose=pose_of(estimates.state[row], float(up.state[row, 0])),
             covariance=covariance.ravel(),
         )
-        detection = message_class("vision_msgs/msg/Detection3D")(header=header)
+        detection = message_class(names.DETECTION_3D)(header=header)
         detection.id = str(label) if label else ""
         detection.bbox.center = pose.pose
         probability = estimates.class_probability[row]

@@ -44,8 +44,8 @@ from phd_jdtc_ros.parameter_files import from_arguments
 from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.report.load import Intact, input_types, posed_reports
 
-# Messages whose definition fixes their fields, by type.
-_DEFINED = {own.type_name: name for name, own in READERS.items() if own.type_name != names.CLOUD}
+# Messages of radars whose definition fixes their fields, by type.
+_DEFINED = {own.type_name: name for name, own in READERS.items() if own.definition}
 
 
 @dataclass(frozen=True)

@@ -57,7 +57,12 @@ class PositionParameters(SensorParameters):
         "y": ("position_std", "m"),
     }
 
-    message = "positions"
+    message: str = parameter(
+        "positions",
+        "Type of the messages: positions for sensor_msgs/PointCloud2 with x and y, detections_3d "
+        "for vision_msgs/Detection3DArray, where that package is installed.",
+        choices=("positions", "detections_3d"),
+    )
     position: tuple[float, ...] = shared(RadarParameters, "position")
     yaw_deg: float = shared(RadarParameters, "yaw_deg")
     pose_topic: str = shared(RadarParameters, "pose_topic")

@@ -24,7 +24,7 @@ from phd_jdtc_ros.exit_status import ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.tools import command, recorded_plots
 
-from .runner import Figures, Study, table
+from ..runner import Figures, Study, table
 
 COLUMNS = (
     *("recording", "radar", "revolution, s", "interval, s"),
