@@ -44,8 +44,8 @@ MANY = 9  # Number of parameters from which a function has too many
 WARM_SCANS = 12  # Scans before the traced one
 
 LIMITS: Mapping[str, float] = {
-    "lines of the product": 78_466,
-    "files of the product": 457,
+    "lines of the product": 78_553,
+    "files of the product": 458,
     "declared parameters": 160,
     "constants of modules per 1,000 lines": 14.6,
     f"functions with {MANY} parameters or more": 1,
