@@ -46,7 +46,7 @@ WARM_SCANS = 12  # Scans before the traced one
 LIMITS: Mapping[str, float] = {
     "lines of the product": 78_553,
     "files of the product": 458,
-    "declared parameters": 160,
+    "declared parameters": 161,
     "constants of modules per 1,000 lines": 14.6,
     f"functions with {MANY} parameters or more": 1,
     "calls like f(*(a, b), c)": 0,

@@ -18,6 +18,7 @@ They are not part of the installed package, whose `monte_carlo` is the reference
     hard_traffic    aircraft in hard turns, and before a radar of coarse azimuths
     league          trackers side by side on recordings that a manifest names
     tuning_truth    proposals of `tune` beside the simulated values
+    space           targets with heights, beside trackers in the plane
 
 `peers` has other trackers for comparison. A study computes the figures of a seed, and derives goals
 and tables from figures.
