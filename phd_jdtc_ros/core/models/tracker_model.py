@@ -12,7 +12,7 @@ import numpy as np
 from ..arrays import FloatArray, ReadOnly
 from ..factors import AttributeModel, ClutterMap, Factor
 from ..reports.model import Receiver
-from ..sensors.gaussians import HeightPrior
+from ..sensors.gaussians import UNKNOWN_STD, HeightPrior
 from ..sensors.range_rate import Rates
 from ..sensors.sensor import Sensor
 from ..sensors.view import View
@@ -96,7 +96,10 @@ class TrackerModel(ReadOnly):
     @cached_property
     def floor(self) -> float:
         """Floor of heights where these follow from ranges alone, metres; -inf otherwise."""
-        measured = any(sensor.measures_heights for sensor in self.radars)
+        measured = any(
+            each.reported_heights is not None or (each.noise_std[2:] < UNKNOWN_STD).any()
+            for each in self.radars
+        )
         return -math.inf if self.height_prior is None or measured else self.height_prior.floor
 
     @property

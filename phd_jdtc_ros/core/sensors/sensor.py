@@ -18,7 +18,7 @@ import numpy as np
 from ..arrays import FloatArray, ReadOnly
 from ..state_space import PLANAR, StateSpace
 from ..types import Detections, Pose
-from .gaussians import Births, HeavyTails, Heights, PlanePlots, ReportedHeights
+from .gaussians import Births, HeavyTails, PlanePlots, ReportedHeights
 from .of_gaussians.linearised import Linearised
 from .range_rate import Rates, Velocities
 from .visibility import FieldOfView
@@ -112,7 +112,8 @@ class Sensor(ReadOnly, ABC):
         births = Births(
             np.arange(len(detections)), np.ones(len(detections)), self.in_plane(detections)
         )
-        heights = self.heights_of(detections)
+        own = self.reported_heights
+        heights = None if own is None else own.of(detections)
         return births if heights is None else heights.divide(births)
 
     def noise_std_of(self, detections: Detections) -> FloatArray:
@@ -136,12 +137,3 @@ class Sensor(ReadOnly, ABC):
     def motion_of(self, detections: Detections) -> Rates | Velocities | None:
         """Return the measured motion of detections; None without a usable one."""
         return None
-
-    @property
-    def measures_heights(self) -> bool:
-        """Whether a single detection shows the height of a target."""
-        return self.reported_heights is not None
-
-    def heights_of(self, detections: Detections) -> Heights | None:
-        """Return the heights of detections as measurements of z; None without any."""
-        return None if self.reported_heights is None else self.reported_heights.of(detections)

@@ -169,11 +169,6 @@ class SpatialRadar(RadarModel):
         std: FloatArray = read_only([self.range_std, self.azimuth_std, self.elevation_std])
         return std
 
-    @property
-    def measures_heights(self) -> bool:
-        """Whether it measures elevations, or reports heights."""
-        return self.elevation_std < UNKNOWN_STD or self.reported_heights is not None
-
     def log_correction(self, elevation_std: FloatArray) -> FloatArray:
         """Return what makes the log densities of unknown elevations uniform, (M,)."""
         uniform = math.log(UNKNOWN_STD * math.sqrt(2.0 * math.pi) / self.visibility.elevation_width)
@@ -259,7 +254,8 @@ class SpatialRadar(RadarModel):
             return super().places_of_births(detections)
         known = np.flatnonzero(~unknown)
         seen = super().places_of_births(detections.take(known))
-        heights = self.heights_of(detections)
+        own = self.reported_heights
+        heights = None if own is None else own.of(detections)
         row, share, places = self._at_heights(np.flatnonzero(unknown), detections, std, heights)
         rows = np.concatenate([known[seen.row], row])
         order = np.argsort(rows, kind="stable")

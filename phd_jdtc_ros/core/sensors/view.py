@@ -272,7 +272,8 @@ class View(ReadOnly):
     @cached_property
     def heights(self) -> Heights | None:
         """Heights of the detections as measurements of z; None without any."""
-        return self.sensor.heights_of(self.detections)
+        own = self.sensor.reported_heights
+        return None if own is None else own.of(self.detections)
 
     def sensors_own_rate_std(self, rates: Rates) -> FloatArray:
         """Return the sensor's standard deviations of the detections' range rates, (M,).
