@@ -20,7 +20,7 @@ from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.handover import settings as hand_over
 from phd_jdtc_ros.nodes.tracker import settings as tracker_settings
 from phd_jdtc_ros.parameter_files import from_arguments
-from phd_jdtc_ros.simulation import antenna, scenario_file
+from phd_jdtc_ros.simulation import antenna, scenario_file, self_reports
 from phd_jdtc_ros.simulation.antenna import Sending
 from phd_jdtc_ros.tools import recorded_plots
 
@@ -71,12 +71,12 @@ def test_every_example_of_the_page_on_scenarios_is_one(name, text):
     document, radars, faults = yaml.safe_load(text), resolve({}).model.radars, []
     found = scenario_file.resolve(document, radars)
     sent = antenna.read_sending(document, radars, faults)
-    assert not faults
-
     parts = found.targets, found.clutter, found.echoes, found.reflectors, found.platform
     uneven = any(antenna.wobble for antenna in found.antennas)
     said = uneven or any(each != Sending() for each in sent)
-    assert any((*parts, found.mirrors)) or found.transponders is not None or said
+    told = self_reports.receptions(document, 3, faults)
+    assert not faults
+    assert any((*parts, found.mirrors, told)) or found.transponders is not None or said
 
 
 def python_of(name):
