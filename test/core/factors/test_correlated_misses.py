@@ -285,8 +285,9 @@ def test_a_sensor_that_can_see_no_target_changes_no_estimate(accuracy):
             stamp_ns = scan.stamp_ns - round(1e9 * before_s)
             beside.step(Scan(stamp_ns, (NOTHING, None)))
         (ours,), (theirs,) = alone.step(seen).filtered, beside.step(seen).filtered
-        # Improbable targets of unknown position may be in its field.
-        np.testing.assert_allclose(theirs.weight, ours.weight, rtol=2e-4)
+        # Improbable targets of unknown position may be in its field, and hypotheses are merged at
+        # its looks too.
+        np.testing.assert_allclose(theirs.weight, ours.weight, rtol=5e-4)
         np.testing.assert_allclose(theirs.state, ours.state, rtol=1e-3, atol=1.0)
         known += len(ours)
     assert known > 40

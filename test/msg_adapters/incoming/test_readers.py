@@ -2,14 +2,13 @@ import pytest
 
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.incoming.readers import READERS
-from phd_jdtc_ros.configuration.parameters.position import PositionParameters
 from phd_jdtc_ros.configuration.tables import TABLES
 
 
 def test_readers_are_what_sensors_may_be_configured_to_send():
     choices = [each for own in TABLES.values() for each in own if each.name == "message"]
     chosen = {name for each in choices for name in each.choices}
-    assert chosen | {PositionParameters.message} == set(READERS)
+    assert chosen == set(READERS)
 
 
 @pytest.mark.parametrize("name", READERS)

@@ -58,22 +58,30 @@ def test_a_ships_targets_are_sent_as_nmea_and_as_cursor_on_target(processes, pee
     # The last scan but one: the last waits for a pose that never comes.
     time_s = (moving.SCANS - 2) * moving.INTERVAL_S
     stamp_ns = moving.stamp(time_s)
-    end = stamps.to_iso(stamp_ns).encode()
+    clock = stamp_ns // 10**9 % 86400
+    of_scan = f' time="{stamps.to_iso(stamp_ns)}"'.encode()
     lines, texts = [], []
+
+    def sentences_of_scan():
+        found = [pynmea2.parse(each.decode(), check=True) for each in received(nmea, lines)]
+        return [
+            each
+            for each in found
+            if each.sentence_type != "OSD"
+            and each.timestamp.hour * 3600 + each.timestamp.minute * 60 + each.timestamp.second
+            == clock
+        ]
+
+    def are_complete():
+        # Each of the three outputs in sentences has the targets of the events, sent in any order.
+        events = sum(of_scan in each for each in received(cot, texts))
+        return events > 1 and len(sentences_of_scan()) >= 3 * events
+
     with nmea, cot:
-        # Events are encoded after sentences.
-        assert peer.spin_until(lambda: sum(end in each for each in received(cot, texts)) > 1)
-        received(nmea, lines)
-    sentences = [pynmea2.parse(each.decode(), check=True) for each in lines]
+        assert peer.spin_until(are_complete)
+        now = sentences_of_scan()
     events = [takproto.parse_proto(bytearray(each)).cotEvent for each in texts]
 
-    clock = stamp_ns // 10**9 % 86400
-    now = [
-        each
-        for each in sentences
-        if each.sentence_type != "OSD"
-        and each.timestamp.hour * 3600 + each.timestamp.minute * 60 + each.timestamp.second == clock
-    ]
     own, heading = moving.antenna(time_s)[0], moving.ship(time_s).yaw
     boats = moving.boats(time_s)
     expected = np.array([[math.dist(own, boat) / MILE] for boat in boats]).ravel()
@@ -108,5 +116,6 @@ def test_a_ships_targets_are_sent_as_nmea_and_as_cursor_on_target(processes, pee
         assert event.type == "a-u-S"
         assert 0.0 < event.ce < 30.0
         assert event.staleTime - event.sendTime == 3 * 2000
-    headings = [float(each.data[0]) for each in sentences if each.sentence_type == "OSD"]
+    every = [pynmea2.parse(each.decode(), check=True) for each in lines]
+    headings = [float(each.data[0]) for each in every if each.sentence_type == "OSD"]
     assert headings[-1] == pytest.approx(bow % 360.0, abs=0.2)
