@@ -113,3 +113,15 @@ def test_core_loads_without_ros_and_without_numba():
     loaded = set(done.stdout.split())
     assert "numpy" in loaded
     assert not loaded & {"rclpy", "sensor_msgs", "std_msgs", "msg_adapters"}
+
+
+def test_named_tuples_have_no_other_base():
+    # Python 3.10 refuses to define one that is generic, which 3.11 allows.
+    faults = [
+        f"{module_of(path)}.{node.name}"
+        for path in PACKAGE.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ClassDef) and len(node.bases) > 1
+        if any(isinstance(base, ast.Name) and base.id == "NamedTuple" for base in node.bases)
+    ]
+    assert faults == []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Generic, NamedTuple, NoReturn, Protocol, TypeVar
+from typing import Generic, NoReturn, Protocol, TypeVar
 
 from ..arrays import FloatArray
 from ..engine import Lag, OnFiltered, Step, ignore_filtered
@@ -18,7 +18,8 @@ SetT = TypeVar("SetT")
 LinkT = TypeVar("LinkT")
 
 
-class Stepped(NamedTuple, Generic[SetT, LinkT]):
+@dataclass(frozen=True)
+class Stepped(Generic[SetT, LinkT]):
     """The result of one step of a recursion."""
 
     updated: SetT  # The intensity after all radars, for filtered targets; that of Gaussians reduced
@@ -53,7 +54,8 @@ class Recursion(Protocol[SetT, LinkT]):
         """Return the expected number of targets of each class, shape (C,)."""
 
 
-class Entry(NamedTuple, Generic[SetT, LinkT]):
+@dataclass(frozen=True)
+class Entry(Generic[SetT, LinkT]):
     """A scan of the window."""
 
     stamp_ns: int
