@@ -1,6 +1,7 @@
 """Messages of SAPIENT as an independent model of the standard validates and reads them."""
 
 import math
+import sys
 import uuid
 from dataclasses import replace
 
@@ -8,6 +9,9 @@ import numpy as np
 import pytest
 from samples import estimates
 from sapient_msg.bsi_flex_335_v2_0.sapient_message_pb2 import SapientMessage
+
+if sys.version_info < (3, 11):
+    pytest.skip("sapient-pydantic cannot be imported before Python 3.11", allow_module_level=True)
 from sapient_msg_pydantic.bsi_flex_335_v2_0 import sapient_message as model
 
 from msg_adapters.outgoing import sapient
