@@ -149,8 +149,7 @@ class InnovationMonitor:
                 self._memories, self._model.radars, scan.detections, strict=True
             ):
                 # In space the noise of three components is not compared.
-                in_plane = not radar.space.vertical
-                if found is not None and len(found) and in_plane:
+                if found is not None and len(found) and not radar.space.vertical:
                     self._compare(memory, radar.at(found.pose), found, tracks, since_s)
         if filtered:
             self._tracks = filtered[-1]
@@ -161,8 +160,7 @@ class InnovationMonitor:
         """Add the squares of a report's innovations and differences to the memory."""
         position = tracks.position + since_s * tracks.velocity
         expected, _ = radar.linearise(position)
-        view = radar.visibility
-        covered = view.coverage_probability(expected, found.coverage, radar.noise_std)
+        covered = radar.visibility.coverage_probability(expected, found.coverage, radar.noise_std)
         (passed,) = (covered > 0.5).nonzero()
         if len(passed) > SAMPLE:
             # Those that are followed already come first, because a difference takes several looks.
