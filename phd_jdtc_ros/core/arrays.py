@@ -51,14 +51,12 @@ def frozen(columns: ColumnsT) -> ColumnsT:
 
     Contiguous arrays are not copied, and become read-only themselves.
     """
-    values = []
-    for column in columns:
-        if isinstance(column, np.ndarray):
-            column = np.ascontiguousarray(column)  # noqa: PLW2901
-            setflags: Any = column.setflags
-            setflags(False)  # See `read_only`.
-        values.append(column)
     own: Any = columns
+    values: list[Any] = [*columns]
+    for index, column in enumerate(columns):
+        if isinstance(column, np.ndarray):
+            values[index] = np.ascontiguousarray(column)
+            values[index].setflags(False)  # See `read_only`.
     same: ColumnsT = own._make(values)
     return same
 

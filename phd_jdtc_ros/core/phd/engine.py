@@ -172,6 +172,6 @@ class PhdEngine(Generic[SetT, LinkT]):
         """Return None: its estimates are no tracks."""
 
     def _refuse(self, *_: object) -> NoReturn:
-        raise NotImplementedError("engine: a PHD filter keeps no state to return to")
+        raise ValueError("engine: a PHD filter keeps no state to return to")
 
     save_state = reprocess = snapshot = restore = _refuse

@@ -161,7 +161,7 @@ def test_engine_keeps_no_state_to_return_to(engine):
         lambda: tracker.restore(None),
         lambda: tracker.reprocess([]),
     ):
-        with pytest.raises(NotImplementedError, match="a PHD filter keeps no state"):
+        with pytest.raises(ValueError, match="a PHD filter keeps no state"):
             refused()
     assert tracker.clutter_raster() is None
 
