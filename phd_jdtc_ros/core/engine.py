@@ -81,7 +81,8 @@ class Engine(Protocol):
         """Predict to the scan, update with it, and smooth.
 
         `on_filtered` gets the filtered estimates of the step, before the smoothing. Raise
-        `ValueError` if the stamp is not later than the previous one.
+        `ValueError` if the stamp is not later than the previous one; a filter of labels also if no
+        sensor reported.
         """
 
     def flush(self) -> tuple[Estimates, ...]:

@@ -17,7 +17,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ..engine import Engine, EngineState, OnFiltered, Step, ignore_filtered
-from ..types import Detections, Estimates, Scan
+from ..types import Detections, Estimates, Scan, SelfReports
 from .sectors import Slice
 
 # Number of reprocessed scans that each new scan pays for.
@@ -150,19 +150,19 @@ class OutOfSequence:
         scans = {entry.scan.stamp_ns: entry for entry in pending}
         latest = pending[0].before
         merged: list[_PendingScan] = []
+        told: list[SelfReports] = []  # Those of a scan without any report left join the next one's
         for stamp_ns in sorted({*scans, *self._changed}):
             reports: list[Detections | None] = [None] * self._radars
             if stamp_ns in scans:
-                latest = scans[stamp_ns].before
-                reports = list(scans[stamp_ns].scan.detections)
-                told = scans[stamp_ns].scan.self_reports
-            else:
-                told = None
+                latest, scan = scans[stamp_ns]
+                reports = list(scan.detections)
+                told += [] if scan.self_reports is None else [scan.self_reports]
             for radar, detections in self._changed.get(stamp_ns, {}).items():
                 reports[radar] = detections
             if any(report is not None for report in reports):
                 state_before = latest if merged else pending[0].before
-                merged.append(_PendingScan(state_before, Scan(stamp_ns, tuple(reports), told)))
+                joined, told = SelfReports.concatenate(told) if told else None, []
+                merged.append(_PendingScan(state_before, Scan(stamp_ns, tuple(reports), joined)))
         return merged
 
     def _trim(self, smoothed: Sequence[Estimates]) -> None:

@@ -116,10 +116,15 @@ class ForwardFilter:
         Raises
         ------
         ValueError
-            If the stamp is not later than the previous one.
+            If the stamp is not later than the previous one, or no sensor reported.
         """
         dynamics, index = self.dynamics, self._scan_index
-        dt = self._interval(scan)
+        dt = self._since(self.stamp_ns, scan.stamp_ns)
+        if dt <= 0.0:
+            raise ValueError(f"scan.stamp_ns: {scan.stamp_ns} is not later than {self.stamp_ns}")
+        # Births would count the time from a look of nobody.
+        if not any(report is not None for report in scan.detections):
+            raise ValueError(f"scan.detections: no sensor reported at {scan.stamp_ns} ns")
         swept, others = partition_swept(self.unswept, scan, self.model)
         aged = [
             AgedMixture(rows.stored, self._since(rows.entry.stamp_ns, scan.stamp_ns))
@@ -229,13 +234,6 @@ class ForwardFilter:
         self.factors = self._configured_factors.restored(snapshot, self.model.radars)
         born = zip(progress.birth.tolist(), progress.born_ns.tolist(), strict=True)
         self.stamp_ns, self._scan_index, self._born_ns = latest, progress.scan_index, dict(born)
-
-    def _interval(self, scan: Scan) -> float:
-        """Return the seconds since the previous scan; raises ValueError if not positive."""
-        dt = self._since(self.stamp_ns, scan.stamp_ns)
-        if dt <= 0.0:
-            raise ValueError(f"scan.stamp_ns: {scan.stamp_ns} is not later than {self.stamp_ns}")
-        return dt
 
     def _since(self, earlier_ns: int | None, stamp_ns: int) -> float:
         """Return the seconds since an earlier stamp; the nominal interval if there is none."""

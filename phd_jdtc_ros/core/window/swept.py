@@ -84,9 +84,9 @@ def swept_births(scan: Scan, model: TrackerModel) -> list[int]:
 
 
 def _covers_all_fields(reports: Reports, model: TrackerModel) -> bool:
-    """Return whether all sensors report their whole fields of view, or none reports anything."""
+    """Return whether all sensors report their whole fields of view."""
     whole_fields = {report.sensor.name for report in reports if report.detections.coverage is None}
-    return not reports or len(whole_fields) == len(model.radars)
+    return len(whole_fields) == len(model.radars)
 
 
 def _in_sweep(position: FloatArray, spread: FloatArray, reports: Reports) -> BoolArray:

@@ -274,23 +274,45 @@ def test_looks_at_the_place_leave_the_unknown_targets_that_they_missed(looks):
 
 
 @pytest.mark.parametrize("accuracy", ["fast", "normal"])
-def test_a_sensor_that_can_see_no_target_changes_no_estimate(accuracy):
+@pytest.mark.parametrize(
+    ("place", "same_start", "relative", "metres"),
+    [
+        pytest.param([0.0, -150e3], False, 1e-12, 1e-6, id="far from all"),
+        # Improbable targets of unknown position may be in its field, so that they are predicted and
+        # merged at its looks too. The two engines begin each scan from the same state.
+        pytest.param([0.0, 0.0], True, 1e-4, 0.3, id="amidst"),
+    ],
+)
+def test_a_sensor_that_can_see_no_target_changes_no_estimate(
+    place, same_start, relative, metres, accuracy
+):
     blind = {"min_range": 20.0, "max_range": 60.0, "clutter_max_range": 60.0}
-    config = config_of(accuracy=accuracy, **blind)
+    config = config_of(accuracy=accuracy, position=place, **blind)
     alone, beside = new_engine(config), new_engine(config)
     known = 0
-    for _, scan in simulate(paper_scenario(config_of().model.radars), 4)[:25]:
+    for number, (_, scan) in enumerate(simulate(paper_scenario(config_of().model.radars), 4)[:25]):
+        if same_start and number:
+            beside.restore(alone.snapshot())
         seen = replace(scan, detections=(None, scan.detections[1]))
         for before_s in (2.0, 1.1, 0.3):
             stamp_ns = scan.stamp_ns - round(1e9 * before_s)
             beside.step(Scan(stamp_ns, (NOTHING, None)))
         (ours,), (theirs,) = alone.step(seen).filtered, beside.step(seen).filtered
-        # Improbable targets of unknown position may be in its field, and hypotheses are merged at
-        # its looks too.
-        np.testing.assert_allclose(theirs.weight, ours.weight, rtol=5e-4)
-        np.testing.assert_allclose(theirs.state, ours.state, rtol=1e-3, atol=1.0)
+        np.testing.assert_allclose(theirs.weight, ours.weight, rtol=relative)
+        np.testing.assert_allclose(theirs.state, ours.state, rtol=relative, atol=metres)
         known += len(ours)
     assert known > 40
+
+
+def test_a_scan_in_which_no_sensor_reported_is_refused_and_changes_nothing():
+    refused, unchanged = new_engine(config_of()), new_engine(config_of())
+    for scan in alternating(4):
+        with pytest.raises(ValueError, match=r"scan\.detections: no sensor reported"):
+            refused.step(Scan(scan.stamp_ns - 10**8, (None, None)))
+        ours, theirs = refused.step(scan), unchanged.step(scan)
+        np.testing.assert_array_equal(ours.filtered[0].state, theirs.filtered[0].state)
+        np.testing.assert_array_equal(ours.class_mass, theirs.class_mass)
+    assert len(ours.filtered[0])
 
 
 def alternating(count=12):

@@ -9,12 +9,12 @@ import pytest
 import sweep
 from scenes import no_detections, short_scenario, small
 
-from phd_jdtc_ros.configuration.engines import new_pipeline
+from phd_jdtc_ros.configuration.engines import new_engine, new_pipeline
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.core.intake.out_of_sequence import EARNED, MAX_SAVED
+from phd_jdtc_ros.core.intake.out_of_sequence import EARNED, MAX_SAVED, OutOfSequence
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import REPROCESSED, Stepped
-from phd_jdtc_ros.core.types import Attributes, Estimates, Pose
+from phd_jdtc_ros.core.types import Attributes, Estimates, Pose, SelfReports
 from phd_jdtc_ros.simulation.simulate import simulate
 
 SCANS = [scan for _, scan in simulate(short_scenario(16), 0)]
@@ -342,3 +342,30 @@ def test_a_sector_that_comes_twice_or_before_all_is_refused():
     run.feed(reports[80:])
     assert run.reprocessed == 0
     assert len(run.refused) == 2
+
+
+def test_self_reports_of_a_scan_that_loses_its_reports_join_the_next_one(monkeypatch):
+    engine, again = new_engine(small({"lag": 6})), []
+    reprocess = engine.reprocess
+    monkeypatch.setattr(
+        engine,
+        "reprocess",
+        lambda scans: again.extend(each for _, each in scans) or reprocess(scans),
+    )
+    rework = OutOfSequence(engine, 2, reprocesses=True)
+    told = [SelfReports.of(np.array([scan.stamp_ns]), np.zeros((1, 2))) for scan in SCANS[:4]]
+    for scan, own in zip(SCANS[:4], told, strict=True):
+        rework.step(replace(scan, self_reports=own))
+    for radar, moved in enumerate(SCANS[1].detections):
+        rework.insert(radar, [SCANS[1].stamp_ns], [(SCANS[1].stamp_ns - 10**6, moved)])
+    rework.finish()
+    assert [scan.stamp_ns for scan in again] == [
+        SCANS[1].stamp_ns - 10**6,
+        *(scan.stamp_ns for scan in SCANS[2:4]),
+    ]
+    found = [scan.self_reports for scan in again]
+    assert found[0] is None
+    assert [each.time_ns.tolist() for each in found[1:]] == [
+        [SCANS[1].stamp_ns, SCANS[2].stamp_ns],
+        [SCANS[3].stamp_ns],
+    ]
