@@ -11,7 +11,7 @@ import numpy.typing as npt
 from sensor_msgs.msg import PointCloud2
 
 from phd_jdtc_ros.columns import identities, sent_columns
-from phd_jdtc_ros.columns.position_selection import select
+from phd_jdtc_ros.columns.position_selection import AREA, select
 from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.parameters.position import PositionParameters
 from phd_jdtc_ros.core.arrays import FloatArray
@@ -21,7 +21,8 @@ from ..encoding import point_cloud, stamps
 from .detections import Expected, read_columns, require_frame
 
 EXPECTED = Expected(
-    required=("x", "y"), optional=("z", "x_std", "y_std", "z_std", "correlation", "vx", "vy")
+    required=("x", "y"),
+    optional=("z", "x_std", "y_std", "z_std", "correlation", "vx", "vy", "vz", *AREA),
 )
 
 
@@ -37,7 +38,7 @@ def from_msg(cloud: PointCloud2, own: PositionParameters) -> Report:
     otherwise see `stamps.of_input` and `point_cloud.decode`.
     """
     require_frame(cloud.header.frame_id, own)
-    fields = own.fields if own.height_prior else replace(own.fields, z="", z_std="")
+    fields = own.fields if own.height_prior else replace(own.fields, z="", z_std="", vz="")
     columns, missing = read_columns(cloud, fields, own.time_since_epoch, EXPECTED)
     report = select(stamps.of_input(cloud.header), own, columns)
     return replace(report, anomalies=report.anomalies + missing) if missing else report
@@ -63,6 +64,10 @@ def to_cdr(detections: Detections, stamp_ns: int, own: PositionParameters) -> by
     for what, found in (("z", detections.z), ("z_std", detections.z_std)):
         if found is not None:
             columns[what] = found - own.height if what == "z" else found
+    if detections.area is not None:
+        columns |= {
+            what: np.full(count, edge) for what, edge in zip(AREA, detections.area, strict=True)
+        }
     kind = sent_columns.fill(detections.detection_type, count, 0.0)
     columns |= {
         "code": identities.encode(detections.code, count),
@@ -76,17 +81,17 @@ def to_cdr(detections: Detections, stamp_ns: int, own: PositionParameters) -> by
 
 def _columns(detections: Detections) -> dict[str, npt.NDArray[Any]]:
     """Return the columns of places, deviations and velocities that detections have."""
-    pairs: Mapping[tuple[str, str], FloatArray | None] = {
+    pairs: Mapping[tuple[str, ...], FloatArray | None] = {
         ("x", "y"): detections.measurement,
         ("x_std", "y_std"): detections.noise_std,
-        ("vx", "vy"): detections.velocity,
+        ("vx", "vy", "vz"): detections.velocity,
     }
     columns: dict[str, npt.NDArray[Any]] = {}
     for names, found in pairs.items():
         if found is not None:
-            columns |= dict(zip(names, found.T, strict=True))
+            columns |= dict(zip(names, found.T, strict=False))
     if detections.noise_correlation is not None:
         columns["correlation"] = detections.noise_correlation
     if detections.velocity_std is not None:
-        columns["velocity_std"] = detections.velocity_std.max(axis=1)
+        columns["velocity_std"] = detections.velocity_std[:, 0]
     return columns

@@ -45,6 +45,7 @@ POSITIONS: Mapping[str, Sequence[str]] = {
     "fields.correlation": ("correlation", "correlation_xy", "rho_xy"),
     "fields.vx": ("vx", "velocity_x", "vel_x"),
     "fields.vy": ("vy", "velocity_y", "vel_y"),
+    "fields.vz": ("vz", "velocity_z", "vel_z"),
     "fields.time": NAMES["fields.time"],
 }
 

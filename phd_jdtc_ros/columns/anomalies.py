@@ -26,15 +26,16 @@ OF_DETECTIONS = frozenset(
     {
         *("azimuths_beyond_a_turn", "azimuths_no_angles", "ranges_negative", "detections_repeated"),
         *("heights_unknown", "deviations_unusable", "identities_unusable", "range_rates_unusable"),
-        *("elevations_unusable", "elevations_opposite", "elevations_zero"),
+        "heights_unusable",
+        *("elevations_unusable", "elevations_opposite", "elevations_unknown"),
         *("range_rates_beyond_ambiguity", "times_disagree", "detections_late"),
         *("velocities_unusable", "positions_far"),
     }
 )
-OF_CLOUDS = frozenset({"slices_late", "late_reworked", "poses_extrapolated"})
+OF_CLOUDS = frozenset({"slices_late", "late_reworked", "poses_extrapolated", "areas_unusable"})
 # Largest share of them that is normal, if it is not MANY: heights come with the replies of
-# transponders, so that primary plots and false ones have none.
-MANY, NORMAL = 0.05, {"heights_unknown": 0.5}
+# transponders, so that primary plots and false ones have none, and weak plots have no elevation.
+MANY, NORMAL = 0.05, {"heights_unknown": 0.5, "elevations_unknown": 0.5}
 # Parameters of the noise of the components of all kinds of sensors.
 DEVIATIONS = {
     component: parameter
@@ -313,9 +314,16 @@ _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
     "heights_unknown": lambda radar, count: (
         f"{count} detections without a height; {_without_height(radar)}"
     ),
+    "heights_unusable": lambda _, count: (
+        f"{count} heights that are infinite or absurd; their detections are used without them"
+    ),
     "deviations_unusable": lambda sensor, count: f"{count} {_deviations_of(sensor)}",
     "velocities_unusable": lambda _, count: (
         f"{count} velocities that are infinite or absurd; their detections are used without them"
+    ),
+    "areas_unusable": lambda sensor, count: (
+        f"{count} clouds whose area_x_min, area_y_min, area_x_max and area_y_max are no area that "
+        f"is the same in all points; {sensor.name}.area replaces it"
     ),
     "positions_far": lambda _, count: (
         f"{count} positions 1000 km or more from the sensor, where single precision rounds to 0.06 "
@@ -326,12 +334,13 @@ _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
         f"{radar.name}.elevation_unit to deg"
     ),
     "elevations_opposite": lambda radar, count: (
-        f"{count} elevations outside {radar.name}.fov_elevation_deg, whose opposites are in it; if "
-        f"they are depression angles, set {radar.name}.elevation_unit to down_rad or down_deg"
+        f"{count} elevations outside {radar.name}.fov_elevation_deg or below the floor of "
+        "height_prior, whose opposites are not; if they are depression angles, set "
+        f"{radar.name}.elevation_unit to down_rad or down_deg"
     ),
-    "elevations_zero": lambda radar, count: (
-        f"{count} elevations of 0, in clouds without another one, which are used as unknown; if "
-        f"{radar.name} measures none, {radar.name}.fields.elevation has to be empty"
+    "elevations_unknown": lambda radar, count: (
+        f"{count} detections without an elevation (NaN, or 0 in a whole cloud), whose heights are "
+        f"unknown; if {radar.name} measures none, {radar.name}.fields.elevation has to be empty"
     ),
     "range_rates_unusable": lambda radar, count: (
         f"{count} range rates that are infinite or absurd; their detections are used without them"

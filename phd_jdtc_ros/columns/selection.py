@@ -72,16 +72,16 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         azimuth = np.pi / 2.0 - azimuth
     if radar.bias.azimuth:
         azimuth = azimuth - radar.bias.azimuth
-    elevation, all_zero, sine = columns.get("elevation"), 0, None
+    elevation, unknown, sine = columns.get("elevation"), 0, None
     if elevation is not None and radar.elevation_scale != 1.0:
         elevation = radar.elevation_scale * elevation
-    counts = {} if elevation is None else _strange_elevations(elevation, radar)
+    counts = {} if elevation is None else _strange_elevations(distance, elevation, radar)
     if radar.height_prior is None:
         ground = ground_ranges.read(distance, azimuth, elevation, height, radar)
         reach, possible, sine = ground.distance, ground.possible, ground.sine
         measurement = np.stack([ground.distance, ground.azimuth], axis=1)
     else:
-        elevation, all_zero = _measured_elevation(elevation)
+        elevation, unknown = _measured_elevation(elevation)
         measurement = ground_ranges.in_space(distance, azimuth, elevation, radar)
         reach, possible = distance, np.ones(len(distance), dtype=bool)
     passed = {
@@ -111,9 +111,9 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         noise_std = _spatial_noise(measurement, range_std, azimuth_std, own_std)
         bad_azimuths += bad
     rise = None if rate is None or sine is None else np.clip(sine[kept], -1.0, 1.0)
-    above = None if height is None else height[kept] - radar.datum
+    above, absurd = None if height is None else height[kept] - radar.datum, 0
     if above is not None and radar.height_prior is not None:
-        above = plausible_heights(above)
+        above, absurd = plausible_heights(above)
     detections = Detections(
         measurement,
         **common,
@@ -133,9 +133,10 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         "azimuths_beyond_a_turn": (_count(beyond & kept) if is_beyond and not no_angles else 0),
         "azimuths_no_angles": no_angles,
         "ranges_negative": _count(columns["range"] < 0.0) if dropped else 0,
-        "heights_unknown": 0 if height is None else _count(~np.isfinite(height[kept])),
+        "heights_unknown": 0 if above is None else _count(~np.isfinite(above)) - absurd,
+        "heights_unusable": absurd,
         "deviations_unusable": bad_ranges + bad_azimuths + bad_rate_stds,
-        "elevations_zero": all_zero,
+        "elevations_unknown": unknown,
         "sectors_unusable": bad_sectors,
         "range_rates_unusable": bad_rates,
         "range_rates_beyond_ambiguity": (
@@ -221,19 +222,25 @@ def _noise_std(range_std: FloatArray | None, azimuth_std: FloatArray | None) -> 
     return noise_std if np.isfinite(noise_std).any() else None
 
 
-def plausible_heights(height: FloatArray) -> FloatArray:
-    """Return heights, (M,), of which those are unknown that no target has."""
+def plausible_heights(height: FloatArray) -> tuple[FloatArray, int]:
+    """Return heights, (M,), of which those are unknown that no target has, and their number."""
     # No target is higher, m.
-    return np.where(np.abs(height) <= 1e6, height, np.nan)
+    usable = np.abs(height) <= 1e6
+    return np.where(usable, height, np.nan), _count(~usable & ~np.isnan(height))
 
 
-def _strange_elevations(elevation: FloatArray, radar: RadarParameters) -> dict[str, int]:
+def _strange_elevations(
+    distance: FloatArray, elevation: FloatArray, radar: RadarParameters
+) -> dict[str, int]:
     """Return the numbers of elevations beyond the zenith, and of those with the wrong sign.
 
-    The latter are outside the field of view, and their opposites inside.
+    The latter are outside the field of view or below the floor, and their opposites are not.
     """
     low, high = np.radians(radar.fov_elevation_deg)
     outside = (elevation < low - ELEVATION_MARGIN) | (elevation > high + ELEVATION_MARGIN)
+    if radar.height_prior is not None:
+        sine = (radar.height_prior.floor - radar.height) / np.maximum(distance, 1.0)
+        outside |= elevation < np.arcsin(np.clip(sine, -1.0, 1.0)) - ELEVATION_MARGIN
     return {
         "elevations_unusable": _count(np.abs(elevation) > 0.5 * np.pi),
         "elevations_opposite": _count(outside & (-elevation >= low) & (-elevation <= high)),
@@ -241,15 +248,17 @@ def _strange_elevations(elevation: FloatArray, radar: RadarParameters) -> dict[s
 
 
 def _measured_elevation(elevation: FloatArray | None) -> tuple[FloatArray | None, int]:
-    """Return elevations, None if a driver fills the field with zeros, and the number of these.
+    """Return elevations, None if none of a message is measured, and the number of unknown ones.
 
-    Measured elevations have noise, so that those of a whole message are not all exactly 0.
+    Measured elevations have noise, so that those of a whole message are not all exactly 0: a driver
+    fills the field with zeros.
     """
     if elevation is None:
         return None, 0
-    zeros = elevation == 0.0
-    all_zero = bool(zeros.any()) and bool((zeros | np.isnan(elevation)).all())
-    return (None, _count(zeros)) if all_zero else (elevation, 0)
+    unknown = np.isnan(elevation)
+    if (unknown | (elevation == 0.0)).all():
+        return None, len(elevation)
+    return elevation, _count(unknown)
 
 
 def _spatial_noise(

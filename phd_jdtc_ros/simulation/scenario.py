@@ -56,11 +56,8 @@ class Scenario:
     def __post_init__(self) -> None:
         if self.biases and not self.turning:
             raise ConfigError("biases: given, must be none where no radar turns")
-        in_space = any(radar.space.vertical for radar in self.radars)
-        if in_space and (self.turning or self.platform is not None):
-            raise ConfigError(
-                "state: space given, must be plane where a radar turns or is on a platform"
-            )
+        if self.turning and any(radar.space.vertical for radar in self.radars):
+            raise ConfigError("state: space given, must be plane where a radar turns")
         if not self.antennas:
             usual = tuple(default_antenna(index) for index in range(len(self.radars)))
             object.__setattr__(self, "antennas", usual)

@@ -7,6 +7,7 @@ from msg_adapters.encoding import point_cloud
 from msg_adapters.incoming import detections as adapter
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.intake.poses import Mount
 from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD
 from phd_jdtc_ros.core.state_space import SPATIAL
 from phd_jdtc_ros.simulation import scenario_file
@@ -122,6 +123,40 @@ def test_clouds_of_radars_in_space_are_read_again():
         )
     # Without the name of a field for it, no elevation is known.
     assert (again.noise_std[:, 2] == UNKNOWN_STD).all()
+
+
+def test_radars_on_a_platform_that_swings_measure_from_its_pose():
+    moving = {f"{name}.pose": "/ship/odom" for name in ("dome", "flat")}
+    moving |= {"dome.position": [3.0, 1.0, 8.0], "dome.tilt_deg": [5.0, 0.0]}
+    moving |= {"dome.fields.range_rate": ""}
+    config = resolve({**PARAMETERS, **moving, "world_frame": "map"})
+    ship = {
+        "radars": ["dome", "flat"],
+        "position": [-400.0, 200.0],
+        "velocity": [8.0, 3.0],
+        "height": 30.0,
+        "pitch_deg": 4.0,
+        "roll_deg": 12.0,
+        "swing_s": 7.0,
+        "legs": [{"duration_s": 140.0, "climb": 0.5}],
+    }
+    document = {**DOCUMENT, "platform": {**ship, "radars": ["dome"]}}
+    scenario = scenario_file.resolve(document, config.model.radars)
+    errors, dome = [], config.model.radars[0]
+    mount = Mount((3.0, 1.0), dome.yaw, 8.0, dome.tilt)
+    for (truth, scan, (sources, _)), (_, pose) in zip(
+        simulate_with_sources(scenario, 3), scenario.poses()[::2], strict=True
+    ):
+        state = np.zeros((1, len(SPATIAL)))
+        state[0, :5], state[0, 5:] = truth.state[0], truth.height[0]
+        exact = dome.at(mount.on(pose)).measure(state)[0]
+        found = scan.detections[0].measurement[sources == 1]
+        errors += [dome.wrap(each - exact) for each in found]
+    assert len(errors) > 60
+    np.testing.assert_allclose(np.std(errors, axis=0) / dome.noise_std, 1.0, atol=0.3)
+    rolls = [np.degrees(pose.tilt[1]) for _, pose in scenario.poses()]
+    assert max(rolls) == pytest.approx(12.0, abs=0.1)
+    assert scenario.poses()[-1][1].height == pytest.approx(30.0 + 0.5 * 119.0)
 
 
 def test_turning_radars_are_refused_in_space():

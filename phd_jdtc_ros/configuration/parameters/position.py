@@ -36,7 +36,12 @@ class Fields(sensor.Fields):
     correlation: str = "correlation"  # Of the errors in x and y
     vx: str = "vx"  # Metres per second over ground, along the sensor's axes
     vy: str = "vy"
+    vz: str = "vz"  # Upward; only in space
     velocity_std: str = ""
+    area_x_min: str = "area_x_min"  # Of the area that the cloud covers, the same in all points
+    area_y_min: str = "area_y_min"
+    area_x_max: str = "area_x_max"
+    area_y_max: str = "area_y_max"
     amplitude: str = ""
     time: str = ""
     height: str = ""
@@ -113,7 +118,8 @@ class PositionParameters(SensorParameters):
         Fields(),
         "Names of the cloud's fields by quantity, such as fields.x_std; empty for an unused "
         "quantity. Fields of deviations, correlations and velocities that a cloud lacks are "
-        "unknown; z and z_std are only used with state: space.",
+        "unknown; z, z_std and vz are only used with state: space. area_x_min, area_y_min, "
+        "area_x_max and area_y_max, the same in all points, replace the area for a cloud.",
         keys=QUANTITIES,
     )
     time_unit_s: float = shared(RadarParameters, "time_unit_s")

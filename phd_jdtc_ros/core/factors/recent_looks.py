@@ -32,12 +32,15 @@ class RecentLooks(NamedTuple):
     coverage: Annotated[FloatArray, floats("KC", -MAX_STATE, FULL_TURN)]
     # Share of the sensor's detections that were used, (K,).
     share: Annotated[FloatArray, floats("K", 0.0, 1.0)]
+    # Its own area, see `Detections.area`, (K, 4); zeros for the sensor's.
+    area: Annotated[FloatArray, floats("KA", -MAX_STATE, MAX_STATE)]
 
     @staticmethod
     def of_none() -> RecentLooks:
         """Return no looks."""
         none = np.zeros(0, dtype=np.int64)
-        return RecentLooks(none, none, np.zeros((0, 6)), np.zeros((0, 2)), np.zeros(0))
+        places = np.zeros((0, 6)), np.zeros((0, 2))
+        return RecentLooks(none, none, *places, np.zeros(0), np.zeros((0, 4)))
 
     def after(self, view: View, sensor: int) -> RecentLooks:
         """Return the looks after a report of the sensor with this index."""
@@ -45,7 +48,7 @@ class RecentLooks(NamedTuple):
         edges = (0.0, 0.0) if sector is None else (sector.start, sector.width)
         pose = site.pose
         place = (*pose.position, pose.yaw, pose.height, *pose.tilt)
-        look = view.stamp_ns, sensor, place, edges, view.share
+        look = view.stamp_ns, sensor, place, edges, view.share, view.detections.area or (0.0,) * 4
         return RecentLooks._make(
             np.concatenate([column[-MOST + 1 :], [value]])
             for column, value in zip(self, look, strict=True)
@@ -69,6 +72,8 @@ class RecentLooks(NamedTuple):
         pose = Pose((x, y), yaw, height=height, tilt=(pitch, roll))
         start, width = self.coverage[row].tolist()
         sector = Coverage(start, width) if width else None
-        detections = Detections(np.zeros((0, 2)), None, coverage=sector)
+        least_x, least_y, *largest = self.area[row].tolist()
+        area = (least_x, least_y, largest[0], largest[1]) if largest[0] > least_x else None
+        detections = Detections(np.zeros((0, 2)), None, coverage=sector, area=area)
         stamp_ns, share = int(self.stamp_ns[row]), float(self.share[row])
         return View.of(sensor.at(pose), detections, stamp_ns, share)

@@ -227,7 +227,7 @@ class Factors(ReadOnly):
                 raise ValueError(f"{kind}: {other[:40]} given, must be a sensor: {listed}")
         looks = self.looks
         if looks is not None and snapshot.names_below(LOOKS):
-            looks = from_snapshot(RecentLooks, snapshot, LOOKS, {"P": 6, "C": 2})
+            looks = from_snapshot(RecentLooks, snapshot, LOOKS, {"P": 6, "C": 2, "A": 4})
             if looks.sensor.max(initial=0) >= len(by_sensor):
                 most = len(by_sensor)
                 raise ValueError(f"{LOOKS}.sensor: must be below the number of sensors, {most}")

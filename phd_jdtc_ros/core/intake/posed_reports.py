@@ -88,8 +88,9 @@ def _levelled(
     if z is not None:
         changed["z"] = np.where(np.isfinite(z), place[:, 2] + level.height, np.nan)
     if detections.velocity is not None:
-        velocity = np.pad(detections.velocity, ((0, 0), (0, 1)))
-        changed["velocity"] = np.einsum("mij,mj->mi", turn, velocity)[:, :2]
+        axes = detections.velocity.shape[1]
+        velocity = np.pad(detections.velocity, ((0, 0), (0, 3 - axes)))
+        changed["velocity"] = np.einsum("mij,mj->mi", turn, velocity)[:, :axes]
     std, upward = detections.noise_std, detections.z_std
     if std is not None and upward is not None:
         own = np.column_stack([std, upward])

@@ -84,7 +84,8 @@ class DetectionBirthModel(ReadOnly):
             intensity = intensity + self.log_range_rate(toward, measured, sensor)
         velocities = None if report.detections.velocity is None else report.velocities
         if velocities is not None:
-            spread = velocities.noise + self.velocity_std**2 * np.eye(2)
+            std = [self.velocity_std, self.velocity_std, self.climb_std]
+            spread = velocities.noise + np.diag(np.square(std[: velocities.velocity.shape[1]]))
             intensity = intensity + velocities.model.log_density(velocities.velocity, spread)
         for zone in self.excluded:
             inside = zone.contains(report.position[:, :2])

@@ -178,7 +178,7 @@ def _mean(group: IntArray, value: FloatArray, count: int) -> FloatArray:
 
 
 def _mean_pairs(group: IntArray, value: FloatArray | None, count: int) -> FloatArray | None:
-    """Return the means of each group's known values in each column, (M, 2) to (count, 2)."""
+    """Return the means of each group's known values in each column, (M, V) to (count, V)."""
     return None if value is None else np.stack([_mean(group, v, count) for v in value.T], axis=1)
 
 

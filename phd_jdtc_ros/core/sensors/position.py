@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -126,26 +126,35 @@ def farthest(area: Area, position: tuple[float, float] = (0.0, 0.0)) -> float:
 class WatchedArea(FieldOfView):
     """A field of view that is an area, in which false detections are uniform."""
 
-    area: Area
+    area: Area  # To which rates of births and of false detections refer
     probability: float  # Detection probability of targets in the area
+    seen: Area | None = None  # What of it, or beyond it, a report covers; None for the area
+
+    def of(self, report: Detections) -> WatchedArea:
+        """Return the area that a report covered."""
+        return self if report.area is None else replace(self, seen=Area.rectangle(*report.area))
 
     @property
     def limits(self) -> tuple[IntArray, FloatArray]:
         """The sides of a rectangular area; none of another polygon, which no component limits."""
-        if not self.area.is_rectangle:
-            return super().limits
-        return np.array([0, 1]), self.area.bounds
+        area = self.seen or self.area
+        return (np.array([0, 1]), area.bounds) if area.is_rectangle else super().limits
 
     @property
     def size(self) -> float:
         """Size of the area, square metres."""
         return abs(self.area.signed_size)
 
+    @property
+    def clutter_share(self) -> float:
+        """Expected false detections of the report as a share of those in the area."""
+        return 1.0 if self.seen is None else abs(self.seen.signed_size) / self.size
+
     def probability_in_view(
         self, measured: FloatArray, std: FloatArray | None = None
     ) -> FloatArray:
         """Return the probability that each target is in the area, (N,); see `FieldOfView`."""
-        return self.area.probability(measured, std)
+        return (self.seen or self.area).probability(measured, std)
 
     def detection_probability(
         self, measured: FloatArray, std: FloatArray | None = None
@@ -245,6 +254,7 @@ class PositionSensor(Sensor):
         std = np.full(velocity.shape, model.std)
         if (reported_std := detections.velocity_std) is not None:
             std = np.where(np.isfinite(reported_std), reported_std, std)
-        turn = self._rotation.T
+        turn = np.eye(velocity.shape[1])
+        turn[:2, :2] = self._rotation.T
         noise = turn @ noise_covariance(std, None) @ turn.T
-        return Velocities(model, velocity @ self._rotation, noise)
+        return Velocities(model, velocity @ turn.T, noise)

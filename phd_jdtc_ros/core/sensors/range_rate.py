@@ -6,8 +6,9 @@ Range rates that differ by multiples of this interval are folds of one another.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -126,25 +127,22 @@ def rates_of(model: RangeRateModel | None, detections: Detections) -> Rates | No
 
 @dataclass(frozen=True)
 class VelocityModel:
-    """Measurement model of velocities over ground, with independent errors along both axes."""
+    """Measurement model of velocities over ground, with independent errors along the axes."""
 
     std: float  # Standard deviation along each axis, metres per second
     # Width of the uniform distribution for false detections along each axis, metres per second:
     # road traffic with some margin.
     span: float = 200.0
-
-    @property
-    def log_clutter_area(self) -> float:
-        """Log area of the uniform distribution for false detections."""
-        return float(2.0 * np.log(self.span))
+    # Deviation of an unknown climb rate, which counts as 0: its density is nearly 1 / `span`.
+    UNKNOWN_STD: ClassVar[float] = 80.0
 
     @staticmethod
     def log_density(error: FloatArray, covariance: FloatArray) -> FloatArray:
-        """Return log densities of errors, (..., 2), given covariances; 0 where one is unknown."""
+        """Return log densities of errors, (..., V), given covariances; 0 where one is unknown."""
         is_known = _are_known(error)
         known = np.where(is_known[..., None], error, 0.0)
         square = (known * np.linalg.solve(covariance, known[..., None])[..., 0]).sum(axis=-1)
-        log_scale = np.linalg.slogdet(covariance)[1] + 2.0 * np.log(2.0 * np.pi)
+        log_scale = np.linalg.slogdet(covariance)[1] + error.shape[-1] * np.log(2.0 * np.pi)
         return np.where(is_known, -0.5 * (square + log_scale), 0.0)
 
 
@@ -152,13 +150,19 @@ class Velocities(NamedTuple):
     """The velocities of a report in the world frame."""
 
     model: VelocityModel
-    velocity: FloatArray  # Metres per second, (M, 2); NaN where unknown
-    noise: FloatArray  # Covariances, (M, 2, 2)
+    velocity: FloatArray  # Metres per second, (M, V) with V = 2 or 3; NaN where unknown
+    noise: FloatArray  # Covariances, (M, V, V)
 
     @property
     def is_known(self) -> BoolArray:
         """Whether each velocity is known, (M,)."""
         return _are_known(self.velocity)
+
+    @property
+    def log_clutter(self) -> FloatArray:
+        """Log densities of the velocities if they are false, (M,); 0 where one is unknown."""
+        width = self.velocity.shape[1] * math.log(self.model.span)
+        return np.where(self.is_known, -width, 0.0)
 
     def take(self, rows: IntArray) -> Velocities:
         """Return the velocities of these rows."""
@@ -166,6 +170,6 @@ class Velocities(NamedTuple):
 
 
 def _are_known(vectors: FloatArray) -> BoolArray:
-    """Return whether all components of vectors, (..., 2), are known."""
+    """Return whether all components of vectors, (..., V), are known."""
     known: BoolArray = np.logical_and.reduce(np.isfinite(vectors), axis=-1)
     return known

@@ -169,6 +169,8 @@ class View(ReadOnly):
     @staticmethod
     def of(sensor: Sensor, detections: Detections, stamp_ns: int = 0, share: float = 1.0) -> View:
         """Return a report of a sensor at its pose, of which nothing has been learned."""
+        if detections.area is not None:
+            sensor = sensor.changed(visibility=sensor.visibility.of(detections))
         return View(sensor, detections, sensor.clutter_rate, stamp_ns, share)
 
     def __len__(self) -> int:
@@ -393,7 +395,7 @@ class View(ReadOnly):
             log_intensity -= np.where(np.isnan(measured.rate), 0.0, log_width)
         velocities = None if detections.velocity is None else self.velocities
         if velocities is not None:
-            log_intensity -= np.where(velocities.is_known, velocities.model.log_clutter_area, 0.0)
+            log_intensity += velocities.log_clutter
         if detections.amplitude is None:
             return log_intensity
         law = self.clutter_amplitude

@@ -116,6 +116,10 @@ class FieldOfView(ABC):
         """
         return np.ones(len(measured), dtype=np.bool_)
 
+    def of(self, report: Detections) -> FieldOfView:
+        """Return the field of view that a report had."""
+        return self
+
     @property
     @abstractmethod
     def largest_probability(self) -> float | None:

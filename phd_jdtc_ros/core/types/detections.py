@@ -18,7 +18,8 @@ _PER_DETECTION = (
     *("height", "code", "address", "detection_type", "z", "z_std"),
 )
 # The columns with one row per detection.
-_COLUMNS = ("measurement", "noise_std", "velocity", "velocity_std", *_PER_DETECTION)
+_VELOCITIES = ("velocity", "velocity_std")
+_COLUMNS = ("measurement", "noise_std", *_VELOCITIES, *_PER_DETECTION)
 # Sensor types of detections: primary radar, secondary radar, Mode S.
 SENSORS = ("psr", "ssr", "mds")
 
@@ -143,17 +144,20 @@ class Detections(ReadOnly):
     # it is unknown. Errors with an unknown correlation, and those of a polar radar, are taken as
     # independent.
     noise_correlation: FloatArray | None = None
-    # Velocity over ground along the axes of the sensor, metres per second, (M, Z); NaN where
-    # unknown. None if the sensor reports none.
+    # Velocity over ground along the axes of the sensor, metres per second, (M, 2), or (M, 3) with
+    # that upward; NaN where unknown. None if the sensor reports none.
     velocity: FloatArray | None = None
-    # Its standard deviations, metres per second, (M, Z). NaN, or None for all, stands for the
-    # sensor model's.
+    # Its standard deviations, metres per second, in the same shape. NaN, or None for all, stands
+    # for the sensor model's.
     velocity_std: FloatArray | None = None
     # Height above the world's zero in the place of `height`, as a measurement of z in space,
     # metres, (M,); NaN where unknown. A pressure altitude if `Sensor.reported_heights` says so.
     z: FloatArray | None = None
     # Its standard deviation, metres, (M,). NaN, or None for all, stands for the sensor model's.
     z_std: FloatArray | None = None
+    # Least x and y, and largest x and y, metres, of the area in which a sensor of positions saw
+    # targets; None for the sensor model's.
+    area: tuple[float, float, float, float] | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -162,6 +166,8 @@ class Detections(ReadOnly):
             raise ValueError(f"measurement: expected shape (M, Z), got {shape}")
         for name in _COLUMNS:
             column, expected_shape = values[name], shape[:1] if name in _PER_DETECTION else shape
+            if column is not None and name in _VELOCITIES:
+                expected_shape = (*shape[:1], 3 if column.shape[1:] == (3,) else 2)
             if column is not None and column.shape != expected_shape:
                 raise ValueError(f"{name}: expected shape {expected_shape}, got {column.shape}")
 

@@ -7,6 +7,7 @@ import pytest
 from mast import mast
 from numpy.testing import assert_allclose, assert_array_equal
 
+from phd_jdtc_ros.core.factors.recent_looks import RecentLooks
 from phd_jdtc_ros.core.intake.posed_reports import Platform
 from phd_jdtc_ros.core.intake.poses import Mount, PoseTrack
 from phd_jdtc_ros.core.models.detection_clusters import merge_clusters
@@ -62,6 +63,25 @@ def test_targets_are_detected_in_the_area():
     triangle = WatchedArea(Area(np.array([[0.0, 0.0], [9.0, 0.0], [0.0, 9.0]])), 0.9)
     assert len(triangle.limits[0]) == 0
     assert triangle.size == pytest.approx(40.5)
+
+
+def test_a_report_has_the_area_that_it_covered():
+    found = Detections(np.zeros((1, 2)), None, area=(0.0, 0.0, 10.0, 60.0))
+    view = View.of(SENSOR, found)
+    seen = view.sensor.visibility
+    measured = np.array([[5.0, 50.0], [-5.0, 0.0], [10.0, 30.0]])
+    assert_array_equal(seen.probability_in_view(measured[:2]), [1.0, 0.0])
+    assert_allclose(seen.probability_in_view(measured[2:], np.ones((1, 2))), 0.5)
+    assert_array_equal(seen.limits[1], [[0.0, 10.0], [0.0, 60.0]])
+    # Densities are those of the sensor's area, so that fewer false detections are expected.
+    assert view.log_clutter == View.of(SENSOR, Detections(np.zeros((1, 2)), None)).log_clutter
+    assert seen.clutter_share == pytest.approx(600.0 / 1e4)
+    assert FIELD.of(Detections(measured, None)) is FIELD
+    looks = (
+        RecentLooks.of_none().after(view, 0).after(View.of(SENSOR, Detections(measured, None)), 0)
+    )
+    assert_array_equal(looks.view(0, SENSOR).sensor.visibility.limits[1], seen.limits[1])
+    assert_array_equal(looks.view(1, SENSOR).sensor.visibility.limits[1], FIELD.limits[1])
 
 
 def test_false_detections_are_uniform_in_the_area_and_in_a_span_of_velocities():

@@ -10,6 +10,7 @@ from msg_adapters.incoming import recognised
 from msg_adapters.incoming.readers import reader_of
 from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.sensors.range_rate import VelocityModel
 from phd_jdtc_ros.core.types import UNKNOWN, Detections
 
 STAMP_NS = 10**12 + 5 * 10**8
@@ -207,10 +208,61 @@ def test_z_is_a_height_in_space_and_nothing_in_the_plane():
     report = read(columns, own)
     assert_array_equal(report.detections.z, [4.5, NAN])
     assert_allclose(report.detections.z_std, [0.2, 0.1], rtol=1e-6)
-    assert not report.anomalies
+    assert report.anomalies == {"heights_unknown": 1}
     assert read({"x": [1.0], "y": [3.0]}, own).detections.z is None
     again = reader_of(own).from_cdr(reader_of(own).to_cdr(report.detections, STAMP_NS, own), own)
     assert_array_equal(again.detections.z, report.detections.z)
+
+
+def test_climb_is_a_part_of_velocities_in_space_and_nothing_in_the_plane():
+    columns = {
+        "x": [1.0, 2.0, 3.0],
+        "y": [3.0, 4.0, 5.0],
+        "vx": [1.0, 2.0, NAN],
+        "vy": [0.5, 0.5, 0.5],
+        "vz": [-0.25, NAN, np.inf],
+    }
+    flat = read(columns)
+    assert flat.detections.velocity.shape == (3, 2)
+    assert not flat.anomalies
+    (own,) = resolve({"sensors": ["lidar"], "lidar.kind": "position", "state": "space"}).inputs
+    report = read(columns, own)
+    assert_array_equal(
+        report.detections.velocity, [[1.0, 0.5, -0.25], [2.0, 0.5, 0.0], [NAN, NAN, 0.0]]
+    )
+    unknown = VelocityModel.UNKNOWN_STD
+    assert_array_equal(report.detections.velocity_std[:, 2], [NAN, unknown, unknown])
+    assert report.anomalies == {"velocities_unusable": 1}
+    again = reader_of(own).from_cdr(reader_of(own).to_cdr(report.detections, STAMP_NS, own), own)
+    assert_array_equal(again.detections.velocity[0], report.detections.velocity[0])
+
+
+def edges(*area):
+    names = ("area_x_min", "area_y_min", "area_x_max", "area_y_max")
+    return {name: [edge, edge] for name, edge in zip(names, area, strict=True)}
+
+
+def test_a_cloud_may_have_an_area_of_its_own():
+    report = read({"x": [150.0, 50.0], "y": [0.0, 0.0], **edges(120.0, -10.0, 200.0, 10.0)})
+    assert report.detections.area == (120.0, -10.0, 200.0, 10.0)
+    assert_array_equal(report.detections.measurement, [[150.0, 0.0]])
+    assert report.dropped == {"area": 1}
+    sent = reader_of(LIDAR).to_cdr(report.detections, STAMP_NS, LIDAR)
+    assert reader_of(LIDAR).from_cdr(sent, LIDAR).detections.area == report.detections.area
+
+
+@pytest.mark.parametrize(
+    "area", [(5.0, 0.0, 5.0, 9.0), (9.0, 0.0, -9.0, 9.0), (NAN, 0.0, 9.0, 9.0), (0, 0, np.inf, 9)]
+)
+def test_an_area_that_is_none_is_replaced(area):
+    report = read({"x": [1.0, 2.0], "y": [1.0, 2.0], **edges(*map(float, area))})
+    assert report.detections.area is None
+    assert len(report.detections) == 2
+    (text,) = anomalies.of(LIDAR, report.anomalies)
+    assert text.startswith("1 clouds whose area_x_min, area_y_min, area_x_max and area_y_max are")
+    assert "lidar.area replaces it" in text
+    unknown = read({"x": [1.0, 2.0], "y": [1.0, 2.0], **edges(NAN, NAN, NAN, NAN)})
+    assert not unknown.anomalies
 
 
 @pytest.mark.parametrize("absurd", [1e30, -1e30, np.inf, NAN])
@@ -220,6 +272,8 @@ def test_absurd_z_leaves_its_detection(absurd):
     report = read({"x": [1.0, 2.0], "y": [3.0, 4.0], "z": [0.5, absurd]}, own)
     assert_array_equal(report.detections.z, [0.5, NAN])
     assert len(report.detections) == 2
+    what = "heights_unknown" if np.isnan(absurd) else "heights_unusable"
+    assert report.anomalies == {what: 1}
 
 
 def test_places_in_millions_that_are_not_rounded_are_not_noted():

@@ -380,6 +380,19 @@ def test_elevations_with_the_wrong_sign_are_named_with_the_line_that_mends_it():
     (said,) = anomalies.of(radar(**sonar), found.anomalies)
     assert "radar_1.elevation_unit to down_rad" in said
     assert not in_space(points, elevation_scale=-1.0, **sonar).anomalies
+    # With any field of view they put the targets below the floor of heights.
+    below = [(distance, azimuth, -elevation) for distance, azimuth, elevation in points]
+    assert in_space(below).anomalies == {"elevations_opposite": 3}
+    assert not in_space(points).anomalies
+
+
+@pytest.mark.parametrize("absurd", [1e30, -np.inf])
+def test_absurd_heights_leave_their_detections_in_space(absurd):
+    found = in_space(
+        [(1000.0, 0.1, 0.1, absurd), (900.0, 1.0, 0.2, 300.0)], ["h"], height_field="h"
+    )
+    assert found.anomalies == {"heights_unusable": 1}
+    assert_array_equal(found.detections.z, [NAN, 300.0])
 
 
 def test_deviations_of_elevations_are_each_detections_own():
@@ -398,9 +411,16 @@ def test_radar_without_elevations_measures_slant_ranges_in_space():
 
 
 def test_elevations_that_are_all_zero_are_a_drivers_filling_in_space():
-    found = in_space([(1000.0, 0.1, 0.0), (1500.0, 0.2, 0.0), (900.0, 0.2, NAN)])
-    assert (found.detections.noise_std[:, 2] == UNKNOWN_STD).all()
-    assert found.anomalies == {"elevations_zero": 2}
+    for points in (
+        [(1000.0, 0.1, 0.0), (1500.0, 0.2, 0.0), (900.0, 0.2, NAN)],
+        [(1000.0, 0.1, NAN), (1500.0, 0.2, NAN), (900.0, 0.2, NAN)],
+    ):
+        found = in_space(points)
+        assert (found.detections.noise_std[:, 2] == UNKNOWN_STD).all()
+        assert found.anomalies == {"elevations_unknown": 3}
+        (said,) = anomalies.of(radar(), found.anomalies)
+        assert said.startswith("3 detections without an elevation")
+        assert "radar_1.fields.elevation has to be empty" in said
     some = in_space([(1000.0, 0.1, 0.0), (1500.0, 0.2, 1e-3)])
     assert some.detections.noise_std is None
     assert not some.anomalies

@@ -7,8 +7,6 @@ Gaussian with its moments.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from scipy.special import ndtr
 
@@ -17,14 +15,7 @@ from ...sensors.gaussians import HeightPrior, Heights
 from ...state_space import SPATIAL
 from ..algebra import kalman
 from ..mixture import Mixture
-
-
-class HeightUpdate(NamedTuple):
-    """Gaussians after their heights."""
-
-    mean: FloatArray  # (N, D)
-    covariance: FloatArray  # (N, D, D)
-    log_likelihood: FloatArray  # See `Heights.compare`, (N,)
+from .velocity import FurtherUpdate
 
 
 def update_heights(
@@ -32,7 +23,7 @@ def update_heights(
     covariance: FloatArray,
     measured: Heights,
     time_s: FloatArray | None = None,
-) -> HeightUpdate:
+) -> FurtherUpdate:
     """Return Gaussians, (N, D) and (N, D, D), updated with one height each, if it is known.
 
     `time_s` has the times of the heights relative to the Gaussians' stamp, seconds, (N,).
@@ -55,7 +46,7 @@ def update_heights(
     axis = np.arange(mean.shape[1])
     least = kalman.LEAST_VARIANCE * covariance[:, axis, axis]
     updated[:, axis, axis] = np.maximum(updated[:, axis, axis], least)
-    return HeightUpdate(mean + (true * error)[:, None] * gain, updated, log_likelihood)
+    return FurtherUpdate(mean + (true * error)[:, None] * gain, updated, log_likelihood)
 
 
 def coarse_heights(mixture: Mixture, row: IntArray, measured: Heights) -> FloatArray:

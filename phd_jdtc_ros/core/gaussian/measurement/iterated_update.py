@@ -9,10 +9,11 @@ import numpy as np
 from ...arrays import FloatArray, IntArray
 from ...sensors.of_gaussians.linearised import Measured, WeightedGaussians, gaussians_of_groups
 from ...sensors.view import View
+from ...state_space import SPATIAL
 from ..algebra import heavy_tails, kalman, range_rate
 from ..mixture import Mixture
-from .heights import HeightUpdate, coarse_heights, update_heights
-from .velocity import VelocityUpdate, update_velocities
+from .heights import coarse_heights, update_heights
+from .velocity import FurtherUpdate, update_velocities
 
 
 class PairUpdate(NamedTuple):
@@ -23,7 +24,7 @@ class PairUpdate(NamedTuple):
     # `innovation`, or that of the mixture of usual noise and outliers: `heavy_tails.mix_noises`.
     matched: kalman.Innovation
     # The Gaussians updated with heights, range rates or velocities too; None without any.
-    further: range_rate.RateUpdate | VelocityUpdate | HeightUpdate | None
+    further: range_rate.RateUpdate | FurtherUpdate | None
     # Probability that each detection is an outlier if it is the Gaussian's; None without outliers.
     outlier: FloatArray | None
     row: IntArray  # Hypothesis of each pair, (P,)
@@ -104,17 +105,17 @@ def iterated_update(
     matched, outlier = innovation, None
     if sensor.outliers is not None:
         matched, outlier = heavy_tails.mix_noises(innovation, sensor.outliers, *noise, column)
-    further: range_rate.RateUpdate | VelocityUpdate | HeightUpdate | None = None
+    further: range_rate.RateUpdate | FurtherUpdate | None = None
     if own is not None:
         updated = kalman.update(*own, sensor, matched, time_s)
         if rates is not None:
             further = range_rate.update_rates(*updated, sensor, rates.take(detection), time_s)
         elif velocities is not None:
-            further = update_velocities(*updated, sensor.space, velocities.take(detection))
+            further = update_velocities(*updated, velocities.take(detection))
         if by_height is not None:
             log_height = by_height.log_likelihood
             further = (
-                HeightUpdate(*updated, log_height)
+                FurtherUpdate(*updated, log_height)
                 if further is None
                 else further._replace(log_likelihood=further.log_likelihood + log_height)
             )
@@ -152,7 +153,7 @@ def _coarse_motion(
         of_noise = rates.std[column][:, None] ** 2
         return rates.model.log_density(error, level**2 * variance[row] + of_noise)
     if (measured := report.velocities) is not None:
-        axes = list(report.sensor.space.velocity)
+        axes = list(SPATIAL.motion[: measured.velocity.shape[1]])
         gaussian, detection = gaussians_of_groups(row, modes), column.repeat(modes)
         error = measured.velocity[detection] - mean[gaussian][:, axes]
         spread = covariance[gaussian][:, axes][:, :, axes] + measured.noise[detection]

@@ -47,8 +47,7 @@ def newborn_mixture(newborn: Newborn, dynamics: Dynamics, label: int) -> Mixture
         newborn.report.detections.velocity is not None
         and (velocities := newborn.report.velocities) is not None
     ):
-        space = dynamics.model.modes.space
-        mean, covariance, _ = update_velocities(mean, covariance, space, velocities)
+        mean, covariance, _ = update_velocities(mean, covariance, velocities)
     supported = dynamics.supported[:, :, None] * dynamics.supported[:, None, :]
     class_weight = dynamics.birth_weight
     classes, modes = class_weight.shape[:2]

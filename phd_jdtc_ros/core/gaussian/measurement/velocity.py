@@ -1,7 +1,7 @@
 """The update of Gaussians with a measured velocity, after the update with the position.
 
 The noise of the velocity is independent of that of the position, so that the two updates may be
-done in turn. Both are linear: the result is that of one update with four components.
+done in turn. Both are linear: the result is that of one update with all components.
 """
 
 from __future__ import annotations
@@ -12,23 +12,23 @@ import numpy as np
 
 from ...arrays import FloatArray
 from ...sensors.range_rate import Velocities
-from ...state_space import StateSpace
+from ...state_space import SPATIAL
 from ..algebra import kalman
 
 
-class VelocityUpdate(NamedTuple):
-    """Gaussians after their velocities."""
+class FurtherUpdate(NamedTuple):
+    """Gaussians after a velocity or a height of each."""
 
     mean: FloatArray  # (N, D)
     covariance: FloatArray  # (N, D, D)
-    log_likelihood: FloatArray  # Of the velocity alone, (N,); 0 where there is none
+    log_likelihood: FloatArray  # Of the velocity or height alone, (N,); 0 without one
 
 
 def update_velocities(
-    mean: FloatArray, covariance: FloatArray, space: StateSpace, measured: Velocities
-) -> VelocityUpdate:
+    mean: FloatArray, covariance: FloatArray, measured: Velocities
+) -> FurtherUpdate:
     """Return Gaussians, (N, D) and (N, D, D), updated with one velocity each, if it is known."""
-    axes, is_known = list(space.velocity), measured.is_known
+    axes, is_known = list(SPATIAL.motion[: measured.velocity.shape[1]]), measured.is_known
     error = np.where(is_known[:, None], measured.velocity - mean[:, axes], 0.0)
     cross = covariance[:, :, axes]
     total = cross[:, axes, :] + measured.noise
@@ -39,4 +39,4 @@ def update_velocities(
     least = kalman.LEAST_VARIANCE * covariance[:, axis, axis]
     updated_covariance[:, axis, axis] = np.maximum(updated_covariance[:, axis, axis], least)
     log_density = np.where(is_known, measured.model.log_density(error, total), 0.0)
-    return VelocityUpdate(mean + (gain @ error[..., None])[..., 0], updated_covariance, log_density)
+    return FurtherUpdate(mean + (gain @ error[..., None])[..., 0], updated_covariance, log_density)
