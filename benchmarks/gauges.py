@@ -44,8 +44,8 @@ MANY = 9  # Number of parameters from which a function has too many
 WARM_SCANS = 12  # Scans before the traced one
 
 LIMITS: Mapping[str, float] = {
-    "lines of the product": 78_646,
-    "files of the product": 458,
+    "lines of the product": 78_505,
+    "files of the product": 439,
     "declared parameters": 161,
     "constants of modules per 1,000 lines": 14.6,
     f"functions with {MANY} parameters or more": 1,

@@ -15,7 +15,7 @@ from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 from phd_jdtc_ros.core.types import Truth
 from phd_jdtc_ros.parameter_files import from_arguments
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario, truth_at
-from phd_jdtc_ros.simulation.traffic.targets import TargetScript
+from phd_jdtc_ros.simulation.targets import TargetScript
 
 # Targets are within this distance of (0, 0), metres; both radars cover all of it.
 FIELD_RADIUS = 13e3

@@ -18,9 +18,9 @@ from phd_jdtc_ros.threads import use_one_thread
 
 # Modules and purposes; the modules are in `nodes` or `tools`.
 EXECUTABLES = {
-    "sensor_replay": ("nodes.replay.node", "plays a bag's detections and truth"),
+    "sensor_replay": ("nodes.replay", "plays a bag's detections and truth"),
     "tracker": ("nodes.tracker.node", "the live node"),
-    "evaluator": ("nodes.evaluator.node", "compares estimates with truth, live"),
+    "evaluator": ("nodes.evaluator", "compares estimates with truth, live"),
     "track_bag": ("tools.track_bag", "offline: bag in, bag with estimates out"),
     "simulate": ("tools.simulate", "a scenario to a bag"),
     "asterix_bridge": (
@@ -40,7 +40,7 @@ EXECUTABLES = {
         "tools.hand_over",
         "joins the bags of trackers that part an area; without arguments the node",
     ),
-    "picture": ("nodes.picture.node", "a tracker's live picture in a browser"),
+    "picture": ("nodes.picture", "a tracker's live picture in a browser"),
     "demo": ("tools.demo.demo", "the three nodes on the shipped bag, and the report"),
 }
 

@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import NoReturn
 
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.quoting import short
 

@@ -21,13 +21,13 @@ from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.types import FILTERED, Estimates
-from phd_jdtc_ros.evaluation.accumulators.tracks import IdentitySwitches
 from phd_jdtc_ros.evaluation.comparison import LabelledPoints
 from phd_jdtc_ros.evaluation.metrics import assign, gospa, ospa
+from phd_jdtc_ros.evaluation.tracks import IdentitySwitches
 from phd_jdtc_ros.handover.ownership import Handover
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
-from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
+from phd_jdtc_ros.simulation.targets import Flight, Leg
 from phd_jdtc_ros.study.tracker import estimates_of
 
 from .runner import Figures, Study, figures_table

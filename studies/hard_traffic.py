@@ -23,12 +23,12 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.arrays import BoolArray
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
-from phd_jdtc_ros.evaluation.accumulators.tracks import IdentitySwitches
 from phd_jdtc_ros.evaluation.comparison import LabelledPoints, PointSet
 from phd_jdtc_ros.evaluation.metrics import assign
+from phd_jdtc_ros.evaluation.tracks import IdentitySwitches
 from phd_jdtc_ros.parameter_files import sections
 from phd_jdtc_ros.simulation.scenario import Scenario
-from phd_jdtc_ros.simulation.traffic.flight import STANDARD_GRAVITY, Flight, Leg
+from phd_jdtc_ros.simulation.targets import STANDARD_GRAVITY, Flight, Leg
 from phd_jdtc_ros.study.tracker import SimulatedRun, track_turning, turning_run
 
 from .peers.plot_kalman import plot_kalman

@@ -39,7 +39,7 @@ from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import reader_of
 from msg_adapters.targets import truth as truths
 from phd_jdtc_ros import resources
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.schema import ConfigError
@@ -47,12 +47,11 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.pipeline import Event, Stepped
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
 from phd_jdtc_ros.core.types import Estimates, Scan
-from phd_jdtc_ros.evaluation.accumulators.tracks import IdentitySwitches
 from phd_jdtc_ros.evaluation.comparison import LabelledPoints, PointSet, TrueTracks, without_slow
 from phd_jdtc_ros.evaluation.metrics import assign
+from phd_jdtc_ros.evaluation.tracks import IdentitySwitches
 from phd_jdtc_ros.exit_status import ArgumentParser
-from phd_jdtc_ros.feed.feed import Feed
-from phd_jdtc_ros.feed.tally import Tally
+from phd_jdtc_ros.feed import Feed, Tally
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, yaml_files
 from phd_jdtc_ros.report.load import input_types
 from phd_jdtc_ros.simulation.scenario import Scenario

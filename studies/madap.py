@@ -25,7 +25,7 @@ from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.scenario import truth_at
-from phd_jdtc_ros.simulation.traffic.flight import METRES_PER_NM, MPS_PER_KT
+from phd_jdtc_ros.simulation.targets import METRES_PER_NM, MPS_PER_KT
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 from phd_jdtc_ros.study import tracker
 

@@ -28,7 +28,7 @@ from phd_jdtc_ros.parameter_files import from_arguments, sections, yaml_files
 from phd_jdtc_ros.simulation import noise, scenario_file
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.study import tracker
-from phd_jdtc_ros.study.monte_carlo.definition import CUTOFF, ORDER
+from phd_jdtc_ros.study.definition import CUTOFF, ORDER
 from phd_jdtc_ros.study.tracker import TAXIING, IgnoredTargets, SimulatedRun, simulated_run
 
 from .runner import Figures, Goal, Study, cell, goal, table

@@ -21,7 +21,7 @@ from phd_jdtc_ros import output_files
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 from phd_jdtc_ros.report.table import simple_table
 from phd_jdtc_ros.simulation.scenario import Scenario
-from phd_jdtc_ros.study.monte_carlo.results import Mean
+from phd_jdtc_ros.study.results import Mean
 from phd_jdtc_ros.tools import command
 
 OUT = Path("out/study")

@@ -5,7 +5,7 @@ import pytest
 from full_disk import largest_file
 
 from phd_jdtc_ros import output_files, resources
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 
 
 def test_write_replaces_a_link_and_not_what_it_points_to(tmp_path):

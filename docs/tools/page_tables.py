@@ -29,7 +29,7 @@ from rich.table import Table
 
 from benchmarks.results import report
 from phd_jdtc_ros.evaluation.accumulator import Metric
-from phd_jdtc_ros.study.monte_carlo.definition import METRICS
+from phd_jdtc_ros.study.definition import METRICS
 from studies import command
 
 ROOT = Path(__file__).parents[2]

@@ -21,7 +21,7 @@ from phd_jdtc_ros.evaluation.run_scores import CURVES, GROUPS, PUBLISHED, TERMS
 from phd_jdtc_ros.handover import settings as hand_over
 from phd_jdtc_ros.nodes.tracker import settings as tracker
 from phd_jdtc_ros.parameter_files import node_tables, yaml_files
-from phd_jdtc_ros.study.monte_carlo.metrics import OF_STUDY
+from phd_jdtc_ros.study.metrics import OF_STUDY
 
 _PARAMETERS = """\
 # Parameters

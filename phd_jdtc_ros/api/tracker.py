@@ -25,8 +25,7 @@ from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.types import Detections, Estimates, SelfReports
-from phd_jdtc_ros.feed.feed import Feed, Monitor
-from phd_jdtc_ros.feed.tally import DetectionCounts, Tally
+from phd_jdtc_ros.feed import DetectionCounts, Feed, Monitor, Tally
 
 from .parameters import Parameters
 from .reports import TIME, everywhere, report_of, reports_of, told_of

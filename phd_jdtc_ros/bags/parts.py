@@ -15,8 +15,9 @@ from pathlib import Path
 import yaml
 from mcap.records import Channel, Schema
 
+from phd_jdtc_ros.bags import BagError
+
 from .chunks import DamageError
-from .errors import BagError
 from .salvage import MAGIC
 
 CDR = "cdr"

@@ -13,12 +13,12 @@ from typing import Any
 from mcap.records import Channel, Message, Schema
 
 from msg_adapters.encoding import stamps
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.configuration.parameters.place_forms import TRANSFORM_TOPICS
 from phd_jdtc_ros.quoting import printable
 
 from . import chunks, parts, salvage
 from .chunks import DamageError
-from .errors import BagError
 from .salvage import Index
 from .writer import Topic
 

@@ -14,8 +14,8 @@ from mcap.writer import CompressionType, Writer
 
 from msg_adapters.encoding import interfaces
 from phd_jdtc_ros import interruption
+from phd_jdtc_ros.bags import BagError
 
-from .errors import BagError
 from .parts import METADATA
 
 # rosbag2's infinite duration.

@@ -7,10 +7,10 @@
     PairedScan
       |  split: all targets, each class            comparison
     Comparison
-      |  values of a scan                          accumulators
+      |  values of a scan                          distances, tracks, consistency
     ScanScore                                      run_scores
       |  totals over the run                       run_scores, accumulator
-    figures per run                                accumulators, run_scores
+    figures per run                                the same, run_scores
 
 An `accumulator` computes values of scans and defines the metrics derived from them, each with its
 heading, unit, format and definition; `run_scores` collects the metrics.

@@ -10,9 +10,9 @@ import numpy as np
 
 from phd_jdtc_ros.core.types import SMOOTHED, SOURCES
 
-from .accumulators.tracks import LONG_GAP_S, OSPA2_WINDOW
 from .comparison import ALL, PairedScan, PointSet, TrueTracks, class_set, without_slow
 from .run_scores import RunScores, ScanScore, reduction
+from .tracks import LONG_GAP_S, OSPA2_WINDOW
 
 # A repeated stamp of the truth begins a new pass if more than JUMP_SCANS known stamps are later;
 # otherwise it is ignored as a duplicate. RESET_THRESHOLD_SCANS is the tracker's counterpart.

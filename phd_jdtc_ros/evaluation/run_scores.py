@@ -12,11 +12,37 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from . import consistency
 from .accumulator import Accumulator, Group, Metric, Totals
-from .accumulators import ACCUMULATORS, consistency
-from .accumulators.distances import confusion_matrix
 from .comparison import ALL, Comparison, PairedScan, set_names
+from .distances import (
+    Classes,
+    GospaAccumulator,
+    Heights,
+    Nearness,
+    Numbers,
+    OspaAccumulator,
+    Pairs,
+    Space,
+    confusion_matrix,
+)
+from .tracks import Gaps, Ospa2Accumulator, Switches
 
+# The metrics, each with its accumulator, in the order of tables and keys.
+ACCUMULATORS = (
+    OspaAccumulator,
+    GospaAccumulator,
+    Numbers,
+    Pairs,
+    Gaps,
+    consistency.Consistency,
+    Ospa2Accumulator,
+    Switches,
+    Nearness,
+    Heights,
+    Space,
+    Classes,
+)
 METRICS = tuple(metric for each in ACCUMULATORS for metric in each.metrics)
 # Names of all values of a scan.
 VALUES = tuple(name for each in ACCUMULATORS for name in each.names)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from phd_jdtc_ros import output_files
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.configuration.tables import GROUPS, schema
 
 from . import sections, yaml_files

@@ -10,14 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from phd_jdtc_ros import resources
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.parameters import node
 from phd_jdtc_ros.configuration.schema import ConfigError, flatten, read_each
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.parameter_files import sections, yaml_files
-from phd_jdtc_ros.parameter_files.sections import ParameterFile, Sections
 from phd_jdtc_ros.simulation import scenario_file
+
+from . import sections, yaml_files
+from .sections import ParameterFile, Sections
 
 _NODE = "tracker"
 # The profile of the reference scenario.

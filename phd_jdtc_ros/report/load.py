@@ -18,7 +18,7 @@ from msg_adapters.incoming.readers import learn_call_signs_from_cdr, reader_of
 from msg_adapters.outgoing import conflicts, diagnostics, map_layers
 from msg_adapters.targets import estimates, truth
 from phd_jdtc_ros.asterix.messages import CallSigns
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig

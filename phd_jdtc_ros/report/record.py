@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.asterix.messages import CallSigns, call_sign_text
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray

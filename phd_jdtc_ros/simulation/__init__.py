@@ -5,9 +5,9 @@
     document (YAML, read elsewhere)
       |  check                               scenario_file, checked
       |  many targets by one block           traffic
-    Scenario: targets, turns, radars         scenario, platform
+    Scenario: targets, turns, radars         scenario, targets
       |  detect, with clutter                simulate, clutter
     (Truth, Scan) by stamp
-      |  for turning radars                  looks, plots, turning_antenna
+      |  for turning radars                  looks, turning_antenna
     SimulatedReport by revolution or sector, with times
 """

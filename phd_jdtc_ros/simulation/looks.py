@@ -14,7 +14,7 @@ from phd_jdtc_ros.core.sensors.site import MIN_SLANT_RANGE
 
 from .antenna import Antenna
 from .scenario import Scenario
-from .traffic.flight import Flight
+from .targets import Flight
 
 
 class Looks(NamedTuple):

@@ -11,14 +11,12 @@ from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, parameter
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
-from . import clutter
+from . import clutter, targets, traffic
 from .antenna import Antenna, default_antenna
 from .checked import mapping, place, read, read_by_radar, read_list
 from .clutter import Mirror, reflectors
-from .platform import platform
-from .scenario import Scenario
-from .traffic import flight, targets, traffic
-from .traffic.flight import Flight, east_north
+from .scenario import Scenario, platform
+from .targets import Flight, east_north
 from .transponder import transponders
 
 # Limit of a stamp's seconds, which are signed 32-bit integers.
@@ -100,7 +98,7 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     all_targets += traffic.manoeuvres(given, _origin(document, faults), duration_s, faults)
     interval_s = timing.interval_s if timing else 1.0
     flights = [t if isinstance(t, Flight) else t.flight(interval_s) for t in all_targets]
-    unseen = flight.read_gaps(document, flights, faults)
+    unseen = targets.read_gaps(document, flights, faults)
     if timing is None or faults:
         raise ConfigError(*faults)
     return Scenario(

@@ -17,7 +17,7 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.types import UNKNOWN, Detections
 
 from .checked import mapping, read
-from .traffic.flight import Flight
+from .targets import Flight
 
 # Heights in metres: resolution of Mode C (100 ft), range of the levels, range of garbled heights.
 MODE_C, LEVELS, GARBLED = 30.48, (1500.0, 11e3), (0.0, 14e3)

@@ -39,7 +39,7 @@ from .simulate import (
     scan_replies,
     simulate_with_sources,
 )
-from .traffic.flight import Flight, Leg
+from .targets import Flight, Leg
 
 
 class SimulatedPlots(NamedTuple):

@@ -1,20 +1,28 @@
 """The Monte Carlo study: the tracker, a reference and other trackers on the same simulated runs.
 
-::
+The steps, with the module of each::
 
-    scenario, seed
-      |  simulate                            tracker
-    SimulatedRun: truth, scans, sources      tracker
-      |  this package's tracker              tracker
-      |  the model-matched reference         reference
-      |  other trackers                      peers
-    Tracks: estimates by lag and scan        tracker
-      |  score and store each run            monte_carlo
-      |  summarise over runs                 monte_carlo
+    study file (YAML, read elsewhere)
+      |  resolve: all faults at once              document
+    Study: cases x variants, goals                definition
+      |  plan                                     tasks
+    Task: a case, variants that share a filter, and a seed
+      |  remaining: tasks without scores          tasks
+      |  run_on_processes, run_on_dask:           execution
+      |    tasks of dead workers again
+      |  perform: simulate, track, score          tasks
+      |    scenario and seed: truth, scans        tracker
+      |    this package's tracker                 tracker
+      |    the model-matched reference            reference
+      |    score each run                         metrics
+    Store: tidy rows by case, variant, seed       tasks
+      |  collect, write_csv, summarise            results
     results.csv, summary.json
-      |  draw, tabulate                      figures
+      |  draw, tabulate                           figures
     pictures, tables
 
-`monte_carlo` reads a study's definition, plans its tasks and runs them. The repository's folder
-`studies` has studies of single questions, which use these modules.
+The data of a run depend on case and seed alone, so that all variants of a case have the same scans
+and differences between them are paired. The name of a score file contains a digest of all inputs of
+the scores, including the code of the tracker. The repository's folder `studies` has other trackers,
+and studies of single questions that use these modules.
 """

@@ -20,13 +20,15 @@ from scipy import special
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.evaluation.accumulator import NEES, OUTSIDE, Metric
+from phd_jdtc_ros.evaluation.comparison import ALL
 from phd_jdtc_ros.evaluation.run_scores import GROUPS
 from phd_jdtc_ros.report import style
 from phd_jdtc_ros.report.style import COLOURS, DPI, GREY, INK, WIDTH_IN
 from phd_jdtc_ros.report.table import simple_table
 
-from .monte_carlo import ALL, Mean, Result, slug
-from .monte_carlo.definition import KINDS, METRICS
+from .definition import KINDS, METRICS
+from .results import Mean, Result
+from .tasks import slug
 
 # The lag drawn over time, or the largest smaller one of the study.
 SHOWN_LAG = 5

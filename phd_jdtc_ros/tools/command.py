@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from phd_jdtc_ros import interruption
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration import scene
 from phd_jdtc_ros.configuration.build import TrackerConfig

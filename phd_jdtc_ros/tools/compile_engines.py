@@ -23,14 +23,13 @@ CORE = "phd_jdtc_ros.core"
 # The compiled functions of sensors of positions, which the engines load with the first of these.
 POSITIONS = f"{CORE}.sensors.of_gaussians.planar"
 # The compiled functions of `tune`.
-TRACKING = "phd_jdtc_ros.calibration.tuning.tracking"
-TUNING = (f"{TRACKING}.linking", f"{TRACKING}.likelihood")
+TUNING = "phd_jdtc_ros.calibration.tuning.linking"
 # Nearly all compiled functions, in parts that take about equally long and have few in common.
 PARTS = (
     (f"{CORE}.gaussian.measurement.pair_association",),
     (f"{CORE}.gaussian.smoothing.backward_step", POSITIONS),
     (f"{CORE}.gaussian.new_targets", f"{CORE}.gaussian.reduction"),
-    (*TUNING, f"{CORE}.sensors.of_gaussians.polar", f"{CORE}.tracks.confirmation"),
+    (TUNING, f"{CORE}.sensors.of_gaussians.polar", f"{CORE}.tracks.confirmation"),
     # Only trackers with a receiver of self-reports load these.
     (f"{CORE}.reports.beside",),
 )
@@ -79,7 +78,7 @@ def _compile(_: argparse.Namespace) -> int:
     for name, profile in (("gaussian", "defaults"), ("phd", "phd")):
         new_engine(resolve(from_arguments.profile(profile)))
         print(f"{name}: ready after {time.perf_counter() - begin:.1f} s")
-    for name in (POSITIONS, *TUNING):
+    for name in (POSITIONS, TUNING):
         importlib.import_module(name)
     print(f"tune: ready after {time.perf_counter() - begin:.1f} s")
     if compilation.NOT_STORED:

@@ -21,17 +21,10 @@ from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.scenario import paper_scenario
-from phd_jdtc_ros.study import monte_carlo
-from phd_jdtc_ros.study.monte_carlo import (
-    KINDS,
-    REFERENCE,
-    Kind,
-    Outcome,
-    Plan,
-    Scene,
-    Store,
-    Study,
-)
+from phd_jdtc_ros.study import document, execution, results, tasks
+from phd_jdtc_ros.study.definition import KINDS, Kind, Study
+from phd_jdtc_ros.study.document import REFERENCE, Scene
+from phd_jdtc_ros.study.tasks import Outcome, Plan, Store
 
 from . import command
 
@@ -42,7 +35,7 @@ Kinds: TypeAlias = "Mapping[str, Kind]"
 def load_study(path: Path, assigned: Mapping[str, Any], kinds: Kinds = KINDS) -> Study:
     """Return a checked study; paths of scenario files are relative to the study's file."""
     load_scene = partial(_load_scene, path.parent)
-    return monte_carlo.resolve(yaml_files.load(path), load_scene, assigned, kinds)
+    return document.resolve(yaml_files.load(path), load_scene, assigned, kinds)
 
 
 def _load_scene(directory: Path, name: str) -> Scene:
@@ -60,16 +53,16 @@ def run(study: Study, plan: Plan, out: Path, backend: Callable[..., None]) -> in
     """
     console = Console()
     store = Store(out / "parts")
-    tasks = monte_carlo.remaining(plan.tasks, store)
+    left = tasks.remaining(plan.tasks, store)
     for note in plan.notes:
         console.print(note, style="yellow", markup=False, highlight=False)
     failures: list[Outcome] = []
-    if tasks:
+    if left:
         console.print(
-            f"{len(plan.tasks)} tasks, {len(plan.tasks) - len(tasks)} of them already done"
+            f"{len(plan.tasks)} tasks, {len(plan.tasks) - len(left)} of them already done"
         )
-        with _progress(console, len(tasks), store, failures) as report:
-            backend(tasks, report=report)
+        with _progress(console, len(left), store, failures) as report:
+            backend(left, report=report)
     write_results(study, plan, out, failures, console)
     for outcome in failures:
         console.print(f"failed: {outcome.task.label}\n{outcome.error}", style="red", markup=False)
@@ -79,7 +72,7 @@ def run(study: Study, plan: Plan, out: Path, backend: Callable[..., None]) -> in
 @contextlib.contextmanager
 def _progress(
     console: Console, total: int, store: Store, failures: list[Outcome]
-) -> Iterator[monte_carlo.Report]:
+) -> Iterator[execution.Report]:
     """Yield the callback for outcomes, which stores scores at once and advances the bar."""
     columns = (
         TextColumn("{task.description}"),
@@ -110,15 +103,15 @@ def write_results(
     from phd_jdtc_ros.study import figures
 
     store = Store(out / "parts")
-    results = monte_carlo.collect(plan.tasks, store)
+    found = results.collect(plan.tasks, store)
     ordered = sorted(failures, key=lambda outcome: outcome.task.label)
-    summary = monte_carlo.summarise(study, results, plan.notes, ordered)
+    summary = results.summarise(study, found, plan.notes, ordered)
     out.mkdir(parents=True, exist_ok=True)
-    monte_carlo.write_csv(out / "results.csv", plan.tasks, store)
+    results.write_csv(out / "results.csv", plan.tasks, store)
     text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
     output_files.write(out / "summary.json", text)
     output_files.write(out / "table.md", figures.markdown(summary))
-    figures.write_all(results, out / "figures")
+    figures.write_all(found, out / "figures")
     for table in figures.tables(summary):
         console.print(table)
     print(f"results: {out}")
@@ -131,7 +124,7 @@ def _plan(arguments: argparse.Namespace, kinds: Kinds) -> tuple[Study, Plan]:
     study = study.select(arguments.case, arguments.variant)
     study = replace(study.in_full if arguments.in_full else study, cutoff=arguments.cutoff)
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.runs)
-    plan = monte_carlo.plan(study, seeds)
+    plan = tasks.plan(study, seeds)
     if plan.notes and not plan.tasks:
         raise ConfigError(*plan.notes)
     return study, plan
@@ -173,10 +166,10 @@ def main(argv: Sequence[str], busy: Callable[[], int] = lambda: 0, kinds: Kinds 
     def work(arguments: argparse.Namespace) -> int:
         study, plan = _plan(arguments, kinds)
         if arguments.dask:
-            backend = partial(monte_carlo.run_on_dask, address=arguments.dask)
+            backend = partial(execution.run_on_dask, address=arguments.dask)
         else:
             workers = arguments.workers
-            backend = partial(monte_carlo.run_on_processes, workers=workers, busy=busy)
+            backend = partial(execution.run_on_processes, workers=workers, busy=busy)
         return run(study, plan, arguments.out, backend)
 
     return command.run(parser, argv, work)

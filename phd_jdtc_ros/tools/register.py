@@ -22,7 +22,7 @@ from rich.table import Table
 from msg_adapters.encoding.errors import RejectedMessageError
 from msg_adapters.incoming import self_reports
 from phd_jdtc_ros import output_files, resources
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.registration.common import KINDS
 from phd_jdtc_ros.calibration.registration.solution import RadarEstimate, Registration, register
@@ -40,9 +40,8 @@ from phd_jdtc_ros.core.types import SelfReports
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.quoting import counts_text
-from phd_jdtc_ros.report import style
+from phd_jdtc_ros.report import figures, style
 from phd_jdtc_ros.report.load import Intact
-from phd_jdtc_ros.report.pictures import figures
 
 from . import command, recorded_plots
 from .recorded_plots import RecordedPlots

@@ -11,14 +11,13 @@ from typing import Any
 from rich.console import Console
 
 from phd_jdtc_ros import resources
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.evaluation.evaluation import ORDER, Evaluation
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser, fail
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
-from phd_jdtc_ros.report import load
-from phd_jdtc_ros.report.pictures import figures
+from phd_jdtc_ros.report import figures, load
 from phd_jdtc_ros.report.record import Record
 from phd_jdtc_ros.report.table import metrics, score_tables
 

@@ -17,7 +17,7 @@ from typing import Any
 from msg_adapters.encoding import names
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros import report_bridge as settings
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.writer import BagWriter
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser

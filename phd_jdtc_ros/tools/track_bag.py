@@ -27,7 +27,7 @@ from msg_adapters.incoming.readers import reader_of
 from msg_adapters.outgoing import conflicts, diagnostics, manual, map_layers
 from msg_adapters.targets import estimates, geodetic, truth
 from phd_jdtc_ros import interruption, output_files, resources
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
@@ -40,8 +40,7 @@ from phd_jdtc_ros.core.tracks.manual import Command
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates
 from phd_jdtc_ros.evaluation.evaluation import ORDER
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser, fail
-from phd_jdtc_ros.feed.feed import Feed, StepClock
-from phd_jdtc_ros.feed.tally import Tally
+from phd_jdtc_ros.feed import Feed, StepClock, Tally
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.report import track_files

@@ -15,7 +15,7 @@ from phd_jdtc_ros.core.types import Detections, Scan, Truth
 from phd_jdtc_ros.parameter_files import from_arguments
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
-from phd_jdtc_ros.simulation.traffic.targets import TargetScript
+from phd_jdtc_ros.simulation.targets import TargetScript
 
 ROOT = Path(__file__).parents[2]
 BAG, CONFIG = ROOT / "bags" / "paper_scenario", ROOT / "config"

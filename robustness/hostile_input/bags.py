@@ -17,7 +17,7 @@ from mcap.stream_reader import breakup_chunk
 from mcap.writer import CompressionType, Writer
 
 from msg_adapters.encoding import interfaces, names
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 
 from ..harness.figures import Found, in_own_process, measures, peak_mb

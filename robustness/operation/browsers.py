@@ -10,8 +10,7 @@ import socket
 import time
 from contextlib import ExitStack
 
-from phd_jdtc_ros.nodes.picture import updates
-from phd_jdtc_ros.nodes.picture.server import PATIENCE_S, PERIOD_S, Server
+from phd_jdtc_ros.nodes.picture_server import PATIENCE_S, PERIOD_S, Server, event
 
 from ..harness.figures import Found, measures
 
@@ -32,7 +31,7 @@ def measure(stalled: int = STALLED) -> Found:
     number, text = itertools.count(), "x" * SIZE
 
     def take() -> dict[str, bytes]:
-        return {"tracks": updates.event("tracks", {"n": next(number), "text": text})}
+        return {"tracks": event("tracks", {"n": next(number), "text": text})}
 
     server = Server("127.0.0.1", 0, "", str, dict, take)
     before = _peak_mb()

@@ -14,7 +14,7 @@ from msg_adapters.incoming import moving_radars
 from msg_adapters.incoming.readers import reader_of
 from msg_adapters.targets import truth
 from phd_jdtc_ros import resources
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve

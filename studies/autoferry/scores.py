@@ -33,9 +33,9 @@ from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Scan, Truth
-from phd_jdtc_ros.evaluation.accumulators.tracks import IdentitySwitches
 from phd_jdtc_ros.evaluation.comparison import LabelledPoints, PointSet
 from phd_jdtc_ros.evaluation.metrics import gospa
+from phd_jdtc_ros.evaluation.tracks import IdentitySwitches
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.study.tracker import SimulatedRun
 

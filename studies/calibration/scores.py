@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
 from phd_jdtc_ros.core.types import Estimates, Truth
-from phd_jdtc_ros.evaluation.accumulators.consistency import BOUND, mahalanobis2
+from phd_jdtc_ros.evaluation.consistency import BOUND, mahalanobis2
 
 # Existence probability above which a target is scored, and that from which its class and its
 # covariance are.

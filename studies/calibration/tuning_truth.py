@@ -12,7 +12,7 @@ from rich.table import Table
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.targets import truth
 from phd_jdtc_ros import resources
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import Findings

@@ -23,7 +23,7 @@ from msg_adapters.encoding import interfaces, names
 from msg_adapters.incoming.readers import reader_of
 from msg_adapters.targets import estimates
 from phd_jdtc_ros import resources
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.schema import ConfigError

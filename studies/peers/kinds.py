@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.study.monte_carlo import definition
+from phd_jdtc_ros.study import definition
 from phd_jdtc_ros.study.tracker import SimulatedRun, TrackingResult, Tracks
 
 from .mixture_phd import gm_phd

@@ -7,7 +7,7 @@ from small_bags import MARKERS, POSES, RADAR, SECOND, TOPICS, chunked, made, rea
 
 from msg_adapters.encoding import interfaces, names
 from msg_adapters.targets import truth as truth_adapter
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 
 

@@ -8,7 +8,7 @@ from samples import STAMP_NS, plain
 from small_bags import MARKERS, POSES, RADAR, SECOND, TOPICS, made, read_all, types, write
 
 from msg_adapters.encoding import interfaces, names
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 

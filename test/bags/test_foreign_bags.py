@@ -15,9 +15,9 @@ from rosbags.typesys import Stores, get_typestore
 from small_bags import RADAR, chunked, made
 
 from msg_adapters.encoding import interfaces, names
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.nodes.replay import playback
+from phd_jdtc_ros.nodes import playback
 from robustness.hostile_input.bags import outcome
 
 

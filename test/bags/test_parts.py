@@ -11,7 +11,7 @@ from small_bags import made, read_all, types, write
 
 from msg_adapters.encoding import interfaces
 from phd_jdtc_ros import resources
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.tools.asterix import bridge
 from robustness.hostile_input.bags import outcome

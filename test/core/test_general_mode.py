@@ -8,7 +8,7 @@ from scenes import plain, short_scenario, small
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.simulation.simulate import simulate
-from phd_jdtc_ros.simulation.traffic.targets import TargetScript
+from phd_jdtc_ros.simulation.targets import TargetScript
 
 SEEDS = 12
 SCANS = 6

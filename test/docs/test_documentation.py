@@ -182,6 +182,7 @@ def test_drawing_of_the_house_has_the_parts_of_the_contract():
     packages = {p for p in parts if (ROOT / "phd_jdtc_ros" / p).is_dir()} | {
         "msg_adapters",
         "earth",
+        "feed",
         "report_bridge",
     }
 

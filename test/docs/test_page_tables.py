@@ -7,7 +7,7 @@ import page_tables
 import pytest
 import yaml
 
-from phd_jdtc_ros.study.monte_carlo.definition import METRICS
+from phd_jdtc_ros.study.definition import METRICS
 from studies import handover
 
 ROOT = Path(__file__).parents[2]

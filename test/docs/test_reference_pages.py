@@ -11,9 +11,9 @@ from msg_adapters.encoding import names
 from msg_adapters.outgoing import outputs
 from phd_jdtc_ros.configuration.tables import GROUPS, TOP, parameters_of
 from phd_jdtc_ros.nodes.asterix import AsterixBridge
-from phd_jdtc_ros.nodes.evaluator.node import Evaluator
+from phd_jdtc_ros.nodes.evaluator import Evaluator
 from phd_jdtc_ros.nodes.hand_over import HandOver
-from phd_jdtc_ros.nodes.replay.node import SensorReplay
+from phd_jdtc_ros.nodes.replay import SensorReplay
 from phd_jdtc_ros.nodes.reports import ReportBridge
 from phd_jdtc_ros.nodes.tracker import settings as tracker_node
 from phd_jdtc_ros.nodes.tracker.node import Tracker

@@ -5,7 +5,8 @@ import pytest
 from scipy.stats import chi2
 
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES
-from phd_jdtc_ros.evaluation.accumulators.consistency import (
+from phd_jdtc_ros.evaluation.comparison import PointSet
+from phd_jdtc_ros.evaluation.consistency import (
     EXPECTED_OUTSIDE,
     FORGOTTEN,
     NO_AGE,
@@ -13,7 +14,6 @@ from phd_jdtc_ros.evaluation.accumulators.consistency import (
     band,
     mahalanobis2,
 )
-from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 
 RIGHT = np.array([[900.0, 500.0], [500.0, 400.0]])

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
-from phd_jdtc_ros.evaluation.accumulators.tracks import IdentitySwitches
 from phd_jdtc_ros.evaluation.comparison import (
     LONGEST_INTERPOLATION_S,
     LabelledPoints,
@@ -12,7 +11,8 @@ from phd_jdtc_ros.evaluation.comparison import (
     TrueTracks,
 )
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
+from phd_jdtc_ros.evaluation.tracks import IdentitySwitches
+from phd_jdtc_ros.simulation.targets import Flight, Leg
 
 CUTOFF = 100.0
 BOTH = {"t1": 0.0, "t2": 500.0}

@@ -2,10 +2,16 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.evaluation.accumulator import OSPA, Accumulator, Metric, Totals, mean
-from phd_jdtc_ros.evaluation.accumulators import ACCUMULATORS
-from phd_jdtc_ros.evaluation.accumulators.tracks import Gaps
 from phd_jdtc_ros.evaluation.comparison import ALL, PairedScan, PointSet
-from phd_jdtc_ros.evaluation.run_scores import GROUPS, METRICS, VALUES, ScanComparer, reduction
+from phd_jdtc_ros.evaluation.run_scores import (
+    ACCUMULATORS,
+    GROUPS,
+    METRICS,
+    VALUES,
+    ScanComparer,
+    reduction,
+)
+from phd_jdtc_ros.evaluation.tracks import Gaps
 
 
 def points(*rows):

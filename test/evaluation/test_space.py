@@ -5,8 +5,8 @@ import pytest
 
 from phd_jdtc_ros.core.state_space import SPATIAL
 from phd_jdtc_ros.core.types import Estimates, Truth
-from phd_jdtc_ros.evaluation.accumulators.distances import Space
 from phd_jdtc_ros.evaluation.comparison import ALL, Comparison, PairedScan, PointSet
+from phd_jdtc_ros.evaluation.distances import Space
 
 AXES = [*SPATIAL.place, *SPATIAL.motion]
 

@@ -5,16 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phd_jdtc_ros.evaluation.accumulators.distances import confusion_matrix
-from phd_jdtc_ros.evaluation.accumulators.tracks import (
+from phd_jdtc_ros.evaluation.comparison import LabelledPoints
+from phd_jdtc_ros.evaluation.distances import confusion_matrix
+from phd_jdtc_ros.evaluation.metrics import assign, gospa, ospa, ospa_of_distances
+from phd_jdtc_ros.evaluation.tracks import (
     Gap,
     GapFinder,
     Ospa2Accumulator,
     track_distances,
     tracks_of,
 )
-from phd_jdtc_ros.evaluation.comparison import LabelledPoints
-from phd_jdtc_ros.evaluation.metrics import assign, gospa, ospa, ospa_of_distances
 
 CUTOFF = 100.0
 SCANS = 4

@@ -10,8 +10,7 @@ from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.core.intake.posed_reports import RadarPose
 from phd_jdtc_ros.core.pipeline import Drops
 from phd_jdtc_ros.core.types import Detections, Pose
-from phd_jdtc_ros.feed.feed import Feed, StepClock
-from phd_jdtc_ros.feed.tally import DetectionCounts, Tally
+from phd_jdtc_ros.feed import DetectionCounts, Feed, StepClock, Tally
 
 MOVING = {"radar_1.pose": "/ship", "radar_2.pose": "/ship"}
 

@@ -17,9 +17,8 @@ from records import (
 )
 
 from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
-from phd_jdtc_ros.report import style
-from phd_jdtc_ros.report.pictures import figures, maps
-from phd_jdtc_ros.report.pictures.figures import write_all
+from phd_jdtc_ros.report import figures, maps, style
+from phd_jdtc_ros.report.figures import write_all
 from phd_jdtc_ros.report.record import RadarPlots
 from phd_jdtc_ros.report.units import Clock
 

@@ -15,7 +15,7 @@ from msg_adapters.incoming import detections
 from msg_adapters.outgoing import diagnostics
 from msg_adapters.targets import estimates, tracks, truth
 from phd_jdtc_ros import resources
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.factors.outliers import Outliers
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
@@ -25,7 +25,7 @@ from phd_jdtc_ros.report.page.layers import Columns, pack
 from phd_jdtc_ros.report.record import Sets, learned_values, sensor_changes
 from phd_jdtc_ros.report.units import MapScale, metres_text, places_of
 from phd_jdtc_ros.simulation.scenario import Scenario
-from phd_jdtc_ros.simulation.traffic.targets import TargetScript
+from phd_jdtc_ros.simulation.targets import TargetScript
 from phd_jdtc_ros.tools.simulate import write_bag
 from phd_jdtc_ros.tools.track_bag import track_bag
 

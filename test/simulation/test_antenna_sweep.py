@@ -14,8 +14,7 @@ from phd_jdtc_ros.core.types import FULL_TURN
 from phd_jdtc_ros.simulation.antenna import Antenna
 from phd_jdtc_ros.simulation.looks import TurningRadar
 from phd_jdtc_ros.simulation.scenario import Scenario
-from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
-from phd_jdtc_ros.simulation.traffic.targets import TargetScript
+from phd_jdtc_ros.simulation.targets import Flight, Leg, TargetScript
 from phd_jdtc_ros.simulation.turning_antenna import plots_of, simulate_reports
 
 ROTATION_S = 4.0

@@ -11,8 +11,7 @@ from scenario_blocks import FLIGHT, QUAY, RACE, SHIP, TARGET, TURN, UNIFORM, tur
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 from phd_jdtc_ros.simulation import scenario, scenario_file
-from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
-from phd_jdtc_ros.simulation.traffic.targets import TargetScript, Turn
+from phd_jdtc_ros.simulation.targets import Flight, Leg, TargetScript, Turn
 
 RADARS = resolve_config({}).model.radars
 STILL = lone().model.radars

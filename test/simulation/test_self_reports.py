@@ -8,7 +8,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.simulation import scenario_file, self_reports
-from phd_jdtc_ros.tools import simulated_reports
+from phd_jdtc_ros.tools import simulate
 from phd_jdtc_ros.transponders.messages import ICAO, MMSI
 from phd_jdtc_ros.transponders.stream import ReportStream, StreamSettings
 from phd_jdtc_ros.transport.network import Datagram
@@ -105,7 +105,7 @@ def test_sentences_say_what_was_simulated():
     ]
     _, _, found = scene(transmitters=two, lost=0.0)
     stream = ReportStream(StreamSettings(500_000_000, 10 * 10**9))
-    pieces = [Datagram(line) for _, line in simulated_reports.lines(found)]
+    pieces = [Datagram(line) for _, line in simulate.lines(found)]
     batches = [each for piece in pieces for each in stream.feed(piece) if each]
     read = [each for _, batch in (*batches, *stream.finish()) for each in batch.reports]
     assert len(read) == len(found)
@@ -123,7 +123,7 @@ def test_sentences_say_what_was_simulated():
 def test_lines_of_aircraft_say_what_was_simulated():
     _, _, found = scene("icao", 80.0, transmitters=[{**SHIP, "address": 0x3C6500}])
     stream = ReportStream(StreamSettings(500_000_000, 10 * 10**9, None, 1000 * 10**9))
-    pieces = [Datagram(line) for _, line in simulated_reports.lines(found)]
+    pieces = [Datagram(line) for _, line in simulate.lines(found)]
     batches = [each for piece in pieces for each in stream.feed(piece) if each]
     read = [each for _, batch in (*batches, *stream.finish()) for each in batch.reports]
     assert len(read) == len(found)

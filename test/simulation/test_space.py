@@ -12,7 +12,7 @@ from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD
 from phd_jdtc_ros.core.state_space import SPATIAL
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.simulate import simulate_with_sources
-from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
+from phd_jdtc_ros.simulation.targets import Flight, Leg
 
 LOW, HIGH = -2.0, 40.0
 PARAMETERS = {

@@ -3,7 +3,7 @@ import copy
 import pytest
 import yaml
 
-from phd_jdtc_ros.study import monte_carlo
+from phd_jdtc_ros.study import tasks as study_tasks
 from phd_jdtc_ros.tools.monte_carlo import load_study
 
 SCENARIO = """
@@ -67,7 +67,7 @@ def study(study_file):
 @pytest.fixture
 def tasks(study):
     """The tasks of two runs of one variant."""
-    return monte_carlo.plan(study.select([], ["corrected"]), range(2)).tasks
+    return study_tasks.plan(study.select([], ["corrected"]), range(2)).tasks
 
 
 @pytest.fixture(scope="session")

@@ -13,9 +13,9 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
-from phd_jdtc_ros.study.monte_carlo.definition import KINDS, Variant
-from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
-from phd_jdtc_ros.study.monte_carlo.tasks import score
+from phd_jdtc_ros.study.definition import KINDS, Variant
+from phd_jdtc_ros.study.metrics import VALUES
+from phd_jdtc_ros.study.tasks import score
 from phd_jdtc_ros.study.tracker import IgnoredTargets, turning_run
 
 ROOT = Path(__file__).parents[2]

@@ -8,9 +8,10 @@ from refusals import faults_of
 
 import studies
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.study import monte_carlo
-from phd_jdtc_ros.study.monte_carlo import definition
-from phd_jdtc_ros.study.monte_carlo.definition import KINDS, Kind, merge_layers
+from phd_jdtc_ros.study import definition
+from phd_jdtc_ros.study import tasks as study_tasks
+from phd_jdtc_ros.study.definition import KINDS, Kind, merge_layers
+from phd_jdtc_ros.study.document import resolve
 from phd_jdtc_ros.tools.monte_carlo import load_study
 from studies import peers
 
@@ -56,7 +57,7 @@ def test_a_case_has_a_cutoff_of_its_own_and_only_the_variants_that_name_it(study
     study = load_study(study_file(change), {})
     assert [study.cutoff_of(case) for case in study.cases] == [1000.0, 20.0]
     assert {v.name: v.cases for v in study.variants if "near" in v.cases} == {"named": ("near",)}
-    tasks = monte_carlo.plan(study, [0]).tasks
+    tasks = study_tasks.plan(study, [0]).tasks
     assert {task.case: task.cutoff for task in tasks} == {"quiet": 1000.0, "near": 20.0}
 
 
@@ -110,7 +111,7 @@ def test_variants_have_those_of_their_lags_that_the_case_has(study_file):
         return change
 
     study = load_study(study_file(given([0])), {})
-    tasks = monte_carlo.plan(study, [0]).tasks
+    tasks = study_tasks.plan(study, [0]).tasks
     found = {v.name: v.lags for task in tasks if task.case == "quiet" for v in task.variants}
     assert set(found.values()) == {(0,)}
 
@@ -162,7 +163,7 @@ def test_resolve_names_faults_of_the_command_line_and_keeps_the_data(study_file)
     def change(document):
         document["variants"]["fewer"]["parameters"] = {"radar_1.clutter_rate": 9.0}
 
-    plan = monte_carlo.plan(load_study(study_file(change), {}), [0])
+    plan = study_tasks.plan(load_study(study_file(change), {}), [0])
 
     assert {task.scenario.radars[0].clutter_rate for task in plan.tasks} == {3.0}
 
@@ -170,7 +171,7 @@ def test_resolve_names_faults_of_the_command_line_and_keeps_the_data(study_file)
 @pytest.mark.parametrize("document", [None, [], "study"])
 def test_resolve_refuses_what_is_no_mapping(document):
     with pytest.raises(ConfigError, match="study: must be a mapping"):
-        monte_carlo.resolve(document, None, {})
+        resolve(document, None, {})
 
 
 @pytest.mark.parametrize("key", ["lags", "cases", "variants"])
@@ -246,7 +247,7 @@ def test_an_engine_on_the_command_line_leaves_out_the_variants_of_others(study_f
     def change(document):
         document["variants"]["own"] = {"kind": "gaussian"}
 
-    plan = monte_carlo.plan(load_study(study_file(change), {"engine": "gaussian"}), [0])
+    plan = study_tasks.plan(load_study(study_file(change), {"engine": "gaussian"}), [0])
     assert plan.notes == [
         f"{name}: left out, engine: {engine} given, must be gaussian with engine gaussian"
         for name, engine in PHD_VARIANTS.items()
@@ -285,9 +286,9 @@ def test_select_lists_every_unknown_name(study):
         ("phd", "core/phd/particle_filter.py"),
         ("gaussian", "study/tracker.py"),
         ("gaussian", "core/gaussian/update.py"),
-        ("gaussian", "study/monte_carlo/tasks.py"),
+        ("gaussian", "study/tasks.py"),
         ("reference", "study/reference.py"),
-        ("gnn_loud", "study/monte_carlo/tasks.py"),
+        ("gnn_loud", "study/tasks.py"),
         ("turning", "study/tracker.py"),
     ],
 )
@@ -322,6 +323,7 @@ def test_sources_have_every_module_that_the_kinds_import():
         [sys.executable, "-c", script], cwd=SOURCES, capture_output=True, check=True
     )
     # How a study is defined and written does not change its scores.
-    of_study = SOURCES / "phd_jdtc_ros" / "study" / "monte_carlo"
-    found = {path for path in map(Path, json.loads(done.stdout)) if path.parent != of_study}
+    of_study = SOURCES / "phd_jdtc_ros" / "study"
+    others = {of_study / f"{name}.py" for name in ("definition", "metrics")}
+    found = {*map(Path, json.loads(done.stdout))} - others
     assert found <= {*peers.KINDS["gnn"].sources(), SOURCES / "phd_jdtc_ros" / "output_files.py"}

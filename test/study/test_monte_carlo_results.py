@@ -8,11 +8,11 @@ from phd_jdtc_ros.core.types import FILTERED
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.evaluation.run_scores import GLOBAL_METRICS
-from phd_jdtc_ros.study import monte_carlo
-from phd_jdtc_ros.study.monte_carlo import Mean, Result
-from phd_jdtc_ros.study.monte_carlo.definition import KINDS, Variant
-from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
-from phd_jdtc_ros.study.monte_carlo.tasks import Scores, score
+from phd_jdtc_ros.study import results as study_results
+from phd_jdtc_ros.study.definition import KINDS, Variant
+from phd_jdtc_ros.study.metrics import VALUES
+from phd_jdtc_ros.study.results import Mean, Result
+from phd_jdtc_ros.study.tasks import Scores, score
 from phd_jdtc_ros.study.tracker import simulated_run
 
 # --- scores ---------------------------------------------------------------------------------------
@@ -199,7 +199,7 @@ def test_summarise_holds_the_confusion_of_each_class(study, pair):
     scores = scored(pair, *[[(0.0, 1)]] * 3, *[[(0.0, 0), (5e3, 1), (9e3, 0)]] * 9)
     values, taken_for = scores.values[None], scores.taken_for[None]
     result = Result("quiet", corrected, (0,), scores._replace(values=values, taken_for=taken_for))
-    found = monte_carlo.summarise(study, [result], [], [])["cases"]["quiet"]["corrected"]["lags"][
+    found = study_results.summarise(study, [result], [], [])["cases"]["quiet"]["corrected"]["lags"][
         "0"
     ]
     assert found["all"]["confusion"] == [[9.0, 3.0, 0.0], [0.0, 9.0, 1.0], [9.0, 0.0, 0.0]]
@@ -215,12 +215,12 @@ def test_summarise_judges_goals(study, number, reached):
         result_of(corrected, localization=[[0.0, number]] * 2),
         result_of(reference, localization=[[0.0, 1.0]] * 2),
     ]
-    (goal,) = monte_carlo.summarise(study, results, [], [])["goals"]
+    (goal,) = study_results.summarise(study, results, [], [])["goals"]
     assert (goal["value"], goal["goal"], goal["reached"]) == (number, 100.0, reached)
 
 
 def test_summarise_does_not_judge_what_it_does_not_have(study):
-    (goal,) = monte_carlo.summarise(study, [], [], [])["goals"]
+    (goal,) = study_results.summarise(study, [], [], [])["goals"]
     assert (goal["value"], goal["goal"], goal["reached"]) == (None, None, None)
 
 
@@ -228,5 +228,5 @@ def test_goals_relative_to_another_variant_are_checked_on_the_seeds_of_both(stud
     corrected, *_, reference = study.variants
     more = result_of(corrected, localization=[[0.0, 1000.0], [0.0, 60.0]])
     fewer = replace(result_of(reference, localization=[[0.0, 500.0], [0.0, 0.7]]), seeds=(7, 1))
-    (goal,) = monte_carlo.summarise(study, [more, fewer], [], [])["goals"]
+    (goal,) = study_results.summarise(study, [more, fewer], [], [])["goals"]
     assert (goal["value"], goal["goal"]) == (60.0, pytest.approx(70.0))

@@ -12,10 +12,10 @@ import pytest
 from fatal_tasks import alone, die_of_one, die_once
 from fatal_tasks import tasks as light_tasks
 
-from phd_jdtc_ros.study import monte_carlo
-from phd_jdtc_ros.study.monte_carlo import Store, execution
-from phd_jdtc_ros.study.monte_carlo.definition import KINDS
-from phd_jdtc_ros.study.monte_carlo.tasks import perform
+from phd_jdtc_ros.study import execution
+from phd_jdtc_ros.study import tasks as study_tasks
+from phd_jdtc_ros.study.definition import KINDS
+from phd_jdtc_ros.study.tasks import Store, perform
 from phd_jdtc_ros.tools.monte_carlo import load_study
 
 
@@ -30,14 +30,14 @@ def sharing(study_file):
 
 
 def test_plan_shares_a_filter_among_variants_of_a_kind_with_equal_parameters(sharing):
-    plan = monte_carlo.plan(sharing, [4, 5])
+    plan = study_tasks.plan(sharing, [4, 5])
     groups = [[variant.name for variant in task.variants] for task in plan.tasks]
     assert groups == [["corrected", "sooner"], ["as printed"], ["fewer"], ["reference"]] * 2
     assert [task.seed for task in plan.tasks] == [4] * 4 + [5] * 4
 
 
 def test_variants_that_share_a_filter_have_the_scores_that_they_have_alone(sharing):
-    shared, *_ = monte_carlo.plan(sharing, [4]).tasks
+    shared, *_ = study_tasks.plan(sharing, [4]).tasks
     outcome = perform(shared)
     assert outcome.error == ""
     for variant in shared.variants:
@@ -54,7 +54,7 @@ def test_plan_leaves_out_peers_that_are_not_installed(study_file):
         document["variants"]["JPDA"] = {"kind": "jpda"}
         document["variants"]["GNN"] = {"kind": "gnn"}
 
-    plan = monte_carlo.plan(load_study(study_file(change), {}, kinds), [0])
+    plan = study_tasks.plan(load_study(study_file(change), {}, kinds), [0])
 
     assert plan.notes == [
         "JPDA: left out, no_such_package is not installed",
@@ -90,10 +90,10 @@ def test_store_takes_a_damaged_file_for_none(tasks, tmp_path):
 
 def test_remaining_keeps_the_variants_that_are_not_stored(sharing, tmp_path):
     store = Store(tmp_path)
-    task = monte_carlo.plan(sharing, [0]).tasks[0]
+    task = study_tasks.plan(sharing, [0]).tasks[0]
     first, second = task.variants
     store.write(task, first, perform(replace(task, variants=(first,))).scores[first.name])
-    (rest,) = monte_carlo.remaining([task], store)
+    (rest,) = study_tasks.remaining([task], store)
     assert rest.variants == (second,)
 
 
@@ -108,7 +108,7 @@ def test_remaining_keeps_the_variants_that_are_not_stored(sharing, tmp_path):
 )
 def test_digest_follows_the_definition(study, study_file, change):
     one, other = (
-        monte_carlo.plan(s, [0]).tasks[0].digests["corrected"]
+        study_tasks.plan(s, [0]).tasks[0].digests["corrected"]
         for s in (study, load_study(study_file(change), {}))
     )
     assert one != other
@@ -116,7 +116,7 @@ def test_digest_follows_the_definition(study, study_file, change):
 
 def test_digest_does_not_depend_on_other_variants(study, study_file):
     alone = load_study(study_file(lambda d: d["variants"].pop("as printed")), {})
-    one, other = (monte_carlo.plan(s, [0]).tasks[0].digests["corrected"] for s in (study, alone))
+    one, other = (study_tasks.plan(s, [0]).tasks[0].digests["corrected"] for s in (study, alone))
     assert one == other
 
 
@@ -126,7 +126,7 @@ def test_plan_gives_cases_and_variants_their_shares_of_the_runs(study_file):
         document["variants"]["fewer"]["run_share"] = 0.2
 
     study = load_study(study_file(change), {})
-    plan = monte_carlo.plan(study, range(3, 10))
+    plan = study_tasks.plan(study, range(3, 10))
     seeds = {}
     for task in plan.tasks:
         for variant in task.variants:
@@ -138,12 +138,12 @@ def test_plan_gives_cases_and_variants_their_shares_of_the_runs(study_file):
         "fewer": every[:2],
         "reference": every[:4],
     }
-    in_full = monte_carlo.plan(study.in_full, every)
+    in_full = study_tasks.plan(study.in_full, every)
     assert [task.seed for task in in_full.tasks] == [seed for seed in every for _ in range(4)]
 
 
 def on_processes(tasks, report, *work):
-    monte_carlo.run_on_processes(tasks, 2, report, *work)
+    execution.run_on_processes(tasks, 2, report, *work)
 
 
 def seeds(outcomes):
@@ -154,7 +154,7 @@ def seeds(outcomes):
 def test_dask_workers_do_what_perform_does(cluster, tasks):
     """Those of a pool do too: see `test_main_gives_the_same_bytes_however_it_is_run`."""
     found = []
-    monte_carlo.run_on_dask(tasks, cluster, found.append)
+    execution.run_on_dask(tasks, cluster, found.append)
     assert seeds(found) == [0, 1]
     for each in found:
         expected = perform(each.task).scores["corrected"].values
@@ -164,7 +164,7 @@ def test_dask_workers_do_what_perform_does(cluster, tasks):
 def test_dask_runs_a_dead_workers_tasks_again(cluster, tmp_path):
     found = []
     work = partial(die_once, tmp_path / "died", 1)
-    monte_carlo.run_on_dask(light_tasks(5), cluster, found.append, work)
+    execution.run_on_dask(light_tasks(5), cluster, found.append, work)
     assert (tmp_path / "died").exists()
     assert seeds(found) == [0, 1, 2, 3, 4]
 
@@ -172,10 +172,10 @@ def test_dask_runs_a_dead_workers_tasks_again(cluster, tmp_path):
 def test_run_on_processes_leaves_a_processor_to_what_takes_it(tmp_path):
     found = []
     work = partial(alone, tmp_path / "active")
-    monte_carlo.run_on_processes(light_tasks(4), 2, found.append, work, busy=lambda: 1)
+    execution.run_on_processes(light_tasks(4), 2, found.append, work, busy=lambda: 1)
     assert seeds(found) == [0, 1, 2, 3]
     # However much is taken, one worker goes on.
-    monte_carlo.run_on_processes(light_tasks(1), 1, found.append, work, busy=lambda: 1)
+    execution.run_on_processes(light_tasks(1), 1, found.append, work, busy=lambda: 1)
     assert seeds(found) == [0, 0, 1, 2, 3]
 
 

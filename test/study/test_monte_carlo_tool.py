@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from phd_jdtc_ros.study import figures, monte_carlo
-from phd_jdtc_ros.study.monte_carlo import execution, tasks
-from phd_jdtc_ros.study.monte_carlo.definition import FIGURES
-from phd_jdtc_ros.study.monte_carlo.tasks import HEADER
+from phd_jdtc_ros.study import execution, figures
+from phd_jdtc_ros.study import tasks as study_tasks
+from phd_jdtc_ros.study.definition import FIGURES
+from phd_jdtc_ros.study.tasks import HEADER
 from phd_jdtc_ros.tools.monte_carlo import main
 
 ROOT = Path(__file__).parents[2]
@@ -32,9 +32,9 @@ def in_process(monkeypatch):
 
     def run_here(pending, workers, report, busy):
         for task in pending:
-            report(tasks.perform(task))
+            report(study_tasks.perform(task))
 
-    monkeypatch.setattr(monte_carlo, "run_on_processes", run_here)
+    monkeypatch.setattr(execution, "run_on_processes", run_here)
 
 
 @pytest.fixture
@@ -117,12 +117,12 @@ def test_main_gives_the_same_bytes_however_it_is_run(start, request):
 
 @pytest.mark.usefixtures("no_pictures")
 def test_main_reports_failures_and_goes_on(start, monkeypatch, capsys):
-    code_of = tasks.code_of
+    code_of = study_tasks.code_of
 
     def wrong(kind):
         return "other" if kind.name == "phd" else code_of(kind)
 
-    monkeypatch.setattr(tasks, "code_of", wrong)
+    monkeypatch.setattr(study_tasks, "code_of", wrong)
     status, out = start("--variant", "corrected", "--variant", "reference")
 
     summary = json.loads((out / "summary.json").read_text())

@@ -8,11 +8,11 @@ import pytest
 
 from phd_jdtc_ros.report import style
 from phd_jdtc_ros.study import figures
+from phd_jdtc_ros.study.definition import KINDS, Study, Variant
 from phd_jdtc_ros.study.figures import band, markdown, tables, write_all
-from phd_jdtc_ros.study.monte_carlo import Mean, Result, Study, summarise
-from phd_jdtc_ros.study.monte_carlo.definition import KINDS, Variant
-from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
-from phd_jdtc_ros.study.monte_carlo.tasks import Scores
+from phd_jdtc_ros.study.metrics import VALUES
+from phd_jdtc_ros.study.results import Mean, Result, summarise
+from phd_jdtc_ros.study.tasks import Scores
 
 SCANS = 6
 OVER_TIME = {

@@ -7,9 +7,9 @@ from inner import resolve
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.simulation.scenario import paper_scenario
-from phd_jdtc_ros.study import monte_carlo
-from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
-from phd_jdtc_ros.study.monte_carlo.tasks import perform
+from phd_jdtc_ros.study import tasks as study_tasks
+from phd_jdtc_ros.study.metrics import VALUES
+from phd_jdtc_ros.study.tasks import perform
 from phd_jdtc_ros.study.tracker import simulated_run, track
 from phd_jdtc_ros.tools.monte_carlo import load_study
 
@@ -109,7 +109,7 @@ def test_identities_make_no_more_switches_than_none(goal):
     shorter = replace(case.scenario, scans=scans, targets=tuple(begun))
     case = replace(case, scenario=shorter, lags=(0,))
     found = {}
-    for task in monte_carlo.plan(replace(of_goal, cases=(case,)), [SWITCHING_SEED]).tasks:
+    for task in study_tasks.plan(replace(of_goal, cases=(case,)), [SWITCHING_SEED]).tasks:
         outcome = perform(task)
         assert outcome.error == ""
         found.update(outcome.scores)

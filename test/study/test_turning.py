@@ -13,10 +13,10 @@ from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.metrics import ospa
 from phd_jdtc_ros.simulation.antenna import Antenna
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
-from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
+from phd_jdtc_ros.simulation.targets import Flight, Leg
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
-from phd_jdtc_ros.study import monte_carlo
-from phd_jdtc_ros.study.monte_carlo.tasks import perform
+from phd_jdtc_ros.study import tasks as study_tasks
+from phd_jdtc_ros.study.tasks import perform
 from phd_jdtc_ros.study.tracker import revolution_ends, track_turning, turning_run, without_ignored
 from phd_jdtc_ros.tools.monte_carlo import load_study
 from studies import peers
@@ -208,12 +208,12 @@ def test_faults_of_variants_are_named(tmp_path):
 
 def test_perform_scores_turning_radars_and_their_cpu_time(tmp_path):
     study = study_of(tmp_path).select(["busy"], [])
-    for task in monte_carlo.plan(study, [4]).tasks:
+    for task in study_tasks.plan(study, [4]).tasks:
         outcome = perform(task)
         assert outcome.error == ""
         (scores,) = outcome.scores.values()
         assert len(scores.time_s) == 11
-        columns = dict(zip(monte_carlo.tasks.VALUES, scores.values[0, :, 0].T, strict=True))
+        columns = dict(zip(study_tasks.VALUES, scores.values[0, :, 0].T, strict=True))
         assert (columns["cpu_ms"] > 0.0).all()
         assert np.isfinite(columns["identity_switches"]).all()
         assert columns["near"][6:].sum() >= 0.7 * columns["n_true"][6:].sum()

@@ -5,7 +5,7 @@ from collections import Counter
 import ais_sentences as made
 import pytest
 
-from phd_jdtc_ros.transponders.units import LONGEST_LINE, MODE_S, NMEA, SBS, Splitter
+from phd_jdtc_ros.transponders.stream import LONGEST_LINE, MODE_S, NMEA, SBS, Splitter
 
 FRAME = bytes.fromhex("8d40621d58c382d690c8ac2863a7")
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from phd_jdtc_ros.calibration.tuning.tracks import Tracks, link_plots
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
 from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
@@ -19,7 +20,6 @@ from ..tuning import kinematics
 from ..tuning.plots import Plots
 from ..tuning.rotation import Timing
 from ..tuning.start import guess_of
-from ..tuning.tracking.tracks import Tracks, link_plots
 
 # Candidate speeds of targets, metres per second, and number of scans on which they are tried.
 SPEEDS, LOOKS = (5.0, 40.0, 200.0), 12.0

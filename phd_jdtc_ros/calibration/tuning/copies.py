@@ -13,9 +13,9 @@ from scipy.spatial import cKDTree
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 
+from .noise import least_std
 from .plots import Plots
 from .rotation import Timing
-from .tracking.noise import least_std
 
 # Differences agree within this share of a plot's standard deviation.
 AGREE = 0.1

@@ -14,6 +14,7 @@ from phd_jdtc_ros.core.intake.sectors import smallest_arc
 
 from .copies import Copies, find_copies
 from .levels import Levels, clutter_ranges, levels, log_target_ratio
+from .noise import Noise, agreeing, find_outliers, fit_noise
 from .plots import Plots, sectors
 from .rates import (
     Elevations,
@@ -34,8 +35,7 @@ from .rates import (
 )
 from .rotation import Timing, timing_of
 from .start import first_guess
-from .tracking.noise import Noise, agreeing, find_outliers, fit_noise
-from .tracking.tracks import LinkModel, NoiseModel, Tracks, link_plots
+from .tracks import LinkModel, NoiseModel, Tracks, link_plots
 
 # The speed of slow targets: this quantile of the moving ones, each less SURE_SIGMA deviations.
 SLOW, SURE_SIGMA = 0.1, 2.0

@@ -11,7 +11,7 @@ from phd_jdtc_ros.core.factors import ClutterRanges
 from phd_jdtc_ros.core.targets.amplitude_density import level_db
 
 from .plots import Plots
-from .tracking.tracks import Tracks
+from .tracks import Tracks
 
 # Histogram of levels: lower end of the first cell and width of a cell, dB, and pseudo-count of
 # each cell.

@@ -14,8 +14,8 @@ from phd_jdtc_ros.configuration.schema import Value
 from phd_jdtc_ros.core.sensors.site import LEAST_STD
 
 from .findings import MOST_BESIDE, MOST_CROWDED, MOST_LAND, Findings, TuningError
+from .noise import Noise
 from .rates import MARGIN
-from .tracking.noise import Noise
 
 # A configured table of detection probability over range is kept if the estimate lies within its
 # values, plus or minus this.

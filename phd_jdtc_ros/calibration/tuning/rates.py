@@ -16,7 +16,7 @@ from phd_jdtc_ros.core.types import FULL_TURN
 from .levels import clutter_ranges
 from .plots import Plots
 from .rotation import Timing
-from .tracking.tracks import MOST_MISSES, Tracks
+from .tracks import MOST_MISSES, Tracks
 
 # A cell is land clutter if it has plots in at least the share `LAND_SHARE` of all looks, and at
 # least `LEAST_LAND_PLOTS`. It is `CELL_SIGMA` standard deviations wide in range and in azimuth.

@@ -12,7 +12,7 @@ import numpy as np
 from .levels import log_target_ratio
 from .plots import Plots
 from .rotation import Timing
-from .tracking.tracks import LinkModel, Tracks, link_plots
+from .tracks import LinkModel, Tracks, link_plots
 
 # Grid of guesses: standard deviations of the range as shares of the farthest plot's range, of the
 # azimuth in degrees, and speeds in metres per second.

@@ -26,7 +26,7 @@ from rclpy.timer import Timer
 from rclpy.utilities import try_shutdown
 from std_srvs.srv import Trigger
 
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import FAILED, OK, fail, faults_of
 from phd_jdtc_ros.parameter_files import yaml_files

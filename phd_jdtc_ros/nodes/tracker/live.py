@@ -28,7 +28,7 @@ from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped, start_cold
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.tracks.manual import Manual
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Pose
-from phd_jdtc_ros.feed.feed import Feed, Monitor, StepClock
+from phd_jdtc_ros.feed import Feed, Monitor, StepClock
 
 from ..common.health import WARNING_MEMORY_S, Rhythm
 from ..common.runtime import steady_timer

@@ -24,7 +24,7 @@ from phd_jdtc_ros.evaluation.evaluation import Evaluation
 
 from ..record import Record
 from ..units import Clock
-from . import heights, words
+from . import charts, words
 from .charts import Chart, class_probabilities, numbers, ospa, times
 from .layers import AMPLITUDE_SCALES, pack
 from .picture import Picture, picture_of
@@ -40,20 +40,20 @@ POLICY = (
 
 def charts_of(record: Record, evaluation: Evaluation) -> list[Chart]:
     """Return every chart over time that the run has data for."""
-    charts = []
+    found = []
     estimated = any(len(run) for source in SOURCES for run in record.of_source(source))
     if any(evaluation.scores[source] for source in SOURCES):
-        charts.append(ospa(record, evaluation))
+        found.append(ospa(record, evaluation))
     if record.filtered or record.smoothed or record.truth:
-        charts.append(numbers(record))
+        found.append(numbers(record))
     # A single class has probability 1 throughout.
     if estimated and not record.sets.one_class:
-        charts.append(class_probabilities(record, evaluation))
-    if tracks := heights.paths(record):
-        charts.append(heights.over_time(record, tracks))
+        found.append(class_probabilities(record, evaluation))
+    if tracks := charts.height_lines(record):
+        found.append(charts.heights_over_time(record, tracks))
         if any(math.isfinite(site.height) and site.elevations for site in record.radars):
-            charts.append(heights.from_the_side(record, tracks))
-    return charts
+            found.append(charts.heights_from_the_side(record, tracks))
+    return found
 
 
 def notes_of(record: Record, evaluation: Evaluation) -> list[str]:

@@ -22,7 +22,7 @@ from phd_jdtc_ros.asterix.messages import NONE, TRACKS, Plot
 from phd_jdtc_ros.asterix.plot_stream import Cloud, PlotStream, RadarState
 from phd_jdtc_ros.asterix_bridge import conversion, settings
 from phd_jdtc_ros.asterix_bridge.settings import Bridge
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.parts import is_mcap
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter

@@ -26,12 +26,12 @@ from phd_jdtc_ros.asterix import framing, records
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.asterix_bridge.settings import Bridge
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.exit_status import ArgumentParser
 from phd_jdtc_ros.nodes.common import parameters, runtime, topics
-from phd_jdtc_ros.nodes.replay.node import SensorReplay
-from phd_jdtc_ros.nodes.replay.playback import GIVE_UP_S
+from phd_jdtc_ros.nodes.playback import GIVE_UP_S
+from phd_jdtc_ros.nodes.replay import SensorReplay
 from phd_jdtc_ros.parameter_files import from_arguments, node_tables
 from phd_jdtc_ros.transport import recordings, udp
 from phd_jdtc_ros.transport.network import RecordingError

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from phd_jdtc_ros import output_files, resources
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration import scene
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
@@ -33,7 +33,7 @@ from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.evaluation.evaluation import ORDER
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, yaml_files
-from phd_jdtc_ros.report.pictures import figures
+from phd_jdtc_ros.report import figures
 from phd_jdtc_ros.report.table import metrics
 
 from .. import command, report

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from msg_adapters.encoding import names
 from phd_jdtc_ros import interruption, resources
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.engines import new_engine

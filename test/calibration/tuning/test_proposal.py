@@ -17,7 +17,7 @@ from phd_jdtc_ros.calibration.tuning.rotation import Timing
 from phd_jdtc_ros.core.types import Detections, Pose
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
-from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
+from phd_jdtc_ros.simulation.targets import Flight, Leg
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 
 # Unlike the shipped recordings: nothing here may depend on their noise.

@@ -12,7 +12,7 @@ from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.parameters.tracker import PHD
 from phd_jdtc_ros.core.types import Scan
 from phd_jdtc_ros.simulation.simulate import simulate
-from phd_jdtc_ros.simulation.traffic.targets import TargetScript
+from phd_jdtc_ros.simulation.targets import TargetScript
 
 SCANS = [scan for _, scan in simulate(short_scenario(8), 3)]
 THREE_CLASSES = {

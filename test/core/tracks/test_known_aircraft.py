@@ -13,8 +13,8 @@ from phd_jdtc_ros.core.tracks import known_aircraft
 from phd_jdtc_ros.core.tracks.known_aircraft import MARGIN, KnownAircraft, LastSeen, Reach
 from phd_jdtc_ros.core.tracks.track_numbers import FEW_NUMBERS, TrackNumbers
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes
-from phd_jdtc_ros.evaluation.accumulators.tracks import IdentitySwitches
 from phd_jdtc_ros.evaluation.comparison import LabelledPoints
+from phd_jdtc_ros.evaluation.tracks import IdentitySwitches
 
 REACH = Reach(kept_s=600.0, speed=300.0)
 SECOND = 10**9

@@ -44,7 +44,7 @@ def alone(active, task):
 
 def interrupt_a_worker_that_sends(marker):
     """Interrupt a pool of three while a worker waits to send the rest of its outcome."""
-    from phd_jdtc_ros.study.monte_carlo import execution
+    from phd_jdtc_ros.study import execution
 
     def report(_):
         wait_for(marker)

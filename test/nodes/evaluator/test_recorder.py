@@ -12,9 +12,9 @@ from std_msgs.msg import String
 
 from msg_adapters.encoding import names
 from phd_jdtc_ros import resources
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.nodes.evaluator.recorder import Recorder, watch_inputs
+from phd_jdtc_ros.nodes.recorder import Recorder, watch_inputs
 from phd_jdtc_ros.parameter_files import bag_parameters
 
 STRING = "std_msgs/msg/String"

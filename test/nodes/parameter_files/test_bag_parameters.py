@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, yaml_files
 

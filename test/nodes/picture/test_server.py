@@ -11,8 +11,8 @@ import pytest
 
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import Estimates
-from phd_jdtc_ros.nodes.picture import server, updates
-from phd_jdtc_ros.nodes.picture.server import Server, is_loopback
+from phd_jdtc_ros.nodes import picture_server as server
+from phd_jdtc_ros.nodes.picture_server import Server, is_loopback
 
 
 @pytest.fixture
@@ -24,9 +24,9 @@ def serve():
         counter = itertools.count()
 
         def take():
-            return {"tracks": updates.event("tracks", {"n": next(counter), "text": "x" * size})}
+            return {"tracks": server.event("tracks", {"n": next(counter), "text": "x" * size})}
 
-        first = {"head": updates.event("head", {})}
+        first = {"head": server.event("head", {})}
         made.append(Server(host, 0, token, lambda: "<p>page</p>", lambda: first, take))
         return made[-1]
 
@@ -162,7 +162,7 @@ def test_updates_have_the_tracks_with_numbers_in_the_units_of_the_page():
         *(5 * 10**9, 0, state, covariance, np.full(count, 0.996), np.ones((count, 1))),
         *(np.zeros(count, dtype=int), np.array([7, 0, 12])),
     )
-    sent = json.loads(updates.event("tracks", updates.of_tracks(found)).split(b"data: ")[1])
+    sent = json.loads(server.event("tracks", server.of_tracks(found)).split(b"data: ")[1])
     assert (sent["time_s"], sent["number"], sent["x"]) == (5.0, [7, 12], [1000.0, 1000.0])
     assert (sent["vx"], sent["course"], sent["weight"]) == ([100, 100], [90, 90], [100, 100])
     # Steps of a sixteenth of a factor of two above a centimetre.

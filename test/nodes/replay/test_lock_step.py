@@ -1,4 +1,4 @@
-from phd_jdtc_ros.nodes.replay.playback import GIVE_UP_S, MAX_OUTSTANDING, PATIENCE_S, LockStep
+from phd_jdtc_ros.nodes.playback import GIVE_UP_S, MAX_OUTSTANDING, PATIENCE_S, LockStep
 
 S = 1_000_000_000
 

@@ -5,9 +5,9 @@ from mcap_files import write
 
 from msg_adapters.encoding import names
 from msg_adapters.outgoing import outputs
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.nodes.replay import playback
+from phd_jdtc_ros.nodes import playback
 
 RADAR = names.detections("radar_1")
 

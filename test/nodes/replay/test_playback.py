@@ -6,9 +6,9 @@ from mcap.reader import make_reader
 from mcap_files import write
 
 from msg_adapters.encoding import names
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.nodes.replay.playback import TOGETHER_NS, BagClock, Playback
+from phd_jdtc_ros.nodes.playback import TOGETHER_NS, BagClock, Playback
 
 TYPES = {
     "/a/detections": "sensor_msgs/msg/PointCloud2",

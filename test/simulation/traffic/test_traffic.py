@@ -6,17 +6,18 @@ import pytest
 from reference import resolve
 
 from phd_jdtc_ros.simulation.scenario import Scenario
-from phd_jdtc_ros.simulation.traffic.flight import (
+from phd_jdtc_ros.simulation.targets import (
     EARTH_RADIUS,
     Flight,
     Gap,
     Leg,
+    TargetScript,
+    Turn,
     east_north,
     in_gap,
     read_gaps,
 )
-from phd_jdtc_ros.simulation.traffic.targets import TargetScript, Turn
-from phd_jdtc_ros.simulation.traffic.traffic import APRON, Traffic, draw
+from phd_jdtc_ros.simulation.traffic import APRON, Traffic, draw
 from studies.runner import until
 
 CENTRE = (2e3, -1.5e3)

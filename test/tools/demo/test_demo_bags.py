@@ -5,7 +5,7 @@ import reference
 
 from phd_jdtc_ros.configuration import scene
 from phd_jdtc_ros.exit_status import FAILED
-from phd_jdtc_ros.nodes.evaluator.node import least_speed
+from phd_jdtc_ros.nodes.evaluator import least_speed
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.resources import bag
 from phd_jdtc_ros.tools.demo import asterix, demo, processes

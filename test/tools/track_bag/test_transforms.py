@@ -10,7 +10,7 @@ from transform_messages import LIVE, STATIC
 
 from msg_adapters.encoding import names
 from msg_adapters.incoming import moving_radars
-from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import Topic
 from phd_jdtc_ros.report import load

@@ -1,1 +1,0 @@
-"""The evaluator node: compares estimates with the truth, and records them."""

@@ -1,1 +1,0 @@
-"""The sensor-replay node: publishes a bag's detections and truth."""

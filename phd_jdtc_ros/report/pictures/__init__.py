@@ -1,1 +1,0 @@
-"""The report as pictures in the style of the paper's figures."""

@@ -1,1 +1,0 @@
-"""Targets of scenarios: flights, random traffic and gaps in sight."""
