@@ -37,7 +37,7 @@ EXAMPLES = 10_000
 FIELDS = (
     *("x", "y", "z", "range", "azimuth", "elevation", "amplitude", "time", "sector", "height"),
     *("range_std", "azimuth_std", "elevation_std", "x_std", "y_std", "z_std", "correlation"),
-    *("vx", "vy"),
+    *("vx", "vy", "vz", "velocity_std", "area_x_min", "area_y_min", "area_x_max", "area_y_max"),
 )
 # A radar with all optional fields.
 RADAR = resolve(
@@ -59,6 +59,7 @@ _SPACE = {
     "radar_1.fields.height": "height",
     "lidar.kind": "position",
     "lidar.frame": "radar_1",
+    "lidar.fields.velocity_std": "velocity_std",
     "radar_1.frame": "other",
 }
 # The same in space, and sensors of positions in the plane and in space.
@@ -86,7 +87,7 @@ def clouds(draw: st.DrawFn) -> PointCloud2:
     step = draw(st.integers(8, 32))
     row = width * step + draw(st.sampled_from([0, 0, 4]))
     data = draw(st.binary(min_size=row * height, max_size=row * height))
-    fields = draw(st.lists(_FIELD, max_size=8, unique_by=lambda field: field.name))
+    fields = draw(st.lists(_FIELD, max_size=12, unique_by=lambda field: field.name))
     if consistent:
         fields += [
             PointField(name=name, offset=4 * place, datatype=PointField.FLOAT32, count=1)
@@ -180,7 +181,10 @@ def _outcome(cloud: PointCloud2, sensor: SensorParameters = RADAR) -> str:
         return "error: detections lost"
     # Only amplitudes, heights, velocities and standard deviations may be NaN, where unknown.
     values = [found.measurement, *([] if found.time_s is None else [found.time_s])]
-    optional = found.amplitude, found.noise_std, found.z_std, found.velocity
+    optional = (
+        *(found.amplitude, found.noise_std, found.z, found.z_std),
+        *(found.velocity, found.velocity_std, None if found.area is None else np.array(found.area)),
+    )
     unknown = [each for each in optional if each is not None]
     finite = all(np.isfinite(value).all() for value in values)
     return "decoded" if finite and not any(np.isinf(each).any() for each in unknown) else "NaN"

@@ -13,12 +13,13 @@ import numpy as np
 
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.engines import new_pipeline
-from phd_jdtc_ros.configuration.parameters.radar import LEARNED
+from phd_jdtc_ros.configuration.parameters.radar import LEARNED, RadarParameters
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Event, Pipeline, RunEnded, Stepped
+from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Pose
 
 from ..harness.figures import Found, measures, such_as
@@ -27,6 +28,7 @@ TRACKERS = 400
 MOTIONS = {"turn.model": "coordinated_turn", "rest.model": "stationary"}
 # Values of parameters, of which each tracker has one.
 TRACKER: Mapping[str, Sequence[Any]] = {
+    "state": ("plane", "plane", "space"),
     "sensors": (["a"], ["a", "b"], ["a", "b", "c"]),
     "classes": (["x"], ["x", "y"], ["x", "y", "z"]),
     "births": ([], [], ["gate"]),
@@ -72,8 +74,25 @@ RADAR: Mapping[str, Sequence[Any]] = {
     "blind_sectors_deg": ([], [10.0, 30.0]),
     "pose": ("fixed", "fixed", "fixed", "/odometry"),
 }
-# Optional columns of detections.
+# Further parameters of a radar in space, and those of a sensor of positions.
+DOME: Mapping[str, Sequence[Any]] = {
+    "elevation_std_deg": (0.5, 2.0),
+    "fov_elevation_deg": ([-90.0, 90.0], [-2.0, 60.0]),
+    "tilt_deg": ([0.0, 0.0], [0.0, 0.0], [10.0, -5.0]),
+}
+POSITION: Mapping[str, Sequence[Any]] = {
+    "kind": ("position",),
+    "area": ([-2e4, -2e4, 2e4, 2e4], [-4e3, -4e3, 4e3, -4e3, 0.0, 5e3]),
+    "learn": ([], ["noise", "detection", "clutter", "outliers"]),
+    "position_std": (10.0, 40.0),
+    "detection_probability": (0.5, 0.9),
+    "clutter_rate": (0.1, 5.0),
+    "cluster_distance": (0.0, 0.0, 5.0),
+    "pose": ("fixed", "fixed", "/odometry"),
+}
+# Optional columns of detections, and those of positions.
 COLUMNS = ("amplitude", "range_rate", "height", "noise_std", "time_s", "code", "address")
+OF_POSITIONS = ("height", "noise_std", "time_s", "address", "velocity", "noise_correlation")
 SPEED, FIELD = 60.0, 5e3
 
 
@@ -108,7 +127,13 @@ def configuration(rng: np.random.Generator) -> TrackerConfig:
             modes = len(given[f"{name}.motions"])
             given[f"{name}.mode_transition"] = [1.0] if modes == 1 else [0.9, 0.1, 0.1, 0.9]
         for name in given["sensors"]:
-            given |= _drawn(rng, RADAR, f"{name}.")
+            tables: tuple[Mapping[str, Sequence[Any]], ...] = (RADAR,)
+            if rng.random() < 0.2:
+                tables = (POSITION,)
+            elif given["state"] == "space":
+                tables = RADAR, DOME
+            for each in tables:
+                given |= _drawn(rng, each, f"{name}.")
             east, north = rng.normal(0.0, 2e3, 2).tolist()
             given |= (
                 {f"{name}.geodetic": [48.0 + north / 1.1e5, 11.0 + east / 7e4, 300.0]}
@@ -121,14 +146,26 @@ def configuration(rng: np.random.Generator) -> TrackerConfig:
             continue
 
 
-def _column(rng: np.random.Generator, name: str, count: int, part_s: float) -> Any:
-    """Return a random column of detections, some of them unknown."""
+def _column(
+    rng: np.random.Generator, name: str, count: int, part_s: float, sides: Sequence[float]
+) -> Any:
+    """Return a random column of detections, some of them unknown.
+
+    `sides` are the usual deviations of the components of a measurement.
+    """
     if name == "code":
         return rng.choice([-1, 0o1234, 0o7000, 0o4321], count)
     if name == "address":
         return rng.choice([-1, 77, 78], count)
     if name == "noise_std":
-        return rng.uniform(0.5, 2.0, (count, 2)) * [30.0, 0.01]
+        noise = rng.uniform(0.5, 2.0, (count, len(sides))) * sides
+        noise[:, 2:][rng.random((count, len(sides) - 2)) < 0.2] = UNKNOWN_STD
+        return noise
+    if name == "velocity":
+        velocity = SPEED * rng.standard_normal((count, len(sides)))
+        return np.where(rng.random((count, 1)) < 0.2, np.nan, velocity)
+    if name == "noise_correlation":
+        return rng.uniform(-0.99, 0.99, count)
     if name == "time_s":
         return -rng.uniform(0.0, part_s, count)
     low, high = {"amplitude": (0.1, 9.0), "range_rate": (-12.0, 12.0), "height": (0.0, 1e4)}[name]
@@ -143,12 +180,25 @@ def _measured(rng: np.random.Generator, position: FloatArray) -> FloatArray:
     return np.stack([np.hypot(x, y), np.arctan2(y, x)], axis=1)
 
 
+def _places(measured: FloatArray) -> FloatArray:
+    """Return ranges and azimuths as places, metres, (M, 2)."""
+    distance, azimuth = measured.T
+    return np.stack([distance * np.cos(azimuth), distance * np.sin(azimuth)], axis=1)
+
+
 def reports(rng: np.random.Generator, config: TrackerConfig) -> Iterator[_Report]:
     """Yield the reports of radars that see up to three targets, in the order of their stamps."""
     targets = int(rng.integers(0, 4))
     start = rng.uniform(-FIELD, FIELD, (targets, 2))
     velocity = SPEED * rng.standard_normal((targets, 2))
-    columns = [[name for name in COLUMNS if rng.random() < 0.35] for _ in config.inputs]
+    columns = [
+        [
+            name
+            for name in (COLUMNS if isinstance(own, RadarParameters) else OF_POSITIONS)
+            if rng.random() < 0.35
+        ]
+        for own in config.inputs
+    ]
     now_ns = 10**18
     for _ in range(int(rng.integers(3, 22))):
         now_ns += int(1e9 * rng.choice([0.0] * 19 + [1.0, 60.0, -30.0]))
@@ -163,14 +213,24 @@ def reports(rng: np.random.Generator, config: TrackerConfig) -> Iterator[_Report
                 )
                 position = start + velocity * ((stamp_ns - 10**18) * 1e-9)
                 measured, coverage = _measured(rng, position), None
+                sides = [30.0, 0.01]
+                if not isinstance(radar, RadarParameters):
+                    measured, sides = _places(measured), [30.0, 30.0]
+                elif radar.height_prior is not None:
+                    up = rng.uniform(-0.05, 1.0, (len(measured), 1))
+                    measured, sides = np.append(measured, up, axis=1), [30.0, 0.01, 0.02]
                 if radar.sectors:
                     coverage = Coverage(FULL_TURN * sector / parts, FULL_TURN / parts)
                     turned = (measured[:, 1] - coverage.start) % FULL_TURN
                     measured = measured[turned < coverage.width]
                 given = {
-                    name: _column(rng, name, len(measured), revolution_s / parts)
+                    name: _column(rng, name, len(measured), revolution_s / parts, sides)
                     for name in columns[index]
                 }
+                if radar.height_prior is not None:
+                    given["z"] = given.pop("height", None)
+                if not isinstance(radar, RadarParameters) and rng.random() < 0.2:
+                    given["area"] = (-3e3, -2e3, float(rng.uniform(0.0, 1e4)), 5e3)
                 detections = Detections(measured, given.pop("amplitude", None), **given)
                 detections = detections.changed(coverage=coverage)
                 late_ns = int(rng.exponential(4e8 * revolution_s)) if rng.random() < 0.2 else 0

@@ -17,13 +17,17 @@ from sensor_msgs.msg import PointCloud2, PointField
 
 from msg_adapters.encoding import interfaces, names, point_cloud
 from msg_adapters.encoding.errors import RejectedMessageError
-from msg_adapters.incoming import detections, moving_radars
+from msg_adapters.incoming import moving_radars
+from msg_adapters.incoming.readers import reader_of
 from msg_adapters.outgoing import diagnostics
 from msg_adapters.targets import estimates, truth
 from phd_jdtc_ros.asterix.messages import CallSigns
 from phd_jdtc_ros.asterix.writing import Source
 from phd_jdtc_ros.asterix_bridge.conversion import TrackOutput
+from phd_jdtc_ros.columns.position_selection import AREA
+from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.engines import new_pipeline
+from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.intake.posed_reports import Platform
 from phd_jdtc_ros.core.intake.poses import Mount, PoseTrack
 from phd_jdtc_ros.core.intake.scans import Rejection
@@ -64,6 +68,12 @@ Case = tuple[str, Callable[[], None]]
 def measure_radar(every: int = 1, **given: Any) -> Found:
     """Process every spoilt cloud of a radar, or some, as a tracker with some parameters does."""
     return _outcomes(_of_radars(every, given))
+
+
+@measures("absurd finite numbers in clouds of sensors in space", GOAL)
+def measure_in_space(every: int = 1) -> Found:
+    """Process every spoilt cloud of a radar with elevations and of a sensor of positions."""
+    return _outcomes(chain.from_iterable(_in_space(index, every) for index in range(len(IN_SPACE))))
 
 
 @measures("absurd finite numbers in other messages", GOAL)
@@ -183,33 +193,92 @@ def _of_radars(every: int, given: Mapping[str, Any]) -> Iterator[Case]:
         "lag_s": INTERVAL_S,
         **given,
     }
-    config = from_arguments.config_of(values)
+    return _of_sensor(from_arguments.config_of(values), 0, _plots, every)
+
+
+def _of_sensor(
+    config: TrackerConfig,
+    sensor: int,
+    columns_of: Callable[[np.random.Generator], Mapping[str, FloatArray]],
+    every: int,
+) -> Iterator[Case]:
+    """Yield clouds of a sensor, of which only the first point is spoilt, in one run."""
     pipeline, rng = new_pipeline(config), np.random.default_rng(0)
-    radar, scan = config.radars[0], 0
+    own, scan = config.inputs[sensor], 0
 
     def use(cloud: PointCloud2) -> None:
-        report = detections.from_msg(cloud, radar)
-        _step(pipeline, pipeline.add(0, report.stamp_ns, report.detections, report.sector))
+        report = reader_of(own).from_msg(cloud, own)
+        _step(pipeline, pipeline.add(sensor, report.stamp_ns, report.detections, report.sector))
 
     def plots() -> PointCloud2:
         nonlocal scan
         scan += 1
-        return _plots(rng, START_NS + round(scan * INTERVAL_S * NS), radar.frame)
+        columns = columns_of(rng)
+        stamp_ns = START_NS + round(scan * INTERVAL_S * NS)
+        return point_cloud.encode(stamp_ns, own.frame, columns, set(columns))
 
     for _ in range(3):
-        yield "radar: as usual", partial(use, plots())
+        yield f"{own.name}: as usual", partial(use, plots())
     # Absurd stamps come last, because they end the run.
     for index in range(0, len(spoil(plots())), every):
         what, make = spoil(plots())[index]
-        yield f"radar: {what}", partial(_use, use, make)
-    yield "radar: the end", lambda: _step(pipeline, pipeline.flush())
+        yield f"{own.name}: {what}", partial(_use, use, make)
+    yield f"{own.name}: the end", lambda: _step(pipeline, pipeline.flush())
 
 
-def _plots(rng: np.random.Generator, stamp_ns: int, frame: str) -> PointCloud2:
-    """Return the plots of a revolution; only the first one is to be spoilt."""
+def _in_space(sensor: int, every: int) -> Iterator[Case]:
+    """Yield clouds of one of the sensors in space, with all their fields."""
+    config = resolve(
+        {
+            "state": "space",
+            "sensors": [*IN_SPACE],
+            "interval_s": INTERVAL_S,
+            "lag_s": INTERVAL_S,
+            "dome.fields.elevation": "elevation",
+            "dome.fields.elevation_std": "elevation_std",
+            "dome.fields.range_rate": "range_rate",
+            "dome.fields.height": "height",
+            "dome.fields.amplitude": "",
+            "dome.detection_probability": 0.9,
+            "lidar.kind": "position",
+            "lidar.area": [-3e4, -3e4, 3e4, 3e4],
+            "lidar.fields.velocity_std": "velocity_std",
+        }
+    )
+    return _of_sensor(config, sensor, [*IN_SPACE.values()][sensor], every)
+
+
+def _domes_plots(rng: np.random.Generator) -> dict[str, FloatArray]:
+    count = 6
+    return {
+        "range": rng.uniform(5e3, 2e4, count),
+        "azimuth": rng.uniform(0.0, 2.0 * np.pi, count),
+        "elevation": rng.uniform(0.0, 1.0, count),
+        "elevation_std": np.full(count, 0.02),
+        "range_rate": rng.uniform(-50.0, 50.0, count),
+        "height": rng.uniform(0.0, 3e3, count),
+    }
+
+
+def _lidars_plots(rng: np.random.Generator) -> dict[str, FloatArray]:
+    count = 6
+    found = {name: rng.uniform(-2e4, 2e4, count) for name in "xyz"}
+    found |= {name: rng.uniform(-20.0, 20.0, count) for name in ("vx", "vy", "vz")}
+    found |= {name: np.full(count, 5.0) for name in ("x_std", "y_std", "z_std", "velocity_std")}
+    found["correlation"] = rng.uniform(-0.9, 0.9, count)
+    edges = zip(AREA, (-3e4, -3e4, 3e4, 3e4), strict=True)
+    return {**found, **{name: np.full(count, edge) for name, edge in edges}}
+
+
+# Sensors in space, and the columns of their clouds.
+IN_SPACE = {"dome": _domes_plots, "lidar": _lidars_plots}
+
+
+def _plots(rng: np.random.Generator) -> dict[str, FloatArray]:
+    """Return the plots of a revolution."""
     count = 6
     azimuth = np.sort(rng.uniform(0.0, 2.0 * np.pi, count))
-    columns = {
+    return {
         "range": rng.uniform(5e3, 5e4, count),
         "azimuth": azimuth,
         "time": INTERVAL_S * (azimuth / (2.0 * np.pi) - 1.0),
@@ -222,7 +291,6 @@ def _plots(rng: np.random.Generator, stamp_ns: int, frame: str) -> PointCloud2:
         "range_rate": rng.uniform(-50.0, 50.0, count),
         "range_rate_std": np.full(count, 2.0),
     }
-    return point_cloud.encode(stamp_ns, frame, columns, columns)
 
 
 def _step(pipeline: Pipeline, events: Iterator[Event] | Rejection) -> None:

@@ -68,11 +68,15 @@ def test_fault_outside_an_engine_reaches_its_goal(measure, bounds):
     [
         (crowd.measure, {"detections": 10_000, "seeds": 1, "kinds": ["equal"]}),
         (absurd.measure_radar, {"every": 3}),
+        (absurd.measure_in_space, {"every": 5}),
         (hostile.measure_repeated, {}),
         (forgeries.measure, {}),
         (reflected.measure, {"cases": ["parked, once by 1 km", "in the air, once by 1 km"]}),
     ],
-    ids=["crowd", "absurd numbers", "a repeated buffer", "forged checkpoints", "a reflected reply"],
+    ids=[
+        *("crowd", "absurd numbers", "absurd numbers in space", "a repeated buffer"),
+        *("forged checkpoints", "a reflected reply"),
+    ],
 )
 def test_fault_in_the_engine_reaches_its_goal(measure, bounds):
     figure = measure(**bounds)
