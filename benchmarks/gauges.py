@@ -44,7 +44,7 @@ MANY = 9  # Number of parameters from which a function has too many
 WARM_SCANS = 12  # Scans before the traced one
 
 LIMITS: Mapping[str, float] = {
-    "lines of the product": 78_505,
+    "lines of the product": 78_603,
     "files of the product": 439,
     "declared parameters": 161,
     "constants of modules per 1,000 lines": 14.6,
@@ -53,9 +53,9 @@ LIMITS: Mapping[str, float] = {
     "imports of models of the world": 19,
     "public members of Sensor": 29,
     "circles of imports": 0,
-    "files that a scan enters": 73,
-    "Python calls in a scan": 1_045,
-    "returns in a scan": 910,
+    "files that a scan enters": 72,
+    "Python calls in a scan": 1_041,
+    "returns in a scan": 900,
 }
 
 

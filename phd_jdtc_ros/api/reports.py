@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -175,7 +176,9 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[tuple[int, Repor
         if not len(rows):
             continue
         radar = config.inputs[index]
-        sent = _columns_of(rows_of(columns, rows), radar)
+        own = rows_of(columns, rows)
+        _warn_of_step_back(time_ns[rows], own)
+        sent = _columns_of(own, radar)
         timed = radar.fields.time == TIME
         stamp_ns = _ends_ns(time_ns[rows], radar) if timed else time_ns[rows]
         parts = {int(stamp_ns[part[0]]): part for part in rows_by_stamp(stamp_ns)}
@@ -184,6 +187,24 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[tuple[int, Repor
             parts |= dict.fromkeys(empty_ns, np.arange(0))
         found += [(index, _report(ns, sent, part, radar)) for ns, part in parts.items()]
     return sorted(found, key=lambda each: (each[1].stamp_ns, each[0]))
+
+
+def _warn_of_step_back(time_ns: IntArray, columns: Columns) -> None:
+    """Warn of times that ascend but for a step back of a clock, or two of joined recordings."""
+    steps = np.diff(time_ns)
+    back, ahead = np.flatnonzero(steps < 0) + 1, steps[steps > 0]
+    # Tables by target have more such steps, and each begins and ends with the others.
+    if not 1 <= len(back) <= 2 or -steps[back[0] - 1] <= 2.0 * np.median(ahead):
+        return
+    before, after = time_ns[: back[0]], time_ns[back[0] :]
+    if before.min() < after.min() and before.max() < after.max():
+        warnings.warn(
+            f"{TIME}: steps back by {-steps[back[0] - 1] / 1e9:g} s in "
+            f"{place_of(columns, int(back[0]))}, and otherwise ascends; rows of equal times on "
+            "both sides are one scan. If a clock was set back there, or two recordings are joined, "
+            "track the parts one by one",
+            stacklevel=4,
+        )
 
 
 def report_of(stamp_ns: int, columns: Columns, config: TrackerConfig, index: int) -> Report:

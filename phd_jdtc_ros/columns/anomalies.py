@@ -291,6 +291,10 @@ _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
         f"azimuths fill the arc from 0 to 1 {'degree' if radar.azimuth_in_degrees else 'rad'}, and "
         "none is outside; if they are turns, multiply them by 2 pi, with azimuth_unit rad"
     ),
+    "lengths_not_in_metres": lambda sensor, _: (
+        f"a name in {sensor.name}.fields has another unit than metres, in which ranges, x and y "
+        "are used; convert them, or rename the field"
+    ),
     "ranges_near": lambda radar, _: (
         f"all ranges are far below {radar.name}.max_range, {radar.max_range:g} m; ranges must be "
         "in metres"

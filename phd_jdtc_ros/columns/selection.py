@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -294,6 +296,13 @@ def _sector(column: FloatArray | None, radar: RadarParameters) -> tuple[int | No
     return int(number), 0
 
 
+@cache
+def _has_another_unit(name: str) -> bool:
+    """Return whether the name of a column of lengths has a unit that is not the metre."""
+    units = r"km|nmi?|ft|feet|foot|miles?|kilomet\w+|nautical\w*"
+    return bool(re.search(rf"(?i)(?:^|[\W_])(?:{units})(?:$|[\W_])", name))
+
+
 class Kept(NamedTuple):
     """The points of a message that are used, and what all kinds of sensors report of them."""
 
@@ -334,7 +343,9 @@ def keep(
         "time_s": None if time is None else time[kept],
         **found,
     }
+    length = getattr(sensor.fields, "range", "") or getattr(sensor.fields, "x", "")
     counts = {
+        "lengths_not_in_metres": int(_has_another_unit(length)),
         "detections_repeated": repeated,
         "identities_unusable": impossible,
     }

@@ -259,7 +259,7 @@ def radar_model(radar: RadarParameters) -> RadarModel:
         clutter_rate=radar.clutter_rate,
         threshold=threshold,
         rotation_s=radar.rotation_s,
-        least_std=LEAST_STD if radar.site else (0.0, 0.0),
+        least_std=LEAST_STD if radar.site else RadarModel.least_std,
         range_rate=RangeRateModel(radar.range_rate_std, radar.range_rate_ambiguity, RANGE_RATE_SPAN)
         if named.range_rate
         else None,

@@ -164,6 +164,7 @@ def inner(function: FunctionT) -> FunctionT:
     return done
 
 
+@cache
 def _type_of(hint: Any, readonly: bool = True) -> Any:
     """Return numba's type of a parameter."""
     if hint in _NUMBERS:

@@ -61,6 +61,8 @@ class Node:
     ) -> None:
         self._log = log
         everything = {**os.environ, "ROS_DOMAIN_ID": str(domain), **environment}
+        # A user's interpreter stores the bytecode of modules, so that a start need not compile it.
+        everything.pop("PYTHONDONTWRITEBYTECODE", None)
         self.process = launch(command, log, everything)
 
     @property

@@ -20,6 +20,7 @@ from .rates import (
     Elevations,
     Field,
     Rate,
+    Velocities,
     beside,
     clutter_rate,
     crowded,
@@ -30,7 +31,7 @@ from .rates import (
     looks_of,
     outside_land,
     side_by_side,
-    velocity_noise,
+    velocities,
     without_neighbours,
 )
 from .rotation import Timing, timing_of
@@ -139,9 +140,7 @@ class Findings:
     slow_speed: float
     crowded: float  # Share of the plots in areas of dense clutter, land excepted
     beside: float  # Share of the tracks' plots with a further plot of the same target
-    # Standard deviation of measured velocities along each axis, or of range rates, m/s; None
-    # without any.
-    velocity: Rate | None = None
+    velocity: Velocities | None = None  # None without measured velocities or range rates
     elevations: Elevations | None = None  # None without measured elevations
     copies: Copies | None = None  # Copies of plots, which the other figures leave out
 
@@ -249,7 +248,7 @@ def _findings(plots: Plots) -> Findings:
         slow,
         share,
         beside(plots, timing, tracks, noise.range_std, noise.azimuth_std, kept),
-        velocity_noise(plots, tracks, max(noise.range_std, noise.azimuth_std * plots.places)),
+        velocities(plots, tracks, max(noise.range_std, noise.azimuth_std * plots.places)),
         elevations(plots, tracks),
     )
 
@@ -371,7 +370,8 @@ def _units(plots: Plots) -> str:
     if count := _plausible_targets(longer):
         return (
             f"{extent}; {count} targets are found if {what} are {KILO:g} times as large: {what} "
-            "must be in metres, probably they are in kilometres, or times are in milliseconds"
+            "must be in metres, probably they are in kilometres or nautical miles, or times are in "
+            "milliseconds"
         )
     # A revolution of the antenna is found in seconds only.
     faster = replace(plots, cloud_s=plots.cloud_s / KILO, time_s=plots.time_s / KILO)

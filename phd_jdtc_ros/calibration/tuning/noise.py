@@ -25,6 +25,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from phd_jdtc_ros.calibration import innovations
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray, read_only
 from phd_jdtc_ros.core.factors.outliers import Outliers
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.sensors.position import PositionSensor
 
 from . import kinematics
 from .plots import Plots
@@ -35,9 +37,6 @@ CLUTTER_PROBABILITY = 0.01
 # Logarithmic distance of the search's bounds from its start: for the measurement noise, and for
 # the spectral densities.
 SEARCH_WIDTH, DENSITY_SEARCH_WIDTH = np.log(30.0), np.log(1e4)
-# Smallest standard deviations, m and rad, and those of places: only synthetic plots are more
-# accurate.
-LEAST_STD, LEAST_OF_PLACES = (0.01, 1e-5), (0.001, 0.001)
 # Relative error of multiples of a rounding step, for numbers in single precision.
 ROUNDED = 1e-3
 # Step of the finite differences, and least logarithmic ratio of the second density to the first.
@@ -145,9 +144,9 @@ def _step(value: FloatArray) -> float:
     return float(steps.min()) if (np.abs(whole - np.rint(whole)) < ROUNDED * whole).all() else 0.0
 
 
-def least_std(places: bool) -> tuple[float, float]:
+def least_std(places: bool) -> tuple[float, ...]:
     """Return the smallest standard deviations of a measurement, or of `places`."""
-    return LEAST_OF_PLACES if places else LEAST_STD
+    return (PositionSensor if places else RadarModel).least_std
 
 
 def _start(noise: Noise, places: bool) -> tuple[FloatArray, list[tuple[float, float]]]:

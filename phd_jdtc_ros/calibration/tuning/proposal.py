@@ -13,7 +13,7 @@ from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.schema import Value
 from phd_jdtc_ros.core.sensors.site import LEAST_STD
 
-from .findings import MOST_BESIDE, MOST_CROWDED, MOST_LAND, Findings, TuningError
+from .findings import FASTEST, MOST_BESIDE, MOST_CROWDED, MOST_LAND, Findings, TuningError
 from .noise import Noise
 from .rates import MARGIN
 
@@ -37,6 +37,16 @@ NOISE = ("range_std", "azimuth_std_deg")
 STATIONARY = "stationary"
 # The engine whose measurement noise may have outliers.
 GAUSSIAN = "gaussian"
+# Causes of velocities that are so many times the changes of lengths.
+UNITS = {
+    "{what} are in feet": 0.3048,
+    "{what} are in kilometres, or times in milliseconds": 1000.0,
+    "{what} are in nautical miles": 1852.0,
+    "{own} are in km/h": 3.6,
+    "{own} are in knots": 1.9438,
+    "{own} are in feet per second": 3.2808,
+    "{own} are in miles per hour": 2.2369,
+}
 
 # Returns the current value of a radar's parameter, None if none is set.
 Now = Callable[[str], Any]
@@ -146,7 +156,8 @@ def _of_places(found: Findings, noise: Noise, now: Now) -> Iterator[Row]:
 def _motion_noise(found: Findings, now: Now, name: str) -> Iterator[Row]:
     """Yield the noise of velocities or range rates."""
     if found.velocity is not None:
-        speed, source = found.velocity, f"{found.velocity.count} plots of tracks"
+        speed = found.velocity.noise
+        source = f"{speed.count} plots of tracks"
         # The smallest value that the parameter may have
         shown = max(round_to_std(speed.value, speed.std), 1e-3)
         yield Row(name, shown, source, now(name), speed.std)
@@ -278,6 +289,7 @@ def remarks(found: Findings, values: Mapping[str, Any], radar: str) -> Iterator[
     def now(name: str) -> Any:
         return values.get(f"{radar}.{name}")
 
+    yield from _units(found)
     copies = found.copies
     if copies is not None and copies.delay_s:
         yield (
@@ -309,6 +321,37 @@ def remarks(found: Findings, values: Mapping[str, Any], radar: str) -> Iterator[
         yield (
             f"{begin}, which clutter_map: true takes for clutter: targets slower than {speed:g} "
             f"m/s are not reported; set {radar}.clutter_map_speed to 0 if they are ships at anchor"
+        )
+
+
+def _units(found: Findings) -> Iterator[str]:
+    """Yield a sentence if speeds show that lengths, times or velocities are in other units."""
+    what = "x and y" if found.of_places else "ranges"
+    own = "velocities" if found.of_places else "range rates"
+    ratio = math.nan if found.velocity is None else found.velocity.ratio
+    # By less, slopes of positions may be wrong because targets turn.
+    if ratio < 0.8 or ratio > 1.25:
+        units = [text for text, of in UNITS.items() if 0.95 < abs(ratio) / of < 1.05]
+        causes = [each.format(what=what, own=own) for each in units]
+        causes += [f"{own} are positive for what approaches"] * (ratio < 0.0)
+        yield (
+            f"{own} are {ratio:.3g} times the changes of {what}, so that they contradict each "
+            f"other; probably {' and '.join(causes) or 'one of them is in another unit'}: metres "
+            "and metres per second are expected"
+        )
+        return
+    corners = np.reshape(found.field.area or (0.0, found.field.max_range), (2, -1))
+    extent, speed = float(np.ptp(corners, axis=0).max()), math.sqrt(2.0) * found.speed_std
+    # A slower pedestrian stands, and who looks at such things looks at 500 m at most.
+    if extent < 500.0 and speed < 0.5:
+        yield (
+            f"{what} extend over {extent:.3g} m and targets move at {speed:.2g} m/s; if {what} are "
+            "in kilometres, multiply them by 1000, and if in nautical miles by 1852"
+        )
+    elif speed > FASTEST:
+        yield (
+            f"targets move at {speed:.2g} m/s; if times are in minutes, multiply them by 60, and "
+            f"if {what} are in centimetres or millimetres, divide them by 100 or 1000"
         )
 
 

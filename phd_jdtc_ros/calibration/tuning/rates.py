@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -29,8 +30,9 @@ CELLS, CROWD, LEAST_CROWD = (32, 64), 10.0, 10
 # how many are there by chance.
 BESIDE_SIGMA, BESIDE_LOOKS = 3.0, 0.5
 # Half the windows of positions whose slope is compared with a measured velocity, in plots; the
-# least number of such comparisons; and the median of the square of a normal number.
-WINDOWS, LEAST_COMPARED, ONE = (2, 4, 8, 16), 30, 0.4549
+# least number of such comparisons; the median of the square of a normal number; and the standard
+# deviations of a slope from which on a target moves.
+WINDOWS, LEAST_COMPARED, ONE, MOVES = (2, 4, 8, 16), 30, 0.4549, 5.0
 # The area of places is larger than theirs by this factor, and at least this half length, metres.
 MARGIN, LEAST_HALF = 1.1, 1.0
 # Places farther from the median than this many times the distance of MOST of them are errors.
@@ -277,10 +279,19 @@ def _scaled(plots: Plots, reach: tuple[float, float], look_s: float) -> FloatArr
     return scaled
 
 
-def velocity_noise(plots: Plots, tracks: Tracks, std: float) -> Rate | None:
-    """Return the standard deviation of measured velocities or range rates; None if it is unknown.
+class Velocities(NamedTuple):
+    """What the measured velocities or range rates of tracks show."""
 
-    It is that along each axis. A velocity is compared with the slope of its track's positions, or a
+    noise: Rate  # Standard deviation along each axis, m/s
+    # Ratio of the measured ones to the changes of position or range; 1 if their units agree, and
+    # NaN if hardly any target moves.
+    ratio: float
+
+
+def velocities(plots: Plots, tracks: Tracks, std: float) -> Velocities | None:
+    """Return what measured velocities or range rates show; None if that is nothing.
+
+    A velocity is compared with the slope of its track's positions, or a
     range rate with that of its ranges, whose noise is `std`, around it: in the shortest window in
     which the slope is more precise than that. Medians are robust against manoeuvres and wrong
     links.
@@ -297,7 +308,8 @@ def velocity_noise(plots: Plots, tracks: Tracks, std: float) -> Rate | None:
         off = off - off.mean(axis=1, keepdims=True)
         spread = (off**2).sum(axis=1)
         slope = (off[:, :, None] * position[window]).sum(axis=1) / spread[:, None]
-        error = plots.velocity[window[:, half]] - slope
+        measured = plots.velocity[window[:, half]]
+        error = measured - slope
         if plots.ambiguity:
             error -= plots.ambiguity * np.rint(error / plots.ambiguity)
         square = error**2
@@ -306,7 +318,11 @@ def velocity_noise(plots: Plots, tracks: Tracks, std: float) -> Rate | None:
             break
         total, of_slope = float(np.median(square)) / ONE, std**2 * float(np.median(1.0 / spread))
         value = float(np.sqrt(max(total - of_slope, 0.1 * total)))
-        found = Rate(value, value / float(np.sqrt(len(square))), len(square))
+        noise = Rate(value, value / float(np.sqrt(len(square))), len(square))
+        moves = np.abs(slope) > MOVES * std / np.sqrt(spread)[:, None]
+        ratio = (measured / np.where(moves, slope, np.nan))[np.isfinite(measured) & moves]
+        clear = len(ratio) >= LEAST_COMPARED and not plots.ambiguity
+        found = Velocities(noise, float(np.median(ratio)) if clear else math.nan)
         if of_slope < 0.3 * total:
             break
     return found

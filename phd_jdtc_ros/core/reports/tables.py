@@ -14,7 +14,6 @@ from ..types.reports import NAME_SIZE
 TableT = TypeVar("TableT", bound=tuple[Any, ...])
 # Largest bound of log likelihood ratios in snapshots.
 MOST_LOG = 1e6
-NEVER = 0  # A time before all reports
 
 
 class Sources(NamedTuple):

@@ -52,6 +52,7 @@ class RadarModel(Sensor):
     """
 
     components: ClassVar[tuple[str, ...]] = ("range", "azimuth")
+    least_std: tuple[float, ...] = (0.01, 1e-5)
 
     range_std: float  # Standard deviation of ranges, metres
     azimuth_std: float  # Standard deviation of azimuths, radians

@@ -51,8 +51,9 @@ class Sensor(ReadOnly, ABC):
     rotation_s: float = 0.0  # Rotation period of the antenna, seconds; 0 if it does not turn
     # Distance within which detections are merged, metres; 0 for none. See `detection_clusters`.
     cluster_distance: float = 0.0
-    # Smallest plausible noise of its components; no larger one is too large, (Z,). Zeros for any.
-    least_std: tuple[float, ...] = (0.0, 0.0)
+    # Smallest plausible noise of its components, (Z,), and no noise is too large for it: by default
+    # that of places, metres. Only synthetic detections are more accurate.
+    least_std: tuple[float, ...] = (0.001, 0.001)
     # Outliers among its measurements; None without any.
     outliers: HeavyTails | None = None
     # Errors of the heights that it reports in space; None if it reports none, and in the plane.

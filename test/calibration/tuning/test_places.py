@@ -37,7 +37,7 @@ def reports(seed, yaw=0.0, position=(0.0, 0.0)):
 def test_noise_velocities_and_rates_are_found(yaw, position):
     found = findings(plots_of(reports(5, yaw, position), places=True))
     assert_allclose([found.noise.range_std, found.noise.azimuth_std], street.STD, rtol=0.12)
-    assert found.velocity.value == pytest.approx(SPEED_STD, rel=0.06)
+    assert found.velocity.noise.value == pytest.approx(SPEED_STD, rel=0.06)
     assert found.detection.value == pytest.approx(street.DETECTED, abs=0.02)
     assert found.clutter.value == pytest.approx(street.FALSE, rel=0.2)
     assert found.timing.rotation_s == 0.0
