@@ -131,10 +131,8 @@ def _read_csv(path: Path) -> Columns:
         raise ValueError(f"{path}: is empty, must have a line of names and lines of values")
     lines, rows = zip(*numbered, strict=True)
     names = [name.strip() for name in rows[0]]
-    if len(names) == 1 and (separator := re.search("[;\t]", names[0])):
-        raise ValueError(f"{path}: {separator[0]!r} between the names, must be commas")
-    if names[0].startswith("#"):
-        raise ValueError(f"{path}: begins with {short(repr(names[0]))}, must be a line of names")
+    if len(names) == 1 and (other := re.search("^#|[;\t]", names[0])):
+        raise ValueError(f"{path}: {other[0]!r} in the first line, must be names and commas")
     # Several columns may have no name, because such columns are not used.
     repeated = [name for name, count in Counter(names).items() if name and count > 1]
     if repeated:

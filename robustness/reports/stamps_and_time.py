@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from itertools import pairwise, product, takewhile
+from itertools import combinations, pairwise, product, takewhile
 from operator import eq
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -16,7 +16,7 @@ from msg_adapters.outgoing import diagnostics
 from ..harness import scans
 from ..harness.figures import Found, measures
 from ..harness.radars import Radars
-from ..harness.rig import LIGHT, Rig
+from ..harness.rig import LIGHT, Rig, options
 
 GAP_SCANS, SHORT_GAP_SCANS = 600, 10
 LOOPS = 3
@@ -28,6 +28,7 @@ ALLOWED_S = 2.0 * PERIOD_S + 0.5
 # Wrong clocks: GPS time and TAI for UTC, and time zones, seconds; and the number of scans of each.
 OFFSETS_S = (18.0, 37.0, 3600.0, -3600.0)
 CLOCK_SCANS = 4
+NUMBERED = 8  # Scans of a run whose numbers are compared
 DAY_NS = 86400 * 1_000_000_000
 # More than half of the intervals whose median the tracker uses.
 REGULAR = 12
@@ -89,6 +90,38 @@ def _shuffle(*options: str) -> tuple[int, int, int]:
     received = [stamp for stamp, _ in radars.filtered]
     expected = [scans.stamp_of_scan(index) for index in range(len(received))]
     return run, dropped, sum(takewhile(bool, map(eq, received, expected)))
+
+
+@measures("numbers in one output", "no number in two runs: loops, a stamp of 0, kill -9 between")
+def measure_numbers(loops: int = LOOPS, length: int = NUMBERED) -> Found:
+    """Send the same scans again and again, and count the numbers that come back."""
+    runs: list[set[int]] = []
+    with Rig() as rig:
+        path = rig.directory / "tracker.checkpoint"
+        given = *LIGHT, *options({"checkpoint.path": path, "checkpoint.every": 1})
+        tracker, radars = rig.tracking(*given)
+        for _ in range(loops):
+            runs.append(_numbers(radars, length))
+            radars.send(0, 0)
+        for _ in range(loops):
+            tracker.kill()
+            tracker = rig.tracker(*given)
+            radars.connected()
+            runs.append(_numbers(radars, length))
+    again = [sorted(one & other) for one, other in combinations(runs, 2) if one & other]
+    least, used = min(map(len, runs)), len(set().union(*runs))
+    text = f"{used} numbers in {len(runs)} runs, at least {least} in each; {len(again)} pairs share"
+    return text, not again and least > 0, {"runs": [sorted(run) for run in runs]}
+
+
+def _numbers(radars: Radars, length: int) -> set[int]:
+    """Track the first scans; return the numbers of their estimates."""
+    found: set[int] = set()
+    for index in range(length):
+        radars.answered.clear()
+        if radars.track(index) and (own := radars.found[scans.stamp_of_scan(index)]) is not None:
+            found |= {*own.track_id.tolist()} - {0}
+    return found
 
 
 @measures(

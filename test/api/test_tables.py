@@ -77,7 +77,8 @@ def test_columns_of_reports_what_does_not_fit(table, said):
     [
         (b"", "is empty"),
         (b"time,range\n1,2\n3\n", "line 3 has 1 values, must have 2"),
-        (b"time;range\n1,5;2,5\n", "';' between the names, must be commas"),
+        (b"time;range\n1,5;2,5\n", "';' in the first line, must be names and commas"),
+        (b"# radar 1\ntime,range\n1,2\n", "'#' in the first line, must be names and commas"),
         (b"time,range,range,,\n1,2,3,,\n", "'range' names several columns"),
         ("time,d\u00e9tection\n".encode("latin-1"), ".*; must be a CSV file in UTF-8"),
         ("time,range\n".encode("utf-16"), ".*; must be a CSV file in UTF-8"),

@@ -89,6 +89,13 @@ def test_kilometres_and_nautical_miles_are_named_without_velocities(factor):
         )
 
 
+def test_people_who_stand_in_a_room_are_no_small_world():
+    rng, times = np.random.default_rng(11), np.repeat(0.2 * np.arange(100), 3)
+    place = np.tile([[1.0, 2.0], [-2.0, 1.0], [3.0, -1.0]], (100, 1))
+    x, y = (place + 0.05 * rng.standard_normal(place.shape)).T
+    assert not any("kilometres" in text for text in said({"time": times, "x": x, "y": y}))
+
+
 @pytest.mark.parametrize(("what", "factor"), [("time", 1.0 / 60.0), ("range", 1000.0)])
 def test_speeds_that_no_target_has_are_named(what, factor):
     table = without(recording(9), "range_rate")

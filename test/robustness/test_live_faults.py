@@ -36,6 +36,7 @@ def test_tracker_counts_faults_of_its_input_and_keeps_its_targets(module):
     [
         (raw_bytes.measure, {"seconds": 1.0}),
         (stamps_and_time.measure_time_faults, {"loops": 1, "duration_s": 240.0}),
+        (stamps_and_time.measure_numbers, {"loops": 1, "length": 6}),
         (stamps_and_time.measure_clocks, {"offsets_s": (37.0,)}),
         (publishers.measure, {"restarts": 1, "run_s": 4.0}),
         (turning.measure_refused, {}),
@@ -43,7 +44,7 @@ def test_tracker_counts_faults_of_its_input_and_keeps_its_targets(module):
         (user_files.measure_parameters, {"nodes": ("evaluator",)}),
     ],
     ids=[
-        *("mutated bytes", "resets", "clocks", "publishers", "refused probabilities"),
+        *("mutated bytes", "resets", "numbers", "clocks", "publishers", "refused probabilities"),
         *("files of users", "parameter files"),
     ],
 )

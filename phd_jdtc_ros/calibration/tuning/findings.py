@@ -142,6 +142,7 @@ class Findings:
     beside: float  # Share of the tracks' plots with a further plot of the same target
     velocity: Velocities | None = None  # None without measured velocities or range rates
     elevations: Elevations | None = None  # None without measured elevations
+    movers: int = 0  # Number of tracks that are longer than their noise
     copies: Copies | None = None  # Copies of plots, which the other figures leave out
 
     @property
@@ -250,6 +251,7 @@ def _findings(plots: Plots) -> Findings:
         beside(plots, timing, tracks, noise.range_std, noise.azimuth_std, kept),
         velocities(plots, tracks, max(noise.range_std, noise.azimuth_std * plots.places)),
         elevations(plots, tracks),
+        len(movers.plots),
     )
 
 

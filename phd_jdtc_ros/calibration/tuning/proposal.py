@@ -326,24 +326,22 @@ def remarks(found: Findings, values: Mapping[str, Any], radar: str) -> Iterator[
 
 def _units(found: Findings) -> Iterator[str]:
     """Yield a sentence if speeds show that lengths, times or velocities are in other units."""
-    what = "x and y" if found.of_places else "ranges"
-    own = "velocities" if found.of_places else "range rates"
+    what, own = ("x and y", "velocities") if found.of_places else ("ranges", "range rates")
+    corners = np.reshape(found.field.area or (0.0, found.field.max_range), (2, -1))
+    extent, speed = float(np.ptp(corners, axis=0).max()), math.sqrt(2.0) * found.speed_std
     ratio = math.nan if found.velocity is None else found.velocity.ratio
     # By less, slopes of positions may be wrong because targets turn.
     if ratio < 0.8 or ratio > 1.25:
-        units = [text for text, of in UNITS.items() if 0.95 < abs(ratio) / of < 1.05]
-        causes = [each.format(what=what, own=own) for each in units]
+        fits = [each for each, of in UNITS.items() if 0.95 < abs(ratio) / of < 1.05]
+        causes = [each.format(what=what, own=own) for each in fits]
         causes += [f"{own} are positive for what approaches"] * (ratio < 0.0)
         yield (
             f"{own} are {ratio:.3g} times the changes of {what}, so that they contradict each "
             f"other; probably {' and '.join(causes) or 'one of them is in another unit'}: metres "
             "and metres per second are expected"
         )
-        return
-    corners = np.reshape(found.field.area or (0.0, found.field.max_range), (2, -1))
-    extent, speed = float(np.ptp(corners, axis=0).max()), math.sqrt(2.0) * found.speed_std
     # A slower pedestrian stands, and who looks at such things looks at 500 m at most.
-    if extent < 500.0 and speed < 0.5:
+    elif extent < 500.0 and speed < 0.5 and found.movers:
         yield (
             f"{what} extend over {extent:.3g} m and targets move at {speed:.2g} m/s; if {what} are "
             "in kilometres, multiply them by 1000, and if in nautical miles by 1852"

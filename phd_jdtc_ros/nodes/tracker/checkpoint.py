@@ -185,12 +185,14 @@ class Checkpoints:
             if stored.stamp_ns is None:
                 raise ValueError("it contains no scan")
             age_s = (stamp_ns - stored.stamp_ns) * 1e-9
+            engine.restore(stored)
             if not 0.0 < age_s <= self._max_age_s:
+                # As after a jump of the stamps; see `Pipeline`. Track numbers go on.
+                _ = engine.interrupt() if age_s > 0.0 else engine.flush()
                 raise ValueError(
                     f"it ends {age_s:.1f} s before the first scan, at most {self._max_age_s:g} s "
                     "are allowed"
                 )
-            engine.restore(stored)
         except (TypeError, ValueError, OverflowError) as error:
             self._log.warning(f"starting cold: {self._path}: {error}")
             return

@@ -1,13 +1,18 @@
+import logging
 import os
 import pickle
 import stat
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scenes import short_scenario, small
 
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.nodes.tracker import checkpoint
 from phd_jdtc_ros.nodes.tracker.checkpoint import MAGIC, CheckpointError
+from phd_jdtc_ros.simulation.simulate import simulate
 
 CONFIGURATION = {"lag": 5, "sensors": ["north", "south"], "seed": 0}
 
@@ -51,6 +56,24 @@ def test_every_flipped_byte_and_every_truncation_is_refused(path):
             path.write_bytes(damaged)
             with pytest.raises(CheckpointError, match=r"tracker\.ckpt"):
                 checkpoint.read(path, CONFIGURATION)
+
+
+@pytest.mark.parametrize("after_s", [-1e3, 1e3])
+def test_numbers_of_a_checkpoint_of_another_time_are_not_used_again(tmp_path, after_s):
+    run = [scan for _, scan in simulate(short_scenario(8), 0)]
+    later = [replace(scan, stamp_ns=scan.stamp_ns + round(after_s * 1e9)) for scan in run]
+    path, log = tmp_path / "tracker.ckpt", logging.getLogger("tracker")
+    before, restarted, cold = (new_engine(small({"lag": 2})) for _ in range(3))
+    found = [before.step(scan).filtered[0] for scan in run]
+    checkpoint.write(path, before.snapshot(), CONFIGURATION)
+    stored = checkpoint.Checkpoints(path, 0, 60.0, CONFIGURATION, log)
+    stored.resume(restarted, later[0].stamp_ns)
+    used = {number for each in found for number in each.track_id.tolist()} - {0}
+    assert used
+    for scan in later:
+        (ours,), (theirs,) = restarted.step(scan).filtered, cold.step(scan).filtered
+        np.testing.assert_array_equal(ours.state, theirs.state)
+        assert not used & {*ours.track_id.tolist()}
 
 
 def test_code_in_a_checkpoint_is_not_executed(tmp_path):
