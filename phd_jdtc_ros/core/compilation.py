@@ -12,6 +12,9 @@ tuple is made. Tuples that a function writes into are declared `Writeable`.
 numba stores compiled code beside the source, by the function's name and file. It does not notice
 that a called function or a named tuple of another file has changed; the name therefore includes a
 digest of those files.
+
+Loops over the axes of a state take half the time if their number, `SIZE`, is a constant for the
+compiler. It is that of the plane; `of_size` compiles the same functions for another one.
 """
 
 from __future__ import annotations
@@ -25,10 +28,10 @@ import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import FrameType, FunctionType
-from typing import Annotated, Any, TypeVar, get_args, get_type_hints
+from typing import Annotated, Any, ClassVar, TypeVar, get_args, get_type_hints
 
 from .arrays import Bool1 as Bool1
 from .arrays import BoolArray, FloatArray, IntArray
@@ -38,6 +41,9 @@ from .arrays import Float3 as Float3
 from .arrays import Float4 as Float4
 from .arrays import Int1 as Int1
 from .arrays import Int2 as Int2
+
+# The number of axes of a state in the plane; see above.
+SIZE = 5
 
 
 def _numba() -> Any:
@@ -66,6 +72,9 @@ _ELEMENTS = {FloatArray: "float64", IntArray: "int64", BoolArray: "boolean"}
 _NUMBERS = {float: "float64", int: "int64", bool: "boolean"}
 # A division by zero has the result that NumPy gives, and does not raise.
 _OPTIONS = {"error_model": "numpy", "nogil": True}
+# What has compiled each function, and the functions of other sizes.
+_COMPILED_BY: dict[Any, Callable[[Any], Any]] = {}
+_OF_SIZE: dict[tuple[Any, int], Any] = {}
 
 
 def compiled(function: FunctionT, *, counted: bool = True) -> FunctionT:
@@ -73,6 +82,7 @@ def compiled(function: FunctionT, *, counted: bool = True) -> FunctionT:
 
     If references to arrays are not `counted`, the function may not create arrays.
     """
+    _COMPILED_BY[function] = partial(compiled, counted=counted)
     # With NUMBA_DISABLE_JIT, as debuggers and mutation tests set it, numba compiles nothing.
     if numba is None or numba.config.DISABLE_JIT:
         return function
@@ -157,11 +167,55 @@ def _announce() -> None:
 
 def inner(function: FunctionT) -> FunctionT:
     """Let compiled functions call a function; it is compiled as a part of each of them."""
+    _COMPILED_BY[function] = inner
     if numba is None:
         return function
     # Without inlining it would also be compiled separately, with a wrapper for Python.
     done: FunctionT = numba.njit(inline="always", **_OPTIONS)(function)
     return done
+
+
+def of_size(function: FunctionT, size: int) -> FunctionT:
+    """Return a function with another `SIZE`, also in the compiled functions that it calls."""
+    plain: Any = _plain(function)
+    if size == SIZE:
+        return function
+    if (plain, size) not in _OF_SIZE:
+        known = plain.__globals__
+        names = [n for n in plain.__code__.co_names if _plain(known.get(n)) in _COMPILED_BY]
+        changed = {name: of_size(known[name], size) for name in names}
+        own = FunctionType(plain.__code__, {**known, **changed, "SIZE": size}, plain.__name__)
+        own.__qualname__ = f"{plain.__qualname__}.{size}"
+        own.__annotations__ = plain.__annotations__
+        _OF_SIZE[plain, size] = _COMPILED_BY[plain](own)
+    made: FunctionT = _OF_SIZE[plain, size]
+    return made
+
+
+def _plain(value: Any) -> Any:
+    """Return a function as it was before it was compiled; None for anything else."""
+    plain = getattr(value, "py_func", value)
+    return plain if isinstance(plain, FunctionType) else None
+
+
+class BySize(dict[int, FunctionT]):
+    """A compiled function for states of each number of axes: ``function[size](...)``."""
+
+    made: ClassVar[list[BySize[Any]]] = []
+
+    def __init__(self, function: FunctionT) -> None:
+        self.planar = function
+        self.made.append(self)
+
+    def __missing__(self, size: int) -> FunctionT:
+        self[size] = of_size(self.planar, size)
+        return self[size]
+
+
+def compile_for(size: int) -> None:
+    """Compile what is called for states of this number of axes, so that no scan waits for it."""
+    for function in BySize.made:
+        function[size]
 
 
 @cache

@@ -14,14 +14,17 @@ from collections.abc import Iterator, Sequence
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core import compilation
+from phd_jdtc_ros.core.state_space import SPATIAL
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import from_arguments
 
 from . import command
 
 CORE = "phd_jdtc_ros.core"
-# The compiled functions of sensors of positions, which the engines load with the first of these.
-POSITIONS = f"{CORE}.sensors.of_gaussians.planar"
+# The compiled functions of sensors that engines load with the first of these.
+POSITIONS, RADARS_IN_SPACE = (
+    f"{CORE}.sensors.of_gaussians.{name}" for name in ("planar", "spatial")
+)
 # The compiled functions of `tune`.
 TUNING = "phd_jdtc_ros.calibration.tuning.linking"
 # Nearly all compiled functions, in parts that take about equally long and have few in common.
@@ -31,8 +34,10 @@ PARTS = (
     (f"{CORE}.gaussian.new_targets", f"{CORE}.gaussian.reduction"),
     (TUNING, f"{CORE}.sensors.of_gaussians.polar", f"{CORE}.tracks.confirmation"),
     # Only trackers with a receiver of self-reports load these.
-    (f"{CORE}.reports.beside",),
+    (f"{CORE}.reports.beside", RADARS_IN_SPACE),
 )
+# Compiles what a process has imported for states in space, too.
+IN_SPACE = f"{CORE}.compilation.compile_for({len(SPATIAL)})"
 
 
 @contextlib.contextmanager
@@ -41,7 +46,8 @@ def _compiling(parts: Sequence[Sequence[str]]) -> Iterator[None]:
     # A process may fail in silence: what it could not compile or store is tried again here.
     processes = [
         subprocess.Popen(
-            [sys.executable, "-c", f"import {', '.join(part)}"], stderr=subprocess.DEVNULL
+            [sys.executable, "-c", f"import {', '.join(part)}; {IN_SPACE}"],
+            stderr=subprocess.DEVNULL,
         )
         for part in parts
     ]
@@ -75,10 +81,12 @@ def _compile(_: argparse.Namespace) -> int:
     with _compiling(others):
         for name in own:
             importlib.import_module(name)
+        compilation.compile_for(len(SPATIAL))
     for name, profile in (("gaussian", "defaults"), ("phd", "phd")):
         new_engine(resolve(from_arguments.profile(profile)))
         print(f"{name}: ready after {time.perf_counter() - begin:.1f} s")
-    for name in (POSITIONS, TUNING):
+    compilation.compile_for(len(SPATIAL))
+    for name in (POSITIONS, RADARS_IN_SPACE, TUNING):
         importlib.import_module(name)
     print(f"tune: ready after {time.perf_counter() - begin:.1f} s")
     if compilation.NOT_STORED:

@@ -9,11 +9,15 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
+import dome
 import numpy as np
 import pytest
+from lone import lone
 
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core import compilation
 from phd_jdtc_ros.core.arrays import frozen
+from phd_jdtc_ros.core.state_space import PLANAR, SPATIAL
 
 ROOT = Path(__file__).parents[2]
 SCRIPT = """
@@ -183,3 +187,32 @@ def test_interruption_that_numba_swallows_ends_the_compilation(monkeypatch):
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+SIZE = compilation.SIZE
+
+
+@compilation.inner
+def _share(value):
+    return value / SIZE
+
+
+@compilation.BySize
+@compilation.compiled
+def _shared(value: float) -> tuple[float, int]:
+    return _share(value), SIZE
+
+
+def test_functions_of_another_size_have_it_in_what_they_call_too():
+    assert len(PLANAR) == SIZE
+    assert _shared[SIZE](35.0) == (7.0, SIZE)
+    assert _shared[7](35.0) == (5.0, 7)
+    assert _shared[7] is _shared[7]
+    assert _shared[SIZE](35.0) == (7.0, SIZE)
+
+
+def test_an_engine_in_space_has_compiled_its_functions_before_the_first_scan():
+    for function in compilation.BySize.made:
+        function.pop(len(SPATIAL), None)
+    new_engine(lone(dome.SPACE))
+    assert all(len(SPATIAL) in function for function in compilation.BySize.made)

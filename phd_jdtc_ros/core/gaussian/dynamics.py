@@ -27,7 +27,6 @@ from ..arrays import (
 )
 from ..models.amplitude_model import SnrCells
 from ..models.tracker_model import TrackerModel
-from ..state_space import SPATIAL
 from ..targets.motion import MotionModel
 from ..types import Estimates
 from .mixture import Mixture
@@ -78,21 +77,9 @@ class Spawned(NamedTuple):
     noise: Float3
 
 
-def _in_space(matrix: FloatArray) -> FloatArray:
-    """Return matrices, (..., K, K), of the first K axes of a state of the engine, (..., D, D)."""
-    size, axes = matrix.shape[-1], len(SPATIAL)
-    in_space = np.zeros((*matrix.shape[:-2], axes, axes))
-    in_space[..., :size, :size] = matrix
-    return in_space
-
-
 @dataclass(frozen=True)
 class Dynamics:
-    """The motion modes and cells of a model.
-
-    States have the axes of `SPATIAL`, also in the plane, where no motion has a height: the size of
-    a state is a constant of the compiled functions.
-    """
+    """The motion modes and cells of a model."""
 
     model: TrackerModel
 
@@ -140,7 +127,7 @@ class Dynamics:
     @cached_property
     def supported(self) -> FloatArray:
         """Indicator, 0 or 1, of the axes on which each mode has a density, shape (R, D)."""
-        supported = np.zeros((len(self.motions), len(SPATIAL)))
+        supported = np.zeros((len(self.motions), len(self.model.modes.space)))
         for row, motion in zip(supported, self.motions, strict=True):
             row[list(motion.support)] = 1.0
         return supported
@@ -191,7 +178,7 @@ class Dynamics:
         covariance = np.zeros((len(terms), modes, size, size))
         for row, term in enumerate(terms):
             weight[row] = np.tensordot(term.rate, self.spread, axes=1)
-            mean[row, : len(term.mean)] = term.mean
+            mean[row] = term.mean
             covariance[row] = self.diagonal(term.std**2)
         return weight, mean[:, None] * self.supported, covariance
 
@@ -204,7 +191,7 @@ class Dynamics:
 
     def diagonal(self, variance: FloatArray) -> FloatArray:
         """Return a diagonal matrix for each motion mode, on its axes, (R, D, D)."""
-        covariance: FloatArray = self.supported[..., None] * _in_space(np.diag(variance))
+        covariance: FloatArray = self.supported[..., None] * np.diag(variance)
         return covariance
 
     @cached_property
@@ -250,17 +237,11 @@ class Dynamics:
             )
             snr = [self.cells.transition(interval_s) for interval_s in lengths]
             change *= survival[:, pairs.before]
-            noise = np.array([_in_space(modes.noise(interval_s)[flat]) for interval_s in lengths])
+            noise = np.array([modes.noise(interval_s)[flat] for interval_s in lengths])
             matrices = self._matrices(dt)
             arc = np.ascontiguousarray(modes.arc(dt)[:, flat])
-            motion = Motion(
-                read_only(self.turns, np.bool_),
-                arc,
-                survival,
-                change,
-                noise,
-                matrices,
-            )
+            turns = read_only(self.turns, np.bool_)
+            motion = Motion(turns, arc, survival, change, noise, matrices)
             cache[key] = Intervals(frozen(motion), snr)
         return cache[key]
 

@@ -5,15 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import BoolArray, FloatArray, IntArray
-from ..compilation import Float2, Float3, Int1, compiled
+from ..compilation import SIZE, BySize, Float2, Float3, Int1, compiled
 from ..types import CONFIRMED, Estimates
-from .algebra.blocks import SIZE, add_mean, add_spread, divergence, factorise
+from .algebra.blocks import add_mean, add_spread, divergence, factorise
 from .algebra.kalman import floor_eigenvalues, is_positive
 from .algebra.vectors import add, total_of
 from .dynamics import Dynamics
 from .mixture import Gaussians, Hypotheses, Mixture
 
 
+@BySize
 @compiled
 def _class_moments(
     threshold: float,
@@ -111,16 +112,16 @@ def extract_targets(
         The target of each hypothesis, and its row in the Gaussians.
     gaussians : Gaussians
     """
-    columns = _class_moments(threshold, len(label), target, row, gaussians)
+    class_moments = _class_moments[gaussians.mean.shape[2]]
+    columns = class_moments(threshold, len(label), target, row, gaussians)
     is_sound, chosen, mass, probability, class_id, state, covariance = columns
     if not is_sound:
         covariance, _ = floor_eigenvalues(covariance)
-    axes = dynamics.nobody.state.shape[1]
     return dynamics.nobody.changed(
         stamp_ns=stamp_ns,
         lag=lag,
-        state=np.ascontiguousarray(state[:, :axes]),
-        covariance=np.ascontiguousarray(covariance[:, :axes, :axes]),
+        state=state,
+        covariance=covariance,
         weight=mass,
         class_probability=probability,
         class_id=class_id,
@@ -129,6 +130,7 @@ def extract_targets(
     )
 
 
+@BySize
 @compiled
 def _most_probable(
     distance: float,
@@ -180,13 +182,11 @@ def most_probable_motion(
     """
     (rows,) = unseen.nonzero()
     label, class_id = estimates.track_id[rows] - 1, estimates.class_id[rows]
-    # Estimates have the axes of their space, and the engine all.
-    size = estimates.state.shape[1]
-    others = (0, SIZE - size)
-    mean = np.pad(estimates.state[rows], ((0, 0), others))
-    spread = np.pad(estimates.covariance[rows], ((0, 0), others, others))
-    found = _most_probable(distance, label, class_id, mean, spread, mixture.hypotheses)
-    found, away = found[:, :size], (mean - found)[:, :size]
+    mean, spread = estimates.state[rows], estimates.covariance[rows]
+    found = _most_probable[mean.shape[1]](
+        distance, label, class_id, mean, spread, mixture.hypotheses
+    )
+    away = mean - found
     state, covariance = estimates.state.copy(), estimates.covariance.copy()
     state[rows] = found
     covariance[rows] += away[:, :, None] * away[:, None]

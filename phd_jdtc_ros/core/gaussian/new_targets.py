@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compilation import Float2, Float3, Float4, Int1, Writeable, compiled, in_place
+from ..compilation import SIZE, BySize, Float2, Float3, Float4, Int1, Writeable, compiled, in_place
 from ..tracks import track_numbers
-from .algebra.blocks import SIZE, add_mean, add_spread
-from .algebra.curvature import Moved, move, new_moved_inside
+from .algebra.blocks import add_mean, add_spread
+from .algebra.curvature import Moved, move, new_moved
 from .algebra.vectors import total_of
 from .dynamics import Dynamics, Motion, Spawned
 from .mixture import Hypotheses, Mixture
@@ -55,9 +55,9 @@ def placed(places: Sequence[Place], dynamics: Dynamics, scan_index: int) -> Mixt
     model, modes = dynamics.model, dynamics.model.modes
     births, count = model.detection_births, len(places)
     std = modes.space.state(PLACE_STD, births.velocity_std, births.turn_rate_std, PLACE_HEIGHT_STD)
-    mean = np.zeros((count, SIZE))
+    mean = np.zeros((count, len(modes.space)))
     for row, (position, velocity) in enumerate(places):
-        mean[row, : len(modes.space)] = modes.space.state(position, velocity, 0.0)
+        mean[row] = modes.space.state(position, velocity, 0.0)
     weight = PLACED_EXISTENCE * dynamics.birth_weight.mean(axis=0)
     first = track_numbers.first_predicted(scan_index) + track_numbers.LABELS_PER_SCAN // 4
     return dynamics.nothing.changed(
@@ -83,12 +83,12 @@ def spawn(
     -----
     The parent's hypotheses are moment-matched by one Gaussian, which each motion mode predicts.
     """
-    model, parts = dynamics.model, []
+    model, parts, write = dynamics.model, [], _spawn[dynamics.supported.shape[1]]
     label = track_numbers.first_predicted(scan_index) + len(model.births)
     for mixture, dt in earlier:
         rate = min(model.spawn.rate * dt / model.modes.interval_s, 1.0)
         motion, _ = dynamics.over(np.array([dt]))
-        spawned = _spawn(rate, least, mixture.hypotheses, dynamics.spawned, motion)
+        spawned = write(rate, least, mixture.hypotheses, dynamics.spawned, motion)
         if count := len(spawned.weight):
             row_label, snr = np.arange(label, label + count), dynamics.unknown_snr(count)
             columns = spawned._asdict()
@@ -177,6 +177,7 @@ def _write_spawned(
                     spawned.covariance[child, mode, k, i] = total
 
 
+@BySize
 @compiled
 def _spawn(
     rate: float, least: float, parents: Hypotheses, assumed: Spawned, motion: Motion
@@ -197,6 +198,6 @@ def _spawn(
         np.empty((count, modes, SIZE, SIZE)),
     )
     mean_of, spread_of = np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE))
-    matched = _Matched(mean_of, spread_of, new_moved_inside())
+    matched = _Matched(mean_of, spread_of, new_moved())
     _write_spawned(rate, parents, spawned_row, assumed, motion, spawned, matched)
     return spawned

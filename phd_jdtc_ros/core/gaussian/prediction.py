@@ -10,6 +10,8 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..compilation import (
+    SIZE,
+    BySize,
     Float1,
     Float2,
     Float3,
@@ -23,7 +25,6 @@ from ..compilation import (
 )
 from ..snapshot import MAX_STATE, floats, integers
 from .algebra.blocks import (
-    SIZE,
     add_mean,
     add_spread,
     check_matrices,
@@ -33,7 +34,7 @@ from .algebra.blocks import (
     solve,
     write,
 )
-from .algebra.curvature import Moved, move, new_moved_inside
+from .algebra.curvature import Moved, move, new_moved
 from .dynamics import Dynamics, ModePairs, Motion
 from .mixture import Gaussians, Mixture
 
@@ -180,7 +181,7 @@ def _write_pair(
     factor = later.factor[factor_row] if factor_row >= 0 else scratch.factor
     factorise(spread, factor)
     for i in range(SIZE):
-        if covariance[i, i] == 0.0:  # the mode has no such axis, as that of a height in the plane
+        if covariance[i, i] == 0.0:  # the mode has no such axis
             for k in range(SIZE):
                 gain[i, k] = 0.0
                 base[i, k] = base[k, i] = 0.0
@@ -229,6 +230,7 @@ def _write_predicted(
                 copy_gaussian(mean[row, mode], covariance[row, mode], later_mean, later_covariance)
 
 
+@BySize
 @compiled
 def _predict(
     gaussians: Gaussians, sizes: Int1, mode_pairs: ModePairs, motion: Motion
@@ -266,7 +268,7 @@ def _predict(
         place,
     )
     spread, spare = np.empty((pairs, SIZE, SIZE)), np.empty((SIZE, SIZE))
-    scratch = _Scratch(spread, np.empty(pairs), np.empty(modes), spare, new_moved_inside())
+    scratch = _Scratch(spread, np.empty(pairs), np.empty(modes), spare, new_moved())
     _write_predicted(gaussians, interval_of, mode_pairs, motion, later, scratch)
     return later
 
@@ -292,7 +294,7 @@ def survivors(earlier: Sequence[AgedMixture], dynamics: Dynamics) -> tuple[Mixtu
         _diffuse(aged.mixture.snr, cell_transition)
         for aged, cell_transition in zip(earlier, snr, strict=True)
     ]
-    later = _predict(stored.gaussians, sizes, dynamics.pairs, motion)
+    later = _predict[stored.mean.shape[2]](stored.gaussians, sizes, dynamics.pairs, motion)
     predicted = stored.changed(
         weight=later.weight,
         mean=later.mean,

@@ -11,9 +11,9 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from ..arrays import BoolArray, FloatArray, IntArray
-from ..compilation import Bool1, Float3, Float4, Int1, compiled, inner
+from ..compilation import SIZE, Bool1, BySize, Float3, Float4, Int1, compiled, inner
 from ..snapshot import floats, integers
-from .algebra.blocks import SIZE, add_mean, add_spread, divergence, factorise
+from .algebra.blocks import add_mean, add_spread, divergence, factorise
 from .algebra.kalman import floor_eigenvalues, is_positive
 from .algebra.vectors import add, total_of
 from .bounds import Bounds
@@ -273,6 +273,7 @@ def _split(least: float, most: float, merged: _Reduced) -> _Reduced:
     return _Reduced(*split, new_child, new_parent, new_share)
 
 
+@BySize
 @compiled
 def _reduce(
     limits: _Limits, is_kept: Bool1, mixture: Hypotheses, parent: Int1
@@ -329,7 +330,8 @@ def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ance
     # modes are mixed, as with a `least_mode` of 1.
     limits = _Limits(bounds.merge_distance, bounds.least_mode, ROOM * bounds.most)
     is_kept = _keep_targets(mixture, bounds)
-    columns, floored = _reduce(limits, is_kept, mixture.hypotheses, branched.parent)
+    reduce = _reduce[mixture.mean.shape[2]]
+    columns, floored = reduce(limits, is_kept, mixture.hypotheses, branched.parent)
     row_label, weight, mean, covariance, snr, child, parent, share = columns
     if floored:
         covariance, _ = floor_eigenvalues(covariance)

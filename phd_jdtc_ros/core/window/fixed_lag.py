@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, contains
+from ..compilation import compile_for
 from ..engine import EngineState, Lag, OnFiltered, Paths, Reprocessed, Step, ignore_filtered
 from ..gaussian.entries import Entry, UnsweptRows, trim
 from ..gaussian.new_targets import Place
@@ -69,6 +70,7 @@ class GaussianEngine:
     _published_ns: tuple[int, int] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        compile_for(len(self.forward.model.modes.space))
         self.reset()
 
     def reset(self) -> None:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from dome import SPACE, nees, paths, scan, seen
-from lone import SIZE, lone
+from lone import lone
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.factors import Outliers
@@ -13,7 +13,10 @@ from phd_jdtc_ros.core.gaussian.algebra import kalman
 from phd_jdtc_ros.core.gaussian.algebra.heavy_tails import mix_noises
 from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD
 from phd_jdtc_ros.core.sensors.of_gaussians.linearised import Measured, WeightedGaussians
+from phd_jdtc_ros.core.state_space import SPATIAL
 from phd_jdtc_ros.core.types import Detections
+
+SIZE = len(SPATIAL)
 
 
 @pytest.mark.parametrize("unknown", [False, True], ids=["elevation", "no elevation"])

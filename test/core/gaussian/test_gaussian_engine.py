@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import textbook
-from lone import MEAN, SIZE, STD, TWO_MOTIONS, in_space, lone, mixture_of
+from lone import MEAN, SIZE, STD, TWO_MOTIONS, lone, mixture_of
 from scenes import short_scenario, small
 
 from phd_jdtc_ros import resources
@@ -144,8 +144,8 @@ def test_births_are_the_terms_in_every_mode_with_their_rates(amplitude):
     for row, term in enumerate((model.births[0], model.births[2])):
         for mode in range(2):
             inside = dynamics.supported[mode]
-            variance = in_space(term.std**2) * inside
-            np.testing.assert_array_equal(found.mean[row, mode], in_space(term.mean) * inside)
+            variance = term.std**2 * inside
+            np.testing.assert_array_equal(found.mean[row, mode], term.mean * inside)
             np.testing.assert_allclose(found.covariance[row, mode], np.diag(variance))
 
 
@@ -167,7 +167,7 @@ def test_pair_of_modes_goes_back_by_the_step_of_rauch_tung_and_striebel(motions)
     mixture = mixture_of(dynamics, [(0.8, MEAN, STD)])
     weight = np.zeros_like(mixture.weight)
     weight[:, motions] = 0.8
-    root = rng.normal(size=(SIZE, SIZE)) * in_space(STD)[:, None]
+    root = rng.normal(size=(SIZE, SIZE)) * STD[:, None]
     supported = dynamics.supported[:, :, None] * dynamics.supported[:, None]
     mixture = replace(mixture, weight=weight, covariance=(root @ root.T * supported)[None])
     _, moves = survivors([AgedMixture(mixture, 6.0)], dynamics)

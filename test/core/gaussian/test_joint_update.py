@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from lone import MEAN, STD, TWO_MOTIONS, UNREDUCED, in_space, lone, mixture_of
+from lone import MEAN, STD, TWO_MOTIONS, UNREDUCED, lone, mixture_of
 from matchings import posterior
 
 from phd_jdtc_ros.configuration.engines import new_engine
@@ -61,7 +61,7 @@ def hypotheses(dynamics, targets, rng):
     target = np.unique(row_label, return_inverse=True)[1]
     mass = np.bincount(target, weight.sum(axis=(1, 2)))
     apart = rng.normal(0.0, [200.0, 10.0, 200.0, 10.0, 0.0], (len(row_label), 1, 5))
-    mean = single.mean + in_space(apart)
+    mean = single.mean + apart
     size = rng.uniform(0.3, 1.0, len(row_label))
     return Mixture(
         row_label,

@@ -6,9 +6,9 @@ import pytest
 from phd_jdtc_ros.core.gaussian.bounds import Bounds
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched, reduce_hypotheses
-from phd_jdtc_ros.core.state_space import PLANAR, SPATIAL
+from phd_jdtc_ros.core.state_space import PLANAR
 
-SIZE = len(SPATIAL)
+SIZE = len(PLANAR)
 
 BOUNDS = Bounds(
     hypotheses=5,

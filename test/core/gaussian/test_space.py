@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dome import SPACE, TWO_SLANT_RANGES, nees, paths, scan, seen
-from lone import MEAN, SIZE, lone, mixture_of
+from lone import MEAN, lone, mixture_of
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.algebra import kalman, range_rate
@@ -13,6 +13,8 @@ from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.sensors.of_gaussians.linearised import Measured, WeightedGaussians
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
 from phd_jdtc_ros.core.state_space import SPATIAL
+
+SIZE = len(SPATIAL)
 
 PLACE, MOTION = list(SPATIAL.place), list(SPATIAL.motion)
 

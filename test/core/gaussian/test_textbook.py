@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 import textbook
-from lone import MEAN, STD, TWO_MOTIONS, in_space, lone, path, scan_at, started
+from lone import MEAN, STD, TWO_MOTIONS, lone, path, scan_at, started
 
 from phd_jdtc_ros.core.gaussian.algebra import kalman
 from phd_jdtc_ros.core.gaussian.smoothing.smoother import backward_pass
@@ -187,6 +187,6 @@ def test_mode_probabilities_of_the_filter_and_the_smoother_are_those_of_the_text
         probability, parts = textbook.imm_smoothed(steps[len(steps) - 1 - lag :], modes.motions)
         np.testing.assert_allclose(mixture.sums.mode_weight[0], probability, rtol=1e-9)
         for mode, part in enumerate(parts):
-            mean = in_space(part.mean)
+            mean = part.mean
             np.testing.assert_allclose(mixture.mean[0, mode], mean, rtol=1e-8, atol=1e-9)
     assert len(backward) == 3

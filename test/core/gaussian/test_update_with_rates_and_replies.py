@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from lone import MEAN, STD, UNREDUCED, in_space, lone, mixture_of, updated
+from lone import MEAN, STD, UNREDUCED, lone, mixture_of, updated
 from matchings import posterior
 
 from phd_jdtc_ros.configuration.engines import new_engine
@@ -95,7 +95,7 @@ def hypotheses(config, rng):
     """Return the three targets, near each other."""
     dynamics = Dynamics(config.model)
     single = mixture_of(dynamics, [(1.0, MEAN, STD)])
-    mean = single.mean + in_space(rng.normal(0.0, [200.0, 10.0, 200.0, 10.0, 0.0], (4, 1, 5)))
+    mean = single.mean + rng.normal(0.0, [200.0, 10.0, 200.0, 10.0, 0.0], (4, 1, 5))
     weight = np.array([0.9, 0.3, 0.4, 0.5])[:, None, None]
     covariance = np.repeat(single.covariance, 4, axis=0)
     return Mixture(ORIGIN, weight, mean, covariance, dynamics.unknown_snr(4))

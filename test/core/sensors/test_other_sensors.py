@@ -11,11 +11,9 @@ from lone import (
     MEAN,
     SIZE,
     TWO_MOTIONS,
-    in_space,
     lone,
     path,
     scan_at,
-    squares_in_space,
     started,
 )
 from mast import REACH, LinearisedPositions, mast
@@ -126,7 +124,7 @@ def test_correlated_errors_of_positions_update_as_in_a_kalman_filter(kind):
     sensor, std, correlation = mast(sensor=kind), np.array([[10.0, 40.0]]), np.array([0.8])
     place = np.eye(SIZE)[[0, 2]]
     root = np.random.default_rng(3).standard_normal((5, 5)) * [[20.0], [2.0], [30.0], [3.0], [0.01]]
-    mean, covariance = in_space(MEAN), squares_in_space(root @ root.T)
+    mean, covariance = MEAN, root @ root.T
     noise = np.array([[100.0, 320.0], [320.0, 1600.0]])
     measured = place @ mean - sensor.position + [15.0, -25.0]
     seen = Detections(measured[None], None, noise_std=std, noise_correlation=correlation)
@@ -166,12 +164,12 @@ class EastSensor(LinearisedPositions):
 def test_one_component_updates_as_in_a_kalman_filter():
     sensor, covariance = mast(STD, EastSensor), np.diag(STD**2 * np.arange(1.0, SIZE + 1.0))
     covariance[0, 1] = covariance[1, 0] = 0.5 * STD**2
-    prior, measured = (in_space(MEAN[None]), covariance[None]), MEAN[:1] - sensor.position[0] + 15.0
+    prior, measured = (MEAN[None], covariance[None]), MEAN[:1] - sensor.position[0] + 15.0
     seen = Measured(measured[None], sensor.noise_std[None])
     found = kalman.innovations(WeightedGaussians.of(*prior), sensor, seen)
     mean, later = kalman.update(*prior, sensor, found)
     gain = covariance[0] / (covariance[0, 0] + STD**2)
-    np.testing.assert_allclose(mean[0], in_space(MEAN) + 15.0 * gain)
+    np.testing.assert_allclose(mean[0], MEAN + 15.0 * gain)
     np.testing.assert_allclose(later[0], covariance - np.outer(gain, covariance[0]), atol=1e-9)
     expected = norm.logpdf(15.0, scale=np.sqrt(covariance[0, 0] + STD**2))
     np.testing.assert_allclose(found.log_likelihood, expected)

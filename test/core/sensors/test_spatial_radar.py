@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from phd_jdtc_ros.core.arrays import frozen
 from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD, HeightPrior
 from phd_jdtc_ros.core.sensors.of_gaussians.linearised import (
     Linearised,
     Measured,
+    Pairs,
     WeightedGaussians,
 )
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
@@ -134,15 +136,15 @@ def test_compiled_measurements_are_those_of_array_operations(radar, timed):
         found[2][kept], (right[2] + correction[right[1]][:, None])[right[0] > 0], atol=1e-6
     )
 
-    pairs = right[0], right[1]
+    pairs = frozen(Pairs(right[0], right[1], modes=2, iterations=5, converged=0.0))
     flat = WeightedGaussians.of(
         mean.reshape(-1, 7), covariance.reshape(-1, 7, 7), weight.reshape(-1)
     )
     seen = report.detections
     measured = Measured(seen.measurement, report.detection_std, None, seen.time_s)
-    one = compiled.innovations(flat, measured, pairs, 2, 5, 0.0)
-    other = arrays.innovations(flat, measured, pairs, 2, 5, 0.0)
-    far = pairs[0].repeat(2) > 0
+    one = compiled.innovations(flat, measured, pairs)
+    other = arrays.innovations(flat, measured, pairs)
+    far = pairs.group.repeat(2) > 0
     for found_part, right_part in zip(one[:3], other[:3], strict=True):
         np.testing.assert_allclose(found_part[far], right_part[far], rtol=1e-4, atol=1e-6)
     log_likelihood = other[3] + correction[pairs[1]].repeat(2)

@@ -6,7 +6,7 @@ from sweep import configuration
 
 from phd_jdtc_ros.core.gaussian.entries import Entry, UnsweptRows
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
-from phd_jdtc_ros.core.state_space import PLANAR, SPATIAL
+from phd_jdtc_ros.core.state_space import PLANAR
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN_COVERAGE, Coverage, Detections, Scan
 from phd_jdtc_ros.core.window.swept import partition_swept, swept_births
 
@@ -22,14 +22,14 @@ def mixture(state, weight, row_label, class_id, variance=0.0):
     count = len(state)
     shares = np.zeros((count, 1, 2))
     shares[np.arange(count), 0, class_id] = weight
-    covariance = np.zeros((count, 1, len(SPATIAL), len(SPATIAL)))
+    covariance = np.zeros((count, 1, len(PLANAR), len(PLANAR)))
     for axis in PLANAR.position:
         covariance[:, 0, axis, axis] = variance
     return Mixture(row_label, shares, state[:, None], covariance, np.ones((count, 2, 1)))
 
 
 def entry():
-    state = np.zeros((6, len(SPATIAL)))
+    state = np.zeros((6, len(PLANAR)))
     state[:, PLANAR.position[0]] = [1.0, 3.0, 0.0, 4.0, 4.0, 10.0]
     state[:, PLANAR.velocity[1]] = [5.0, 5.0, 7.0, 0.0, 0.0, 0.0]
     weight = np.array([0.3, 0.1, 0.5, 0.2, 0.2, 0.2])
@@ -75,7 +75,7 @@ def test_extents_are_those_of_each_origin_and_computed_once():
 
 
 def current(stamp_s=0.0, spread=50.0):
-    state = np.zeros((3, len(SPATIAL)))
+    state = np.zeros((3, len(PLANAR)))
     state[:, list(PLANAR.position)] = PLACES
     stored = mixture(state, np.ones(3), np.arange(3), 0, spread**2)
     return UnsweptRows(Entry(round(stamp_s * SECOND), stored))

@@ -1,7 +1,7 @@
 """Targets far from each other in the beam of one radar in space, or of two without elevations."""
 
 import numpy as np
-from lone import SIZE, START_NS
+from lone import START_NS
 
 from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD
 from phd_jdtc_ros.core.state_space import SPATIAL
@@ -68,7 +68,7 @@ def seen(radar, state, rng, missing=0.0):
 def paths(config, rng, targets=40, scans=25):
     """Return the states of targets far from each other, as the motion has them, (K, T, D)."""
     (motion,) = config.model.modes.motions
-    start = np.zeros((targets, SIZE))
+    start = np.zeros((targets, len(SPATIAL)))
     angle = 2.0 * np.pi * np.arange(targets) / targets
     start[:, 0], start[:, 2] = 500.0 + 6e3 * np.cos(angle), -300.0 + 6e3 * np.sin(angle)
     start[:, 5] = rng.uniform(800.0, 2500.0, targets)

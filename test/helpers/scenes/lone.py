@@ -11,7 +11,7 @@ from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import GaussianSteps
 from phd_jdtc_ros.core.sensors.view import View
-from phd_jdtc_ros.core.state_space import SPATIAL
+from phd_jdtc_ros.core.state_space import PLANAR
 from phd_jdtc_ros.core.tracks import track_numbers
 from phd_jdtc_ros.core.types import Detections, Scan
 from phd_jdtc_ros.core.window.update import Updated, update
@@ -55,7 +55,7 @@ BIRTHS = {
 }
 # Nothing is dropped or merged.
 UNREDUCED = {"bounds.hypotheses": 1000, "bounds.least_share": 0.0, "bounds.merge_distance": 0.0}
-SIZE = len(SPATIAL)
+SIZE = len(PLANAR)
 MEAN = np.array([6e3, 40.0, 8e3, -25.0, 0.0])
 STD = np.array([300.0, 30.0, 250.0, 35.0, 5e-3])
 
@@ -68,18 +68,6 @@ def lone(given=None):
     return inner.resolve(kept)
 
 
-def in_space(planar):
-    """Return planar states with height and climb rate, which are zero, as the engine has them."""
-    planar = np.asarray(planar)
-    more = SIZE - planar.shape[-1]
-    return np.pad(planar, [(0, 0)] * (planar.ndim - 1) + [(0, more)])
-
-
-def squares_in_space(planar):
-    """Return square matrices of planar states as `in_space` returns the states."""
-    return in_space(in_space(planar).swapaxes(-1, -2)).swapaxes(-1, -2)
-
-
 def mixture_of(dynamics, targets):
     """Return targets of one hypothesis each, given as (existence, mean, std)."""
     supported = dynamics.supported
@@ -87,9 +75,9 @@ def mixture_of(dynamics, targets):
         np.full(len(dynamics.model.modes), 1.0 / len(dynamics.model.modes)), dynamics.spread, axes=1
     )
     weight = [existence * share for existence, _, _ in targets]
-    mean = [in_space(mean) * supported for _, mean, _ in targets]
+    mean = [mean * supported for _, mean, _ in targets]
     covariance = [
-        np.diag(np.square(in_space(std))) * supported[:, :, None] * supported[:, None, :]
+        np.diag(np.square(std)) * supported[:, :, None] * supported[:, None, :]
         for _, _, std in targets
     ]
     snr = dynamics.unknown_snr(len(targets))

@@ -1,8 +1,7 @@
-"""Compiled operations on one Gaussian, in blocks of the size of a state in space.
+"""Compiled operations on one Gaussian.
 
-Results go into arrays that are passed last, so that nothing is allocated in a loop. In the plane
-the last axes, height and climb rate, are zero and have no variance, which leaves the others as they
-are to the last bit; functions for each size would take twice the time to compile.
+Results go into arrays that are passed last, so that nothing is allocated in a loop. The compiler
+leaves out what is only for states in space where `SIZE` is that of the plane.
 """
 
 from __future__ import annotations
@@ -10,12 +9,11 @@ from __future__ import annotations
 import math
 
 from ...arrays import FloatArray
-from ...compilation import inner
-from ...state_space import SPATIAL
+from ...compilation import SIZE, inner
+from ...state_space import VZ, Z
 
-# A constant for the compiler, which halves the time.
-SIZE = len(SPATIAL)
-# A state in registers: a vector in an array is read again after each write into any other array.
+# A state in registers: a vector in an array is read again after each write into any other array. In
+# the plane the last two are 0.
 State = tuple[float, float, float, float, float, float, float]
 # Smallest share of a variance that earlier axes leave unexplained; a smaller one is rounding.
 LEAST_PIVOT = 1e-14
@@ -39,7 +37,9 @@ def dot(left: FloatArray | State, right: FloatArray | State) -> float:
     """Return the product of two vectors: written out, which takes two thirds of a loop's time."""
     first = left[0] * right[0] + left[1] * right[1] + left[2] * right[2]
     first = first + left[3] * right[3] + left[4] * right[4]
-    return float(first + left[5] * right[5] + left[6] * right[6])
+    if SIZE > Z:
+        first = first + left[Z] * right[Z] + left[VZ] * right[VZ]
+    return float(first)
 
 
 @inner
@@ -69,33 +69,43 @@ def solve(factor: FloatArray, vector: FloatArray) -> State:
     c = c - factor[2, 0] * a - factor[2, 1] * b
     d = d - factor[3, 0] * a - factor[3, 1] * b - factor[3, 2] * c
     e = e - factor[4, 0] * a - factor[4, 1] * b - factor[4, 2] * c - factor[4, 3] * d
-    f = f - factor[5, 0] * a - factor[5, 1] * b - factor[5, 2] * c - factor[5, 3] * d
-    f -= factor[5, 4] * e
-    g = g - factor[6, 0] * a - factor[6, 1] * b - factor[6, 2] * c - factor[6, 3] * d
-    g = g - factor[6, 4] * e - factor[6, 5] * f
-    g *= factor[6, 6]
-    f = f * factor[5, 5] - factor[6, 5] * g
-    e = e * factor[4, 4] - factor[5, 4] * f - factor[6, 4] * g
-    d = d * factor[3, 3] - factor[4, 3] * e - factor[5, 3] * f - factor[6, 3] * g
-    c = c * factor[2, 2] - factor[3, 2] * d - factor[4, 2] * e - factor[5, 2] * f - factor[6, 2] * g
-    b = b * factor[1, 1] - factor[2, 1] * c - factor[3, 1] * d - factor[4, 1] * e
-    b = b - factor[5, 1] * f - factor[6, 1] * g
-    a = a * factor[0, 0] - factor[1, 0] * b - factor[2, 0] * c - factor[3, 0] * d - factor[4, 0] * e
-    a = a - factor[5, 0] * f - factor[6, 0] * g
+    if SIZE > Z:
+        f = f - factor[5, 0] * a - factor[5, 1] * b - factor[5, 2] * c - factor[5, 3] * d
+        f -= factor[5, 4] * e
+        g = g - factor[6, 0] * a - factor[6, 1] * b - factor[6, 2] * c - factor[6, 3] * d
+        g = g - factor[6, 4] * e - factor[6, 5] * f
+    a, b, c = a * factor[0, 0], b * factor[1, 1], c * factor[2, 2]
+    d, e = d * factor[3, 3], e * factor[4, 4]
+    if SIZE > Z:
+        g *= factor[6, 6]
+        f = f * factor[5, 5] - factor[6, 5] * g
+        e = e - factor[5, 4] * f - factor[6, 4] * g
+        d = d - factor[5, 3] * f - factor[6, 3] * g
+        c = c - factor[5, 2] * f - factor[6, 2] * g
+        b = b - factor[5, 1] * f - factor[6, 1] * g
+        a = a - factor[5, 0] * f - factor[6, 0] * g
+    d -= factor[4, 3] * e
+    c = c - factor[3, 2] * d - factor[4, 2] * e
+    b = b - factor[2, 1] * c - factor[3, 1] * d - factor[4, 1] * e
+    a = a - factor[1, 0] * b - factor[2, 0] * c - factor[3, 0] * d - factor[4, 0] * e
     return a, b, c, d, e, f, g
 
 
 @inner
 def read(vector: FloatArray | State) -> State:
     """Return a vector as a state."""
-    first = vector[0], vector[1], vector[2], vector[3]
-    return *first, vector[4], vector[5], vector[6]
+    planar = vector[0], vector[1], vector[2], vector[3], vector[4]
+    if SIZE > Z:
+        return *planar, vector[Z], vector[VZ]
+    return *planar, 0.0, 0.0
 
 
 @inner
 def write(state: State, vector: FloatArray) -> None:
     """Write a state."""
-    vector[0], vector[1], vector[2], vector[3], vector[4], vector[5], vector[6] = state
+    vector[0], vector[1], vector[2], vector[3], vector[4] = state[:5]
+    if SIZE > Z:
+        vector[Z], vector[VZ] = state[Z], state[VZ]
 
 
 @inner
@@ -169,16 +179,25 @@ def times(vector: FloatArray, matrix: FloatArray) -> State:
     """Return the product of a vector and a matrix."""
     a, b, c, d, e, f, g = read(vector)
     p, q, r, s, t = matrix[0], matrix[1], matrix[2], matrix[3], matrix[4]
-    u, v = matrix[5], matrix[6]
-    return (
-        a * p[0] + b * q[0] + c * r[0] + d * s[0] + e * t[0] + f * u[0] + g * v[0],
-        a * p[1] + b * q[1] + c * r[1] + d * s[1] + e * t[1] + f * u[1] + g * v[1],
-        a * p[2] + b * q[2] + c * r[2] + d * s[2] + e * t[2] + f * u[2] + g * v[2],
-        a * p[3] + b * q[3] + c * r[3] + d * s[3] + e * t[3] + f * u[3] + g * v[3],
-        a * p[4] + b * q[4] + c * r[4] + d * s[4] + e * t[4] + f * u[4] + g * v[4],
-        a * p[5] + b * q[5] + c * r[5] + d * s[5] + e * t[5] + f * u[5] + g * v[5],
-        a * p[6] + b * q[6] + c * r[6] + d * s[6] + e * t[6] + f * u[6] + g * v[6],
+    planar = (
+        a * p[0] + b * q[0] + c * r[0] + d * s[0] + e * t[0],
+        a * p[1] + b * q[1] + c * r[1] + d * s[1] + e * t[1],
+        a * p[2] + b * q[2] + c * r[2] + d * s[2] + e * t[2],
+        a * p[3] + b * q[3] + c * r[3] + d * s[3] + e * t[3],
+        a * p[4] + b * q[4] + c * r[4] + d * s[4] + e * t[4],
     )
+    if SIZE > Z:
+        u, v = matrix[Z], matrix[VZ]
+        return (
+            planar[0] + f * u[0] + g * v[0],
+            planar[1] + f * u[1] + g * v[1],
+            planar[2] + f * u[2] + g * v[2],
+            planar[3] + f * u[3] + g * v[3],
+            planar[4] + f * u[4] + g * v[4],
+            a * p[Z] + b * q[Z] + c * r[Z] + d * s[Z] + e * t[Z] + f * u[Z] + g * v[Z],
+            a * p[VZ] + b * q[VZ] + c * r[VZ] + d * s[VZ] + e * t[VZ] + f * u[VZ] + g * v[VZ],
+        )
+    return *planar, 0.0, 0.0
 
 
 @inner
@@ -203,7 +222,7 @@ def add_spread(
         third = total[2] + (share * row[2] + deviation * y)
         fourth = total[3] + (share * row[3] + deviation * vy)
         fifth = total[4] + (share * row[4] + deviation * omega)
-        sixth = total[5] + (share * row[5] + deviation * z)
-        total[6] += share * row[6] + deviation * vz
-        total[0], total[1], total[2], total[3] = first, second, third, fourth
-        total[4], total[5] = fifth, sixth
+        if SIZE > Z:
+            total[Z] += share * row[Z] + deviation * z
+            total[VZ] += share * row[VZ] + deviation * vz
+        total[0], total[1], total[2], total[3], total[4] = first, second, third, fourth, fifth

@@ -13,13 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ...arrays import FloatArray
-from ...compilation import Float1, Float2, Writeable, in_place, inner
-from ...state_space import SPATIAL
+from ...compilation import SIZE, Float1, Float2, Writeable, in_place, inner
+from ...state_space import OMEGA, Z
 from ...targets.turn_matrix import climb, turn, turn_terms, write_climb, write_turn
-from .blocks import SIZE, dot
+from .blocks import dot
 
-OMEGA = SPATIAL.turn_rate
-Z, VZ = SPATIAL.vertical
 # Nodes of the quadrature over the turn rate, in standard deviations, and their weights.
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 WEIGHTS = WEIGHTS / WEIGHTS.sum()
@@ -40,6 +38,7 @@ class Moved(NamedTuple):
     turned: Float1  # (D,)
 
 
+@inner
 def new_moved() -> Moved:
     """Return the arrays for one Gaussian at a time."""
     matrices = np.zeros((4, SIZE, SIZE))
@@ -51,24 +50,14 @@ def new_moved() -> Moved:
     )
 
 
-# For compiled functions.
-new_moved_inside = inner(new_moved)
-
-
 @inner
 def _write_turn_moments(
-    axes: int, mean: FloatArray, covariance: FloatArray, arc: FloatArray, moved: Moved
+    mean: FloatArray, covariance: FloatArray, arc: FloatArray, moved: Moved
 ) -> None:
-    """Write the moments of a Gaussian that turns at an uncertain rate.
-
-    `axes` is the number of axes that have a covariance: all, or without height and climb rate.
-    """
+    """Write the moments of a Gaussian that turns at an uncertain rate."""
     dt = arc[1] + arc[2]
-    moved_mean = moved.mean
-    matrix = moved.matrix
-    node_mean = moved.node_mean
-    slope = moved.slope
-    point = moved.point
+    moved_mean, matrix, node_mean = moved.mean, moved.matrix, moved.node_mean
+    slope, point = moved.slope, moved.point
     std = math.sqrt(covariance[OMEGA, OMEGA])
     along, across, cos, sin = 0.0, 0.0, 0.0, 0.0
     for i in range(SIZE):
@@ -80,68 +69,62 @@ def _write_turn_moments(
             point[i] = mean[i] + NODES[node] * slope[i]
         terms = turn_terms(point[OMEGA], arc)
         turn(terms, point, node_mean[node])
-        climb(dt, point, node_mean[node])
+        if SIZE > Z:
+            climb(dt, point, node_mean[node])
         along, across = along + WEIGHTS[node] * terms[0], across + WEIGHTS[node] * terms[1]
         cos, sin = cos + WEIGHTS[node] * terms[2], sin + WEIGHTS[node] * terms[3]
         for i in range(SIZE):
             moved_mean[i] += WEIGHTS[node] * node_mean[node, i]
-        for i in range(axes):
+        for i in range(SIZE):
             if i == OMEGA:  # it is given
                 continue
-            for k in range(axes):
+            for k in range(SIZE):
                 point[k] = covariance[i, k] - slope[i] * slope[k]
             turn(terms, point, moved.conditional[i])
-            if axes == SIZE:
+            if SIZE > Z:
                 climb(dt, point, moved.conditional[i])
-        for k in range(axes):
+        for k in range(SIZE):
             if k == OMEGA:
                 continue
-            for i in range(axes):
+            for i in range(SIZE):
                 point[i] = moved.conditional[i, k]
             turn(terms, point, moved.turned)
-            if axes == SIZE:
+            if SIZE > Z:
                 climb(dt, point, moved.turned)
-            for i in range(axes):
+            for i in range(SIZE):
                 moved.covariance[i, k] += WEIGHTS[node] * moved.turned[i]
     write_turn((along, across, cos, sin, arc[3]), matrix)
-    write_climb(dt, matrix)
+    if SIZE > Z:
+        write_climb(dt, matrix)
     # The column of the turn rate follows from the covariance of the states before and after.
-    for i in range(axes):
+    for i in range(SIZE):
         total = 0.0
         for node in range(len(NODES)):
             total += WEIGHTS[node] * NODES[node] * node_mean[node, i]
         rest = dot(matrix[i], slope) - matrix[i, OMEGA] * slope[OMEGA]
         matrix[i, OMEGA] = (total - rest) / slope[OMEGA]
     for node in range(len(NODES)):
-        for i in range(axes):
+        for i in range(SIZE):
             deviation = WEIGHTS[node] * (node_mean[node, i] - moved_mean[i])
-            for k in range(axes):
+            for k in range(SIZE):
                 moved.covariance[i, k] += deviation * (node_mean[node, k] - moved_mean[k])
-    for i in range(axes):
-        for k in range(axes):
+    for i in range(SIZE):
+        for k in range(SIZE):
             moved.cross[i, k] = dot(covariance[i], matrix[k])
 
 
 @inner
-def _write_linear_moments(
-    axes: int, mean: FloatArray, covariance: FloatArray, moved: Moved
-) -> None:
-    """Write the moments of a Gaussian after a linear motion; see `_write_turn_moments`."""
+def _write_linear_moments(mean: FloatArray, covariance: FloatArray, moved: Moved) -> None:
+    """Write the moments of a Gaussian after a linear motion."""
     matrix, cross, spread = moved.matrix, moved.cross, moved.covariance
     for i in range(SIZE):
         moved.mean[i] = dot(matrix[i], mean)
         for k in range(SIZE):
-            if i >= axes or k >= axes:
-                cross[i, k] = spread[i, k] = 0.0
-    for i in range(axes):
-        for k in range(axes):
             cross[i, k] = dot(covariance[i], matrix[k])
-    for i in range(SIZE):
-        moved.point[i] = 0.0
-    for k in range(axes):
-        for i in range(axes):
+    for k in range(SIZE):
+        for i in range(SIZE):
             moved.point[i] = cross[i, k]
-        for i in range(k, axes):
+        for i in range(k, SIZE):
             spread[i, k] = spread[k, i] = dot(matrix[i], moved.point)
 
 
@@ -177,13 +160,8 @@ def move(
     ----------
     Sarkka, "Bayesian Filtering and Smoothing", Cambridge University Press, 2013, chapters 5 and 9.
     """
-    # In the plane the last axes have no covariance, and the compiler unrolls fewer loops.
-    in_plane = covariance[Z, Z] == 0.0 and covariance[VZ, VZ] == 0.0
     if turns and covariance[OMEGA, OMEGA] > 0.0:
-        if in_plane:
-            _write_turn_moments(OMEGA + 1, mean, covariance, arc, moved)
-        else:
-            _write_turn_moments(SIZE, mean, covariance, arc, moved)
+        _write_turn_moments(mean, covariance, arc, moved)
         return
     matrix = moved.matrix
     for i in range(SIZE):
@@ -191,8 +169,6 @@ def move(
             matrix[i, k] = 0.0 if turns else transition[i, k]
     if turns:
         write_turn(turn_terms(mean[OMEGA], arc), matrix)
-        write_climb(arc[1] + arc[2], matrix)
-    if in_plane:
-        _write_linear_moments(OMEGA + 1, mean, covariance, moved)
-    else:
-        _write_linear_moments(SIZE, mean, covariance, moved)
+        if SIZE > Z:
+            write_climb(arc[1] + arc[2], matrix)
+    _write_linear_moments(mean, covariance, moved)

@@ -8,10 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ...arrays import FloatArray, IntArray, frozen
-from ...compilation import Float1, Float2, Float3, Int1, compiled, inner
-from ...sensors.of_gaussians.linearised import Measured, WeightedGaussians
+from ...compilation import SIZE, BySize, Float1, Float2, Float3, Int1, compiled, inner
+from ...sensors.of_gaussians.linearised import NO_TIMES, Measured, Pairs, WeightedGaussians
 from ...sensors.sensor import Sensor
-from .blocks import SIZE, copy_gaussian
+from ...state_space import Z
+from .blocks import copy_gaussian
 
 # Largest number of Gauss-Newton steps of an update; two or three suffice unless a target is next
 # to the sensor.
@@ -22,8 +23,6 @@ CONVERGED = 1e-2
 LEAST_EIGENVALUE = 1e-10
 # Smallest ratio of updated to prior variance that doubles resolve.
 LEAST_VARIANCE = 1e-15
-# Times of measurements that are all made at the stamp.
-NO_TIMES = np.zeros(0)
 
 
 class Innovation(NamedTuple):
@@ -79,12 +78,11 @@ def innovations(
     """
     if pairs is None:
         pairs = (np.arange(len(measured.measurement)),) * 2
-    columns = sensor.of_gaussians.innovations(
-        gaussians, measured, pairs, modes, iterations, converged
-    )
-    return frozen(Innovation(*columns))
+    wanted = frozen(Pairs(*pairs, modes, iterations, converged))
+    return frozen(Innovation(*sensor.of_gaussians.innovations(gaussians, measured, wanted)))
 
 
+@BySize
 @compiled
 def _update(
     modes: int,
@@ -96,59 +94,13 @@ def _update(
     innovation_of: Innovation,
     time_s: Float1,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the results of `update`; `axes` are those of the position and the velocity."""
+    """Return the results of `update`; `axes` are those of the position before the velocity's."""
     jacobian, weighted, inverse, _ = innovation_of
-    count = len(group) * modes
+    # Positions may be measured without a height in space, too.
+    has_height = SIZE > Z and len(axes) > 4
+    count, places = len(group) * modes, 3 if has_height else 2
     updated_mean, updated_covariance = np.empty((count, SIZE)), np.empty((count, SIZE, SIZE))
-    x, y, vx, vy = axes[0], axes[1], axes[2], axes[3]
-    cross, gain = np.empty((2, SIZE)), np.empty((2, SIZE))
-    for row in range(count):
-        gaussian = group[row // modes] * modes + row % modes
-        innovation, spread = pair[row // modes] * modes + row % modes, covariance[gaussian]
-        copy_gaussian(mean[gaussian], spread, updated_mean[row], updated_covariance[row])
-        if pair[row // modes] < 0:
-            continue
-        time, pair_jacobian = time_s[innovation] if len(time_s) else 0.0, jacobian[innovation]
-        a, b, d = inverse[innovation, 0, 0], inverse[innovation, 0, 1], inverse[innovation, 1, 1]
-        for i in range(SIZE):
-            cross_x = spread[i, x] + time * spread[i, vx]
-            cross_y = spread[i, y] + time * spread[i, vy]
-            cross[0, i] = cross_x * pair_jacobian[0, 0] + cross_y * pair_jacobian[0, 1]
-            cross[1, i] = cross_x * pair_jacobian[1, 0] + cross_y * pair_jacobian[1, 1]
-            gain[0, i] = a * cross[0, i] + b * cross[1, i]
-            gain[1, i] = b * cross[0, i] + d * cross[1, i]
-            updated_mean[row, i] += (
-                cross[0, i] * weighted[innovation, 0] + cross[1, i] * weighted[innovation, 1]
-            )
-        for i in range(SIZE):
-            for k in range(i + 1):
-                reduction = gain[0, i] * cross[0, k] + gain[1, i] * cross[1, k]
-                updated_covariance[row, i, k] = updated_covariance[row, k, i] = (
-                    spread[i, k] - reduction
-                )
-            # Rounding may cancel a variance that a precise measurement reduces.
-            updated_covariance[row, i, i] = max(
-                updated_covariance[row, i, i], LEAST_VARIANCE * spread[i, i]
-            )
-    return updated_mean, updated_covariance
-
-
-@compiled
-def _update_in_space(
-    modes: int,
-    axes: Int1,
-    mean: Float2,
-    covariance: Float3,
-    group: Int1,
-    pair: Int1,
-    innovation_of: Innovation,
-    time_s: Float1,
-) -> tuple[FloatArray, FloatArray]:
-    """Return the results of `update` with three axes of the position before the velocity's."""
-    jacobian, weighted, inverse, _ = innovation_of
-    count = len(group) * modes
-    updated_mean, updated_covariance = np.empty((count, SIZE)), np.empty((count, SIZE, SIZE))
-    cross, gain = np.empty((3, SIZE)), np.empty((3, SIZE))
+    cross, gain = np.empty((places, SIZE)), np.empty((places, SIZE))
     for row in range(count):
         gaussian = group[row // modes] * modes + row % modes
         innovation, spread = pair[row // modes] * modes + row % modes, covariance[gaussian]
@@ -158,23 +110,30 @@ def _update_in_space(
         time, slope = time_s[innovation] if len(time_s) else 0.0, jacobian[innovation]
         scale, weight = inverse[innovation], weighted[innovation]
         for i in range(SIZE):
-            x = spread[i, axes[0]] + time * spread[i, axes[3]]
-            y = spread[i, axes[1]] + time * spread[i, axes[4]]
-            z = spread[i, axes[2]] + time * spread[i, axes[5]]
-            for k in range(3):
-                cross[k, i] = x * slope[k, 0] + y * slope[k, 1] + z * slope[k, 2]
-                updated_mean[row, i] += cross[k, i] * weight[k]
-            for k in range(3):
+            x = spread[i, axes[0]] + time * spread[i, axes[places]]
+            y = spread[i, axes[1]] + time * spread[i, axes[places + 1]]
+            z = spread[i, axes[2]] + time * spread[i, axes[5]] if has_height else 0.0
+            for k in range(places):
+                cross[k, i] = x * slope[k, 0] + y * slope[k, 1]
+                if has_height:
+                    cross[k, i] += z * slope[k, 2]
+            added = cross[0, i] * weight[0] + cross[1, i] * weight[1]
+            if has_height:
+                added += cross[2, i] * weight[2]
+            updated_mean[row, i] += added
+            for k in range(places):
                 gain[k, i] = scale[k, 0] * cross[0, i] + scale[k, 1] * cross[1, i]
-                gain[k, i] += scale[k, 2] * cross[2, i]
+                if has_height:
+                    gain[k, i] += scale[k, 2] * cross[2, i]
         for i in range(SIZE):
             for k in range(i + 1):
                 reduction = gain[0, i] * cross[0, k] + gain[1, i] * cross[1, k]
-                reduction += gain[2, i] * cross[2, k]
+                if has_height:
+                    reduction += gain[2, i] * cross[2, k]
                 updated_covariance[row, i, k] = updated_covariance[row, k, i] = (
                     spread[i, k] - reduction
                 )
-            # See `_update`.
+            # Rounding may cancel a variance that a precise measurement reduces.
             updated_covariance[row, i, i] = max(
                 updated_covariance[row, i, i], LEAST_VARIANCE * spread[i, i]
             )
@@ -195,7 +154,6 @@ def update(
     Parameters
     ----------
     mean, covariance : arrays of shape (N, D) and (N, D, D)
-        In the plane D may also be that of a planar state.
     innovation : Innovation
         P innovations.
     time_s : array of shape (P,) or None
@@ -208,19 +166,12 @@ def update(
     """
     if pairs is None:
         pairs = (np.arange(len(mean)),) * 2
-    group, pair = map(np.ascontiguousarray, pairs)
     times = NO_TIMES if time_s is None else np.ascontiguousarray(time_s)
-    size, space = mean.shape[1], sensor.space
-    if size < SIZE:  # planar states, as the paper's filters have them
-        widths = (0, 0), (0, SIZE - size)
-        mean, covariance = np.pad(mean, widths), np.pad(covariance, (*widths, widths[1]))
+    axes = np.array([*sensor.space.place, *sensor.space.motion])
+    group, pair = map(np.ascontiguousarray, pairs)
     mean, covariance = map(np.ascontiguousarray, (mean, covariance))
-    if space.vertical:
-        axes = np.array([*space.place, *space.motion])
-        return _update_in_space(modes, axes, mean, covariance, group, pair, innovation, times)
-    axes = space.planar_axes
-    mean, covariance = _update(modes, axes, mean, covariance, group, pair, innovation, times)
-    return mean[:, :size], covariance[:, :size, :size]
+    update_pairs = _update[mean.shape[1]]
+    return update_pairs(modes, axes, mean, covariance, group, pair, innovation, times)
 
 
 def floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
@@ -233,7 +184,7 @@ def floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
     """
     size = covariance.shape[-1]
     flat = np.ascontiguousarray(covariance).reshape(-1, size, size)
-    indefinite = _find_indefinite(flat)
+    indefinite = _find_indefinite[size](flat)
     if not len(indefinite):
         return covariance, 0
     sound = flat.copy()
@@ -260,6 +211,7 @@ def is_positive(covariance: FloatArray, factor: FloatArray) -> bool:
     return True
 
 
+@BySize
 @compiled
 def _find_indefinite(covariance: Float3) -> IntArray:
     """Return the rows of the matrices that are not positive definite on their axes."""

@@ -15,12 +15,12 @@ import numpy as np
 
 from ...arrays import FloatArray
 from ...compilation import Float1, Float2, Float3, Int1, compiled, inner
+from ...sensors.of_gaussians.linearised import NO_TIMES
 from ...sensors.polar_geometry import MIN_RANGE
 from ...sensors.range_rate import RangeRateModel, Rates
 from ...sensors.sensor import Sensor
 from . import kalman
-from .blocks import SIZE, dot
-from .kalman import NO_TIMES
+from .vectors import product
 
 # Sine of the angle from the zenith below which a line of sight has no direction across it.
 LEAST_LEVEL = 1e-6
@@ -141,12 +141,12 @@ def _rates_in_space(
 
     `axes` are those of the place before those of the velocity, and `antenna` has the sensor's.
     """
-    count = len(mean)
-    rate, cross, variance = np.empty(count), np.empty((count, SIZE)), np.empty(count)
+    count, size = mean.shape
+    rate, cross, variance = np.empty(count), np.empty((count, size)), np.empty(count)
     line, speed, along, across = np.empty(3), np.empty(3), np.empty(3), np.empty((2, 3))
     # Gradients of both angles, of both velocities across, and of the range rate, and their
     # covariances with the state.
-    gradient, spread = np.empty((5, SIZE)), np.empty((5, SIZE))
+    gradient, spread = np.empty((5, size)), np.empty((5, size))
     for row in range(count):
         time, square = time_s[row] if len(time_s) else 0.0, 0.0
         for i in range(3):
@@ -158,7 +158,7 @@ def _rates_in_space(
         _write_sight(line, distance, along, across)
         radial = speed[0] * along[0] + speed[1] * along[1] + speed[2] * along[2]
         for k in range(5):
-            for i in range(SIZE):
+            for i in range(size):
                 gradient[k, i] = 0.0
         for i in range(3):
             gradient[4, axes[3 + i]] = along[i]
@@ -171,20 +171,20 @@ def _rates_in_space(
                 gradient[4, axes[i]] += side * angle
                 gradient[4, axes[3 + i]] += side * time * angle
         for k in range(5):
-            for i in range(SIZE):
-                spread[k, i] = dot(covariance[row, i], gradient[k])
+            for i in range(size):
+                spread[k, i] = product(covariance[row, i], gradient[k])
         shift, second_order = 0.0, 0.0
         for k in range(2):
-            shift += dot(spread[k], gradient[2 + k])
-            shift -= 0.5 * radial * dot(spread[k], gradient[k])
+            shift += product(spread[k], gradient[2 + k])
+            shift -= 0.5 * radial * product(spread[k], gradient[k])
             for n in range(2):
-                a, b = dot(spread[k], gradient[n]), dot(spread[2 + k], gradient[2 + n])
-                one = dot(spread[k], gradient[2 + n])
-                other = dot(spread[n], gradient[2 + k])
+                a, b = product(spread[k], gradient[n]), product(spread[2 + k], gradient[2 + n])
+                one = product(spread[k], gradient[2 + n])
+                other = product(spread[n], gradient[2 + k])
                 second_order += a * b + one * other + 0.5 * (radial * a) ** 2
         rate[row] = radial + shift
-        variance[row] = dot(spread[4], gradient[4]) + second_order
-        for i in range(SIZE):
+        variance[row] = product(spread[4], gradient[4]) + second_order
+        for i in range(size):
             cross[row, i] = spread[4, i]
     return rate, cross, variance
 

@@ -23,6 +23,15 @@ def add(vector: FloatArray, total: FloatArray) -> None:
 
 
 @inner
+def product(left: FloatArray, right: FloatArray) -> float:
+    """Return the product of two vectors."""
+    total = 0.0
+    for i in range(len(left)):
+        total += left[i] * right[i]
+    return total
+
+
+@inner
 def sum_of(matrix: FloatArray) -> float:
     """Return the sum of a matrix, row by row."""
     total = 0.0

@@ -9,6 +9,8 @@ import numpy as np
 
 from ...arrays import FloatArray, IntArray
 from ...compilation import (
+    SIZE,
+    BySize,
     Float1,
     Float2,
     Float3,
@@ -19,8 +21,8 @@ from ...compilation import (
     in_place,
     inner,
 )
+from ...state_space import VZ, Z
 from ..algebra.blocks import (
-    SIZE,
     add_mean,
     add_spread,
     check_matrices,
@@ -162,8 +164,7 @@ def _write_fit(
         for index in range(len(active)):
             if to_mode[active[index]] == mode:
                 row = pair_row[active[index]]
-                factor = links.factor[links.factored[row]]
-                predicted = links.mean[row]
+                factor, predicted = links.factor[links.factored[row]], links.mean[row]
                 square = square_distance(factor, later_mean[mode], predicted, scratch.vector)
                 density = 0.5 * (log_determinant(factor) - square)
                 fit[index] = density if math.isfinite(density) else LEAST_DENSITY
@@ -210,8 +211,7 @@ def _blend_with_dying(
     cross_share = share * (1.0 - share)
     x, vx, y, vy, omega, z, vz = difference(dying_mean, mean)
     for i in range(SIZE):
-        dying = dying_covariance[i]
-        row = covariance[i]
+        dying, row = dying_covariance[i], covariance[i]
         outer = cross_share * (dying_mean[i] - mean[i])
         # For the order see `add_spread`.
         first = row[0] + (share * (dying[0] - row[0]) + outer * x)
@@ -219,10 +219,10 @@ def _blend_with_dying(
         third = row[2] + (share * (dying[2] - row[2]) + outer * y)
         fourth = row[3] + (share * (dying[3] - row[3]) + outer * vy)
         fifth = row[4] + (share * (dying[4] - row[4]) + outer * omega)
-        sixth = row[5] + (share * (dying[5] - row[5]) + outer * z)
-        row[6] += share * (dying[6] - row[6]) + outer * vz
-        row[0], row[1], row[2], row[3] = first, second, third, fourth
-        row[4], row[5] = fifth, sixth
+        if SIZE > Z:
+            row[Z] += share * (dying[Z] - row[Z]) + outer * z
+            row[VZ] += share * (dying[VZ] - row[VZ]) + outer * vz
+        row[0], row[1], row[2], row[3], row[4] = first, second, third, fourth, fifth
     for i in range(SIZE):
         mean[i] += share * (dying_mean[i] - mean[i])
 
@@ -284,20 +284,18 @@ def _write_row(
     successors, (from_mode, to_mode) = scratch.successors, pairs
     prior = filtered.weight[hypothesis], links.change[row]
     active = _weigh_pairs(pairs, prior, pair_row, links, offset, scratch)
-    weight = smoothed.weight[hypothesis]
-    mean = smoothed.mean[hypothesis]
+    weight, mean = smoothed.weight[hypothesis], smoothed.mean[hypothesis]
     covariance = smoothed.covariance[hypothesis]
     for index in range(len(active)):
         if mass[index] > 0.0:
             pair = pair_row[active[index]]
-            earlier_mode = from_mode[active[index]]
+            earlier_mode, later_mode = from_mode[active[index]], to_mode[active[index]]
             columns = (
                 filtered.mean[hypothesis, earlier_mode],
                 links.mean[pair],
                 links.gain[pair],
                 links.base[pair],
             )
-            later_mode = to_mode[active[index]]
             later_gaussian = (
                 successors.mean[offset, later_mode],
                 successors.covariance[offset, later_mode],
@@ -397,6 +395,7 @@ def _go_back(
             _add_deaths(death, survival, filtered, hypothesis, smoothed)
 
 
+@BySize
 @compiled
 def go_back(
     pairs: ModePairs,

@@ -234,7 +234,7 @@ class Lineages:
             table, continued = self._tables[later], self._tables[earlier]
             smoothed = continued.changeable
             if self._pairs is not None and table.links is not None:
-                go_back(
+                go_back[smoothed.mean.shape[2]](
                     self._pairs,
                     steps[begin:end],
                     self._updates,

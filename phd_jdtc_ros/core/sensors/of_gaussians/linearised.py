@@ -18,6 +18,7 @@ from ...arrays import (
     Float3,
     Float4,
     FloatArray,
+    Int1,
     IntArray,
     frozen,
 )
@@ -32,6 +33,8 @@ GATE_SIGMA = 5.0
 LEAST_STD = 1e-6
 # Number of candidate pairs of Gaussians and detections that are gated at a time.
 AT_ONCE = 1 << 16
+# Times of measurements that are all made at the stamp.
+NO_TIMES = np.zeros(0)
 
 
 class Measuring(Protocol):
@@ -98,6 +101,19 @@ class WeightedGaussians(NamedTuple):
         """Return the Gaussians of these columns; their weights are 1 if None."""
         weight = np.ones(len(mean)) if weight is None else weight
         return frozen(WeightedGaussians(mean, covariance, weight))
+
+
+class Pairs(NamedTuple):
+    """P pairs of Gaussians and measurements, and how they are linearised; see `innovations`."""
+
+    # Group of each pair, (P,): `modes` Gaussians one after the other; -1 for none.
+    group: Int1
+    column: Int1  # Measurement of each pair, (P,)
+    modes: int
+    iterations: int  # Largest number of linearisations
+    # A step that moves the measurement by less than this share of its standard deviation is the
+    # last one.
+    converged: float
 
 
 class Expected(NamedTuple):
@@ -183,18 +199,9 @@ class Linearised:
         return np.concatenate(row), np.concatenate(column), np.concatenate(log_likelihood)
 
     def innovations(
-        self,
-        gaussians: WeightedGaussians,
-        measured: Measured,
-        pairs: tuple[IntArray, IntArray],
-        modes: int,
-        iterations: int,
-        converged: float,
+        self, gaussians: WeightedGaussians, measured: Measured, pairs: Pairs
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return the columns of `kalman.Innovation` for pairs of Gaussians and measurements.
-
-        A step has converged if it moves the measurement by less than a share `converged` of its
-        standard deviation. For the other parameters see `kalman.innovations`.
 
         Notes
         -----
@@ -204,7 +211,8 @@ class Linearised:
         by J' S^-1 v, the inverse of S by J' S^-1 J, and the Jacobian by the identity.
         """
         sensor, (mean, covariance, weight) = self.sensor, gaussians
-        gaussian, column = gaussians_of_groups(pairs[0], modes), pairs[1].repeat(modes)
+        gaussian = gaussians_of_groups(pairs.group, pairs.modes)
+        column = pairs.column.repeat(pairs.modes)
         has_weight = (gaussian >= 0) & (weight[gaussian] > 0.0)
         row, count = np.where(has_weight, gaussian, 0), len(gaussian)
         measurement, noise_std = measured.measurement[column], measured.noise_std[column]
@@ -221,7 +229,7 @@ class Linearised:
         jacobian, weighted = np.zeros((count, size, len(axes))), np.zeros((count, size))
         inverse, log_likelihood = np.zeros((count, size, size)), np.zeros(count)
         position, rows = prior.copy(), np.arange(count)
-        for _ in range(iterations):
+        for _ in range(pairs.iterations):
             predicted, slope = sensor.linearise(position[rows])
             shift = (slope @ (position[rows] - prior[rows])[..., None])[..., 0]
             error = sensor.wrap(measurement[rows] - predicted) + shift
@@ -233,7 +241,7 @@ class Linearised:
             updated = prior[rows] + (gain @ weighted[rows][..., None])[..., 0]
             step = (slope @ (updated - position[rows])[..., None])[..., 0]
             position[rows] = updated
-            rows = rows[(np.abs(step) >= converged * noise_std[rows]).any(axis=1)]
+            rows = rows[(np.abs(step) >= pairs.converged * noise_std[rows]).any(axis=1)]
         if size != len(axes):
             transposed = jacobian.swapaxes(1, 2)
             weighted = (transposed @ weighted[..., None])[..., 0]

@@ -19,15 +19,14 @@ from ..gaussians import noise_covariance
 from .linearised import (
     GATE_SIGMA,
     LEAST_STD,
+    NO_TIMES,
     Expected,
     Linearised,
     Measured,
+    Pairs,
     Readings,
     WeightedGaussians,
 )
-
-# Times of measurements that are all made at the stamp.
-NO_TIMES = np.zeros(0)
 
 
 class _Mount(NamedTuple):
@@ -79,17 +78,10 @@ class PlanarGaussians(Linearised):
         return _gate(self._mount, weight, mean, expected, plots, order)
 
     def innovations(
-        self,
-        gaussians: WeightedGaussians,
-        measured: Measured,
-        pairs: tuple[IntArray, IntArray],
-        modes: int,
-        iterations: int,
-        converged: float,
+        self, gaussians: WeightedGaussians, measured: Measured, pairs: Pairs
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return the columns of `kalman.Innovation`; the iteration ends with its first step."""
-        group, column = map(np.ascontiguousarray, pairs)
-        return _innovations(modes, self._mount, gaussians, group, column, _plots(measured))
+        return _innovations(pairs, self._mount, gaussians, _plots(measured))
 
 
 def _plots(measured: Measured) -> _Plots:
@@ -222,15 +214,11 @@ def _gate(
 
 @compiled
 def _innovations(
-    modes: int,
-    mount: _Mount,
-    gaussians: WeightedGaussians,
-    group: Int1,
-    column: Int1,
-    plots: _Plots,
+    pairs: Pairs, mount: _Mount, gaussians: WeightedGaussians, plots: _Plots
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the results of `PlanarGaussians.innovations`."""
     (mean, covariance, weight), (measurement, noise, time_s) = gaussians, plots
+    group, column, modes, _, _ = pairs
     count, cos, sin = len(group) * modes, mount.pose[2], mount.pose[3]
     jacobian, inverse = np.zeros((count, 2, 2)), np.zeros((count, 2, 2))
     weighted, log_likelihood = np.zeros((count, 2)), np.full(count, -np.inf)

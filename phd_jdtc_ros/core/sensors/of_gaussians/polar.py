@@ -5,25 +5,31 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
 from ...arrays import TINY, BoolArray, FloatArray, IntArray, frozen, read_only
-from ...compilation import Float3, Float4, Int1, compiled, inner
+from ...compilation import Float3, Float4, compiled, inner
 from ...types import FULL_TURN, Detections
 from ..polar_gate import candidate_count
 from ..polar_geometry import MIN_RANGE
 from . import polar_gate
 from .angles import angle_of
-from .linearised import LEAST_STD, Expected, Linearised, Measured, Readings, WeightedGaussians
+from .linearised import (
+    LEAST_STD,
+    NO_TIMES,
+    Expected,
+    Linearised,
+    Measured,
+    Pairs,
+    Readings,
+    WeightedGaussians,
+)
 from .polar_gate import Plots, Radar
 
 # With a larger standard deviation of the azimuth, a Gaussian is so near to the radar that neither
 # azimuth nor range is normal, radians.
 LARGEST_AZIMUTH_STD = 0.5
-# Times of measurements that are all made at the stamp.
-NO_TIMES = np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -62,18 +68,10 @@ class PolarGaussians(Linearised):
         return polar_gate.gate(self._radar, weight, mean, expected, plots, turn[order], order)
 
     def innovations(
-        self,
-        gaussians: WeightedGaussians,
-        measured: Measured,
-        pairs: tuple[IntArray, IntArray],
-        modes: int,
-        iterations: int,
-        converged: float,
+        self, gaussians: WeightedGaussians, measured: Measured, pairs: Pairs
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return the columns of `kalman.Innovation`; errors are taken as independent."""
-        group, column = map(np.ascontiguousarray, pairs)
-        effort, plots = _Effort(iterations, converged), _plots(measured)
-        return _innovations(effort, modes, self._radar, gaussians, group, column, plots)
+        return _innovations(pairs, self._radar, gaussians, _plots(measured))
 
 
 def _plots(measured: Measured) -> Plots:
@@ -111,13 +109,6 @@ def _expected_measurements(radar: Radar, mean: Float3, covariance: Float4) -> Ex
     return Expected(measured, spread, std)
 
 
-class _Effort(NamedTuple):
-    """The effort of an iteration; see `kalman.innovations`."""
-
-    iterations: int
-    converged: float
-
-
 @inner
 def _position_covariance(
     covariance: FloatArray, gaussian: int, axes: IntArray, time: float
@@ -135,16 +126,10 @@ def _position_covariance(
 
 @compiled
 def _innovations(
-    effort: _Effort,
-    modes: int,
-    radar: Radar,
-    gaussians: WeightedGaussians,
-    group: Int1,
-    column: Int1,
-    plots: Plots,
+    pairs: Pairs, radar: Radar, gaussians: WeightedGaussians, plots: Plots
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the results of `PolarGaussians.innovations`."""
-    (iterations, converged), (_, axes, pose) = effort, radar
+    (group, column, modes, iterations, converged), (_, axes, pose) = pairs, radar
     (mean, covariance, weight), (measurement, noise_std, time_s) = gaussians, plots
     count = len(group) * modes
     jacobian, inverse = np.zeros((count, 2, 2)), np.zeros((count, 2, 2))

@@ -18,13 +18,15 @@ from .angles import wrapped
 from .linearised import (
     GATE_SIGMA,
     LEAST_STD,
+    NO_TIMES,
     Expected,
     Linearised,
     Measured,
+    Pairs,
     Readings,
     WeightedGaussians,
 )
-from .polar import LARGEST_AZIMUTH_STD, NO_TIMES
+from .polar import LARGEST_AZIMUTH_STD
 
 LOG_SCALE = 1.5 * math.log(2.0 * math.pi)
 
@@ -94,18 +96,10 @@ class SpatialGaussians(Linearised):
         return _gate(self.gate_ratio**2, self._antenna, weight, mean, expected, plots)
 
     def innovations(
-        self,
-        gaussians: WeightedGaussians,
-        measured: Measured,
-        pairs: tuple[IntArray, IntArray],
-        modes: int,
-        iterations: int,
-        converged: float,
+        self, gaussians: WeightedGaussians, measured: Measured, pairs: Pairs
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return the columns of `kalman.Innovation`; errors are taken as independent."""
-        group, column = map(np.ascontiguousarray, pairs)
-        effort, plots = (iterations, converged, modes), self._plots(measured)
-        return _innovations(*effort, self._antenna, gaussians, group, column, plots)
+        return _innovations(pairs, self._antenna, gaussians, self._plots(measured))
 
 
 @inner
@@ -314,17 +308,10 @@ def _gate(
 
 @compiled
 def _innovations(
-    iterations: int,
-    converged: float,
-    modes: int,
-    antenna: Antenna,
-    gaussians: WeightedGaussians,
-    group: Int1,
-    column: Int1,
-    plots: SpatialPlots,
+    pairs: Pairs, antenna: Antenna, gaussians: WeightedGaussians, plots: SpatialPlots
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the results of `SpatialGaussians.innovations`."""
-    axes = antenna.axes
+    (group, column, modes, iterations, converged), axes = pairs, antenna.axes
     (mean, covariance, weight) = gaussians
     measurement, noise_std, time_s, correction = plots
     count = len(group) * modes

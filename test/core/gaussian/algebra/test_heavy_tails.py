@@ -4,7 +4,7 @@ import lone
 import numpy as np
 import pytest
 import textbook
-from lone import SIZE, STD, in_space, squares_in_space
+from lone import SIZE, STD
 from mast import mast
 
 from phd_jdtc_ros.core.factors.outliers import Outliers
@@ -16,7 +16,7 @@ from phd_jdtc_ros.core.types import Detections
 OUTLIERS = Outliers(0.1, 4.0)
 (RADAR,) = lone.lone({"radar.range_std": 150.0, "radar.azimuth_std_deg": 0.5}).model.radars
 COVARIANCE = np.diag(STD**2) + 2e3 * (np.eye(5, k=1) + np.eye(5, k=-1)) * [0, 1, 0, 1, 0]
-MEAN, COVARIANCE = in_space(lone.MEAN), squares_in_space(0.5 * (COVARIANCE + COVARIANCE.T))
+MEAN, COVARIANCE = lone.MEAN, 0.5 * (COVARIANCE + COVARIANCE.T)
 
 
 # A sensor, and the correlation of the errors of its measurements.

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 import textbook
-from lone import MEAN, SIZE, STD, in_space, lone
+from lone import MEAN, SIZE, STD, lone
 
+from phd_jdtc_ros.core.compilation import of_size
 from phd_jdtc_ros.core.gaussian.algebra import blocks, kalman
 from phd_jdtc_ros.core.gaussian.algebra.curvature import move, new_moved
 from phd_jdtc_ros.core.sensors.of_gaussians.linearised import Measured, WeightedGaussians
@@ -10,7 +11,6 @@ from phd_jdtc_ros.core.state_space import SPATIAL
 from phd_jdtc_ros.core.targets.motion import ConstantVelocity, CoordinatedTurn
 
 (RADAR,) = lone().model.radars
-SPREAD = np.append(STD, [100.0, 8.0])
 SCALE = np.array([80.0, 9.0, 120.0, 7.0, 0.002, 60.0, 3.0])
 IN_SPACE = {"space": SPATIAL, "vertical_noise_density": 2.0}
 MOTIONS = (
@@ -28,8 +28,8 @@ DT = 6.0
 
 
 def priors(rng, count):
-    mean = in_space(MEAN) + rng.normal(0.0, 2.0, (count, SIZE)) * SPREAD
-    factor = rng.normal(0.0, 1.0, (count, SIZE, SIZE)) * SPREAD[:, None]
+    mean = MEAN + rng.normal(0.0, 2.0, (count, SIZE)) * STD
+    factor = rng.normal(0.0, 1.0, (count, SIZE, SIZE)) * STD[:, None]
     return mean, factor @ factor.swapaxes(1, 2)
 
 
@@ -73,11 +73,11 @@ def test_updates_of_many_are_those_of_each_alone(timed, iterations):
 
 def test_likelihood_of_a_narrow_prior_is_its_integral():
     # Narrow, so that the linearised measurement is nearly the true one.
-    mean, covariance = in_space(MEAN[None]), np.diag((0.2 * SPREAD) ** 2)[None]
+    mean, covariance = MEAN[None], np.diag((0.2 * STD) ** 2)[None]
     measurement = RADAR.measure(mean) + np.array([200.0, 0.012])
     found, _, _ = updated(mean, covariance, measurement)
     rng = np.random.default_rng(1)
-    states = mean + rng.standard_normal((400_000, SIZE)) * 0.2 * SPREAD
+    states = mean + rng.standard_normal((400_000, SIZE)) * 0.2 * STD
     error = (measurement - RADAR.measure(states)) / RADAR.noise_std
     density = np.exp(-0.5 * (error**2).sum(axis=1)) / (2.0 * np.pi * RADAR.noise_std.prod())
     assert np.exp(found.log_likelihood[0]) == pytest.approx(density.mean(), rel=0.01)
@@ -102,7 +102,7 @@ def test_floored_leaves_covariances_as_they_are_and_raises_others():
     assert count == 0
     np.testing.assert_array_equal(same, sound)
     wrong = sound.copy()
-    wrong[1] = np.diag([1e4, 900.0, 1e4, 900.0, 1e-6, 1e4, 100.0])
+    wrong[1] = np.diag([1e4, 900.0, 1e4, 900.0, 1e-6])
     wrong[1, 0, 2] = wrong[1, 2, 0] = 1.5e4
     found, count = kalman.floor_eigenvalues(wrong)
     assert count == 1
@@ -112,7 +112,7 @@ def test_floored_leaves_covariances_as_they_are_and_raises_others():
 
 
 def test_floored_eigenvalues_change_no_other_covariance_of_the_batch():
-    nearly_singular = np.diag([1e4, 900.0, 1e4, 900.0, 1e-6, 0.0, 0.0])
+    nearly_singular = np.diag([1e4, 900.0, 1e4, 900.0, 1e-6])
     nearly_singular[0, 2] = nearly_singular[2, 0] = 1e4 * (1.0 - 1e-12)
     wrong = nearly_singular.copy()
     wrong[0, 2] = wrong[2, 0] = 1.5e4
@@ -148,76 +148,93 @@ def test_pairs_of_gaussians_and_measurements_are_those_of_each_alone():
         np.testing.assert_array_equal(part[2:], expected)
 
 
-def covariance(rng, absent=()):
+def covariance(rng, size, absent=()):
     """Return a random covariance of a state, zero on some axes."""
-    root = rng.normal(size=(SIZE, SIZE)) * SCALE[:, None]
+    root = rng.normal(size=(size, size)) * SCALE[:size, None]
     root[list(absent)] = 0.0
     return root @ root.T
 
 
-@pytest.mark.parametrize(
-    "absent", [(), (4,), (1, 3), (5, 6)], ids=["every axis", "no turn", "no speed", "plane"]
-)
-def test_factors_are_those_of_the_inverse_on_the_axes_with_variance(absent):
+@pytest.fixture(params=[SIZE, len(SPATIAL)], ids=["plane", "space"])
+def size(request):
+    return request.param
+
+
+@pytest.mark.parametrize("absent", [(), (4,), (1, 3)], ids=["every axis", "no turn", "no speed"])
+def test_factors_are_those_of_the_inverse_on_the_axes_with_variance(absent, size):
     rng = np.random.default_rng(0)
-    matrix, factor = covariance(rng, absent), np.empty((SIZE, SIZE))
-    used = np.delete(np.arange(SIZE), absent)
-    inverse = np.zeros((SIZE, SIZE))
+    matrix, factor = covariance(rng, size, absent), np.empty((size, size))
+    used = np.delete(np.arange(size), absent)
+    inverse = np.zeros((size, size))
     inverse[np.ix_(used, used)] = np.linalg.inv(matrix[np.ix_(used, used)])
-    blocks.factorise(matrix, factor)
-    one, other = SCALE * rng.normal(size=(2, SIZE))
-    solved = np.array(blocks.solve(factor, one))
-    np.testing.assert_allclose(solved, inverse @ one, rtol=1e-8)
-    square = blocks.square_distance(factor, one, other, np.empty(SIZE))
+    of_size(blocks.factorise, size)(matrix, factor)
+    one, other = SCALE[:size] * rng.normal(size=(2, size))
+    solved = np.array(of_size(blocks.solve, size)(factor, one))
+    np.testing.assert_allclose(solved[:size], inverse @ one, rtol=1e-8)
+    np.testing.assert_array_equal(solved[size:], 0.0)
+    square = of_size(blocks.square_distance, size)(factor, one, other, np.empty(size))
     assert square == pytest.approx((one - other) @ inverse @ (one - other), rel=1e-8)
     sign, log_determinant = np.linalg.slogdet(matrix[np.ix_(used, used)])
     assert sign > 0.0
-    assert blocks.log_determinant(factor) == pytest.approx(-log_determinant, rel=1e-9)
+    found = of_size(blocks.log_determinant, size)(factor)
+    assert found == pytest.approx(-log_determinant, rel=1e-9)
 
 
-def test_axis_that_others_determine_is_left_out():
+def test_axis_that_others_determine_is_left_out(size):
     # x and vx are one: the inverse on the axes that the covariance spans leaves out the second.
-    matrix, factor = np.diag(SCALE**2), np.empty((SIZE, SIZE))
+    matrix, factor, vector = np.diag(SCALE[:size] ** 2), np.empty((size, size)), np.ones(size)
     matrix[0, 1] = matrix[1, 0] = SCALE[0] * SCALE[1]
-    blocks.factorise(matrix, factor)
+    of_size(blocks.factorise, size)(matrix, factor)
     assert factor[1, 1] == 0.0
-    vector = blocks.solve(factor, np.array([1.0, 5.0, 1.0, 1.0, 1.0, 1.0, 1.0]))
-    np.testing.assert_allclose(vector, [1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0] / SCALE**2)
+    vector[1] = 5.0
+    solved = of_size(blocks.solve, size)(factor, vector)[:size]
+    vector[1] = 0.0
+    np.testing.assert_allclose(solved, vector / SCALE[:size] ** 2)
 
 
-def test_sums_of_mean_and_spread_are_the_moments_of_a_mixture():
+def test_sums_of_mean_and_spread_are_the_moments_of_a_mixture(size):
     rng = np.random.default_rng(1)
-    share, mean = rng.dirichlet(np.ones(3)), SCALE * rng.normal(size=(3, SIZE))
-    spread = np.array([covariance(rng) for _ in range(3)])
-    centre, total = np.zeros(SIZE), np.zeros((SIZE, SIZE))
+    share, mean = rng.dirichlet(np.ones(3)), SCALE[:size] * rng.normal(size=(3, size))
+    spread = np.array([covariance(rng, size) for _ in range(3)])
+    centre, total = np.zeros(size), np.zeros((size, size))
     for one in range(3):
-        blocks.add_mean(share[one], mean[one], centre)
+        of_size(blocks.add_mean, size)(share[one], mean[one], centre)
     for one in range(3):
-        blocks.add_spread(share[one], mean[one], spread[one], centre, total)
+        of_size(blocks.add_spread, size)(share[one], mean[one], spread[one], centre, total)
     np.testing.assert_allclose(centre, share @ mean)
     apart = mean - share @ mean
     expected = np.einsum("k,kij->ij", share, spread + apart[:, :, None] * apart[:, None])
     np.testing.assert_allclose(total, expected)
 
 
+def test_product_with_a_covariance_is_that_of_its_matrix(size):
+    rng = np.random.default_rng(2)
+    vector, matrix = SCALE[:size] * rng.normal(size=size), covariance(rng, size)
+    found = of_size(blocks.times, size)(vector, matrix)
+    np.testing.assert_allclose(found[:size], vector @ matrix, rtol=1e-12)
+    assert found[size:] == (0.0,) * (len(SPATIAL) - size)
+
+
 def moved_by(covariance, motion):
     """Return the mean, the covariance with the earlier state, and the covariance after a motion."""
-    moved = new_moved()
-    transition = MOTIONS[motion].jacobian(np.zeros((1, SIZE)), DT)[0]
-    move(CURVED_MEAN, covariance, transition, motion > 0, MOTIONS[motion].arc(DT), moved)
+    size = len(covariance)
+    moved = of_size(new_moved, size)()
+    transition = MOTIONS[motion].jacobian(np.zeros((1, len(SPATIAL))), DT)[0, :size, :size].copy()
+    arc = MOTIONS[motion].arc(DT)
+    of_size(move, size)(CURVED_MEAN[:size], covariance, transition, motion > 0, arc, moved)
     return moved.mean, moved.cross, moved.covariance
 
 
 @pytest.mark.parametrize("motion", [1, 2])
-def test_moved_gaussian_has_the_moments_of_drawn_states(motion):
-    mean, cross, covariance = moved_by(COVARIANCE, motion)
-    drawn = CURVED_MEAN + np.random.default_rng(4).standard_normal((10**6, SIZE)) @ ROOT.T
-    later = MOTIONS[motion].mean(drawn, DT)
-    std, std_later = np.sqrt(np.diag(COVARIANCE)), np.sqrt(np.diag(covariance))
+def test_moved_gaussian_has_the_moments_of_drawn_states(motion, size):
+    mean, cross, covariance = moved_by(COVARIANCE[:size, :size].copy(), motion)
+    drawn = CURVED_MEAN + np.random.default_rng(4).standard_normal((10**6, len(SPATIAL))) @ ROOT.T
+    later = MOTIONS[motion].mean(drawn, DT)[:, :size]
+    std, std_later = np.sqrt(np.diag(COVARIANCE))[:size], np.sqrt(np.diag(covariance))
     np.testing.assert_allclose((mean - later.mean(axis=0)) / std_later, 0.0, atol=4e-3)
     exact = np.cov(later.T) / (std_later[:, None] * std_later)
     np.testing.assert_allclose(covariance / (std_later[:, None] * std_later), exact, atol=6e-3)
-    between = np.cov(drawn.T, later.T)[:SIZE, SIZE:] / (std[:, None] * std_later)
+    between = np.cov(drawn[:, :size].T, later.T)[:size, size:] / (std[:, None] * std_later)
     np.testing.assert_allclose(cross / (std[:, None] * std_later), between, atol=6e-3)
     # The linearisation at the mean differs from the drawn velocities.
     at_mean = MOTIONS[motion].jacobian(CURVED_MEAN[None], DT)[0]
@@ -226,11 +243,12 @@ def test_moved_gaussian_has_the_moments_of_drawn_states(motion):
 
 
 @pytest.mark.parametrize("motion", [0, 1, 2])
-def test_motion_of_a_known_turn_rate_is_linear(motion):
-    certain = COVARIANCE.copy()
+def test_motion_of_a_known_turn_rate_is_linear(motion, size):
+    certain = COVARIANCE[:size, :size].copy()
     certain[4] = certain[:, 4] = 0.0
     mean, cross, covariance = moved_by(certain, motion)
-    np.testing.assert_allclose(mean, MOTIONS[motion].mean(CURVED_MEAN[None], DT)[0], atol=1e-9)
-    exact = MOTIONS[motion].jacobian(CURVED_MEAN[None], DT)[0]
+    later = MOTIONS[motion].mean(CURVED_MEAN[None], DT)[0]
+    np.testing.assert_allclose(mean, later[:size], atol=1e-9)
+    exact = MOTIONS[motion].jacobian(CURVED_MEAN[None], DT)[0, :size, :size]
     np.testing.assert_allclose(cross, certain @ exact.T, atol=1e-6)
     np.testing.assert_allclose(covariance, exact @ certain @ exact.T, atol=1e-6)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from lone import in_space, lone, squares_in_space
+from lone import lone
 
 from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.gaussian.algebra import kalman, range_rate
@@ -31,13 +31,13 @@ def prior(turned=0.4):
     cos, sin = np.cos(turned), np.sin(turned)
     turn[np.ix_([0, 1], [0, 1])] = turn[np.ix_([2, 3], [2, 3])] = [[cos, sin], [-sin, cos]]
     root = turn * STD
-    return in_space(MEAN[None]), squares_in_space((root @ root.T)[None])
+    return MEAN[None], (root @ root.T)[None]
 
 
 def states(mean, covariance):
     rng = np.random.default_rng(0)
     root = np.linalg.cholesky(covariance[0, :5, :5])
-    return mean + in_space(rng.standard_normal((300_000, 5)) @ root.T)
+    return mean + rng.standard_normal((300_000, 5)) @ root.T
 
 
 def dense(radar, mean, covariance, measured, rate, time_s=0.0):
@@ -81,7 +81,7 @@ def updated(radar, mean, covariance, measured, rate, time_s=None):
 def test_update_is_the_posterior_of_a_dense_set_of_states(time_s, velocity):
     radar = replace(RADAR, velocity=velocity)
     mean, covariance = prior()
-    truth = mean + in_space([1.5, 4.0, -1.0, -3.0, 0.0])
+    truth = mean + np.array([1.5, 4.0, -1.0, -3.0, 0.0])
     then = truth.copy()
     then[:, [0, 2]] += (time_s or 0.0) * then[:, [1, 3]]
     measured = radar.measure(then)[0] + [0.3, 0.01]

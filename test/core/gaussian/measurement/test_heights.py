@@ -6,7 +6,6 @@ import dome as space
 import lone
 import numpy as np
 import pytest
-from lone import SIZE
 from scipy.stats import norm
 
 from phd_jdtc_ros.configuration.engines import new_engine
@@ -29,6 +28,7 @@ from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.state_space import SPATIAL
 from phd_jdtc_ros.core.types import Detections
 
+SIZE = len(SPATIAL)
 Z, VZ = SPATIAL.vertical
 WITH_HEIGHTS = {**space.SPACE, "radar.fields.height": "height", "qnh_hpa": [1013.25, 18.0]}
 

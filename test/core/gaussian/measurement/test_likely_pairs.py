@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from lone import MEAN, SIZE, STD, in_space, lone, mixture_of, squares_in_space
+from lone import MEAN, SIZE, STD, lone, mixture_of
 from reference import resolve
 
 from phd_jdtc_ros.core.arrays import frozen, wrap_angle
@@ -136,14 +136,14 @@ def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, cou
 def a_mixture(rng, count=80):
     """Return hypotheses all around the radar; some have one motion mode, the first is near."""
     angle = rng.uniform(-np.pi, np.pi, (count, 1))
-    mean = in_space(SCALE * rng.normal(size=(count, 2, 5)))
+    mean = SCALE * rng.normal(size=(count, 2, 5))
     mean[..., 0] += RADAR.position[0] + FAR * np.cos(angle)
     mean[..., 2] += RADAR.position[1] + FAR * np.sin(angle)
     mean[0, :, [0, 2]] = np.array(RADAR.position)[:, None] + 30.0
     root = rng.normal(size=(count, 2, 5, 5)) * SCALE[:, None]
     weight = rng.random((count, 2, 2))
     weight[::3, 1] = 0.0
-    covariance = squares_in_space(root @ root.swapaxes(-1, -2))
+    covariance = root @ root.swapaxes(-1, -2)
     return Mixture(np.arange(count), weight, mean, covariance, np.ones((count, 2, 1)))
 
 
@@ -174,7 +174,7 @@ def gated(mixture, expected, detections):
 def test_gate_pairs_finds_the_pairs_of_a_brute_force_search(timed, own_noise):
     rng = np.random.default_rng(6)
     mixture = a_mixture(rng)
-    true = mixture.mean[:, 0] + in_space(SCALE * rng.normal(size=(len(mixture), 5)))
+    true = mixture.mean[:, 0] + SCALE * rng.normal(size=(len(mixture), 5))
     true[0] = mixture.mean[0, 0]
     measurement = RADAR.measure(np.concatenate([true, true[::-1]]))
     measurement[:, 1] = wrap_angle(measurement[:, 1])
@@ -268,7 +268,7 @@ def target_at(place):
     mean = np.zeros(5)
     mean[[0, 2]] = LIMITED.to_world(np.array([place]))[0]
     mixture = mixture_of(DYNAMICS, [(0.9, mean, STD)])
-    mixture = mixture.changed(covariance=squares_in_space(ROOT @ ROOT.T)[None, None])
+    mixture = mixture.changed(covariance=(ROOT @ ROOT.T)[None, None])
     return mean, mixture, LIMITED.of_gaussians.expected(mixture.mean, mixture.covariance)
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from lone import MEAN, SIZE, STD, TWO_MOTIONS, in_space, lone, mixture_of
+from lone import MEAN, SIZE, STD, TWO_MOTIONS, lone, mixture_of
 from scipy.stats import norm
 
 from phd_jdtc_ros.core.gaussian.algebra import kalman, range_rate
@@ -172,9 +172,9 @@ def mixture():
     """Return three hypotheses whose modes are apart, with places and velocities correlated."""
     rng = np.random.default_rng(0)
     alike = mixture_of(Dynamics(CONFIG.model), [(0.5, MEAN, STD)] * 3)
-    std = in_space([300.0, 20.0, 300.0, 20.0, 0.0])
+    std = np.array([300.0, 20.0, 300.0, 20.0, 0.0])
     mean = alike.mean + rng.normal(0.0, std, alike.mean.shape)
-    turn = np.eye(SIZE) + 2.0 * np.eye(SIZE, k=1) * in_space([0.0, 1.0, 0.0, 1.0, 0.0])
+    turn = np.eye(SIZE) + 2.0 * np.eye(SIZE, k=1) * np.array([0.0, 1.0, 0.0, 1.0, 0.0])
     size = rng.uniform(0.5, 1.5, (*mean.shape[:2], 1, 1))
     return alike.changed(mean=mean, covariance=size * (turn @ alike.covariance @ turn.T))
 

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 import textbook
-from lone import GIVEN, MEAN, STD, TWO_MOTIONS, in_space, lone, path, scan_at, started
+from lone import GIVEN, MEAN, STD, TWO_MOTIONS, lone, path, scan_at, started
 from scipy.linalg import block_diag
 
 from phd_jdtc_ros.core.gaussian.algebra import kalman
@@ -181,7 +181,7 @@ def test_classes_with_one_and_two_motions_have_a_textbook_smoother_each():
             assert weight.sum() == pytest.approx(smoothed_weight, rel=1e-9)
             np.testing.assert_allclose(weight / weight.sum(), probability, rtol=1e-8)
             for mode, part in enumerate(parts, start=first):
-                mean = in_space(part.mean)
+                mean = part.mean
                 np.testing.assert_allclose(mixture.mean[0, mode], mean, rtol=1e-8, atol=1e-9)
         first = last
     assert 0.01 < found[-1].weight[0, :1].sum() < 0.99  # both classes matter
