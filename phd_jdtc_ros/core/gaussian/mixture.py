@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, NamedTuple
@@ -185,7 +186,7 @@ class Mixture(ReadOnly):
         )
 
     @staticmethod
-    def concatenate(parts: list[Mixture]) -> Mixture:
+    def concatenate(parts: Sequence[Mixture]) -> Mixture:
         """Return several mixtures concatenated into one."""
         if len(parts) == 1:
             return parts[0]

@@ -286,14 +286,10 @@ def survivors(earlier: Sequence[AgedMixture], dynamics: Dynamics) -> tuple[Mixtu
     Blom and Bar-Shalom, "The interacting multiple model algorithm for systems with Markovian
     switching coefficients", IEEE Transactions on Automatic Control 33(8), 1988.
     """
-    stored = Mixture.concatenate([aged.mixture for aged in earlier])
-    sizes = np.array([len(aged.mixture) for aged in earlier])
-    dt = np.array([aged.dt for aged in earlier])
-    motion, snr = dynamics.over(dt)
-    diffused = [
-        _diffuse(aged.mixture.snr, cell_transition)
-        for aged, cell_transition in zip(earlier, snr, strict=True)
-    ]
+    mixtures, dt = zip(*earlier, strict=True)
+    stored, sizes = Mixture.concatenate(mixtures), np.array([*map(len, mixtures)])
+    motion, snr = dynamics.over(np.array(dt))
+    diffused = [_diffuse(part.snr, change) for part, change in zip(mixtures, snr, strict=True)]
     later = _predict[stored.mean.shape[2]](stored.gaussians, sizes, dynamics.pairs, motion)
     predicted = stored.changed(
         weight=later.weight,

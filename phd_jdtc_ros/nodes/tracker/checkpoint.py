@@ -33,7 +33,7 @@ from ..common.health import WARNING_PERIOD_S
 
 # Checkpoints of other versions are not read, but replaced.
 OF_ANY_VERSION = b"phd_jdtc_ros checkpoint "
-MAGIC = OF_ANY_VERSION + b"7\n"
+MAGIC = OF_ANY_VERSION + b"8\n"
 # Largest file; its content and its arrays are in memory together, at most 256 MB.
 MAX_BYTES = 120 << 20
 # Largest header, whose parsing needs some twenty times its size.

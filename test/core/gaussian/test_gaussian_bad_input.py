@@ -209,7 +209,8 @@ def test_no_targets_and_no_detections_are_no_fault():
     config = lone(CLUTTER)
     engine = started(config)
     scans = [scan_at(6.0 * k, []) for k in range(1, 5)]
-    scans += [Scan(START_NS + 6_000_000_000 * k, (None,)) for k in range(5, 12)]
+    with pytest.raises(ValueError, match="no sensor reported"):
+        engine.step(Scan(START_NS + 6_000_000_000, (None,)))
     track(engine, scans)
     assert len(Dynamics(config.model).motions) == 2
     config = lone({**CLUTTER, "detection_births.rates": [0.0]})

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import FloatArray, IntArray
+from ...arrays import FloatArray, IntArray, frozen
 from ...sensors.of_gaussians.linearised import Measured, WeightedGaussians, gaussians_of_groups
 from ...sensors.view import View
 from ...state_space import SPATIAL
@@ -98,7 +98,7 @@ def iterated_update(
         by_height = update_heights(*own, heights.take(detection), time_s)
         mean, covariance = own = by_height.mean, by_height.covariance
         weight, pairs = weight[gaussian], (np.arange(len(row)), column)
-    gaussians = WeightedGaussians.of(mean, covariance, weight)
+    gaussians = frozen(WeightedGaussians(mean, covariance, weight))
     noise = report.detection_std, detections.noise_correlation
     measured = Measured(detections.measurement, *noise, detections.time_s)
     innovation = kalman.innovations(gaussians, sensor, measured, pairs, modes)
