@@ -7,7 +7,7 @@ import numpy as np
 from ..arrays import BoolArray, FloatArray, IntArray
 from ..compilation import SIZE, BySize, Float2, Float3, Int1, compiled
 from ..types import CONFIRMED, Estimates
-from .algebra.blocks import add_mean, add_spread, divergence, factorise
+from .algebra.blocks import add_mean, add_spread, divergence, factorise, square_distance
 from .algebra.kalman import floor_eigenvalues, is_positive
 from .algebra.vectors import add, total_of
 from .dynamics import Dynamics
@@ -143,7 +143,7 @@ def _most_probable(
     """Return the states of `most_probable_motion`, given the moments of the whole densities."""
     found: FloatArray = state.copy()
     weight = mixture.weight
-    factor, scratch = np.empty((SIZE, SIZE)), (np.empty((SIZE, SIZE)), np.empty(SIZE))
+    factor, own_factor, whitened = np.empty((SIZE, SIZE)), np.empty((SIZE, SIZE)), np.empty(SIZE)
     for output in range(len(label)):
         row, mode, largest = -1, -1, 0.0
         for index in range(len(mixture.row_label)):
@@ -155,9 +155,10 @@ def _most_probable(
                     largest = weight[index, own_mode, class_id[output]]
         if row < 0:
             continue
-        mean, whole = mixture.mean[row, mode], (state[output], covariance[output])
+        mean = mixture.mean[row, mode]
         factorise(mixture.covariance[row, mode], factor)
-        if divergence(whole, mean, factor, scratch) > distance:
+        twice = square_distance(factor, state[output], mean, whitened)
+        if twice + divergence(covariance[output], factor, own_factor) > distance:
             for i in range(SIZE):
                 found[output, i] = mean[i]
     return found

@@ -123,20 +123,13 @@ def square_distance(
 
 
 @inner
-def divergence(
-    gaussian: tuple[FloatArray, FloatArray],
-    centre: FloatArray,
-    factor: FloatArray,
-    scratch: tuple[FloatArray, FloatArray],
-) -> float:
-    """Return twice the Kullback-Leibler divergence of a Gaussian from one of factorised covariance.
+def divergence(covariance: FloatArray, factor: FloatArray, own_factor: FloatArray) -> float:
+    """Return twice the Kullback-Leibler divergence of a Gaussian from one of the same mean.
 
-    `gaussian` is its mean and its covariance, and `centre` the mean of the other. With equal
-    covariances it is the square Mahalanobis distance of the means. Axes without variance in the
-    other are left out.
+    `factor` is that of the other's covariance, whose axes without variance are left out, and
+    `own_factor` is written. With other means the `square_distance` is added.
     """
-    (mean, covariance), (own_factor, whitened) = gaussian, scratch
-    twice = square_distance(factor, mean, centre, whitened)
+    twice = 0.0
     factorise(covariance, own_factor)
     for i in range(SIZE):
         if factor[i, i] > 0.0 and own_factor[i, i] > 0.0:
