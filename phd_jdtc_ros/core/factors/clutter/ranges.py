@@ -32,6 +32,47 @@ POINTS = 2048
 
 
 @dataclass(frozen=True, eq=False)
+class GivenDensity:
+    """A density over range between limits, linear between points and constant beyond them."""
+
+    limits: tuple[float, float]  # Smallest and largest range, metres
+    distance: FloatArray  # Ranges of the points, metres, ascending, (P,)
+    density: FloatArray  # Relative density at each point, (P,)
+
+    def ratio(self, distance: FloatArray) -> FloatArray:
+        """Return the ratio of the density at ranges, metres, to the uniform one, (M,)."""
+        ratio: FloatArray = np.interp(distance, self.distance, self.density) / self._mean
+        return ratio
+
+    @cached_property
+    def _points(self) -> tuple[FloatArray, FloatArray]:
+        """Ranges between the limits and their weights in a mean over range, (POINTS,)."""
+        weight = np.full(POINTS, 1.0 / (POINTS - 1))
+        weight[[0, -1]] *= 0.5
+        return np.linspace(*self.limits, POINTS), weight
+
+    @cached_property
+    def _mean(self) -> float:
+        points, weight = self._points
+        return float(np.interp(points, self.distance, self.density) @ weight)
+
+    @cached_property
+    def nodes(self) -> FloatArray:
+        """Range of each node, metres, (K,)."""
+        near, far = self.limits
+        nodes: FloatArray = near + (far - near) * np.linspace(0.0, 1.0, NODES) ** 2
+        return nodes
+
+    @cached_property
+    def shares(self) -> FloatArray:
+        """Share of each node, (K,)."""
+        points, weight = self._points
+        hats = np.array([np.interp(points, self.nodes, row) for row in np.eye(NODES)])
+        shares: FloatArray = hats @ (weight * self.ratio(points))
+        return shares
+
+
+@dataclass(frozen=True, eq=False)
 class ClutterRanges(Factor):
     """The given density over range, and how often false detections were seen in parts of it.
 
@@ -53,10 +94,7 @@ class ClutterRanges(Factor):
     SIZES: ClassVar[Mapping[str, int]] = {"K": NODES}
 
     learned: bool  # Whether the law is learned
-    limits: tuple[float, float]  # Smallest and largest range of false detections, metres
-    # Ranges of the given density, metres, ascending, (P,), and its ratio to the uniform one, (P,).
-    distance: FloatArray
-    ratio: FloatArray
+    configured: GivenDensity
     # Remembered false detections of each node, (K,).
     count: Annotated[FloatArray, floats("K", 0.0, MAX_COUNT)] = zeros_field(NODES)
 
@@ -64,14 +102,9 @@ class ClutterRanges(Factor):
     def of_table(
         learned: bool, limits: tuple[float, float], table: tuple[Sequence[float], Sequence[float]]
     ) -> ClutterRanges:
-        """Return the law of a table: ranges and relative densities; empty for a uniform one.
-
-        The density is linear between the ranges and constant beyond them.
-        """
+        """Return the law of a table: ranges and relative densities; empty for a uniform one."""
         distance, density = (np.array(column or [1.0]) for column in table)
-        points, weight = _points(limits)
-        mean = float(np.interp(points, distance, density) @ weight)
-        return ClutterRanges(learned, limits, distance, density / mean)
+        return ClutterRanges(learned, GivenDensity(limits, distance, density))
 
     def expect(self, view: View) -> View:
         """Return the report with the law."""
@@ -88,7 +121,7 @@ class ClutterRanges(Factor):
 
     def after(self, distance: FloatArray, weight: FloatArray) -> ClutterRanges:
         """Return the law after false detections at these ranges, metres, and with weights, (M,)."""
-        place = np.interp(distance, self._nodes, np.arange(NODES, dtype=np.float64))
+        place = np.interp(distance, self.configured.nodes, np.arange(NODES, dtype=np.float64))
         below = np.minimum(place.astype(np.int64), NODES - 2)
         above = place - below
         added = np.bincount(below, weight * (1.0 - above), NODES)
@@ -104,43 +137,23 @@ class ClutterRanges(Factor):
     def table(self) -> tuple[FloatArray, FloatArray] | None:
         """Ranges and relative densities of the learned law; None if the given one is likelier."""
         given, change = self._learned
-        ratio = np.interp(self._nodes, self.distance, self.ratio)
-        return None if given > EVEN else (self._nodes, change * ratio)
+        nodes = self.configured.nodes
+        return None if given > EVEN else (nodes, change * self.configured.ratio(nodes))
 
     def log_ratio(self, distance: FloatArray) -> FloatArray:
         """Return the log ratio of the density at ranges, metres, to the uniform one, (M,)."""
-        ratio = np.interp(distance, self.distance, self.ratio)
+        ratio = self.configured.ratio(distance)
         if self.learned:
             given, change = self._learned
-            ratio = ratio * (given + (1.0 - given) * np.interp(distance, self._nodes, change))
+            ratio = ratio * (
+                given + (1.0 - given) * np.interp(distance, self.configured.nodes, change)
+            )
         return np.log(ratio)
-
-    @cached_property
-    def _nodes(self) -> FloatArray:
-        """Range of each node, metres, (K,)."""
-        near, far = self.limits
-        nodes: FloatArray = near + (far - near) * np.linspace(0.0, 1.0, NODES) ** 2
-        return nodes
-
-    @cached_property
-    def _shares(self) -> FloatArray:
-        """Shares of the given density at each node, (K,)."""
-        points, weight = _points(self.limits)
-        hats = np.array([np.interp(points, self._nodes, row) for row in np.eye(NODES)])
-        shares: FloatArray = hats @ (weight * np.interp(points, self.distance, self.ratio))
-        return shares
 
     @cached_property
     def _learned(self) -> tuple[float, FloatArray]:
         """Probability of the given density, and the ratio of the other to it at each node, (K,)."""
-        share, total = self._shares, float(self.count.sum())
+        share, total = self.configured.shares, float(self.count.sum())
         log_odds = gammaln(share + self.count).sum() - gammaln(share).sum()
         log_odds -= gammaln(1.0 + total) + self.count @ np.log(share)
         return float(expit(-log_odds)), (1.0 + self.count / share) / (1.0 + total)
-
-
-def _points(limits: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
-    """Return ranges between limits and their weights in a mean over range, (POINTS,)."""
-    weight = np.full(POINTS, 1.0 / (POINTS - 1))
-    weight[[0, -1]] *= 0.5
-    return np.linspace(*limits, POINTS), weight
