@@ -14,9 +14,6 @@ from phd_jdtc_ros.core.arrays import FloatArray
 if TYPE_CHECKING:
     import pyproj
 
-# Half of the meridian arc, degrees (11 m), whose chord gives the direction of true north.
-MERIDIAN_STEP = 1e-4
-
 
 @dataclass(frozen=True)
 class SystemPlane:
@@ -35,6 +32,9 @@ class SystemPlane:
     PROJ computes it, by EPSG method 9809: J. P. Snyder, *Map Projections: A Working Manual*, USGS
     Professional Paper 1395, 1987; IOGP Guidance Note 7-2, "Oblique Stereographic".
     """
+
+    # Half of the meridian arc, degrees (11 m), whose chord gives the direction of true north.
+    MERIDIAN_STEP = 1e-4
 
     # Latitude and longitude of the plane's origin, degrees, and the height of the world's zero,
     # metres.
@@ -83,7 +83,7 @@ class SystemPlane:
         # PROJ's own convergence is infinite at a pole and at longitudes beyond a revolution.
         (x_0, y_0), (x_1, y_1) = (
             self.to_plane(np.clip(latitude + step, -90.0, 90.0), longitude)
-            for step in (-MERIDIAN_STEP, MERIDIAN_STEP)
+            for step in (-self.MERIDIAN_STEP, self.MERIDIAN_STEP)
         )
         return np.arctan2(x_0 - x_1, y_1 - y_0)
 

@@ -28,9 +28,6 @@ TOLERANCE = 0.5 * FULL_TURN / 2**8
 # Upper bounds between consecutive sector crossings: a quarter of a revolution, and seconds. North
 # marks alone are not sector crossings.
 LARGEST_PART, LONGEST_STEP_S = 0.25, 15.0
-LARGEST_STEP = LARGEST_PART * FULL_TURN + TOLERANCE
-# After this many revolutions without a crossing the antenna's azimuth is unknown.
-REVOLUTIONS_LOST = 1.5
 # Value of `Assembler.hold` for which reports are held back for the largest plot delay of the last
 # MEMORY_NS, in sectors: an eighth of a revolution at first, a quarter at most.
 LEARNED = -1
@@ -48,6 +45,10 @@ class Assembler:
     `REVOLUTIONS_LOST` revolutions without a sector crossing; ``overflow``, plots dropped because
     too many waited; and ``sectors_bridged``, sectors whose crossing is missing.
     """
+
+    LARGEST_STEP = LARGEST_PART * FULL_TURN + TOLERANCE
+    # After this many revolutions without a crossing the antenna's azimuth is unknown.
+    REVOLUTIONS_LOST = 1.5
 
     sectors: int = 32  # Number of sectors per revolution, for radars with sector crossings
     # Rotation period, seconds; 0 until service messages or plots show it.
@@ -191,7 +192,7 @@ class Assembler:
     def _crosses(self, before: float, before_ns: int) -> bool:
         """Return whether the last two service messages are consecutive sector crossings."""
         step, passed_ns = (self._phase - before) % FULL_TURN, self._phase_ns - before_ns
-        return TOLERANCE < step <= LARGEST_STEP and 0 <= passed_ns < LONGEST_STEP_S * 1e9
+        return TOLERANCE < step <= self.LARGEST_STEP and 0 <= passed_ns < LONGEST_STEP_S * 1e9
 
     def _anchor(self, azimuth: float, time_ns: int) -> list[SectorReport]:
         """Begin to follow the antenna, and return the plots of the incomplete sector before."""
@@ -212,7 +213,7 @@ class Assembler:
         revolution_s = self.revolution_s or LONGEST_REVOLUTION_S
         if (
             self._begin is None
-            or abs(time_ns - self._phase_ns) <= REVOLUTIONS_LOST * revolution_s * 1e9
+            or abs(time_ns - self._phase_ns) <= self.REVOLUTIONS_LOST * revolution_s * 1e9
         ):
             return []
         self.counts["revolutions_lost"] += 1

@@ -16,10 +16,6 @@ from .messages import DAY, NONE, TICKS_PER_S, Message
 
 NS_PER_TICK = 10**9 // TICKS_PER_S
 NS_PER_DAY = DAY * NS_PER_TICK
-# A clock error must show in this many consecutive messages, because a single one may be delayed.
-MIN_ERRORS = 3
-# Number of first messages whose median gives the clock error.
-FIRST_MESSAGES = 15
 
 
 @dataclass
@@ -43,6 +39,12 @@ class RadarClock:
     ``clock_off``, how often the shift has changed; and ``time_impossible``, messages whose time
     fits no stamp.
     """
+
+    # A clock error must show in this many consecutive messages, because a single one may be
+    # delayed.
+    MIN_ERRORS = 3
+    # Number of first messages whose median gives the clock error.
+    FIRST_MESSAGES = 15
 
     stream: StreamClock
     counts: Counter[str] = field(default_factory=Counter)
@@ -73,7 +75,7 @@ class RadarClock:
             return not self._first_errors  # it is dated by its receipt
         error_ns = received_ns - self._nearest(message, received_ns)
         self._first_errors.append(error_ns)
-        return abs(error_ns) <= self._limit_ns or len(self._first_errors) >= FIRST_MESSAGES
+        return abs(error_ns) <= self._limit_ns or len(self._first_errors) >= self.FIRST_MESSAGES
 
     def decide(self) -> None:
         """Decide about the clock error from the messages so far."""
@@ -138,9 +140,9 @@ class RadarClock:
         if abs(offset_ns - self.shift_ns) <= self._limit_ns:
             self._recent_errors.clear()
             return
-        self._recent_errors = errors = [*self._recent_errors, offset_ns][-MIN_ERRORS:]
+        self._recent_errors = errors = [*self._recent_errors, offset_ns][-self.MIN_ERRORS :]
         # A clock error is constant. Scattered errors do not come from a clock.
-        if len(errors) < MIN_ERRORS or max(errors) - min(errors) > self._limit_ns:
+        if len(errors) < self.MIN_ERRORS or max(errors) - min(errors) > self._limit_ns:
             return
         self._recent_errors = []
         self.shift_ns = offset_ns if abs(offset_ns) > self._limit_ns else 0

@@ -25,13 +25,14 @@ BLOCK_HEADER = 3
 LARGEST_BLOCK = 2047
 # Number of blocks that are tried for evidence, and of usual ones that suffice if none decodes.
 LOOKAHEAD, USUAL = 8, 4
-# A data source that this number of decodable blocks has is not there by chance.
-SURE = 3
-_NOT_ZERO = re.compile(rb"[^\0]")
 
 
 class RawBlocks:
     """The data blocks of a file; ``padding_bytes`` counts zeros between them."""
+
+    # A data source that this number of decodable blocks has is not there by chance.
+    SURE = 3
+    _NOT_ZERO = re.compile(rb"[^\0]")
 
     def __init__(self, data: bytes | mmap.mmap, counts: Counter[str]) -> None:
         self._data, self._size, self._counts = data, len(data), counts
@@ -83,7 +84,7 @@ class RawBlocks:
         """Return the data sources that several blocks in the begin of the file have."""
         begin = min(BEGIN, self._size)
         found = Counter(self._source(at) for at, _ in self._decoded(0, begin))
-        return frozenset(source for source, count in found.items() if count >= SURE)
+        return frozenset(source for source, count in found.items() if count >= self.SURE)
 
     def _is_known(self, at: int) -> bool:
         """Return whether a block is of a source of which there are several, if there is any."""
@@ -99,7 +100,7 @@ class RawBlocks:
     def _after_zeros(self, at: int) -> int:
         if at < self._size and self._data[at]:
             return at
-        found = _NOT_ZERO.search(self._data, at)
+        found = self._NOT_ZERO.search(self._data, at)
         return found.start() if found else self._size
 
     def _end(self, at: int) -> int:

@@ -23,8 +23,6 @@ from .specification import MalformedError
 # Some recorders and networks append a trailer to every datagram. A rest of at most LONGEST_TRAILER
 # bytes counts as a trailer once its length has occurred TRAILERS times.
 LONGEST_TRAILER, TRAILERS = 16, 3
-# Reasons for which a record is not to be used; any other is a fault of the record.
-INTENDED = frozenset(("no_detection", "field_monitor", "test_target", "position_check", ""))
 # Upper bound of radars accepted without configuration; forged radar numbers would fill the memory.
 MAX_RADARS = 64
 
@@ -40,6 +38,9 @@ class BlockReader:
     blocks of datagrams, by length in bytes. Once a length has occurred `TRAILERS` times, such rests
     count as trailers and not as faults.
     """
+
+    # Reasons for which a record is not to be used; any other is a fault of the record.
+    INTENDED = frozenset(("no_detection", "field_monitor", "test_target", "position_check", ""))
 
     def __init__(self, counts: Counter[str]) -> None:
         self.counts = counts
@@ -70,7 +71,7 @@ class BlockReader:
                     if not isinstance(found, str):
                         yield found
                         continue
-                    self.faulty[category] += found not in INTENDED
+                    self.faulty[category] += found not in self.INTENDED
                     if found:
                         self.counts[found] += 1
             except MalformedError as error:

@@ -15,18 +15,12 @@ from .messages import Plot
 
 # Upper bound of plots that wait for the end of their slice or sector; the oldest are dropped first.
 MAX_PENDING = 20_000
-# Two messages this far behind the latest show that the times have gone back.
-BACK_NS = 60 * 10**9
 # A slice is 1/PARTS of a revolution, but at least SHORTEST_NS, because an airport radar turns in a
 # second.
 PARTS, SHORTEST_NS = 8, 250_000_000
-# After this time without plots the radar counts as off, and no empty slices are sent.
-SILENCE_NS = 15 * 10**9
 # Largest accepted delay of a plot, for which the first slice waits too, and the time for which the
 # maximum delay is remembered.
 MAX_DELAY_NS, MEMORY_NS = 2 * 10**9, 60 * 10**9
-# Factor on the delay of plots for which a slice waits.
-MARGIN = 1.25
 
 
 class SectorReport(NamedTuple):
@@ -96,6 +90,13 @@ class NoRevolutionFinder:
 class Slicer:
     """Cuts plots into slices by their times alone."""
 
+    # Two messages this far behind the latest show that the times have gone back.
+    BACK_NS = 60 * 10**9
+    # After this time without plots the radar counts as off, and no empty slices are sent.
+    SILENCE_NS = 15 * 10**9
+    # Factor on the delay of plots for which a slice waits.
+    MARGIN = 1.25
+
     rotation_s: float  # Rotation period, seconds, until it is estimated from plots; 0 if unknown
     # It counts ``late_plots``, plots that arrived after their slice was sent and go with the next
     # one, and ``overflow``, plots dropped because too many waited.
@@ -104,7 +105,7 @@ class Slicer:
     _delay: RecentMaximum = field(init=False)
 
     def __post_init__(self) -> None:
-        self._delay = RecentMaximum(MAX_DELAY_NS, round(MAX_DELAY_NS / MARGIN), MEMORY_NS)
+        self._delay = RecentMaximum(MAX_DELAY_NS, round(MAX_DELAY_NS / self.MARGIN), MEMORY_NS)
         self._pending: list[tuple[int, Plot]] = []
         # Plots with implausible times, which go with the next slice.
         self._aside: list[tuple[int, Plot]] = []
@@ -133,7 +134,7 @@ class Slicer:
         insort(self._pending, (time_ns, plot), key=_time_of)
         if len(self._pending) > MAX_PENDING:
             # Plots far ahead would wait forever and displace all others.
-            ahead = self._pending[-1][0] > self.latest_ns + SILENCE_NS
+            ahead = self._pending[-1][0] > self.latest_ns + self.SILENCE_NS
             del self._pending[-1 if ahead else 0]
             self.counts["overflow"] += 1
 
@@ -147,7 +148,7 @@ class Slicer:
     def advance(self, time_ns: int) -> list[SectorReport]:
         """Process the time of a radar's message, and return the slices that it completes."""
         found = self.follow(time_ns)
-        return found or self._until(self.latest_ns - round(MARGIN * self._delay.value))
+        return found or self._until(self.latest_ns - round(self.MARGIN * self._delay.value))
 
     def follow(self, time_ns: int) -> list[SectorReport]:
         """Process the time of a message; return the pending slices if times have gone back.
@@ -156,7 +157,7 @@ class Slicer:
         """
         last_ns = time_ns if self._last_ns is None else self._last_ns
         self._last_ns = time_ns
-        if max(last_ns, time_ns) < self.latest_ns - BACK_NS:
+        if max(last_ns, time_ns) < self.latest_ns - self.BACK_NS:
             found = self.finish()
             self._sent_ns, self.latest_ns = 0, max(last_ns, time_ns)
             self.finder.begin_again()
@@ -172,7 +173,7 @@ class Slicer:
     def begin(self, time_ns: int) -> None:
         """Begin slices at a time until which plots have been reported by sector."""
         # After times have gone back, the reports by sector may be of later times.
-        if time_ns < self.latest_ns + BACK_NS:
+        if time_ns < self.latest_ns + self.BACK_NS:
             self._sent_ns = max(self._sent_ns, time_ns)
 
     def finish(self) -> list[SectorReport]:
@@ -180,7 +181,7 @@ class Slicer:
 
         The last slice includes plots far ahead of all messages, and the plots kept aside.
         """
-        far = bisect_left(self._pending, self.latest_ns + SILENCE_NS, key=_time_of)
+        far = bisect_left(self._pending, self.latest_ns + self.SILENCE_NS, key=_time_of)
         ahead, self._pending = self._pending[far:], self._pending[:far]
         found = []
         while self._pending:
@@ -209,7 +210,7 @@ class Slicer:
         """Return the end of the next slice, None if it depends on the next plot."""
         width_ns = self._width_ns
         first_ns = self._pending[0][0] if self._pending else self.latest_ns
-        if self._sent_ns and first_ns - self._sent_ns < SILENCE_NS:
+        if self._sent_ns and first_ns - self._sent_ns < self.SILENCE_NS:
             return self._sent_ns + width_ns
         if not self._pending:
             return None

@@ -30,8 +30,6 @@ from phd_jdtc_ros.transponders.batches import Batch
 # Level of a receiver's noise that amplitudes are converted with, dBm. The tracker's parameter
 # `amplitude_offset_db` corrects it for a radar.
 NOISE_DBM = -100.0
-# Owner probability from which a source is a track's, and from which a track is silent.
-OWNED = 0.5
 # Marks an unknown code or address in a cloud.
 UNKNOWN = 2**32 - 1
 
@@ -124,11 +122,6 @@ def cloud(report: Cloud, radar: RadarState) -> PointCloud2:
 # Smaller turn rates (rad/s) and climb rates (m/s, 300 ft/min) count as straight and level. A turn
 # must also exceed TURN_DEVIATIONS standard deviations.
 LEAST_TURN, LEAST_CLIMB, TURN_DEVIATIONS = math.radians(0.5), 1.5, 2.0
-# Largest number of tracks sent at once, each of which is a message.
-MOST_TRACKS = 10_000
-# Motion model for the prediction to the time of output; covariances are predicted to first order,
-# with the process noise of the tracker's own modes.
-_TURN = CoordinatedTurn(0.0, 0.0)
 
 
 @dataclass
@@ -145,6 +138,14 @@ class TrackOutput:
     Without a plane there are no latitudes and longitudes, and heights are above the world's zero.
     Tracks end when their latest estimates are older than `max_prediction_s`.
     """
+
+    # Owner probability from which a source is a track's, and from which a track is silent.
+    OWNED = 0.5
+    # Largest number of tracks sent at once, each of which is a message.
+    MOST_TRACKS = 10_000
+    # Motion model for the prediction to the time of output; covariances are predicted to first
+    # order, with the process noise of the tracker's own modes.
+    _TURN = CoordinatedTurn(0.0, 0.0)
 
     def __init__(
         self,
@@ -170,10 +171,10 @@ class TrackOutput:
 
     def update(self, cloud: PointCloud2) -> None:
         """Replace the current estimates by those of a cloud, or raise `RejectedMessageError`."""
-        if cloud.width * cloud.height > MOST_TRACKS:
+        if cloud.width * cloud.height > self.MOST_TRACKS:
             raise RejectedMessageError(
                 "oversize",
-                f"{cloud.width * cloud.height} tracks, at most {MOST_TRACKS} are allowed",
+                f"{cloud.width * cloud.height} tracks, at most {self.MOST_TRACKS} are allowed",
             )
         found = estimates.from_msg(cloud)
         stamp_ns, numbers = found.stamp_ns, found.track_id.tolist()
@@ -215,11 +216,11 @@ class TrackOutput:
     def _predict(
         self, estimated: Estimates, time_ns: int, ahead_s: float
     ) -> dict[int, TrackReport]:
-        space, jacobian = estimated.space, _TURN.jacobian(estimated.state, ahead_s)
+        space, jacobian = estimated.space, self._TURN.jacobian(estimated.state, ahead_s)
         covariance = jacobian @ estimated.covariance @ jacobian.transpose(0, 2, 1)
         covariance += self._noise(estimated, abs(ahead_s))
         later = replace(
-            estimated, state=_TURN.mean(estimated.state, ahead_s), covariance=covariance
+            estimated, state=self._TURN.mean(estimated.state, ahead_s), covariance=covariance
         )
         position, velocity = later.position, later.velocity.tolist()
         geodetic = None
@@ -234,7 +235,7 @@ class TrackOutput:
         ages = known.ages_s(time_ns).tolist()
         members = estimated.members
         told = estimated.reports or Reported.unknown(len(estimated))
-        owned = (told.owned > OWNED) | (told.alone == 1)
+        owned = (told.owned > self.OWNED) | (told.alone == 1)
         by_icao = owned & (told.space == ICAO)
         addresses = np.where(by_icao & (known.address == NONE), told.address, known.address)
         heard = by_icao & (told.heard_ns > 0)
@@ -276,7 +277,7 @@ class TrackOutput:
                 call_sign=self._call_signs.of(address) if named == NONE else named,
                 report_age_s=float(report_age_s[row]),
                 alone=bool(told.alone[row]),
-                unheard=bool(told.silent[row] > OWNED),
+                unheard=bool(told.silent[row] > self.OWNED),
             )
         return found
 

@@ -14,9 +14,6 @@ from .comparison import ALL, PairedScan, PointSet, TrueTracks, class_set, withou
 from .run_scores import RunScores, ScanScore, reduction
 from .tracks import LONG_GAP_S, OSPA2_WINDOW
 
-# A repeated stamp of the truth begins a new pass if more than JUMP_SCANS known stamps are later;
-# otherwise it is ignored as a duplicate. RESET_THRESHOLD_SCANS is the tracker's counterpart.
-JUMP_SCANS = 3
 # Order p of OSPA and GOSPA.
 ORDER = 2.0
 Key = TypeVar("Key")
@@ -166,6 +163,11 @@ class Passes:
     The newest `keep` stamps are stored; all of them if it is None.
     """
 
+    # A repeated stamp of the truth begins a new pass if more than JUMP_SCANS known stamps are
+    # later; otherwise it is ignored as a duplicate. RESET_THRESHOLD_SCANS is the tracker's
+    # counterpart.
+    JUMP_SCANS = 3
+
     def __init__(self, keep: int | None) -> None:
         self._keep = keep
         self._scored: dict[ScoreKey, None] = {}
@@ -175,7 +177,7 @@ class Passes:
     def add_truth(self, stamp_ns: int) -> bool:
         """Add a stamp of the truth; return whether it is new in its pass."""
         if stamp_ns in self.stamps:
-            if sum(other > stamp_ns for other in self.stamps) <= JUMP_SCANS:
+            if sum(other > stamp_ns for other in self.stamps) <= self.JUMP_SCANS:
                 return False
             self._begin()
         put(self.stamps, stamp_ns, None, self._keep)

@@ -26,7 +26,6 @@ TOGETHER, APART = 2, 3
 # Two estimates of one target are always closer, and most regions are much wider.
 REACH = 5e3
 
-_NO_ROWS = np.zeros(0, dtype=np.int64)
 
 # Index of a tracker, and its number of a track.
 Track = tuple[int, int]
@@ -39,6 +38,8 @@ MOST_TRACKS = 50_000
 @dataclass
 class Handover:
     """Joins the estimates of several trackers, stamp by stamp."""
+
+    _NO_ROWS = np.zeros(0, dtype=np.int64)
 
     # One per tracker; their margins should overlap, and their core regions should not.
     regions: Sequence[Region]
@@ -118,7 +119,7 @@ class Handover:
 
     def _complete(self, gathered: Mapping[int, Estimates]) -> list[Estimates]:
         """Return the estimates of every tracker, empty ones for missing trackers."""
-        nothing = next(iter(gathered.values())).take(_NO_ROWS)
+        nothing = next(iter(gathered.values())).take(self._NO_ROWS)
         return [gathered.get(tracker, nothing) for tracker in range(len(self.regions))]
 
     def _pair(

@@ -128,13 +128,14 @@ def of_output(
     return status_of(at.node, "output", condition, {**sent, **counts})
 
 
-INPUT_DEPTH = 10
 # The topic of the estimates to send, unless it is remapped.
 ESTIMATES = names.estimates("filtered")
 
 
 class AsterixBridge(ReceivingNode):
     """The bridge, which receives and sends while it is active."""
+
+    INPUT_DEPTH = 10
 
     def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("asterix_bridge")
@@ -156,7 +157,7 @@ class AsterixBridge(ReceivingNode):
             self.add_output(names.detections(name))
         if self._values["output"]:
             topics.subscribe(
-                self, PointCloud2, ESTIMATES, self._on_estimates, INPUT_DEPTH, ESTIMATES
+                self, PointCloud2, ESTIMATES, self._on_estimates, self.INPUT_DEPTH, ESTIMATES
             )
             tracker = names.tracker_of(self.resolve_topic_name(ESTIMATES))
             TrackerParameters(self, tracker, self._on_parameters)

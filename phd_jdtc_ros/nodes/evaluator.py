@@ -48,13 +48,15 @@ CHECK_PERIOD_S = 0.1
 # Bounds of the memory of a node that may run for months: scans that a late cloud may belong to, and
 # step times.
 MAX_SCANS, MAX_STEPS = 1000, 100_000
-# Largest number of targets of a stamp: all distances between true and estimated ones are computed,
-# so that memory grows with the square, and the best assignment of 2000 takes a second.
-MAX_TARGETS = 2000
 
 
 class Evaluator(RunnableNode):
     """Compares estimates with the truth at their stamps and publishes every score."""
+
+    # Largest number of targets of a stamp: all distances between true and estimated ones are
+    # computed, so that memory grows with the square, and the best assignment of 2000 takes a
+    # second.
+    MAX_TARGETS = 2000
 
     def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("evaluator")
@@ -210,8 +212,8 @@ class Evaluator(RunnableNode):
         if largest >= classes:
             text = f"class_id is {largest}, must be less than {classes}, the number of names in "
             raise RejectedMessageError("schema", f"{text}classes")
-        if len(class_id) > MAX_TARGETS:
-            text = f"{len(class_id)} targets, at most {MAX_TARGETS} are allowed"
+        if len(class_id) > self.MAX_TARGETS:
+            text = f"{len(class_id)} targets, at most {self.MAX_TARGETS} are allowed"
             raise RejectedMessageError("oversize", text)
 
     def _on_parameters(self, values: Mapping[str, Any]) -> None:

@@ -41,7 +41,6 @@ from .common.parameters import TrackerParameters
 from .common.runtime import RunnableNode
 from .picture_server import Server, is_loopback
 
-DEPTH = 10
 # Numbers of detections that are shown, and of clouds that are kept until they are encoded.
 MOST_PLOTS, MOST_CLOUDS = 5000, 100
 SCRIPTS = ("drawing.js", "picture.js", "live.js")
@@ -49,6 +48,8 @@ SCRIPTS = ("drawing.js", "picture.js", "live.js")
 
 class Picture(RunnableNode):
     """Subscribes to a tracker's topics, and serves what has come last."""
+
+    DEPTH = 10
 
     def __init__(self, given: argparse.Namespace) -> None:
         super().__init__("picture")
@@ -76,7 +77,7 @@ class Picture(RunnableNode):
         self.get_logger().info(f"look at http://{host}:{self.server.port}/{query}")
 
     def _subscribe(self, kind: type, topic: str, callback: Callable[[Any], None]) -> None:
-        topics.subscribe(self, kind, topic, callback, DEPTH, "tracker", self._tracker)
+        topics.subscribe(self, kind, topic, callback, self.DEPTH, "tracker", self._tracker)
 
     def _keeper(self, kind: str) -> Callable[[Any], None]:
         def keep(message: Any) -> None:

@@ -128,7 +128,6 @@ def event(kind: str, content: Mapping[str, Any] | Sequence[Any]) -> bytes:
 # Largest number of browsers, time between two looks at what is new, and time in which a browser
 # must read, seconds; and between two events that only show that the server is there.
 MOST_CLIENTS, PERIOD_S, PATIENCE_S, QUIET_S = 20, 0.25, 10.0, 15.0
-LOCAL_NAMES = ("localhost", "127.0.0.1", "[::1]")
 HEADERS = {
     "Content-Security-Policy": (
         "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
@@ -156,6 +155,8 @@ class Server:
     needs at first. A `token` is asked for if it is not empty. Raise `ConfigError` if the address
     cannot be had.
     """
+
+    LOCAL_NAMES = ("localhost", "127.0.0.1", "[::1]")
 
     def __init__(
         self,
@@ -198,7 +199,7 @@ class Server:
     def _check(self, request: web.Request) -> None:
         """Refuse a request without the token, or one that a page of another site has made."""
         name = request.host.rpartition(":")[0] if ":" in request.host[-6:] else request.host
-        if self._loopback and name not in LOCAL_NAMES:
+        if self._loopback and name not in self.LOCAL_NAMES:
             raise web.HTTPForbidden(text="ask for localhost")
         given = request.query.get("token", "")
         if not hmac.compare_digest(given.encode(), self._token.encode()):

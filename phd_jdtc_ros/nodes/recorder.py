@@ -30,9 +30,6 @@ from .common import topics as endpoints
 from .common.runtime import steady_timer
 from .common.topics import SequenceNumbers
 
-# Depth at which a burst waits in the queue instead of being lost.
-DEPTH = 1000
-
 CHECK_PERIOD_S = 0.5
 # Types of the tracker's inputs, and what the tracker has of them.
 KINDS = {
@@ -51,6 +48,9 @@ class Recorder:
     `optional` are topics that are in the bag only if they have messages; their types need not be
     installed. `written` counts the recorded messages by topic.
     """
+
+    # Depth at which a burst waits in the queue instead of being lost.
+    DEPTH = 1000
 
     def __init__(
         self,
@@ -79,10 +79,10 @@ class Recorder:
         for topic, type_name in topics.items():
             latched = topic == names.STATIC_FRAMES
             bag.add_topic(Topic(topic, type_name, transient_local=latched))
-            qos = endpoints.latched(DEPTH) if latched else endpoints.reliable(DEPTH)
+            qos = endpoints.latched(self.DEPTH) if latched else endpoints.reliable(self.DEPTH)
             self._subscribe(topic, type_name, qos)
         for topic, type_name in self._undeclared.items():
-            self._subscribe(topic, type_name, endpoints.reliable(DEPTH))
+            self._subscribe(topic, type_name, endpoints.reliable(self.DEPTH))
 
     def _subscribe(self, topic: str, type_name: str, qos: QoSProfile) -> None:
         self._subscriptions[topic] = self._node.create_subscription(
@@ -103,7 +103,7 @@ class Recorder:
             return
         self._logger.info(f"{topic}: offered best effort, recorded best effort")
         self._node.destroy_subscription(self._subscriptions[topic])
-        qos = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
+        qos = QoSProfile(depth=self.DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._subscribe(topic, type_name, qos)
 
     def _write(self, topic: str, data: bytes) -> None:
@@ -175,10 +175,6 @@ def _participant(endpoint: TopicEndpointInfo) -> tuple[int, ...]:
     """Return the part of an endpoint's identifier that all endpoints of a process share."""
     # Length of the prefix of a DDS identifier (GUID) that is its participant's.
     return tuple(endpoint.endpoint_gid[:12])
-
-
-# Time after the last score in which further messages can still arrive for the recording, seconds.
-LINGER_S = 0.5
 
 
 @dataclass
@@ -254,6 +250,10 @@ class Completion:
     `wanted` is the number of stamps; 0 if the evaluation has no end.
     """
 
+    # Time after the last score in which further messages can still arrive for the recording,
+    # seconds.
+    LINGER_S = 0.5
+
     def __init__(self, evaluation: Evaluation, wanted: int) -> None:
         self._evaluation, self._wanted = evaluation, wanted
         self._scored: tuple[int, ...] = ()
@@ -266,7 +266,7 @@ class Completion:
             return False
         if scored != self._scored:
             self._scored, self._since_s = scored, now_s
-        return now_s - self._since_s >= LINGER_S
+        return now_s - self._since_s >= self.LINGER_S
 
     def _is_enough(self, scored: Sequence[int]) -> bool:
         """Return whether the wanted number of stamps has the scores of both sources."""

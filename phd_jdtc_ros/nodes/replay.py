@@ -103,8 +103,6 @@ class Operator:
 
 DEPTH = 50
 CLOCK_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-CLOCK_PERIOD_S = 0.01
-TICK_S = 0.005
 
 # The wait for subscribers of the truth is a share of that for subscribers of the detections, and at
 # most MAX_TRUTH_S, because most replays have no evaluator.
@@ -117,6 +115,9 @@ class SensorReplay(RunnableNode):
 
     The bag is that of the parameters unless it is given.
     """
+
+    CLOCK_PERIOD_S = 0.01
+    TICK_S = 0.005
 
     def __init__(
         self,
@@ -170,8 +171,8 @@ class SensorReplay(RunnableNode):
         self.add_on_set_parameters_callback(self._check_seek)
         self.add_post_set_parameters_callback(self._seek)
         playback.begin(self, bag.path, self._estimates)
-        self.create_timer(CLOCK_PERIOD_S, self._publish_clock)
-        self.create_timer(TICK_S, self._tick)
+        self.create_timer(self.CLOCK_PERIOD_S, self._publish_clock)
+        self.create_timer(self.TICK_S, self._tick)
 
     def _output(self, topic: str, message_class: Any) -> Publisher:
         latched = topic in playback.LATCHED

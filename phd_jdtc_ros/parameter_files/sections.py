@@ -27,8 +27,6 @@ _WILDCARDS = {"**": "(/[^/]+)*", "*": "/[^/]+"}
 _KEY = "ros__parameters"
 # Parameters that rclpy gives every node: a section that has only these configures no node.
 _OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
-# Beginning of the paths of the files that launch writes.
-_OF_LAUNCH = f"{tempfile.gettempdir()}/launch_params_"
 # Full names, which may have wildcards, and parameters by dotted name, in the file's order.
 Sections: TypeAlias = "tuple[tuple[str, dict[str, Any]], ...]"
 
@@ -37,13 +35,16 @@ Sections: TypeAlias = "tuple[tuple[str, dict[str, Any]], ...]"
 class ParameterFile:
     """A parameter file."""
 
+    # Beginning of the paths of the files that launch writes.
+    _OF_LAUNCH = f"{tempfile.gettempdir()}/launch_params_"
+
     path: Path
     sections: Sections  # At least one
 
     @property
     def is_of_launch(self) -> bool:
         """Whether it has the parameters that are values in a launch file."""
-        return str(self.path).startswith(_OF_LAUNCH)
+        return str(self.path).startswith(self._OF_LAUNCH)
 
     def sections_for(self, node: str) -> Sections:
         """Return the sections for a node, by its full name."""

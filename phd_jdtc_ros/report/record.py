@@ -25,12 +25,12 @@ from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
 from phd_jdtc_ros.evaluation.comparison import ALL, PointSet, class_set
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 
-_GENERIC = re.compile(r"class_(\d+)")
-
 
 @dataclass(frozen=True)
 class Sets:
     """The sets of a run: all classes together, and each class."""
+
+    _GENERIC = re.compile(r"class_(\d+)")
 
     class_names: tuple[str, ...]  # Configured names
 
@@ -65,7 +65,7 @@ class Sets:
         """Return the title of a class, configured or not."""
         known = class_id < len(self.class_names)
         name = self.class_names[class_id] if known else class_set(class_id)
-        found = _GENERIC.fullmatch(name)
+        found = self._GENERIC.fullmatch(name)
         return name if found is None else f"class {found[1]}"
 
     def title(self, key: str, everything: str = "all classes") -> str:

@@ -19,9 +19,6 @@ from .scenario import Scenario, platform
 from .targets import Flight, east_north
 from .transponder import transponders
 
-# Limit of a stamp's seconds, which are signed 32-bit integers.
-END_OF_TIME_S = 2**31
-
 
 @dataclass(frozen=True)
 class Bias:
@@ -45,6 +42,9 @@ class Bias:
 class Timing:
     """The keys of a document that are not blocks."""
 
+    # Limit of a stamp's seconds, which are signed 32-bit integers.
+    END_OF_TIME_S = 2**31
+
     # The stamp 0 marks an unset time.
     start_s: float = parameter(1000.0, "Stamp of scan 0, s.", (1e-3, 4e9))
     interval_s: float = parameter(6.0, "Interval between scans, s.", (SMALL, 1e6))
@@ -56,10 +56,10 @@ class Timing:
     )
 
     def __post_init__(self) -> None:
-        if self.start_s + self.duration_s >= END_OF_TIME_S:
+        if self.start_s + self.duration_s >= self.END_OF_TIME_S:
             raise ConfigError(
                 f"start_s: {self.start_s} given, with {self.scans} scans {self.interval_s} s "
-                f"apart the last stamp must be below {END_OF_TIME_S} s"
+                f"apart the last stamp must be below {self.END_OF_TIME_S} s"
             )
 
     @property

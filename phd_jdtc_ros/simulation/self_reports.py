@@ -33,13 +33,14 @@ STREAM = 4
 CLASS_A, LEAST_S, CLASS_B_S = ((14.0 * messages.KNOT, 10.0), (23.0 * messages.KNOT, 6.0)), 2.0, 30.0
 # Time for which reports are collected to a cloud, as by `report_bridge`.
 PERIOD_NS = 500_000_000
-# Interval of the positions of ADS-B as most receivers pass them on, seconds.
-ADSB_S = 1.0
 
 
 @dataclass(frozen=True)
 class Transmitter:
     """A transmitter; an entry of the list ``transmitters`` of a receiver."""
+
+    # Interval of the positions of ADS-B as most receivers pass them on, seconds.
+    ADSB_S = 1.0
 
     target: int = parameter(0, "Number of its target, from 1.", (1, 10**6), required=True)
     address: int = parameter(0, "Its MMSI or ICAO address.", (1, 2**32 - 2), required=True)
@@ -58,7 +59,7 @@ class Transmitter:
     def interval_s(self, space: int, speed: float) -> float:
         """Return the interval of its reports at a speed, seconds."""
         if space != MMSI:
-            return ADSB_S
+            return self.ADSB_S
         if self.class_b:
             return CLASS_B_S
         return next((every for most, every in CLASS_A if speed <= most), LEAST_S)

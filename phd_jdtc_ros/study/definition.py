@@ -29,26 +29,26 @@ from .tracker import TAXIING, IgnoredTargets, SimulatedRun, TrackingResult
 # Function of a run, the tracker's parameters and lags that returns the tracker's estimates.
 Track: TypeAlias = "Callable[[SimulatedRun, Mapping[str, Any], Sequence[int]], TrackingResult]"
 
-ELSEWHERE = "it runs with `python -m studies monte_carlo` in the repository"
-# Modules and packages that the scores of every kind depend on.
-SHARED = (
-    *(
-        f"phd_jdtc_ros.{name}"
-        for name in (
-            *("calibration", "columns", "configuration", "core", "evaluation", "feed"),
-            "simulation",
-        )
-    ),
-    "phd_jdtc_ros.quoting",
-    "phd_jdtc_ros.study.reference",
-    "phd_jdtc_ros.study.tracker",
-    "phd_jdtc_ros.study.tasks",
-)
-
 
 @dataclass(frozen=True)
 class Kind:
     """A kind of tracker."""
+
+    ELSEWHERE = "it runs with `python -m studies monte_carlo` in the repository"
+    # Modules and packages that the scores of every kind depend on.
+    SHARED = (
+        *(
+            f"phd_jdtc_ros.{name}"
+            for name in (
+                *("calibration", "columns", "configuration", "core", "evaluation", "feed"),
+                "simulation",
+            )
+        ),
+        "phd_jdtc_ros.quoting",
+        "phd_jdtc_ros.study.reference",
+        "phd_jdtc_ros.study.tracker",
+        "phd_jdtc_ros.study.tasks",
+    )
 
     name: str
     # None for this package's engines, whose variants share a filter, and for what is left out.
@@ -69,14 +69,14 @@ class Kind:
     def missing(self) -> str | None:
         """Return the reason why the kind cannot run on this machine, or None."""
         if self.track is None and not self.ours:
-            return ELSEWHERE
+            return self.ELSEWHERE
         if self.package and importlib.util.find_spec(self.package) is None:
             return f"{self.package} is not installed"
         return None
 
     def sources(self) -> list[Path]:
         """Return the source files that the scores depend on: tracker, tasks and scoring."""
-        return [path for module in (*SHARED, *self.modules) for path in _files_of(module)]
+        return [path for module in (*self.SHARED, *self.modules) for path in _files_of(module)]
 
 
 def _files_of(module: str) -> list[Path]:

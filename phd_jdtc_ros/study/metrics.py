@@ -22,8 +22,6 @@ OTHER_ORDER, OTHER_CUTOFF = 1.0, 300.0
 # Number of first scans in which a target is young: a tracker without known birth places needs them
 # to start a track.
 YOUNG_SCANS = 5
-# A target should be reported by this scan of its life, counted from 1.
-PROMPT_SCANS = 4
 # An estimate closer than this to a reflector counts as false there, unless a target is as close,
 # metres; the first revolutions, in which reflectors are unknown, do not count.
 ON_REFLECTOR, LEARNING_REVOLUTIONS = 100.0, 20
@@ -134,6 +132,9 @@ class MedianError(RunAccumulator):
 class Promptness(RunAccumulator):
     """Number of targets in scan `PROMPT_SCANS` of their life, and of those paired by then."""
 
+    # A target should be reported by this scan of its life, counted from 1.
+    PROMPT_SCANS = 4
+
     names = ("begun", "prompt")
     metrics = (
         Metric(
@@ -154,7 +155,7 @@ class Promptness(RunAccumulator):
         """Return both numbers."""
         label = self.run.truth[self.index].track_id
         self._paired |= {*label[scan.pairs[0]].tolist()}
-        begun = label[self.age[self.index] == PROMPT_SCANS - 1].tolist()
+        begun = label[self.age[self.index] == self.PROMPT_SCANS - 1].tolist()
         return len(begun), sum(each in self._paired for each in begun)
 
 

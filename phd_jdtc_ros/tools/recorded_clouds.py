@@ -17,12 +17,12 @@ from phd_jdtc_ros.exit_status import ArgumentParser
 from phd_jdtc_ros.transport import network
 from phd_jdtc_ros.transport.network import Datagram
 
-DEPTH = 50
-
 
 @dataclass
 class CloudWriter:
     """Writes clouds into a bag, whose topics it adds when they are needed."""
+
+    DEPTH = 50
 
     bag: BagWriter
     topics: set[str] = field(default_factory=set)
@@ -32,7 +32,7 @@ class CloudWriter:
     def write(self, topic: str, cloud: PointCloud2, stamp_ns: int) -> None:
         """Write a cloud at its stamp."""
         if topic not in self.topics:
-            self.bag.add_topic(Topic(topic, names.CLOUD, DEPTH))
+            self.bag.add_topic(Topic(topic, names.CLOUD, self.DEPTH))
             self.topics.add(topic)
         self.bag.write(topic, interfaces.encode(cloud), stamp_ns)
         self.disorder_ns = max(self.disorder_ns, self.newest_ns - stamp_ns)

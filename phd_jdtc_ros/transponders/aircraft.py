@@ -81,11 +81,9 @@ def _time(day: str, time: str) -> int:
 
 # Frames of a pair are at most this far apart, and a place is a reference for this long.
 PAIR_NS, PLACE_NS = 10 * 10**9, 30 * 10**9
-MOST_ADDRESSES = 10_000
 # Formats with an extended squitter; the control field of the second one tells ADS-B from what
 # ground stations say of radars' targets (TIS-B).
 _SQUITTER, _NON_TRANSPONDER = 17, 18
-_OF_ICAO = (0, 6)
 _AIRBORNE, _SURFACE, _IDENTITY, _VELOCITY = "05", "06", "08", "09"
 # Emitter categories by type code and category, as I021/020 counts them.
 _CATEGORIES = {
@@ -112,6 +110,9 @@ class ModeSReader:
     landed, or `position`, latitude and longitude of the receiver.
     """
 
+    MOST_ADDRESSES = 10_000
+    _OF_ICAO = (0, 6)
+
     def __init__(self, counts: Counter[str], position: tuple[float, float] | None = None) -> None:
         self.counts = counts
         self._position = position
@@ -128,7 +129,7 @@ class ModeSReader:
         if found is None:  # its parity is wrong
             self.counts["malformed"] += 1
             return None
-        own = kind == _SQUITTER or frame[0] & 7 in _OF_ICAO
+        own = kind == _SQUITTER or frame[0] & 7 in self._OF_ICAO
         space, address = ICAO if own else OTHER, int(found["icao24"], 16)
         aircraft = self._of(space, address)
         if found.get("NACp") is not None:
@@ -153,7 +154,7 @@ class ModeSReader:
     def _of(self, space: int, address: int) -> _Aircraft:
         aircraft = self._aircraft.pop((space, address), None) or _Aircraft()
         self._aircraft[space, address] = aircraft
-        if len(self._aircraft) > MOST_ADDRESSES:
+        if len(self._aircraft) > self.MOST_ADDRESSES:
             self._aircraft.popitem(last=False)
         return aircraft
 

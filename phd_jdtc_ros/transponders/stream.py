@@ -19,8 +19,6 @@ from .transmitters import Transmitters
 NMEA, SBS, MODE_S = "nmea", "sbs", "mode_s"
 # Upper bound of a line, bytes: a sentence has 82 of them, a tag block not many more.
 LONGEST_LINE = 1024
-# Upper bound of the sources whose last line waits for its end.
-MOST_SOURCES = 256
 # A frame of Beast: an escape, its kind, a clock of 48 bits, the level, and the message by its kind.
 # The escape is doubled within it. Source: the description of Mode-S Beast by its author.
 ESCAPE = 0x1A
@@ -46,6 +44,9 @@ class Splitter:
     These are ``line_too_long``, ``other_line`` for lines of no known format, ``frame_broken``, and
     ``line_cut`` for lines whose end never came.
     """
+
+    # Upper bound of the sources whose last line waits for its end.
+    MOST_SOURCES = 256
 
     def __init__(self, counts: Counter[str]) -> None:
         self.counts = counts
@@ -88,7 +89,7 @@ class Splitter:
             self._skipping.add(source)
             return
         self._rests[source] = rest
-        if len(self._rests) > MOST_SOURCES:
+        if len(self._rests) > self.MOST_SOURCES:
             self._rests.popitem(last=False)
             self.counts["line_cut"] += 1
 
@@ -165,10 +166,6 @@ NS_PER_12_TICKS, TICKS = 1000, 2**48
 INTENDED = frozenset(
     ("other_message", "other_sentence", "other_type", "own_ship", "repeated", "coarse", "names")
 )
-# Reasons that are not for leaving a message out.
-DATED = frozenset(
-    ("no_time", "time_off", "time_stands", "tag_checksum", "tag_time_off", "names", "receipt_time")
-)
 
 
 @dataclass(frozen=True)
@@ -191,6 +188,19 @@ class ReportStream:
     `used` counts the reports by network.
     """
 
+    # Reasons that are not for leaving a message out.
+    DATED = frozenset(
+        (
+            "no_time",
+            "time_off",
+            "time_stands",
+            "tag_checksum",
+            "tag_time_off",
+            "names",
+            "receipt_time",
+        )
+    )
+
     def __init__(self, settings: StreamSettings) -> None:
         self.counts: Counter[str] = Counter()
         self.formats: Counter[str] = Counter()
@@ -208,7 +218,7 @@ class ReportStream:
     @property
     def faulty(self) -> int:
         """Number of messages that should have been used and could not."""
-        left_out = set(self.counts) - INTENDED - DATED
+        left_out = set(self.counts) - INTENDED - self.DATED
         return sum(self.counts[reason] for reason in left_out)
 
     def feed(self, piece: Datagram) -> Iterator[tuple[str, Batch] | None]:

@@ -29,8 +29,6 @@ MOST = 10_000
 MOST_IN_A_SECOND = 10
 # An aircraft is well heard after this many messages, and until this time after the last.
 WELL_HEARD, WELL_HEARD_NS = 20, 60 * NS
-# A ship that has sent usual positions within this time needs no coarse ones.
-USUAL_NS = 600 * NS
 # Velocities and heights come in messages of their own, and count for this time.
 MOTION_NS = 5 * NS
 # The same position with the same time within this time is the same message, by another receiver;
@@ -40,8 +38,6 @@ AGAIN_NS, AGAIN_UNTIMED_NS = 2 * NS, 3 * NS // 10
 STANDS_NS = 3 * NS // 2
 # Largest number of a ship, and the numbers of no aircraft.
 LARGEST_MMSI, LARGEST_ICAO = 999_999_999, 2**24 - 1
-# Two base stations' times this close to each other are right.
-CLOCKS_AGREE_NS = 600 * NS
 
 
 class Twice(Generic[T]):
@@ -92,6 +88,11 @@ class Transmitters:
 
     Without times of receipt the times of a recording follow each other from `start_ns` on.
     """
+
+    # A ship that has sent usual positions within this time needs no coarse ones.
+    USUAL_NS = 600 * NS
+    # Two base stations' times this close to each other are right.
+    CLOCKS_AGREE_NS = 600 * NS
 
     def __init__(self, counts: Counter[str], max_offset_ns: int, start_ns: int = 0) -> None:
         self.counts = counts
@@ -194,7 +195,7 @@ class Transmitters:
             self.counts["no_position"] += 1
             return None
         if heard.long_range:
-            if one.usual_ns is not None and one.now_ns - one.usual_ns <= USUAL_NS:
+            if one.usual_ns is not None and one.now_ns - one.usual_ns <= self.USUAL_NS:
                 self.counts["coarse"] += 1
                 return None
         else:
@@ -235,7 +236,7 @@ class Transmitters:
     def _set_clock(self, own_ns: int, received_ns: int | None) -> None:
         """Take a base station's time, which dates a recording without times of receipt."""
         if received_ns is None and own_ns != NONE:
-            if self._clock_ns != NONE and abs(own_ns - self._clock_ns) < CLOCKS_AGREE_NS:
+            if self._clock_ns != NONE and abs(own_ns - self._clock_ns) < self.CLOCKS_AGREE_NS:
                 self.latest_ns = own_ns
             self._clock_ns = own_ns
 

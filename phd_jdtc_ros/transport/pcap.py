@@ -32,8 +32,6 @@ _ANY_MAGIC = re.compile(b"|".join(map(re.escape, (*_MAGICS, _PCAPNG))))
 _FILE_HEADER, _PART = 24, 2**20
 # Upper bound of a captured packet, bytes; that of libpcap.
 _LARGEST_PACKET = 2**18
-# In 2001, seconds since the epoch.
-_RECENT_S = 10**9
 _SECTION, _INTERFACE, _SIMPLE, _ENHANCED = 0x0A0D0D0A, 1, 3, 6
 _RESOLUTION, _OFFSET = 9, 14
 # The begin of such a block of a usual kind, by byte order.
@@ -123,6 +121,9 @@ def _section_at(data: bytes | mmap.mmap, at: int) -> _Section | None:
 class _Classic:
     """A pcap file: its header and packets."""
 
+    # In 2001, seconds since the epoch.
+    _RECENT_S = 10**9
+
     def __init__(self, data: bytes | mmap.mmap, begin: int) -> None:
         self._data, self._begin = data, begin
         self._order, self._units_per_s = _MAGICS[data[begin : begin + 4]]
@@ -143,7 +144,7 @@ class _Classic:
             return None
         seconds, fraction, _, _ = self._header.unpack(self._data[at : at + 16])
         # A place four bytes behind a header looks like one, with a fraction for the seconds.
-        if not (self._is_near(seconds) or (seconds >= _RECENT_S and self._goes_on(end))):
+        if not (self._is_near(seconds) or (seconds >= self._RECENT_S and self._goes_on(end))):
             return None
         self._latest.append(seconds >> 16)
         self._first = self._latest[0] if self._first is None else self._first

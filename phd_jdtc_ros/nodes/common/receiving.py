@@ -25,14 +25,6 @@ from . import topics
 from .health import Rises
 from .runtime import ManagedNode, steady_timer
 
-OUTPUT_DEPTH = 50
-# Longest time of processing data at once, seconds, so that a flood of it does not keep the node
-# from everything else, and from being stopped.
-BUDGET_S = 0.05
-# Nothing late is expected after this time without data, seconds. Without any since the start, the
-# address is probably wrong.
-QUIET_S = 5.0
-
 
 class Moment(NamedTuple):
     """Values that the statuses of one report share."""
@@ -67,6 +59,14 @@ def nothing_received(what: str, quiet_s: float, inputs: Sequence[str]) -> str:
 class ReceivingNode(ManagedNode):
     """A lifecycle node that receives while it is active."""
 
+    OUTPUT_DEPTH = 50
+    # Longest time of processing data at once, seconds, so that a flood of it does not keep the node
+    # from everything else, and from being stopped.
+    BUDGET_S = 0.05
+    # Nothing late is expected after this time without data, seconds. Without any since the start,
+    # the address is probably wrong.
+    QUIET_S = 5.0
+
     received = "datagram"
     """What arrives, in words."""
 
@@ -84,7 +84,7 @@ class ReceivingNode(ManagedNode):
         self._subscribers: dict[str, int] = {}
         self._arrived = self.create_guard_condition(self._take)
         # The timer runs by the wall clock, because senders do not follow simulated time.
-        steady_timer(self, QUIET_S / 5.0, self._finish_if_quiet)
+        steady_timer(self, self.QUIET_S / 5.0, self._finish_if_quiet)
 
     @property
     @abstractmethod
@@ -127,7 +127,7 @@ class ReceivingNode(ManagedNode):
     def add_output(self, topic: str) -> Publisher:
         """Return the publisher of clouds on a topic, which is made when it is first needed."""
         if topic not in self._outputs:
-            qos = topics.reliable(OUTPUT_DEPTH)
+            qos = topics.reliable(self.OUTPUT_DEPTH)
             self._outputs[topic] = self.create_publisher(PointCloud2, topic, qos)
             self.get_logger().info(f"{topic}: publishing on {self._outputs[topic].topic_name}")
         return self._outputs[topic]
@@ -189,7 +189,7 @@ class ReceivingNode(ManagedNode):
 
     def _take(self) -> None:
         """Process what was received, for `BUDGET_S` at most."""
-        until_s, nothing = time.monotonic() + BUDGET_S, object()
+        until_s, nothing = time.monotonic() + self.BUDGET_S, object()
         while self._receiver is not None:
             if next(self._work, nothing) is nothing:
                 received = self._receiver.take()
@@ -204,14 +204,14 @@ class ReceivingNode(ManagedNode):
     def _note_silence(self) -> None:
         """Find out, and warn once, that nothing at all has been received for a while."""
         active_s, warned = time.monotonic() - self._active_since_s, self._deaf
-        self._deaf = active_s > QUIET_S and not self.pieces
+        self._deaf = active_s > self.QUIET_S and not self.pieces
         if self._deaf and not warned:
             self.get_logger().warning(nothing_received(self.received, active_s, self._listed))
 
     def _finish_if_quiet(self) -> None:
         if self._receiver is not None:
             self._note_silence()
-        if self._received_s is not None and time.monotonic() - self._received_s > QUIET_S:
+        if self._received_s is not None and time.monotonic() - self._received_s > self.QUIET_S:
             self._finish()
 
     def _finish(self) -> None:

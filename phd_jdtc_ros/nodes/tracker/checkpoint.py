@@ -39,8 +39,6 @@ MAX_BYTES = 120 << 20
 # Largest header, whose parsing needs some twenty times its size.
 MAX_HEADER = 2 << 20
 LENGTH_SIZE, DIGEST_SIZE = 4, hashlib.sha256().digest_size
-# Incomplete files of a killed tracker are deleted after this time.
-LEFTOVER_S = 60.0
 STAMP, FACTS, CONFIGURATION, ARRAYS = "stamp_ns", "facts", "configuration", "arrays"
 
 
@@ -157,6 +155,9 @@ class Checkpoints:
     `fault` is the reason why the last one could not be written or deleted; empty if it was.
     """
 
+    # Incomplete files of a killed tracker are deleted after this time.
+    LEFTOVER_S = 60.0
+
     def __init__(
         self, path: Path, every: int, max_age_s: float, configuration: Mapping[str, Any], log: Any
     ) -> None:
@@ -167,7 +168,7 @@ class Checkpoints:
         self._stored: Snapshot | None = None
         with contextlib.suppress(OSError):
             for entry in path.parent.glob(f".{glob.escape(path.name)}.*.tmp"):
-                if time.time() - entry.lstat().st_mtime > LEFTOVER_S:
+                if time.time() - entry.lstat().st_mtime > self.LEFTOVER_S:
                     entry.unlink()
         try:
             self._stored = read(path, configuration)

@@ -33,8 +33,6 @@ OTHER_ADVICE = {
     "phd_gaussian": "turn down lag",
 }
 REGISTRATION_ADVICE = "record a bag and run register"
-# Figures of a step whose sums are in the diagnostics, if the engine has them.
-SUMMED = ("approximate_clusters", "floored_covariances")
 
 
 class Load:
@@ -66,6 +64,9 @@ class Load:
 class StepHealth:
     """The tracker's own step time, and whether it keeps up."""
 
+    # Figures of a step whose sums are in the diagnostics, if the engine has them.
+    SUMMED = ("approximate_clusters", "floored_covariances")
+
     rhythm: Rhythm  # Intervals of the scans, by their stamps
     pace: Rhythm  # Intervals of the steps, by the wall clock
     engine: str = "gaussian"
@@ -87,7 +88,7 @@ class StepHealth:
     ) -> None:
         """Record a step of `step_ms` of CPU time that reported `targets`; `figures` are by name."""
         self.scans += 1
-        self.sums.update({name: int(figures[name]) for name in SUMMED if name in figures})
+        self.sums.update({name: int(figures[name]) for name in self.SUMMED if name in figures})
         if targets:
             self._targets_seen, self.scans_without_targets = True, 0
         self.rhythm.beat(stamp_ns * 1e-9)

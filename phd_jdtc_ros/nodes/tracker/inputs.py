@@ -345,8 +345,6 @@ def _message_class(parameter: str, type_name: str) -> Any:
 
 # Numbers of clouds after which their noise is sought, and after which the defaults are used.
 FIRST, LAST = 40, 320
-# Parameters that describe targets: without any of them the clouds do.
-OF_TARGETS = ("classes", "motions", "births", "detection_births.rates")
 
 
 class Held(NamedTuple):
@@ -360,6 +358,9 @@ class Held(NamedTuple):
 @dataclass
 class Recognition:
     """Holds the clouds of one sensor of positions at a time."""
+
+    # Parameters that describe targets: without any of them the clouds do.
+    OF_TARGETS = ("classes", "motions", "births", "detection_births.rates")
 
     config: TrackerConfig
     given: Mapping[str, Any]  # Parameters that the user has set
@@ -401,7 +402,7 @@ class Recognition:
         if self._search is None and len(self.held) >= self._due:
             last, clouds = self._due >= LAST, [each.cloud for each in self.held]
             self._due *= 2
-            with_targets = not any(name in self.given for name in OF_TARGETS)
+            with_targets = not any(name in self.given for name in self.OF_TARGETS)
             # The search takes seconds, in which further clouds are received.
             self._search = self._pool.submit(_changes, self.sensor, clouds, with_targets, last)
         if self._search is None or not self._search.done():

@@ -83,8 +83,6 @@ def _report(argv: list[str], ended: threading.Event) -> None:
 # The file in `config` that has the defaults.
 DEFAULT_PROFILE = "defaults"
 
-_DONE = SetParametersResult(successful=True)
-
 
 class Tracker(ManagedNode):
     """The tracker as a lifecycle node.
@@ -92,6 +90,8 @@ class Tracker(ManagedNode):
     Unconfigured it has only parameters and services, configured it has all topics, and active it
     tracks. Deactivating publishes the pending scans; activating begins a new run.
     """
+
+    _DONE = SetParametersResult(successful=True)
 
     def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("tracker")
@@ -275,7 +275,7 @@ class Tracker(ManagedNode):
             if name not in table or not parameters.same(value, table[name])
         }
         if not changes:
-            return super().set_parameters_atomically(others) if others else _DONE
+            return super().set_parameters_atomically(others) if others else self._DONE
         if self._live is None:
             return self._edit(others, changes)
         try:

@@ -28,15 +28,10 @@ from std_msgs.msg import String
 from ..common.runtime import steady_timer
 from ..common.topics import latched
 
-# This name is hidden from `ros2 topic list`.
-CLAIM_TOPIC = "~/_instance"
 # Time for which a newcomer gives way: on a busy machine discovery takes some seconds.
 NEWCOMER_S = 5.0
 TICK_S = 1.0
-# Number of claims that may arrive before the first is processed.
-MAX_CLAIMANTS = 50
 HOLDS, CLAIMS = "holds", "claims"
-_CLAIM = re.compile(rf"({HOLDS}|{CLAIMS}) ([0-9]{{20}}) ([0-9a-f]{{32}})")
 
 
 class NameClaim:
@@ -47,14 +42,22 @@ class NameClaim:
     another node has the name.
     """
 
+    # This name is hidden from `ros2 topic list`.
+    CLAIM_TOPIC = "~/_instance"
+    # Number of claims that may arrive before the first is processed.
+    MAX_CLAIMANTS = 50
+    _CLAIM = re.compile(rf"({HOLDS}|{CLAIMS}) ([0-9]{{20}}) ([0-9a-f]{{32}})")
+
     def __init__(self, node: Node, on_taken: Callable[[], None]) -> None:
         self._node = node
         self._on_taken = on_taken
         self._state = CLAIMS
         # The second word orders nodes that start in the same nanosecond.
         self._seniority = f"{time.time_ns():020d}", uuid.uuid4().hex
-        self._output = node.create_publisher(String, CLAIM_TOPIC, latched(1))
-        node.create_subscription(String, CLAIM_TOPIC, self._on_claim, latched(MAX_CLAIMANTS))
+        self._output = node.create_publisher(String, self.CLAIM_TOPIC, latched(1))
+        node.create_subscription(
+            String, self.CLAIM_TOPIC, self._on_claim, latched(self.MAX_CLAIMANTS)
+        )
         self._elapsed_s = 0.0
         self._timer = steady_timer(node, TICK_S, self._tick)
         self._publish()
@@ -71,7 +74,7 @@ class NameClaim:
             self._publish()
 
     def _on_claim(self, message: String) -> None:
-        claim = _CLAIM.fullmatch(message.data)
+        claim = self._CLAIM.fullmatch(message.data)
         if claim is None:
             return
         state, *seniority = claim.groups()
@@ -85,15 +88,14 @@ class NameClaim:
             self._node.get_logger().error(f"another node runs as {name} too: stop one of them")
 
 
-# As in nav2's nodes, the topic is in the node's namespace, and the bond has the node's name.
-BOND_TOPIC = "bond"
-HEARTBEAT_S = 0.1
-# The longest time that the end of a bond waits for the manager's acknowledgement.
-FAREWELL = Duration(seconds=2)
-
-
 class ManagerBond:
     """One side of a bond, whose own thread sends heartbeats, so that no long step delays them."""
+
+    # As in nav2's nodes, the topic is in the node's namespace, and the bond has the node's name.
+    BOND_TOPIC = "bond"
+    HEARTBEAT_S = 0.1
+    # The longest time that the end of a bond waits for the manager's acknowledgement.
+    FAREWELL = Duration(seconds=2)
 
     def __init__(self, node: LifecycleNode, kind: Any) -> None:
         self._node = node
@@ -101,12 +103,12 @@ class ManagerBond:
         publishers, subscriptions = set(node.publishers), set(node.subscriptions)
         self._bond = kind(
             node,
-            BOND_TOPIC,
+            self.BOND_TOPIC,
             node.get_name(),
             on_broken=self._on_broken,
             on_formed=lambda: node.get_logger().info("bond to the lifecycle manager formed"),
         )
-        self._bond.heartbeat_period = HEARTBEAT_S
+        self._bond.heartbeat_period = self.HEARTBEAT_S
         self._bond.start()
         self._publishers = set(node.publishers) - publishers
         self._subscriptions = set(node.subscriptions) - subscriptions
@@ -120,7 +122,7 @@ class ManagerBond:
         self._ended = True
         self._bond.break_bond()
         for publisher in self._publishers:
-            publisher.wait_for_all_acked(FAREWELL)
+            publisher.wait_for_all_acked(self.FAREWELL)
         self._bond.shutdown()
         for publisher in self._publishers:
             self._node.destroy_publisher(publisher)
